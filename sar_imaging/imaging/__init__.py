@@ -1,0 +1,1 @@
+"""Image formation: time-domain correlation and backprojection."""

@@ -1,0 +1,137 @@
+"""A block of multichannel pulses: what travels between the stages."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from .radar import RadarParameters
+
+
+@dataclasses.dataclass(frozen=True)
+class PulseBlock:
+    """Pulses of one radar with everything needed to image them.
+
+    Raw samples follow the waveform; compressed samples follow the signal model
+    ``s(tau) = sum_p a_p p(tau - tau_p) exp(-j 2 pi f_c tau_p)`` (Rosenberg & Gray, section 2).
+
+    Parameters
+    ----------
+    radar : RadarParameters
+        Waveform and sampling, the same for all pulses and channels.
+    compressed : bool
+        True when the samples are range profiles.
+    stamp_ns : (P,) int64
+        Transmission time of each pulse, nanoseconds since the epoch of the clock in use.
+    counter : (P,) uint32
+        Running number that the radar gave each pulse; gaps mean lost pulses.
+    samples : (P, C, N) complex64
+        Fast-time samples of each pulse and channel.
+    tx_m, rx_m : (P, C, 3) float64 or None
+        Transmit and receive phase centre of each pulse and channel in the imaging frame,
+        metres; None when positions come from elsewhere.
+
+    Raises
+    ------
+    ValueError
+        Shapes disagree, only one of the position arrays is given, or a position is not finite.
+    """
+
+    radar: RadarParameters
+    compressed: bool
+    stamp_ns: np.ndarray
+    counter: np.ndarray
+    samples: np.ndarray
+    tx_m: np.ndarray | None = None
+    rx_m: np.ndarray | None = None
+
+    def __post_init__(self):
+        convert = {'stamp_ns': np.int64, 'counter': np.uint32, 'samples': np.complex64}
+        if (self.tx_m is None) != (self.rx_m is None):
+            raise ValueError('tx_m and rx_m must be given together or not at all')
+        if self.has_positions:
+            convert |= {'tx_m': np.float64, 'rx_m': np.float64}
+        for name, dtype in convert.items():
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype))
+        if self.samples.ndim != 3:
+            raise ValueError(f'samples.shape={self.samples.shape}; expected '
+                             '(pulses, channels, samples)')
+        pulses, channels, _ = self.samples.shape
+        expected = {'stamp_ns': (pulses,), 'counter': (pulses,)}
+        if self.has_positions:
+            expected |= {'tx_m': (pulses, channels, 3), 'rx_m': (pulses, channels, 3)}
+        for name, shape in expected.items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(f'{name}.shape={getattr(self, name).shape} does not match '
+                                 f'samples.shape={self.samples.shape}; expected {shape}')
+        if self.has_positions and not (np.isfinite(self.tx_m).all()
+                                       and np.isfinite(self.rx_m).all()):
+            raise ValueError('phase centres contain NaN or infinity; every pulse needs a finite '
+                             'transmit and receive position')
+
+    @property
+    def n_pulses(self) -> int:
+        """Number of pulses P."""
+        return self.samples.shape[0]
+
+    @property
+    def n_channels(self) -> int:
+        """Number of channels C."""
+        return self.samples.shape[1]
+
+    @property
+    def n_samples(self) -> int:
+        """Number of fast-time samples N."""
+        return self.samples.shape[2]
+
+    @property
+    def has_positions(self) -> bool:
+        """True when phase centres travel with the pulses."""
+        return self.tx_m is not None
+
+    @property
+    def phase_centre_m(self) -> np.ndarray:
+        """(P, 3) float64 mean of all transmit and receive phase centres of each pulse, metres."""
+        return 0.5 * (self.tx_m.mean(axis=1) + self.rx_m.mean(axis=1))
+
+    def select(self, index) -> PulseBlock:
+        """Pulses at `index` (slice, mask or integers along the pulse axis) as a block."""
+        def pick(a):
+            return None if a is None else a[index]
+
+        return dataclasses.replace(
+            self, stamp_ns=self.stamp_ns[index], counter=self.counter[index],
+            samples=self.samples[index], tx_m=pick(self.tx_m), rx_m=pick(self.rx_m))
+
+    def matches(self, other: PulseBlock) -> bool:
+        """True when `other` comes from the same radar with the same channels and samples."""
+        return (self.radar == other.radar and self.compressed == other.compressed
+                and self.samples.shape[1:] == other.samples.shape[1:]
+                and self.has_positions == other.has_positions)
+
+
+def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
+    """Join blocks of the same radar along the pulse axis, in the order given.
+
+    Raises
+    ------
+    ValueError
+        There is no block, or the blocks do not match.
+    """
+    if not blocks:
+        raise ValueError('concatenate needs at least one block')
+    first = blocks[0]
+    if len(blocks) == 1:
+        return first
+    if not all(first.matches(b) for b in blocks[1:]):
+        raise ValueError('blocks differ in radar parameters, channels or samples; '
+                         'concatenate blocks of one configuration only')
+
+    def join(name):
+        return np.concatenate([getattr(b, name) for b in blocks])
+
+    positions = {'tx_m': join('tx_m'), 'rx_m': join('rx_m')} if first.has_positions else {}
+    return dataclasses.replace(first, stamp_ns=join('stamp_ns'), counter=join('counter'),
+                               samples=join('samples'), **positions)

@@ -1,0 +1,93 @@
+"""What the radar transmits and how its receiver samples: one immutable description."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import math
+
+SPEED_OF_LIGHT = 299_792_458.0  # m/s
+
+
+class Waveform(enum.IntEnum):
+    """Kind of transmitted waveform; the number is its code on the wire."""
+
+    LFM = 0  # linear frequency modulated pulses, sampled in fast time, demodulated to baseband
+    STEPPED_FREQUENCY = 1  # phase history: one sample per frequency, ascending, carrier centred
+
+
+@dataclasses.dataclass(frozen=True)
+class RadarParameters:
+    """Waveform and sampling of one radar.
+
+    Delays are two-way, in seconds. For `Waveform.STEPPED_FREQUENCY` raw samples are frequencies
+    ``carrier_hz + (n - (N - 1) / 2) * bandwidth_hz / N`` whose phase is referenced to a scatterer
+    at the delay `first_sample_delay_s`; `sample_rate_hz` is then `bandwidth_hz`.
+
+    Parameters
+    ----------
+    carrier_hz : float
+        Centre frequency that the receiver removes, hertz.
+    bandwidth_hz : float
+        Two-sided bandwidth of the waveform, hertz.
+    sample_rate_hz : float
+        Complex samples per second, hertz.
+    first_sample_delay_s : float
+        Two-way delay of sample 0 from the transmission of the pulse's leading edge (raw) or
+        of its compressed peak (compressed), seconds.
+    pulse_length_s : float
+        Duration of the transmitted pulse, seconds.
+    chirp_rate_hz_per_s : float
+        Frequency slope of a linear frequency modulated pulse, hertz per second, signed.
+    waveform : Waveform
+        Kind of waveform.
+
+    Raises
+    ------
+    ValueError
+        A value is not finite, or not positive where it must be.
+    """
+
+    carrier_hz: float
+    bandwidth_hz: float
+    sample_rate_hz: float
+    first_sample_delay_s: float
+    pulse_length_s: float = 0.0
+    chirp_rate_hz_per_s: float = 0.0
+    waveform: Waveform = Waveform.LFM
+
+    def __post_init__(self):
+        for field in dataclasses.fields(self):
+            if field.name != 'waveform' and not math.isfinite(getattr(self, field.name)):
+                raise ValueError(f'{field.name}={getattr(self, field.name)} is not finite')
+        for name in ('carrier_hz', 'bandwidth_hz', 'sample_rate_hz'):
+            if getattr(self, name) <= 0:
+                raise ValueError(f'{name}={getattr(self, name)} must be positive')
+        if self.pulse_length_s < 0:
+            raise ValueError(f'pulse_length_s={self.pulse_length_s} must not be negative')
+        object.__setattr__(self, 'waveform', Waveform(self.waveform))
+
+    @property
+    def wavelength_m(self) -> float:
+        """Wavelength at the carrier, metres."""
+        return SPEED_OF_LIGHT / self.carrier_hz
+
+    @property
+    def wavenumber_rad_per_m(self) -> float:
+        """Two-way wavenumber ``4 pi f / c`` at the carrier, radians per metre of half path."""
+        return 4.0 * math.pi * self.carrier_hz / SPEED_OF_LIGHT
+
+    @property
+    def range_resolution_m(self) -> float:
+        """Spacing of the nulls of an unweighted range response, ``c / 2B``, metres."""
+        return SPEED_OF_LIGHT / (2.0 * self.bandwidth_hz)
+
+    @property
+    def sample_spacing_m(self) -> float:
+        """Half-path distance between fast-time samples, ``c / 2 f_s``, metres."""
+        return SPEED_OF_LIGHT / (2.0 * self.sample_rate_hz)
+
+    @property
+    def range_start_m(self) -> float:
+        """Half-path distance of sample 0, metres."""
+        return SPEED_OF_LIGHT * self.first_sample_delay_s / 2.0

@@ -1,0 +1,1 @@
+"""Simulated scenes, echoes and the papers' scenarios."""
