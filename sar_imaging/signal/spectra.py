@@ -1,0 +1,55 @@
+"""Fast-time spectra of range profiles and phase histories: the input of time-domain correlation."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.fft
+
+from .pulses import PulseBlock
+from .radar import Waveform
+
+
+def phase_history_frequencies(carrier_hz: float, bandwidth_hz: float, n: int) -> np.ndarray:
+    """(n,) float64 absolute frequencies of a stepped-frequency pulse, ascending, hertz."""
+    return carrier_hz + (np.arange(n) - (n - 1) / 2) * (bandwidth_hz / n)
+
+
+def band_spectrum(block: PulseBlock) -> tuple[np.ndarray, np.ndarray]:
+    """Spectrum of every pulse inside the waveform's band, referred to zero delay.
+
+    A scatterer of amplitude a at delay tau contributes ``a exp(-j 2 pi f tau)`` at the absolute
+    frequency f (Rosenberg & Gray, equation 8), up to the window of the range compression.
+    Profiles are taken as one period of a periodic signal; content outside the band is left out.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        Range profiles, or the raw phase history of a stepped-frequency radar.
+
+    Returns
+    -------
+    frequencies_hz : (K,) float64
+        Absolute frequencies, ascending and equally spaced, hertz.
+    spectra : (P, C, K) complex128
+        Spectrum of each pulse and channel.
+
+    Raises
+    ------
+    ValueError
+        The block holds raw pulses of another waveform; compress them first.
+    """
+    radar, n = block.radar, block.n_samples
+    if not block.compressed:
+        if radar.waveform is not Waveform.STEPPED_FREQUENCY:
+            raise ValueError(f'raw {radar.waveform.name} pulses have no band spectrum; '
+                             'apply range compression first')
+        frequencies = phase_history_frequencies(radar.carrier_hz, radar.bandwidth_hz, n)
+        reference = np.exp(-2j * np.pi * np.fmod(frequencies * radar.first_sample_delay_s, 1.0))
+        return frequencies, block.samples * reference
+    baseband = scipy.fft.fftshift(scipy.fft.fftfreq(n, 1.0 / radar.sample_rate_hz))
+    inside = np.abs(baseband) <= 0.5 * radar.bandwidth_hz * (1 + 1e-9)
+    spectra = scipy.fft.fft(block.samples.astype(np.complex128), axis=-1, norm='forward')
+    spectra = scipy.fft.fftshift(spectra, axes=-1)[..., inside]
+    baseband = baseband[inside]
+    spectra *= np.exp(-2j * np.pi * np.fmod(baseband * radar.first_sample_delay_s, 1.0))
+    return radar.carrier_hz + baseband, spectra
