@@ -1,4 +1,4 @@
-"""Fast-time spectra of range profiles and phase histories: the input of time-domain correlation."""
+"""Fast-time spectra of range profiles and phase histories, the input of correlation."""
 
 from __future__ import annotations
 
