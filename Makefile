@@ -1,0 +1,78 @@
+# The commands of this project; `make help` lists them. Each creates the virtual environment it
+# needs on first use and finds it ready the next time.
+#
+# PYTHON  interpreter that creates the environment (3.10 or later)
+# VENV    where the environment lives
+PYTHON ?= python3
+ifdef ROS_DISTRO
+# A ROS installation is sourced: take rclpy and the messages from it, the rest from the index.
+VENV ?= .venv-$(ROS_DISTRO)
+VENV_OPTIONS := --system-site-packages
+REQUIREMENTS := grep -v '^ros-' requirements.txt
+else
+VENV ?= .venv
+VENV_OPTIONS :=
+REQUIREMENTS := cat requirements.txt
+endif
+
+RUN = "$(VENV)/bin/python"
+# What is installed is written down in the environment itself, to be compared next time.
+INSTALLED = $(VENV)/installed-requirements.txt
+
+.PHONY: help demo test lint bags colcon environment clean
+.DEFAULT_GOAL := help
+
+help:
+	@echo 'make demo    replay bags/spotlight through the ROS 2 nodes into out/demo'
+	@echo 'make test    ruff, then every test, real nodes over real DDS among them'
+	@echo 'make lint    ruff only'
+	@echo 'make bags    write the recordings in bags/ again'
+	@echo 'make colcon  build and start the package as a ROS workspace does, in build/colcon'
+	@echo 'make clean   remove what these commands made, the environment excepted'
+	@echo 'Variables: PYTHON=python3.12 (interpreter), VENV=path (environment)'
+
+demo: environment
+	@echo 'Replaying bags/spotlight through pulse_buffer, range_compression and backprojection ...'
+	@$(RUN) -m sar_imaging.tools.evaluate bags/spotlight --output out/demo --launch-nodes
+	@echo 'Image: out/demo/image.png   figures: out/demo/quality.json'
+
+test: lint
+	@echo 'pytest ...'
+	@$(RUN) -m pytest
+
+lint: environment
+	@echo 'ruff check ...'
+	@$(RUN) -m ruff check .
+
+# colcon runs in an environment of its own: installed executables start with the Python that ran
+# it, and its pytest plug-ins should not change how the tests run elsewhere.
+COLCON = build/colcon
+
+colcon:
+	@$(MAKE) --no-print-directory environment VENV=$(COLCON)
+	@$(COLCON)/bin/python -m pip install --quiet --disable-pip-version-check \
+	    colcon-common-extensions==0.3.0
+	@echo 'colcon build, copied and linked, and every executable ...'
+	@$(COLCON)/bin/python -m pytest test/test_colcon.py
+
+environment:
+	@if $(RUN) -c 'import rclpy' 2>/dev/null && $(REQUIREMENTS) | cmp -s - "$(INSTALLED)"; then exit 0; fi; \
+	"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null || { \
+	    echo 'Python 3.10 or later is needed, but PYTHON=$(PYTHON) is:' \
+	         "$$("$(PYTHON)" --version 2>&1 || true)" >&2; \
+	    echo 'Install one and name it: make PYTHON=python3.12 ...' >&2; exit 1; }; \
+	"$(PYTHON)" -c 'import ensurepip, venv' 2>/dev/null || { \
+	    echo '$(PYTHON) cannot create virtual environments.' \
+	         'On Debian and Ubuntu: sudo apt install python3-venv' >&2; exit 1; }; \
+	echo 'Installing into $(VENV) (once; about 750 MB) ...' && \
+	"$(PYTHON)" -m venv $(VENV_OPTIONS) "$(VENV)" && \
+	$(REQUIREMENTS) > "$(VENV)/requirements.txt" && \
+	$(RUN) -m pip install --quiet --disable-pip-version-check -r "$(VENV)/requirements.txt" && \
+	{ $(RUN) -c 'import rclpy' 2>/dev/null || { \
+	    echo 'No rclpy: ROS 2 comes as wheels for Linux on x86-64 only. Elsewhere source a ROS 2' \
+	         'installation (source /opt/ros/jazzy/setup.bash) and repeat.' >&2; exit 1; }; } && \
+	mv "$(VENV)/requirements.txt" "$(INSTALLED)" && echo 'Environment ready.'
+
+clean:
+	rm -rf out build install log *.egg-info .pytest_cache .ruff_cache .hypothesis
+	find sar_imaging msg_conversions test benchmarks -name __pycache__ -prune -exec rm -rf {} +

@@ -1,0 +1,50 @@
+"""Installs the package for colcon (`ros2 run`, `ros2 launch`) and for pip."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+# Where `ros2 run` looks for executables; pip ignores it and uses its own bin folder.
+EXECUTABLES = '$base/lib/sar_imaging'
+
+setup(
+    name='sar_imaging',
+    version='0.1.0',
+    description='Multichannel synthetic aperture radar imaging for ROS 2',
+    license='Apache-2.0',
+    maintainer='SAR Imaging maintainers',
+    maintainer_email='maintainers@users.noreply.h-seed-39d5f724.example',
+    python_requires='>=3.10',
+    packages=find_packages(include=['sar_imaging', 'sar_imaging.*',
+                                    'msg_conversions', 'msg_conversions.*']),
+    # Twice on purpose: inside the package for importlib.resources, in share for ROS tools.
+    package_data={'sar_imaging': ['config/*', 'launch/*']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['sar_imaging/resource/sar_imaging']),
+        ('share/sar_imaging', ['package.xml']),
+        ('share/sar_imaging/launch', sorted(glob('sar_imaging/launch/*.launch.py'))),
+        ('share/sar_imaging/config', sorted(glob('sar_imaging/config/*.*ml'))),
+    ],
+    # rclpy and the messages stand in package.xml only: on a robot they come from the system.
+    install_requires=[
+        'numpy>=1.26,<3',
+        'scipy>=1.11,<2',
+        'numba>=0.59,<1',
+        'matplotlib>=3.6,<4',
+        'rosbags>=0.11,<0.12',
+        'tqdm>=4.64,<5',
+    ],
+    extras_require={'test': ['pytest>=7.4,<10', 'hypothesis>=6.80,<7']},
+    entry_points={
+        'console_scripts': [
+            'pulse_buffer = sar_imaging.nodes.pulse_buffer:main',
+            'range_compression = sar_imaging.nodes.range_compression:main',
+            'backprojection = sar_imaging.nodes.backprojection:main',
+            'simulate = sar_imaging.tools.simulate:main',
+            'evaluate = sar_imaging.tools.evaluate:main',
+            'load_gotcha = sar_imaging.tools.load_gotcha:main',
+        ],
+    },
+    options={'develop': {'script_dir': EXECUTABLES}, 'install': {'install_scripts': EXECUTABLES}},
+    zip_safe=False,
+)
