@@ -55,7 +55,7 @@ def environment(install, monkeypatch):
 
 def _executables(install) -> dict[str, str]:
     """Module of each executable that the build announced."""
-    [entry_points] = install.parent.glob('**/sar_imaging*.egg-info/entry_points.txt')
+    [entry_points] = (install.parent / 'build').glob('**/entry_points.txt')
     parser = configparser.ConfigParser()
     parser.read(entry_points)
     return {name: target.split(':')[0] for name, target in parser['console_scripts'].items()}

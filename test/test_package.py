@@ -1,0 +1,155 @@
+"""The house rules that no single module's test would notice."""
+
+from __future__ import annotations
+
+import ast
+import pathlib
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+
+import sar_imaging
+
+ROOT = pathlib.Path(__file__).parent.parent
+PACKAGES = ('msg_conversions', 'sar_imaging')
+MODULES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob('*.py'))
+# Rooms that may know ROS; everything else is arrays in, arrays out.
+ROS_ROOMS = ('msg_conversions', 'sar_imaging/nodes', 'sar_imaging/tools', 'sar_imaging/launch')
+MAX_LINES = 400
+
+# Import names whose rosdep key is not the name itself.
+ROSDEP_KEYS = {
+    'matplotlib': 'python3-matplotlib',
+    'numba': 'python3-numba',
+    'numpy': 'python3-numpy',
+    'rosbags': 'python3-rosbags-pip',
+    'scipy': 'python3-scipy',
+    'tf2_ros': 'tf2_ros_py',
+    'tqdm': 'python3-tqdm',
+}
+# Build tools and messages that every ROS installation brings along with rclpy.
+WITH_RCLPY = {'rcl_interfaces', 'builtin_interfaces'}
+
+
+def _name(path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def _imports(path) -> set[str]:
+    """Absolute names of the modules that the file at `path` imports, at any depth of nesting."""
+    package = path.relative_to(ROOT).parent.parts
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[:len(package) - node.level + 1] if node.level else ()
+            module = '.'.join([*base, *([node.module] if node.module else [])])
+            names.update(f'{module}.{alias.name}' for alias in node.names)
+    return names
+
+
+def _third_party(path) -> set[str]:
+    tops = {name.split('.')[0] for name in _imports(path)}
+    return tops - set(sys.stdlib_module_names) - set(PACKAGES)
+
+
+def _setup_keywords() -> dict:
+    """Literal keywords of the call of setup() in setup.py."""
+    keywords = {}
+    for node in ast.walk(ast.parse((ROOT / 'setup.py').read_text())):
+        if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'setup':
+            for keyword in node.keywords:
+                try:
+                    keywords[keyword.arg] = ast.literal_eval(keyword.value)
+                except ValueError:
+                    pass  # computed, such as the list of packages
+    return keywords
+
+
+def _manifest() -> ElementTree.Element:
+    return ElementTree.parse(ROOT / 'package.xml').getroot()
+
+
+def test_manifest_is_an_ament_python_package():
+    manifest = _manifest()
+    assert manifest.get('format') == '3'
+    assert manifest.findtext('name') == 'sar_imaging'
+    assert manifest.findtext('export/build_type') == 'ament_python'
+    assert manifest.findtext('license') == _setup_keywords()['license'] == 'Apache-2.0'
+    # colcon takes a package whose maintainer has no plausible address for plain Python.
+    address = manifest.find('maintainer').get('email')
+    assert re.fullmatch(r'[-\w%+]+(\.[-\w%+]+)*@[-\w%]+(\.[-\w%]+)*\.[a-zA-Z]{2,}', address)
+
+
+def test_one_version_everywhere():
+    setup = _setup_keywords()
+    assert _manifest().findtext('version') == setup['version'] == sar_imaging.__version__
+    [newest, *_] = re.findall(r'^(.+)\n-+$', (ROOT / 'CHANGELOG.rst').read_text(), re.MULTILINE)
+    assert newest == 'Forthcoming' or newest.startswith(setup['version'])
+
+
+def test_manifest_covers_every_import():
+    declared = {element.text for tag in ('depend', 'exec_depend')
+                for element in _manifest().iter(tag)} | WITH_RCLPY
+    for path in MODULES:
+        missing = {ROSDEP_KEYS.get(name, name) for name in _third_party(path)} - declared
+        assert not missing, f'{_name(path)} needs {missing}; declare it in package.xml'
+
+
+def test_setup_and_requirements_pin_the_same_versions():
+    lines = (ROOT / 'requirements.txt').read_text().splitlines()
+    pinned = {line.split(';')[0].strip() for line in lines if not line.startswith('#')}
+    setup = _setup_keywords()
+    wanted = set(setup['install_requires'] + setup['extras_require']['test'])
+    assert wanted <= pinned
+    # On a robot rclpy and the messages come from apt; pip must never pull another set of them.
+    assert not [name for name in wanted if name.startswith('ros-')]
+
+
+def test_executables_exist():
+    scripts = _setup_keywords()['entry_points']['console_scripts']
+    for script in scripts:
+        name, module, function = re.fullmatch(r'(\w+) = ([\w.]+):(\w+)', script).groups()
+        assert module.split('.')[-1] == name
+        tree = ast.parse((ROOT / (module.replace('.', '/') + '.py')).read_text())
+        assert function in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+
+
+@pytest.mark.parametrize('path', MODULES, ids=_name)
+def test_module_is_short_and_documented(path):
+    text = path.read_text()
+    tree = ast.parse(text)
+    assert len(text.splitlines()) <= MAX_LINES
+    if not tree.body:
+        return  # an empty __init__.py has nothing to say
+    assert ast.get_docstring(tree), 'the first line says what the module is for'
+    functions = (ast.FunctionDef, ast.AsyncFunctionDef)
+    for node in tree.body:
+        if isinstance(node, (*functions, ast.ClassDef)) and not node.name.startswith('_'):
+            assert ast.get_docstring(node), f'{node.name} has no docstring'
+        if isinstance(node, ast.ClassDef):
+            for method in node.body:
+                if isinstance(method, functions) and not method.name.startswith('_'):
+                    assert ast.get_docstring(method), f'{node.name}.{method.name}'
+
+
+def test_numerical_core_does_not_know_ros():
+    ros = {element.text for element in _manifest().iter('depend')}
+    forbidden = {*ros, *WITH_RCLPY, 'tf2_ros', 'launch', 'launch_ros', 'rosbags'}
+    core = [path for path in MODULES if not _name(path).startswith(ROS_ROOMS)]
+    assert len(core) > 10
+    for path in core:
+        names = _imports(path)
+        assert not {name.split('.')[0] for name in names} & {*forbidden, 'msg_conversions'}, path
+        rooms = ('sar_imaging.nodes', 'sar_imaging.tools', 'sar_imaging.launch')
+        assert not [name for name in names if name.startswith(rooms)], path
+
+
+def test_wire_format_imports_without_ros():
+    # A machine that only writes bags has no message classes.
+    code = "import sys, msg_conversions; sys.exit('rclpy' in sys.modules)"
+    subprocess.run([sys.executable, '-c', code], cwd=ROOT, check=True)
