@@ -1,0 +1,187 @@
+"""Images and their grid to sensor_msgs/Image and nav_msgs/MapMetaData and back.
+
+Image arrays have shape (n_y, n_x): row 0 is the largest y, column 0 the smallest x.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from nav_msgs.msg import MapMetaData
+from sensor_msgs.msg import Image
+from std_msgs.msg import Header
+
+from sar_imaging.geometry.grids import MapGrid
+
+from .errors import WireFormatError
+
+MAX_DYNAMIC_RANGE_DB = 200.0
+
+
+def complex_to_message(image: np.ndarray, header: Header) -> Image:
+    """Complex image (n_y, n_x) as 32FC2: real and imaginary part."""
+    return _to_message(image, np.complex64, '32FC2', header)
+
+
+def amplitude_to_message(image_abs: np.ndarray, header: Header) -> Image:
+    """Linear amplitude (n_y, n_x), real, as 32FC1."""
+    if np.iscomplexobj(image_abs):
+        raise ValueError(f'image_abs.dtype={image_abs.dtype}; expected real amplitudes; pass '
+                         'np.abs(image)')
+    return _to_message(image_abs, np.float32, '32FC1', header)
+
+
+def quicklook_to_message(amplitude: np.ndarray, header: Header, *,
+                         dynamic_range_db: float) -> Image:
+    """Amplitude as mono8 for people to look at; see `quicklook`."""
+    return _to_message(quicklook(amplitude, dynamic_range_db), np.uint8, 'mono8', header)
+
+
+def quicklook(amplitude: np.ndarray, dynamic_range_db: float) -> np.ndarray:
+    """Amplitude in dB below its maximum, mapped linearly to 0..255.
+
+    Parameters
+    ----------
+    amplitude : (n_y, n_x) float
+        Linear amplitude, finite, not negative.
+    dynamic_range_db : float
+        The maximum becomes 255, this much below it and less becomes 0; dB, above 0, at most 200.
+
+    Returns
+    -------
+    (n_y, n_x) uint8
+        All zeros where the image is all zeros.
+
+    Raises
+    ------
+    ValueError
+        The image is empty, its maximum is not finite, or the dynamic range is out of bounds.
+    """
+    amplitude = np.asarray(amplitude, np.float32)
+    if not 0 < dynamic_range_db <= MAX_DYNAMIC_RANGE_DB:
+        raise ValueError(f'dynamic_range_db={dynamic_range_db}; expected above 0 and at most '
+                         f'{MAX_DYNAMIC_RANGE_DB:g}; 40 to 80 suits most scenes')
+    if amplitude.size == 0:
+        raise ValueError(f'amplitude.shape={amplitude.shape} is empty; expected at least one '
+                         'pixel')
+    peak = amplitude.max()
+    if not np.isfinite(peak):
+        raise ValueError(f'largest amplitude is {peak}; expected finite amplitudes; check the '
+                         'samples that the image was formed from')
+    if peak <= 0:
+        return np.zeros(amplitude.shape, np.uint8)
+    levels = np.maximum(amplitude / peak, np.float32(10 ** (-dynamic_range_db / 20)))
+    np.log10(levels, out=levels)
+    levels *= 255 * 20 / dynamic_range_db
+    levels += 255
+    return np.rint(levels, out=levels).astype(np.uint8)
+
+
+def complex_from_message(msg: Image) -> np.ndarray:
+    """(n_y, n_x) complex64 of a 32FC2 image; see `amplitude_from_message`."""
+    return _from_message(msg, np.complex64, '32FC2')
+
+
+def amplitude_from_message(msg: Image) -> np.ndarray:
+    """(n_y, n_x) float32 of a 32FC1 image.
+
+    A read-only view of ``msg.data`` when it is in the byte order of this machine, a copy
+    otherwise.
+
+    Raises
+    ------
+    WireFormatError
+        The encoding is another one, or sizes, step and data do not fit together.
+    """
+    return _from_message(msg, np.float32, '32FC1')
+
+
+def quicklook_from_message(msg: Image) -> np.ndarray:
+    """(n_y, n_x) uint8 of a mono8 image; see `amplitude_from_message`."""
+    return _from_message(msg, np.uint8, 'mono8')
+
+
+def map_metadata_to_message(grid: MapGrid, stamp: Time) -> MapMetaData:
+    """Pixel spacing, size and place of an image.
+
+    Parameters
+    ----------
+    grid : MapGrid
+        Grid of the image.
+    stamp : builtin_interfaces.msg.Time
+        Time of the image.
+
+    Returns
+    -------
+    nav_msgs.msg.MapMetaData
+        The origin is the outer lower-left corner of the lower-left pixel, in the imaging frame,
+        metres. The resolution is one float32: spacings of up to seven decimal digits survive
+        exactly, others with a relative error of 2**-24.
+    """
+    msg = MapMetaData(map_load_time=stamp, width=int(grid.n_x), height=int(grid.n_y),
+                      resolution=float(grid.spacing_m))
+    x, y, z = grid.centre_m
+    msg.origin.position.x = x - grid.n_x / 2 * grid.spacing_m
+    msg.origin.position.y = y - grid.n_y / 2 * grid.spacing_m
+    msg.origin.position.z = z
+    msg.origin.orientation.w = 1.0
+    return msg
+
+
+def map_metadata_from_message(msg: MapMetaData) -> MapGrid:
+    """Grid of an image from its metadata.
+
+    Raises
+    ------
+    WireFormatError
+        A size or number is impossible, or the map is rotated.
+    """
+    q = msg.origin.orientation
+    if max(abs(q.x), abs(q.y), abs(q.z)) > 1e-9 or not math.isclose(abs(q.w), 1.0, abs_tol=1e-9):
+        raise WireFormatError(f'origin.orientation=({q.x}, {q.y}, {q.z}, {q.w}); expected '
+                              '(0, 0, 0, 1): a north-up map')
+    # The shortest decimal that names the float32 is the spacing somebody typed: 0.1, not
+    # 0.10000000149, which over a wide image would shift the far edge.
+    spacing = float(str(np.float32(msg.resolution)))
+    corner = msg.origin.position
+    try:
+        return MapGrid((corner.x + msg.width / 2 * spacing, corner.y + msg.height / 2 * spacing,
+                        corner.z), msg.width, msg.height, spacing)
+    except ValueError as error:
+        raise WireFormatError(f'map metadata describes no grid: {error}; correct the sender'
+                              ) from error
+
+
+def _to_message(image: np.ndarray, dtype, encoding: str, header: Header) -> Image:
+    image = np.ascontiguousarray(image, dtype)
+    if image.ndim != 2 or image.size == 0:
+        raise ValueError(f'image.shape={image.shape}; expected (n_y, n_x) with at least one pixel')
+    msg = Image(header=header, height=image.shape[0], width=image.shape[1], encoding=encoding,
+                is_bigendian=int(sys.byteorder == 'big'), step=image.shape[1] * image.itemsize)
+    # frombytes copies at memory speed; assigning an array takes a thousand times as long.
+    msg.data.frombytes(image.reshape(-1).view(np.uint8))
+    return msg
+
+
+def _from_message(msg: Image, dtype, encoding: str) -> np.ndarray:
+    dtype = np.dtype(dtype)
+    if msg.encoding != encoding:
+        raise WireFormatError(f'encoding={msg.encoding[:32]!r}; expected {encoding!r}; subscribe '
+                              'to the topic of that image product')
+    if msg.height < 1 or msg.width < 1:
+        raise WireFormatError(f'height={msg.height}, width={msg.width}; expected at least one '
+                              'pixel each')
+    if msg.step != msg.width * dtype.itemsize:
+        raise WireFormatError(f'step={msg.step}; expected {msg.width * dtype.itemsize}: '
+                              f'{msg.width} pixels of {dtype.itemsize} bytes without padding')
+    if len(msg.data) != msg.height * msg.step:
+        raise WireFormatError(f'len(data)={len(msg.data)}; expected {msg.height * msg.step}: '
+                              f'{msg.height} rows of {msg.step} bytes')
+    order = '>' if msg.is_bigendian else '<'
+    image = np.frombuffer(msg.data, dtype.newbyteorder(order)).reshape(msg.height, msg.width)
+    image = image.astype(dtype, copy=False)
+    image.flags.writeable = False
+    return image

@@ -1,0 +1,110 @@
+"""Pulse blocks to std_msgs/Float32MultiArray and back."""
+
+from __future__ import annotations
+
+import numpy as np
+from std_msgs.msg import Float32MultiArray, MultiArrayDimension
+
+from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.radar import RadarParameters
+
+from . import wire
+
+
+def to_message(block: PulseBlock) -> Float32MultiArray:
+    """Write a block into a message; its samples are copied once.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        At least one pulse, channel and sample.
+
+    Raises
+    ------
+    WireFormatError
+        The block does not fit into the format; see `msg_conversions.wire.to_array`.
+    """
+    head = wire.preamble(block)
+    samples = np.ascontiguousarray(block.samples).reshape(-1)
+    message = Float32MultiArray()
+    message.layout.dim = [MultiArrayDimension(label=label, size=size, stride=stride)
+                          for label, size, stride in wire.dimensions(block.samples.shape)]
+    message.layout.data_offset = head.size
+    # frombytes appends at memory speed; assigning an array takes a hundred times as long.
+    message.data.frombytes(head.view(np.uint8))
+    message.data.frombytes(samples.view(np.uint8))
+    return message
+
+
+def from_message(msg: Float32MultiArray, *,
+                 max_elements: int = wire.DEFAULT_MAX_ELEMENTS) -> PulseBlock:
+    """Read a block from a message.
+
+    Parameters
+    ----------
+    msg : std_msgs.msg.Float32MultiArray
+        With block header, as `to_message` writes it.
+    max_elements : int
+        Largest number of floats of samples to accept.
+
+    Returns
+    -------
+    PulseBlock
+        Its samples are a read-only view of ``msg.data``: the message stays in memory as long as
+        they do, and must not be resized.
+
+    Raises
+    ------
+    WireFormatError
+        The message does not follow the format, or is a bare cube.
+    """
+    return wire.from_array(msg.data, _dims(msg), msg.layout.data_offset,
+                           max_elements=max_elements)
+
+
+def from_bare_cube(msg: Float32MultiArray, *, radar: RadarParameters, compressed: bool,
+                   stamp_ns: np.ndarray, counter: np.ndarray, tx_m: np.ndarray | None = None,
+                   rx_m: np.ndarray | None = None,
+                   max_elements: int = wire.DEFAULT_MAX_ELEMENTS) -> PulseBlock:
+    """Read a message that holds nothing but samples (``data_offset`` is 0).
+
+    Everything that the message does not carry comes from the caller: a bare cube cannot say
+    which pulses were lost or when each was sent.
+
+    Parameters
+    ----------
+    msg : std_msgs.msg.Float32MultiArray
+        Samples (P, C, N, 2), labelled as in a block.
+    radar : RadarParameters
+        Waveform and sampling.
+    compressed : bool
+        True when the samples are range profiles.
+    stamp_ns : (P,) int64
+        Time of each pulse, nanoseconds.
+    counter : (P,) uint32
+        Number of each pulse.
+    tx_m, rx_m : (P, C, 3) float64 or None
+        Phase centres in the imaging frame, metres.
+    max_elements : int
+        Largest number of floats of samples to accept.
+
+    Returns
+    -------
+    PulseBlock
+        Its samples are a read-only view of ``msg.data``.
+
+    Raises
+    ------
+    WireFormatError
+        The message is not a bare cube, or its layout does not fit its data.
+    ValueError
+        The caller's arrays do not fit the samples.
+    """
+    samples = wire.samples_from_bare_cube(msg.data, _dims(msg), msg.layout.data_offset,
+                                          max_elements=max_elements)
+    return PulseBlock(radar=radar, compressed=compressed, stamp_ns=stamp_ns, counter=counter,
+                      samples=samples, tx_m=tx_m, rx_m=rx_m)
+
+
+def _dims(msg: Float32MultiArray) -> list[tuple[str, int, int]]:
+    return [(dim.label, dim.size, dim.stride) for dim in msg.layout.dim]

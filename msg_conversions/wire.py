@@ -1,0 +1,339 @@
+"""Wire format of a pulse block: arrays of a std_msgs/Float32MultiArray, without ROS.
+
+``data = [block header | per-pulse table | samples]``, described field by field in
+docs/wire_format.md. Writing and reading here use plain NumPy, so that bags can be written and
+read where no ROS is installed.
+"""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Sequence
+
+import numpy as np
+
+from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.radar import RadarParameters, Waveform
+
+from . import float_pairs
+from .errors import WireFormatError
+
+MAGIC = 0x534152  # 'SAR' in ASCII, exact in a float32
+VERSION = 1
+LABELS = ('pulse', 'channel', 'sample', 'iq')
+DEFAULT_MAX_ELEMENTS = 2**26  # floats of samples: 256 MiB
+
+# Header of version 1. Its length is even and so is that of a row: samples stay 8-byte aligned.
+HEADER_LENGTH = 24
+EPOCH = slice(4, 8)
+RADAR = slice(8, 20)
+RADAR_FIELDS = ('carrier_hz', 'sample_rate_hz', 'bandwidth_hz', 'chirp_rate_hz_per_s',
+                'pulse_length_s', 'first_sample_delay_s')
+COMPRESSED = 20
+WAVEFORM = 21
+POSITIONS = 22
+
+# Row of the per-pulse table.
+COUNTER = slice(0, 2)
+TIME = slice(2, 4)
+PHASE_CENTRES = slice(4, None)
+FLOATS_PER_CHANNEL = 12  # transmit and receive, x y z, high and low
+
+Dims = Sequence[tuple[str, int, int]]
+
+
+def row_length(n_channels: int, has_positions: bool) -> int:
+    """Floats in one row of the per-pulse table."""
+    return PHASE_CENTRES.start + (FLOATS_PER_CHANNEL * n_channels if has_positions else 0)
+
+
+def dimensions(shape: tuple[int, int, int]) -> list[tuple[str, int, int]]:
+    """``(label, size, stride)`` of each dimension for samples of shape (P, C, N).
+
+    A stride is the product of the sizes from its dimension on, in elements, as std_msgs
+    defines it.
+    """
+    sizes = (*(int(n) for n in shape), 2)
+    strides = [sizes[3]]
+    for size in sizes[2::-1]:
+        strides.insert(0, strides[0] * size)
+    return list(zip(LABELS, sizes, strides, strict=True))
+
+
+# ------------------------------------------------------------------------------------- writing
+
+def to_array(block: PulseBlock) -> tuple[np.ndarray, list[tuple[str, int, int]], int]:
+    """Write a block as one array of floats.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        At least one pulse, channel and sample.
+
+    Returns
+    -------
+    data : (H + P * M + P * C * N * 2,) float32
+        Header, table and samples.
+    dims : list of (label, size, stride)
+        For ``layout.dim``.
+    data_offset : int
+        For ``layout.data_offset``: where the samples begin.
+
+    Raises
+    ------
+    WireFormatError
+        The block is empty, too large for the 32-bit layout fields, spans more than 78 hours, or
+        holds a number outside the range of float32.
+    """
+    head = preamble(block)
+    data = np.empty(head.size + 2 * block.samples.size, np.float32)
+    data[:head.size] = head
+    data[head.size:].view(np.complex64).reshape(block.samples.shape)[...] = block.samples
+    return data, dimensions(block.samples.shape), head.size
+
+
+def preamble(block: PulseBlock) -> np.ndarray:
+    """(H + P * M,) float32: everything of a block that precedes its samples; see `to_array`."""
+    if block.samples.size == 0:
+        raise WireFormatError(f'samples.shape={block.samples.shape}; expected at least one pulse, '
+                              'channel and sample; do not send empty blocks')
+    row = row_length(block.n_channels, block.has_positions)
+    length = HEADER_LENGTH + block.n_pulses * row
+    if length + 2 * block.samples.size >= 2**32:
+        raise WireFormatError(f'samples.shape={block.samples.shape} needs '
+                              f'{length + 2 * block.samples.size} floats; layout fields hold '
+                              'less than 2**32; send several blocks')
+    head = np.empty(length, np.float32)
+    _write_header(block, head[:HEADER_LENGTH], row)
+    _write_table(block, head[HEADER_LENGTH:].reshape(block.n_pulses, row))
+    return head
+
+
+def _write_header(block: PulseBlock, header: np.ndarray, row: int) -> None:
+    header[:EPOCH.start] = MAGIC, VERSION, HEADER_LENGTH, row
+    header[EPOCH] = float_pairs.split_limbs(int(block.stamp_ns[0]), 4)
+    values = [getattr(block.radar, name) for name in RADAR_FIELDS]
+    header[RADAR] = float_pairs.split_double(values).ravel()
+    header[COMPRESSED] = block.compressed
+    header[WAVEFORM] = block.radar.waveform
+    header[POSITIONS] = block.has_positions
+    header[POSITIONS + 1:] = 0
+
+
+def _write_table(block: PulseBlock, table: np.ndarray) -> None:
+    epoch = int(block.stamp_ns[0])
+    longest = max(int(block.stamp_ns.max()) - epoch, epoch - int(block.stamp_ns.min()))
+    if longest > float_pairs.MAX_OFFSET_NS:
+        raise WireFormatError(f'stamp_ns reaches {longest / 3.6e12:.1f} h from the first pulse; '
+                              'expected at most 78 h; send shorter blocks or correct the stamps')
+    table[:, COUNTER.start] = block.counter & (float_pairs.LIMB - 1)
+    table[:, COUNTER.start + 1] = block.counter >> 16
+    table[:, TIME] = float_pairs.split_nanoseconds(block.stamp_ns - epoch)
+    if block.has_positions:
+        shape = (block.n_pulses, block.n_channels, 2, 3, 2)  # ..., tx or rx, xyz, high or low
+        centres = table[:, PHASE_CENTRES].reshape(shape)  # a view: only the last axis is split
+        centres[:, :, 0] = float_pairs.split_double(block.tx_m)
+        centres[:, :, 1] = float_pairs.split_double(block.rx_m)
+
+
+# ------------------------------------------------------------------------------------- reading
+
+def from_array(data, dims: Dims, data_offset: int, *,
+               max_elements: int = DEFAULT_MAX_ELEMENTS) -> PulseBlock:
+    """Read a block from the array of a message.
+
+    Nothing is allocated in proportion to a number in the message before that number was compared
+    with the data really present.
+
+    Parameters
+    ----------
+    data : (K,) float32, any object with a buffer of native floats
+        ``msg.data``.
+    dims : sequence of (label, size, stride)
+        ``msg.layout.dim``.
+    data_offset : int
+        ``msg.layout.data_offset``.
+    max_elements : int
+        Largest number of floats of samples to accept.
+
+    Returns
+    -------
+    PulseBlock
+        Its samples are a read-only view of `data`; everything else is a copy.
+
+    Raises
+    ------
+    WireFormatError
+        The message does not follow the format, or holds numbers that are not finite.
+    """
+    shape = _check_dims(dims, max_elements)
+    if data_offset == 0:
+        raise WireFormatError('data_offset=0: a bare cube of samples without block header; read '
+                              'it with from_bare_cube, which takes times and radar parameters '
+                              'from the caller')
+    if data_offset < HEADER_LENGTH:
+        raise WireFormatError(f'data_offset={data_offset}; expected 0 for a bare cube or at least '
+                              f'the {HEADER_LENGTH} floats of a block header; see '
+                              'docs/wire_format.md')
+    values = _floats(data)
+    _check_length(values, shape, data_offset)
+    header = values[:HEADER_LENGTH]
+    _check_header(header, shape, data_offset)
+    table = values[HEADER_LENGTH:data_offset].reshape(shape[0], -1)
+    _check_finite(table, 'per-pulse table', 'send only pulses with known time and positions')
+    return PulseBlock(
+        radar=_read_radar(header), compressed=bool(header[COMPRESSED]),
+        stamp_ns=_read_times(table, float_pairs.join_int64(header[EPOCH])),
+        counter=_read_counters(table), samples=_read_samples(values, shape, data_offset),
+        **_read_positions(table, shape[1]))
+
+
+def samples_from_bare_cube(data, dims: Dims, data_offset: int, *,
+                           max_elements: int = DEFAULT_MAX_ELEMENTS) -> np.ndarray:
+    """Read the samples of a message without block header (``data_offset`` is 0).
+
+    Parameters and errors as in `from_array`.
+
+    Returns
+    -------
+    (P, C, N) complex64
+        Read-only view of `data`.
+    """
+    shape = _check_dims(dims, max_elements)
+    if data_offset != 0:
+        raise WireFormatError(f'data_offset={data_offset}; expected 0 for a bare cube; read '
+                              'blocks with a header with from_message')
+    values = _floats(data)
+    _check_length(values, shape, 0)
+    return _read_samples(values, shape, 0)
+
+
+def _floats(data) -> np.ndarray:
+    """`data` as a read-only array of floats that shares its memory."""
+    try:
+        view = memoryview(data)
+    except TypeError:
+        raise WireFormatError(f'data is a {type(data).__name__}; expected contiguous 32-bit '
+                              "floats: an array.array('f') or a float32 array") from None
+    if view.format != 'f' or view.ndim != 1 or not view.contiguous:
+        raise WireFormatError(f'data has format {view.format!r} and shape {view.shape}; expected '
+                              "contiguous 32-bit floats in one dimension, format 'f'")
+    values = np.asarray(view)
+    values.flags.writeable = False
+    return values
+
+
+def _check_dims(dims: Dims, max_elements: int) -> tuple[int, int, int]:
+    labels = tuple(label for label, _, _ in dims)
+    if labels != LABELS:
+        raise WireFormatError(f'layout.dim labels are {reprlib.repr(labels)}; expected {LABELS}; '
+                              'see docs/wire_format.md')
+    _, sizes, strides = zip(*dims, strict=True)
+    if min(sizes) < 1 or sizes[3] != 2:
+        raise WireFormatError(f'layout.dim sizes are {sizes}; expected at least one pulse, '
+                              'channel and sample, and 2 for iq; do not send empty blocks')
+    expected = dimensions(sizes[:3])
+    n_elements = expected[0][2]
+    if n_elements > max_elements:
+        raise WireFormatError(f'layout.dim sizes {sizes} mean {n_elements} floats of samples; '
+                              f'accepted are at most {max_elements}; send smaller blocks or raise '
+                              'max_elements')
+    if strides != tuple(stride for _, _, stride in expected):
+        raise WireFormatError(f'layout.dim strides are {strides}; expected '
+                              f'{tuple(s for _, _, s in expected)} for sizes {sizes}: the '
+                              'product of the sizes from each dimension on, in elements')
+    return sizes[:3]
+
+
+def _check_length(values: np.ndarray, shape: tuple[int, int, int], data_offset: int) -> None:
+    n_samples = dimensions(shape)[0][2]
+    if values.size != data_offset + n_samples:
+        raise WireFormatError(f'len(data)={values.size}; expected {data_offset + n_samples}: '
+                              f'data_offset={data_offset} plus {n_samples} floats of samples; the '
+                              'message is truncated, extended, or its layout is wrong')
+
+
+def _check_header(header: np.ndarray, shape: tuple[int, int, int], data_offset: int) -> None:
+    if header[0] != MAGIC:
+        raise WireFormatError(f'data[0]={header[0]}; expected the magic number {MAGIC}; the topic '
+                              'does not carry pulse blocks')
+    if header[1] != VERSION:
+        raise WireFormatError(f'format version is {header[1]:g}; expected {VERSION}; use the same '
+                              'release of msg_conversions on both sides')
+    _check_finite(header, 'block header', 'correct the radar parameters of the sender')
+    for index, name, allowed in ((COMPRESSED, 'compressed', (0, 1)),
+                                 (WAVEFORM, 'waveform', tuple(map(int, Waveform))),
+                                 (POSITIONS, 'position source', (0, 1))):
+        if header[index] not in allowed:
+            raise WireFormatError(f'flag {name} (data[{index}]) is {header[index]:g}; expected '
+                                  f'one of {allowed}; see docs/wire_format.md')
+    if not float_pairs.are_limbs(header[EPOCH]):
+        raise WireFormatError(f'epoch limbs (data[4:8]) are {header[EPOCH].tolist()}; expected '
+                              'whole numbers of 0 to 65535; split the time into 16-bit limbs')
+    row = row_length(shape[1], bool(header[POSITIONS]))
+    if (header[2], header[3]) != (HEADER_LENGTH, row):
+        raise WireFormatError(f'header and row length are {header[2]:g} and {header[3]:g} floats; '
+                              f'expected {HEADER_LENGTH} and {row} for {shape[1]} channels '
+                              f'{"with" if header[POSITIONS] else "without"} positions; see '
+                              'docs/wire_format.md')
+    if data_offset != HEADER_LENGTH + shape[0] * row:
+        raise WireFormatError(f'data_offset={data_offset}; expected '
+                              f'{HEADER_LENGTH + shape[0] * row}: a header of {HEADER_LENGTH} '
+                              f'floats and {shape[0]} rows of {row}')
+
+
+def _check_finite(values: np.ndarray, name: str, advice: str) -> None:
+    finite = np.isfinite(values)
+    if not finite.all():
+        first = int(np.argmin(finite))
+        raise WireFormatError(f'{name} holds {np.count_nonzero(~finite)} numbers that are NaN or '
+                              f'infinite, the first at its index {first}; expected finite '
+                              f'numbers; {advice}')
+
+
+def _read_radar(header: np.ndarray) -> RadarParameters:
+    values = float_pairs.join_double(header[RADAR].reshape(-1, 2)).tolist()
+    try:
+        return RadarParameters(**dict(zip(RADAR_FIELDS, values, strict=True)),
+                               waveform=Waveform(int(header[WAVEFORM])))
+    except ValueError as error:
+        raise WireFormatError(f'radar parameters of the block header are impossible: {error}; '
+                              'correct them in the sender') from error
+
+
+def _read_times(table: np.ndarray, epoch_ns: int) -> np.ndarray:
+    offset_ns = float_pairs.join_nanoseconds(table[:, TIME])
+    earliest, latest = float(offset_ns.min()), float(offset_ns.max())
+    if max(latest, -earliest) > float_pairs.MAX_OFFSET_NS:
+        raise WireFormatError(f'pulse times reach {max(latest, -earliest) / 3.6e12:.4g} h from '
+                              'the epoch; expected at most 78 h; send shorter blocks')
+    if epoch_ns + int(earliest) < -2**63 or epoch_ns + int(latest) >= 2**63:
+        raise WireFormatError(f'epoch {epoch_ns} ns plus pulse times exceeds 64 bits; expected '
+                              'nanoseconds since 1970; correct the clock of the sender')
+    return epoch_ns + offset_ns.astype(np.int64)
+
+
+def _read_counters(table: np.ndarray) -> np.ndarray:
+    limbs = table[:, COUNTER]
+    if not float_pairs.are_limbs(limbs):
+        raise WireFormatError(f'pulse counter limbs range from {limbs.min():g} to '
+                              f'{limbs.max():g}; expected whole numbers of 0 to 65535; split the '
+                              'counter into its low and high 16 bits')
+    low, high = limbs.T.astype(np.uint32)
+    return low | high << 16
+
+
+def _read_positions(table: np.ndarray, n_channels: int) -> dict[str, np.ndarray]:
+    pairs = table[:, PHASE_CENTRES]
+    if not pairs.size:
+        return {}
+    centres = float_pairs.join_double(pairs.reshape(-1, n_channels, 2, 3, 2))
+    return {'tx_m': np.ascontiguousarray(centres[:, :, 0]),
+            'rx_m': np.ascontiguousarray(centres[:, :, 1])}
+
+
+def _read_samples(values: np.ndarray, shape: tuple[int, int, int], offset: int) -> np.ndarray:
+    samples = values[offset:]
+    # One NaN would spread over a whole image; the check costs about as much as a copy.
+    _check_finite(samples, 'sample array', 'drop faulty pulses in the sender')
+    return samples.view(np.complex64).reshape(shape)
