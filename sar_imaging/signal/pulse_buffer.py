@@ -1,0 +1,300 @@
+"""Order pulses by their counter, find gaps and duplicates, and cut coherent blocks."""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+
+import numpy as np
+
+from .pulses import PulseBlock, concatenate
+from .sequence import (
+    COUNTER_MASK,
+    RestartDetector,
+    StreamEvent,
+    Verdict,
+    counter_distance,
+    describe_counters,
+    describe_range,
+)
+
+_REMEMBERED_GAPS = 1024  # enough to tell late pulses from duplicates; bounds the memory
+
+
+@dataclasses.dataclass
+class BufferStatistics:
+    """Counts of pulses; ``received = emitted + duplicate + late + corrupt + held``."""
+
+    received: int = 0
+    emitted: int = 0
+    missing: int = 0
+    duplicate: int = 0
+    late: int = 0
+    corrupt: int = 0
+    restarts: int = 0
+    configuration_changes: int = 0
+    apertures_started: int = 0
+
+
+class PulseBuffer:
+    """Turn blocks as a radar delivers them into ordered blocks within apertures.
+
+    Pulses with the same ``counter // pulses_per_aperture`` belong to one aperture. Blocks are cut
+    at multiples of `pulses_per_block` counted from the start of the aperture and at its end, so
+    that the same pulses always give the same blocks, wherever the buffer was started. They are
+    shorter where pulses are missing.
+
+    A pulse that is `reorder_window_pulses` behind the newest one is declared missing. The first
+    pulses of a sequence are held for as long, since earlier ones may still arrive.
+
+    Parameters
+    ----------
+    pulses_per_aperture : int
+        Length of an aperture in pulses.
+    pulses_per_block : int
+        Largest number of pulses in an emitted block.
+    reorder_window_pulses : int
+        Largest distance over which pulses are put back in order.
+
+    Attributes
+    ----------
+    statistics : BufferStatistics
+        What happened so far.
+
+    Raises
+    ------
+    ValueError
+        A length is not positive, or the window is negative.
+    """
+
+    def __init__(self, *, pulses_per_aperture: int, pulses_per_block: int = 32,
+                 reorder_window_pulses: int = 128):
+        if pulses_per_aperture < 1 or pulses_per_block < 1:
+            raise ValueError(f'pulses_per_aperture={pulses_per_aperture}, pulses_per_block='
+                             f'{pulses_per_block}; expected at least one pulse each')
+        if reorder_window_pulses < 0:
+            raise ValueError(f'reorder_window_pulses={reorder_window_pulses} is negative; '
+                             'pass 0 for pulses that always come in order')
+        self._pulses_per_aperture = pulses_per_aperture
+        self._pulses_per_block = pulses_per_block
+        self._window = reorder_window_pulses
+        self._detector = RestartDetector(reorder_window_pulses)
+        self._events: list[StreamEvent] = []
+        self._example: PulseBlock | None = None
+        self.statistics = BufferStatistics()
+        self._begin_sequence()
+
+    def _begin_sequence(self) -> None:
+        # Counters are held without the 32 bit limit: `_unwrap` continues them past the wrap.
+        self._pending: dict[int, tuple[PulseBlock, int]] = {}
+        self._next: int | None = None  # first counter that is neither emitted nor missing
+        self._first = 0  # first emitted counter of the sequence
+        self._highest: int | None = None
+        self._gaps: collections.deque[list[int]] = collections.deque(maxlen=_REMEMBERED_GAPS)
+        self._open_gap = False  # the last gap may still grow and is not yet reported
+        self._rows: list[tuple[PulseBlock, int]] = []  # pulses of the block being filled
+        self._block_end = 0
+        self._aperture: tuple[int, int] | None = None
+
+    @property
+    def held_pulses(self) -> int:
+        """Number of pulses received and not yet emitted."""
+        return len(self._pending) + len(self._rows) + self._detector.held_pulses
+
+    def take_events(self) -> list[StreamEvent]:
+        """Events since the last call, oldest first."""
+        events, self._events = self._events, []
+        return events
+
+    def push(self, block: PulseBlock) -> list[PulseBlock]:
+        """Add pulses and return the blocks that became complete.
+
+        Parameters
+        ----------
+        block : PulseBlock
+            Pulses in any order, with positions. Its arrays are kept, not copied.
+
+        Returns
+        -------
+        list of PulseBlock
+            Blocks in the order of the pulse counter, each within one aperture.
+
+        Raises
+        ------
+        ValueError
+            The block has no positions.
+        """
+        if not block.has_positions:
+            raise ValueError('block has no phase centres; send transmit and receive positions '
+                             'with the pulses (positions from odometry are not supported yet)')
+        self.statistics.received += block.n_pulses
+        emitted = []
+        if self._example is not None and not block.matches(self._example):
+            emitted += self._change_configuration()
+        self._example = block
+        block = self._without_corrupt_pulses(block)
+        if block.n_pulses:
+            emitted += self._follow(self._detector.submit(block))
+        return emitted
+
+    def flush(self) -> list[PulseBlock]:
+        """Emit everything held; pulses missing between them are declared missing.
+
+        The sequence goes on: later pulses continue it.
+        """
+        emitted = self._follow(self._detector.flush())
+        return emitted + self._drain()
+
+    def _change_configuration(self) -> list[PulseBlock]:
+        emitted = self.flush()
+        self.statistics.configuration_changes += 1
+        self._report('configuration', 'radar parameters, channels or samples changed; '
+                     'a new pulse sequence begins')
+        self._detector.reset()
+        self._begin_sequence()
+        return emitted
+
+    def _without_corrupt_pulses(self, block: PulseBlock) -> PulseBlock:
+        """Drop pulses whose energy is not a finite number: one would spoil the whole image."""
+        values = np.ascontiguousarray(block.samples).view(np.float32)
+        with np.errstate(over='ignore', invalid='ignore'):
+            energy = np.einsum('pcn,pcn->p', values, values)
+        good = np.isfinite(energy)
+        if good.all():
+            return block
+        self._count('corrupt', [int(c) for c in block.counter[~good]],
+                    'dropped pulses with samples that are not finite numbers')
+        return block.select(good)
+
+    def _follow(self, verdict: Verdict) -> list[PulseBlock]:
+        emitted = []
+        for block in verdict.late:
+            self._insert(block)
+        if verdict.restarted:
+            emitted += self._drain()
+            self.statistics.restarts += 1
+            self._report('restart', 'pulse counter jumped back to '
+                         f'{int(verdict.accepted[0].counter[0])}; the radar restarted or the '
+                         'recording loops, a new pulse sequence begins')
+            self._begin_sequence()
+        for block in verdict.accepted:
+            self._insert(block)
+            emitted += self._release(self._highest - self._window)
+        return emitted
+
+    def _insert(self, block: PulseBlock) -> None:
+        late, duplicate = [], []
+        for row, counter in enumerate(self._unwrap(block.counter)):
+            if counter in self._pending:
+                duplicate.append(counter)
+            elif self._next is None or counter >= self._next:
+                self._pending[counter] = (block, row)
+            else:
+                (late if self._never_emitted(counter) else duplicate).append(counter)
+        self._count('duplicate', duplicate, 'dropped duplicate pulses')
+        self._count('late', late, 'dropped pulses that came late')
+
+    def _unwrap(self, counters: np.ndarray) -> list[int]:
+        """Counters continued past the 32 bit wrap-around; updates the highest one."""
+        if self._highest is None:
+            self._highest = int(counters[0])
+        unwrapped = self._highest + counter_distance(counters, self._highest)
+        self._highest = max(self._highest, int(unwrapped.max()))
+        return unwrapped.tolist()
+
+    def _never_emitted(self, counter: int) -> bool:
+        return counter < self._first or any(a <= counter <= b for a, b in self._gaps)
+
+    def _release(self, decided: int) -> list[PulseBlock]:
+        """Emit pulses in order; counters below `decided` that are absent are missing."""
+        emitted: list[PulseBlock] = []
+        for counter in sorted(self._pending):
+            if self._next is None:
+                if counter >= decided:
+                    break
+                self._start(counter)
+            if counter > self._next:
+                emitted += self._declare_missing(min(counter, decided))
+                if counter > self._next:
+                    break
+            self._report_gap()
+            emitted += self._emit(counter)
+        return emitted
+
+    def _drain(self) -> list[PulseBlock]:
+        """Emit every pending pulse and the block being filled."""
+        if self._highest is None:
+            return []
+        emitted = self._release(self._highest + 1)
+        self._report_gap()
+        return emitted + self._cut()
+
+    def _start(self, counter: int) -> None:
+        self._next = self._first = counter
+        position = (counter & COUNTER_MASK) % self._pulses_per_aperture
+        where = f', {position} pulses into its aperture' if position else ''
+        self._report('start', f'pulse sequence starts at {counter & COUNTER_MASK}{where}')
+
+    def _declare_missing(self, end: int) -> list[PulseBlock]:
+        """Counters from the next expected one up to `end` (exclusive) will not come any more."""
+        if end <= self._next:
+            return []
+        self.statistics.missing += end - self._next
+        if self._open_gap:
+            self._gaps[-1][1] = end - 1
+        else:
+            self._gaps.append([self._next, end - 1])
+            self._open_gap = True
+        self._next = end
+        return self._cut() if self._rows and end > self._block_end else []
+
+    def _emit(self, counter: int) -> list[PulseBlock]:
+        emitted = []
+        if self._rows and counter > self._block_end:
+            emitted += self._cut()
+        if not self._rows:
+            self._open_block(counter)
+        self._rows.append(self._pending.pop(counter))
+        self._next = counter + 1
+        if counter == self._block_end:
+            emitted += self._cut()
+        return emitted
+
+    def _open_block(self, counter: int) -> None:
+        number = counter & COUNTER_MASK
+        aperture, position = divmod(number, self._pulses_per_aperture)
+        block_end = (position // self._pulses_per_block + 1) * self._pulses_per_block
+        last_position = min(block_end, self._pulses_per_aperture) - 1
+        # The counter's wrap-around ends an aperture too: number // length begins at zero again.
+        self._block_end = counter + min(last_position - position, COUNTER_MASK - number)
+        if (counter >> 32, aperture) != self._aperture:
+            self._aperture = (counter >> 32, aperture)
+            self.statistics.apertures_started += 1
+
+    def _cut(self) -> list[PulseBlock]:
+        """Join the collected pulses, slices of the received blocks where they are in order."""
+        pieces: list[tuple[PulseBlock, int, int]] = []
+        for block, row in self._rows:
+            if pieces and pieces[-1][0] is block and pieces[-1][2] == row:
+                pieces[-1] = (block, pieces[-1][1], row + 1)
+            else:
+                pieces.append((block, row, row + 1))
+        self.statistics.emitted += len(self._rows)
+        self._rows = []
+        return [concatenate([b.select(slice(i, j)) for b, i, j in pieces])] if pieces else []
+
+    def _report_gap(self) -> None:
+        if self._open_gap:
+            first, last = self._gaps[-1]
+            self._report('missing', f'pulses {describe_range(first, last)} missing '
+                         f'({last - first + 1})')
+            self._open_gap = False
+
+    def _count(self, kind: str, counters: list[int], text: str) -> None:
+        if counters:
+            setattr(self.statistics, kind, getattr(self.statistics, kind) + len(counters))
+            numbers = [c & COUNTER_MASK for c in sorted(counters)]
+            self._report(kind, f'{text}: {describe_counters(numbers)}')
+
+    def _report(self, kind: str, text: str) -> None:
+        self._events.append(StreamEvent(kind, text))
