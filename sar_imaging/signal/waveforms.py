@@ -1,0 +1,107 @@
+"""The transmitted linear frequency modulated (LFM) pulse at baseband, in time and in frequency.
+
+``s(t) = exp(j pi K (t - T/2)^2)`` for ``0 <= t < T``: the frequency sweeps linearly from
+``-K T / 2`` to ``+K T / 2`` and is zero in the middle of the pulse. Time runs from the leading
+edge, so the echo of a scatterer at the two-way delay tau begins at tau, which is what
+`RadarParameters.first_sample_delay_s` counts from.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.special import fresnel
+
+from .radar import RadarParameters
+
+
+def lfm_pulse(time_s, radar: RadarParameters) -> np.ndarray:
+    """Baseband pulse at the times given, zero outside the pulse.
+
+    Parameters
+    ----------
+    time_s : array_like, float64
+        Time since the leading edge, seconds.
+    radar : RadarParameters
+        With pulse length T and chirp rate K (negative for a falling chirp).
+
+    Returns
+    -------
+    array of complex128
+        Samples of unit amplitude inside the pulse, in the shape of `time_s`.
+    """
+    time_s = np.asarray(time_s, float)
+    length = radar.pulse_length_s
+    phase = np.pi * radar.chirp_rate_hz_per_s * (time_s - length / 2) ** 2
+    inside = (time_s >= 0) & (time_s < length)
+    return np.where(inside, np.cos(phase) + 1j * np.sin(phase), 0)
+
+
+def lfm_spectrum(frequency_hz, radar: RadarParameters) -> np.ndarray:
+    """Fourier transform of the pulse, ``integral s(t) exp(-j 2 pi f t) dt``, in closed form.
+
+    A receiver's anti-alias filter removes what a sampled replica of the pulse would fold into
+    the band, so this and not the transform of a sampled replica is what echoes contain, whatever
+    the fraction of a sample by which they are delayed.
+
+    Parameters
+    ----------
+    frequency_hz : array_like, float64
+        Baseband frequencies, hertz.
+    radar : RadarParameters
+        With pulse length T and chirp rate K, |K| T^2 well above 1.
+
+    Returns
+    -------
+    array of complex128
+        Spectrum in seconds, in the shape of `frequency_hz`; about ``1 / sqrt(|K|)`` in the band.
+
+    Notes
+    -----
+    With ``t - T/2 = v / sqrt(2 K) + f / K`` the exponent becomes ``j pi v^2 / 2`` and the
+    integral a difference of Fresnel integrals.
+    """
+    frequency_hz = np.asarray(frequency_hz, float)
+    length, rate = radar.pulse_length_s, radar.chirp_rate_hz_per_s
+    steep = abs(rate)
+    f = frequency_hz * math.copysign(1.0, rate)
+    scale = math.sqrt(2.0 * steep)
+    s1, c1 = fresnel(scale * (length / 2 - f / steep))
+    s0, c0 = fresnel(scale * (-length / 2 - f / steep))
+    quadratic = np.pi * f**2 / steep
+    value = (((c1 - c0) + 1j * (s1 - s0)) / scale
+             * (np.cos(quadratic) - 1j * np.sin(quadratic)))
+    if rate < 0:  # a falling chirp is the conjugate of the rising one
+        value = value.conj()
+    centre = np.pi * frequency_hz * length
+    return value * (np.cos(centre) - 1j * np.sin(centre))
+
+
+def n_pulse_samples(radar: RadarParameters) -> int:
+    """Samples that the pulse covers when the first falls on its leading edge."""
+    # A duration that is a whole number of samples must not gain one from rounding.
+    return math.ceil(radar.pulse_length_s * radar.sample_rate_hz * (1 - 1e-12))
+
+
+def check_lfm(radar: RadarParameters) -> None:
+    """Refuse parameters that do not describe one LFM pulse sampled without aliasing.
+
+    Raises
+    ------
+    ValueError
+        Pulse length and chirp rate do not sweep the stated bandwidth within 1 %, the pulse is
+        shorter than two samples, or the sample rate is below the bandwidth.
+    """
+    swept = abs(radar.chirp_rate_hz_per_s) * radar.pulse_length_s
+    if abs(swept - radar.bandwidth_hz) > 0.01 * radar.bandwidth_hz:
+        raise ValueError(
+            f'chirp_rate_hz_per_s * pulse_length_s = {swept:.6g} Hz does not match '
+            f'bandwidth_hz={radar.bandwidth_hz:.6g}; an LFM pulse sweeps its bandwidth once')
+    if n_pulse_samples(radar) < 2:
+        raise ValueError(f'pulse_length_s={radar.pulse_length_s} is shorter than two samples at '
+                         f'sample_rate_hz={radar.sample_rate_hz}; is it in seconds?')
+    if radar.sample_rate_hz < radar.bandwidth_hz:
+        raise ValueError(f'sample_rate_hz={radar.sample_rate_hz:.6g} is below '
+                         f'bandwidth_hz={radar.bandwidth_hz:.6g}; complex samples need at least '
+                         'the bandwidth')

@@ -1,0 +1,287 @@
+"""Echoes of point scatterers with exact two-way paths, as a receiver would record them.
+
+All three kinds come from the same spectrum ``sum_p a_p exp(-j 2 pi (f_c + f) tau_p)`` with
+``tau_p = (|tx - x_p| + |rx - x_p|) / c`` for every pulse and channel in float64: what a receiver
+with an anti-alias filter samples is band-limited, and is synthesised so. NumPy's elementwise
+square roots, products and sums are exactly rounded and hence the same on every processor; see
+`quantise` for the rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from scipy import fft
+
+from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from ..signal.waveforms import check_lfm, lfm_spectrum, n_pulse_samples
+
+
+def two_way_delays(tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray) -> np.ndarray:
+    """Exact two-way delay from transmitter over each point to receiver.
+
+    Rosenberg & Gray, equation 3, first line, for any positions.
+
+    Parameters
+    ----------
+    tx_m, rx_m : (P, C, 3) float64
+        Phase centres, metres.
+    points_m : (S, 3) float64
+        Scatterers, metres.
+
+    Returns
+    -------
+    (P, C, S) float64
+        Delays, seconds.
+    """
+    return (_distances(tx_m, points_m) + _distances(rx_m, points_m)) / SPEED_OF_LIGHT
+
+
+def _distances(centres_m: np.ndarray, points_m: np.ndarray) -> np.ndarray:
+    dx, dy, dz = (centres_m[..., axis, None] - points_m[:, axis] for axis in range(3))
+    return np.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+def scene_spectrum(carrier_hz: float, first_bin: float, n_bins: int, step_hz: float,
+                   delays_s: np.ndarray, amplitudes: np.ndarray,
+                   reference_delay_s: float) -> np.ndarray:
+    """Spectrum of the scene at baseband frequencies ``f = (first_bin + k) step_hz``.
+
+    ``sum_p a_p exp(-j 2 pi f_c tau_p) exp(-j 2 pi f (tau_p - reference_delay_s))``. Carrier
+    phases are reduced to a fraction of a cycle in float64; the bins' phasors are products of a
+    coarse and a fine table, so that a bin costs a multiplication and no sine.
+
+    Parameters
+    ----------
+    carrier_hz : float
+        Carrier frequency, hertz.
+    first_bin : float
+        Number of the first bin; half-integral for an even number of centred bins.
+    n_bins : int
+        Number of bins K.
+    step_hz : float
+        Spacing of the bins, hertz.
+    delays_s : (P, C, S) float64
+        Two-way delays, seconds.
+    amplitudes : (S,) complex128
+        Of the scatterers.
+    reference_delay_s : float
+        Delay of time zero of the spectrum, seconds.
+
+    Returns
+    -------
+    (P, C, K) complex128
+    """
+    fine = max(1, math.isqrt(n_bins))
+    coarse = -(-n_bins // fine)
+    out = np.zeros((*delays_s.shape[:2], coarse, fine), complex)
+    for p, amplitude in enumerate(amplitudes):
+        carrier = np.remainder(carrier_hz * delays_s[..., p], 1.0)
+        turn = step_hz * (delays_s[..., p] - reference_delay_s)  # cycles from bin to bin
+        start = (carrier + first_bin * turn)[..., None]
+        turn = turn[..., None]
+        coarse_phasors = amplitude * _phasor(start + turn * (fine * np.arange(coarse)))
+        fine_phasors = _phasor(turn * np.arange(fine))
+        out += coarse_phasors[..., None] * fine_phasors[..., None, :]
+    return out.reshape(*delays_s.shape[:2], -1)[..., :n_bins]
+
+
+def _phasor(cycles: np.ndarray) -> np.ndarray:
+    """``exp(-j 2 pi cycles)``."""
+    angle = 2 * np.pi * np.remainder(cycles, 1.0)
+    return np.cos(angle) - 1j * np.sin(angle)
+
+
+class EchoSimulator:
+    """Planned simulation of one radar: call it with phase centres, get noise-free samples.
+
+    - raw LFM: the pulse of `sar_imaging.signal.waveforms`, delayed exactly, through an
+      anti-alias filter that is flat for ``|f| <= B/2`` and falls as a raised cosine to zero at
+      half the sample rate. Amplitude one inside the pulse for a scatterer of amplitude one.
+    - compressed: profiles whose own FFT is flat over the bins ``|f| <= B/2`` and zero elsewhere,
+      ``n_samples`` being one period. Peak one.
+    - stepped frequency: one sample per frequency. Amplitude one.
+
+    Parameters
+    ----------
+    radar : RadarParameters
+        Of the samples to make.
+    n_samples : int
+        Fast-time samples N per pulse and channel.
+    compressed : bool
+        True for range profiles.
+    points_m : (S, 3) float64
+        Scatterers in the imaging frame, metres.
+    amplitudes : (S,) complex128
+        Their amplitudes.
+
+    Raises
+    ------
+    ValueError
+        The radar's parameters contradict each other, or the profile is sampled too coarsely.
+    """
+
+    def __init__(self, radar: RadarParameters, n_samples: int, *, compressed: bool,
+                 points_m: np.ndarray, amplitudes: np.ndarray):
+        self.radar = radar
+        self.n_samples = n_samples
+        self._points_m = np.asarray(points_m, float).reshape(-1, 3)
+        self._amplitudes = np.asarray(amplitudes, complex)
+        # How much earlier than the first sample an echo may begin; None: it may alias, as the
+        # profiles of a stepped-frequency radar do.
+        self._early_samples: int | None = 0
+        if compressed:
+            self._synthesise = self._plan_compressed()
+        elif radar.waveform == Waveform.STEPPED_FREQUENCY:
+            self._synthesise = self._plan_stepped_frequency()
+            self._early_samples = None
+        else:
+            self._synthesise = self._plan_lfm()
+            self._early_samples = n_pulse_samples(radar)
+
+    def __call__(self, tx_m: np.ndarray, rx_m: np.ndarray) -> np.ndarray:
+        """Samples of pulses at the phase centres given.
+
+        Parameters
+        ----------
+        tx_m, rx_m : (P, C, 3) float64
+            Transmit and receive phase centres, metres.
+
+        Returns
+        -------
+        (P, C, N) complex128
+
+        Raises
+        ------
+        ValueError
+            A scatterer returns nothing inside the recorded interval; it would appear at the
+            wrong delay.
+        """
+        delays_s = two_way_delays(tx_m, rx_m, self._points_m)
+        self._check_recorded(delays_s)
+        return self._synthesise(delays_s)
+
+    def _check_recorded(self, delays_s: np.ndarray) -> None:
+        if not delays_s.size or self._early_samples is None:
+            return
+        sample = (delays_s - self.radar.first_sample_delay_s) * self.radar.sample_rate_hz
+        if sample.min() < -self._early_samples or sample.max() > self.n_samples - 1:
+            raise ValueError(
+                f'scatterers lie between samples {sample.min():.1f} and {sample.max():.1f}; the '
+                f'record holds {-self._early_samples} to {self.n_samples - 1}: change '
+                'first_sample_delay_s or record more samples')
+
+    def _spectrum(self, first_bin: float, n_bins: int, step_hz: float, delays_s) -> np.ndarray:
+        return scene_spectrum(self.radar.carrier_hz, first_bin, n_bins, step_hz, delays_s,
+                              self._amplitudes, self.radar.first_sample_delay_s)
+
+    def _plan_compressed(self) -> Callable:
+        n, radar = self.n_samples, self.radar
+        step = radar.sample_rate_hz / n
+        half = math.floor(radar.bandwidth_hz / 2 / step * (1 + 1e-12))
+        n_bins = 2 * half + 1
+        if n_bins > n:
+            raise ValueError(f'{n} samples at sample_rate_hz={radar.sample_rate_hz:.6g} cannot '
+                             f'hold {n_bins} bins of bandwidth_hz={radar.bandwidth_hz:.6g}; '
+                             'sample faster')
+
+        def synthesise(delays_s):
+            spectrum = self._spectrum(-half, n_bins, step, delays_s)
+            return _to_time(spectrum, half, n) * (n / n_bins)
+
+        return synthesise
+
+    def _plan_lfm(self) -> Callable:
+        radar = self.radar
+        check_lfm(radar)
+        # Room for a pulse at both ends keeps what is cut by the record from wrapping round.
+        n_fft = fft.next_fast_len(self.n_samples + 2 * n_pulse_samples(radar))
+        step = radar.sample_rate_hz / n_fft
+        half = (n_fft - 1) // 2
+        frequency = step * np.arange(-half, half + 1)
+        pulse = (lfm_spectrum(frequency, radar) * anti_alias_gain(frequency, radar)
+                 * radar.sample_rate_hz)
+
+        def synthesise(delays_s):
+            spectrum = self._spectrum(-half, frequency.size, step, delays_s)
+            return _to_time(spectrum * pulse, half, n_fft)[..., :self.n_samples]
+
+        return synthesise
+
+    def _plan_stepped_frequency(self) -> Callable:
+        n, radar = self.n_samples, self.radar
+
+        def synthesise(delays_s):
+            # The samples' phase is that of the delay beyond the reference, carrier included.
+            cycles = radar.carrier_hz * radar.first_sample_delay_s % 1.0
+            spectrum = self._spectrum(-(n - 1) / 2, n, radar.bandwidth_hz / n, delays_s)
+            return spectrum * _phasor(np.array(-cycles))
+
+        return synthesise
+
+
+def anti_alias_gain(frequency_hz: np.ndarray, radar: RadarParameters) -> np.ndarray:
+    """Receiver filter: one for ``|f| <= B/2``, raised cosine to zero at half the sample rate.
+
+    Parameters
+    ----------
+    frequency_hz : array of float64
+        Baseband frequencies below half the sample rate, hertz.
+    radar : RadarParameters
+        With bandwidth and sample rate.
+
+    Returns
+    -------
+    array of float64
+        Gain between 0 and 1, in the shape of `frequency_hz`.
+    """
+    edge, stop = radar.bandwidth_hz / 2, radar.sample_rate_hz / 2
+    beyond = np.clip(np.abs(frequency_hz) - edge, 0.0, None) / max(stop - edge, 1e-9 * stop)
+    return 0.5 + 0.5 * np.cos(np.pi * np.minimum(beyond, 1.0))
+
+
+def _to_time(spectrum: np.ndarray, half: int, n: int) -> np.ndarray:
+    """Inverse FFT of length `n` of the bins ``-half .. half``."""
+    grid = np.zeros((*spectrum.shape[:-1], n), complex)
+    grid[..., :half + 1] = spectrum[..., half:]
+    if half:
+        grid[..., -half:] = spectrum[..., :half]
+    return fft.ifft(grid, overwrite_x=True)
+
+
+def quantise(samples: np.ndarray, bits: int, full_scale: float) -> np.ndarray:
+    """Round in-phase and quadrature parts as an analogue-to-digital converter does.
+
+    Also what makes recordings reproducible bit for bit: sines and FFTs differ in the last digit
+    of float64 between processors and library versions, by some 1e-11 of a converter's step.
+
+    Parameters
+    ----------
+    samples : array of complex128
+        Signal; parts beyond the full scale are clipped.
+    bits : int
+        Resolution including the sign, 2 to 24 (float32 holds no more).
+    full_scale : float
+        Largest magnitude of either part, a power of two so that every step is exact in float32.
+
+    Returns
+    -------
+    array of complex64
+        In the shape of `samples`.
+
+    Raises
+    ------
+    ValueError
+        `bits` is out of range or `full_scale` is no power of two.
+    """
+    if not 2 <= bits <= 24:
+        raise ValueError(f'bits={bits}; expected 2 to 24')
+    if math.frexp(full_scale)[0] != 0.5:
+        raise ValueError(f'full_scale={full_scale} is not a positive power of two')
+    step = full_scale / 2 ** (bits - 1)
+    parts = np.ascontiguousarray(samples, complex).view(float)
+    levels = np.clip(np.rint(parts / step), -(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+    # Adding zero turns -0.0, whose sign is the rounding error's, into 0.0.
+    return (levels * step + 0.0).astype(np.float32).view(np.complex64)

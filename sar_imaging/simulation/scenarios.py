@@ -1,0 +1,278 @@
+"""Scenarios: radar, track and scene together, and those of the papers."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from ..signal.pulses import PulseBlock
+from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from .echoes import EchoSimulator, quantise
+from .noise import complex_gaussian
+from .scene import Scatterer, letter_s, positions_and_amplitudes
+from .trajectory import POSITION_STEP_M, Trajectory, Vibration
+
+START_NS = 1_700_000_000_000_000_000  # of every recording: the clock of a simulation is its own
+
+
+@dataclasses.dataclass(frozen=True)
+class Scenario:
+    """Everything that a simulated recording follows from.
+
+    Parameters
+    ----------
+    name : str
+        Key in `SCENARIOS`.
+    description : str
+        One sentence for people.
+    radar : RadarParameters
+        Of the recorded samples.
+    compressed : bool
+        True when range profiles are recorded, False for raw pulses.
+    n_samples : int
+        Fast-time samples per pulse and channel.
+    prf_hz : float
+        Pulses per second.
+    n_pulses : int
+        Pulses of the recording.
+    pulses_per_aperture : int
+        Pulses that make one image.
+    trajectory : Trajectory
+        Of the platform's reference point.
+    tx_offsets_m, rx_offsets_m : tuple of (3,) floats
+        Phase centres of each channel relative to the reference point, axes of the imaging frame,
+        metres.
+    scatterers : tuple of Scatterer
+        The scene.
+    grid : MapGrid
+        Where to image it.
+    cut_half_width_m : (2,) floats
+        Half widths of the cuts over which sidelobes are measured, in range and azimuth, metres.
+    noise_std : float
+        Standard deviation of complex noise per sample; 1 is the echo of a unit scatterer.
+    seed : int
+        Of the noise.
+    resolution_bits : int
+        Of the recorded samples, see `sar_imaging.simulation.echoes.quantise`.
+    notes : str
+        Where the parameters come from.
+    """
+
+    name: str
+    description: str
+    radar: RadarParameters
+    compressed: bool
+    n_samples: int
+    prf_hz: float
+    n_pulses: int
+    pulses_per_aperture: int
+    trajectory: Trajectory
+    tx_offsets_m: tuple[tuple[float, float, float], ...]
+    rx_offsets_m: tuple[tuple[float, float, float], ...]
+    scatterers: tuple[Scatterer, ...]
+    grid: MapGrid
+    cut_half_width_m: tuple[float, float]
+    noise_std: float = 0.0
+    seed: int = 1
+    resolution_bits: int = 20
+    notes: str = ''
+
+    @property
+    def n_channels(self) -> int:
+        """Number of channels C."""
+        return len(self.rx_offsets_m)
+
+    @property
+    def full_scale(self) -> float:
+        """Largest recorded part: the power of two above all echoes in phase and 5 sigma."""
+        # A band-limited chirp overshoots by up to a fifth at its ends.
+        peak = 1.25 * sum(abs(s.amplitude) for s in self.scatterers) + 5 * self.noise_std
+        return 2.0 ** math.ceil(math.log2(peak))
+
+    def phase_centres(self) -> tuple[np.ndarray, np.ndarray]:
+        """Transmit and receive phase centres ``(n_pulses, C, 3)`` float64, metres."""
+        time_s = (np.arange(self.n_pulses) - (self.n_pulses - 1) / 2) / self.prf_hz
+        track = self.trajectory.positions(time_s)[:, None]
+        return track + _on_grid(self.tx_offsets_m), track + _on_grid(self.rx_offsets_m)
+
+    def stamps_ns(self) -> np.ndarray:
+        """(n_pulses,) int64 transmission times, nanoseconds."""
+        period_ns = np.rint(np.arange(self.n_pulses) * (1e9 / self.prf_hz))
+        return START_NS + period_ns.astype(np.int64)
+
+    def blocks(self, pulses_per_block: int = 25) -> Iterator[PulseBlock]:
+        """Simulate the recording block by block.
+
+        Parameters
+        ----------
+        pulses_per_block : int
+            Pulses per block; the last block has the rest. Samples do not depend on it.
+
+        Yields
+        ------
+        PulseBlock
+            With phase centres, in the order of the pulses.
+
+        Raises
+        ------
+        ValueError
+            `pulses_per_block` is not positive, or a scatterer lies outside the record.
+        """
+        if pulses_per_block < 1:
+            raise ValueError(f'pulses_per_block={pulses_per_block}; expected at least 1')
+        points, amplitudes = positions_and_amplitudes(self.scatterers)
+        simulator = EchoSimulator(self.radar, self.n_samples, compressed=self.compressed,
+                                  points_m=points, amplitudes=amplitudes)
+        tx_m, rx_m = self.phase_centres()
+        stamps_ns = self.stamps_ns()
+        for first in range(0, self.n_pulses, pulses_per_block):
+            counter = np.arange(first, min(first + pulses_per_block, self.n_pulses))
+            samples = simulator(tx_m[counter], rx_m[counter])
+            if self.noise_std:
+                samples += self.noise_std * self._noise(counter)
+            yield PulseBlock(self.radar, self.compressed, stamps_ns[counter], counter,
+                             quantise(samples, self.resolution_bits, self.full_scale),
+                             tx_m[counter], rx_m[counter])
+
+    def _noise(self, counter: np.ndarray) -> np.ndarray:
+        shape = (self.n_channels, self.n_samples)
+        return np.stack([complex_gaussian(self.seed, int(c), math.prod(shape)).reshape(shape)
+                         for c in counter])
+
+
+def _on_grid(offsets_m) -> np.ndarray:
+    """Phase centres on the trajectory's grid of positions, so that sums with it are exact."""
+    return np.round(np.array(offsets_m, float) / POSITION_STEP_M) * POSITION_STEP_M
+
+
+def receive_array(n_channels: int, spacing_m: float) -> tuple[tuple[float, float, float], ...]:
+    """Offsets ``d_n = n spacing`` along y, n from ``-(N-1)/2`` to ``(N-1)/2``.
+
+    Rosenberg & Gray, equation 2; their ``(n - 1) spacing`` contradicts their range of n.
+    """
+    return tuple((0.0, (n - (n_channels - 1) / 2) * spacing_m, 0.0) for n in range(n_channels))
+
+
+# ------------------------------------------------------------------ Rosenberg & Gray, table 1
+
+RANGE_CENTRE_M = 10_000.0
+WAVELENGTH_M = SPEED_OF_LIGHT / 10e9
+# The paper does not state the sample rate. Its figure 9 has bumps wherever the upsampling ratio
+# is a multiple of 25: there the upsampled rate is a multiple of the 10 GHz carrier, so
+# 25 f_s = 10 GHz.
+SAMPLE_RATE_HZ = 400e6
+
+
+def _table_1(name: str, description: str, scatterers, *, grid: MapGrid, n_samples: int = 126,
+             raw: bool = False) -> Scenario:
+    pulse_length_s = 400 / SAMPLE_RATE_HZ if raw else 0.0
+    bin_of_centre = n_samples // 2  # as in an FFT of the profile
+    radar = RadarParameters(
+        carrier_hz=10e9, bandwidth_hz=300e6, sample_rate_hz=SAMPLE_RATE_HZ,
+        first_sample_delay_s=(2 * RANGE_CENTRE_M / SPEED_OF_LIGHT
+                              - bin_of_centre / SAMPLE_RATE_HZ),
+        pulse_length_s=pulse_length_s,
+        chirp_rate_hz_per_s=300e6 / pulse_length_s if raw else 0.0, waveform=Waveform.LFM)
+    return Scenario(
+        name=name, description=description, radar=radar, compressed=not raw,
+        n_samples=n_samples + 400 if raw else n_samples, prf_hz=667.0, n_pulses=200,
+        pulses_per_aperture=200,
+        trajectory=Trajectory(centre_m=(0.0, 0.0, 0.0), velocity_m_per_s=(0.0, 200.0, 0.0)),
+        # All channels share the transmitter in the middle of the receive array (equation 3).
+        tx_offsets_m=((0.0, 0.0, 0.0),) * 5, rx_offsets_m=receive_array(5, WAVELENGTH_M / 2),
+        scatterers=tuple(scatterers), grid=grid, cut_half_width_m=(3.0, 15.0),
+        notes='Rosenberg & Gray, Multichannel SAR Imaging with Backprojection, table 1; x is '
+              'range in the slant plane, y azimuth')
+
+
+def _patch_grid() -> MapGrid:
+    return MapGrid.from_size((RANGE_CENTRE_M, 0.0, 0.0), 8.0, 40.0, 0.1)
+
+
+def psf() -> Scenario:
+    """One scatterer in the middle of the patch: the point spread function."""
+    return _table_1('psf', 'Point spread function of Rosenberg & Gray: one scatterer at 10 km, '
+                    '5 channels, 200 pulses, range compressed',
+                    [Scatterer('centre', (RANGE_CENTRE_M, 0.0, 0.0))], grid=_patch_grid())
+
+
+def psf_raw() -> Scenario:
+    """The same as raw chirps of 1 microsecond."""
+    return _table_1('psf_raw', 'As psf, but raw LFM pulses of 1 microsecond',
+                    [Scatterer('centre', (RANGE_CENTRE_M, 0.0, 0.0))], grid=_patch_grid(),
+                    raw=True)
+
+
+def two_scatterers() -> Scenario:
+    """Middle and top right corner of the patch, for figures 10 and 11 of the paper."""
+    return _table_1('two_scatterers', 'Two scatterers of Rosenberg & Gray: middle and top right '
+                    'corner of the 6 m x 30 m patch',
+                    [Scatterer('centre', (RANGE_CENTRE_M, 0.0, 0.0)),
+                     Scatterer('corner', (RANGE_CENTRE_M + 3.0, 15.0, 0.0))],
+                    grid=_patch_grid())
+
+
+def letter() -> Scenario:
+    """Sample image of the paper: the letter S in a swath of 50 m by 7 m, 130 range bins."""
+    return _table_1('letter_s', "Sample image of Rosenberg & Gray: the letter 'S' made of point "
+                    'scatterers, 50 m x 7 m',
+                    letter_s((RANGE_CENTRE_M, 0.0, 0.0)), n_samples=130,
+                    grid=MapGrid.from_size((RANGE_CENTRE_M, 0.0, 0.0), 7.0, 50.0, 0.1))
+
+
+# ------------------------------------------------------------------------- a light aircraft
+
+# Name, x, y on the ground (m), amplitude in dB: neighbours share neither a row nor a column of
+# the image within the width of a cut, and the weakest stand far from the strongest.
+_SPOTLIGHT_SCENE = (
+    ('corner_reflector', 0.0, 0.0, 0.0),
+    ('north_west', -15.3, 16.2, -3.0),
+    ('north', -4.1, 11.9, -12.0),
+    ('north_east', 13.8, 14.3, -6.0),
+    ('west', -17.6, 3.4, -9.0),
+    ('east', 17.2, -3.7, -9.0),
+    ('gate_post_1', 6.3, 6.9, -15.0),
+    ('gate_post_2', 9.6, 9.4, -15.0),
+    ('south_west', -11.2, -14.8, -6.0),
+    ('south_east', 10.7, -17.1, -3.0),
+)
+
+
+def spotlight() -> Scenario:
+    """Small aircraft at 500 m looking at ten scatterers on the ground; two apertures."""
+    sample_rate_hz, n_pulse = 600e6, 180
+    slant_range_m = math.hypot(866.0, 500.0)
+    pulse_length_s = n_pulse / sample_rate_hz
+    radar = RadarParameters(
+        carrier_hz=10e9, bandwidth_hz=500e6, sample_rate_hz=sample_rate_hz,
+        # 25 m of slant range before the middle of the scene: its near corner is at 17 m.
+        first_sample_delay_s=2 * (slant_range_m - 25.0) / SPEED_OF_LIGHT,
+        pulse_length_s=pulse_length_s, chirp_rate_hz_per_s=500e6 / pulse_length_s,
+        waveform=Waveform.LFM)
+    track = Trajectory(
+        centre_m=(-866.0, 0.0, 500.0), velocity_m_per_s=(0.0, 25.0, 0.0),
+        polynomial=((0.03, 0.02, -0.02), (-0.01, 0.0, 0.005)),
+        vibrations=(Vibration((0.05, 0.02, 0.08), 0.7, 0.2), Vibration((0.002, 0.0, 0.003), 11.0)),
+        broadband_m=(0.0005, 0.0005, 0.0005), seed=11)
+    return Scenario(
+        name='spotlight',
+        description='Light aircraft at 500 m, slant range 1 km, 10 GHz, 500 MHz, 5 channels, raw '
+                    'LFM pulses, ten scatterers, noise, two apertures on a perturbed track',
+        radar=radar, compressed=False, n_samples=384,
+        # 0.3125 m between pulses repeat a scatterer every 48 m in azimuth: beyond the 40 m grid.
+        prf_hz=80.0, n_pulses=256, pulses_per_aperture=128, trajectory=track,
+        tx_offsets_m=((0.0, 0.0, 0.0),) * 5, rx_offsets_m=receive_array(5, WAVELENGTH_M / 2),
+        scatterers=tuple(Scatterer(name, (x, y, 0.0), 10 ** (db / 20))
+                         for name, x, y, db in _SPOTLIGHT_SCENE),
+        grid=MapGrid.from_size((0.0, 0.0, 0.0), 40.0, 40.0, 0.125),
+        cut_half_width_m=(2.4, 2.4), noise_std=0.5, seed=2014, resolution_bits=14,
+        notes='Invented, with the figures of a light aircraft; looks along +x, flies along +y')
+
+
+SCENARIOS: dict[str, Callable[[], Scenario]] = {
+    'psf': psf, 'psf_raw': psf_raw, 'two_scatterers': two_scatterers, 'letter_s': letter,
+    'spotlight': spotlight}
