@@ -9,10 +9,12 @@ ifdef ROS_DISTRO
 VENV ?= .venv-$(ROS_DISTRO)
 VENV_OPTIONS := --system-site-packages
 REQUIREMENTS := grep -v '^ros-' requirements.txt
+NO_RCLPY := the sourced ROS installation has none for this Python; name its own: PYTHON=...
 else
 VENV ?= .venv
 VENV_OPTIONS :=
 REQUIREMENTS := cat requirements.txt
+NO_RCLPY := wheels exist for Linux on x86-64 only; elsewhere source a ROS 2 installation first
 endif
 
 RUN = "$(VENV)/bin/python"
@@ -64,13 +66,11 @@ environment:
 	"$(PYTHON)" -c 'import ensurepip, venv' 2>/dev/null || { \
 	    echo '$(PYTHON) cannot create virtual environments.' \
 	         'On Debian and Ubuntu: sudo apt install python3-venv' >&2; exit 1; }; \
-	echo 'Installing into $(VENV) (once; about 750 MB) ...' && \
+	echo 'Installing into $(VENV), once ...' && \
 	"$(PYTHON)" -m venv $(VENV_OPTIONS) "$(VENV)" && \
 	$(REQUIREMENTS) > "$(VENV)/requirements.txt" && \
 	$(RUN) -m pip install --quiet --disable-pip-version-check -r "$(VENV)/requirements.txt" && \
-	{ $(RUN) -c 'import rclpy' 2>/dev/null || { \
-	    echo 'No rclpy: ROS 2 comes as wheels for Linux on x86-64 only. Elsewhere source a ROS 2' \
-	         'installation (source /opt/ros/jazzy/setup.bash) and repeat.' >&2; exit 1; }; } && \
+	{ $(RUN) -c 'import rclpy' || { echo 'No rclpy: $(NO_RCLPY)' >&2; exit 1; }; } && \
 	mv "$(VENV)/requirements.txt" "$(INSTALLED)" && echo 'Environment ready.'
 
 clean:
