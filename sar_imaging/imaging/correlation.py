@@ -6,10 +6,10 @@ interpolated and the two-way path of every channel is exact.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from tqdm import tqdm
 
+from ..compilation import njit, numba
 from ..signal.radar import SPEED_OF_LIGHT
 
 _LANES = 16  # points advanced together: enough independent sums to hide the latency of one
@@ -84,7 +84,7 @@ def _check(frequencies, spectra, tx, rx, points):
                          f'{steps.min()} to {steps.max()} Hz')
 
 
-@numba.njit(parallel=True, nogil=True, cache=True, fastmath={'contract', 'reassoc', 'nsz'})
+@njit(parallel=True)
 def _correlate(first, step, re, im, tx, rx, points, out):
     """Horner's rule in ``exp(j 2 pi step tau)``, `_LANES` points side by side.
 
@@ -124,6 +124,6 @@ def _correlate(first, step, re, im, tx, rx, points, out):
             out[lo + i] = total_re[i] + 1j * total_im[i]
 
 
-@numba.njit(inline='always')
+@njit(inline='always')
 def _distance(a, b):
     return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
