@@ -245,12 +245,11 @@ _SPOTLIGHT_SCENE = (
 def spotlight() -> Scenario:
     """Small aircraft at 500 m looking at ten scatterers on the ground; two apertures."""
     sample_rate_hz, n_pulse = 600e6, 180
-    slant_range_m = math.hypot(866.0, 500.0)
     pulse_length_s = n_pulse / sample_rate_hz
     radar = RadarParameters(
         carrier_hz=10e9, bandwidth_hz=500e6, sample_rate_hz=sample_rate_hz,
-        # 25 m of slant range before the middle of the scene: its near corner is at 17 m.
-        first_sample_delay_s=2 * (slant_range_m - 25.0) / SPEED_OF_LIGHT,
+        # The grid lies between 982 and 1020 m.
+        first_sample_delay_s=2 * 975.0 / SPEED_OF_LIGHT,
         pulse_length_s=pulse_length_s, chirp_rate_hz_per_s=500e6 / pulse_length_s,
         waveform=Waveform.LFM)
     track = Trajectory(

@@ -1,0 +1,231 @@
+"""Recordings of pulse blocks: rosbag2 folders (mcap) with the truth in their metadata.
+
+Needs `rosbags` and no ROS. One topic, `/pulses` of type std_msgs/msg/Float32MultiArray; the time
+of a message is the transmission time of its block's last pulse. The same blocks always give the
+same bytes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from rosbags.rosbag2 import Reader, ReaderError, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from msg_conversions.wire import from_array, to_array
+from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.radar import RadarParameters
+
+TOPIC = '/pulses'
+MESSAGE_TYPE = 'std_msgs/msg/Float32MultiArray'
+TRUTH_KEY = 'sar_imaging.truth'
+TRUTH_VERSION = 1
+
+_STORE = get_typestore(Stores.ROS2_JAZZY)
+
+
+class BagError(RuntimeError):
+    """A recording is missing, exists already, or is not one of ours."""
+
+
+def serialise(block: PulseBlock) -> bytes:
+    """CDR bytes of the message that carries `block`, as a publisher would send them."""
+    data, dims, offset = to_array(block)
+    types = _STORE.types
+    layout = types['std_msgs/msg/MultiArrayLayout'](
+        dim=[types['std_msgs/msg/MultiArrayDimension'](label=label, size=size, stride=stride)
+             for label, size, stride in dims],
+        data_offset=offset)
+    return bytes(_STORE.serialize_cdr(types[MESSAGE_TYPE](layout=layout, data=data),
+                                      MESSAGE_TYPE))
+
+
+def deserialise(cdr: bytes) -> PulseBlock:
+    """Pulse block of a message's CDR bytes; raises `WireFormatError` when it holds none."""
+    message = _STORE.deserialize_cdr(cdr, MESSAGE_TYPE)
+    dims = [(d.label, d.size, d.stride) for d in message.layout.dim]
+    return from_array(message.data, dims, message.layout.data_offset)
+
+
+def write_bag(path: Path | str, blocks: Iterable[PulseBlock], truth: dict, *,
+              overwrite: bool = False) -> int:
+    """Write a recording, all of it or nothing.
+
+    The bag is written beside its place and moved there when complete, so an interruption leaves
+    neither half a bag nor a damaged older one.
+
+    Parameters
+    ----------
+    path : path
+        Folder to make; its name becomes the name of the mcap file.
+    blocks : iterable of PulseBlock
+        In the order of their pulses.
+    truth : dict
+        What evaluation compares with; stored as JSON, see docs/preparing_radar_data.md.
+    overwrite : bool
+        Replace an existing bag. A folder without metadata.yaml is never removed.
+
+    Returns
+    -------
+    int
+        Number of messages.
+
+    Raises
+    ------
+    BagError
+        `path` exists and may not be replaced, or there is no block.
+    """
+    path = Path(path).resolve()
+    check_target(path, overwrite=overwrite)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f'.{path.name}.', dir=path.parent) as folder:
+        partial = Path(folder) / path.name
+        count = _write(partial, blocks, truth)
+        if not count:
+            raise BagError(f'no pulse block to write to {path}')
+        if path.exists():
+            shutil.rmtree(path)
+        partial.rename(path)
+    return count
+
+
+def check_target(path: Path, *, overwrite: bool) -> None:
+    """Raise `BagError` when a bag may not be written to `path`."""
+    if not path.exists():
+        return
+    if not (path / 'metadata.yaml').is_file():
+        raise BagError(f'{path} exists and is not a bag; choose another path')
+    if not overwrite:
+        raise BagError(f'{path} exists already; choose another path or add --force')
+
+
+def _write(path: Path, blocks: Iterable[PulseBlock], truth: dict) -> int:
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.set_custom_data(TRUTH_KEY, json.dumps(truth, sort_keys=True))
+        connection = writer.add_connection(TOPIC, MESSAGE_TYPE, typestore=_STORE)
+        count = 0
+        for block in blocks:
+            writer.write(connection, int(block.stamp_ns[-1]), serialise(block))
+            count += 1
+    return count
+
+
+@contextlib.contextmanager
+def _opened(path: Path | str) -> Iterator[Reader]:
+    path = Path(path)
+    if not (path / 'metadata.yaml').is_file():
+        raise BagError(f'{path} is not a rosbag2 recording: it has no metadata.yaml')
+    try:
+        with Reader(path) as reader:
+            yield reader
+    except ReaderError as error:
+        raise BagError(f'{path} cannot be read: {error}') from error
+
+
+def raw_messages(path: Path | str) -> Iterator[tuple[int, bytes]]:
+    """Messages of `/pulses` as they were recorded, for a publisher to send on.
+
+    Parameters
+    ----------
+    path : path
+        Bag folder.
+
+    Yields
+    ------
+    time_ns : int
+        When the message was recorded, nanoseconds.
+    cdr : bytes
+        The serialised message.
+
+    Raises
+    ------
+    BagError
+        The folder is no bag or has no topic `/pulses` of the right type.
+    """
+    with _opened(path) as reader:
+        connections = [c for c in reader.connections
+                       if c.topic == TOPIC and c.msgtype == MESSAGE_TYPE]
+        if not connections:
+            present = ', '.join(f'{c.topic} ({c.msgtype})' for c in reader.connections) or 'none'
+            raise BagError(f'{path} has no topic {TOPIC} of type {MESSAGE_TYPE}; topics in it: '
+                           f'{present}')
+        for _, time_ns, cdr in reader.messages(connections=connections):
+            yield time_ns, bytes(cdr)
+
+
+def read_blocks(path: Path | str) -> Iterator[PulseBlock]:
+    """Pulse blocks of a recording, in the order recorded; raises as `raw_messages` does."""
+    for _, cdr in raw_messages(path):
+        yield deserialise(cdr)
+
+
+def read_truth(path: Path | str) -> dict | None:
+    """Truth stored with a recording, or None when it has none.
+
+    Raises
+    ------
+    BagError
+        The folder is no bag, or its truth is of a version this program does not know.
+    """
+    with _opened(path) as reader:
+        text = (reader.metadata.custom or {}).get(TRUTH_KEY)
+    if text is None:
+        return None
+    truth = json.loads(text)
+    if truth.get('version') != TRUTH_VERSION:
+        raise BagError(f'{path}: truth of version {truth.get("version")}; this program reads '
+                       f'version {TRUTH_VERSION}')
+    return truth
+
+
+def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], grid,
+               pulses_per_aperture: int, n_pulses: int, n_channels: int,
+               cut_half_width_m: tuple[float, float], radar: RadarParameters, compressed: bool,
+               notes: str = '', window: str = 'none') -> dict:
+    """Truth dictionary of a recording.
+
+    Parameters
+    ----------
+    scenario, description, notes : str
+        Name, one sentence, origin.
+    scatterers : iterable of dict
+        Each ``{'name', 'position_m': [x, y, z], 'amplitude_db'}``; metres in the map frame.
+    grid : MapGrid
+        Where to image the scene.
+    pulses_per_aperture, n_pulses, n_channels : int
+        Of the recording.
+    cut_half_width_m : (2,) floats
+        Half widths of the cuts for sidelobe measures, in range and azimuth, metres.
+    radar : RadarParameters
+        Of the recorded samples.
+    compressed : bool
+        Whether those are range profiles.
+    window : str
+        Spectral weighting for which the measures are meant.
+
+    Returns
+    -------
+    dict
+        Of JSON types only.
+    """
+    range_m, azimuth_m = cut_half_width_m
+    return {
+        'version': TRUTH_VERSION, 'scenario': scenario, 'description': description,
+        'frame': 'map', 'scatterers': list(scatterers),
+        'grid': {'centre_m': list(grid.centre_m), 'n_x': grid.n_x, 'n_y': grid.n_y,
+                 'spacing_m': grid.spacing_m},
+        'pulses_per_aperture': pulses_per_aperture, 'n_pulses': n_pulses,
+        'n_channels': n_channels,
+        'cut_half_width_m': {'range': range_m, 'azimuth': azimuth_m}, 'window': window,
+        'radar': radar_to_dict(radar), 'compressed': compressed, 'notes': notes}
+
+
+def radar_to_dict(radar: RadarParameters) -> dict:
+    """Fields of the radar parameters, the waveform by its name."""
+    fields = {name: getattr(radar, name) for name in radar.__dataclass_fields__}
+    return fields | {'waveform': radar.waveform.name}

@@ -1,0 +1,159 @@
+"""Simulate a scenario and write it as a rosbag2 recording with its truth.
+
+Run: python -m sar_imaging.tools.simulate psf --output bags/psf
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from tqdm import tqdm
+
+from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.simulation.scenarios import SCENARIOS, Scenario
+
+from .bag_io import BagError, check_target, make_truth, write_bag
+
+_EPILOG = """\
+The recording is a rosbag2 folder (mcap) with the topic /pulses. The same command gives the same
+bytes on every machine, unless --noise-std or --seed say otherwise. Scene, grid and radar are
+stored in its metadata, where evaluate finds them:
+
+  python -m sar_imaging.tools.simulate spotlight --output out/spotlight
+  python -m sar_imaging.tools.evaluate out/spotlight --output out/image
+"""
+
+
+def scenario_truth(scenario: Scenario) -> dict:
+    """Truth to store with a recording of the scenario, see `bag_io.make_truth`."""
+    return make_truth(
+        scenario=scenario.name, description=scenario.description,
+        scatterers=[{'name': s.name, 'position_m': list(s.position_m),
+                     # Rounded: the last digit of a logarithm differs between machines.
+                     'amplitude_db': round(s.amplitude_db, 9)} for s in scenario.scatterers],
+        grid=scenario.grid, pulses_per_aperture=scenario.pulses_per_aperture,
+        n_pulses=scenario.n_pulses, n_channels=scenario.n_channels,
+        cut_half_width_m=scenario.cut_half_width_m, radar=scenario.radar,
+        compressed=scenario.compressed, notes=scenario.notes)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command-line parser."""
+    p = argparse.ArgumentParser(
+        prog='simulate', description='Simulate radar pulses and write them as a rosbag2 '
+        'recording (mcap) with the truth in its metadata.', epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument('scenario', nargs='?', metavar='SCENARIO',
+                   help=f'one of {", ".join(SCENARIOS)}; --list describes them')
+    p.add_argument('--list', action='store_true', help='describe the scenarios and stop')
+    p.add_argument('--output', type=Path, metavar='FOLDER',
+                   help='bag folder to make (default: out/bags/SCENARIO)')
+    p.add_argument('--pulses-per-message', type=_positive, default=25, metavar='N',
+                   help='pulses in one message (default: %(default)s); messages of 0.1 to 2 MB '
+                        'travel best')
+    p.add_argument('--noise-std', type=_not_negative, metavar='SIGMA',
+                   help='standard deviation of the complex noise per sample, the echo of a unit '
+                        "scatterer being 1 (default: the scenario's own)")
+    p.add_argument('--seed', type=int, metavar='SEED',
+                   help="seed of the noise (default: the scenario's own)")
+    p.add_argument('--force', action='store_true', help='replace an existing bag')
+    return p
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f'{value} is not positive')
+    return value
+
+
+def _not_negative(text: str) -> float:
+    value = float(text)
+    if not 0 <= value < float('inf'):
+        raise argparse.ArgumentTypeError(f'{text} is not a finite number of at least 0')
+    return value
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the program; returns its exit status."""
+    p = parser()
+    arguments = p.parse_args(argv)
+    if arguments.list:
+        print(describe_scenarios())
+        return 0
+    if arguments.scenario not in SCENARIOS:
+        p.error(f'scenario {arguments.scenario!r} is unknown; use one of {", ".join(SCENARIOS)}'
+                if arguments.scenario else 'name a scenario, or --list')
+    scenario = SCENARIOS[arguments.scenario]()
+    if arguments.noise_std is not None:
+        scenario = dataclasses.replace(scenario, noise_std=arguments.noise_std)
+    if arguments.seed is not None:
+        scenario = dataclasses.replace(scenario, seed=arguments.seed)
+    output = arguments.output or Path('out/bags') / scenario.name
+    return run_writing(lambda: _write(scenario, output, arguments))
+
+
+def describe_scenarios() -> str:
+    """One paragraph per scenario."""
+    lines = []
+    for name, make in SCENARIOS.items():
+        s = make()
+        kind = 'range profiles' if s.compressed else 'raw samples'
+        size = s.n_pulses * s.n_channels * s.n_samples * 8 / 1e6
+        lines += [name, f'    {s.description}.',
+                  f'    {s.n_pulses} pulses x {s.n_channels} channels x {s.n_samples} {kind}, '
+                  f'{size:.1f} MB, {s.n_pulses // s.pulses_per_aperture} aperture(s)']
+    return '\n'.join(lines)
+
+
+def _write(scenario: Scenario, output: Path, arguments: argparse.Namespace) -> str:
+    check_target(output, overwrite=arguments.force)
+    blocks = with_progress(scenario.blocks(arguments.pulses_per_message), scenario.n_pulses)
+    count = write_bag(output, blocks, scenario_truth(scenario), overwrite=arguments.force)
+    return (f'{output}: {scenario.n_pulses} pulses of {scenario.n_channels} channels in {count} '
+            f'messages, {len(scenario.scatterers)} scatterers')
+
+
+def with_progress(blocks: Iterator[PulseBlock], n_pulses: int) -> Iterator[PulseBlock]:
+    """Pass blocks on and show on a terminal how many of `n_pulses` have passed."""
+    with tqdm(total=n_pulses, unit='pulse', disable=None) as bar:
+        for block in blocks:
+            yield block
+            bar.update(block.n_pulses)
+
+
+def run_writing(write) -> int:
+    """Run `write`, print what it returns; 0, or 1 with a reason, or 130 when interrupted."""
+    with _terminate_as_interrupt():
+        try:
+            print(write())
+        except BagError as error:
+            print(f'error: {error}', file=sys.stderr)
+            return 1
+        except KeyboardInterrupt:
+            print('interrupted; nothing was written', file=sys.stderr)
+            return 130
+    return 0
+
+
+@contextlib.contextmanager
+def _terminate_as_interrupt() -> Iterator[None]:
+    """Let SIGTERM clean up as Ctrl-C does."""
+    def interrupt(signum, frame):
+        raise KeyboardInterrupt
+
+    previous = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
