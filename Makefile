@@ -46,6 +46,11 @@ lint: environment
 	@echo 'ruff check ...'
 	@$(RUN) -m ruff check .
 
+bags: environment
+	@for scenario in psf spotlight; do \
+	    $(RUN) -m sar_imaging.tools.simulate $$scenario --output bags/$$scenario --force || exit 1; \
+	done
+
 # colcon runs in an environment of its own: installed executables start with the Python that ran
 # it, and its pytest plug-ins should not change how the tests run elsewhere.
 COLCON = build/colcon
