@@ -1,0 +1,220 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+from hypothesis.extra import numpy as hnp
+
+pytest.importorskip('sensor_msgs', reason='needs the ROS message classes')
+
+from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
+
+from msg_conversions import WireFormatError, images
+from sar_imaging.geometry.grids import MapGrid
+
+SHAPES = hnp.array_shapes(min_dims=2, max_dims=2, max_side=5)
+FLOATS = st.floats(width=32, allow_nan=False, allow_infinity=False)
+HEADER = Header(stamp=Time(sec=12, nanosec=34), frame_id='map')
+PICTURE = np.array([[1, 2, 3], [4, 5, 6]], np.float32)  # asymmetric, so that a flip shows
+
+
+def through_cdr(message):
+    serialization = pytest.importorskip('rclpy.serialization')
+    return serialization.deserialize_message(serialization.serialize_message(message),
+                                             type(message))
+
+
+# ------------------------------------------------------------------------------- images
+
+@given(hnp.arrays(np.complex64, SHAPES, elements=st.complex_numbers(
+    width=64, allow_nan=False, allow_infinity=False)))
+def test_complex_round_trip(image):
+    message = images.complex_to_message(image, HEADER)
+    received = images.complex_from_message(through_cdr(message))
+    assert received.dtype == np.complex64
+    assert received.tobytes() == image.tobytes()
+
+
+@given(hnp.arrays(np.float32, SHAPES, elements=FLOATS))
+def test_amplitude_round_trip(image):
+    received = images.amplitude_from_message(through_cdr(
+        images.amplitude_to_message(image, HEADER)))
+    assert received.dtype == np.float32
+    assert received.tobytes() == image.tobytes()
+
+
+@pytest.mark.parametrize('message, encoding, n_bytes', [
+    (images.complex_to_message(PICTURE + 1j, HEADER), '32FC2', 8),
+    (images.amplitude_to_message(PICTURE, HEADER), '32FC1', 4),
+    (images.quicklook_to_message(PICTURE, HEADER, dynamic_range_db=40.0), 'mono8', 1)])
+def test_fields_describe_the_pixels(message, encoding, n_bytes):
+    assert message.header == HEADER
+    assert (message.height, message.width, message.step) == (2, 3, 3 * n_bytes)
+    assert message.encoding == encoding
+    assert message.is_bigendian == 0  # every platform that ROS 2 supports
+    assert len(message.data) == 6 * n_bytes
+
+
+def test_rows_and_columns_keep_their_order():
+    pixels = np.frombuffer(images.amplitude_to_message(PICTURE[:, ::-1], HEADER).data, np.float32)
+    assert pixels.tolist() == [3, 2, 1, 6, 5, 4]
+    pairs = np.frombuffer(images.complex_to_message(PICTURE + 7j, HEADER).data, np.float32)
+    assert pairs[:4].tolist() == [1, 7, 2, 7]
+
+
+def test_received_images_are_read_only_views():
+    message = images.amplitude_to_message(PICTURE, HEADER)
+    received = images.amplitude_from_message(message)
+    assert np.shares_memory(received, np.frombuffer(message.data, np.uint8))
+    assert not received.flags.writeable
+
+
+@pytest.mark.parametrize('write, read, image', [
+    (images.complex_to_message, images.complex_from_message, (PICTURE + 2j).astype('>c8')),
+    (images.amplitude_to_message, images.amplitude_from_message, PICTURE.astype('>f4'))])
+def test_big_endian_images_are_honoured(write, read, image):
+    message = write(image, HEADER)
+    del message.data[:]
+    message.data.frombytes(image.tobytes())
+    message.is_bigendian = 1
+    np.testing.assert_array_equal(read(message), image)
+    assert read(message).dtype.isnative
+
+
+@pytest.mark.parametrize('changes, text', [
+    ({'encoding': '32FC2'}, "encoding='32FC2'; expected '32FC1'; subscribe to the topic"),
+    ({'encoding': 'x' * 10**6}, "encoding='x{32}'; expected"),
+    ({'height': 0}, 'height=0, width=3; expected at least one pixel each'),
+    ({'width': 0}, 'height=2, width=0; expected at least one pixel each'),
+    ({'step': 16}, 'step=16; expected 12: 3 pixels of 4 bytes without padding'),
+    ({'height': 3}, r'len\(data\)=24; expected 36: 3 rows of 12 bytes'),
+    ({'height': 2**32 - 1, 'width': 2**30 - 1, 'step': 2**32 - 4}, r'len\(data\)=24; expected 18')])
+def test_malformed_images_are_refused(changes, text):
+    message = images.amplitude_to_message(PICTURE, HEADER)
+    for name, value in changes.items():
+        setattr(message, name, value)
+    with pytest.raises(WireFormatError, match=text):
+        images.amplitude_from_message(message)
+
+
+def test_image_without_data_is_refused():
+    message = images.quicklook_to_message(PICTURE, HEADER, dynamic_range_db=40.0)
+    del message.data[:]
+    with pytest.raises(WireFormatError, match=r'len\(data\)=0; expected 6'):
+        images.quicklook_from_message(message)
+
+
+@pytest.mark.parametrize('image, text', [
+    (np.zeros((0, 3)), r'image.shape=\(0, 3\); expected \(n_y, n_x\) with at least one pixel'),
+    (np.zeros(3), r'image.shape=\(3,\); expected'),
+    (np.zeros((1, 2, 3)), r'image.shape=\(1, 2, 3\); expected')])
+def test_arrays_that_are_no_images_are_refused(image, text):
+    with pytest.raises(ValueError, match=text):
+        images.complex_to_message(image, HEADER)
+    with pytest.raises(ValueError, match=text):
+        images.amplitude_to_message(image, HEADER)
+
+
+def test_complex_values_are_no_amplitude():
+    with pytest.raises(ValueError, match=r'complex64; expected real amplitudes; pass np.abs'):
+        images.amplitude_to_message(PICTURE.astype(np.complex64), HEADER)
+
+
+# ------------------------------------------------------------------------------- quicklook
+
+def test_quicklook_is_linear_in_db():
+    below_db = np.array([[0.0, 10.0, 20.0], [40.0, 41.0, 300.0]])
+    amplitude = 7e-5 * 10 ** (-below_db / 20)
+    message = images.quicklook_to_message(amplitude, HEADER, dynamic_range_db=40.0)
+    # 255 * (1 - 10 / 40) = 191.25 and 127.5, whose rounding float32 decides
+    received = images.quicklook_from_message(through_cdr(message)).tolist()
+    assert received[0][:2] == [255, 191] and received[0][2] in (127, 128)
+    assert received[1] == [0, 0, 0]
+
+
+@given(hnp.arrays(np.float32, SHAPES, elements=st.floats(0, 2.0**127, width=32)),
+       st.floats(1e-3, 200.0))
+def test_quicklook_follows_its_definition(amplitude, dynamic_range_db):
+    levels = images.quicklook(amplitude, dynamic_range_db)
+    assert levels.dtype == np.uint8
+    if amplitude.max() == 0:
+        assert not levels.any()
+        return
+    with np.errstate(divide='ignore'):
+        db = 20 * np.log10(amplitude.astype(float) / float(amplitude.max()))
+    exact = 255 * np.clip(1 + db / dynamic_range_db, 0, 1)
+    # Half a level of rounding; float32 errs by some 1e-6 dB, which matters for tiny ranges.
+    np.testing.assert_allclose(levels, exact, rtol=0,
+                               atol=0.5 + 255 * 1e-5 * (1 + 1 / dynamic_range_db))
+
+
+@pytest.mark.parametrize('amplitude, text', [
+    (np.zeros((0, 4)), r'amplitude.shape=\(0, 4\) is empty'),
+    (np.array([[1.0, np.nan]]), 'largest amplitude is nan; expected finite amplitudes'),
+    (np.array([[1.0, np.inf]]), 'largest amplitude is inf; expected finite amplitudes')])
+def test_amplitudes_without_maximum_are_refused(amplitude, text):
+    with pytest.raises(ValueError, match=text):
+        images.quicklook_to_message(amplitude, HEADER, dynamic_range_db=50.0)
+
+
+@pytest.mark.parametrize('dynamic_range_db', [0.0, -3.0, 201.0, np.nan, np.inf])
+def test_impossible_dynamic_ranges_are_refused(dynamic_range_db):
+    with pytest.raises(ValueError, match='dynamic_range_db=.*; expected above 0 and at most 200'):
+        images.quicklook(PICTURE, dynamic_range_db)
+
+
+# ------------------------------------------------------------------------------- map metadata
+
+def test_origin_is_the_outer_corner_of_the_lower_left_pixel():
+    grid = MapGrid((100.0, 200.0, 5.0), 4, 3, 0.5)
+    message = images.map_metadata_to_message(grid, Time(sec=7))
+    assert (message.width, message.height, message.resolution) == (4, 3, 0.5)
+    assert message.origin.position.x == grid.x_m[0] - 0.25 == 99.0
+    assert message.origin.position.y == grid.y_m[-1] - 0.25 == 199.25
+    assert message.origin.position.z == 5.0
+    assert message.origin.orientation.w == 1.0
+    assert message.map_load_time.sec == 7
+
+
+COORDINATES = st.floats(-6.4e6, 6.4e6)
+
+
+@given(centre=st.tuples(COORDINATES, COORDINATES, COORDINATES), n_x=st.integers(1, 20_000),
+       n_y=st.integers(1, 20_000), spacing_mm=st.integers(1, 99_999))
+def test_grids_of_decimal_spacing_survive(centre, n_x, n_y, spacing_mm):
+    grid = MapGrid(centre, n_x, n_y, spacing_mm / 1000)
+    message = through_cdr(images.map_metadata_to_message(grid, Time()))
+    received = images.map_metadata_from_message(message)
+    assert (received.n_x, received.n_y, received.spacing_m) == (n_x, n_y, grid.spacing_m)
+    # Two roundings of doubles below 2**23 m, the height is copied.
+    np.testing.assert_allclose(received.centre_m, centre, rtol=0, atol=2**-29)
+    assert received.centre_m[2] == centre[2]
+
+
+@given(spacing=st.floats(1e-3, 1e3), n=st.integers(1, 10_000))
+def test_other_spacings_keep_float32_precision(spacing, n):
+    grid = MapGrid((0.0, 0.0, 0.0), n, n, spacing)
+    received = images.map_metadata_from_message(
+        through_cdr(images.map_metadata_to_message(grid, Time())))
+    # The shortest decimal may lie half a float off, as the float from the spacing.
+    assert received.spacing_m == pytest.approx(spacing, rel=2**-23)
+    assert abs(received.centre_m[0]) <= n / 2 * spacing * 2**-23
+
+
+@pytest.mark.parametrize('resolution, width, text', [
+    (0.0, 3, 'describes no grid: spacing_m=0.0 must be positive'),
+    (float('nan'), 3, 'describes no grid: centre_m=.*nan'),
+    (1.0, 0, 'describes no grid: n_x=0')])
+def test_impossible_grids_are_refused(resolution, width, text):
+    message = images.map_metadata_to_message(MapGrid((0, 0, 0), 2, 2, 1.0), Time())
+    message.resolution, message.width = resolution, width
+    with pytest.raises(WireFormatError, match=text):
+        images.map_metadata_from_message(message)
+
+
+def test_rotated_maps_are_refused():
+    message = images.map_metadata_to_message(MapGrid((0, 0, 0), 2, 2, 1.0), Time())
+    message.origin.orientation.w = message.origin.orientation.z = 0.5**0.5
+    with pytest.raises(WireFormatError, match=r'orientation=.*; expected \(0, 0, 0, 1\): a north'):
+        images.map_metadata_from_message(message)
