@@ -1,0 +1,124 @@
+"""Counters, log lines and diagnostics of a node: what happened, how often, and is it bad now."""
+
+from __future__ import annotations
+
+import collections
+import threading
+import time
+from collections.abc import Iterable
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+RECENT_S = 10.0  # a fault colours the diagnostics for this long
+LINES_PER_PERIOD = 20  # log lines between two diagnostics messages; the rest is counted
+
+
+class Health:
+    """Collect what a node has to tell and publish it on /diagnostics.
+
+    All methods may be called from any thread.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Node to speak for.
+    counters : iterable of str
+        Keys that are published from the start, as zeros.
+    faults : iterable of str
+        Those whose increase means a warning.
+    errors : iterable of str
+        Those whose increase means an error.
+    """
+
+    def __init__(self, node: Node, *, counters: Iterable[str], faults: Iterable[str],
+                 errors: Iterable[str]):
+        self._logger = node.get_logger()
+        self._clock = node.get_clock()
+        self._name = node.get_fully_qualified_name().lstrip('/')
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._lock = threading.Lock()
+        self._values: dict[str, int | float] = dict.fromkeys(counters, 0)
+        self._watched = {DiagnosticStatus.WARN: tuple(faults),
+                         DiagnosticStatus.ERROR: tuple(errors)}
+        self._totals: collections.Counter = collections.Counter()
+        self._last_change: dict[bytes, float] = {}
+        self._lines = 0
+        self._suppressed = 0
+
+    def count(self, key: str, increment: int = 1) -> None:
+        """Increase a counter."""
+        with self._lock:
+            self._values[key] += increment
+
+    def set(self, key: str, value: int | float) -> None:
+        """Set a counter that is kept elsewhere, or a measured figure."""
+        with self._lock:
+            self._values[key] = value
+
+    def info(self, text: str) -> None:
+        """Log what a user wants to know."""
+        # rclpy ties a severity to the line of code that logs: one line for each.
+        if self._may_log():
+            self._logger.info(text)
+
+    def warning(self, text: str) -> None:
+        """Log a loss or a fault that the node lives with."""
+        if self._may_log():
+            self._logger.warning(text)
+
+    def error(self, text: str) -> None:
+        """Log what should never happen."""
+        if self._may_log():
+            self._logger.error(text)
+
+    def _may_log(self) -> bool:
+        with self._lock:
+            self._lines += 1
+            if self._lines > LINES_PER_PERIOD:
+                self._suppressed += 1
+                return False
+        return True
+
+    def publish(self, problem: str = '', state: str = 'working') -> None:
+        """Publish the diagnostics and allow new log lines; call it periodically.
+
+        Parameters
+        ----------
+        problem : str
+            What is wrong at the moment and no counter tells, empty when nothing is.
+        state : str
+            What the node does when nothing is wrong.
+        """
+        with self._lock:
+            level, message = self._judge(problem, state)
+            values = [KeyValue(key=k, value=_format(v)) for k, v in self._values.items()]
+            suppressed, self._suppressed, self._lines = self._suppressed, 0, 0
+        if suppressed:
+            self._logger.warning(f'{suppressed} more messages were not logged; see /diagnostics '
+                                 'for the counts')
+        status = DiagnosticStatus(level=level, name=f'{self._name}: stage', message=message,
+                                  values=values)
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self._clock.now().to_msg()
+        self._publisher.publish(array)
+
+    def _judge(self, problem: str, state: str) -> tuple[bytes, str]:
+        now = time.monotonic()
+        for level, keys in self._watched.items():
+            total = sum(self._values[k] for k in keys)
+            if total > self._totals[level]:
+                self._last_change[level] = now
+            self._totals[level] = total
+        recent = [level for level, t in self._last_change.items() if now - t < RECENT_S]
+        if DiagnosticStatus.ERROR in recent:
+            return DiagnosticStatus.ERROR, 'errors while working, see the log'
+        if problem:
+            return DiagnosticStatus.WARN, problem
+        if recent:
+            return DiagnosticStatus.WARN, 'losses a moment ago, see the counters and the log'
+        return DiagnosticStatus.OK, state
+
+
+def _format(value: int | float) -> str:
+    return f'{value:.4g}' if isinstance(value, float) else str(value)

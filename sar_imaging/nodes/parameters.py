@@ -1,0 +1,152 @@
+"""Parameters of the nodes as tables: declared, checked and coerced in one place."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterable
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+
+class ConfigurationError(ValueError):
+    """A node cannot work with its parameters; the text says which and what to set."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameter:
+    """One line of a node's parameter table.
+
+    Parameters
+    ----------
+    name : str
+        Name as in the configuration file.
+    default : float, int, bool or str
+        Value without configuration; its type is the type of the parameter.
+    description : str
+        One sentence for people.
+    unit : str
+        Unit of the value, empty without.
+    minimum, maximum : float or int or None
+        Inclusive range of a number.
+    check : callable or None
+        Raises ValueError for a value that the range cannot tell.
+    read_only : bool
+        True when the value counts at the start only.
+    """
+
+    name: str
+    default: float | int | bool | str
+    description: str
+    unit: str = ''
+    minimum: float | None = None
+    maximum: float | None = None
+    check: Callable[[object], object] | None = None
+    read_only: bool = True
+
+    def descriptor(self) -> ParameterDescriptor:
+        """Descriptor for `ros2 param describe` and for parameter editors."""
+        unit = f' Unit: {self.unit}.' if self.unit else ''
+        descriptor = ParameterDescriptor(name=self.name, read_only=self.read_only,
+                                         description=f'{self.description}{unit}')
+        if self.minimum is not None:
+            kind = type(self.default)
+            limits = {'from_value': kind(self.minimum), 'to_value': kind(self.maximum)}
+            if kind is float:
+                descriptor.floating_point_range = [FloatingPointRange(**limits)]
+            else:
+                descriptor.integer_range = [IntegerRange(**limits)]
+        # Without it `spacing: 1` for a double would kill the node; `coerce` checks the type.
+        descriptor.dynamic_typing = isinstance(self.default, float)
+        return descriptor
+
+    def expected(self) -> str:
+        """What a value must be, in words."""
+        words = {float: 'a number', int: 'a whole number', str: 'a text',
+                 bool: 'true or false'}[type(self.default)]
+        if self.minimum is not None:
+            words += f' from {self.minimum} to {self.maximum}'
+        return f'{words} ({self.unit})' if self.unit else words
+
+    def coerce(self, value):
+        """Value as the type of the parameter.
+
+        Raises
+        ------
+        ConfigurationError
+            The type is wrong, or the value is out of range.
+        """
+        kind = type(self.default)
+        if kind is float and type(value) is int:
+            value = float(value)
+        if type(value) is not kind or (kind is float and not math.isfinite(value)):
+            raise ConfigurationError(f'parameter {self.name}={value!r}; expected '
+                                     f'{self.expected()}')
+        if self.minimum is not None and not self.minimum <= value <= self.maximum:
+            raise ConfigurationError(f'parameter {self.name}={value}; expected '
+                                     f'{self.expected()}')
+        if self.check is not None:
+            try:
+                self.check(value)
+            except ValueError as error:
+                raise ConfigurationError(f'parameter {self.name}: {error}') from error
+        return value
+
+
+class ParameterValues:
+    """Declared parameters of a node and their current values, to be read by name.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Node to declare them on.
+    table : iterable of Parameter
+        What to declare.
+
+    Raises
+    ------
+    ConfigurationError
+        A value given at the start has the wrong type or is out of range.
+    """
+
+    def __init__(self, node: Node, table: Iterable[Parameter]):
+        self._table = {p.name: p for p in table}
+        self._values = {p.name: self._declare(node, p) for p in self._table.values()}
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._apply)
+
+    def __getitem__(self, name: str):
+        return self._values[name]
+
+    @staticmethod
+    def _declare(node: Node, parameter: Parameter):
+        try:
+            declared = node.declare_parameter(parameter.name, parameter.default,
+                                              parameter.descriptor())
+        except ParameterException as error:
+            raise ConfigurationError(f'parameter {parameter.name}: expected '
+                                     f'{parameter.expected()}. {error}') from error
+        return parameter.coerce(declared.value)
+
+    def _check(self, parameters: list[RosParameter]) -> SetParametersResult:
+        try:
+            for p in parameters:
+                if p.name in self._table:
+                    self._table[p.name].coerce(p.value)
+        except ConfigurationError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply(self, parameters: list[RosParameter]) -> None:
+        for p in parameters:
+            if p.name in self._table:
+                self._values[p.name] = self._table[p.name].coerce(p.value)
+

@@ -1,0 +1,78 @@
+"""Node range_compression: raw pulse blocks to range profiles."""
+
+from __future__ import annotations
+
+import sys
+
+from std_msgs.msg import Float32MultiArray
+
+from msg_conversions.pulse_block import to_message
+from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.range_compression import RANGE_FILTERS, RangeCompressor
+from sar_imaging.signal.windows import WINDOW_NAMES, parse_window
+
+from .parameters import Parameter
+from .stage import Stage, run
+
+
+def _check_range_filter(name: str) -> None:
+    if name not in RANGE_FILTERS:
+        raise ValueError(f'{name!r} is unknown; use one of {", ".join(RANGE_FILTERS)}')
+
+
+PARAMETERS = (
+    Parameter('window', 'none', f'Weighting over the band: {", ".join(WINDOW_NAMES)}; also '
+              'taylor:NBAR:SIDELOBE_DB and kaiser:BETA.', check=parse_window, read_only=False),
+    Parameter('range_filter', 'equalised', 'Filter for LFM pulses: equalised (the response is '
+              "the window's alone) or matched (least loss of signal to noise).",
+              check=_check_range_filter, read_only=False),
+    Parameter('oversampling', 2.0, 'Range samples per resolution cell c/2B of the output.',
+              'samples per cell', 1.0, 16.0, read_only=False),
+)
+
+
+class RangeCompressionNode(Stage):
+    """Publishes range profiles on `range_profiles` from what comes on `pulse_blocks`."""
+
+    def __init__(self):
+        super().__init__('range_compression', input_topic='pulse_blocks', parameters=PARAMETERS,
+                         counters=('blocks_published', 'plans_made'))
+        self._plan: RangeCompressor | None = None
+        self._planned_for: tuple | None = None
+        self._output = self.create_output(Float32MultiArray, 'range_profiles', self.stream_qos())
+
+    def summary(self) -> str:
+        """Settings for the log line at the start."""
+        return (f' -> {self._output.topic_name}, window {self.parameters["window"]}, '
+                f'{self.parameters["oversampling"]:g} samples per resolution cell')
+
+    def process(self, block: PulseBlock) -> None:
+        """Compress a block and publish its profiles."""
+        self._output.publish(to_message(self._plan_for(block)(block)))
+        self.health.count('blocks_published')
+
+    def _plan_for(self, block: PulseBlock) -> RangeCompressor:
+        """Plan for blocks like this one; made anew when the radar or a parameter changed."""
+        settings = {name: self.parameters[name] for name in ('window', 'range_filter',
+                                                             'oversampling')}
+        key = (block.radar, block.n_samples, block.compressed, *settings.values())
+        if key != self._planned_for:
+            self._plan, self._planned_for = RangeCompressor.for_block(block, **settings), key
+            self.health.count('plans_made')
+            radar, output = block.radar, self._plan.output_radar
+            self.health.info(
+                f'planned for {"profiles" if block.compressed else radar.waveform.name} at '
+                f'{radar.carrier_hz / 1e9:.6g} GHz, {radar.bandwidth_hz / 1e6:.6g} MHz: '
+                f'{block.n_samples} samples to {self._plan.n_output}, '
+                f'{output.sample_spacing_m:.4g} m apart, loss of signal to noise '
+                f'{self._plan.snr_loss_db:.2f} dB')
+        return self._plan
+
+
+def main() -> int:
+    """Run the node."""
+    return run(RangeCompressionNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
