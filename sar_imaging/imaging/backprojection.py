@@ -101,7 +101,7 @@ class Backprojector:
         block : PulseBlock
             Range profiles with phase centres.
         image : (n_y, n_x) complex64
-            Changed in place.
+            Changed in place; contiguous in C order.
 
         Raises
         ------
@@ -138,9 +138,10 @@ class Backprojector:
         if block.radar != self.radar or block.n_samples != self.n_samples:
             raise ValueError(f'the block has {block.n_samples} samples of {block.radar}; this '
                              f'plan is for {self.n_samples} samples of {self.radar}')
-        if image.shape != self.grid.shape or image.dtype != np.complex64:
+        if (image.shape != self.grid.shape or image.dtype != np.complex64
+                or not image.flags.c_contiguous):
             raise ValueError(f'image is {image.dtype} {image.shape}; expected complex64 '
-                             f'{self.grid.shape}')
+                             f'{self.grid.shape}, contiguous in C order')
 
     def _check_reach(self, geometry: LineGeometry):
         start = self.radar.range_start_m
@@ -193,24 +194,28 @@ class Backprojector:
                       ).astype(np.float32) ** 2
 
     def _project_lines(self, planes, tx, rx, geometry, lattice, first_cell, image):
-        grid, segment = self.grid, lattice.segment
-        lines = image if geometry.axis == 0 else image.T
-        start = np.array([grid.x_m[0], grid.y_m[0], grid.z_m])
+        grid, segment, axis = self.grid, lattice.segment, geometry.axis
         steps = np.array([[grid.spacing_m, 0, 0], [0, -grid.spacing_m, 0]])
-        along, across = steps[geometry.axis], steps[1 - geometry.axis]
-        if along[geometry.axis] * geometry.sign < 0:
-            start = start + (lines.shape[1] - 1) * along
-            along, lines = -along, lines[:, ::-1]
+        start = np.array([grid.x_m[0], grid.y_m[0], grid.z_m])
+        along, across = steps[axis], steps[1 - axis]
+        n_pixels, n_lines = grid.shape[1 - axis], grid.shape[axis]
+        strides = (1, grid.n_x)
+        layout = np.array([n_lines, 0, strides[1 - axis], strides[axis]])
+        if along[axis] * geometry.sign < 0:  # walk the lines from their other end
+            start = start + (n_pixels - 1) * along
+            along = -along
+            layout[1:] = (n_pixels - 1) * layout[3], layout[2], -layout[3]
         wavelength = self.radar.wavelength_m
         range_zero = (self.radar.range_start_m
                       + (first_cell + segment) * lattice.n_phases * lattice.step_m)
         cycles = 2 * lattice.step_m / wavelength
         ramp = np.exp(2j * np.pi * np.fmod(cycles * lattice.n_phases
-                                           * np.arange(lines.shape[1]), 1.0))
-        groups = -(-lines.shape[0] // kernels.LINES)
+                                           * np.arange(n_pixels), 1.0))
+        groups = -(-n_lines // kernels.LINES)
         kernels.project_lines(
             planes, tx, rx, start, along, across, segment, range_zero, lattice.step_m, cycles,
-            math.fmod(2 * range_zero / wavelength, 1.0), ramp.astype(np.complex64), lines,
+            math.fmod(2 * range_zero / wavelength, 1.0), ramp.astype(np.complex64),
+            image.reshape(-1), layout,
             np.empty((groups, 2, kernels.LINES, segment), np.float32),
             np.empty((groups, 5, kernels.LINES), np.float32),
             np.empty((groups, kernels.LINES), np.int64))

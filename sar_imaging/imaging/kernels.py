@@ -14,7 +14,7 @@ import numpy as np
 
 from ..compilation import njit, numba
 
-LINES = 16  # image lines whose geometry is computed together
+LINES = 64  # image lines whose geometry is computed together
 SINCOS_ERROR_DB = -108.0
 
 # exp(j 2 pi c) for |c| <= 1/2 as minimax polynomials in c^2; rms error 4e-6 (sine), 6e-7 (cosine)
@@ -51,7 +51,7 @@ def _path(x, y, z, ex, ey, ez):
 
 @njit(parallel=True)
 def project_lines(planes, tx, rx, start, along, across, segment, range_zero, step,
-                  cycles_per_step, cycles_zero, ramp, image, work, coefficients, base):
+                  cycles_per_step, cycles_zero, ramp, image, layout, work, coefficients, base):
     """Add rows to an image whose lines follow the range direction.
 
     Neighbouring pixels of a line lie one lattice cell apart (up to a small drift), so that a
@@ -74,8 +74,11 @@ def project_lines(planes, tx, rx, start, along, across, segment, range_zero, ste
         Carrier phase per lattice step and at `range_zero`, cycles.
     ramp : (n_pixels,) complex64
         ``exp(j 2 pi cycles_per_step U i)``: the part of the phase that all lines share.
-    image : (n_lines, n_pixels) complex64
-        Image to add to; any strides.
+    image : (n_lines * n_pixels,) complex64
+        Image to add to.
+    layout : (4,) int64
+        Number of lines, index of the first pixel in `image`, and the steps of the index to the
+        next line and to the next pixel of a line.
     work : (G, 2, LINES, segment) float32
         Work space for the ``G = ceil(n_lines / LINES)`` groups of lines, as the next two.
     coefficients : (G, 5, LINES) float32
@@ -84,17 +87,18 @@ def project_lines(planes, tx, rx, start, along, across, segment, range_zero, ste
         Work space.
     """
     n_rows, n_phases, _, n_cells = planes.shape
-    n_lines, n_pixels = image.shape
+    n_lines, n_pixels = layout[0], len(ramp)
     half = segment // 2
-    flat, flat_work = planes.reshape(-1), work.reshape(-1)
-    p = np.uint64(n_cells)
+    flat, work = planes.reshape(-1), work.reshape(-1)
+    # Unsigned indices spare the compiler the test for negative ones, which stops vectorisation.
+    p, length, slab = np.uint64(n_cells), np.uint64(segment), np.uint64(LINES * segment)
     index = np.arange(segment).astype(np.float32) - np.float32(half)
     inverse_step, inverse_phases = 1.0 / step, 1.0 / n_phases
     for group in numba.prange(base.shape[0]):
         first_line = group * LINES
         count = min(LINES, n_lines - first_line)
         for first_pixel in range(0, n_pixels, segment):
-            work[group] = 0.0
+            work[group * 2 * LINES * segment:(group + 1) * 2 * LINES * segment] = 0.0
             middle = first_pixel + half
             for row in range(n_rows):
                 for j in range(LINES):
@@ -125,11 +129,16 @@ def project_lines(planes, tx, rx, start, along, across, segment, range_zero, ste
                     t2, t3 = coefficients[group, 2, j], coefficients[group, 3, j]
                     c0, c1 = coefficients[group, 4, j], np.float32(cycles_per_step)
                     r0 = np.uint64(base[group, j] + offset)
-                    r1, r2, r3 = r0 + p, r0 + 2 * p, r0 + 3 * p
-                    i0, i1, i2, i3 = r0 + 4 * p, r0 + 5 * p, r0 + 6 * p, r0 + 7 * p
+                    r1 = r0 + p
+                    r2 = r1 + p
+                    r3 = r2 + p
+                    i0 = r3 + p
+                    i1 = i0 + p
+                    i2 = i1 + p
+                    i3 = i2 + p
                     real = np.uint64((group * 2 * LINES + j) * segment)
-                    imag = real + np.uint64(LINES * segment)
-                    for i in range(np.uint64(segment)):
+                    imag = real + slab
+                    for i in range(length):
                         f = index[i]
                         t = t0 + f * (t1 + f * (t2 + f * t3))
                         c = _fraction(c1 * t + c0)
@@ -139,12 +148,15 @@ def project_lines(planes, tx, rx, start, along, across, segment, range_zero, ste
                                                  + t * (flat[r2 + i] + t * flat[r3 + i]))
                         im = flat[i0 + i] + t * (flat[i1 + i]
                                                  + t * (flat[i2 + i] + t * flat[i3 + i]))
-                        flat_work[real + i] += re * cosine - im * sine
-                        flat_work[imag + i] += re * sine + im * cosine
+                        work[real + i] += re * cosine - im * sine
+                        work[imag + i] += re * sine + im * cosine
             for j in range(count):
+                real = (group * 2 * LINES + j) * segment
+                imag = real + LINES * segment
+                pixel = layout[1] + (first_line + j) * layout[2] + first_pixel * layout[3]
                 for i in range(min(segment, n_pixels - first_pixel)):
-                    image[first_line + j, first_pixel + i] += ramp[first_pixel + i] * (
-                        work[group, 0, j, i] + np.complex64(1j) * work[group, 1, j, i])
+                    image[pixel + i * layout[3]] += ramp[first_pixel + i] * (
+                        work[real + i] + np.complex64(1j) * work[imag + i])
 
 
 @njit(parallel=True)

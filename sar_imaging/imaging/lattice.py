@@ -23,6 +23,7 @@ _SEGMENTS = (64, 32, 16, 8)
 _MAX_PHASES = 8
 _POINT_OVERSAMPLING = 3.2  # lattice of the routine for arbitrary points
 _ACCUMULATION_ERROR_DB = -112.0  # float32 sums
+_NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
 _SAMPLES_PER_SIDE = 9  # grid positions at which the geometry is bounded
 
 
@@ -91,11 +92,6 @@ def line_geometry(grid: MapGrid, tx_m, rx_m) -> LineGeometry:
         Pixels to bound over.
     tx_m, rx_m : (R, 3) float64
         Phase centres, metres.
-
-    Raises
-    ------
-    ValueError
-        A pixel coincides with a phase centre.
     """
     n = _SAMPLES_PER_SIDE
     x, y = (np.linspace(a[0], a[-1], n) for a in (grid.x_m, grid.y_m))
@@ -103,10 +99,7 @@ def line_geometry(grid: MapGrid, tx_m, rx_m) -> LineGeometry:
     path, slope, fourth = 0.0, 0.0, 0.0
     for centre in (tx_m, rx_m):
         offset = points - np.asarray(centre)[:, None, :]
-        d = np.sqrt(np.einsum('rpk,rpk->rp', offset, offset))
-        if d.min() <= 0:
-            raise ValueError('a pixel coincides with a phase centre; move the grid away from the '
-                             'antenna')
+        d = np.maximum(np.sqrt(np.einsum('rpk,rpk->rp', offset, offset)), _NEAREST_M)
         d1 = offset[..., :2] / d[..., None]
         d2 = (1 - d1 ** 2) / d[..., None]
         d3 = -3 * d1 * d2 / d[..., None]

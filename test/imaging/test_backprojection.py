@@ -1,0 +1,157 @@
+"""Backprojection against float64 time-domain correlation of the same profiles."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from sar_imaging.geometry import MapGrid
+from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.correlation import correlate
+from sar_imaging.imaging.lattice import line_geometry, plan_lattice
+from sar_imaging.signal.spectra import band_spectrum
+
+
+def _error_db(case, image, seed=0):
+    """Error against TDC over the brightest and as many random pixels, dB."""
+    flat = image.ravel()
+    chosen = np.r_[np.argsort(np.abs(flat))[-200:],
+                   np.random.default_rng(seed).integers(0, flat.size, 200)]
+    points = case.grid.points().reshape(-1, 3)[chosen]
+    reference = correlate(*band_spectrum(case.block), case.block.tx_m, case.block.rx_m, points)
+    return 10 * np.log10(np.sum(np.abs(flat[chosen] - reference) ** 2)
+                         / np.sum(np.abs(reference) ** 2))
+
+
+def _plan(case, **options):
+    return Backprojector(case.grid, case.block.radar, case.block.n_samples, **options)
+
+
+def _segment(case, target_db=-80.0):
+    geometry = line_geometry(case.grid, case.block.tx_m.reshape(-1, 3),
+                             case.block.rx_m.reshape(-1, 3))
+    return plan_lattice(geometry, case.grid.spacing_m, case.grid.n_x, case.block.radar,
+                        case.block.n_samples, target_db).segment
+
+
+@pytest.mark.parametrize('channels', [1, 5])
+@pytest.mark.parametrize('range_m', [100.0, 1e3, 1e4, 5e4])
+def test_default_error_at_all_ranges(make_case, range_m, channels):
+    case = make_case(range_m, channels=channels)
+    plan = _plan(case)
+    error = _error_db(case, plan(case.block))
+    assert error <= -80.0
+    assert error <= plan.predicted_error_db + 1.0  # never optimistic
+
+
+@pytest.mark.parametrize('options', [
+    {'range_m': 1e3, 'height_m': 500.0, 'channels': 2},
+    {'range_m': 1e3, 'height_m': 500.0, 'heading_rad': 0.5},
+    {'range_m': 1e3, 'height_m': 500.0, 'heading_rad': np.pi},  # range falls along x
+    {'range_m': 1e3, 'heading_rad': -1.4},                      # lines follow y
+    {'range_m': 300.0, 'heading_rad': np.pi / 2},
+    {'range_m': 1e3, 'bend_m': 5.0, 'channels': 3},             # curved track
+], ids=str)
+def test_any_direction_height_and_track(make_case, options):
+    case = make_case(**options)
+    plan = _plan(case)
+    assert _error_db(case, plan(case.block)) <= min(-80.0, plan.predicted_error_db + 1.0)
+
+
+def test_near_grid_uses_the_routine_for_points(make_case):
+    case = make_case(25.0, height_m=10.0, heading_rad=0.8, channels=2, aperture_m=5.0)
+    assert _segment(case) == 0
+    assert _error_db(case, _plan(case)(case.block)) <= -80.0
+
+
+@pytest.mark.parametrize('target_db', [-40.0, -60.0, -90.0])
+def test_target_is_met_and_predicted(make_case, target_db):
+    case = make_case(1e3)
+    plan = _plan(case, target_db=target_db)
+    error = _error_db(case, plan(case.block))
+    assert error <= plan.predicted_error_db + 1.0 and plan.predicted_error_db <= target_db
+
+
+def test_looser_target_reads_a_coarser_lattice(make_case):
+    case = make_case(1e3)
+    geometry = line_geometry(case.grid, case.block.tx_m[:, 0], case.block.rx_m[:, 0])
+    steps = [plan_lattice(geometry, 0.25, 96, case.block.radar, case.block.n_samples, t).step_m
+             for t in (-90.0, -60.0)]
+    assert steps[0] < steps[1]
+
+
+def test_image_is_the_sum_of_its_pulses(make_case):
+    case = make_case(1e3, channels=2)
+    plan = _plan(case)
+    whole = plan(case.block)
+    grown = np.zeros_like(whole)
+    for part in (slice(0, 5), slice(5, 6), slice(6, 6), slice(6, None)):
+        plan.add(case.block.select(part), grown)
+    # two roundings of -80 dB images
+    assert np.abs(grown - whole).max() <= 3e-4 * np.abs(whole).max()
+
+
+def test_peak_phase_is_the_scatterers(make_case):
+    case = make_case(1e3, n_points=1)
+    grid = MapGrid(tuple(case.points[0]), 9, 9, 0.25)
+    image = Backprojector(grid, case.block.radar, case.block.n_samples)(case.block)
+    expected = np.count_nonzero(np.abs(np.fft.fftfreq(case.block.n_samples, 1 / 400e6)) <= 150e6)
+    assert image[4, 4] == pytest.approx(48 * expected, rel=1e-4)
+
+
+@pytest.mark.parametrize('shape', [(1, 1), (1, 70), (70, 1), (5, 131)])
+def test_any_image_shape(make_case, shape):
+    case = make_case(1e3)
+    grid = MapGrid(case.grid.centre_m, shape[1], shape[0], 0.11)
+    image = Backprojector(grid, case.block.radar, case.block.n_samples)(case.block)
+    points = grid.points()
+    reference = correlate(*band_spectrum(case.block), case.block.tx_m, case.block.rx_m, points)
+    # a small patch may hold no scatterer: compare with the brightest possible pixel
+    assert np.abs(image - reference).max() < 1e-4 * np.abs(case.block.samples).max() * 48
+
+
+def test_ranges_outside_the_profile_are_dark(make_case):
+    case = make_case(1e3)
+    wide = MapGrid(case.grid.centre_m, 1200, 40, 0.25)
+    image = Backprojector(wide, case.block.radar, case.block.n_samples)(case.block)
+    assert not image[:, :400].any() and not image[:, -400:].any()
+    middle = dataclasses.replace(case, grid=MapGrid(case.grid.centre_m, 96, 40, 0.25))
+    assert _error_db(middle, np.ascontiguousarray(image[:, 552:648])) <= -80.0
+
+
+def test_grid_out_of_reach_is_refused(make_case):
+    case = make_case(1e3)
+    grid = MapGrid((3000.0, 0.0, 0.0), 16, 16, 0.25)
+    with pytest.raises(ValueError, match=r'grid lies 29\d\d.*profiles cover 9\d\d'):
+        Backprojector(grid, case.block.radar, case.block.n_samples)(case.block)
+
+
+def test_grid_around_the_antenna_stays_finite(make_case):
+    case = make_case(10.0, height_m=5.0)
+    antenna = case.block.tx_m[24, 0]
+    grid = MapGrid(tuple(antenna), 65, 65, 0.25)
+    image = Backprojector(grid, case.block.radar, case.block.n_samples)(case.block)
+    assert np.isfinite(image).all()
+
+
+def test_bad_blocks_are_named(make_case):
+    case = make_case(1e3)
+    plan, block = _plan(case), case.block
+    image = np.zeros(case.grid.shape, np.complex64)
+    for bad, message in (
+            (dataclasses.replace(block, compressed=False), 'apply range compression first'),
+            (dataclasses.replace(block, tx_m=None, rx_m=None), 'no phase centres'),
+            (dataclasses.replace(block, samples=block.samples[..., :-1]), 'this plan is for')):
+        with pytest.raises(ValueError, match=message):
+            plan.add(bad, image)
+    with pytest.raises(ValueError, match=r'image is complex128 .*expected complex64 \(96, 96\)'):
+        plan.add(block, image.astype(complex))
+
+
+def test_impossible_plans_are_refused(make_case):
+    case = make_case(1e3)
+    coarse = dataclasses.replace(case.block.radar, sample_rate_hz=300e6)
+    with pytest.raises(ValueError, match='1.25 times the bandwidth'):
+        Backprojector(case.grid, coarse, 100)
+    with pytest.raises(ValueError, match='target_db=-150'):
+        _plan(case, target_db=-150.0)

@@ -1,0 +1,73 @@
+"""The polynomial interpolator against exact tones, and its predicted error."""
+
+import numpy as np
+import pytest
+
+from sar_imaging.imaging.interpolation import (
+    N_PLANES,
+    design_interpolator,
+    polynomial_planes,
+)
+
+
+def _planes(samples, interpolator, first_cell=0, n_cells=None, phases=1):
+    dense = np.ascontiguousarray(samples.reshape(1, -1, phases).transpose(0, 2, 1))
+    out = np.empty((1, phases, N_PLANES, n_cells or dense.shape[-1]), np.float32)
+    polynomial_planes(dense.astype(np.complex64), first_cell, interpolator.weights,
+                      interpolator.first, out)
+    return out[0]
+
+
+def _evaluate(planes, phase, cell, t):
+    c = planes[phase, :4, cell] + 1j * planes[phase, 4:, cell]
+    return np.polynomial.polynomial.polyval(t, c)
+
+
+@pytest.mark.parametrize('oversampling', [1.6, 2.5, 4.0])
+@pytest.mark.parametrize('margin', [0.0, 0.3])
+def test_predicted_error_is_the_measured_one(oversampling, margin):
+    interpolator = design_interpolator(oversampling, margin)
+    rng = np.random.default_rng(3)
+    error = power = 0.0
+    for frequency in rng.uniform(-0.5, 0.5, 40) / oversampling:
+        samples = np.exp(2j * np.pi * frequency * np.arange(32))
+        planes = _planes(samples, interpolator)
+        t = rng.uniform(-margin, 1 + margin, 200)
+        exact = np.exp(2j * np.pi * frequency * (15 + t))
+        error += np.sum(np.abs(_evaluate(planes, 0, 15, t) - exact) ** 2)
+        power += t.size
+    measured = 10 * np.log10(error / power)
+    # 40 random tones sample the band's average to about 1 dB; float32 planes add -130 dB
+    assert measured == pytest.approx(interpolator.error_db, abs=2.0)
+
+
+def test_more_oversampling_means_less_error():
+    errors = [design_interpolator(r).error_db for r in (1.5, 2.0, 3.0, 4.0)]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[2] < -80  # three samples per resolution cell suffice for the default target
+
+
+def test_phases_are_interleaved_samples():
+    interpolator = design_interpolator(6.0)
+    samples = np.exp(2j * np.pi * 0.05 * np.arange(60))
+    planes = _planes(samples, interpolator, phases=3)
+    for phase in range(3):
+        value = _evaluate(planes, phase, 9, 0.4)
+        exact = np.exp(2j * np.pi * 0.05 * (9 * 3 + phase + 0.4))
+        assert abs(value - exact) < 1e-4  # -92 dB predicted for a flat band, tone inside it
+
+
+def test_window_may_leave_the_profile_on_both_sides():
+    interpolator = design_interpolator(3.0)
+    samples = np.exp(2j * np.pi * 0.1 * np.arange(24))
+    whole = _planes(samples, interpolator)
+    wide = _planes(samples, interpolator, first_cell=-20, n_cells=70)
+    np.testing.assert_array_equal(wide[..., 20:44], whole)
+    assert not wide[..., :10].any() and not wide[..., 55:].any()
+
+
+@pytest.mark.parametrize(('oversampling', 'margin', 'message'), [
+    (1.0, 0.0, 'sampled above its bandwidth'), (2.0, -0.1, 'must not be negative')])
+def test_impossible_designs_are_refused(oversampling, margin, message):
+    with pytest.raises(ValueError, match=message):
+        design_interpolator(oversampling, margin)
