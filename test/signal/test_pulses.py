@@ -10,7 +10,8 @@ from sar_imaging.signal import PulseBlock, RadarParameters, Waveform, concatenat
 RADAR = RadarParameters(10e9, 300e6, 400e6, 66.6e-6, 1e-6, 3e14)
 
 
-def make_block(pulses=4, channels=2, samples=8, **changes):
+def make_block(**changes):
+    pulses, channels, samples = 4, 2, 8
     rng = np.random.default_rng(0)
     fields = {'radar': RADAR, 'compressed': False, 'stamp_ns': np.arange(pulses) * 1000,
               'counter': np.arange(pulses),
