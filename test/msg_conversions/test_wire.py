@@ -156,6 +156,8 @@ MALFORMED = {
     'epoch limb too large': (put(7, 65536), 'epoch limbs .* 65536.0.; expected whole numbers'),
     'epoch at the end of time': (put(slice(4, 8), (65535, 65535, 65535, 32767)),
                                  'epoch 9223372036854775807 ns plus .* exceeds 64 bits'),
+    'epoch before the beginning of time': (put([4, 5, 6, 7, 54], (0, 0, 0, 32768, -1)),
+                                           'epoch -9223372036854775808 ns plus .* exceeds 64'),
     'carrier of zero': (put(slice(8, 10), 0), 'impossible: carrier_hz=0.0 must be positive'),
     'negative pulse length': (put(16, -1), 'impossible: pulse_length_s=-.* must not be negative'),
     'NaN in the table': (put(40, np.nan), 'per-pulse table holds 1 numbers .* its index 16'),
