@@ -1,0 +1,362 @@
+"""Point responses in a complex map image: position, and cuts along range and azimuth."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from .impulse_response import ImpulseResponse, UnmeasurableError, impulse_response
+from .interpolation import TAPS, interpolate_image
+
+CUT_POINTS_PER_PIXEL = 8
+LABELS = ('range', 'azimuth')
+
+
+def to_baseband(image, grid: MapGrid, aperture_centre_m, wavenumber_rad_per_m: float
+                ) -> np.ndarray:
+    """Remove the carrier from an image (Rosenberg & Gray, equation 18, for any geometry).
+
+    The image carries ``exp(j k_c D)``, faster than the pixel spacing can show; multiplied by
+    ``exp(-j k_c |x - O|)`` its spectrum is centred on zero around every scatterer.
+
+    Parameters
+    ----------
+    image : (n_y, n_x) complex
+        Image on `grid` with the carrier phase of backprojection.
+    grid : MapGrid
+        Pixel positions.
+    aperture_centre_m : (3,) float
+        Phase centre O in the middle of the aperture, imaging frame, metres.
+    wavenumber_rad_per_m : float
+        ``k_c = 4 pi f_c / c``.
+
+    Returns
+    -------
+    (n_y, n_x) complex128
+        Baseband image.
+
+    Raises
+    ------
+    ValueError
+        The image does not have the shape of the grid.
+    """
+    image = np.asarray(image)
+    if image.shape != grid.shape:
+        raise ValueError(f'image.shape={image.shape} does not match grid.shape={grid.shape}')
+    ox, oy, oz = np.asarray(aperture_centre_m, float)
+    distance = np.sqrt((grid.x_m - ox) ** 2 + ((grid.y_m - oy) ** 2)[:, None]
+                       + (grid.z_m - oz) ** 2)
+    cycles = wavenumber_rad_per_m / (2 * math.pi) * distance
+    return image * np.exp(-2j * math.pi * (cycles - np.round(cycles)))
+
+
+def crop(image, grid: MapGrid, centre_xy, half_size_m) -> tuple[np.ndarray, MapGrid]:
+    """Part of an image around a point, with the grid of the part.
+
+    Parameters
+    ----------
+    image : (n_y, n_x) array
+        Image on `grid`.
+    grid : MapGrid
+        Pixel positions.
+    centre_xy : (2,) float
+        Middle of the part, metres.
+    half_size_m : (2,) float
+        Half of its size along x and y, metres; the part ends where the image ends.
+
+    Returns
+    -------
+    (r, c) array, MapGrid
+        View of the image, and its grid.
+
+    Raises
+    ------
+    ValueError
+        The point lies outside the grid.
+    """
+    row, column = grid.to_pixels(*centre_xy)
+    if not (-0.5 <= row <= grid.n_y - 0.5 and -0.5 <= column <= grid.n_x - 0.5):
+        raise ValueError(f'({centre_xy[0]:.2f}, {centre_xy[1]:.2f}) m lies outside the image')
+    half_columns, half_rows = (math.ceil(h / grid.spacing_m) for h in half_size_m)
+    row, column = round(float(row)), round(float(column))
+    r0, r1 = max(0, row - half_rows), min(grid.n_y, row + half_rows + 1)
+    c0, c1 = max(0, column - half_columns), min(grid.n_x, column + half_columns + 1)
+    centre = ((grid.x_m[c0] + grid.x_m[c1 - 1]) / 2, (grid.y_m[r0] + grid.y_m[r1 - 1]) / 2,
+              grid.z_m)
+    return image[r0:r1, c0:c1], MapGrid(centre, c1 - c0, r1 - r0, grid.spacing_m)
+
+
+def sample_image(image, grid: MapGrid, points_xy, *, aperture_centre_m,
+                 wavenumber_rad_per_m: float) -> np.ndarray:
+    """Values of a complex map image between its pixels, at range baseband.
+
+    Parameters
+    ----------
+    image : (n_y, n_x) complex
+        Image on `grid` with the carrier phase of backprojection.
+    grid : MapGrid
+        Pixel positions.
+    points_xy : (..., 2) float64
+        Positions (x, y) inside the grid, metres.
+    aperture_centre_m, wavenumber_rad_per_m
+        As for `to_baseband`.
+
+    Returns
+    -------
+    (...) complex128
+        ``f(x) exp(-j k_c |x - O|)``.
+
+    Raises
+    ------
+    ValueError
+        A point lies outside the grid, or the image does not have the shape of the grid.
+    """
+    points_xy = np.asarray(points_xy, float)
+    baseband = to_baseband(image, grid, aperture_centre_m, wavenumber_rad_per_m)
+    return _sample(baseband, grid, points_xy)
+
+
+def _sample(baseband, grid: MapGrid, points_xy) -> np.ndarray:
+    """Interpolate a baseband image at (..., 2) positions."""
+    rows, columns = grid.to_pixels(points_xy[..., 0], points_xy[..., 1])
+    return interpolate_image(baseband, rows.ravel(), columns.ravel()).reshape(rows.shape)
+
+
+def project_on_plane(position_m, aperture_centre_m, plane_z_m: float) -> np.ndarray:
+    """Where a scatterer off the image plane appears in the image (layover).
+
+    The point of the plane at the same distance from the aperture centre in the same horizontal
+    direction; a scatterer on the plane stays where it is.
+
+    Parameters
+    ----------
+    position_m : (3,) float
+        Scatterer, metres.
+    aperture_centre_m : (3,) float
+        Middle of the aperture, metres.
+    plane_z_m : float
+        Height of the image plane, metres.
+
+    Returns
+    -------
+    (2,) float64
+        Position (x, y) on the plane, metres.
+    """
+    position = np.asarray(position_m, float)
+    offset = position - aperture_centre_m
+    ground = math.hypot(offset[0], offset[1])
+    # difference of squares: the plain difference of two slant ranges loses digits
+    ground_squared = ground ** 2 + (position[2] - plane_z_m) * (
+        position[2] + plane_z_m - 2 * float(aperture_centre_m[2]))
+    return np.asarray(aperture_centre_m[:2], float) + offset[:2] * math.sqrt(
+        max(ground_squared, 0.0)) / ground
+
+
+@dataclasses.dataclass(frozen=True)
+class ScattererQuality:
+    """Measured point response; NaN where it could not be measured, with the reason.
+
+    Range is the horizontal direction from the aperture centre to the scatterer, azimuth is range
+    turned by +90 degrees about the vertical.
+
+    Parameters
+    ----------
+    name : str
+        Name of the scatterer.
+    irw_range_m, irw_azimuth_m : float
+        Impulse response widths at half power, metres on the ground.
+    pslr_range_db, pslr_azimuth_db : float
+        Peak sidelobe ratios, decibels.
+    islr_range_db, islr_azimuth_db : float
+        Integrated sidelobe ratios, decibels.
+    position_error_range_m, position_error_azimuth_m : float
+        Measured minus true position, metres.
+    peak_x_m, peak_y_m : float
+        Measured position, imaging frame, metres.
+    peak_amplitude : float
+        Magnitude of the image there.
+    window_range_m, window_azimuth_m : (float, float)
+        Ends of the sidelobe windows from the peak, metres.
+    reason : str
+        Why figures are missing; empty when none is.
+    """
+
+    name: str
+    irw_range_m: float = math.nan
+    irw_azimuth_m: float = math.nan
+    pslr_range_db: float = math.nan
+    pslr_azimuth_db: float = math.nan
+    islr_range_db: float = math.nan
+    islr_azimuth_db: float = math.nan
+    position_error_range_m: float = math.nan
+    position_error_azimuth_m: float = math.nan
+    peak_x_m: float = math.nan
+    peak_y_m: float = math.nan
+    peak_amplitude: float = math.nan
+    window_range_m: tuple[float, float] = (math.nan, math.nan)
+    window_azimuth_m: tuple[float, float] = (math.nan, math.nan)
+    reason: str = ''
+
+    def as_json(self) -> dict:
+        """Fields for JSON: NaN and infinities become None."""
+        def clean(value):
+            if isinstance(value, tuple):
+                return [clean(v) for v in value]
+            return None if isinstance(value, float) and not math.isfinite(value) else value
+
+        return {k: clean(v) for k, v in dataclasses.asdict(self).items()}
+
+
+def measure_scatterer(image, grid: MapGrid, truth_m, *, aperture_centre_m,
+                      wavenumber_rad_per_m: float, cut_half_width_range_m: float,
+                      cut_half_width_azimuth_m: float, name: str = '',
+                      neighbours_m: Sequence = ()) -> ScattererQuality:
+    """Measure the response of one scatterer of known position.
+
+    The brightest pixel within a third of the cut windows around the truth, nearer to it than to
+    any neighbour, is refined to a hundredth of a pixel; cuts along range and azimuth through it
+    are measured by `impulse_response`. Sidelobe ratios are left out when a neighbour stands in
+    the window of the cut.
+
+    Parameters
+    ----------
+    image : (n_y, n_x) complex
+        Image on `grid` with the carrier phase of backprojection.
+    grid : MapGrid
+        Pixel positions.
+    truth_m : (3,) float
+        True position, imaging frame, metres. Off the plane of the grid the error is taken from
+        where layover puts it.
+    aperture_centre_m : (3,) float
+        Phase centre in the middle of the aperture, metres.
+    wavenumber_rad_per_m : float
+        ``4 pi f_c / c``.
+    cut_half_width_range_m, cut_half_width_azimuth_m : float
+        Half widths of the sidelobe windows, metres; shortened where the image ends.
+    name : str
+        Name for the result.
+    neighbours_m : sequence of (3,) float
+        True positions of the other scatterers, metres.
+
+    Returns
+    -------
+    ScattererQuality
+        Figures; what cannot be measured is NaN and has a reason.
+    """
+    truth_xy = project_on_plane(truth_m, aperture_centre_m, grid.z_m)
+    others = np.array([project_on_plane(p, aperture_centre_m, grid.z_m) for p in neighbours_m]
+                      ).reshape(-1, 2)
+    offset = truth_xy - np.asarray(aperture_centre_m[:2], float)
+    along_range = offset / np.hypot(*offset)
+    axes = np.stack([along_range, [-along_range[1], along_range[0]]])
+    half_widths = np.array([cut_half_width_range_m, cut_half_width_azimuth_m], float)
+    # the peak may lie a third of the window off: the chip must still hold the whole window
+    margin = TAPS // 2 * grid.spacing_m
+    half_size = np.abs(axes).T @ (half_widths * 4 / 3) + margin
+    try:
+        chip, chip_grid = crop(np.asarray(image), grid, truth_xy, half_size)
+        chip = to_baseband(chip, chip_grid, aperture_centre_m, wavenumber_rad_per_m)
+        peak_xy, amplitude = _find_peak(chip, chip_grid, truth_xy, axes, half_widths / 3, others)
+    except ValueError as error:
+        return ScattererQuality(name, reason=str(error))
+    fields = {'name': name, 'peak_x_m': float(peak_xy[0]), 'peak_y_m': float(peak_xy[1]),
+              'peak_amplitude': amplitude}
+    fields['reason'] = _measure_cuts(chip, chip_grid, peak_xy, axes, half_widths,
+                                     others - truth_xy, truth_xy, fields)
+    return ScattererQuality(**fields)
+
+
+def _measure_cuts(chip, grid: MapGrid, peak_xy, axes, half_widths, other_offsets, truth_xy,
+                  fields: dict) -> str:
+    """Fill `fields` with the figures of both cuts; return why some are missing."""
+    responses, reasons = [None, None], []
+    for axis, label in enumerate(LABELS):
+        fields[f'position_error_{label}_m'] = float((peak_xy - truth_xy) @ axes[axis])
+        try:
+            responses[axis] = _measure_cut(chip, grid, peak_xy, axes[axis], half_widths[axis])
+        except UnmeasurableError as error:
+            reasons.append(f'{label}: {error}')
+    lobes = [h / 3 if r is None else max(map(abs, r.nulls_m))
+             for r, h in zip(responses, half_widths, strict=True)]
+    for axis, (label, response) in enumerate(zip(LABELS, responses, strict=True)):
+        if response is None:
+            continue
+        fields[f'irw_{label}_m'] = response.irw_m
+        fields[f'window_{label}_m'] = response.window_m
+        along, across = (other_offsets @ axes.T)[:, [axis, 1 - axis]].T
+        in_window = (along >= response.window_m[0]) & (along <= response.window_m[1])
+        if (in_window & (np.abs(across) < 2 * lobes[1 - axis])).any():
+            reasons.append(f'{label}: another scatterer stands in the sidelobe window')
+            continue
+        fields[f'pslr_{label}_db'] = response.pslr_db
+        fields[f'islr_{label}_db'] = response.islr_db
+    return '; '.join(reasons)
+
+
+def _find_peak(chip, grid: MapGrid, truth_xy, axes, radii, others) -> tuple[np.ndarray, float]:
+    """Position (2,) and magnitude of the strongest local maximum near the truth."""
+    points = grid.points()[..., :2]
+    allowed = np.sum(((points - truth_xy) @ axes.T / radii) ** 2, axis=-1) <= 1
+    distance = np.linalg.norm(points - truth_xy, axis=-1)
+    for other in others:
+        allowed &= distance <= np.linalg.norm(points - other, axis=-1)
+    if not allowed.any():
+        raise UnmeasurableError('no pixel lies in the search ellipse around the true position; '
+                                'widen the cut window or refine the grid')
+    row, column = np.unravel_index(np.argmax(np.where(allowed, np.abs(chip), -1)), chip.shape)
+    peak = np.array([grid.x_m[column], grid.y_m[row]])
+    if not np.abs(chip[row, column]) > 0:
+        raise UnmeasurableError('the image is zero around the true position')
+    start = peak
+    for step, half in ((grid.spacing_m / 8, 10), (grid.spacing_m / 16, 8)):
+        offsets = np.arange(-half, half + 1) * step
+        x, y = np.meshgrid(peak[0] + offsets, peak[1] + offsets)
+        points = np.stack([np.clip(x, grid.x_m[0], grid.x_m[-1]),
+                           np.clip(y, grid.y_m[-1], grid.y_m[0])], axis=-1)
+        power = np.abs(_sample(chip, grid, points)) ** 2
+        peak = points[np.unravel_index(power.argmax(), power.shape)]
+    if np.abs(peak - start).max() > 1.2 * grid.spacing_m:
+        raise UnmeasurableError('the image has no local maximum near the true position; a '
+                                'stronger neighbour covers it')
+    peak, top = _vertex(points, power)
+    return peak, math.sqrt(top)
+
+
+def _vertex(points, power) -> tuple[np.ndarray, float]:
+    """Maximum of a paraboloid fitted to the power at (..., 2) points: position and value."""
+    middle = points.reshape(-1, 2).mean(axis=0)
+    x, y = (points.reshape(-1, 2) - middle).T
+    scale = max(np.ptp(x), np.ptp(y))
+    x, y = x / scale, y / scale
+    terms = np.stack([np.ones_like(x), x, y, x * x / 2, x * y, y * y / 2], axis=1)
+    c = np.linalg.lstsq(terms, power.ravel(), rcond=None)[0]
+    hessian = np.array([[c[3], c[4]], [c[4], c[5]]])
+    offset = -np.linalg.solve(hessian, c[1:3])
+    if np.linalg.eigvalsh(hessian)[1] >= 0 or np.abs(offset).max() > 1:
+        raise UnmeasurableError('the image has no local maximum near the true position; a '
+                                'stronger neighbour covers it')
+    return middle + scale * offset, float(c[0] + c[1:3] @ offset / 2)
+
+
+def _measure_cut(chip, grid: MapGrid, peak_xy, direction, half_width_m: float
+                 ) -> ImpulseResponse:
+    """Impulse response of the cut through the peak, as far as the image reaches."""
+    step = grid.spacing_m / CUT_POINTS_PER_PIXEL
+    lower = np.array([grid.x_m[0], grid.y_m[-1]]) - 1e-9 * grid.spacing_m
+    upper = np.array([grid.x_m[-1], grid.y_m[0]]) + 1e-9 * grid.spacing_m
+    with np.errstate(divide='ignore', invalid='ignore'):
+        reach = np.sort([(lower - peak_xy) / direction, (upper - peak_xy) / direction], axis=0)
+    # two points beyond the window: the cut's own peak may be a little off
+    stop = min(half_width_m + 2 * step, np.nanmin(reach[1]))
+    start = max(-half_width_m - 2 * step, np.nanmax(reach[0]))
+    first, last = math.ceil(start / step), math.floor(stop / step)
+    points = peak_xy + np.arange(first, last + 1)[:, None] * step * direction
+    cut = _sample(chip, grid, np.clip(points, lower, upper))
+    if cut.size < 4:
+        raise UnmeasurableError('the peak lies at the edge of the image')
+    return impulse_response(cut, step, half_width_m=half_width_m, peak_near_m=-first * step,
+                            oversampling=4)
