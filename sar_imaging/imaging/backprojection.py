@@ -18,7 +18,7 @@ from ..geometry import MapGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from . import kernels
-from .interpolation import N_PLANES, polynomial_planes
+from .interpolation import N_PLANES, TAPS, polynomial_planes
 from .lattice import Lattice, LineGeometry, line_geometry, plan_lattice
 
 _CHUNK_BYTES = 6 << 20  # coefficients of one pass over the image: stays in cache
@@ -174,14 +174,24 @@ class Backprojector:
         padded[:, n_dense - lower:] = spectrum[:, lattice.n_padded - lower:]
         padded *= np.float32(n_dense / lattice.n_padded)
         dense = scipy.fft.ifft(padded, axis=-1, workers=workers, overwrite_x=True)
-        dense = dense.reshape(len(profiles), lattice.n_cells, lattice.n_phases)
-        dense = np.ascontiguousarray(dense.transpose(0, 2, 1))
+        real, imag = self._window(dense.reshape(len(profiles), lattice.n_cells, -1),
+                                  first_cell - TAPS, n_cells + 2 * TAPS)
         planes = np.empty((len(profiles), lattice.n_phases, N_PLANES, n_cells), np.float32)
-        polynomial_planes(dense, first_cell, lattice.interpolator.weights,
-                          lattice.interpolator.first, planes)
+        polynomial_planes(real, imag, lattice.interpolator.weights, lattice.interpolator.first,
+                          planes)
         pad = max(lattice.segment, 8)
         planes[..., :pad], planes[..., n_cells - pad:] = 0.0, 0.0
         return planes
+
+    @staticmethod
+    def _window(dense, first, count):
+        """Real and imaginary cells `first` onwards of (R, n, U), as (R, U, count); 0 outside."""
+        lo, hi = max(first, 0), min(first + count, dense.shape[1])
+        parts = np.zeros((2, len(dense), dense.shape[2], count), np.float32)
+        inside = dense[:, lo:hi].transpose(0, 2, 1)
+        parts[0, ..., lo - first:hi - first] = inside.real
+        parts[1, ..., lo - first:hi - first] = inside.imag
+        return parts
 
     def _band_taper(self, n) -> np.ndarray:
         """(n,) float32 gain by frequency: 1 in the band, smoothly to 0 at half the sample rate.

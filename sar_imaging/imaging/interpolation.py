@@ -97,36 +97,46 @@ def _design(oversampling, margin):
 
 
 @njit(parallel=True)
-def polynomial_planes(dense, first_cell, weights, first, out):
+def polynomial_planes(real, imag, weights, first, out):
     """Coefficients of every interval of a phase-major lattice.
 
     Parameters
     ----------
-    dense : (R, U, n) complex64
-        Samples of R profiles; sample ``U * cell + phase`` stands at ``[phase, cell]``.
-    first_cell : int
-        Lattice cell that becomes cell 0 of the output (may lie outside the lattice).
+    real, imag : (R, U, n + 2 * TAPS) float32
+        Samples of R profiles; sample ``U * cell + phase`` stands at ``[phase, cell + TAPS]``.
     weights : (4, 8) float32
         Weights of `PolynomialInterpolator`.
     first : int
         Offset of the first neighbour.
-    out : (R, U, 8, m) float32
-        Planes of real, then imaginary coefficients of each phase; zero outside the profile.
+    out : (R, U, 8, n) float32
+        Planes of real, then imaginary coefficients of each phase.
     """
-    n_rows, n_phases, n = dense.shape
-    n_taps = weights.shape[1]
+    n_rows, n_phases, length = real.shape
+    n = np.uint64(out.shape[3])
+    flat_out = out.reshape(-1)
     for row in numba.prange(n_rows):
+        start = np.empty(8, np.uint64)
         for phase in range(n_phases):
-            planes = out[row, phase]
-            planes[:] = 0.0
-            for k in range(n_taps):
+            for k in range(8):
                 step = phase + k + first
-                source = dense[row, step % n_phases]
-                shift = first_cell + step // n_phases
-                lo = max(0, -shift)
-                hi = min(planes.shape[1], n - shift)
-                for q in range(weights.shape[0]):
-                    w = weights[q, k]
-                    for cell in range(lo, hi):
-                        planes[q, cell] += w * source[cell + shift].real
-                        planes[q + 4, cell] += w * source[cell + shift].imag
+                start[k] = np.uint64((row * n_phases + step % n_phases) * length
+                                     + step // n_phases + TAPS)
+            plane = np.uint64((row * n_phases + phase) * N_PLANES) * n
+            _weighted_sums(real.reshape(-1), start, weights, flat_out, plane, n)
+            _weighted_sums(imag.reshape(-1), start, weights, flat_out,
+                           plane + n + n + n + n, n)
+
+
+@njit(inline='always')
+def _weighted_sums(samples, start, weights, out, plane, n):
+    for q in range(4):
+        w0, w1, w2, w3 = weights[q, 0], weights[q, 1], weights[q, 2], weights[q, 3]
+        w4, w5, w6, w7 = weights[q, 4], weights[q, 5], weights[q, 6], weights[q, 7]
+        s0, s1, s2, s3 = start[0], start[1], start[2], start[3]
+        s4, s5, s6, s7 = start[4], start[5], start[6], start[7]
+        target = plane + np.uint64(q) * n
+        for i in range(n):
+            out[target + i] = (w0 * samples[s0 + i] + w1 * samples[s1 + i]
+                               + w2 * samples[s2 + i] + w3 * samples[s3 + i]
+                               + w4 * samples[s4 + i] + w5 * samples[s5 + i]
+                               + w6 * samples[s6 + i] + w7 * samples[s7 + i])

@@ -24,7 +24,7 @@ _MAX_PHASES = 8
 _POINT_OVERSAMPLING = 3.2  # lattice of the routine for arbitrary points
 _ACCUMULATION_ERROR_DB = -112.0  # float32 sums
 _NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
-_SAMPLES_PER_SIDE = 9  # grid positions at which the geometry is bounded
+_SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,8 +110,13 @@ def line_geometry(grid: MapGrid, tx_m, rx_m) -> LineGeometry:
     least = np.where(sign > 0, low, -high)
     axis = int(np.argmax(least))
     largest = high[axis] if sign[axis] > 0 else -low[axis]
-    # The half path changes by at most the distance moved, and samples lie this close.
-    slack = 0.5 * math.hypot(np.ptp(x), np.ptp(y)) / (n - 1) + grid.spacing_m
+    # Extremes along a line are at its ends when range is monotonic there; between sampled lines
+    # the half path changes by at most its slope times the distance.
+    gap = 0.5 / (n - 1) * np.array([np.ptp(x), np.ptp(y)])
+    steepest = np.maximum(np.abs(low), np.abs(high))
+    slack = steepest[1 - axis] * gap[1 - axis] + grid.spacing_m
+    if least[axis] <= 0:
+        slack += steepest[axis] * gap[axis]
     return LineGeometry(axis, int(sign[axis]), (float(least[axis]), float(largest)),
                         float(fourth[..., axis].max()),
                         (float(path.min() - slack), float(path.max() + slack)))
