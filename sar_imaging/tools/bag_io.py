@@ -173,7 +173,7 @@ def read_truth(path: Path | str) -> dict | None:
         The folder is no bag, or its truth is of a version this program does not know.
     """
     with _opened(path) as reader:
-        text = (reader.metadata.custom or {}).get(TRUTH_KEY)
+        text = (reader.storage.metadata.custom or {}).get(TRUTH_KEY)
     if text is None:
         return None
     truth = json.loads(text)

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.io import loadmat
+from scipy.io.matlab import MatReadError
 
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.signal.pulses import PulseBlock
@@ -78,7 +79,8 @@ def _read_file(file: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         # float64 before any difference is taken: a range is 10 km and a phase millimetres.
         position_m = np.stack([data.x, data.y, data.z], axis=-1).astype(float)
         r0_m = np.asarray(data.r0, float)
-    except (KeyError, AttributeError, ValueError, NotImplementedError) as error:
+    except (KeyError, AttributeError, ValueError, NotImplementedError,
+            MatReadError) as error:
         raise BagError(f'{file} is not a Gotcha file: {error}') from error
     if phase_history.shape != (len(position_m), len(frequency_hz)):
         raise BagError(f'{file}: fp.shape={phase_history.T.shape} does not match '

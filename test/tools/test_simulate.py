@@ -1,0 +1,137 @@
+"""The simulate command, and that the recordings of bags/ are what it writes."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.metadata
+import os
+import pathlib
+import re
+import shlex
+import signal
+
+import numpy as np
+import pytest
+
+from sar_imaging.signal.pulses import concatenate
+from sar_imaging.simulation.scenarios import SCENARIOS, Scenario
+from sar_imaging.tools import simulate
+from sar_imaging.tools.bag_io import raw_messages, read_blocks, read_truth
+
+BAGS = pathlib.Path(__file__).parents[2] / 'bags'
+COMMANDS = re.findall(r'^python -m sar_imaging\.tools\.simulate (.+)$',
+                      (BAGS / 'README.md').read_text(), re.MULTILINE)
+
+
+@pytest.fixture(scope='module')
+def regenerated(tmp_path_factory):
+    """Recordings made anew by the commands of bags/README.md: name to (recorded, new) folder."""
+    folders = {}
+    for command in COMMANDS:
+        words = shlex.split(command)
+        recorded = BAGS.parent / words[words.index('--output') + 1]
+        words[words.index('--output') + 1] = str(tmp_path_factory.mktemp('bags') / recorded.name)
+        assert simulate.main(words) == 0
+        folders[recorded.name] = (recorded, pathlib.Path(words[words.index('--output') + 1]))
+    return folders
+
+
+@pytest.mark.parametrize('name', ['psf', 'spotlight'])
+def test_recording_is_regenerated_bit_for_bit(regenerated, name):
+    recorded, new = regenerated[name]
+    assert list(raw_messages(new)) == list(raw_messages(recorded))
+    assert (new / 'metadata.yaml').read_text() == (recorded / 'metadata.yaml').read_text()
+    file = f'{name}.mcap'
+    writer = f'rosbags-{importlib.metadata.version("rosbags")}'.encode()
+    if writer not in (recorded / file).read_bytes()[:100]:
+        pytest.skip('recorded with another version of rosbags: messages are the same, but the '
+                    'file names its writer')
+    assert (new / file).read_bytes() == (recorded / file).read_bytes()
+
+
+def test_recordings_are_small_and_all_are_listed(regenerated):
+    folders = {p.name for p in BAGS.iterdir() if p.is_dir()}
+    assert folders == set(regenerated)
+    assert sum(f.stat().st_size for f in BAGS.rglob('*.mcap')) < 6e6
+    for recorded, _ in regenerated.values():
+        sizes = {b.n_pulses for b in read_blocks(recorded)}
+        assert min(sizes) >= 10 and max(sizes) <= 32
+
+
+@pytest.mark.parametrize('name', SCENARIOS)
+def test_truth_describes_the_recording(tmp_path, name):
+    assert simulate.main([name, '--output', str(tmp_path / name)]) == 0
+    truth = read_truth(tmp_path / name)
+    block = concatenate(list(read_blocks(tmp_path / name)))
+    scenario = SCENARIOS[name]()
+    assert truth['scenario'] == name and truth['frame'] == 'map'
+    assert truth['compressed'] == block.compressed
+    assert (truth['n_pulses'], truth['n_channels']) == block.samples.shape[:2]
+    assert truth['radar'] == {**dataclasses.asdict(scenario.radar), 'waveform': 'LFM'}
+    assert truth['grid'] == {'centre_m': list(scenario.grid.centre_m), 'n_x': scenario.grid.n_x,
+                             'n_y': scenario.grid.n_y, 'spacing_m': scenario.grid.spacing_m}
+    for got, scatterer in zip(truth['scatterers'], scenario.scatterers, strict=True):
+        assert got['position_m'] == list(scatterer.position_m)
+        assert got['amplitude_db'] == pytest.approx(scatterer.amplitude_db, abs=1e-8)
+
+
+def test_noise_and_seed_change_the_samples(tmp_path):
+    samples = []
+    for i, options in enumerate([[], ['--noise-std', '0.1'],
+                                 ['--noise-std', '0.1', '--seed', '9']]):
+        path = tmp_path / str(i)
+        assert simulate.main(['psf', '--output', str(path), *options]) == 0
+        samples.append(concatenate(list(read_blocks(path))).samples)
+    assert np.std(samples[1] - samples[0]) == pytest.approx(0.1, rel=0.02)
+    assert np.std(samples[2] - samples[1]) == pytest.approx(0.1414, rel=0.02)
+
+
+def test_pulses_per_message(tmp_path):
+    path = tmp_path / 'psf'
+    assert simulate.main(['psf', '--output', str(path), '--pulses-per-message', '64']) == 0
+    assert [b.n_pulses for b in read_blocks(path)] == [64, 64, 64, 8]
+
+
+def test_existing_bag_needs_force(tmp_path, capsys):
+    command = ['psf', '--output', str(tmp_path / 'psf')]
+    assert simulate.main(command) == 0
+    assert simulate.main(command) == 1
+    assert '--force' in capsys.readouterr().err
+    assert simulate.main([*command, '--force']) == 0
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signal_leaves_no_half_bag(tmp_path, monkeypatch, capsys, number):
+    class Interrupted(Scenario):
+        def blocks(self, pulses_per_block=25):
+            for i, block in enumerate(super().blocks(pulses_per_block)):
+                if i == 3:
+                    os.kill(os.getpid(), number)
+                yield block
+
+    psf = SCENARIOS['psf']()
+    fields = {f.name: getattr(psf, f.name) for f in dataclasses.fields(psf)}
+    monkeypatch.setitem(SCENARIOS, 'psf', lambda: Interrupted(**fields))
+    before = signal.getsignal(signal.SIGTERM)
+    assert simulate.main(['psf', '--output', str(tmp_path / 'psf')]) == 130
+    assert 'nothing was written' in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
+def test_list_describes_every_scenario(capsys):
+    assert simulate.main(['--list']) == 0
+    text = capsys.readouterr().out
+    for name, make in SCENARIOS.items():
+        assert f'{name}\n    {make().description}' in text
+
+
+@pytest.mark.parametrize(('arguments', 'message'), [
+    ([], 'name a scenario'), (['moon'], "'moon' is unknown; use one of psf"),
+    (['psf', '--pulses-per-message', '0'], 'not positive'),
+    (['psf', '--noise-std', '-1'], 'at least 0'), (['psf', '--noise-std', 'nan'], 'at least 0')])
+def test_wrong_use_is_explained(arguments, message, capsys):
+    with pytest.raises(SystemExit) as stop:
+        simulate.main(arguments)
+    assert stop.value.code == 2
+    assert message in capsys.readouterr().err
