@@ -83,8 +83,8 @@ def split_nanoseconds(offset_ns: np.ndarray) -> np.ndarray:
 
 def join_nanoseconds(pairs: np.ndarray) -> np.ndarray:
     """Whole nanoseconds, as (...) float64, of (..., 2) float32 pairs in seconds."""
-    high, low = np.moveaxis(pairs.astype(np.float64), -1, 0)
-    return np.rint(high * NANOSECONDS_PER_SECOND + low * NANOSECONDS_PER_SECOND)
+    nanoseconds = pairs.astype(np.float64) * NANOSECONDS_PER_SECOND  # exact: 24 + 21 bits
+    return np.rint(nanoseconds[..., 0] + nanoseconds[..., 1])
 
 
 def split_limbs(value: int, n_limbs: int) -> list[int]:

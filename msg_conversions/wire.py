@@ -130,10 +130,8 @@ def _write_table(block: PulseBlock, table: np.ndarray) -> None:
     table[:, COUNTER.start + 1] = block.counter >> 16
     table[:, TIME] = float_pairs.split_nanoseconds(block.stamp_ns - epoch)
     if block.has_positions:
-        shape = (block.n_pulses, block.n_channels, 2, 3, 2)  # ..., tx or rx, xyz, high or low
-        centres = table[:, PHASE_CENTRES].reshape(shape)  # a view: only the last axis is split
-        centres[:, :, 0] = float_pairs.split_double(block.tx_m)
-        centres[:, :, 1] = float_pairs.split_double(block.rx_m)
+        centres = np.stack([block.tx_m, block.rx_m], axis=2)
+        table[:, PHASE_CENTRES] = float_pairs.split_double(centres).reshape(block.n_pulses, -1)
 
 
 # ------------------------------------------------------------------------------------- reading
@@ -254,27 +252,28 @@ def _check_length(values: np.ndarray, shape: tuple[int, int, int], data_offset: 
 
 
 def _check_header(header: np.ndarray, shape: tuple[int, int, int], data_offset: int) -> None:
-    if header[0] != MAGIC:
-        raise WireFormatError(f'data[0]={header[0]}; expected the magic number {MAGIC}; the topic '
+    values = header.tolist()
+    if values[0] != MAGIC:
+        raise WireFormatError(f'data[0]={values[0]}; expected the magic number {MAGIC}; the topic '
                               'does not carry pulse blocks')
-    if header[1] != VERSION:
-        raise WireFormatError(f'format version is {header[1]:g}; expected {VERSION}; use the same '
+    if values[1] != VERSION:
+        raise WireFormatError(f'format version is {values[1]:g}; expected {VERSION}; use the same '
                               'release of msg_conversions on both sides')
     _check_finite(header, 'block header', 'correct the radar parameters of the sender')
     for index, name, allowed in ((COMPRESSED, 'compressed', (0, 1)),
                                  (WAVEFORM, 'waveform', tuple(map(int, Waveform))),
                                  (POSITIONS, 'position source', (0, 1))):
-        if header[index] not in allowed:
-            raise WireFormatError(f'flag {name} (data[{index}]) is {header[index]:g}; expected '
+        if values[index] not in allowed:
+            raise WireFormatError(f'flag {name} (data[{index}]) is {values[index]:g}; expected '
                                   f'one of {allowed}; see docs/wire_format.md')
     if not float_pairs.are_limbs(header[EPOCH]):
-        raise WireFormatError(f'epoch limbs (data[4:8]) are {header[EPOCH].tolist()}; expected '
+        raise WireFormatError(f'epoch limbs (data[4:8]) are {values[EPOCH]}; expected '
                               'whole numbers of 0 to 65535; split the time into 16-bit limbs')
-    row = row_length(shape[1], bool(header[POSITIONS]))
-    if (header[2], header[3]) != (HEADER_LENGTH, row):
-        raise WireFormatError(f'header and row length are {header[2]:g} and {header[3]:g} floats; '
+    row = row_length(shape[1], bool(values[POSITIONS]))
+    if (values[2], values[3]) != (HEADER_LENGTH, row):
+        raise WireFormatError(f'header and row length are {values[2]:g} and {values[3]:g} floats; '
                               f'expected {HEADER_LENGTH} and {row} for {shape[1]} channels '
-                              f'{"with" if header[POSITIONS] else "without"} positions; see '
+                              f'{"with" if values[POSITIONS] else "without"} positions; see '
                               'docs/wire_format.md')
     if data_offset != HEADER_LENGTH + shape[0] * row:
         raise WireFormatError(f'data_offset={data_offset}; expected '
@@ -334,6 +333,8 @@ def _read_positions(table: np.ndarray, n_channels: int) -> dict[str, np.ndarray]
 
 def _read_samples(values: np.ndarray, shape: tuple[int, int, int], offset: int) -> np.ndarray:
     samples = values[offset:]
-    # One NaN would spread over a whole image; the check costs about as much as a copy.
-    _check_finite(samples, 'sample array', 'drop faulty pulses in the sender')
+    # One NaN would spread over a whole image. A sum is finite only if all its terms are, and
+    # einsum takes it in one pass without a temporary; a sum may overflow, hence the closer look.
+    if not np.isfinite(np.einsum('i->', samples)):
+        _check_finite(samples, 'sample array', 'drop faulty pulses in the sender')
     return samples.view(np.complex64).reshape(shape)
