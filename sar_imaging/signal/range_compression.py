@@ -195,7 +195,8 @@ class RangeCompressor:
         # scipy's inverse FFT divides by its length; the peak is the sum of the response's bins.
         self._gain = (gain * (self._n_out / response.sum())).astype(np.complex64)
         snr = response.sum() ** 2 / (self._n_in * np.sum(np.abs(gain) ** 2))
-        self._snr_loss_db = 10.0 * math.log10(signal_energy / snr)
+        # No loss at all may round to a negative number.
+        self._snr_loss_db = max(0.0, 10.0 * math.log10(signal_energy / snr))
 
     def _set_output(self, rate_hz: float, first_delay_s: float, n_output: int) -> None:
         self._output_radar = dataclasses.replace(self.radar, sample_rate_hz=rate_hz,

@@ -79,7 +79,7 @@ def _read_file(file: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         # float64 before any difference is taken: a range is 10 km and a phase millimetres.
         position_m = np.stack([data.x, data.y, data.z], axis=-1).astype(float)
         r0_m = np.asarray(data.r0, float)
-    except (KeyError, AttributeError, ValueError, NotImplementedError,
+    except (LookupError, AttributeError, TypeError, ValueError, NotImplementedError,
             MatReadError) as error:
         raise BagError(f'{file} is not a Gotcha file: {error}') from error
     if phase_history.shape != (len(position_m), len(frequency_hz)):

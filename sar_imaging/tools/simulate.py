@@ -22,11 +22,11 @@ from .bag_io import BagError, check_target, make_truth, write_bag
 
 _EPILOG = """\
 The recording is a rosbag2 folder (mcap) with the topic /pulses. The same command gives the same
-bytes on every machine, unless --noise-std or --seed say otherwise. Scene, grid and radar are
-stored in its metadata, where evaluate finds them:
+bytes on every machine. Scene, grid and radar are stored in its metadata, where evaluate finds
+them:
 
-  python -m sar_imaging.tools.simulate spotlight --output out/spotlight
-  python -m sar_imaging.tools.evaluate out/spotlight --output out/image
+  python -m sar_imaging.tools.simulate letter_s --output out/bags/letter_s
+  python -m sar_imaging.tools.evaluate out/bags/letter_s --output out/letter_s --launch-nodes
 """
 
 
@@ -133,7 +133,7 @@ def run_writing(write) -> int:
     with _terminate_as_interrupt():
         try:
             print(write())
-        except BagError as error:
+        except (BagError, OSError) as error:
             print(f'error: {error}', file=sys.stderr)
             return 1
         except KeyboardInterrupt:

@@ -100,6 +100,12 @@ def test_existing_bag_needs_force(tmp_path, capsys):
     assert simulate.main([*command, '--force']) == 0
 
 
+def test_unwritable_place_is_explained(tmp_path, capsys):
+    (tmp_path / 'file').write_text('in the way')
+    assert simulate.main(['psf', '--output', str(tmp_path / 'file' / 'psf')]) == 1
+    assert 'error:' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_signal_leaves_no_half_bag(tmp_path, monkeypatch, capsys, number):
     class Interrupted(Scenario):
