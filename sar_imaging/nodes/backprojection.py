@@ -57,9 +57,11 @@ PARAMETERS = (
 class BackprojectionNode(Stage):
     """Publishes images from what comes on `range_profiles`."""
 
+    NAME = 'backprojection'
+
     def __init__(self):
         super().__init__(
-            'backprojection', input_topic='range_profiles', parameters=PARAMETERS,
+            input_topic='range_profiles', parameters=PARAMETERS,
             counters=('images_published', 'pulses_imaged', 'pulses_missing_in_last_aperture',
                       'last_image_seconds'),
             faults=('pulses_missing', 'pulses_late', 'pulses_duplicate', 'apertures_dropped',

@@ -12,7 +12,6 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
@@ -55,8 +54,9 @@ class Parameter:
     def descriptor(self) -> ParameterDescriptor:
         """Descriptor for `ros2 param describe` and for parameter editors."""
         unit = f' Unit: {self.unit}.' if self.unit else ''
-        descriptor = ParameterDescriptor(name=self.name, read_only=self.read_only,
-                                         description=f'{self.description}{unit}')
+        descriptor = ParameterDescriptor(
+            name=self.name, type=RosParameter.Type.from_parameter_value(self.default).value,
+            description=f'{self.description}{unit}', read_only=self.read_only)
         if self.minimum is not None:
             kind = type(self.default)
             limits = {'from_value': kind(self.minimum), 'to_value': kind(self.maximum)}
@@ -64,8 +64,6 @@ class Parameter:
                 descriptor.floating_point_range = [FloatingPointRange(**limits)]
             else:
                 descriptor.integer_range = [IntegerRange(**limits)]
-        # Without it `spacing: 1` for a double would kill the node; `coerce` checks the type.
-        descriptor.dynamic_typing = isinstance(self.default, float)
         return descriptor
 
     def expected(self) -> str:
@@ -128,13 +126,14 @@ class ParameterValues:
 
     @staticmethod
     def _declare(node: Node, parameter: Parameter):
-        try:
-            declared = node.declare_parameter(parameter.name, parameter.default,
-                                              parameter.descriptor())
-        except ParameterException as error:
-            raise ConfigurationError(f'parameter {parameter.name}: expected '
-                                     f'{parameter.expected()}. {error}') from error
-        return parameter.coerce(declared.value)
+        # Declared with any type first: `spacing: 1` for a double would kill the node, and what
+        # is wrong with a value is said here in one line.
+        given = node.declare_parameter(parameter.name, parameter.default,
+                                       ParameterDescriptor(dynamic_typing=True))
+        value = parameter.coerce(given.value)
+        node.set_parameters([RosParameter(parameter.name, value=value)])
+        node.set_descriptor(parameter.name, parameter.descriptor())
+        return value
 
     def _check(self, parameters: list[RosParameter]) -> SetParametersResult:
         try:

@@ -28,9 +28,11 @@ PARAMETERS = (
 class PulseBufferNode(Stage):
     """Publishes ordered blocks on `pulse_blocks` from what comes on `pulses`."""
 
+    NAME = 'pulse_buffer'
+
     def __init__(self):
         super().__init__(
-            'pulse_buffer', input_topic='pulses', parameters=PARAMETERS,
+            input_topic='pulses', parameters=PARAMETERS,
             counters=('pulses_received', 'pulses_emitted', 'apertures_started',
                       'configuration_changes'),
             faults=('pulses_missing', 'pulses_duplicate', 'pulses_late', 'pulses_corrupt',

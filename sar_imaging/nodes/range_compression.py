@@ -34,8 +34,10 @@ PARAMETERS = (
 class RangeCompressionNode(Stage):
     """Publishes range profiles on `range_profiles` from what comes on `pulse_blocks`."""
 
+    NAME = 'range_compression'
+
     def __init__(self):
-        super().__init__('range_compression', input_topic='pulse_blocks', parameters=PARAMETERS,
+        super().__init__(input_topic='pulse_blocks', parameters=PARAMETERS,
                          counters=('blocks_published', 'plans_made'))
         self._plan: RangeCompressor | None = None
         self._planned_for: tuple | None = None

@@ -17,6 +17,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
+from rclpy.subscription import Subscription
 from std_msgs.msg import Float32MultiArray, UInt32
 
 from msg_conversions import WireFormatError
@@ -55,8 +56,6 @@ class Stage(Node):
 
     Parameters
     ----------
-    name : str
-        Name of the node.
     input_topic : str
         Relative topic of the blocks.
     parameters : iterable of Parameter
@@ -66,6 +65,8 @@ class Stage(Node):
 
     Attributes
     ----------
+    NAME : str
+        Name of the node, given by the subclass.
     parameters : ParameterValues
         Current values by name.
     health : Health
@@ -77,9 +78,11 @@ class Stage(Node):
         A parameter is of the wrong type or out of range.
     """
 
-    def __init__(self, name: str, *, input_topic: str, parameters: Iterable[Parameter] = (),
+    NAME: str
+
+    def __init__(self, *, input_topic: str, parameters: Iterable[Parameter] = (),
                  counters: Iterable[str] = (), faults: Iterable[str] = ()):
-        super().__init__(name)
+        super().__init__(self.NAME)
         faults = (*faults, 'blocks_rejected', 'blocks_dropped', 'messages_lost',
                   'qos_incompatible')
         errors = ('errors',)
@@ -122,7 +125,8 @@ class Stage(Node):
                 Float32MultiArray, self._input_topic, self._receive, self.stream_qos(),
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
                 event_callbacks=SubscriptionEventCallbacks(
-                    incompatible_qos=self._incompatible_qos, message_lost=self._message_lost))
+                    incompatible_qos=self._incompatible_qos, message_lost=self._message_lost,
+                    matched=lambda event: self._matched('publisher', self._subscription, event)))
         except _QOS_ERRORS as error:
             raise ConfigurationError(f'QoS override of {self._input_topic}: {error}') from error
         # Diagnostics follow the wall clock: a paused simulation is no reason to fall silent.
@@ -144,13 +148,18 @@ class Stage(Node):
         ConfigurationError
             A QoS override makes no sense.
         """
+        def matched(event):
+            self._matched('subscriber', publisher, event)
+
         try:
-            return self.create_publisher(
+            publisher = self.create_publisher(
                 message_type, topic, qos,
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-                event_callbacks=PublisherEventCallbacks(incompatible_qos=self._incompatible_qos))
+                event_callbacks=PublisherEventCallbacks(
+                    incompatible_qos=self._incompatible_qos, matched=matched))
         except _QOS_ERRORS as error:
             raise ConfigurationError(f'QoS override of {topic}: {error}') from error
+        return publisher
 
     def report(self, events: Iterable[StreamEvent]) -> None:
         """Log what a stage's plain class has to tell."""
@@ -196,6 +205,10 @@ class Stage(Node):
         self.health.count('errors')
         self.health.error('error while working, the node goes on:\n'
                           + ''.join(traceback.format_exception(error)))
+
+    def _matched(self, who: str, endpoint: Publisher | Subscription, event) -> None:
+        change = 'joined' if event.current_count_change > 0 else 'left'
+        self.health.info(f'{who} on {endpoint.topic_name} {change} ({event.current_count} now)')
 
     def _incompatible_qos(self, event) -> None:
         self.health.count('qos_incompatible', event.total_count_change)
@@ -252,7 +265,7 @@ def run(node_class: type[Stage], args: list[str] | None = None) -> int:
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except ConfigurationError as error:
-        get_logger(node_class.__name__).fatal(str(error))
+        get_logger(node_class.NAME).fatal(str(error))
         return 1
     finally:
         # A second SIGINT, as `ros2 launch` sends it, must not interrupt the clean-up.
