@@ -46,10 +46,12 @@ lint: environment
 	@echo 'ruff check ...'
 	@$(RUN) -m ruff check .
 
+# The commands of bags/README.md.
 bags: environment
-	@for scenario in psf spotlight; do \
-	    $(RUN) -m sar_imaging.tools.simulate $$scenario --output bags/$$scenario --force || exit 1; \
-	done
+	@$(RUN) -m sar_imaging.tools.simulate psf --output bags/psf \
+	    --pulses-per-message 25 --force
+	@$(RUN) -m sar_imaging.tools.simulate spotlight --output bags/spotlight \
+	    --pulses-per-message 16 --force
 
 # colcon runs in an environment of its own: installed executables start with the Python that ran
 # it, and its pytest plug-ins should not change how the tests run elsewhere.
