@@ -222,12 +222,13 @@ class Backprojector:
         ramp = np.exp(2j * np.pi * np.fmod(cycles * lattice.n_phases
                                            * np.arange(n_pixels), 1.0))
         groups = -(-n_lines // kernels.LINES)
+        work = np.empty((2, groups * kernels.LINES * segment), np.float32)
         kernels.project_lines(
-            planes, tx, rx, start, along, across, segment, range_zero, lattice.step_m, cycles,
+            planes.reshape(-1), (planes.shape[0], planes.shape[1], planes.shape[3]), tx, rx,
+            start, along, across, range_zero, lattice.step_m, cycles,
             math.fmod(2 * range_zero / wavelength, 1.0), ramp.astype(np.complex64),
-            image.reshape(-1), layout,
-            np.empty((groups, 2, kernels.LINES, segment), np.float32),
-            np.empty((groups, 5, kernels.LINES), np.float32),
+            image.reshape(-1), layout, np.arange(segment, dtype=np.float32) - segment // 2,
+            work[0], work[1], np.empty((groups, 5, kernels.LINES), np.float32),
             np.empty((groups, kernels.LINES), np.int64))
 
     def _project_points(self, planes, tx, rx, geometry, lattice, first_cell, image):
@@ -245,3 +246,15 @@ class Backprojector:
                                    lattice.step_m, 2 * lattice.step_m / wavelength,
                                    math.fmod(2 * range_zero / wavelength, 1.0),
                                    image[part].reshape(-1))
+
+
+def compile_kernels() -> None:
+    """Compile the kernels, or load them from the cache, before the first pulse arrives.
+
+    Takes some seconds the first time on a machine and well under one after that.
+    """
+    radar = RadarParameters(10e9, 300e6, 600e6, 0.0)
+    centres = np.zeros((1, 1, 3))
+    block = PulseBlock(radar, True, [0], [0], np.zeros((1, 1, 512)), centres, centres)
+    for x in (100.0, 1.0):  # by lines, and around the antenna by points
+        Backprojector(MapGrid((x, 0.0, 0.0), 9, 9, 0.25), radar, block.n_samples)(block)

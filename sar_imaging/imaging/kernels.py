@@ -50,8 +50,9 @@ def _path(x, y, z, ex, ey, ez):
 
 
 @njit(parallel=True)
-def project_lines(planes, tx, rx, start, along, across, segment, range_zero, step,
-                  cycles_per_step, cycles_zero, ramp, image, layout, work, coefficients, base):
+def project_lines(planes, shape, tx, rx, start, along, across, range_zero, step,
+                  cycles_per_step, cycles_zero, ramp, image, layout, index, work_re, work_im,
+                  coefficients, base):
     """Add rows to an image whose lines follow the range direction.
 
     Neighbouring pixels of a line lie one lattice cell apart (up to a small drift), so that a
@@ -59,14 +60,14 @@ def project_lines(planes, tx, rx, start, along, across, segment, range_zero, ste
 
     Parameters
     ----------
-    planes : (R, U, 8, n) float32
+    planes : (R * U * 8 * n,) float32
         `interpolation.polynomial_planes`; the first and last `segment` cells are zero.
+    shape : tuple of int
+        ``(R, U, n)``: rows, lattice positions per cell, cells.
     tx, rx : (R, 3) float64
         Phase centres of the rows, metres.
     start, along, across : (3,) float64
         First pixel, step to the next pixel of a line (range increases), step to the next line.
-    segment : int
-        Pixels per segment, even.
     range_zero, step : float
         Half path at the first lattice position that is not padding, and between lattice
         positions, metres.
@@ -79,26 +80,33 @@ def project_lines(planes, tx, rx, start, along, across, segment, range_zero, ste
     layout : (4,) int64
         Number of lines, index of the first pixel in `image`, and the steps of the index to the
         next line and to the next pixel of a line.
-    work : (G, 2, LINES, segment) float32
+    index : (segment,) float32
+        Pixel numbers of a segment, counted from its middle; their number is even.
+    work_re, work_im : (G * LINES * segment,) float32
         Work space for the ``G = ceil(n_lines / LINES)`` groups of lines, as the next two.
     coefficients : (G, 5, LINES) float32
         Work space.
     base : (G, LINES) int64
         Work space.
+
+    Notes
+    -----
+    Numba tells the compiler that the arrays of a parallel loop do not overlap only while the loop
+    takes no view of one; without that, tests for overlap before each short loop double the time.
     """
-    n_rows, n_phases, _, n_cells = planes.shape
+    n_rows, n_phases, n_cells = shape
+    segment = len(index)
     n_lines, n_pixels = layout[0], len(ramp)
     half = segment // 2
-    flat, work = planes.reshape(-1), work.reshape(-1)
     # Unsigned indices spare the compiler the test for negative ones, which stops vectorisation.
-    p, length, slab = np.uint64(n_cells), np.uint64(segment), np.uint64(LINES * segment)
-    index = np.arange(segment).astype(np.float32) - np.float32(half)
+    p, length = np.uint64(n_cells), np.uint64(segment)
     inverse_step, inverse_phases = 1.0 / step, 1.0 / n_phases
     for group in numba.prange(base.shape[0]):
         first_line = group * LINES
         count = min(LINES, n_lines - first_line)
         for first_pixel in range(0, n_pixels, segment):
-            work[group * 2 * LINES * segment:(group + 1) * 2 * LINES * segment] = 0.0
+            for i in range(group * LINES * segment, (group + 1) * LINES * segment):
+                work_re[i], work_im[i] = 0.0, 0.0
             middle = first_pixel + half
             for row in range(n_rows):
                 for j in range(LINES):
@@ -136,27 +144,25 @@ def project_lines(planes, tx, rx, start, along, across, segment, range_zero, ste
                     i1 = i0 + p
                     i2 = i1 + p
                     i3 = i2 + p
-                    real = np.uint64((group * 2 * LINES + j) * segment)
-                    imag = real + slab
+                    w = np.uint64((group * LINES + j) * segment)
                     for i in range(length):
                         f = index[i]
                         t = t0 + f * (t1 + f * (t2 + f * t3))
                         c = _fraction(c1 * t + c0)
                         x = c * c
                         sine, cosine = _sin_cycles(c, x), _cos_cycles(x)
-                        re = flat[r0 + i] + t * (flat[r1 + i]
-                                                 + t * (flat[r2 + i] + t * flat[r3 + i]))
-                        im = flat[i0 + i] + t * (flat[i1 + i]
-                                                 + t * (flat[i2 + i] + t * flat[i3 + i]))
-                        work[real + i] += re * cosine - im * sine
-                        work[imag + i] += re * sine + im * cosine
+                        re = planes[r0 + i] + t * (planes[r1 + i]
+                                                 + t * (planes[r2 + i] + t * planes[r3 + i]))
+                        im = planes[i0 + i] + t * (planes[i1 + i]
+                                                 + t * (planes[i2 + i] + t * planes[i3 + i]))
+                        work_re[w + i] += re * cosine - im * sine
+                        work_im[w + i] += re * sine + im * cosine
             for j in range(count):
-                real = (group * 2 * LINES + j) * segment
-                imag = real + LINES * segment
+                w = (group * LINES + j) * segment
                 pixel = layout[1] + (first_line + j) * layout[2] + first_pixel * layout[3]
                 for i in range(min(segment, n_pixels - first_pixel)):
                     image[pixel + i * layout[3]] += ramp[first_pixel + i] * (
-                        work[real + i] + np.complex64(1j) * work[imag + i])
+                        work_re[w + i] + np.complex64(1j) * work_im[w + i])
 
 
 @njit(parallel=True)
