@@ -1,0 +1,333 @@
+"""Replay a recording through the running nodes and measure the image they make.
+
+Run: python -m sar_imaging.tools.evaluate bags/spotlight --output out/demo --launch-nodes
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import json
+import math
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from tqdm import tqdm
+
+from msg_conversions import WireFormatError
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.quality import ScattererQuality, measure_scatterer
+
+from .bag_io import BagError, raw_messages
+from .node_processes import (
+    NO_LOG_FILES,
+    NODES,
+    NodeProcessError,
+    NodeProcesses,
+    isolated_environment,
+    parameters_from_truth,
+)
+from .observer import Observer, ObserverError, ReceivedImage
+from .plots import save_image_png
+from .recording import Aperture, Recording, read_recording
+from .replay import Published, Replayer, ReplayError
+
+PRODUCTS = ('image.npy', 'image.png', 'quality.json')
+START_TIMEOUT_S = 60.0  # importing and compiling on a slow machine
+
+_EPILOG = """\
+Writes image.npy (complex64, row 0 is the largest y), image.png and quality.json into the output
+folder. docs/evaluate.md explains every figure. Exit status: 0 when the image came and was
+measured, 1 with a reason when not.
+
+  python -m sar_imaging.tools.evaluate bags/spotlight --output out/demo --launch-nodes
+  python -m sar_imaging.tools.evaluate bags/psf --output out/psf      (nodes run already)
+"""
+
+
+class EvaluationError(RuntimeError):
+    """The image did not come, or cannot be evaluated."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command-line parser."""
+    p = argparse.ArgumentParser(
+        prog='evaluate', description='Replay a recording of radar pulses through pulse_buffer, '
+        'range_compression and backprojection over real DDS, wait for the image and measure it.',
+        epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument('bag', type=Path, help='rosbag2 folder with the topic /pulses')
+    p.add_argument('--output', type=Path, required=True, metavar='FOLDER',
+                   help='folder for the results, made when missing')
+    p.add_argument('--launch-nodes', action='store_true',
+                   help="start the nodes for this run, with the recording's own grid and aperture")
+    p.add_argument('--aperture', type=int, metavar='N',
+                   help='number of the aperture to evaluate, pulse counter // pulses per aperture '
+                        '(default: the last one that is complete)')
+    p.add_argument('--rate', type=_positive, metavar='FACTOR',
+                   help='follow the recording times, so many times as fast; 1 is real time '
+                        '(default: as fast as the nodes work without loss)')
+    p.add_argument('--timeout', type=_positive, default=120.0, metavar='SECONDS',
+                   help='longest wait for the image after the last pulse (default: %(default)g)')
+    return p
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f'{text} is not a positive number')
+    return value
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the program; returns its exit status."""
+    arguments = parser().parse_args(argv)
+    signal.signal(signal.SIGTERM, _interrupt)  # ends the nodes, too
+    try:
+        run(arguments)
+    except (BagError, EvaluationError, NodeProcessError, ObserverError, OSError, ReplayError,
+            WireFormatError) as error:
+        print(f'error: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print('interrupted', file=sys.stderr)
+        return 130
+    return 0
+
+
+def _interrupt(signum, frame):
+    raise KeyboardInterrupt
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Evaluate as the command line asks; raises one of the errors that `main` knows."""
+    recording = read_recording(arguments.bag)
+    output = arguments.output
+    output.mkdir(parents=True, exist_ok=True)
+    for name in PRODUCTS:  # results of an earlier run must not pass for those of this one
+        (output / name).unlink(missing_ok=True)
+    with contextlib.ExitStack() as stack:
+        check = _nothing
+        if arguments.launch_nodes:
+            if recording.truth is None:
+                raise EvaluationError(f'{arguments.bag} has no truth, so no grid to start the '
+                                      'nodes with; start them yourself, without --launch-nodes')
+            environment = isolated_environment()
+            os.environ.update(environment)  # for this process, before its middleware starts
+            nodes = stack.enter_context(NodeProcesses(
+                parameters_from_truth(recording.truth), output / 'log', environment))
+            check = nodes.check
+        result = _replay(recording, arguments, check)
+    grid = _checked_grid(recording, result.grid, result.received, arguments.launch_nodes)
+    quality = _measure(recording, result, grid)
+    np.save(output / 'image.npy', result.received.image)
+    save_image_png(output / 'image.png', result.received.image, grid,
+                   truth=(recording.truth or {}).get('scatterers', ()),
+                   title=_title(recording, result))
+    text = json.dumps(quality, indent=2, allow_nan=False)
+    (output / 'quality.json').write_text(text + '\n')
+    print(_table(quality))
+    print(f'written: {", ".join(str(output / name) for name in PRODUCTS)}')
+
+
+def _nothing() -> None:
+    """Check of nodes that somebody else looks after."""
+
+
+@dataclasses.dataclass(frozen=True)
+class _Result:
+    """What a replay gave."""
+
+    aperture: Aperture
+    pulses_per_aperture: int
+    received: ReceivedImage
+    seconds: float
+    grid: MapGrid
+    counters: dict[str, dict[str, int]]
+
+
+def _replay(recording: Recording, arguments: argparse.Namespace,
+            check: Callable[[], None]) -> _Result:
+    """Replay the recording and wait for the image."""
+    rclpy.init(args=list(NO_LOG_FILES),
+               signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+    node = executor = None
+    try:
+        node = rclpy.create_node('evaluate')
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        observer = Observer(node, executor)
+        replayer = Replayer(node, executor, check=check)
+        timeout_s = START_TIMEOUT_S if arguments.launch_nodes else 15.0
+        observer.wait_for_nodes(timeout_s, check)
+        replayer.wait_for_subscriber(timeout_s)
+        length = observer.pulses_per_aperture(timeout_s, check)
+        aperture = _choose_aperture(recording.apertures(length), length, arguments.aperture)
+        observer.expect(aperture.first_ns, aperture.last_ns)
+        before = {name: observer.counters(name) for name in NODES}
+        with tqdm(total=recording.n_messages, unit='message', desc='replaying') as bar:
+            sent_s = _send(recording, aperture, replayer, arguments.rate, bar)
+            _await_image(observer, aperture, arguments.timeout, check, bar)
+        now = time.monotonic()
+        for name in NODES:  # the counters that include the last pulse
+            observer.status_after(name, now, now + 5.0, check)
+        counters = {name: _difference(before[name], observer.counters(name)) for name in NODES}
+        return _Result(aperture, length, observer.image, observer.image.received_s - sent_s,
+                       observer.grid, counters)
+    finally:
+        if executor is not None:
+            executor.shutdown()
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _choose_aperture(apertures: list[Aperture], length: int, wanted: int | None) -> Aperture:
+    """Aperture asked for, else the last complete one, else the one with most pulses."""
+    if wanted is not None:
+        for aperture in apertures:
+            if aperture.number == wanted:
+                return aperture
+        numbers = ', '.join(str(a.number) for a in apertures)
+        raise EvaluationError(f'the recording has no aperture {wanted}; it has {numbers}')
+    complete = [a for a in apertures if a.n_pulses == length]
+    return complete[-1] if complete else max(apertures, key=lambda a: a.n_pulses)
+
+
+def _send(recording: Recording, aperture: Aperture, replayer: Replayer, rate: float | None,
+          bar: tqdm) -> float:
+    """Publish all messages; return when the last one of the aperture went out."""
+    sent_s = math.nan
+
+    def on_published(message: Published) -> None:
+        nonlocal sent_s
+        bar.update()
+        if message.index == aperture.last_message:
+            sent_s = message.time_s
+
+    replayer.replay(raw_messages(recording.path), rate=rate, on_published=on_published)
+    return sent_s
+
+
+def _await_image(observer: Observer, aperture: Aperture, timeout_s: float,
+                 check: Callable[[], None], bar: tqdm) -> None:
+    bar.set_description('waiting for the image')
+    deadline = time.monotonic() + timeout_s
+    while observer.image is None:
+        if time.monotonic() > deadline:
+            others = f', but {observer.n_images} of other apertures' if observer.n_images else ''
+            raise EvaluationError(f'no image of aperture {aperture.number} came within '
+                                  f'{timeout_s:g} s{others}; the nodes report:\n'
+                                  f'{observer.report()}')
+        observer.spin(check)
+    bar.set_description('image received')
+
+
+def _difference(before: dict[str, int], after: dict[str, int]) -> dict[str, int]:
+    """Increase of counters; of a node that started anew, their values."""
+    restarted = any(after.get(k, 0) < v for k, v in before.items() if k.endswith('_received'))
+    return {k: v if restarted else v - before.get(k, 0) for k, v in after.items()}
+
+
+def _checked_grid(recording: Recording, grid: MapGrid, received: ReceivedImage,
+                  launched: bool) -> MapGrid:
+    """Grid of the image; a warning when it is not the one that the recording proposes."""
+    if received.image.shape != grid.shape:
+        raise EvaluationError(f'image of {received.image.shape} pixels, but map_metadata says '
+                              f'{grid.shape}; several backprojection nodes may be running')
+    expected = recording.grid
+    if expected is None or _same(grid, expected):
+        return grid if expected is None else expected
+    message = f'the nodes image {grid}, the recording proposes {expected}'
+    if launched:
+        raise EvaluationError(message)
+    print(f'warning: {message}', file=sys.stderr)
+    return grid
+
+
+def _same(a: MapGrid, b: MapGrid) -> bool:
+    tolerance = 1e-3 * b.spacing_m
+    return (a.shape == b.shape and np.allclose(a.centre_m, b.centre_m, rtol=0, atol=tolerance)
+            and math.isclose(a.spacing_m, b.spacing_m, rel_tol=1e-6))
+
+
+def _measure(recording: Recording, result: _Result, grid: MapGrid) -> dict:
+    """Contents of quality.json."""
+    truth = recording.truth or {}
+    buffer = result.counters['pulse_buffer']
+    scatterers = [_measure_one(recording, result, grid, s) for s in truth.get('scatterers', ())]
+    return {
+        'scatterers': [q.as_json() for q in scatterers],
+        'pulses_received': buffer.get('pulses_received'),
+        'pulses_missing': buffer.get('pulses_missing'),
+        'blocks_rejected': buffer.get('blocks_rejected'),
+        'seconds_last_pulse_to_image': round(result.seconds, 4),
+        'recording': str(recording.path),
+        'aperture': result.aperture.number,
+        'pulses_per_aperture': result.pulses_per_aperture,
+        'pulses_in_aperture': result.aperture.n_pulses,
+        'image_stamp_ns': result.received.stamp_ns,
+        'grid': dataclasses.asdict(grid),
+        'nodes': result.counters,
+    }
+
+
+def _measure_one(recording: Recording, result: _Result, grid: MapGrid,
+                 scatterer: dict) -> ScattererQuality:
+    if recording.phase_centre_m is None:
+        return ScattererQuality(scatterer['name'],
+                                reason='the recording has no phase centres to measure from')
+    half_width = recording.truth['cut_half_width_m']
+    return measure_scatterer(
+        result.received.image, grid, scatterer['position_m'],
+        aperture_centre_m=recording.phase_centre_at(result.received.stamp_ns),
+        wavenumber_rad_per_m=recording.radar.wavenumber_rad_per_m,
+        cut_half_width_range_m=half_width['range'],
+        cut_half_width_azimuth_m=half_width['azimuth'], name=scatterer['name'],
+        neighbours_m=[s['position_m'] for s in recording.truth['scatterers']
+                      if s is not scatterer])
+
+
+def _title(recording: Recording, result: _Result) -> str:
+    name = (recording.truth or {}).get('scenario', recording.path.name)
+    radar = recording.radar
+    return (f'{name}: aperture {result.aperture.number}, {result.aperture.n_pulses} pulses, '
+            f'{radar.carrier_hz / 1e9:.4g} GHz, {radar.bandwidth_hz / 1e6:.4g} MHz')
+
+
+_COLUMNS = (('IRW (m)', 'irw', 'm', 3), ('PSLR (dB)', 'pslr', 'db', 2),
+            ('ISLR (dB)', 'islr', 'db', 2), ('error (m)', 'position_error', 'm', 3))
+
+
+def _table(quality: dict) -> str:
+    """Readable summary."""
+    lines = []
+    if quality['scatterers']:
+        width = max(len('range, azimuth'), *(len(s['name']) for s in quality['scatterers']))
+        lines.append('  '.join([f'{"range, azimuth":{width}}',
+                                *(f'{title:>15}' for title, *_ in _COLUMNS)]))
+    for s in quality['scatterers']:
+        pairs = [', '.join(_number(s[f'{key}_{axis}_{unit}'], n) for axis in ('range', 'azimuth'))
+                 for _, key, unit, n in _COLUMNS]
+        lines.append('  '.join([f'{s["name"]:{width}}', *(f'{p:>15}' for p in pairs)]))
+        if s['reason']:
+            lines.append(f'{"":{width}}    {s["reason"]}')
+    lines.append(f'pulses received {quality["pulses_received"]}, missing '
+                 f'{quality["pulses_missing"]}; blocks rejected {quality["blocks_rejected"]}; '
+                 f'last pulse to image {quality["seconds_last_pulse_to_image"]:.2f} s')
+    return '\n'.join(lines)
+
+
+def _number(value: float | None, digits: int) -> str:
+    return '-' if value is None else f'{value:.{digits}f}'
+
+
+if __name__ == '__main__':
+    sys.exit(main())

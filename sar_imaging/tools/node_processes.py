@@ -1,0 +1,223 @@
+"""The nodes as child processes, for programs and tests that need the whole chain."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+
+import sar_imaging
+
+NODES = ('pulse_buffer', 'range_compression', 'backprojection')
+PROFILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
+STOP_TIMEOUT_S = 10.0
+TAIL_LINES = 15
+NO_LOG_FILES = ('--ros-args', '--disable-external-lib-logs')  # stderr is kept instead
+
+
+class NodeProcessError(RuntimeError):
+    """A node could not be started or ended by itself; the text has the end of its log."""
+
+
+def parameters_from_truth(truth: Mapping) -> dict[str, dict]:
+    """Parameters of the nodes for a recording.
+
+    Parameters
+    ----------
+    truth : mapping
+        Truth of the recording, see `bag_io.make_truth`.
+
+    Returns
+    -------
+    dict
+        Parameters by node; lengths in metres.
+    """
+    grid = truth['grid']
+    x, y, z = (float(v) for v in grid['centre_m'])
+    spacing = float(grid['spacing_m'])
+    pulses = {'pulses_per_aperture': int(truth['pulses_per_aperture'])}
+    return {
+        'pulse_buffer': dict(pulses),
+        'range_compression': {'window': truth.get('window', 'none')},
+        'backprojection': pulses | {
+            'grid.centre_x': x, 'grid.centre_y': y, 'grid.centre_z': z,
+            'grid.size_x': (grid['n_x'] - 1) * spacing,
+            'grid.size_y': (grid['n_y'] - 1) * spacing, 'grid.spacing': spacing,
+            'frame_id': truth['frame']},
+    }
+
+
+def write_parameters(path: Path, parameters: Mapping[str, Mapping]) -> None:
+    """Write a ROS parameter file.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    parameters : mapping
+        Parameters by node.
+    """
+    lines = []
+    for node, values in parameters.items():
+        lines += [f'{node}:', '  ros__parameters:']
+        lines += [f'    {name}: {json.dumps(value)}' for name, value in values.items()]
+    path.write_text('\n'.join(lines) + '\n')
+
+
+def isolated_environment(environment: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Environment in which the nodes meet nobody but the processes started with it.
+
+    A free ROS_DOMAIN_ID unless one is set, discovery on this machine only, the shared memory
+    profile of this package, and this package on the path.
+
+    Parameters
+    ----------
+    environment : mapping, optional
+        What to start from; by default the environment of this process.
+
+    Returns
+    -------
+    dict
+        Environment variables.
+    """
+    env = dict(os.environ if environment is None else environment)
+    env.setdefault('ROS_DOMAIN_ID', str(free_domain()))
+    env['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    profile = resources.files('sar_imaging') / 'config' / 'fastdds_large_segment.xml'
+    if PROFILE not in env and profile.is_file():
+        env[PROFILE] = str(profile)
+    root = str(Path(sar_imaging.__file__).resolve().parents[1])
+    env['PYTHONPATH'] = os.pathsep.join(filter(None, [root, env.get('PYTHONPATH')]))
+    return env
+
+
+def free_domain() -> int:
+    """A ROS domain in which no participant runs on this machine, chosen at random."""
+    candidates = list(range(1, 101))
+    random.SystemRandom().shuffle(candidates)
+    for domain in candidates:
+        # the port of a domain's first participant (RTPS 9.6.1.1): 7400 + 250 domain + 10
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(('', 7410 + 250 * domain))
+            except OSError:
+                continue
+            return domain
+    raise NodeProcessError('every ROS domain from 1 to 100 is in use on this machine; '
+                           'set ROS_DOMAIN_ID')
+
+
+class NodeProcesses:
+    """Node processes that live as long as the ``with`` block.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Parameters by node; the nodes are `NODES`.
+    folder : Path
+        Where the parameter file and the log of every node go.
+    environment : mapping
+        Environment variables, see `isolated_environment`.
+    arguments : mapping, optional
+        Further ROS arguments by node, such as ``['-r', 'pulses:=radar/pulses']``.
+    """
+
+    def __init__(self, parameters: Mapping[str, Mapping], folder: Path,
+                 environment: Mapping[str, str], *,
+                 arguments: Mapping[str, list[str]] | None = None):
+        self._folder = Path(folder)
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._environment = dict(environment)
+        self._arguments = arguments or {}
+        self._parameters_file = self._folder / 'parameters.yaml'
+        write_parameters(self._parameters_file, parameters)
+        self._processes: dict[str, subprocess.Popen] = {}
+        for name in NODES:
+            self.log_file(name).write_bytes(b'')
+
+    def __enter__(self) -> NodeProcesses:
+        try:
+            for name in NODES:
+                self.start(name)
+        except BaseException:
+            self.stop_all()
+            raise
+        return self
+
+    def __exit__(self, *exception) -> None:
+        self.stop_all()
+
+    def start(self, name: str) -> None:
+        """Start a node that does not run; its log goes on in the same file.
+
+        Raises
+        ------
+        NodeProcessError
+            The node runs already, or the system cannot start it.
+        """
+        if name in self._processes:
+            raise NodeProcessError(f'{name} runs already')
+        command = [sys.executable, '-m', f'sar_imaging.nodes.{name}', *NO_LOG_FILES,
+                   '--params-file', str(self._parameters_file),
+                   *self._arguments.get(name, [])]
+        with open(self.log_file(name), 'ab') as log:
+            try:
+                # a session of its own: Ctrl-C in the terminal ends the caller, who ends the nodes
+                self._processes[name] = subprocess.Popen(
+                    command, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+                    env=self._environment, start_new_session=True)
+            except OSError as error:
+                raise NodeProcessError(f'{name} cannot be started: {error}') from error
+
+    def stop(self, name: str) -> int:
+        """Stop a node as Ctrl-C does, by force when it does not end; return its exit status."""
+        self._interrupt(name)
+        return self._wait(name)
+
+    def kill(self, name: str) -> None:
+        """End a node at once, as a crash does."""
+        process = self._processes.pop(name)
+        process.kill()
+        process.wait()
+
+    def stop_all(self) -> None:
+        """Stop all nodes that run."""
+        for name in self._processes:  # all at once, then wait for each
+            self._interrupt(name)
+        for name in list(self._processes):
+            self._wait(name)
+
+    def _interrupt(self, name: str) -> None:
+        if self._processes[name].poll() is None:
+            self._processes[name].send_signal(signal.SIGINT)
+
+    def _wait(self, name: str) -> int:
+        process = self._processes.pop(name)
+        try:
+            return process.wait(STOP_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            return process.wait()
+
+    def check(self) -> None:
+        """Raise `NodeProcessError` when a node has ended by itself."""
+        for name, process in self._processes.items():
+            if (status := process.poll()) is not None:
+                raise NodeProcessError(f'{name} ended with status {status}; the end of '
+                                       f'{self.log_file(name)}:\n{self.log_tail(name)}')
+
+    def log_file(self, name: str) -> Path:
+        """File with everything a node printed."""
+        return self._folder / f'{name}.log'
+
+    def log_tail(self, name: str) -> str:
+        """Last lines that a node printed."""
+        lines = self.log_file(name).read_text(errors='replace').splitlines()
+        return '\n'.join(lines[-TAIL_LINES:])

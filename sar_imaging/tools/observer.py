@@ -1,0 +1,201 @@
+"""Listens to what the nodes publish during an evaluation: image, grid, diagnostics."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from nav_msgs.msg import MapMetaData
+from rclpy.executors import Executor
+from rclpy.node import Node
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Image
+
+from msg_conversions.images import complex_from_message, map_metadata_from_message
+from sar_imaging.geometry.grids import MapGrid
+
+from .node_processes import NODES
+
+
+class ObserverError(RuntimeError):
+    """The nodes do not answer or do not fit together."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ReceivedImage:
+    """A complex image and when it came.
+
+    Parameters
+    ----------
+    image : (n_y, n_x) complex64
+        Image; row 0 is the largest y.
+    stamp_ns : int
+        Middle of its aperture, nanoseconds.
+    received_s : float
+        Time of reception, on `time.monotonic`.
+    """
+
+    image: np.ndarray
+    stamp_ns: int
+    received_s: float
+
+
+class Observer:
+    """Subscriptions to the products of the nodes.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Node to subscribe from.
+    executor : rclpy.executors.Executor
+        Executor of that node, spun here while waiting.
+
+    Attributes
+    ----------
+    image : ReceivedImage or None
+        Image of the aperture asked for by `expect`.
+    n_images : int
+        All images that came.
+    """
+
+    def __init__(self, node: Node, executor: Executor):
+        self._node = node
+        self._executor = executor
+        self._window_ns = (0, 0)
+        self._map_metadata: MapMetaData | None = None
+        self._status: dict[str, tuple[float, DiagnosticStatus]] = {}
+        self.image: ReceivedImage | None = None
+        self.n_images = 0
+        reliable = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
+        latched = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                             durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._image_subscription = node.create_subscription(
+            Image, 'image_complex', self._on_image, reliable)
+        node.create_subscription(MapMetaData, 'map_metadata', self._on_map_metadata, latched)
+        node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 50)
+
+    def expect(self, first_ns: int, last_ns: int) -> None:
+        """Keep the image whose stamp lies between these times, nanoseconds."""
+        self._window_ns = (first_ns, last_ns)
+        self.image = None
+
+    def wait_for_nodes(self, timeout_s: float, check) -> None:
+        """Return when all nodes are there and their topics are connected.
+
+        A fresh report of every node, published after its neighbours were seen, means that they
+        have had the time to see each other.
+
+        Raises
+        ------
+        ObserverError
+            Something is missing after the timeout.
+        """
+        deadline = time.monotonic() + timeout_s
+        while missing := self._missing():
+            if time.monotonic() > deadline:
+                raise ObserverError(
+                    f'after {timeout_s:g} s there is no {", ".join(missing)}; start the nodes '
+                    'with the same ROS_DOMAIN_ID, or add --launch-nodes')
+            self.spin(check)
+        complete_s = time.monotonic()
+        for name in NODES:
+            if self.status_after(name, complete_s, deadline, check) is None:
+                raise ObserverError(f'{name} publishes no /diagnostics; check its log')
+
+    def _missing(self) -> list[str]:
+        """What the evaluation needs and cannot see yet, in words."""
+        links = {'pulses': (0, 'pulse_buffer'), 'pulse_blocks': (1, 'range_compression'),
+                 'range_profiles': (1, 'backprojection')}
+        missing = []
+        for topic, (publishers, reader) in links.items():
+            if (not self._node.count_subscribers(topic)
+                    or self._node.count_publishers(topic) < publishers):
+                missing.append(f'node {reader} on topic {topic}')
+        if not self._node.count_publishers('image_complex'):
+            missing.append('publisher of image_complex')
+        if self._map_metadata is None:
+            missing.append('map_metadata')
+        return missing
+
+    def pulses_per_aperture(self, timeout_s: float, check) -> int:
+        """Parameter of the running backprojection node.
+
+        Raises
+        ------
+        ObserverError
+            The node does not answer.
+        """
+        name = 'pulses_per_aperture'
+        client = AsyncParameterClient(self._node, 'backprojection')
+        deadline = time.monotonic() + timeout_s
+        while not client.services_are_ready() and time.monotonic() < deadline:
+            self.spin(check)
+        future = client.get_parameters([name]) if client.services_are_ready() else None
+        while future and not future.done() and time.monotonic() < deadline:
+            self.spin(check)
+        values = future.result().values if future and future.done() else []
+        if not values or values[0].integer_value < 1:
+            raise ObserverError(f'node backprojection does not tell its parameter {name}')
+        return values[0].integer_value
+
+    @property
+    def grid(self) -> MapGrid:
+        """Grid of the images."""
+        return map_metadata_from_message(self._map_metadata)
+
+    def counters(self, name: str) -> dict[str, int]:
+        """Integer counters in the last report of a node."""
+        if name not in self._status:
+            return {}
+        out = {}
+        for pair in self._status[name][1].values:
+            try:
+                out[pair.key] = int(pair.value)
+            except ValueError:
+                continue  # a measured figure, not a counter
+        return out
+
+    def status_after(self, name: str, moment_s: float, deadline_s: float,
+                     check) -> DiagnosticStatus | None:
+        """First report of a node after a moment, None when none comes before the deadline."""
+        while name not in self._status or self._status[name][0] <= moment_s:
+            if time.monotonic() > deadline_s:
+                return None
+            self.spin(check)
+        return self._status[name][1]
+
+    def report(self) -> str:
+        """Last reports of the nodes, for error messages."""
+        lines = []
+        for name in NODES:
+            if name not in self._status:
+                lines.append(f'  {name}: no report')
+                continue
+            status = self._status[name][1]
+            counts = ', '.join(f'{k}={v}' for k, v in self.counters(name).items() if v)
+            lines.append(f'  {name}: {status.message}; {counts or "all counters are zero"}')
+        return '\n'.join(lines)
+
+    def spin(self, check, timeout_s: float = 0.05) -> None:
+        """Handle what came, or wait a moment for something to come."""
+        check()
+        self._executor.spin_once(timeout_sec=timeout_s)
+
+    def _on_image(self, message: Image) -> None:
+        received_s = time.monotonic()
+        self.n_images += 1
+        stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        if self._window_ns[0] <= stamp_ns <= self._window_ns[1]:
+            self.image = ReceivedImage(complex_from_message(message).copy(), stamp_ns, received_s)
+
+    def _on_map_metadata(self, message: MapMetaData) -> None:
+        self._map_metadata = message
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            name = status.name.split(':')[0].rsplit('/', 1)[-1]
+            if name in NODES:
+                self._status[name] = (time.monotonic(), status)

@@ -1,0 +1,132 @@
+"""Pictures of radar images for people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+
+from sar_imaging.geometry.grids import MapGrid
+
+LONG_SIDE = 7.0  # inches of the image's longer side
+SLIMMEST = 8.0  # ratio of the sides up to which the axes have equal scales
+MARGINS = (0.85, 1.45, 0.7, 0.5)  # inches left, right (colour bar), below, above the image
+NARROWEST = 5.0  # inches of the figure: the title must fit
+DPI = 150
+MAX_PIXELS = 1600  # along the longer side of what is drawn; finer images are multilooked
+FAR_M = 1000.0  # axes with longer numbers are labelled from the middle of the grid
+MOST_NAMES = 20  # more scatterers than these are marked without their names
+MARK = '#ffb454'
+
+
+def save_image_png(path: Path | str, image, grid: MapGrid, *, truth: Sequence[dict] = (),
+                   title: str = '', dynamic_range_db: float = 60.0) -> None:
+    """Draw the magnitude of an image in decibels on axes in metres.
+
+    Parameters
+    ----------
+    path : path
+        PNG file to write.
+    image : (n_y, n_x) complex or float
+        Image on `grid`; decibels are relative to its brightest pixel.
+    grid : MapGrid
+        Pixel positions.
+    truth : sequence of dict
+        Scatterers to mark, each with ``name`` and ``position_m`` (x, y, z in metres).
+    title : str
+        Title line.
+    dynamic_range_db : float
+        Level below the brightest pixel that is drawn black.
+
+    Raises
+    ------
+    ValueError
+        The image does not have the shape of the grid.
+    """
+    image = np.asarray(image)
+    if image.shape != grid.shape:
+        raise ValueError(f'image.shape={image.shape} does not match grid.shape={grid.shape}')
+    level = _decibels(_multilook(image), dynamic_range_db)
+    (x_ref, x_label), (y_ref, y_label) = _axis('x', grid.x_m), _axis('y', grid.y_m)
+    half = grid.spacing_m / 2
+    extent = (grid.x_m[0] - half - x_ref, grid.x_m[-1] + half - x_ref,
+              grid.y_m[-1] - half - y_ref, grid.y_m[0] + half - y_ref)
+    figure, axes, bar_axes = _layout(extent[1] - extent[0], extent[3] - extent[2])
+    drawn = axes.imshow(level, extent=extent, cmap='gray', interpolation='bilinear',
+                        norm=Normalize(-dynamic_range_db, 0), aspect='auto')
+    for scatterer in truth:
+        x, y = scatterer['position_m'][0] - x_ref, scatterer['position_m'][1] - y_ref
+        _mark(axes, extent, x, y, scatterer['name'] if len(truth) <= MOST_NAMES else '')
+    axes.set(xlabel=x_label, ylabel=y_label, xlim=extent[:2], ylim=extent[2:])
+    axes.tick_params(direction='out', labelsize=8)
+    axes.annotate(title, (0, 1), xytext=(0, 9), xycoords='axes fraction',
+                  textcoords='offset points', fontsize=10)
+    bar = figure.colorbar(drawn, cax=bar_axes)
+    low = bar_axes.get_position().height * figure.get_figheight() < 2.5
+    bar.set_label('dB' if low else 'dB relative to the brightest pixel', fontsize=9)
+    bar.ax.tick_params(labelsize=8)
+    figure.savefig(path, dpi=DPI)
+
+
+def _multilook(image: np.ndarray) -> np.ndarray:
+    """Magnitude, averaged in power over square blocks when there are too many pixels to draw."""
+    factor = math.ceil(max(image.shape) / MAX_PIXELS)
+    rows, columns = (max(1, n // factor) for n in image.shape)
+    if factor == 1 or rows * factor > image.shape[0] or columns * factor > image.shape[1]:
+        return np.abs(image)
+    blocks = image[:rows * factor, :columns * factor].reshape(rows, factor, columns, factor)
+    return np.sqrt(np.mean(np.abs(blocks) ** 2, axis=(1, 3), dtype=float))
+
+
+def _decibels(magnitude: np.ndarray, dynamic_range_db: float) -> np.ndarray:
+    """Decibels below the maximum, no lower than the dynamic range."""
+    peak = float(magnitude.max())
+    if not (math.isfinite(peak) and peak > 0):
+        return np.full(magnitude.shape, -dynamic_range_db)
+    return 20 * np.log10(np.maximum(magnitude / peak, 10 ** (-dynamic_range_db / 20)))
+
+
+def _axis(name: str, values: np.ndarray) -> tuple[float, str]:
+    """Offset to subtract from an axis and its label."""
+    if max(abs(values[0]), abs(values[-1])) < FAR_M:
+        return 0.0, f'{name} (m)'
+    middle = round(float(values[0] + values[-1]) / 2)
+    sign = '\N{MINUS SIGN}' if middle >= 0 else '+'
+    number = f'{abs(middle):,}'.replace(',', '\N{THIN SPACE}')
+    return float(middle), f'{name} {sign} {number} m  (m)'
+
+
+def _layout(width_m: float, height_m: float):
+    """Figure, axes of the image and axes of the colour bar, with equal scales where possible."""
+    left, right, bottom, top = MARGINS
+    longest = max(width_m, height_m)
+    width = LONG_SIDE * max(width_m / longest, 1 / SLIMMEST)
+    height = LONG_SIDE * max(height_m / longest, 1 / SLIMMEST)
+    bar_height = max(height, 1.4)  # a low image gets a bar that its labels fit
+    total_w = max(left + width + right, NARROWEST)
+    total_h = bottom + bar_height + top
+    figure = Figure(figsize=(total_w, total_h))
+    FigureCanvasAgg(figure)
+    left += (total_w - left - width - right) / 2
+    axes = figure.add_axes((left / total_w, bottom / total_h, width / total_w, height / total_h))
+    bar = figure.add_axes(((left + width + 0.2) / total_w, bottom / total_h, 0.16 / total_w,
+                           bar_height / total_h))
+    return figure, axes, bar
+
+
+def _mark(axes, extent, x: float, y: float, name: str) -> None:
+    """Thin circle around a true position, its name beside it; nothing outside the image."""
+    if not (extent[0] <= x <= extent[1] and extent[2] <= y <= extent[3]):
+        return
+    axes.plot(x, y, 'o', markersize=11, markerfacecolor='none', markeredgecolor=MARK,
+              markeredgewidth=0.7)
+    to_left = x > extent[0] + 0.75 * (extent[1] - extent[0])
+    axes.annotate(name, (x, y), xytext=(-6 if to_left else 6, 7), textcoords='offset points',
+                  ha='right' if to_left else 'left', va='center', color=MARK, fontsize=7,
+                  path_effects=[withStroke(linewidth=1.2, foreground='black')])
