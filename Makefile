@@ -36,7 +36,6 @@ help:
 demo: environment
 	@echo 'Replaying bags/spotlight through pulse_buffer, range_compression and backprojection ...'
 	@$(RUN) -m sar_imaging.tools.evaluate bags/spotlight --output out/demo --launch-nodes
-	@echo 'Image: out/demo/image.png   figures: out/demo/quality.json'
 
 test: lint
 	@echo 'pytest ...'
