@@ -108,6 +108,14 @@ def _wait_for_nodes(processes):
         rclpy.try_shutdown(context=context)
 
 
+def test_installed_tools_and_nodes_form_an_image(install, environment, tmp_path):
+    # Nothing of the source tree is on the path: configuration and nodes are the installed ones.
+    subprocess.run([install / 'sar_imaging/lib/sar_imaging/evaluate', ROOT / 'bags' / 'psf',
+                    '--output', tmp_path / 'psf', '--launch-nodes'],
+                   cwd=tmp_path, env=environment, check=True)
+    assert (tmp_path / 'psf' / 'image.png').stat().st_size > 0
+
+
 def test_share_folder_has_what_launch_needs(install):
     share = install / 'sar_imaging' / 'share'
     marker = share / 'ament_index' / 'resource_index' / 'packages' / 'sar_imaging'
