@@ -74,8 +74,9 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument('--rate', type=_positive, metavar='FACTOR',
                    help='follow the recording times, so many times as fast; 1 is real time '
                         '(default: as fast as the nodes work without loss)')
-    p.add_argument('--timeout', type=_positive, default=120.0, metavar='SECONDS',
-                   help='longest wait for the image after the last pulse (default: %(default)g)')
+    p.add_argument('--timeout', type=_positive, default=60.0, metavar='SECONDS',
+                   help='longest wait for running nodes, and for the image after the last pulse '
+                        '(default: %(default)g)')
     return p
 
 
@@ -89,7 +90,7 @@ def _positive(text: str) -> float:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    signal.signal(signal.SIGTERM, _interrupt)  # ends the nodes, too
+    previous = signal.signal(signal.SIGTERM, _interrupt)  # ends the nodes, too
     try:
         run(arguments)
     except (BagError, EvaluationError, NodeProcessError, ObserverError, OSError, ReplayError,
@@ -99,6 +100,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print('interrupted', file=sys.stderr)
         return 130
+    finally:
+        signal.signal(signal.SIGTERM, previous)
     return 0
 
 
@@ -109,10 +112,10 @@ def _interrupt(signum, frame):
 def run(arguments: argparse.Namespace) -> None:
     """Evaluate as the command line asks; raises one of the errors that `main` knows."""
     recording = read_recording(arguments.bag)
-    output = arguments.output
-    output.mkdir(parents=True, exist_ok=True)
-    for name in PRODUCTS:  # results of an earlier run must not pass for those of this one
-        (output / name).unlink(missing_ok=True)
+    if recording.phase_centre_m is None:
+        raise EvaluationError(f'{arguments.bag} has pulses without phase centres; the nodes '
+                              'cannot image them')
+    output = _prepared(arguments.output)
     with contextlib.ExitStack() as stack:
         check = _nothing
         if arguments.launch_nodes:
@@ -135,6 +138,16 @@ def run(arguments: argparse.Namespace) -> None:
     (output / 'quality.json').write_text(text + '\n')
     print(_table(quality))
     print(f'written: {", ".join(str(output / name) for name in PRODUCTS)}')
+
+
+def _prepared(output: Path) -> Path:
+    """Output folder without results of an earlier run, which could pass for those of this one."""
+    if output.exists() and not output.is_dir():
+        raise EvaluationError(f'--output {output} is not a folder; choose another')
+    output.mkdir(parents=True, exist_ok=True)
+    for name in PRODUCTS:
+        (output / name).unlink(missing_ok=True)
+    return output
 
 
 def _nothing() -> None:
@@ -165,7 +178,8 @@ def _replay(recording: Recording, arguments: argparse.Namespace,
         executor.add_node(node)
         observer = Observer(node, executor)
         replayer = Replayer(node, executor, check=check)
-        timeout_s = START_TIMEOUT_S if arguments.launch_nodes else 15.0
+        timeout_s = START_TIMEOUT_S if arguments.launch_nodes else arguments.timeout
+        print('waiting for the nodes ...', file=sys.stderr)
         observer.wait_for_nodes(timeout_s, check)
         replayer.wait_for_subscriber(timeout_s)
         length = observer.pulses_per_aperture(timeout_s, check)
@@ -281,9 +295,6 @@ def _measure(recording: Recording, result: _Result, grid: MapGrid) -> dict:
 
 def _measure_one(recording: Recording, result: _Result, grid: MapGrid,
                  scatterer: dict) -> ScattererQuality:
-    if recording.phase_centre_m is None:
-        return ScattererQuality(scatterer['name'],
-                                reason='the recording has no phase centres to measure from')
     half_width = recording.truth['cut_half_width_m']
     return measure_scatterer(
         result.received.image, grid, scatterer['position_m'],

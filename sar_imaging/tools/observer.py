@@ -97,9 +97,12 @@ class Observer:
         while missing := self._missing():
             if time.monotonic() > deadline:
                 raise ObserverError(
-                    f'after {timeout_s:g} s there is no {", ".join(missing)}; start the nodes '
+                    f'after {timeout_s:g} s there is no {", no ".join(missing)}; start the nodes '
                     'with the same ROS_DOMAIN_ID, or add --launch-nodes')
             self.spin(check)
+        if (n := self._node.count_publishers('image_complex')) > 1:
+            raise ObserverError(f'{n} nodes publish image_complex; stop all but one, or choose '
+                                'another ROS_DOMAIN_ID')
         complete_s = time.monotonic()
         for name in NODES:
             if self.status_after(name, complete_s, deadline, check) is None:
@@ -113,7 +116,7 @@ class Observer:
         for topic, (publishers, reader) in links.items():
             if (not self._node.count_subscribers(topic)
                     or self._node.count_publishers(topic) < publishers):
-                missing.append(f'node {reader} on topic {topic}')
+                missing.append(f'{reader} on topic {topic}')
         if not self._node.count_publishers('image_complex'):
             missing.append('publisher of image_complex')
         if self._map_metadata is None:

@@ -1,0 +1,246 @@
+"""Evaluation end to end: recordings through real node processes over real DDS."""
+
+import json
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='rclpy comes as wheels for Linux on x86-64 only')
+
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.quality import error_db
+from sar_imaging.signal.pulses import concatenate
+from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.tools import bag_io
+from sar_imaging.tools.evaluate import main
+from sar_imaging.tools.node_processes import (
+    NodeProcessError,
+    NodeProcesses,
+    isolated_environment,
+    parameters_from_truth,
+)
+
+ROOT = Path(__file__).resolve().parents[2]
+PSF, SPOTLIGHT = ROOT / 'bags' / 'psf', ROOT / 'bags' / 'spotlight'
+SCATTERER_KEYS = ['name', 'irw_range_m', 'irw_azimuth_m', 'pslr_range_db', 'pslr_azimuth_db',
+                  'islr_range_db', 'islr_azimuth_db', 'position_error_range_m',
+                  'position_error_azimuth_m']
+KEYS = ['scatterers', 'pulses_received', 'pulses_missing', 'blocks_rejected',
+        'seconds_last_pulse_to_image']
+nodes = pytest.mark.nodes
+
+
+def evaluate(*arguments, environment=None):
+    """Run the program as a user does."""
+    return subprocess.run(
+        [sys.executable, '-m', 'sar_imaging.tools.evaluate', *map(str, arguments)],
+        cwd=ROOT, env=environment, text=True, capture_output=True, timeout=300)
+
+
+def quality_of(folder):
+    return json.loads((folder / 'quality.json').read_text())
+
+
+def direct_image(bag, first, stop):
+    """Image of the pulses first ... stop - 1 without nodes."""
+    truth = bag_io.read_truth(bag)
+    block = concatenate(list(bag_io.read_blocks(bag))).select(slice(first, stop))
+    profiles = RangeCompressor.for_block(block)(block)
+    g = truth['grid']
+    grid = MapGrid(g['centre_m'], g['n_x'], g['n_y'], g['spacing_m'])
+    return Backprojector(grid, profiles.radar, profiles.n_samples)(profiles)
+
+
+@pytest.fixture(scope='module')
+def run(tmp_path_factory):
+    """Output folder and process of the point spread function's evaluation."""
+    output = tmp_path_factory.mktemp('evaluate') / 'psf'
+    result = evaluate(PSF, '--output', output, '--launch-nodes')
+    assert result.returncode == 0, result.stderr
+    return output, result
+
+
+@nodes
+class TestPointSpreadFunction:
+    def test_quality_has_the_agreed_fields_first(self, run):
+        quality = quality_of(run[0])
+        assert list(quality)[:5] == KEYS
+        assert [list(s)[:9] for s in quality['scatterers']] == [SCATTERER_KEYS]
+
+    def test_figures_of_the_paper(self, run):
+        """Rosenberg & Gray, section 7: ISLR -10.49 dB in range, -10.53 dB in azimuth."""
+        [s] = quality_of(run[0])['scatterers']
+        assert s['islr_range_db'] == pytest.approx(-10.49, abs=0.05)
+        assert s['islr_azimuth_db'] == pytest.approx(-10.53, abs=0.05)
+        # 0.886 of the null distances c / 2 B and lambda R / 2 L, L = 200 pulses of 0.29985 m
+        assert s['irw_range_m'] == pytest.approx(0.8859 * 0.49965, rel=0.02)
+        assert s['irw_azimuth_m'] == pytest.approx(0.8859 * 0.0299792 * 10e3 / 2 / 59.97, rel=0.02)
+        assert abs(s['position_error_range_m']) < 0.05
+        assert abs(s['position_error_azimuth_m']) < 0.25
+        assert s['reason'] == ''
+
+    def test_nothing_is_lost(self, run):
+        quality = quality_of(run[0])
+        assert [quality[k] for k in KEYS[1:4]] == [200, 0, 0]
+        assert 0 < quality['seconds_last_pulse_to_image'] < math.inf
+        assert quality['nodes']['backprojection']['pulses_imaged'] == 200
+
+    def test_image_is_that_of_the_imager(self, run):
+        image = np.load(run[0] / 'image.npy')
+        assert image.dtype == np.complex64
+        # the same float32 arithmetic, blocks of other lengths: rounding only
+        assert error_db(image, direct_image(PSF, 0, 200)) < -100
+
+    def test_picture_progress_and_table(self, run):
+        output, result = run
+        assert (output / 'image.png').read_bytes().startswith(b'\x89PNG')
+        assert '8/8' in result.stderr and 'message' in result.stderr
+        assert re.search(r'centre +0\.44\d, 2\.2\d\d', result.stdout)
+
+    def test_logs_of_the_nodes_stay_with_the_results(self, run):
+        assert 'ready' in (run[0] / 'log' / 'backprojection.log').read_text()
+
+
+@nodes
+def test_first_aperture_of_two_in_real_time(tmp_path):
+    result = evaluate(SPOTLIGHT, '--output', tmp_path, '--launch-nodes', '--aperture', 0,
+                      '--rate', 4)
+    assert result.returncode == 0, result.stderr
+    quality = quality_of(tmp_path)
+    assert quality['aperture'] == 0 and quality['pulses_in_aperture'] == 128
+    assert error_db(np.load(tmp_path / 'image.npy'), direct_image(SPOTLIGHT, 0, 128)) < -80
+    assert len(quality['scatterers']) == 10
+    for s in quality['scatterers']:
+        assert s['reason'] == ''
+        # a thirtieth of the resolution; noise moves the weakest, 30 dB above it, by 0.003 m
+        assert math.hypot(s['position_error_range_m'], s['position_error_azimuth_m']) < 0.01
+
+
+@nodes
+def test_running_nodes_are_used_twice_and_a_different_grid_is_told(tmp_path):
+    truth = bag_io.read_truth(PSF)
+    truth['grid'] |= {'n_x': 41, 'n_y': 201, 'spacing_m': 0.2}
+    environment = isolated_environment()
+    with NodeProcesses(parameters_from_truth(truth), tmp_path / 'log', environment):
+        for name in ('one', 'two'):
+            result = evaluate(PSF, '--output', tmp_path / name, environment=environment)
+            assert result.returncode == 0, result.stderr
+            assert 'warning: the nodes image' in result.stderr
+            quality = quality_of(tmp_path / name)
+            assert quality['pulses_received'] == 200  # counters of this run alone
+            assert np.load(tmp_path / name / 'image.npy').shape == (201, 41)
+            [s] = quality['scatterers']
+            assert s['irw_range_m'] == pytest.approx(0.8859 * 0.49965, rel=0.02)
+
+
+@nodes
+def test_no_image_is_an_error_with_the_state_of_the_nodes(tmp_path):
+    """25 of 200 pulses are fewer than min_pulse_fraction: the aperture is dropped."""
+    few = [next(bag_io.read_blocks(PSF))]
+    bag_io.write_bag(tmp_path / 'few', few, bag_io.read_truth(PSF))
+    (tmp_path / 'out').mkdir()
+    (tmp_path / 'out' / 'quality.json').write_text('{}')  # of an earlier run
+    result = evaluate(tmp_path / 'few', '--output', tmp_path / 'out', '--launch-nodes',
+                      '--timeout', 2)
+    assert result.returncode == 1
+    assert 'no image of aperture 0 came within 2 s' in result.stderr
+    assert re.search(r'pulse_buffer: .*pulses_received=25', result.stderr)
+    assert not (tmp_path / 'out' / 'quality.json').exists()
+
+
+@nodes
+def test_node_that_refuses_its_parameters_is_quoted(tmp_path):
+    truth = bag_io.read_truth(PSF)
+    truth['grid'] |= {'n_x': 100_000, 'n_y': 100_000}
+    with NodeProcesses(parameters_from_truth(truth), tmp_path, isolated_environment()) as nodes:
+        deadline = time.monotonic() + 60
+        with pytest.raises(NodeProcessError, match='backprojection ended with status 1') as error:
+            while time.monotonic() < deadline:
+                nodes.check()
+                time.sleep(0.05)
+    assert 'max_image_pixels' in str(error.value)
+
+
+@nodes
+def test_absent_nodes_are_named(tmp_path):
+    result = evaluate(PSF, '--output', tmp_path, '--timeout', 0.5,
+                      environment=isolated_environment())
+    assert result.returncode == 1
+    assert 'no pulse_buffer on topic pulses' in result.stderr
+    assert '--launch-nodes' in result.stderr
+
+
+@nodes
+@pytest.mark.skipif(not Path('/proc').is_dir(), reason='finds the child processes in /proc')
+@pytest.mark.parametrize('number, moment', [(signal.SIGINT, 'replaying'),
+                                            (signal.SIGTERM, 'waiting for the nodes')])
+def test_interruption_ends_the_nodes(tmp_path, number, moment):
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'sar_imaging.tools.evaluate', str(SPOTLIGHT), '--output',
+         str(tmp_path), '--launch-nodes', '--rate', '0.01'], cwd=ROOT, text=True,
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
+    text = ''
+    while moment not in text:  # at this rate the replay takes five minutes
+        text += process.stderr.read(1)
+        assert process.poll() is None, text
+    tasks = Path(f'/proc/{process.pid}/task').iterdir()
+    children = [int(c) for task in tasks for c in (task / 'children').read_text().split()]
+    assert len(children) == 3
+    process.send_signal(number)
+    text += process.communicate(timeout=60)[1]
+    assert process.returncode == 130
+    assert text.endswith('interrupted\n') and 'Traceback' not in text
+    for child in children:
+        with pytest.raises(ProcessLookupError):
+            os.kill(child, 0)
+
+
+@nodes
+def test_processes_can_be_stopped_killed_and_started_again(tmp_path):
+    parameters = parameters_from_truth(bag_io.read_truth(PSF))
+    with NodeProcesses(parameters, tmp_path, isolated_environment()) as processes:
+        with pytest.raises(NodeProcessError, match='runs already'):
+            processes.start('pulse_buffer')
+        processes.kill('pulse_buffer')
+        processes.check()  # the caller ended it: nothing is wrong
+        processes.start('pulse_buffer')
+        processes.check()
+
+
+@pytest.mark.parametrize('arguments, reason', [
+    (['nowhere'], 'nowhere is not a rosbag2 recording'),
+    ([PSF, '--output', ROOT / 'README.md'], 'README.md is not a folder'),
+])
+def test_unusable_folders(tmp_path, capsys, arguments, reason):
+    arguments = [str(a) for a in arguments]
+    if '--output' not in arguments:
+        arguments += ['--output', str(tmp_path)]
+    assert main(arguments) == 1
+    assert reason in capsys.readouterr().err
+
+
+def test_truncated_recording(tmp_path, capsys):
+    bag = tmp_path / 'psf'
+    bag.mkdir()
+    (bag / 'metadata.yaml').write_bytes((PSF / 'metadata.yaml').read_bytes())
+    (bag / 'psf.mcap').write_bytes((PSF / 'psf.mcap').read_bytes()[:1000])
+    assert main([str(bag), '--output', str(tmp_path / 'out')]) == 1
+    assert 'cannot be read' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('option', [['--rate', '0'], ['--timeout', '-1'], ['--rate', 'inf']])
+def test_senseless_options(capsys, option):
+    with pytest.raises(SystemExit) as stop:
+        main([str(PSF), '--output', 'unused', *option])
+    assert stop.value.code == 2
+    assert 'is not a positive number' in capsys.readouterr().err

@@ -1,0 +1,76 @@
+"""Pictures: what is drawn, at which size."""
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.tools.plots import save_image_png
+
+
+def draw(path, image, grid, **options):
+    save_image_png(path, image, grid, **options)
+    return imread(path)
+
+
+def panel_of(picture):
+    """Grey values of the part of the picture that shows a mostly black image."""
+    grey = picture[..., :3].mean(axis=-1)
+    dark = grey < 0.1
+    rows = np.flatnonzero(dark.mean(axis=1) > 0.4)
+    columns = np.flatnonzero(dark.mean(axis=0) > 0.4)
+    columns = columns[:np.argmax(np.diff(columns) > 1) + 1]  # the frame of the bar lies beyond
+    return grey[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1]
+
+
+def test_north_is_up_and_east_is_right(tmp_path):
+    grid = MapGrid((0.0, 0.0, 0.0), 101, 101, 0.5)
+    image = np.zeros(grid.shape, complex)
+    image[5:15, 20:30] = 1j  # north, a little west
+    panel = panel_of(draw(tmp_path / 'a.png', image, grid))
+    rows, columns = np.nonzero(panel > 0.9)
+    # the middle of the bright square, rows 9.5 and columns 24.5 of 101
+    assert rows.mean() / panel.shape[0] == pytest.approx(10 / 101, abs=0.01)
+    assert columns.mean() / panel.shape[1] == pytest.approx(25 / 101, abs=0.01)
+
+
+@pytest.mark.parametrize('n_x, n_y', [(81, 401), (401, 81), (2000, 10), (7, 3000), (2, 2)])
+def test_size_stays_sensible_for_any_shape(tmp_path, n_x, n_y):
+    grid = MapGrid((10_000.0, -3.0, 0.0), n_x, n_y, 0.1)
+    picture = draw(tmp_path / 'a.png', np.ones(grid.shape, np.complex64), grid, title='title')
+    assert all(250 < n < 1600 for n in picture.shape[:2])
+
+
+def test_large_images_are_averaged_in_power_not_thinned_out(tmp_path):
+    grid = MapGrid((0.0, 0.0, 0.0), 3300, 3300, 0.1)
+    image = np.zeros(grid.shape, np.float32)
+    image[::3, ::3] = 1  # every block of three has the same power
+    picture = draw(tmp_path / 'a.png', image, grid)
+    height, width = picture.shape[:2]
+    middle = picture[height // 3:height // 2, width // 3:width // 2, 0]
+    assert middle.min() > 0.9
+
+
+@pytest.mark.parametrize('fill', [0.0, np.nan])
+def test_image_without_a_peak_is_black_not_an_error(tmp_path, fill):
+    grid = MapGrid((0.0, 0.0, 0.0), 20, 20, 1.0)
+    draw(tmp_path / 'a.png', np.full(grid.shape, fill), grid)
+
+
+def test_scatterers_are_marked_inside_the_image_only(tmp_path):
+    grid = MapGrid((0.0, 0.0, 0.0), 50, 50, 1.0)
+    image = np.full(grid.shape, 1e-3)
+    image[0, 0] = 1
+
+    def coloured(truth):
+        picture = draw(tmp_path / 'a.png', image, grid, truth=truth)
+        return int((np.ptp(picture[..., :3], axis=-1) > 0.3).sum())
+
+    assert coloured([]) == 0
+    assert coloured([{'name': 'far', 'position_m': [99.0, 0.0, 0.0]}]) == 0
+    assert coloured([{'name': 'near', 'position_m': [9.0, 0.0, 0.0]}]) > 50
+
+
+def test_image_of_another_shape_is_refused(tmp_path):
+    with pytest.raises(ValueError, match='does not match grid.shape'):
+        draw(tmp_path / 'a.png', np.ones((3, 3)), MapGrid((0.0, 0.0, 0.0), 2, 3, 1.0))
