@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import threading
 import time
 import traceback
 from collections.abc import Callable, Iterable
@@ -11,7 +12,7 @@ import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -207,6 +208,8 @@ class Stage(Node):
                           + ''.join(traceback.format_exception(error)))
 
     def _matched(self, who: str, endpoint: Publisher | Subscription, event) -> None:
+        if event.current_count_change == 0:
+            return  # told already: two changes may arrive as one event
         change = 'joined' if event.current_count_change > 0 else 'left'
         self.health.info(f'{who} on {endpoint.topic_name} {change} ({event.current_count} now)')
 
@@ -256,20 +259,28 @@ def run(node_class: type[Stage], args: list[str] | None = None) -> int:
     int
         Exit code: 0 after an orderly end, 1 when the configuration is impossible.
     """
+    # Without KeyboardInterrupt, which would strike anywhere, the clean-up included: rclpy's own
+    # handler, installed by rclpy.init, shuts the context down and so ends the spinning.
+    interrupted = threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: interrupted.set())
     node = None
     try:
         _init(args)
-        node = node_class()
-        node.start()
-        rclpy.spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
+        if not interrupted.is_set():
+            with SingleThreadedExecutor() as executor:
+                node = node_class()
+                node.start()
+                executor.add_node(node)
+                executor.spin()
+    except ExternalShutdownException:
         pass
     except ConfigurationError as error:
         get_logger(node_class.NAME).fatal(str(error))
         return 1
+    except Exception:
+        if rclpy.ok():
+            raise  # otherwise rclpy complains about the context that Ctrl-C has just shut down
     finally:
-        # A second SIGINT, as `ros2 launch` sends it, must not interrupt the clean-up.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()

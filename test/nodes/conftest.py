@@ -347,12 +347,16 @@ class Recording:
         path = ROOT / 'bags' / name
         self.truth = bag_io.read_truth(path)
         self.raw = [cdr for _, cdr in bag_io.raw_messages(path)]
-        self.blocks = list(bag_io.read_blocks(path))
+        self.pulses = concatenate(list(bag_io.read_blocks(path)))
+
+    def blocks(self, n_pulses):
+        """The recorded pulses in blocks of this length."""
+        return [self.pulses.select(slice(i, i + n_pulses))
+                for i in range(0, self.pulses.n_pulses, n_pulses)]
 
     def correlation(self, counters, points):
         """(n,) complex128 exact image of recorded pulses at points (n, 3), in float64."""
-        pulses = concatenate(self.blocks)
-        pulses = pulses.select(np.isin(pulses.counter, counters))
+        pulses = self.pulses.select(np.isin(self.pulses.counter, counters))
         spectrum = band_spectrum if pulses.compressed else chirp_band_spectrum
         return correlate(*spectrum(pulses), pulses.tx_m, pulses.rx_m, points)
 

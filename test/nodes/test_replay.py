@@ -50,7 +50,7 @@ def test_a_recording_becomes_the_exact_images(make_chain, any_recording):
         [truth['grid']['n_y'], truth['grid']['n_x']], truth['grid']['spacing_m'])
     np.testing.assert_allclose(grid.centre_m, truth['grid']['centre_m'], atol=1e-9)
 
-    stamps = np.concatenate([b.stamp_ns for b in any_recording.blocks])
+    stamps = any_recording.pulses.stamp_ns
     for aperture, message in enumerate(images):
         image = complex_from_message(message)
         counters = aperture_counters(truth, aperture)

@@ -1,0 +1,193 @@
+"""A bad day: lost, repeated, swapped and broken blocks, killed nodes, wrong settings."""
+
+import dataclasses
+import signal
+
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import Float32MultiArray
+
+from msg_conversions.images import complex_from_message, map_metadata_from_message
+from sar_imaging.tools import bag_io
+
+LARGEST_ERROR_DB = -80.0  # what backprojection plans for by default
+WARN = b'\x01'
+
+
+def changed(raw, change):
+    """Serialised message after `change` was applied to the message."""
+    message = deserialize_message(raw, Float32MultiArray)
+    change(message)
+    return serialize_message(message)
+
+
+def random_bytes(message):
+    """Overwrite a part of the samples with noise, as a broken memory or cable would."""
+    data = np.frombuffer(message.data, np.uint8)
+    data[-40_000:-30_000] = np.random.default_rng(3).integers(0, 256, 10_000, np.uint8)
+
+
+def cut_data(message):
+    del message.data[-1000:]
+
+
+def wrong_magic(message):
+    message.data[0] = 1.0
+
+
+def with_huge_sample(raw, row):
+    """Finite, but its energy is not: a bit flipped in the exponent of one sample."""
+    block = bag_io.deserialise(raw)
+    samples = block.samples.copy()
+    samples[row, 2, 100] = 1e30
+    return bag_io.serialise(dataclasses.replace(block, samples=samples))
+
+
+def later(block, apertures, length):
+    """The same pulses some apertures later."""
+    shift = apertures * length
+    return dataclasses.replace(block, counter=block.counter + np.uint32(shift),
+                               stamp_ns=block.stamp_ns + apertures * 10**9)
+
+
+def test_lost_repeated_swapped_and_broken_blocks(make_chain, spotlight):
+    # 256 pulses in blocks of 25, apertures 0..127 and 128..255.
+    raw = [bag_io.serialise(b) for b in spotlight.blocks(25)]
+    stream = [raw[0], raw[1],                                   # 50..74 lost
+              raw[3], raw[3],                                   # 75..99 twice
+              changed(raw[4], cut_data),                        # 100..124 cut short
+              raw[5], raw[7], raw[6],                           # 150..199 swapped
+              changed(raw[8], random_bytes),                    # 200..224 overwritten
+              changed(raw[8], wrong_magic), b'\x00\x01\x00\x00garbage',
+              with_huge_sample(raw[9], row=5), raw[10]]         # 230 broken
+    lost = np.r_[50:75, 100:125, 200:225, 230]
+    survivors = np.setdiff1d(np.arange(256), lost)
+
+    chain = make_chain(spotlight.truth)
+    chain.observer.send(stream)
+    images = chain.wait_for_images(2)
+    grid = map_metadata_from_message(chain.observer.wait_for('map_metadata', 1)[0])
+    for message, (first, last) in zip(images, [(0, 128), (128, 256)], strict=True):
+        inside = survivors[(first <= survivors) & (survivors < last)]
+        error_db = spotlight.error_db(complex_from_message(message), grid, inside)
+        assert error_db < LARGEST_ERROR_DB
+
+    # The garbage is no message at all: the middleware drops it before a node can see it.
+    chain.observer.wait_for_counters(
+        'pulse_buffer', blocks_received=12, blocks_rejected=3, blocks_dropped=0,
+        pulses_received=25 * 8 + 6, pulses_emitted=len(survivors), pulses_missing=len(lost),
+        pulses_duplicate=25, pulses_late=0, pulses_corrupt=1, restarts=0, errors=0)
+    chain.observer.wait_for_counters(
+        'backprojection', images_published=2, pulses_imaged=len(survivors),
+        pulses_missing=len(lost), pulses_missing_in_last_aperture=26, errors=0)
+    assert chain.observer.level('pulse_buffer') == WARN
+    assert chain.observer.level('backprojection') == WARN
+
+    log = chain.processes['pulse_buffer'].log
+    for text in ('pulses 50..74 missing (25)', 'pulses 100..124 missing (25)',
+                 'pulses 200..224 missing (25)', 'pulses 230 missing (1)',
+                 'dropped duplicate pulses: 75..99 (25)', 'NaN or',
+                 'not finite numbers: 230 (1)', 'magic number'):
+        assert text in log
+    assert log.count('rejected a message of /pulses: ') == 3
+    images_log = chain.processes['backprojection']
+    images_log.wait_for_log(r'aperture 0: 78 pulses, missing 50\.\.74, 100\.\.124 \(50\)')
+    images_log.wait_for_log(r'aperture 1: 102 pulses, missing 200\.\.224, 230 \(26\)')
+
+
+def test_any_node_killed_and_restarted_while_the_others_live_on(make_chain, any_recording):
+    if any_recording.truth['scenario'] != 'psf':
+        pytest.skip('one recording is enough')
+    truth, blocks = any_recording.truth, any_recording.blocks(25)
+    length = truth['pulses_per_aperture']
+    chain = make_chain(truth)
+    observer = chain.observer
+    grid = map_metadata_from_message(observer.wait_for('map_metadata', 1)[0])
+
+    for number, name in enumerate(('pulse_buffer', 'range_compression', 'backprojection')):
+        disturbed = [later(b, 2 * number, length) for b in blocks]
+        whole = [later(b, 2 * number + 1, length) for b in blocks]
+        half = len(blocks) // 2
+        observer.send(disturbed[:half])
+        last = int(disturbed[half - 1].counter[-1])
+        observer.wait(lambda n=last: n in [m.data for m in
+                                           observer.messages['pulse_buffer/progress']],
+                      f'pulse {last} in the pulse buffer', chain.log)
+        chain.kill_and_restart(name)
+        observer.send(disturbed[half:] + whole)
+
+        stamp = np.mean([b.stamp_ns[[0, -1]].astype(float) for b in (whole[0], whole[-1])])
+        [image] = observer.wait(
+            lambda t=stamp: [m for m in observer.messages['image_complex']
+                             if abs(m.header.stamp.sec * 1e9 + m.header.stamp.nanosec - t) < 1e8],
+            f'the aperture after the restart of {name}', chain.log)
+        chain.processes['backprojection'].wait_for_log(
+            f'image of aperture {2 * number + 1}: {length} pulses, missing none')
+        error_db = any_recording.error_db(complex_from_message(image), grid, np.arange(length))
+        assert error_db < LARGEST_ERROR_DB, name
+        assert all(p.running for p in chain.processes.values())
+
+
+def test_input_that_pauses_is_reported_and_its_aperture_closed(make_chain, spotlight):
+    chain = make_chain(spotlight.truth, pulse_buffer={'stall_timeout_s': 1.0},
+                       backprojection={'aperture_timeout_s': 1.0})
+    blocks = spotlight.blocks(25)
+    chain.observer.send(blocks[:4])
+    [image] = chain.wait_for_images(1)
+    assert image.header.frame_id == 'map'
+    chain.processes['backprojection'].wait_for_log(r'aperture 0: 100 pulses, missing 100\.\.127')
+    chain.processes['pulse_buffer'].wait_for_log('input stalled: nothing on /pulses')
+    chain.observer.send(blocks[4:6])
+    chain.processes['pulse_buffer'].wait_for_log('input goes on')
+    # 100..127 come after their aperture was imaged.
+    chain.observer.wait_for_counters('backprojection', pulses_late=28, apertures_dropped=1)
+    chain.processes['backprojection'].wait_for_log(r'closed before: 100\.\.127 \(28\)')
+
+
+def test_a_full_queue_is_counted_and_logged(make_chain, spotlight):
+    chain = make_chain(spotlight.truth, range_compression={'worker_queue_size': 1})
+    # Blocks of one pulse come faster than any transform works.
+    observer = chain.observer
+    observer.send(spotlight.blocks(1) * 4)
+    observer.wait(lambda: observer.counters('range_compression').get('blocks_dropped', 0) > 0,
+                  'dropped blocks', lambda: observer.counters('range_compression'))
+    chain.processes['range_compression'].wait_for_log('dropped pulses .* wait already')
+
+
+@pytest.mark.parametrize('name', ['pulse_buffer', 'range_compression', 'backprojection'])
+def test_ctrl_c_ends_a_node_orderly_even_twice(start_node, name):
+    process = start_node(name)
+    process.wait_for_log('ready: ')
+    process.signal(signal.SIGINT)
+    process.signal(signal.SIGINT)  # as `ros2 launch` forwards it
+    assert process.join() == 0, process.log
+    assert 'Traceback' not in process.log
+
+
+@pytest.mark.parametrize(('name', 'parameters', 'message'), [
+    ('pulse_buffer', {'pulses_per_block': 0},
+     'parameter pulses_per_block=0; expected a whole number from 1 to 65536 (pulses)'),
+    ('pulse_buffer', {'flush_timeout_s': 'soon'},
+     "parameter flush_timeout_s='soon'; expected a number from 0.01 to 3600.0 (s)"),
+    ('pulse_buffer', {'qos_overrides./pulses.subscription.reliability': 'sometimes'},
+     'QoS override of pulses'),
+    ('range_compression', {'window': 'box'}, "window='box' is unknown; use one of none"),
+    ('backprojection', {'grid.spacing': 0.001}, 'raise grid.spacing=0.001 or max_image_pixels'),
+    ('backprojection', {'pulses_per_aperture': 1.5},
+     'parameter pulses_per_aperture=1.5; expected a whole number'),
+])
+def test_an_impossible_parameter_ends_the_node_with_one_clear_line(start_node, name, parameters,
+                                                                   message):
+    process = start_node(name, parameters)
+    assert process.join() == 1
+    [line] = process.lines
+    assert '[FATAL]' in line
+    assert f'[{name}]: ' in line
+    assert message in line
+
+
+def test_a_whole_number_is_accepted_for_a_double(start_node):
+    process = start_node('backprojection', {'grid.spacing': 1, 'grid.size_x': 20,
+                                            'grid.size_y': 10, 'grid.centre_x': -5})
+    process.wait_for_log(r'21 x 11 pixels of 1 m around \(-5, 0, 0\) m')
