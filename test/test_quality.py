@@ -1,5 +1,7 @@
 import json
 import math
+import pathlib
+import re
 
 import numpy as np
 import pytest
@@ -303,3 +305,10 @@ class TestMeasures:
     def test_undefined_measures_are_refused(self, call, reason):
         with pytest.raises(ValueError, match=reason):
             call()
+
+
+def test_example_of_the_documentation(capsys):
+    page = pathlib.Path(__file__).parents[1] / 'docs' / 'evaluate.md'
+    [code] = re.findall(r'^```python\n(.*?)^```', page.read_text(), re.DOTALL | re.MULTILINE)
+    exec(code, {})
+    assert capsys.readouterr().out == 'ISLR -10.50 dB in range, -10.53 dB in azimuth\n'

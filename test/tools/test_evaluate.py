@@ -4,6 +4,7 @@ import json
 import math
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,7 +21,7 @@ from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.quality import error_db
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.tools import bag_io
+from sar_imaging.tools import bag_io, load_gotcha
 from sar_imaging.tools.evaluate import main
 from sar_imaging.tools.node_processes import (
     NodeProcessError,
@@ -31,6 +32,7 @@ from sar_imaging.tools.node_processes import (
 
 ROOT = Path(__file__).resolve().parents[2]
 PSF, SPOTLIGHT = ROOT / 'bags' / 'psf', ROOT / 'bags' / 'spotlight'
+GOTCHA = ROOT.parent / 'shared' / 'data' / 'gotcha_pass1_hh'
 SCATTERER_KEYS = ['name', 'irw_range_m', 'irw_azimuth_m', 'pslr_range_db', 'pslr_azimuth_db',
                   'islr_range_db', 'islr_azimuth_db', 'position_error_range_m',
                   'position_error_azimuth_m']
@@ -140,6 +142,46 @@ def test_running_nodes_are_used_twice_and_a_different_grid_is_told(tmp_path):
             assert np.load(tmp_path / name / 'image.npy').shape == (201, 41)
             [s] = quality['scatterers']
             assert s['irw_range_m'] == pytest.approx(0.8859 * 0.49965, rel=0.02)
+        result = evaluate(without_truth(tmp_path), '--output', tmp_path / 'three',
+                          environment=environment)
+        assert result.returncode == 0, result.stderr
+        assert quality_of(tmp_path / 'three')['scatterers'] == []
+        np.testing.assert_array_equal(np.load(tmp_path / 'three' / 'image.npy'),
+                                      np.load(tmp_path / 'two' / 'image.npy'))
+
+
+def without_truth(folder):
+    """Recording whose metadata nobody of this project wrote."""
+    bag = folder / 'bare'
+    shutil.copytree(PSF, bag)
+    text = (bag / 'metadata.yaml').read_text()
+    assert bag_io.TRUTH_KEY in text
+    (bag / 'metadata.yaml').write_text(text.replace(bag_io.TRUTH_KEY, 'someone.else'))
+    return bag
+
+
+def test_nodes_cannot_be_launched_without_a_grid(tmp_path, capsys):
+    bag = without_truth(tmp_path)
+    assert main([str(bag), '--output', str(tmp_path / 'out'), '--launch-nodes']) == 1
+    assert 'has no truth' in capsys.readouterr().err
+
+
+@nodes
+@pytest.mark.data
+@pytest.mark.skipif(not GOTCHA.is_dir(), reason=f'{GOTCHA} is not there')
+def test_gotcha(tmp_path):
+    """Measured data: the brighter reflector of AFRL Gotcha, pass 1 HH."""
+    assert load_gotcha.main([str(GOTCHA), '--output', str(tmp_path / 'bag')]) == 0
+    result = evaluate(tmp_path / 'bag', '--output', tmp_path, '--launch-nodes')
+    assert result.returncode == 0, result.stderr
+    quality = quality_of(tmp_path)
+    assert [quality[k] for k in KEYS[1:4]] == [469, 0, 0]
+    s = quality['scatterers'][0]
+    assert math.hypot(s['peak_x_m'] + 15.60, s['peak_y_m'] - 21.60) < 0.10
+    # theory for 622 MHz, 4 degrees, 45.75 degrees of elevation; correlation in float64 of the
+    # same data gives 0.3105 m along x and 0.2854 m along y, clutter makes the difference
+    assert s['irw_range_m'] == pytest.approx(0.306, rel=0.05)
+    assert s['irw_azimuth_m'] == pytest.approx(0.285, rel=0.05)
 
 
 @nodes
