@@ -213,6 +213,10 @@ class NodeProcesses:
                 raise NodeProcessError(f'{name} ended with status {status}; the end of '
                                        f'{self.log_file(name)}:\n{self.log_tail(name)}')
 
+    def pid(self, name: str) -> int:
+        """Process number of a node that was started."""
+        return self._processes[name].pid
+
     def log_file(self, name: str) -> Path:
         """File with everything a node printed."""
         return self._folder / f'{name}.log'

@@ -2,13 +2,7 @@
 
 import collections
 import os
-import random
 import re
-import signal
-import socket
-import subprocess
-import sys
-import threading
 import time
 from pathlib import Path
 
@@ -22,7 +16,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import MapMetaData
 from rclpy.event_handler import PublisherEventCallbacks
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Image
 from std_msgs.msg import Float32MultiArray, UInt32
@@ -32,10 +26,17 @@ from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.spectra import band_spectrum
 from sar_imaging.signal.waveforms import lfm_spectrum, n_pulse_samples
 from sar_imaging.tools import bag_io
+from sar_imaging.tools.node_processes import (
+    NODES,
+    NodeProcessError,
+    NodeProcesses,
+    isolated_environment,
+    parameters_from_truth,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
-NODES = ('pulse_buffer', 'range_compression', 'backprojection')
 PATIENCE_S = 90.0  # a deadline for what should take a second: kernels may have to be compiled
+JOINED = 'subscriber on .* joined'
 
 
 def pytest_collection_modifyitems(items):
@@ -44,124 +45,91 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.nodes)
 
 
-def free_domain() -> int:
-    """Domain whose first participant's port is free: nobody uses it on this machine."""
-    domains = list(range(1, 100))
-    random.SystemRandom().shuffle(domains)
-    for domain in domains:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
-                probe.bind(('', 7400 + 250 * domain + 10))
-            except OSError:
-                continue
-        return domain
-    raise RuntimeError('all ROS domains from 1 to 99 are in use on this machine')
-
-
 @pytest.fixture(scope='session')
 def ros_environment(tmp_path_factory):
-    """Environment variables for this process and its children."""
-    patch = pytest.MonkeyPatch()
-    patch.setenv('ROS_DOMAIN_ID', str(free_domain()))
-    patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    patch.setenv('ROS_LOG_DIR', str(tmp_path_factory.mktemp('ros_log')))
-    patch.setenv('FASTRTPS_DEFAULT_PROFILES_FILE',
-                 str(ROOT / 'sar_imaging' / 'config' / 'fastdds_large_segment.xml'))
-    yield
-    patch.undo()
+    """Environment of this process and its children: one free domain for all tests here."""
+    environment = isolated_environment(
+        {k: v for k, v in os.environ.items() if k != 'ROS_DOMAIN_ID'})
+    environment['ROS_LOG_DIR'] = str(tmp_path_factory.mktemp('ros_log'))
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in environment.items():
+            if name.startswith(('ROS_', 'FASTRTPS_')):
+                patch.setenv(name, value)
+        yield environment
 
 
-class Waiter:
-    """Wait for conditions that other threads bring about."""
-
-    def __init__(self):
-        self._changed = threading.Condition()
-
-    def notify(self):
-        with self._changed:
-            self._changed.notify_all()
-
-    def wait(self, condition, what, describe=lambda: ''):
-        """Value of `condition` once it is true; fails with `what` after a long time."""
-        deadline = time.monotonic() + PATIENCE_S
-        with self._changed:
-            while not (value := condition()):
-                left = deadline - time.monotonic()
-                if left <= 0:
-                    pytest.fail(f'waited {PATIENCE_S:g} s for {what}\n{describe()}')
-                self._changed.wait(min(left, 1.0))
-        return value
+def wait(condition, what, *, describe=lambda: '', work=lambda: time.sleep(0.02)):
+    """Value of `condition` once it is true, doing `work` meanwhile; fails after a long time."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not (value := condition()):
+        if time.monotonic() > deadline:
+            pytest.fail(f'waited {PATIENCE_S:g} s for {what}\n{describe()}')
+        work()
+    return value
 
 
-class NodeProcess(Waiter):
-    """One of the package's nodes as a process of its own; its log is kept line by line."""
+class Nodes:
+    """Node processes and their logs."""
 
-    def __init__(self, name, parameters=None, arguments=()):
-        super().__init__()
-        command = [sys.executable, '-m', f'sar_imaging.nodes.{name}', '--ros-args']
-        for key, value in (parameters or {}).items():
-            command += ['-p', f'{key}:={value}']
-        self.name = name
-        self.lines = []
-        self._process = subprocess.Popen([*command, *arguments], cwd=ROOT, text=True,
-                                         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-        self._reader = threading.Thread(target=self._read)
-        self._reader.start()
+    def __init__(self, folder, environment, parameters, arguments=()):
+        self._processes = NodeProcesses(parameters, folder, environment,
+                                        arguments=dict.fromkeys(NODES, list(arguments)))
+        self.running = set()
 
-    def _read(self):
-        for line in self._process.stderr:
-            self.lines.append(line.rstrip())
-            self.notify()
-        self.notify()
+    def start(self, name):
+        self._processes.start(name)
+        self.running.add(name)
 
-    @property
-    def log(self):
-        return '\n'.join(self.lines)
+    def signal(self, name, number):
+        os.kill(self._processes.pid(name), number)
 
-    def wait_for_log(self, pattern, count=1):
-        """Wait until `count` log lines contain the regular expression; returns the last one."""
-        def found():
-            matching = [line for line in self.lines if re.search(pattern, line)]
-            return matching[count - 1] if len(matching) >= count else None
+    def kill(self, name):
+        self._processes.kill(name)
+        self.running.remove(name)
 
-        return self.wait(found, f'{pattern!r} in the log of {self.name}', lambda: self.log)
+    def exit_code(self, name):
+        """Exit code of a node that ends by itself or was sent a signal."""
+        def ended():
+            try:
+                self._processes.check()
+            except NodeProcessError:
+                return True
 
-    @property
-    def running(self):
-        return self._process.poll() is None
+        wait(ended, f'the end of {name}', describe=self.all_logs)
+        return self.stop(name)
 
-    def signal(self, number):
-        self._process.send_signal(number)
+    def stop(self, name):
+        """End a node by Ctrl-C and return its exit code."""
+        self.running.remove(name)
+        return self._processes.stop(name)
 
-    def join(self):
-        """Exit code, after the process has ended and its log is complete."""
-        try:
-            code = self._process.wait(PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            pytest.fail(f'{self.name} did not end\n{self.log}')
-        self._reader.join()
-        self._process.stderr.close()
-        return code
+    def check(self):
+        self._processes.check()
 
-    def kill(self):
-        """End it without a chance to clean up."""
-        self._process.kill()
-        assert self.join() == -signal.SIGKILL
+    def log(self, name):
+        return self._processes.log_file(name).read_text()
+
+    def all_logs(self):
+        return '\n'.join(f'--- {name}\n{self.log(name)}' for name in NODES)
+
+    def wait_for_log(self, name, pattern, count=1):
+        """Wait until the regular expression was found `count` times in the log of a node."""
+        wait(lambda: len(re.findall(pattern, self.log(name))) >= count,
+             f'{count} x {pattern!r} in the log of {name}', describe=self.all_logs)
 
 
-class Observer(Waiter):
+class Observer:
     """A ROS node in the test's process: sends pulses, collects all that the nodes publish."""
 
-    def __init__(self, namespace='', pulses_depth=1000):
-        super().__init__()
+    def __init__(self, namespace, describe):
+        self._describe = describe
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
         self.node = rclpy.create_node('observer', context=self._context, namespace=namespace)
         self.messages = collections.defaultdict(list)
         self.joined = 0  # subscribers of the pulses, those that left included
         self._pulses = self.node.create_publisher(
-            Float32MultiArray, 'pulses', pulses_depth,
+            Float32MultiArray, 'pulses', 1000,
             event_callbacks=PublisherEventCallbacks(matched=self._subscriber_matched))
         for topic in ('image', 'image_complex', 'image_quicklook'):
             self._subscribe(Image, topic, 50)
@@ -172,29 +140,15 @@ class Observer(Waiter):
             self._subscribe(UInt32, f'{name}/progress', 1000)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
-        self._thread = threading.Thread(target=self._spin)
-        self._thread.start()
 
     def _subscribe(self, message_type, topic, qos):
-        def receive(message):
-            self.messages[topic].append(message)
-            self.notify()
-
-        self.node.create_subscription(message_type, topic, receive, qos)
+        self.node.create_subscription(message_type, topic, self.messages[topic].append, qos)
 
     def _subscriber_matched(self, event):
         self.joined = event.total_count
-        self.notify()
-
-    def _spin(self):
-        try:
-            self._executor.spin()
-        except ExternalShutdownException:
-            pass
 
     def close(self):
         self._executor.shutdown()
-        self._thread.join()
         self.node.destroy_node()
         rclpy.try_shutdown(context=self._context)
 
@@ -203,91 +157,96 @@ class Observer(Waiter):
         for block in blocks:
             self._pulses.publish(block if isinstance(block, bytes) else bag_io.serialise(block))
 
-    def wait_for(self, topic, count, describe=lambda: ''):
+    def wait(self, condition, what):
+        """Receive messages until a condition holds; returns its value."""
+        return wait(condition, what, describe=self._describe,
+                    work=lambda: self._executor.spin_once(timeout_sec=0.1))
+
+    def wait_for(self, topic, count):
         """The first `count` messages of a topic."""
-        self.wait(lambda: len(self.messages[topic]) >= count, f'{count} messages of {topic}',
-                  lambda: f'{len(self.messages[topic])} came\n{describe()}')
+        self.wait(lambda: len(self.messages[topic]) >= count, f'{count} messages of {topic}')
         return self.messages[topic][:count]
+
+    def wait_for_progress(self, name, counter):
+        """Wait until a node has finished the block that ends with this pulse."""
+        self.wait(lambda: any(m.data == counter for m in self.messages[f'{name}/progress']),
+                  f'{name} to finish pulse {counter}')
+
+    def status(self, node):
+        """Latest diagnostics of a node, None when there is none yet."""
+        reports = [s for array in self.messages['/diagnostics'] for s in array.status
+                   if s.name == f'{node}: stage']
+        return reports[-1] if reports else None
 
     def counters(self, node):
         """Latest diagnostics of a node as numbers."""
-        for array in reversed(self.messages['/diagnostics']):
-            for status in array.status:
-                if status.name == f'{node}: stage':
-                    return {v.key: float(v.value) for v in status.values}
-        return {}
+        status = self.status(node)
+        return {v.key: float(v.value) for v in status.values} if status else {}
 
     def wait_for_counters(self, node, **expected):
         """Wait until the node's diagnostics have these values."""
-        self.wait(lambda: expected.items() <= self.counters(node).items(),
-                  f'{expected} in the diagnostics of {node}', lambda: self.counters(node))
+        try:
+            self.wait(lambda: expected.items() <= self.counters(node).items(), 'counters')
+        except pytest.fail.Exception:
+            # Compare once more: the difference is what one wants to see.
+            latest = self.counters(node)
+            assert {k: latest.get(k) for k in expected} == expected
+            raise
 
-    def level(self, node):
-        """Level of the latest diagnostics of a node."""
-        return [s.level for a in self.messages['/diagnostics'] for s in a.status
-                if s.name == f'{node}: stage'][-1]
 
+class Chain(Nodes):
+    """The three nodes as processes, connected, and an observer."""
 
-class Chain:
-    """The three nodes as processes and an observer."""
-
-    def __init__(self, parameters, arguments=(), namespace=''):
-        self._parameters, self._arguments = parameters, arguments
-        self.observer = Observer(namespace)
-        self.processes = {}
+    def __init__(self, folder, environment, parameters, arguments=(), namespace=''):
+        super().__init__(folder, environment, parameters, arguments)
+        self.observer = Observer(namespace, self.all_logs)
         for name in NODES:
             self.start(name)
-        for name in NODES:
-            self.processes[name].wait_for_log('ready: ')
-        self.observer.wait(lambda: self.observer.joined, 'a subscriber of the pulses', self.log)
-        self.processes['pulse_buffer'].wait_for_log('subscriber on .*pulse_blocks joined')
-        self.processes['range_compression'].wait_for_log('subscriber on .*range_profiles joined')
-        self.processes['backprojection'].wait_for_log('subscriber on .*image_complex joined')
 
-    def start(self, name):
-        self.processes[name] = NodeProcess(name, self._parameters.get(name), self._arguments)
+    def wait_until_connected(self):
+        """Wait until each node sees its neighbours."""
+        self.wait_for_log('pulse_buffer', JOINED)
+        self.wait_for_log('range_compression', JOINED)
+        self.wait_for_log('backprojection', 'subscriber on .*image_complex joined')
+        self.observer.wait(lambda: self.observer.joined, 'a subscriber of the pulses')
 
     def kill_and_restart(self, name):
         """SIGKILL, start again, wait until its neighbours see the new process."""
-        before = {n: len(re.findall('subscriber on .* joined', p.log))
-                  for n, p in self.processes.items()}
-        joined = self.observer.joined
-        self.processes[name].kill()
-        self.start(name)
+        joined = {n: len(re.findall(JOINED, self.log(n))) for n in NODES}
+        to_observer = self.observer.joined
+        self.kill(name)
+        self.start(name)  # its log goes on in the same file
         outputs = {'pulse_buffer': 1, 'range_compression': 1, 'backprojection': 3}
-        self.processes[name].wait_for_log('subscriber on .* joined', outputs[name])
+        self.wait_for_log(name, JOINED, joined[name] + outputs[name])
         if name == 'pulse_buffer':
-            self.observer.wait(lambda: self.observer.joined > joined, 'the new pulse_buffer')
+            self.observer.wait(lambda: self.observer.joined > to_observer, 'the new pulse_buffer')
         else:
             sender = NODES[NODES.index(name) - 1]
-            self.processes[sender].wait_for_log('subscriber on .* joined', before[sender] + 1)
-
-    def log(self):
-        return '\n'.join(f'--- {name}\n{p.log}' for name, p in self.processes.items())
-
-    def wait_for_images(self, count):
-        """The first `count` complex images."""
-        return self.observer.wait_for('image_complex', count, self.log)
+            self.wait_for_log(sender, JOINED, joined[sender] + 1)
 
     def close(self):
-        """Ctrl-C for all; every process must end orderly."""
-        for process in self.processes.values():
-            if process.running:
-                process.signal(signal.SIGINT)
-        codes = {name: process.join() for name, process in self.processes.items()}
+        """Ctrl-C for each; every process must end orderly."""
+        codes = {name: self.stop(name) for name in sorted(self.running)}
         self.observer.close()
-        assert codes == dict.fromkeys(self.processes, 0), self.log()
-        assert 'Traceback' not in self.log(), self.log()
+        assert codes == dict.fromkeys(NODES, 0), self.all_logs()
+        assert 'Traceback' not in self.all_logs()
 
 
 @pytest.fixture
-def make_chain(ros_environment):
+def make_chain(ros_environment, tmp_path):
     """Start the three nodes for a recording's truth; ended by Ctrl-C after the test."""
     chains = []
 
     def make(truth, *, arguments=(), namespace='', **parameters):
-        chain = Chain(parameters_for(truth, parameters), arguments, namespace)
+        values = parameters_from_truth(truth)
+        for node, extra in parameters.items():
+            values[node] |= extra
+        if namespace:
+            values = {f'/{namespace}/{node}': v for node, v in values.items()}
+            arguments = ['-r', f'__ns:=/{namespace}', *arguments]
+        chain = Chain(tmp_path / 'nodes', ros_environment, values, arguments, namespace)
         chains.append(chain)
+        chain.wait_until_connected()
         return chain
 
     yield make
@@ -295,21 +254,21 @@ def make_chain(ros_environment):
         chain.close()
 
 
-def parameters_for(truth, extra=None):
-    """Parameters of the nodes for a recording; `extra` by node name."""
-    x, y, z = truth['grid']['centre_m']
-    spacing = truth['grid']['spacing_m']
-    parameters = {
-        'pulse_buffer': {'pulses_per_aperture': truth['pulses_per_aperture']},
-        'range_compression': {'window': truth['window']},
-        'backprojection': {
-            'pulses_per_aperture': truth['pulses_per_aperture'], 'grid.spacing': spacing,
-            'grid.centre_x': x, 'grid.centre_y': y, 'grid.centre_z': z,
-            'grid.size_x': (truth['grid']['n_x'] - 1) * spacing,
-            'grid.size_y': (truth['grid']['n_y'] - 1) * spacing}}
-    for node, values in (extra or {}).items():
-        parameters[node] |= values
-    return parameters
+@pytest.fixture
+def start_node(ros_environment, tmp_path):
+    """Start a single node; killed after the test if it still runs."""
+    started = []
+
+    def start(name, parameters=None):
+        node = Nodes(tmp_path / 'nodes', ros_environment, {name: parameters} if parameters else {})
+        started.append(node)
+        node.start(name)
+        return node
+
+    yield start
+    for node in started:
+        for name in sorted(node.running):
+            node.kill(name)
 
 
 def chirp_band_spectrum(raw):
@@ -328,16 +287,6 @@ def chirp_band_spectrum(raw):
     spectra /= lfm_spectrum(baseband, radar) * radar.sample_rate_hz * len(baseband)
     spectra *= np.exp(-2j * np.pi * baseband * radar.first_sample_delay_s)
     return radar.carrier_hz + baseband, spectra
-
-
-@pytest.fixture(scope='session', params=['psf', 'spotlight'])
-def any_recording(request):
-    return Recording(request.param)
-
-
-@pytest.fixture(scope='session')
-def spotlight():
-    return Recording('spotlight')
 
 
 class Recording:
@@ -372,17 +321,16 @@ class Recording:
         return 20 * np.log10(np.linalg.norm(flat[chosen] - exact) / np.linalg.norm(exact))
 
 
-@pytest.fixture
-def start_node(ros_environment):
-    """Start single node processes; killed after the test if they still run."""
-    started = []
+@pytest.fixture(scope='session', params=['psf', 'spotlight'])
+def any_recording(request):
+    return Recording(request.param)
 
-    def start(name, parameters=None, arguments=()):
-        started.append(NodeProcess(name, parameters, arguments))
-        return started[-1]
 
-    yield start
-    for process in started:
-        if process.running:
-            os.kill(process._process.pid, signal.SIGKILL)
-            process.join()
+@pytest.fixture(scope='session')
+def spotlight():
+    return Recording('spotlight')
+
+
+@pytest.fixture(scope='session')
+def psf():
+    return Recording('psf')

@@ -5,6 +5,7 @@ import signal
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float32MultiArray
 
@@ -12,7 +13,6 @@ from msg_conversions.images import complex_from_message, map_metadata_from_messa
 from sar_imaging.tools import bag_io
 
 LARGEST_ERROR_DB = -80.0  # what backprojection plans for by default
-WARN = b'\x01'
 
 
 def changed(raw, change):
@@ -66,7 +66,7 @@ def test_lost_repeated_swapped_and_broken_blocks(make_chain, spotlight):
 
     chain = make_chain(spotlight.truth)
     chain.observer.send(stream)
-    images = chain.wait_for_images(2)
+    images = chain.observer.wait_for('image_complex', 2)
     grid = map_metadata_from_message(chain.observer.wait_for('map_metadata', 1)[0])
     for message, (first, last) in zip(images, [(0, 128), (128, 256)], strict=True):
         inside = survivors[(first <= survivors) & (survivors < last)]
@@ -81,25 +81,24 @@ def test_lost_repeated_swapped_and_broken_blocks(make_chain, spotlight):
     chain.observer.wait_for_counters(
         'backprojection', images_published=2, pulses_imaged=len(survivors),
         pulses_missing=len(lost), pulses_missing_in_last_aperture=26, errors=0)
-    assert chain.observer.level('pulse_buffer') == WARN
-    assert chain.observer.level('backprojection') == WARN
+    assert chain.observer.status('pulse_buffer').level == DiagnosticStatus.WARN
+    assert chain.observer.status('backprojection').level == DiagnosticStatus.WARN
 
-    log = chain.processes['pulse_buffer'].log
+    log = chain.log('pulse_buffer')
     for text in ('pulses 50..74 missing (25)', 'pulses 100..124 missing (25)',
                  'pulses 200..224 missing (25)', 'pulses 230 missing (1)',
                  'dropped duplicate pulses: 75..99 (25)', 'NaN or',
                  'not finite numbers: 230 (1)', 'magic number'):
         assert text in log
     assert log.count('rejected a message of /pulses: ') == 3
-    images_log = chain.processes['backprojection']
-    images_log.wait_for_log(r'aperture 0: 78 pulses, missing 50\.\.74, 100\.\.124 \(50\)')
-    images_log.wait_for_log(r'aperture 1: 102 pulses, missing 200\.\.224, 230 \(26\)')
+    chain.wait_for_log('backprojection',
+                       r'aperture 0: 78 pulses, missing 50\.\.74, 100\.\.124 \(50\)')
+    chain.wait_for_log('backprojection',
+                       r'aperture 1: 102 pulses, missing 200\.\.224, 230 \(26\)')
 
 
-def test_any_node_killed_and_restarted_while_the_others_live_on(make_chain, any_recording):
-    if any_recording.truth['scenario'] != 'psf':
-        pytest.skip('one recording is enough')
-    truth, blocks = any_recording.truth, any_recording.blocks(25)
+def test_any_node_killed_and_restarted_while_the_others_live_on(make_chain, psf):
+    truth, blocks = psf.truth, psf.blocks(25)
     length = truth['pulses_per_aperture']
     chain = make_chain(truth)
     observer = chain.observer
@@ -111,9 +110,7 @@ def test_any_node_killed_and_restarted_while_the_others_live_on(make_chain, any_
         half = len(blocks) // 2
         observer.send(disturbed[:half])
         last = int(disturbed[half - 1].counter[-1])
-        observer.wait(lambda n=last: n in [m.data for m in
-                                           observer.messages['pulse_buffer/progress']],
-                      f'pulse {last} in the pulse buffer', chain.log)
+        observer.wait_for_progress('pulse_buffer', last)
         chain.kill_and_restart(name)
         observer.send(disturbed[half:] + whole)
 
@@ -121,12 +118,12 @@ def test_any_node_killed_and_restarted_while_the_others_live_on(make_chain, any_
         [image] = observer.wait(
             lambda t=stamp: [m for m in observer.messages['image_complex']
                              if abs(m.header.stamp.sec * 1e9 + m.header.stamp.nanosec - t) < 1e8],
-            f'the aperture after the restart of {name}', chain.log)
-        chain.processes['backprojection'].wait_for_log(
-            f'image of aperture {2 * number + 1}: {length} pulses, missing none')
-        error_db = any_recording.error_db(complex_from_message(image), grid, np.arange(length))
+            f'the aperture after the restart of {name}')
+        chain.wait_for_log('backprojection', f'image of aperture {2 * number + 1}: '
+                           f'{length} pulses, missing none')
+        error_db = psf.error_db(complex_from_message(image), grid, np.arange(length))
         assert error_db < LARGEST_ERROR_DB, name
-        assert all(p.running for p in chain.processes.values())
+        chain.check()  # no other node has ended
 
 
 def test_input_that_pauses_is_reported_and_its_aperture_closed(make_chain, spotlight):
@@ -134,15 +131,15 @@ def test_input_that_pauses_is_reported_and_its_aperture_closed(make_chain, spotl
                        backprojection={'aperture_timeout_s': 1.0})
     blocks = spotlight.blocks(25)
     chain.observer.send(blocks[:4])
-    [image] = chain.wait_for_images(1)
+    [image] = chain.observer.wait_for('image_complex', 1)
     assert image.header.frame_id == 'map'
-    chain.processes['backprojection'].wait_for_log(r'aperture 0: 100 pulses, missing 100\.\.127')
-    chain.processes['pulse_buffer'].wait_for_log('input stalled: nothing on /pulses')
+    chain.wait_for_log('backprojection', r'aperture 0: 100 pulses, missing 100\.\.127')
+    chain.wait_for_log('pulse_buffer', 'input stalled: nothing on /pulses')
     chain.observer.send(blocks[4:6])
-    chain.processes['pulse_buffer'].wait_for_log('input goes on')
+    chain.wait_for_log('pulse_buffer', 'input goes on')
     # 100..127 come after their aperture was imaged.
     chain.observer.wait_for_counters('backprojection', pulses_late=28, apertures_dropped=1)
-    chain.processes['backprojection'].wait_for_log(r'closed before: 100\.\.127 \(28\)')
+    chain.wait_for_log('backprojection', r'closed before: 100\.\.127 \(28\)')
 
 
 def test_a_full_queue_is_counted_and_logged(make_chain, spotlight):
@@ -151,18 +148,18 @@ def test_a_full_queue_is_counted_and_logged(make_chain, spotlight):
     observer = chain.observer
     observer.send(spotlight.blocks(1) * 4)
     observer.wait(lambda: observer.counters('range_compression').get('blocks_dropped', 0) > 0,
-                  'dropped blocks', lambda: observer.counters('range_compression'))
-    chain.processes['range_compression'].wait_for_log('dropped pulses .* wait already')
+                  'dropped blocks')
+    chain.wait_for_log('range_compression', 'dropped pulses .* wait already')
 
 
 @pytest.mark.parametrize('name', ['pulse_buffer', 'range_compression', 'backprojection'])
 def test_ctrl_c_ends_a_node_orderly_even_twice(start_node, name):
-    process = start_node(name)
-    process.wait_for_log('ready: ')
-    process.signal(signal.SIGINT)
-    process.signal(signal.SIGINT)  # as `ros2 launch` forwards it
-    assert process.join() == 0, process.log
-    assert 'Traceback' not in process.log
+    node = start_node(name)
+    node.wait_for_log(name, 'ready: ')
+    node.signal(name, signal.SIGINT)
+    node.signal(name, signal.SIGINT)  # as `ros2 launch` forwards it
+    assert node.exit_code(name) == 0, node.log(name)
+    assert 'Traceback' not in node.log(name)
 
 
 @pytest.mark.parametrize(('name', 'parameters', 'message'), [
@@ -179,15 +176,15 @@ def test_ctrl_c_ends_a_node_orderly_even_twice(start_node, name):
 ])
 def test_an_impossible_parameter_ends_the_node_with_one_clear_line(start_node, name, parameters,
                                                                    message):
-    process = start_node(name, parameters)
-    assert process.join() == 1
-    [line] = process.lines
+    node = start_node(name, parameters)
+    assert node.exit_code(name) == 1
+    [line] = node.log(name).splitlines()
     assert '[FATAL]' in line
     assert f'[{name}]: ' in line
     assert message in line
 
 
 def test_a_whole_number_is_accepted_for_a_double(start_node):
-    process = start_node('backprojection', {'grid.spacing': 1, 'grid.size_x': 20,
-                                            'grid.size_y': 10, 'grid.centre_x': -5})
-    process.wait_for_log(r'21 x 11 pixels of 1 m around \(-5, 0, 0\) m')
+    node = start_node('backprojection', {'grid.spacing': 1, 'grid.size_x': 20,
+                                         'grid.size_y': 10, 'grid.centre_x': -5})
+    node.wait_for_log('backprojection', r'21 x 11 pixels of 1 m around \(-5, 0, 0\) m')

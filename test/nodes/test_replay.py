@@ -44,7 +44,7 @@ def test_a_recording_becomes_the_exact_images(make_chain, any_recording):
     chain = make_chain(truth)
     observer = chain.observer
     observer.send(any_recording.raw)
-    images = chain.wait_for_images(n_images)
+    images = observer.wait_for('image_complex', n_images)
     grid = map_metadata_from_message(observer.wait_for('map_metadata', 1)[0])
     assert (list(grid.shape), grid.spacing_m) == (
         [truth['grid']['n_y'], truth['grid']['n_x']], truth['grid']['spacing_m'])
@@ -75,8 +75,7 @@ def test_a_recording_becomes_the_exact_images(make_chain, any_recording):
 
     last = truth['n_pulses'] - 1
     for node in ('pulse_buffer', 'range_compression', 'backprojection'):
-        observer.wait(lambda n=node: observer.messages[f'{n}/progress'][-1].data == last,
-                      f'progress of {node}', chain.log)
+        observer.wait_for_progress(node, last)
     observer.wait_for_counters('pulse_buffer', pulses_received=truth['n_pulses'],
                                pulses_missing=0, pulses_duplicate=0, pulses_late=0,
                                blocks_received=len(any_recording.raw), blocks_rejected=0,
@@ -94,10 +93,10 @@ def test_a_recording_in_a_loop_gives_the_same_images(make_chain, spotlight, tmp_
     config.write_text('/**:\n  ros__parameters:\n    min_pulse_fraction: 1\n'
                       '/**/backprojection:\n  ros__parameters:\n    frame_id: odom\n')
     chain = make_chain(spotlight.truth, namespace='radar1',
-                       arguments=['-r', '__ns:=/radar1', '--params-file', str(config)])
+                       arguments=['--params-file', str(config)])
     for loop in range(3):
         chain.observer.send(spotlight.raw)
-        images = chain.wait_for_images(2 * (loop + 1))
+        images = chain.observer.wait_for('image_complex', 2 * (loop + 1))
     assert {m.header.frame_id for m in images} == {'odom'}
     for message in images[2:]:
         first = images[stamp_ns(message) != stamp_ns(images[0])]
@@ -106,4 +105,4 @@ def test_a_recording_in_a_loop_gives_the_same_images(make_chain, spotlight, tmp_
     chain.observer.wait_for_counters('radar1/pulse_buffer', restarts=2, pulses_missing=0)
     chain.observer.wait_for_counters('radar1/backprojection', restarts=2, apertures_dropped=0)
     for name in ('pulse_buffer', 'backprojection'):
-        assert chain.processes[name].log.count('pulse counter jumped back to 0') == 2
+        assert chain.log(name).count('pulse counter jumped back to 0') == 2
