@@ -65,8 +65,9 @@ def save_image_png(path: Path | str, image, grid: MapGrid, *, truth: Sequence[di
         _mark(axes, extent, x, y, scatterer['name'] if len(truth) <= MOST_NAMES else '')
     axes.set(xlabel=x_label, ylabel=y_label, xlim=extent[:2], ylim=extent[2:])
     axes.tick_params(direction='out', labelsize=8)
-    axes.annotate(title, (0, 1), xytext=(0, 9), xycoords='axes fraction',
-                  textcoords='offset points', fontsize=10)
+    slim = axes.get_position().width * figure.get_figwidth() < NARROWEST - sum(MARGINS[:2])
+    axes.annotate(title, (0.5 if slim else 0, 1), xytext=(0, 9), xycoords='axes fraction',
+                  textcoords='offset points', fontsize=10, ha='center' if slim else 'left')
     bar = figure.colorbar(drawn, cax=bar_axes)
     low = bar_axes.get_position().height * figure.get_figheight() < 2.5
     bar.set_label('dB' if low else 'dB relative to the brightest pixel', fontsize=9)
@@ -113,7 +114,7 @@ def _layout(width_m: float, height_m: float):
     total_h = bottom + bar_height + top
     figure = Figure(figsize=(total_w, total_h))
     FigureCanvasAgg(figure)
-    left += (total_w - left - width - right) / 2
+    left += (total_w - left - width - right) / 2  # a slim image stands under its title
     axes = figure.add_axes((left / total_w, bottom / total_h, width / total_w, height / total_h))
     bar = figure.add_axes(((left + width + 0.2) / total_w, bottom / total_h, 0.16 / total_w,
                            bar_height / total_h))
