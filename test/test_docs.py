@@ -56,6 +56,7 @@ def test_scale_and_phase_are_as_the_theory_says():
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_links_lead_somewhere(page):
-    for target in re.findall(r'\]\(([^)#]+)(?:#[^)]*)?\)', page.read_text()):
+    prose = re.sub(r'^```.*?^```', '', page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    for target in re.findall(r'\]\(([^)#]+)(?:#[^)]*)?\)', prose):
         if '://' not in target:
             assert (page.parent / target).exists(), f'{target} does not exist'
