@@ -20,7 +20,6 @@ kaiser:6    1.402  2.16       -43.8 dB  loses 1.66 dB; beta 0 is 'none', more is
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import windows as _scipy_windows
 
 WINDOW_NAMES = ('none', 'hamming', 'hann', 'taylor', 'kaiser')
 
@@ -110,7 +109,9 @@ def window(name: str, n: int) -> np.ndarray:
         raise ValueError(f'n={n}; a window needs at least one bin')
     if family == 'none':
         return np.ones(n)
+    # scipy.signal takes over a second to import, which a node without a window need not wait for
+    from scipy.signal import windows as scipy_windows
     if family == 'taylor':  # scipy samples this one at the middles of the bins already
-        return _scipy_windows.taylor(n, nbar=int(values[0]), sll=values[1])
+        return scipy_windows.taylor(n, nbar=int(values[0]), sll=values[1])
     # Of 2n + 1 points from edge to edge, those with odd index are the middles of n bins.
-    return _scipy_windows.get_window((family, *values), 2 * n + 1, fftbins=False)[1::2]
+    return scipy_windows.get_window((family, *values), 2 * n + 1, fftbins=False)[1::2]

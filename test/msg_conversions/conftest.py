@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import settings, strategies as st
+from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from msg_conversions.float_pairs import MAX_OFFSET_NS
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters, Waveform
-
-# The first call of a test may import half of rclpy: tests are not timed.
-settings.register_profile('untimed', deadline=None)
-settings.load_profile('untimed')
 
 
 @pytest.fixture(scope='session')
