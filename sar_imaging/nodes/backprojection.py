@@ -21,6 +21,7 @@ from msg_conversions.images import (
 )
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.aperture import ApertureImage, ApertureImager
+from sar_imaging.imaging.backprojection import compile_kernels
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.sequence import describe_counters
 
@@ -94,6 +95,7 @@ class BackprojectionNode(Stage):
 
     def start(self) -> None:
         """Begin to work; see `Stage.start`."""
+        compile_kernels()  # the first image must not wait for it
         super().start(idle_s=lambda: self.parameters['aperture_timeout_s'])
 
     def summary(self) -> str:
