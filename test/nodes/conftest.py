@@ -154,8 +154,12 @@ class Observer:
 
     def send(self, blocks):
         """Publish blocks, or serialised messages as they are in a recording."""
-        for block in blocks:
-            self._pulses.publish(block if isinstance(block, bytes) else bag_io.serialise(block))
+        self.send_messages(b if isinstance(b, bytes) else bag_io.serialise(b) for b in blocks)
+
+    def send_messages(self, messages):
+        """Publish messages, serialised or not."""
+        for message in messages:
+            self._pulses.publish(message)
 
     def wait(self, condition, what):
         """Receive messages until a condition holds; returns its value."""
@@ -252,6 +256,20 @@ def make_chain(ros_environment, tmp_path):
     yield make
     for chain in chains:
         chain.close()
+
+
+@pytest.fixture
+def make_observer(ros_environment):
+    """Start an observer in the root namespace; closed after the test."""
+    observers = []
+
+    def make():
+        observers.append(Observer('', lambda: ''))
+        return observers[-1]
+
+    yield make
+    for observer in observers:
+        observer.close()
 
 
 @pytest.fixture

@@ -1,0 +1,151 @@
+"""Configuration, launch and documentation say the same as the nodes' parameter tables."""
+
+import importlib.util
+import re
+
+import pytest
+import yaml
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.parameter import Parameter as RosParameter
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float32MultiArray
+
+from sar_imaging.nodes import backprojection, pulse_buffer, range_compression
+from sar_imaging.nodes.stage import COMMON_PARAMETERS
+
+MODULES = {'pulse_buffer': pulse_buffer, 'range_compression': range_compression,
+           'backprojection': backprojection}
+TYPES = {float: 'double', int: 'int', str: 'string'}
+
+
+def table(name):
+    return {p.name: p for p in (*MODULES[name].PARAMETERS, *COMMON_PARAMETERS)}
+
+
+def flatten(tree, prefix=''):
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from flatten(value, f'{prefix}{key}.')
+        else:
+            yield prefix + key, value
+
+
+@pytest.fixture(scope='module')
+def config_file(pytestconfig):
+    return pytestconfig.rootpath / 'sar_imaging' / 'config' / 'sar_imaging.yaml'
+
+
+@pytest.mark.parametrize('name', MODULES)
+def test_the_configuration_file_lists_every_parameter_with_its_default(config_file, name):
+    sections = yaml.safe_load(config_file.read_text())
+    listed = {**dict(flatten(sections['/**']['ros__parameters'])),
+              **dict(flatten(sections[f'/**/{name}']['ros__parameters']))}
+    defaults = {p.name: p.default for p in table(name).values()}
+    if name == 'range_compression':
+        del listed['pulses_per_aperture']  # stands in the common section for the other two
+    assert listed == defaults
+    assert {k: type(v) for k, v in listed.items()} == {k: type(v) for k, v in defaults.items()}
+
+
+def test_every_line_of_the_configuration_file_has_a_sentence(config_file):
+    lines = config_file.read_text().splitlines()
+    for before, line in zip(lines, lines[1:], strict=False):
+        if re.match(r'\s*\w+: \S', line):
+            assert re.match(r'\s*# [A-Z].*\.$', before), f'{line!r} has no sentence above it'
+
+
+@pytest.mark.parametrize('name', MODULES)
+def test_the_page_of_a_node_describes_every_parameter(pytestconfig, name):
+    page = (pytestconfig.rootpath / 'docs' / 'nodes' / f'{name}.md').read_text()
+    rows = {}
+    for row in re.findall(r'^\| `[^`]+` \|.* (?:start|any time) \|.*$', page, re.MULTILINE):
+        cells = [c.strip() for c in row.strip('|').split('|')]
+        rows[cells[0].strip('`')] = cells[1:6]
+    expected = {}
+    for p in table(name).values():
+        limits = '' if p.minimum is None else (
+            f'{type(p.default)(p.minimum)} to {type(p.default)(p.maximum)}')
+        expected[p.name] = [TYPES[type(p.default)], str(p.default), limits, p.unit,
+                            'start' if p.read_only else 'any time']
+    expected_choices = {'window': 'none, hamming, hann, taylor, kaiser',
+                        'range_filter': 'equalised, matched'}
+    for choice, words in expected_choices.items():
+        if choice in expected:
+            expected[choice][2] = words
+    assert rows == expected
+
+
+def test_the_launch_file_starts_the_three_nodes(pytestconfig):
+    pytest.importorskip('launch_ros', reason='launch files need a ROS installation')
+    path = pytestconfig.rootpath / 'sar_imaging' / 'launch' / 'sar_imaging.launch.py'
+    spec = importlib.util.spec_from_file_location('sar_imaging_launch', path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    from launch.actions import DeclareLaunchArgument
+    from launch_ros.actions import Node
+
+    entities = module.generate_launch_description().entities
+    arguments = {e.name for e in entities if isinstance(e, DeclareLaunchArgument)}
+    executables = [e.node_executable for e in entities if isinstance(e, Node)]
+    assert arguments == {'params_file', 'namespace', 'use_sim_time'}
+    assert executables == list(MODULES)
+
+
+@pytest.mark.parametrize('name', MODULES)
+def test_diagnostics_have_the_keys_of_the_page(start_node, make_observer, pytestconfig, name):
+    start_node(name)
+    observer = make_observer()
+    observer.wait(lambda: observer.counters(name), f'diagnostics of {name}')
+    page = (pytestconfig.rootpath / 'docs' / 'nodes' / f'{name}.md').read_text()
+    section = page.split('## Diagnostics')[1].split('## Log')[0]
+    documented = re.findall(r'^\| `(\w+)`', section, re.MULTILINE)
+    assert sorted(documented) == sorted(observer.counters(name))
+    assert observer.status(name).level == DiagnosticStatus.OK
+    assert observer.status(name).message == 'waiting for input'
+
+
+def test_parameters_are_checked_and_used_while_the_node_runs(start_node, make_observer):
+    start_node('range_compression')
+    observer = make_observer()
+    client = AsyncParameterClient(observer.node, 'range_compression')
+    observer.wait(client.services_are_ready, 'parameter services')
+
+    def set_parameter(name, value):
+        future = client.set_parameters([RosParameter(name, value=value)])
+        observer.wait(future.done, f'an answer to {name}={value}')
+        [result] = future.result().results
+        return result.successful, result.reason
+
+    assert set_parameter('window', 'hamming') == (True, '')
+    successful, reason = set_parameter('window', 'box')
+    assert not successful
+    assert "window='box' is unknown; use one of none" in reason
+    successful, reason = set_parameter('oversampling', 100.0)
+    assert not successful
+    successful, reason = set_parameter('queue_depth', 7)
+    assert not successful
+    assert 'read-only' in reason
+
+
+def test_an_incompatible_publisher_is_reported(start_node, make_observer):
+    node = start_node('pulse_buffer')
+    observer = make_observer()
+    observer.node.create_publisher(
+        Float32MultiArray, 'pulses', QoSProfile(depth=1,
+                                                reliability=ReliabilityPolicy.BEST_EFFORT))
+    node.wait_for_log('pulse_buffer', 'asks for another RELIABILITY: no messages flow')
+    observer.wait_for_counters('pulse_buffer', qos_incompatible=1)
+    assert observer.status('pulse_buffer').level == DiagnosticStatus.WARN
+
+
+def test_a_flood_of_bad_messages_is_counted_and_summed_up_in_the_log(start_node, make_observer):
+    node = start_node('pulse_buffer')
+    observer = make_observer()
+    observer.wait(lambda: observer.joined, 'a subscriber of the pulses')
+    message = Float32MultiArray()
+    message.data.frombytes(bytes(4))
+    observer.send_messages([message] * 45)  # fewer than the middleware keeps
+    observer.wait_for_counters('pulse_buffer', blocks_rejected=45)
+    node.wait_for_log('pulse_buffer', r'\d+ more messages were not logged; see /diagnostics')
+    assert node.log('pulse_buffer').count('rejected a message') < 45
