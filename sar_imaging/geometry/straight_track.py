@@ -1,0 +1,146 @@
+"""The straight, evenly sampled track that transforms over slow time presuppose."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+
+@dataclasses.dataclass(frozen=True)
+class StraightTrack:
+    """Evenly spaced positions on a line, the same for all channels but for an offset along it.
+
+    Pulse m of channel n stands ``u = (m - (P - 1) / 2) spacing + offset_n`` along the line: the
+    slow-time variable u and half the antenna offset, ``0.5 d_n``, of Rosenberg & Gray, equation 3.
+
+    Parameters
+    ----------
+    origin_m : (3,) float64
+        Point of the line with u = 0, imaging frame, metres.
+    direction : (3,) float64
+        Unit vector of the flight direction, imaging frame.
+    spacing_m : float
+        Distance from pulse to pulse, metres.
+    n_pulses : int
+        Number of pulses P.
+    offsets_m : (C,) float64
+        Of each channel along the line, mean zero, metres.
+    """
+
+    origin_m: np.ndarray
+    direction: np.ndarray
+    spacing_m: float
+    n_pulses: int
+    offsets_m: np.ndarray
+
+    @property
+    def first_m(self) -> float:
+        """Position of the first pulse along the line, without a channel's offset, metres."""
+        return -0.5 * (self.n_pulses - 1) * self.spacing_m
+
+    @property
+    def along_m(self) -> np.ndarray:
+        """(P, C) float64 positions along the line, metres."""
+        pulse = self.first_m + np.arange(self.n_pulses) * self.spacing_m
+        return pulse[:, None] + self.offsets_m
+
+    def coordinates(self, points_m) -> tuple[np.ndarray, np.ndarray]:
+        """Position along the line and distance from it.
+
+        These are y and x of the paper's slant plane, for points in any plane.
+
+        Parameters
+        ----------
+        points_m : (..., 3) float64
+            Points, imaging frame, metres.
+
+        Returns
+        -------
+        along_m, distance_m : (...) float64
+            Metres.
+        """
+        offset = np.asarray(points_m, float) - self.origin_m
+        along = offset @ self.direction
+        return along, np.linalg.norm(offset - along[..., None] * self.direction, axis=-1)
+
+
+def fit_straight_track(tx_m: np.ndarray, rx_m: np.ndarray) -> StraightTrack:
+    """Fit the midpoints between transmitter and receiver in the least-squares sense.
+
+    Parameters
+    ----------
+    tx_m, rx_m : (P, C, 3) float64
+        Phase centres in the order of the pulses, imaging frame, metres.
+
+    Returns
+    -------
+    StraightTrack
+
+    Raises
+    ------
+    ValueError
+        There are fewer than two pulses, or the platform does not move.
+    """
+    midpoints = 0.5 * (tx_m + rx_m)
+    n = len(midpoints)
+    if n < 2:
+        raise ValueError(f'{n} pulses make no track; expected at least two')
+    centres = midpoints.mean(axis=1)
+    origin = centres.mean(axis=0)
+    pulse = np.arange(n) - (n - 1) / 2
+    step = pulse @ (centres - origin) / (pulse @ pulse)
+    spacing = float(np.linalg.norm(step))
+    if spacing <= 1e-9 * max(1.0, float(np.abs(origin).max())):
+        raise ValueError(f'the phase centres move by {spacing:.3g} m from pulse to pulse; '
+                         'expected a moving platform')
+    direction = step / spacing
+    offsets = (midpoints - centres[:, None]).mean(axis=0) @ direction
+    return StraightTrack(origin, direction, spacing, n, offsets)
+
+
+def check_straight(track: StraightTrack, tx_m, rx_m, points_m, *, wavelength_m: float,
+                   tolerance_wavelengths: float) -> None:
+    """Refuse phase centres that the fitted track describes badly, and say where they are off.
+
+    What counts is the two-way path to the points. It differs where a phase centre is off the
+    line, off its place along the line, or transmitter and receiver stand too far apart for their
+    midpoint to stand for both (the approximation of Rosenberg & Gray, equation 3).
+
+    Parameters
+    ----------
+    track : StraightTrack
+        Fitted to the phase centres.
+    tx_m, rx_m : (P, C, 3) float64
+        Phase centres, imaging frame, metres.
+    points_m : (S, 3) float64
+        Points to compare the paths to, imaging frame, metres.
+    wavelength_m : float
+        Metres.
+    tolerance_wavelengths : float
+        Largest allowed error of the two-way path; one wavelength is 360 degrees of phase.
+
+    Raises
+    ------
+    ValueError
+        A path is wrong by more than the tolerance.
+    """
+    u = track.along_m[..., None]
+    along, distance = track.coordinates(points_m)
+    exact = sum(np.linalg.norm(np.asarray(a)[:, :, None] - points_m, axis=-1)
+                for a in (tx_m, rx_m))
+    error = np.abs(exact - 2 * np.hypot(distance, along - u)).max(axis=-1) / wavelength_m
+    if error.max() <= tolerance_wavelengths:
+        return
+    m, n = np.unravel_index(error.argmax(), error.shape)
+    midpoints = 0.5 * (np.asarray(tx_m) + rx_m)
+    along, across = track.coordinates(midpoints[m, n])
+    steps = np.linalg.norm(np.diff(midpoints.mean(axis=1), axis=0), axis=-1)
+    apart = np.linalg.norm(np.subtract(tx_m, rx_m)[m, n])
+    raise ValueError(
+        f'the track is not straight and evenly spaced: pulse {m}, channel {n} is {across:.4g} m '
+        f'({across / wavelength_m:.3g} wavelengths) off the best-fit line and '
+        f'{along - u[m, n, 0]:.4g} m off its place along it; steps between pulses are '
+        f'{steps.min():.6g} to {steps.max():.6g} m; transmitter and receiver are {apart:.4g} m '
+        f'apart. The two-way path to the grid is wrong by {error[m, n]:.3g} wavelengths, allowed '
+        f'are {tolerance_wavelengths:.3g}; use backprojection for this track')
