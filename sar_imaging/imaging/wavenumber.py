@@ -2,8 +2,9 @@
 
 Rosenberg & Gray, equations 9 to 12: a Fourier transform over slow time, the inner product of the
 channels with the reference of the scene centre, the change of variables from (omega, k_u) to
-(k_x, k_y) by a Hamming-windowed sinc, and a two-dimensional inverse Fourier transform. Much faster
-than backprojection, for straight and evenly sampled tracks only.
+(k_x, k_y) by a Hamming-windowed sinc, and a two-dimensional inverse Fourier transform. The cost
+grows with the sum of samples and pixels, not with pixels times pulses as that of backprojection;
+the price is a straight and evenly sampled track.
 """
 
 from __future__ import annotations
