@@ -4,25 +4,27 @@ Rosenberg & Gray, equations 13 to 17 and 19: each range profile is read at the d
 pixel, its carrier phase is restored, and all pulses and channels are summed. The paper applies
 the phase of a channel's offset to the profile read at the reference antenna's delay; here every
 channel is read at its own delay, which needs no approximation.
+
+Three ways lead to the same sum, and the geometry chooses the quickest that meets the error
+target: a polar image around the aperture, interpolated to the map (its lines follow range
+best); lines of the map itself; and pixel by pixel, for grids near or around the antenna.
 """
 
 from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
-import scipy.fft
 
 from ..geometry import MapGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
-from . import kernels
-from .interpolation import N_PLANES, TAPS, polynomial_planes
-from .lattice import Lattice, LineGeometry, line_geometry, plan_lattice
+from .lattice import plan_lattice, point_lattice, sample_paths
+from .polar import PolarPlan, plan_polar
+from .projection import Profiles, add_to_lines, add_to_points, line_middles, shared_phase
+from .resampling import add_polar_to_map
 
-_CHUNK_BYTES = 6 << 20  # coefficients of one pass over the image: stays in cache
-_POINTS_PER_CALL = 1 << 18
+_SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 
 
 class Backprojector:
@@ -43,6 +45,8 @@ class Backprojector:
     ----------
     predicted_error_db : float
         Predicted error against time-domain correlation of what was added so far, dB.
+    method : str
+        How the latest block was added: ``'polar'``, ``'lines'`` or ``'points'``.
 
     Raises
     ------
@@ -68,6 +72,7 @@ class Backprojector:
         self.grid, self.radar, self.n_samples = grid, radar, int(n_samples)
         self.target_db = float(target_db)
         self.predicted_error_db = -math.inf
+        self.method = ''
 
     def __call__(self, block: PulseBlock) -> np.ndarray:
         """Image of one block.
@@ -112,22 +117,21 @@ class Backprojector:
         self._check(block, image)
         if block.n_pulses == 0:
             return
-        tx, rx = block.tx_m.reshape(-1, 3), block.rx_m.reshape(-1, 3)
-        profiles = block.samples.reshape(-1, self.n_samples)
-        geometry = line_geometry(self.grid, tx, rx)
-        self._check_reach(geometry)
-        n_line = self.grid.shape[1 - geometry.axis]
-        lattice = plan_lattice(geometry, self.grid.spacing_m, n_line, self.radar,
-                               self.n_samples, self.target_db)
-        first_cell, n_cells = self._reachable_cells(geometry, lattice)
-        bytes_per_row = N_PLANES * 4 * lattice.n_phases * n_cells
-        rows = max(numba.get_num_threads(), _CHUNK_BYTES // bytes_per_row)
-        for lo in range(0, len(profiles), rows):
-            part = slice(lo, min(lo + rows, len(profiles)))
-            planes = self._planes(profiles[part], lattice, first_cell, n_cells)
-            project = self._project_lines if lattice.segment else self._project_points
-            project(planes, tx[part], rx[part], geometry, lattice, first_cell, image)
-        self.predicted_error_db = max(self.predicted_error_db, lattice.predicted_error_db)
+        rows = (block.samples.reshape(-1, self.n_samples), block.tx_m.reshape(-1, 3),
+                block.rx_m.reshape(-1, 3))
+        lines = _MapLines(self.grid, *rows[1:])
+        self._check_reach(lines.range_m)
+        lattice = plan_lattice(lines.paths, 1.0, lines.n_pixels, self.radar, self.n_samples,
+                               self.target_db)
+        polar = plan_polar(self.grid, *rows[1:], self.radar, self.n_samples, self.target_db)
+        if polar is not None and (lattice is None
+                                  or polar.cost < lattice.cost * len(rows[0])):
+            self.method, error = 'polar', self._add_by_polar(polar, rows, image)
+        elif lattice is not None:
+            self.method, error = 'lines', self._add_by_lines(lattice, lines, rows, image)
+        else:
+            self.method, error = 'points', self._add_by_points(lines.range_m, rows, image)
+        self.predicted_error_db = max(self.predicted_error_db, error)
 
     def _check(self, block, image):
         if not block.compressed:
@@ -143,109 +147,88 @@ class Backprojector:
             raise ValueError(f'image is {image.dtype} {image.shape}; expected complex64 '
                              f'{self.grid.shape}, contiguous in C order')
 
-    def _check_reach(self, geometry: LineGeometry):
+    def _check_reach(self, range_m):
         start = self.radar.range_start_m
         stop = start + self.n_samples * self.radar.sample_spacing_m
-        if geometry.range_m[1] < start or geometry.range_m[0] > stop:
+        if range_m[1] < start or range_m[0] > stop:
             raise ValueError(
-                f'the grid lies {geometry.range_m[0]:.1f} to {geometry.range_m[1]:.1f} m from '
-                f'the antenna, the profiles cover {start:.1f} to {stop:.1f} m; move the grid or '
-                'the range window')
+                f'the grid lies {range_m[0]:.1f} to {range_m[1]:.1f} m from the antenna, the '
+                f'profiles cover {start:.1f} to {stop:.1f} m; move the grid or the range window')
 
-    def _reachable_cells(self, geometry, lattice) -> tuple[int, int]:
-        """First lattice cell to keep and number of cells, zero padding included."""
-        pad = max(lattice.segment, 8)
-        cell_m = lattice.step_m * lattice.n_phases
-        lo, hi = ((r - self.radar.range_start_m) / cell_m for r in geometry.range_m)
-        first = max(math.floor(lo), 0) - 8
-        last = min(math.ceil(hi), lattice.n_cells) + 8
-        return first - pad, last - first + 2 * pad
+    def _add_by_polar(self, plan: PolarPlan, rows, image) -> float:
+        samples, tx, rx = rows
+        polar = plan.polar
+        profiles = Profiles(self.radar, plan.lattice, plan.range_m)
+        parts = np.zeros((2, polar.n_alpha, polar.n_range), np.float32)
+        lines = line_middles(plan.locate, polar.n_alpha, polar.n_range, plan.lattice.segment)
+        layout = np.array([polar.n_alpha, 0, polar.n_range, 1, parts[0].size])
+        add_to_lines(profiles, samples, tx, rx, lines, layout, plan.ramp(), parts.reshape(-1))
+        add_polar_to_map(parts[0], parts[1], polar, self.grid, image, axis=plan.axis,
+                         wavelength_m=self.radar.wavelength_m, along_alpha=plan.along_alpha,
+                         along_range=plan.along_range)
+        return plan.predicted_error_db
 
-    def _planes(self, profiles, lattice: Lattice, first_cell, n_cells) -> np.ndarray:
-        """(R, U, 8, n_cells) float32 polynomial coefficients of profiles (R, N)."""
-        workers = numba.get_num_threads()
-        spectrum = scipy.fft.fft(profiles, lattice.n_padded, axis=-1, workers=workers)
-        spectrum *= self._band_taper(lattice.n_padded)
-        n_dense = lattice.n_cells * lattice.n_phases
-        keep = min(lattice.n_padded, n_dense)
-        padded = np.zeros((len(profiles), n_dense), np.complex64)
-        upper, lower = (keep + 1) // 2, keep // 2
-        padded[:, :upper] = spectrum[:, :upper]
-        padded[:, n_dense - lower:] = spectrum[:, lattice.n_padded - lower:]
-        padded *= np.float32(n_dense / lattice.n_padded)
-        dense = scipy.fft.ifft(padded, axis=-1, workers=workers, overwrite_x=True)
-        real, imag = self._window(dense.reshape(len(profiles), lattice.n_cells, -1),
-                                  first_cell - TAPS, n_cells + 2 * TAPS)
-        planes = np.empty((len(profiles), lattice.n_phases, N_PLANES, n_cells), np.float32)
-        polynomial_planes(real, imag, lattice.interpolator.weights, lattice.interpolator.first,
-                          planes)
-        pad = max(lattice.segment, 8)
-        planes[..., :pad], planes[..., n_cells - pad:] = 0.0, 0.0
-        return planes
+    def _add_by_lines(self, lattice, lines, rows, image) -> float:
+        profiles = Profiles(self.radar, lattice, lines.range_m)
+        middles = line_middles(lines.locate, lines.n_lines, lines.n_pixels, lattice.segment)
+        add_to_lines(profiles, *rows, middles, lines.layout, shared_phase(profiles,
+                                                                          lines.n_pixels),
+                     image.reshape(-1).view(np.float32))
+        return lattice.predicted_error_db
+
+    def _add_by_points(self, range_m, rows, image) -> float:
+        lattice = point_lattice(self.radar, self.n_samples)
+        grid = self.grid
+
+        def points(part):
+            y, x = np.divmod(np.arange(part.start, part.stop), grid.n_x)
+            return np.stack([grid.x_m[x], grid.y_m[y], np.full(len(x), grid.z_m)], axis=-1)
+
+        add_to_points(Profiles(self.radar, lattice, range_m), *rows, points, image.reshape(-1))
+        return lattice.predicted_error_db
+
+
+class _MapLines:
+    """Lines of a map grid along the axis that follows range best, in the direction of growth."""
+
+    def __init__(self, grid: MapGrid, tx_m, rx_m):
+        n = _SAMPLES_PER_SIDE
+        x, y = (np.linspace(a[0], a[-1], n) for a in (grid.x_m, grid.y_m))
+        points = np.stack([*(v.ravel() for v in np.meshgrid(x, y)), np.full(n * n, grid.z_m)],
+                          axis=-1)
+        steps = np.array([[grid.spacing_m, 0, 0], [0, -grid.spacing_m, 0]])
+        slopes = [self._sample(tx_m, rx_m, points, step).derivatives[0] for step in steps]
+        least = [np.abs(s).min() if s.min() > 0 or s.max() < 0 else -1.0 for s in slopes]
+        axis = int(np.argmax(least))
+        forward = slopes[axis].mean() >= 0
+        self._along = steps[axis] if forward else -steps[axis]
+        self._across = steps[1 - axis]
+        self.n_pixels, self.n_lines = grid.shape[1 - axis], grid.shape[axis]
+        self._start = np.array([grid.x_m[0], grid.y_m[0], grid.z_m])
+        pixel, line = ((2, 2 * grid.n_x), (2 * grid.n_x, 2))[axis]
+        first = 0
+        if not forward:
+            self._start = self._start - (self.n_pixels - 1) * self._along
+            first, pixel = (self.n_pixels - 1) * pixel, -pixel
+        self.layout = np.array([self.n_lines, first, line, pixel, 1])
+        self.paths = self._sample(tx_m, rx_m, points, self._along)
+        # Range is monotonic along lines; between sampled lines it changes by at most its slope.
+        beside = np.abs(slopes[1 - axis]).max() * (self.n_lines / (n - 1) / 2 + 1)
+        if least[axis] < 0:
+            beside += np.abs(slopes[axis]).max() * (self.n_pixels / (n - 1) / 2 + 1)
+        self.range_m = (float(self.paths.length.min() - beside),
+                        float(self.paths.length.max() + beside))
 
     @staticmethod
-    def _window(dense, first, count):
-        """Real and imaginary cells `first` onwards of (R, n, U), as (R, U, count); 0 outside."""
-        lo, hi = max(first, 0), min(first + count, dense.shape[1])
-        parts = np.zeros((2, len(dense), dense.shape[2], count), np.float32)
-        inside = dense[:, lo:hi].transpose(0, 2, 1)
-        parts[0, ..., lo - first:hi - first] = inside.real
-        parts[1, ..., lo - first:hi - first] = inside.imag
-        return parts
+    def _sample(tx_m, rx_m, points, step):
+        return sample_paths(tx_m, rx_m, (points, np.broadcast_to(step, points.shape)))
 
-    def _band_taper(self, n) -> np.ndarray:
-        """(n,) float32 gain by frequency: 1 in the band, smoothly to 0 at half the sample rate.
-
-        Without it the ends of a profile, where sidelobes are cut off, would ring far inside.
-        """
-        oversampling = self.radar.sample_rate_hz / self.radar.bandwidth_hz
-        beyond = 2 * np.abs(scipy.fft.fftfreq(n)) * oversampling - 1
-        return np.cos(0.5 * np.pi * np.clip(beyond / (oversampling - 1), 0, 1)
-                      ).astype(np.float32) ** 2
-
-    def _project_lines(self, planes, tx, rx, geometry, lattice, first_cell, image):
-        grid, segment, axis = self.grid, lattice.segment, geometry.axis
-        steps = np.array([[grid.spacing_m, 0, 0], [0, -grid.spacing_m, 0]])
-        start = np.array([grid.x_m[0], grid.y_m[0], grid.z_m])
-        along, across = steps[axis], steps[1 - axis]
-        n_pixels, n_lines = grid.shape[1 - axis], grid.shape[axis]
-        strides = (1, grid.n_x)
-        layout = np.array([n_lines, 0, strides[1 - axis], strides[axis]])
-        if along[axis] * geometry.sign < 0:  # walk the lines from their other end
-            start = start + (n_pixels - 1) * along
-            along = -along
-            layout[1:] = (n_pixels - 1) * layout[3], layout[2], -layout[3]
-        wavelength = self.radar.wavelength_m
-        range_zero = (self.radar.range_start_m
-                      + (first_cell + segment) * lattice.n_phases * lattice.step_m)
-        cycles = 2 * lattice.step_m / wavelength
-        ramp = np.exp(2j * np.pi * np.fmod(cycles * lattice.n_phases
-                                           * np.arange(n_pixels), 1.0))
-        groups = -(-n_lines // kernels.LINES)
-        work = np.empty((2, groups * kernels.LINES * segment), np.float32)
-        kernels.project_lines(
-            planes.reshape(-1), (planes.shape[0], planes.shape[1], planes.shape[3]), tx, rx,
-            start, along, across, range_zero, lattice.step_m, cycles,
-            math.fmod(2 * range_zero / wavelength, 1.0), ramp.astype(np.complex64),
-            image.reshape(-1), layout, np.arange(segment, dtype=np.float32) - segment // 2,
-            work[0], work[1], np.empty((groups, 5, kernels.LINES), np.float32),
-            np.empty((groups, kernels.LINES), np.int64))
-
-    def _project_points(self, planes, tx, rx, geometry, lattice, first_cell, image):
-        del geometry  # points need no common direction
-        polynomials = np.ascontiguousarray(planes[:, 0].transpose(0, 2, 1))
-        range_zero = self.radar.range_start_m + first_cell * lattice.step_m
-        wavelength = self.radar.wavelength_m
-        y, x = self.grid.y_m, self.grid.x_m
-        rows = max(1, _POINTS_PER_CALL // len(x))
-        for lo in range(0, len(y), rows):
-            part = slice(lo, min(lo + rows, len(y)))
-            points = np.empty((part.stop - part.start, len(x), 3))
-            points[..., 0], points[..., 1], points[..., 2] = x, y[part, None], self.grid.z_m
-            kernels.project_points(polynomials, tx, rx, points.reshape(-1, 3), range_zero,
-                                   lattice.step_m, 2 * lattice.step_m / wavelength,
-                                   math.fmod(2 * range_zero / wavelength, 1.0),
-                                   image[part].reshape(-1))
+    def locate(self, pixel, line):
+        """Positions and derivatives for `line_middles`."""
+        position = (self._start + np.multiply.outer(pixel, self._along)
+                    + np.multiply.outer(line, self._across))
+        straight = np.zeros_like(position)
+        return position, np.broadcast_to(self._along, position.shape), straight, straight
 
 
 def compile_kernels() -> None:
@@ -257,4 +240,9 @@ def compile_kernels() -> None:
     centres = np.zeros((1, 1, 3))
     block = PulseBlock(radar, True, [0], [0], np.zeros((1, 1, 512)), centres, centres)
     for x in (100.0, 1.0):  # by lines, and around the antenna by points
-        Backprojector(MapGrid((x, 0.0, 0.0), 9, 9, 0.25), radar, block.n_samples)(block)
+        grid = MapGrid((x, 0.0, 0.0), 16, 16, 0.25)
+        plan = Backprojector(grid, radar, block.n_samples)
+        image = plan(block)
+        polar = plan_polar(grid, centres[0], centres[0], radar, block.n_samples, plan.target_db)
+        if polar is not None:
+            plan._add_by_polar(polar, (block.samples[0], centres[0], centres[0]), image)

@@ -23,15 +23,16 @@ TAPS = 8
 
 
 @dataclasses.dataclass(frozen=True)
-class PolynomialInterpolator:
+class Interpolator:
     """Weights that turn samples into cubic polynomials.
 
     Between samples n and n + 1, ``s(n + t) = sum_q (sum_k weights[q, k] s[n + k + first]) t^q``.
+    Profiles use degree 3 and eight neighbours, images more.
 
     Parameters
     ----------
-    weights : (4, 8) float32
-        Weight of each of the eight neighbouring samples in each coefficient.
+    weights : (degree + 1, taps) float32
+        Weight of each of the neighbouring samples in each coefficient.
     first : int
         Offset of the first neighbour.
     error_db : float
@@ -43,8 +44,9 @@ class PolynomialInterpolator:
     error_db: float
 
 
-def design_interpolator(oversampling: float, margin: float = 0.0) -> PolynomialInterpolator:
-    """Least-squares cubic interpolator for a band-limited signal.
+def design_interpolator(oversampling: float, margin: float = 0.0, *, taps: int = TAPS,
+                        degree: int = DEGREE) -> Interpolator:
+    """Least-squares polynomial interpolator for a band-limited signal.
 
     Parameters
     ----------
@@ -52,10 +54,12 @@ def design_interpolator(oversampling: float, margin: float = 0.0) -> PolynomialI
         Sample rate over two-sided bandwidth, above 1.
     margin : float
         The polynomial is used for ``-margin <= t <= 1 + margin``, in samples.
+    taps, degree : int
+        Number of neighbours, even, and degree of the polynomial.
 
     Returns
     -------
-    PolynomialInterpolator
+    Interpolator
 
     Raises
     ------
@@ -69,18 +73,18 @@ def design_interpolator(oversampling: float, margin: float = 0.0) -> PolynomialI
         raise ValueError(f'margin={margin} must not be negative')
     # Rounding against the safe side makes the cache useful for the values that geometry yields.
     return _design(math.floor(oversampling * 50) / 50 or oversampling,
-                   math.ceil(margin * 100) / 100)
+                   math.ceil(margin * 100) / 100, taps, degree)
 
 
 @functools.lru_cache(maxsize=256)
-def _design(oversampling, margin):
+def _design(oversampling, margin, taps, degree):
     x, fw = np.polynomial.legendre.leggauss(48)
     f = x / (2 * oversampling)
     y, tw = np.polynomial.legendre.leggauss(32)
     t = 0.5 + y * (0.5 + margin)
-    first = 1 - TAPS // 2
-    samples = np.exp(2j * np.pi * np.outer(f, np.arange(TAPS) + first))
-    powers = (t[:, None] - 0.5) ** np.arange(DEGREE + 1)  # centred: better conditioned
+    first = 1 - taps // 2
+    samples = np.exp(2j * np.pi * np.outer(f, np.arange(taps) + first))
+    powers = (t[:, None] - 0.5) ** np.arange(degree + 1)  # centred: better conditioned
     weight = np.sqrt(fw[:, None] * tw / 4)[..., None]
     model = np.einsum('fk,tq->ftqk', samples, powers).reshape(f.size, t.size, -1) * weight
     wanted = np.exp(2j * np.pi * np.outer(f, t)) * weight[..., 0]
@@ -88,12 +92,12 @@ def _design(oversampling, margin):
     a, b = np.concatenate([a.real, a.imag]), np.concatenate([b.real, b.imag])[:, 0]
     solution = np.linalg.lstsq(a, b, rcond=1e-13)[0]
     error = float(np.sum((a @ solution - b) ** 2))
-    centred = solution.reshape(DEGREE + 1, TAPS)
+    centred = solution.reshape(degree + 1, taps)
     weights = np.zeros_like(centred)
-    for q in range(DEGREE + 1):  # expand (t - 1/2)^q
+    for q in range(degree + 1):  # expand (t - 1/2)^q
         for p in range(q + 1):
             weights[p] += math.comb(q, p) * (-0.5) ** (q - p) * centred[q]
-    return PolynomialInterpolator(weights.astype(np.float32), first, 10 * math.log10(error))
+    return Interpolator(weights.astype(np.float32), first, 10 * math.log10(error))
 
 
 @njit(parallel=True)
@@ -105,7 +109,7 @@ def polynomial_planes(real, imag, weights, first, out):
     real, imag : (R, U, n + 2 * TAPS) float32
         Samples of R profiles; sample ``U * cell + phase`` stands at ``[phase, cell + TAPS]``.
     weights : (4, 8) float32
-        Weights of `PolynomialInterpolator`.
+        Weights of `Interpolator`.
     first : int
         Offset of the first neighbour.
     out : (R, U, 8, n) float32

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..compilation import njit, numba
 
-LINES = 64  # image lines whose geometry is computed together
+LINES = 32  # image lines whose geometry is computed together
 SINCOS_ERROR_DB = -108.0
 
 # exp(j 2 pi c) for |c| <= 1/2 as minimax polynomials in c^2; rms error 4e-6 (sine), 6e-7 (cosine)
@@ -22,6 +22,7 @@ _S1, _S3, _S5, _S7, _S9 = (np.float32(v) for v in (
     6.2830558, -41.33121428, 81.36681482, -74.47800122, 32.78139356))
 _C0, _C2, _C4, _C6, _C8, _C10 = (np.float32(v) for v in (
     0.99999922, -19.73898258, 64.92872795, -85.27240902, 58.79408621, -21.07685034))
+_R1, _R2, _R6, _R8, _R24 = (np.float32(1 / v) for v in (1, 2, 6, 8, 24))
 
 
 @njit(inline='always')
@@ -40,23 +41,40 @@ def _cos_cycles(x):
 
 
 @njit(inline='always')
-def _path(x, y, z, ex, ey, ez):
-    """Length of ``(x, y, z) + i e`` at i = 0 and its first three derivatives by i."""
-    d = np.sqrt(x * x + y * y + z * z)
-    inverse = 1.0 / d
-    d1 = (x * ex + y * ey + z * ez) * inverse
-    d2 = (ex * ex + ey * ey + ez * ez - d1 * d1) * inverse
-    return d, d1, d2, -3.0 * d1 * d2 * inverse
+def _line_paths(lines, group, number, centres, row, paths, first):
+    """Distance of a segment's middle from a phase centre and three derivatives, line by line."""
+    cx, cy, cz = centres[row, 0], centres[row, 1], centres[row, 2]
+    for j in range(LINES):
+        x = lines[group, number, 0, j] - cx
+        y = lines[group, number, 1, j] - cy
+        z = lines[group, number, 2, j] - cz
+        ex, ey, ez = (lines[group, number, 3, j], lines[group, number, 4, j],
+                      lines[group, number, 5, j])
+        gx, gy, gz = (lines[group, number, 6, j], lines[group, number, 7, j],
+                      lines[group, number, 8, j])
+        hx, hy, hz = (lines[group, number, 9, j], lines[group, number, 10, j],
+                      lines[group, number, 11, j])
+        # Leibniz' rule for the square of the distance
+        d = np.sqrt(x * x + y * y + z * z)
+        inverse = 1.0 / d
+        d1 = (x * ex + y * ey + z * ez) * inverse
+        d2 = (ex * ex + ey * ey + ez * ez + x * gx + y * gy + z * gz - d1 * d1) * inverse
+        d3 = (3.0 * (ex * gx + ey * gy + ez * gz) + x * hx + y * hy + z * hz
+              - 3.0 * d1 * d2) * inverse
+        paths[group, first, j] = d
+        paths[group, first + 1, j] = d1
+        paths[group, first + 2, j] = d2
+        paths[group, first + 3, j] = d3
 
 
 @njit(parallel=True)
-def project_lines(planes, shape, tx, rx, start, along, across, range_zero, step,
-                  cycles_per_step, cycles_zero, ramp, image, layout, index, work_re, work_im,
+def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycles_per_step,
+                  cycles_zero, ramp, image, layout, index, expand_phase, work_re, work_im, paths,
                   coefficients, base):
     """Add rows to an image whose lines follow the range direction.
 
     Neighbouring pixels of a line lie one lattice cell apart (up to a small drift), so that a
-    segment of a line reads contiguous coefficients.
+    segment of a line reads contiguous polynomials.
 
     Parameters
     ----------
@@ -66,25 +84,35 @@ def project_lines(planes, shape, tx, rx, start, along, across, range_zero, step,
         ``(R, U, n)``: rows, lattice positions per cell, cells.
     tx, rx : (R, 3) float64
         Phase centres of the rows, metres.
-    start, along, across : (3,) float64
-        First pixel, step to the next pixel of a line (range increases), step to the next line.
+    repeats : (R, 2) uint8
+        1 where the transmitter is that of the row before (0 in the first row), and where the
+        receiver is the transmitter.
+    lines : (G, S, 12, LINES) float64
+        Position in the middle of each of the S segments of each line (G groups of them), then
+        its first to third derivative by the pixel number, metres.
     range_zero, step : float
         Half path at the first lattice position that is not padding, and between lattice
         positions, metres.
     cycles_per_step, cycles_zero : float
         Carrier phase per lattice step and at `range_zero`, cycles.
     ramp : (n_pixels,) complex64
-        ``exp(j 2 pi cycles_per_step U i)``: the part of the phase that all lines share.
-    image : (n_lines * n_pixels,) complex64
-        Image to add to.
-    layout : (4,) int64
-        Number of lines, index of the first pixel in `image`, and the steps of the index to the
-        next line and to the next pixel of a line.
+        Factor of each pixel of a line. The sum leaves ``exp(j 2 pi cycles_per_step U i)`` out,
+        the part of the carrier phase that all lines share.
+    image : (N,) float32
+        Real and imaginary parts of the image to add to.
+    layout : (5,) int64
+        Number of lines; index of the first pixel's real part in `image`; the steps of the index
+        to the next line, to the next pixel of a line, and to the imaginary part.
     index : (segment,) float32
         Pixel numbers of a segment, counted from its middle; their number is even.
+    expand_phase : bool
+        True where the phase that is left drifts so little along a segment that a cubic
+        expansion of the phasor does; else sine and cosine of every pixel are computed.
     work_re, work_im : (G * LINES * segment,) float32
-        Work space for the ``G = ceil(n_lines / LINES)`` groups of lines, as the next two.
-    coefficients : (G, 5, LINES) float32
+        Work space.
+    paths : (G, 8, LINES) float64
+        Work space.
+    coefficients : (G, 10, LINES) float32
         Work space.
     base : (G, LINES) int64
         Work space.
@@ -92,7 +120,9 @@ def project_lines(planes, shape, tx, rx, start, along, across, range_zero, step,
     Notes
     -----
     Numba tells the compiler that the arrays of a parallel loop do not overlap only while the loop
-    takes no view of one; without that, tests for overlap before each short loop double the time.
+    takes no view of one and has no boolean variable (which it counts as a view); without that,
+    tests for overlap before each short loop double the time. `numba.config.DEBUG_ARRAY_OPT`
+    prints 'No aliases found' when all is well.
     """
     n_rows, n_phases, n_cells = shape
     segment = len(index)
@@ -101,41 +131,50 @@ def project_lines(planes, shape, tx, rx, start, along, across, range_zero, step,
     # Unsigned indices spare the compiler the test for negative ones, which stops vectorisation.
     p, length = np.uint64(n_cells), np.uint64(segment)
     inverse_step, inverse_phases = 1.0 / step, 1.0 / n_phases
+    turns = np.float32(cycles_per_step)
     for group in numba.prange(base.shape[0]):
-        first_line = group * LINES
-        count = min(LINES, n_lines - first_line)
-        for first_pixel in range(0, n_pixels, segment):
+        count = min(LINES, n_lines - group * LINES)
+        for number in range(lines.shape[1]):
             for i in range(group * LINES * segment, (group + 1) * LINES * segment):
-                work_re[i], work_im[i] = 0.0, 0.0
-            middle = first_pixel + half
+                work_re[i] = 0.0
+                work_im[i] = 0.0
+            shared = (number * segment + half) * float(n_phases)
             for row in range(n_rows):
+                # Channels often share their transmitter, and radars with one antenna both.
+                if repeats[row, 0] == 0:
+                    _line_paths(lines, group, number, tx, row, paths, 0)
+                other = 0
+                if repeats[row, 1] == 0:
+                    other = 4
+                    _line_paths(lines, group, number, rx, row, paths, 4)
                 for j in range(LINES):
-                    line = first_line + j
-                    x = start[0] + middle * along[0] + line * across[0]
-                    y = start[1] + middle * along[1] + line * across[1]
-                    z = start[2] + middle * along[2] + line * across[2]
-                    a, a1, a2, a3 = _path(x - tx[row, 0], y - tx[row, 1], z - tx[row, 2],
-                                          along[0], along[1], along[2])
-                    b, b1, b2, b3 = _path(x - rx[row, 0], y - rx[row, 1], z - rx[row, 2],
-                                          along[0], along[1], along[2])
-                    v = (0.5 * (a + b) - range_zero) * inverse_step
+                    v = (0.5 * (paths[group, 0, j] + paths[group, other, j])
+                         - range_zero) * inverse_step
                     n = np.floor(v)
                     cell = np.floor((n + 0.5) * inverse_phases)
                     phase = n - cell * n_phases
                     coefficients[group, 0, j] = v - n
-                    coefficients[group, 1, j] = 0.5 * (a1 + b1) * inverse_step - n_phases
-                    coefficients[group, 2, j] = 0.25 * (a2 + b2) * inverse_step
-                    coefficients[group, 3, j] = (a3 + b3) * inverse_step * (1.0 / 12.0)
+                    coefficients[group, 1, j] = 0.5 * inverse_step * (
+                        paths[group, 1, j] + paths[group, other + 1, j]) - n_phases
+                    coefficients[group, 2, j] = 0.25 * inverse_step * (
+                        paths[group, 2, j] + paths[group, other + 2, j])
+                    coefficients[group, 3, j] = (1.0 / 12.0) * inverse_step * (
+                        paths[group, 3, j] + paths[group, other + 3, j])
                     coefficients[group, 4, j] = _fraction(
-                        cycles_per_step * (n - middle * float(n_phases)) + cycles_zero)
+                        cycles_per_step * (n - shared) + cycles_zero)
                     # A segment outside the profile reads padding only.
                     cell = min(max(cell, -1.0 * half), n_cells - 2.0 * segment + half)
                     base[group, j] = np.int64(phase * 8.0 * n_cells + cell + half)
+                if expand_phase:
+                    for j in range(LINES):
+                        _expand_phasor(coefficients, group, j, turns, half)
                 offset = row * n_phases * 8 * n_cells
                 for j in range(count):
-                    t0, t1 = coefficients[group, 0, j], coefficients[group, 1, j]
-                    t2, t3 = coefficients[group, 2, j], coefficients[group, 3, j]
-                    c0, c1 = coefficients[group, 4, j], np.float32(cycles_per_step)
+                    k0, k1 = coefficients[group, 0, j], coefficients[group, 1, j]
+                    k2, k3 = coefficients[group, 2, j], coefficients[group, 3, j]
+                    k4, k5 = coefficients[group, 4, j], coefficients[group, 5, j]
+                    k6, k7 = coefficients[group, 6, j], coefficients[group, 7, j]
+                    k8, k9 = coefficients[group, 8, j], coefficients[group, 9, j]
                     r0 = np.uint64(base[group, j] + offset)
                     r1 = r0 + p
                     r2 = r1 + p
@@ -145,24 +184,68 @@ def project_lines(planes, shape, tx, rx, start, along, across, range_zero, step,
                     i2 = i1 + p
                     i3 = i2 + p
                     w = np.uint64((group * LINES + j) * segment)
-                    for i in range(length):
-                        f = index[i]
-                        t = t0 + f * (t1 + f * (t2 + f * t3))
-                        c = _fraction(c1 * t + c0)
-                        x = c * c
-                        sine, cosine = _sin_cycles(c, x), _cos_cycles(x)
-                        re = planes[r0 + i] + t * (planes[r1 + i]
-                                                 + t * (planes[r2 + i] + t * planes[r3 + i]))
-                        im = planes[i0 + i] + t * (planes[i1 + i]
-                                                 + t * (planes[i2 + i] + t * planes[i3 + i]))
-                        work_re[w + i] += re * cosine - im * sine
-                        work_im[w + i] += re * sine + im * cosine
+                    if expand_phase:
+                        for i in range(length):
+                            f = index[i]
+                            t = k0 + f * k1
+                            cosine = k2 + f * (k4 + f * (k6 + f * k8))
+                            sine = k3 + f * (k5 + f * (k7 + f * k9))
+                            re = planes[r0 + i] + t * (planes[r1 + i]
+                                                       + t * (planes[r2 + i] + t * planes[r3 + i]))
+                            im = planes[i0 + i] + t * (planes[i1 + i]
+                                                       + t * (planes[i2 + i] + t * planes[i3 + i]))
+                            work_re[w + i] += re * cosine - im * sine
+                            work_im[w + i] += re * sine + im * cosine
+                    else:
+                        for i in range(length):
+                            f = index[i]
+                            t = k0 + f * (k1 + f * (k2 + f * k3))
+                            c = _fraction(turns * t + k4)
+                            sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
+                            re = planes[r0 + i] + t * (planes[r1 + i]
+                                                       + t * (planes[r2 + i] + t * planes[r3 + i]))
+                            im = planes[i0 + i] + t * (planes[i1 + i]
+                                                       + t * (planes[i2 + i] + t * planes[i3 + i]))
+                            work_re[w + i] += re * cosine - im * sine
+                            work_im[w + i] += re * sine + im * cosine
             for j in range(count):
                 w = (group * LINES + j) * segment
-                pixel = layout[1] + (first_line + j) * layout[2] + first_pixel * layout[3]
-                for i in range(min(segment, n_pixels - first_pixel)):
-                    image[pixel + i * layout[3]] += ramp[first_pixel + i] * (
-                        work_re[w + i] + np.complex64(1j) * work_im[w + i])
+                pixel = (layout[1] + (group * LINES + j) * layout[2]
+                         + number * segment * layout[3])
+                for i in range(min(segment, n_pixels - number * segment)):
+                    z = ramp[number * segment + i]
+                    re, im = work_re[w + i], work_im[w + i]
+                    image[pixel + i * layout[3]] += re * z.real - im * z.imag
+                    image[pixel + i * layout[3] + layout[4]] += re * z.imag + im * z.real
+
+
+@njit(inline='always')
+def _expand_phasor(coefficients, group, j, turns, half):
+    """Replace the phase of a segment by a cubic in the pixel number for its phasor.
+
+    The quartic term is folded into the constant and the quadratic one (Chebyshev economisation),
+    which leaves an eighth of it.
+    """
+    turn = np.float32(2 * np.pi) * turns
+    a, b = turn * coefficients[group, 1, j], turn * coefficients[group, 2, j]
+    c = turn * coefficients[group, 3, j]
+    g = _fraction(coefficients[group, 4, j] + turns * coefficients[group, 0, j])
+    sine, cosine = _sin_cycles(g, g * g), _cos_cycles(g * g)
+    aa = a * a
+    square = np.float32(half * half)
+    # exp(j (a f + b f^2 + c f^3)) = 1 + j a f + (j b - a^2/2) f^2 + ...
+    r4, i4 = aa * aa * _R24 - _R2 * b * b - a * c, -_R2 * aa * b
+    r3, i3 = -a * b, c - aa * a * _R6
+    r2, i2 = square * r4 - _R2 * aa, square * i4 + b
+    r0, i0 = _R1 - square * square * _R8 * r4, -square * square * _R8 * i4
+    coefficients[group, 2, j] = cosine * r0 - sine * i0
+    coefficients[group, 3, j] = cosine * i0 + sine * r0
+    coefficients[group, 4, j] = -sine * a
+    coefficients[group, 5, j] = cosine * a
+    coefficients[group, 6, j] = cosine * r2 - sine * i2
+    coefficients[group, 7, j] = cosine * i2 + sine * r2
+    coefficients[group, 8, j] = cosine * r3 - sine * i3
+    coefficients[group, 9, j] = cosine * i3 + sine * r3
 
 
 @njit(parallel=True)

@@ -2,8 +2,8 @@
 
 Backprojection reads range profiles on a lattice whose spacing is the half-path distance between
 neighbouring pixels of an image line. The more the true distance differs from it, the further a
-pixel drifts from its lattice interval along a segment; this module bounds that drift from the
-exact geometry and chooses the longest segment that keeps the predicted error.
+pixel drifts from its lattice interval along a segment; this module takes the drift from the exact
+geometry and chooses the quickest segment that keeps the predicted error.
 """
 
 from __future__ import annotations
@@ -14,9 +14,8 @@ import math
 import numpy as np
 import scipy.fft
 
-from ..geometry import MapGrid
 from ..signal.radar import RadarParameters
-from .interpolation import PolynomialInterpolator, design_interpolator
+from .interpolation import Interpolator, design_interpolator
 from .kernels import SINCOS_ERROR_DB
 
 _SEGMENTS = (64, 32, 16, 8)
@@ -24,32 +23,57 @@ _MAX_PHASES = 8
 _POINT_OVERSAMPLING = 3.2  # lattice of the routine for arbitrary points
 _ACCUMULATION_ERROR_DB = -112.0  # float32 sums
 _NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
-_SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
+# Cost of a pixel with an expanded phasor, with sine and cosine, and of a segment (measured)
+_COST_EXPANDED, _COST_SINCOS, _COST_SEGMENT = 1.0, 1.5, 14.0
 
 
 @dataclasses.dataclass(frozen=True)
-class LineGeometry:
-    """Half path along one image axis, bounded over the grid and all rows.
+class Paths:
+    """Half path from rows of phase centres to sampled points of image lines.
 
     Attributes
     ----------
-    axis : int
-        0 when image lines follow x, 1 when they follow y.
-    sign : int
-        +1 when range grows with the coordinate, -1 when it falls.
-    slope : (2,) tuple of float
-        Least and largest change of half path per metre along a line, both positive if usable.
-    fourth_derivative : float
-        Largest magnitude of the fourth derivative of the half path, 1/m^3.
-    range_m : (2,) tuple of float
-        Bounds of the half path over the grid, metres.
+    length : (R, S) float64
+        Half path, metres.
+    derivatives : tuple of four (R, S) float64
+        Its first to fourth derivative along the line.
     """
 
-    axis: int
-    sign: int
-    slope: tuple[float, float]
-    fourth_derivative: float
-    range_m: tuple[float, float]
+    length: np.ndarray
+    derivatives: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+def sample_paths(tx_m, rx_m, line) -> Paths:
+    """Half paths and their derivatives at points of image lines.
+
+    Parameters
+    ----------
+    tx_m, rx_m : (R, 3) float64
+        Phase centres, metres.
+    line : sequence of (S, 3) float64
+        Points, metres, and their first to at most fourth derivative along the line; the others
+        are zero.
+    """
+    position, first, *higher = line
+    second, third, fourth = (*higher, *[np.zeros_like(position)] * (3 - len(higher)))
+
+    def dot(a, b):
+        return np.einsum('sk,sk->s', a, b)
+
+    total = 0.0
+    for centre in (tx_m, rx_m):
+        offset = position - np.asarray(centre)[:, None, :]
+        d = np.maximum(np.sqrt(np.einsum('rsk,rsk->rs', offset, offset)), _NEAREST_M)
+        p1, p2, p3, p4 = (np.einsum('rsk,sk->rs', offset, v)
+                          for v in (first, second, third, fourth))
+        # Leibniz' rule for d^2 = |offset|^2
+        d1 = p1 / d
+        d2 = (dot(first, first) + p2 - d1 ** 2) / d
+        d3 = (3 * dot(first, second) + p3 - 3 * d1 * d2) / d
+        d4 = (3 * dot(second, second) + 4 * dot(first, third) + p4 - 4 * d1 * d3
+              - 3 * d2 ** 2) / d
+        total = total + 0.5 * np.stack([d, d1, d2, d3, d4])
+    return Paths(total[0], tuple(total[1:]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,72 +90,48 @@ class Lattice:
         Lattice positions per cell.
     segment : int
         Pixels that share one geometry expansion; 0 for the routine for arbitrary points.
+    expand_phase : bool
+        Whether the phasor of a segment is expanded, see `kernels.project_lines`.
     step_m : float
         Half-path distance between lattice positions, metres.
-    interpolator : PolynomialInterpolator
+    spacing : float
+        Pixel spacing along a line, in the unit of the planned paths.
+    interpolator : Interpolator
         Weights for this oversampling and drift.
     predicted_error_db : float
         Predicted error of the image against time-domain correlation, dB.
+    cost : float
+        Relative time per pixel and row.
     """
 
     n_padded: int
     n_cells: int
     n_phases: int
     segment: int
+    expand_phase: bool
     step_m: float
-    interpolator: PolynomialInterpolator
+    spacing: float
+    interpolator: Interpolator
     predicted_error_db: float
+    cost: float
+
+    @property
+    def cell_m(self) -> float:
+        """Half-path distance between the lattice positions of neighbouring pixels, metres."""
+        return self.step_m * self.n_phases
 
 
-def line_geometry(grid: MapGrid, tx_m, rx_m) -> LineGeometry:
-    """Bound the half path over a grid for rows of phase centres.
-
-    Parameters
-    ----------
-    grid : MapGrid
-        Pixels to bound over.
-    tx_m, rx_m : (R, 3) float64
-        Phase centres, metres.
-    """
-    n = _SAMPLES_PER_SIDE
-    x, y = (np.linspace(a[0], a[-1], n) for a in (grid.x_m, grid.y_m))
-    points = np.stack([*(v.ravel() for v in np.meshgrid(x, y)), np.full(n * n, grid.z_m)], axis=1)
-    path, slope, fourth = 0.0, 0.0, 0.0
-    for centre in (tx_m, rx_m):
-        offset = points - np.asarray(centre)[:, None, :]
-        d = np.maximum(np.sqrt(np.einsum('rpk,rpk->rp', offset, offset)), _NEAREST_M)
-        d1 = offset[..., :2] / d[..., None]
-        d2 = (1 - d1 ** 2) / d[..., None]
-        d3 = -3 * d1 * d2 / d[..., None]
-        path, slope = path + 0.5 * d, slope + 0.5 * d1
-        fourth = fourth + 0.5 * np.abs(4 * d1 * d3 + 3 * d2 ** 2) / d[..., None]
-    low, high = slope.min(axis=(0, 1)), slope.max(axis=(0, 1))
-    sign = np.where(low + high >= 0, 1, -1)
-    least = np.where(sign > 0, low, -high)
-    axis = int(np.argmax(least))
-    largest = high[axis] if sign[axis] > 0 else -low[axis]
-    # Extremes along a line are at its ends when range is monotonic there; between sampled lines
-    # the half path changes by at most its slope times the distance.
-    gap = 0.5 / (n - 1) * np.array([np.ptp(x), np.ptp(y)])
-    steepest = np.maximum(np.abs(low), np.abs(high))
-    slack = steepest[1 - axis] * gap[1 - axis] + grid.spacing_m
-    if least[axis] <= 0:
-        slack += steepest[axis] * gap[axis]
-    return LineGeometry(axis, int(sign[axis]), (float(least[axis]), float(largest)),
-                        float(fourth[..., axis].max()),
-                        (float(path.min() - slack), float(path.max() + slack)))
-
-
-def plan_lattice(geometry: LineGeometry, spacing_m: float, n_line: int, radar: RadarParameters,
-                 n_samples: int, target_db: float) -> Lattice:
+def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParameters,
+                 n_samples: int, target_db: float, *, fit_spacing: bool = False
+                 ) -> Lattice | None:
     """Choose lattice, segment and interpolator for an error target.
 
     Parameters
     ----------
-    geometry : LineGeometry
-        From `line_geometry`.
-    spacing_m : float
-        Pixel spacing along a line, metres.
+    paths : Paths
+        Sampled over the image; derivatives by the same unit as `spacing`.
+    spacing : float
+        Pixel spacing along a line.
     n_line : int
         Pixels of a line.
     radar : RadarParameters
@@ -140,53 +140,90 @@ def plan_lattice(geometry: LineGeometry, spacing_m: float, n_line: int, radar: R
         Samples of a profile.
     target_db : float
         Wanted error against time-domain correlation, dB.
+    fit_spacing : bool
+        The image may take the pixel spacing that fits the lattice, near `spacing`.
 
     Returns
     -------
-    Lattice
-        With ``segment == 0`` where range does not follow the lines closely enough.
+    Lattice or None
+        None where range does not follow the lines closely enough.
     """
-    pitch = spacing_m * 0.5 * sum(geometry.slope)
-    shortest = next((s for s in reversed(_SEGMENTS) if s >= n_line), _SEGMENTS[0])
-    if geometry.slope[0] > 0:
-        for segment in (s for s in _SEGMENTS if s <= shortest):
-            for phases in range(1, _MAX_PHASES + 1):
-                lattice = _line_lattice(geometry, spacing_m, pitch, segment, phases, radar,
-                                        n_samples)
-                if lattice is not None and lattice.predicted_error_db <= target_db:
-                    return lattice
-    return _point_lattice(radar, n_samples)
+    slope = paths.derivatives[0]
+    if slope.min() <= 0:
+        return None
+    middle = 0.5 * (slope.min() + slope.max())
+    pitch = spacing * middle
+    longest = next((s for s in reversed(_SEGMENTS) if s >= n_line), _SEGMENTS[0])
+    found = []
+    for phases in range(1, _MAX_PHASES + 1):
+        n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, phases)
+        cell = n_padded * radar.sample_spacing_m / n_cells
+        if fit_spacing:
+            spacing = cell / middle
+        for segment in (s for s in _SEGMENTS if s <= longest):
+            found += _candidates(paths, spacing, radar, n_padded, n_cells, cell, phases,
+                                 segment, target_db)
+        if found:  # more phases only cost memory
+            return min(found, key=lambda lattice: lattice.cost)
+    return None
 
 
-def _line_lattice(geometry, spacing_m, pitch, segment, phases, radar, n_samples):
-    n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, phases)
-    cell = n_padded * radar.sample_spacing_m / n_cells
-    step = cell / phases
+def _candidates(paths, spacing, radar, n_padded, n_cells, cell, phases, segment, target_db):
+    step, half = cell / phases, segment / 2
     oversampling = radar.range_resolution_m / step
-    if oversampling <= 1.25:
-        return None
-    drift = max(abs(slope * spacing_m - cell) for slope in geometry.slope) * segment / 2
-    if drift > 2 * step:
-        return None
+    drift = np.abs(paths.derivatives[0] * spacing - cell).max() * half
+    if oversampling <= 1.25 or drift > 2 * step:
+        return
     interpolator = design_interpolator(oversampling, drift / step)
-    # rms over the segment of the first term that the cubic expansion of the path leaves out
-    expansion = (radar.wavenumber_rad_per_m * geometry.fourth_derivative / 24 / 3
-                 * (spacing_m * segment / 2) ** 4)
-    return Lattice(n_padded, n_cells, phases, segment, step, interpolator,
-                   _total_db(interpolator.error_db, 20 * math.log10(expansion + 1e-12)))
+    k = radar.wavenumber_rad_per_m
+    # rms over a segment of the first term that the cubic expansion of the path leaves out
+    expansion = k / 24 / 3 * _rms(paths.derivatives[3] * (spacing * half) ** 4)
+    left_over = _phasor_error(paths, spacing, cell, half, k)
+    for expand, error in ((True, math.hypot(expansion, left_over)), (False, expansion)):
+        predicted = total_db(interpolator.error_db, 20 * math.log10(error + 1e-12))
+        if predicted <= target_db:
+            yield Lattice(n_padded, n_cells, phases, segment, expand, step, spacing,
+                          interpolator, predicted, (_COST_EXPANDED if expand else _COST_SINCOS)
+                          + _COST_SEGMENT / segment)
 
 
-def _point_lattice(radar, n_samples):
+def _phasor_error(paths, spacing, cell, half, wavenumber):
+    """Rms error of the cubic expansion of the phasor along a segment."""
+    a = wavenumber * (paths.derivatives[0] * spacing - cell) * half
+    b = wavenumber * paths.derivatives[1] * (spacing * half) ** 2 / 2
+    c = wavenumber * paths.derivatives[2] * (spacing * half) ** 3 / 6
+    quartic = np.hypot(a ** 4 / 24 - b ** 2 / 2 - a * c, a ** 2 * b / 2) / 8 / math.sqrt(2)
+    quintic = np.hypot(a ** 3 * b / 6, a ** 5 / 120 - a * b ** 2 / 2 - a ** 2 * c / 2) / 4
+    return _rms(np.hypot(quartic, quintic))
+
+
+def point_lattice(radar: RadarParameters, n_samples: int) -> Lattice:
+    """Lattice for the routine that needs no common direction of range and lines.
+
+    Parameters
+    ----------
+    radar : RadarParameters
+        Of the compressed profiles.
+    n_samples : int
+        Samples of a profile.
+    """
     pitch = radar.range_resolution_m / _POINT_OVERSAMPLING
     n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, 1)
     step = n_padded * radar.sample_spacing_m / n_cells
     interpolator = design_interpolator(radar.range_resolution_m / step)
-    return Lattice(n_padded, n_cells, 1, 0, step, interpolator, _total_db(interpolator.error_db))
+    return Lattice(n_padded, n_cells, 1, 0, False, step, pitch, interpolator,
+                   total_db(interpolator.error_db), 10.0)
 
 
-def _total_db(*parts_db):
+def total_db(*parts_db: float) -> float:
+    """Sum of independent errors and of what float32 arithmetic adds, dB."""
     parts = (*parts_db, SINCOS_ERROR_DB, _ACCUMULATION_ERROR_DB)
     return 10 * math.log10(sum(10 ** (p / 10) for p in parts))
+
+
+def _rms(values):
+    """Rms over the rows of the largest value at any point."""
+    return math.sqrt(np.mean(np.square(np.abs(values).max(axis=1))))
 
 
 def _commensurate(n_samples, spacing_m, pitch, phases):

@@ -8,7 +8,6 @@ import pytest
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate
-from sar_imaging.imaging.lattice import line_geometry, plan_lattice
 from sar_imaging.signal.spectra import band_spectrum
 
 
@@ -25,13 +24,6 @@ def _error_db(case, image, seed=0):
 
 def _plan(case, **options):
     return Backprojector(case.grid, case.block.radar, case.block.n_samples, **options)
-
-
-def _segment(case, target_db=-80.0):
-    geometry = line_geometry(case.grid, case.block.tx_m.reshape(-1, 3),
-                             case.block.rx_m.reshape(-1, 3))
-    return plan_lattice(geometry, case.grid.spacing_m, case.grid.n_x, case.block.radar,
-                        case.block.n_samples, target_db).segment
 
 
 @pytest.mark.parametrize('channels', [1, 5])
@@ -60,8 +52,9 @@ def test_any_direction_height_and_track(make_case, options):
 
 def test_near_grid_uses_the_routine_for_points(make_case):
     case = make_case(25.0, height_m=10.0, heading_rad=0.8, channels=2, aperture_m=5.0)
-    assert _segment(case) == 0
-    assert _error_db(case, _plan(case)(case.block)) <= -80.0
+    plan = _plan(case)
+    assert _error_db(case, plan(case.block)) <= -80.0
+    assert plan.method == 'points'
 
 
 @pytest.mark.parametrize('target_db', [-40.0, -60.0, -90.0])
@@ -72,12 +65,27 @@ def test_target_is_met_and_predicted(make_case, target_db):
     assert error <= plan.predicted_error_db + 1.0 and plan.predicted_error_db <= target_db
 
 
-def test_looser_target_reads_a_coarser_lattice(make_case):
-    case = make_case(1e3)
-    geometry = line_geometry(case.grid, case.block.tx_m[:, 0], case.block.rx_m[:, 0])
-    steps = [plan_lattice(geometry, 0.25, 96, case.block.radar, case.block.n_samples, t).step_m
-             for t in (-90.0, -60.0)]
-    assert steps[0] < steps[1]
+@pytest.mark.parametrize(('options', 'target_db'), [
+    ({'range_m': 1e3}, -80.0),
+    ({'range_m': 1e3, 'channels': 5, 'height_m': 400.0, 'heading_rad': 2.5}, -80.0),
+    ({'range_m': 1e3, 'bend_m': 3.0, 'heading_rad': np.pi / 2}, -80.0),
+    ({'range_m': 100.0, 'spacing_m': 0.1}, -80.0),
+    ({'range_m': 5e4}, -60.0),
+], ids=str)
+def test_polar_way_meets_the_target(make_case, monkeypatch, options, target_db):
+    monkeypatch.setattr('sar_imaging.imaging.polar._COST_RESAMPLING', -np.inf)
+    case = make_case(**options)
+    plan = _plan(case, target_db=target_db)
+    error = _error_db(case, plan(case.block))
+    assert plan.method == 'polar'
+    assert error <= plan.predicted_error_db + 1.0 and plan.predicted_error_db <= target_db
+
+
+def test_many_pulses_go_the_polar_way(make_case):
+    case = make_case(1e3, n=300, pulses=400, spacing_m=0.2)
+    plan = _plan(case)
+    assert _error_db(case, plan(case.block)) <= -80.0
+    assert plan.method == 'polar'
 
 
 def test_image_is_the_sum_of_its_pulses(make_case):

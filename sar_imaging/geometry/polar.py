@@ -1,0 +1,118 @@
+"""Polar image grids around an aperture: range and direction cosine along the track."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+
+@dataclasses.dataclass(frozen=True)
+class PolarGrid:
+    """Unified polar coordinates on a horizontal plane (Zhang et al., figure 2b).
+
+    A point is given by its distance r from the origin and by ``alpha``, the cosine of the angle
+    between the direction to it and the track. Images on the grid have shape
+    ``(n_alpha, n_range)``, both coordinates ascending.
+
+    Parameters
+    ----------
+    origin_m : (3,) floats
+        Aperture centre in the imaging frame, metres.
+    track : (2,) floats
+        Horizontal unit vector along the track.
+    side : int
+        +1 when the plane is seen to the left of the track direction, -1 to the right.
+    z_m : float
+        Height of the plane, metres.
+    range_start_m, range_spacing_m : float
+        First range and spacing, metres.
+    alpha_start, alpha_spacing : float
+        First direction cosine and spacing.
+    n_range, n_alpha : int
+        Number of ranges and of directions.
+
+    Raises
+    ------
+    ValueError
+        The nearest pixel would lie above the plane, or a size is not positive.
+    """
+
+    origin_m: tuple[float, float, float]
+    track: tuple[float, float]
+    side: int
+    z_m: float
+    range_start_m: float
+    range_spacing_m: float
+    n_range: int
+    alpha_start: float
+    alpha_spacing: float
+    n_alpha: int
+
+    def __post_init__(self):
+        if self.n_range < 1 or self.n_alpha < 1:
+            raise ValueError(f'n_range={self.n_range}, n_alpha={self.n_alpha}; expected at least '
+                             'one each')
+        steepest = max(abs(self.alpha_start),
+                       abs(self.alpha_start + (self.n_alpha - 1) * self.alpha_spacing))
+        reach = self.range_start_m * math.sqrt(max(0.0, 1 - steepest ** 2))
+        if self.range_start_m <= 0 or reach <= abs(self.height_m):
+            raise ValueError(f'range_start_m={self.range_start_m} at alpha={steepest:.4f} does '
+                             f'not reach the plane {self.height_m} m below; start further out')
+
+    @property
+    def height_m(self) -> float:
+        """Height of the origin above the plane, metres."""
+        return self.origin_m[2] - self.z_m
+
+    @property
+    def range_m(self) -> np.ndarray:
+        """(n_range,) float64 distances from the origin, metres."""
+        return self.range_start_m + np.arange(self.n_range) * self.range_spacing_m
+
+    @property
+    def alpha(self) -> np.ndarray:
+        """(n_alpha,) float64 direction cosines."""
+        return self.alpha_start + np.arange(self.n_alpha) * self.alpha_spacing
+
+    @property
+    def across(self) -> tuple[float, float]:
+        """Horizontal unit vector from the track into the scene."""
+        return -self.side * self.track[1], self.side * self.track[0]
+
+    def lines(self, range_m, alpha) -> tuple[np.ndarray, ...]:
+        """Positions and their first to fourth derivative by range.
+
+        Parameters
+        ----------
+        range_m, alpha : array_like
+            Coordinates, broadcast together.
+
+        Returns
+        -------
+        position, first, second, third, fourth : (..., 3) float64
+            Metres, 1, 1/m, 1/m^2 and 1/m^3.
+        """
+        r, a = np.broadcast_arrays(np.asarray(range_m, float), np.asarray(alpha, float))
+        squeeze = 1 - a ** 2
+        ground = np.sqrt(r ** 2 * squeeze - self.height_m ** 2)
+        # Leibniz' rule for ground^2 = r^2 (1 - alpha^2) - height^2
+        g1 = r * squeeze / ground
+        g2 = (squeeze - g1 ** 2) / ground
+        g3 = -3 * g1 * g2 / ground
+        g4 = -(4 * g1 * g3 + 3 * g2 ** 2) / ground
+        u, v = np.array([*self.track, 0.0]), np.array([*self.across, 0.0])
+
+        def vector(along, beside):
+            return np.multiply.outer(along, u) + np.multiply.outer(beside, v)
+
+        position = vector(r * a, ground) + [*self.origin_m[:2], self.z_m]
+        zero = np.zeros_like(r)
+        return position, vector(a, g1), vector(zero, g2), vector(zero, g3), vector(zero, g4)
+
+    def from_map(self, x_m, y_m) -> tuple[np.ndarray, np.ndarray]:
+        """Range in metres and direction cosine of positions on the plane."""
+        dx, dy = np.asarray(x_m) - self.origin_m[0], np.asarray(y_m) - self.origin_m[1]
+        r = np.sqrt(dx ** 2 + dy ** 2 + self.height_m ** 2)
+        return r, (dx * self.track[0] + dy * self.track[1]) / r

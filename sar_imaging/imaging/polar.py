@@ -1,0 +1,217 @@
+"""Polar image of a block: where its grid must lie and how finely it must be sampled.
+
+On unified polar coordinates around the aperture centre the half path is nearly the range itself,
+so that image lines read the profiles in step. Sampling follows from the local frequencies of the
+image, which are the derivatives of the half paths times the wavenumber.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from ..geometry.polar import PolarGrid
+from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .interpolation import Interpolator, design_interpolator
+from .lattice import Lattice, plan_lattice, sample_paths, total_db
+from .resampling import DEGREE, TAPS
+
+_SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
+_EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
+_COST_RESAMPLING = 30.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
+
+
+@dataclasses.dataclass(frozen=True)
+class PolarPlan:
+    """Polar image of a block that meets an error target on the map.
+
+    Attributes
+    ----------
+    polar : PolarGrid
+        Its pixels.
+    lattice : Lattice
+        How its lines read the profiles.
+    range_m : (float, float)
+        Bounds of the half path over it, metres.
+    axis : int
+        Map axis along which the second pass of the resampling goes.
+    along_alpha, along_range : Interpolator
+        Interpolators of the resampling.
+    wavelength_m : float
+        At the carrier, metres.
+    predicted_error_db : float
+        Predicted error of the map against time-domain correlation, dB.
+    cost : float
+        Relative time per map pixel.
+    """
+
+    polar: PolarGrid
+    lattice: Lattice
+    range_m: tuple[float, float]
+    axis: int
+    along_alpha: Interpolator
+    along_range: Interpolator
+    wavelength_m: float
+    predicted_error_db: float
+    cost: float
+
+    def locate(self, pixel, line):
+        """Positions and derivatives by the pixel number, for `projection.line_middles`."""
+        step = self.polar.range_spacing_m
+        derivatives = self.polar.lines(
+            self.polar.range_start_m + step * pixel,
+            self.polar.alpha_start + self.polar.alpha_spacing * line)
+        return [d * step ** order for order, d in enumerate(derivatives[:4])]
+
+    def ramp(self) -> np.ndarray:
+        """(n_range,) complex64 from the phase the kernel leaves to range baseband."""
+        cycles = 2 * (self.lattice.cell_m - self.polar.range_spacing_m) / self.wavelength_m
+        phase = np.fmod(cycles * np.arange(self.polar.n_range), 1.0)
+        return np.exp(2j * np.pi * phase).astype(np.complex64)
+
+
+def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
+               target_db: float) -> PolarPlan | None:
+    """Plan the polar image of rows of phase centres.
+
+    Parameters
+    ----------
+    grid : MapGrid
+        Map to be covered.
+    tx_m, rx_m : (R, 3) float64
+        Phase centres, metres.
+    radar : RadarParameters
+        Of the compressed profiles.
+    n_samples : int
+        Samples of a profile.
+    target_db : float
+        Wanted error of the map against time-domain correlation, dB.
+
+    Returns
+    -------
+    PolarPlan or None
+        None where the map is tiny, too near, all around, or not ahead of the aperture.
+    """
+    frame = _frame(grid, 0.5 * (tx_m + rx_m))
+    if frame is None or min(grid.shape) < TAPS:
+        return None
+    origin, track, side, axis = frame
+    image_db = target_db - 7.0
+    oversampling = _oversampling(image_db)
+    if oversampling is None:
+        return None
+    bands = _bands(grid, tx_m, rx_m, radar, origin, track, side, axis)
+    if bands is None:
+        return None
+    paths, half_range, half_alpha = bands
+    n_line = math.ceil(np.ptp(paths.length) * half_range * oversampling / math.pi)
+    lattice = plan_lattice(paths, math.pi / (half_range * oversampling) * 0.999, n_line, radar,
+                           n_samples, target_db - 3.0, fit_spacing=True)
+    if lattice is None:
+        return None
+    spacing = lattice.spacing
+    polar = _cover(grid, origin, track, side, spacing, half_alpha, oversampling)
+    if polar is None or polar.n_range * polar.n_alpha > 3 * grid.n_x * grid.n_y + 100_000:
+        return None
+    interpolator = design_interpolator(oversampling, taps=TAPS, degree=DEGREE)
+    beyond = 2 * TAPS * spacing
+    share = polar.n_range * polar.n_alpha / (grid.n_x * grid.n_y)
+    cost = lattice.cost * share * len(tx_m) + _COST_RESAMPLING
+    lo, hi = float(paths.length.min()), float(paths.length.max())
+    # The sampled half paths miss the extremes by what range and direction add between samples.
+    slack = beyond + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
+    return PolarPlan(polar, lattice, (lo - slack, hi + slack), axis, interpolator, interpolator,
+                     radar.wavelength_m,
+                     total_db(lattice.predicted_error_db, interpolator.error_db,
+                              interpolator.error_db), cost)
+
+
+def _frame(grid: MapGrid, centres):
+    """Origin, track direction, side and second-pass axis; None when the map is not ahead."""
+    middle = centres.mean(axis=0)
+    look = np.array(grid.centre_m[:2]) - middle[:2]
+    distance = math.hypot(*look)
+    if distance == 0:
+        return None
+    spread = centres[:, :2] - middle[:2]
+    _, lengths, axes = np.linalg.svd(spread, full_matrices=False)
+    broadside = np.array([-look[1], look[0]]) / distance
+    track = axes[0] if lengths[0] > 1e-6 * distance else broadside
+    along = spread @ track
+    origin = middle.copy()
+    origin[:2] += track * 0.5 * (along.min() + along.max())
+    side = 1 if -look[0] * track[1] + look[1] * track[0] >= 0 else -1
+    across = side * np.array([-track[1], track[0]])
+    corners = np.array([[x, y] for x in grid.x_m[[0, -1]] for y in grid.y_m[[0, -1]]])
+    offset = corners - origin[:2]
+    axis = int(abs(look[1]) > abs(look[0]))
+    ahead = offset[:, axis] * np.sign(look[axis])
+    if (offset @ across).min() < 0.1 * distance or ahead.min() < 0.1 * distance:
+        return None
+    return tuple(origin), tuple(track), side, axis
+
+
+def _oversampling(image_db: float) -> float | None:
+    """Least oversampling with which the resampling interpolators reach an error."""
+    for value in np.arange(1.2, 4.0, 0.1):
+        if design_interpolator(value, taps=TAPS, degree=DEGREE).error_db <= image_db:
+            return float(value)
+    return None
+
+
+def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
+    """Half paths along range, and half the bandwidth in range (rad/m) and direction (rad)."""
+    n = _SAMPLES_PER_SIDE
+    x, y = (v.ravel() for v in np.meshgrid(np.linspace(grid.x_m[0], grid.x_m[-1], n),
+                                           np.linspace(grid.y_m[0], grid.y_m[-1], n)))
+    unit = PolarGrid(origin, track, side, grid.z_m, abs(origin[2] - grid.z_m) + 1.0, 1.0, 1,
+                     0.0, 1.0, 1)
+    r, alpha = unit.from_map(x, y)
+    lines = unit.lines(r, alpha)
+    position = lines[0]
+    paths = sample_paths(tx_m, rx_m, lines)
+    u, v = np.array(unit.track), np.array(unit.across)
+    ground = (position[:, :2] - origin[:2]) @ v
+    by_alpha = np.zeros_like(position)
+    by_alpha[:, :2] = r[:, None] * u - (r ** 2 * alpha / ground)[:, None] * v
+    slope_alpha = sample_paths(tx_m, rx_m, (position, by_alpha)).derivatives[0]
+    # along a row of the map the direction changes with range, too
+    step = (position[:, axis] - origin[axis]) / r
+    alpha_by_range = (u[axis] / step - alpha) / r
+    band = 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
+    k = radar.wavenumber_rad_per_m + band
+    slope = paths.derivatives[0]
+    if slope.min() <= 0:
+        return None
+    half_range = band * slope.max() + k * np.abs(
+        slope - 1 + slope_alpha * alpha_by_range).max()
+    return paths, float(half_range), float(k * np.abs(slope_alpha).max())
+
+
+def _cover(grid, origin, track, side, spacing, half_alpha, oversampling) -> PolarGrid | None:
+    """Polar grid that reaches `TAPS` pixels beyond the map."""
+    x = np.linspace(grid.x_m[0], grid.x_m[-1], _EDGE_SAMPLES)
+    y = np.linspace(grid.y_m[0], grid.y_m[-1], _EDGE_SAMPLES)
+    edges = np.concatenate([np.stack(np.broadcast_arrays(x, side_y), axis=-1)
+                            for side_y in (y[0], y[-1])]
+                           + [np.stack(np.broadcast_arrays(side_x, y), axis=-1)
+                              for side_x in (x[0], x[-1])])
+    dx, dy = edges[:, 0] - origin[0], edges[:, 1] - origin[1]
+    r = np.sqrt(dx ** 2 + dy ** 2 + (origin[2] - grid.z_m) ** 2)
+    alpha = (dx * track[0] + dy * track[1]) / r
+    # between two edge samples
+    slack = 0.5 * max(np.ptp(x), np.ptp(y)) / (_EDGE_SAMPLES - 1)
+    extent = np.ptp(alpha) + 2 * slack / r.min()
+    alpha_spacing = min(math.pi / (half_alpha * oversampling), extent) if half_alpha else extent
+    n_range = math.ceil((np.ptp(r) + 2 * slack) / spacing) + 2 * TAPS
+    n_alpha = math.ceil(extent / alpha_spacing) + 2 * TAPS
+    try:
+        return PolarGrid(origin, track, side, grid.z_m, r.min() - slack - TAPS * spacing,
+                         spacing, n_range,
+                         alpha.min() - slack / r.min() - TAPS * alpha_spacing, alpha_spacing,
+                         n_alpha)
+    except ValueError:
+        return None
