@@ -153,3 +153,9 @@ def test_wire_format_imports_without_ros():
     # A machine that only writes bags has no message classes.
     code = "import sys, msg_conversions; sys.exit('rclpy' in sys.modules)"
     subprocess.run([sys.executable, '-c', code], cwd=ROOT, check=True)
+
+
+def test_missing_numba_is_explained():
+    code = "import sys; sys.modules['numba'] = None; import sar_imaging.imaging.backprojection"
+    result = subprocess.run([sys.executable, '-c', code], cwd=ROOT, text=True, capture_output=True)
+    assert 'imaging needs Numba: install it' in result.stderr
