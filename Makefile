@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: help demo test lint bags colcon environment clean
+.PHONY: help demo test lint bags reproduce-multichannel colcon environment clean
 .DEFAULT_GOAL := help
 
 help:
@@ -29,6 +29,8 @@ help:
 	@echo 'make test    ruff, then every test, real nodes over real DDS among them'
 	@echo 'make lint    ruff only'
 	@echo 'make bags    write the recordings in bags/ again'
+	@echo 'make reproduce-multichannel'
+	@echo '             figures and tables of Rosenberg & Gray into out/multichannel'
 	@echo 'make colcon  build and start the package as a ROS workspace does, in build/colcon'
 	@echo 'make clean   remove what these commands made, the environment excepted'
 	@echo 'Variables: PYTHON=python3.12 (interpreter), VENV=path (environment)'
@@ -51,6 +53,9 @@ bags: environment
 	    --pulses-per-message 25 --force
 	@$(RUN) -m sar_imaging.tools.simulate spotlight --output bags/spotlight \
 	    --pulses-per-message 16 --force
+
+reproduce-multichannel: environment
+	@$(RUN) -m sar_imaging.tools.reproduce_multichannel --output out/multichannel
 
 # colcon runs in an environment of its own: installed executables start with the Python that ran
 # it, and its pytest plug-ins should not change how the tests run elsewhere.

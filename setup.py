@@ -43,6 +43,7 @@ setup(
             'simulate = sar_imaging.tools.simulate:main',
             'evaluate = sar_imaging.tools.evaluate:main',
             'load_gotcha = sar_imaging.tools.load_gotcha:main',
+            'reproduce_multichannel = sar_imaging.tools.reproduce_multichannel:main',
         ],
     },
     options={'develop': {'script_dir': EXECUTABLES}, 'install': {'install_scripts': EXECUTABLES}},

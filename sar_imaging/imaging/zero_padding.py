@@ -144,13 +144,14 @@ class ZeroPaddedBackprojector:
             Equation 14, and equation 15 with the interpolator 'nearest'.
         """
         n, n_padded = self.n_samples, self.ratio * self.n_samples
-        spectrum = scipy.fft.fft(np.asarray(profiles, np.complex64), axis=-1)
+        workers = numba.get_num_threads()
+        spectrum = scipy.fft.fft(np.asarray(profiles, np.complex64), axis=-1, workers=workers)
         padded = np.zeros((len(spectrum), n_padded), np.complex64)
         upper, lower = (n + 1) // 2, n // 2
         padded[:, :upper] = spectrum[:, :upper]
         padded[:, n_padded - lower:] = spectrum[:, n - lower:]
         padded *= np.float32(self.ratio)
-        samples = scipy.fft.ifft(padded, axis=-1, overwrite_x=True)
+        samples = scipy.fft.ifft(padded, axis=-1, overwrite_x=True, workers=workers)
         if self.interpolator == 'nearest':
             samples *= self._carrier
         return samples
