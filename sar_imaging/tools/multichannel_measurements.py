@@ -18,8 +18,13 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.imaging.wavenumber import WavenumberImager
-from sar_imaging.imaging.zero_padding import ZeroPaddedBackprojector, predicted_error_db
+from sar_imaging.imaging.zero_padding import (
+    DELAYS,
+    ZeroPaddedBackprojector,
+    predicted_error_db,
+)
 from sar_imaging.quality import (
+    error_db,
     impulse_response,
     mean_square_error,
     signal_to_distortion_db,
@@ -311,6 +316,24 @@ def _corner_levels(image, spacing_m: float) -> tuple[float, float]:
     near = max(1, round(0.25 / spacing_m)) + 1  # half a resolution cell
     ghost = magnitude[:near, :near].max()
     return tuple(20 * math.log10(float(v / centre)) for v in (magnitude[0, -1], ghost))
+
+
+def measure_delays(rate_hz: float, tick: Tick) -> dict[str, dict[str, float]]:
+    """Error against TDC of each way to treat a channel's delay, by interpolator, dB.
+
+    On the point spread function's patch. The accurate interpolator shows what the paper's
+    approximations cost, the nearest sample that it hides them.
+    """
+    block = recording('psf', rate_hz)
+    grid = MapGrid.from_size((RANGE_CENTRE_M, 0.0, 0.0), 2 * PATCH_M[0], 2 * PATCH_M[1], 0.25)
+    exact = tdc(block, grid.points())
+    errors = {}
+    for interpolator, ratio in (('nearest', COMPARISON_RATIO), ('cubic', 16)):
+        errors[interpolator] = {delay: error_db(ZeroPaddedBackprojector(
+            grid, block.radar, block.n_samples, interpolator=interpolator, ratio=ratio,
+            delay=delay)(block), exact) for delay in DELAYS}
+        tick()
+    return errors
 
 
 # ------------------------------------------------------------------------------- tables 2 and 3

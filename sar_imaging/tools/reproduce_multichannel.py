@@ -91,12 +91,13 @@ def reproduce(folder: Path, quick: bool) -> dict:
     """
     ratio = measure.ratios(quick)
     spacing = 4 * SPACING_M if quick else SPACING_M
-    steps = len(RATES_HZ) * (2 * len(ratio) + len(measure.IMAGERS) + 5) + 4
+    steps = len(RATES_HZ) * (2 * len(ratio) + len(measure.IMAGERS) + 7) + 4
     with tqdm(total=steps, desc='images', unit='image', disable=None) as bar:
         spread = [measure.measure_point_spread(r, ratio, bar.update) for r in RATES_HZ]
         letters = [measure.form_letter_images(r, 2 * spacing, bar.update) for r in RATES_HZ]
         distortion = [measure.measure_distortion(r, ratio, bar.update) for r in RATES_HZ]
         compared = [measure.compare_imagers(r, spacing, bar.update) for r in RATES_HZ]
+        delays = [measure.measure_delays(r, bar.update) for r in RATES_HZ]
         seconds = measure.measure_run_times(RATES_HZ[0], 2 * spacing, bar.update)
     figures.draw_point_spread(folder / 'figure_05.png', spread[0])
     figures.draw_islr(folder / 'figure_06.png', spread)
@@ -107,9 +108,10 @@ def reproduce(folder: Path, quick: bool) -> dict:
     figures.draw_comparison(folder / 'figure_10.png', compared[0])
     figures.draw_slices(folder / 'figure_11.png', compared[0])
     at_rate = {f'{rate / 1e6:.0f} MHz': {
-        **_islr_results(s), **_letter_results(images, d), **_comparison_results(c)}
-        for rate, s, images, d, c in zip(RATES_HZ, spread, letters, distortion, compared,
-                                         strict=True)}
+        **_islr_results(s), **_letter_results(images, d), **_comparison_results(c),
+        'error_by_interpolator_and_delay_db': _rounded(e, 1)}
+        for rate, s, images, d, c, e in zip(RATES_HZ, spread, letters, distortion, compared,
+                                            delays, strict=True)}
     return {'paper': PAPER, 'by_sample_rate': at_rate, 'table_3': measure.complexity(**TABLE_3),
             'run_time': _run_time_results(seconds, 2 * spacing), 'quick': quick,
             'machine': f'{platform.machine()}, {numba.get_num_threads()} threads'}
