@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import pathlib
-import platform
 import time
 
 import numpy as np
@@ -20,26 +18,13 @@ from msg_conversions import images, pulse_block
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 
+from .machine import machine
+
 SIZES_MIB = (1 / 16, 1, 4, 16)
 N_CHANNELS, N_SAMPLES = 4, 512
 IMAGE_WIDTH = 512
 BATCH = 8
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'conversions.json'
-
-
-def cpu_model() -> str:
-    try:
-        for line in pathlib.Path('/proc/cpuinfo').read_text().splitlines():
-            if line.startswith('model name'):
-                return line.split(':', 1)[1].strip()
-    except OSError:
-        pass  # not Linux
-    return platform.processor() or platform.machine()
-
-
-def machine() -> dict[str, str | int]:
-    return {'cpu': cpu_model(), 'cpus': os.cpu_count(), 'system': platform.system(),
-            'python': platform.python_version(), 'numpy': np.__version__}
 
 
 def pulses(n_bytes: int) -> PulseBlock:

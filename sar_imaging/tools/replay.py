@@ -95,7 +95,7 @@ class Replayer:
         self._seen_progress = False
 
     def wait_for_subscriber(self, timeout_s: float) -> None:
-        """Return when somebody subscribes to `pulses`.
+        """Return when somebody subscribes to `pulses` and progress, if told, gets here.
 
         Raises
         ------
@@ -109,6 +109,9 @@ class Replayer:
                     f'nobody subscribes to {self._publisher.topic_name} after {timeout_s:g} s; '
                     'start the nodes with the same ROS_DOMAIN_ID, or add --launch-nodes')
             self._spin(0.05)
+        while (self._node.count_publishers(self._progress.topic_name)
+               and not self._progress.get_publisher_count() and time.monotonic() < deadline):
+            self._spin(0.05)  # progress told before the topics match would be lost
 
     def replay(self, messages: Iterable[tuple[int, bytes]], *, rate: float | None = None,
                on_published: Callable[[Published], None] = lambda published: None) -> int:

@@ -32,6 +32,13 @@ class Consumer:
         self.counters = []
         self.damaged = 0
 
+    def wait_for_listener(self, spin):
+        """Progress told before the topics match is lost; real nodes have minutes for that."""
+        deadline = time.monotonic() + 10
+        while self._progress and not self._progress.get_subscription_count():
+            assert time.monotonic() < deadline
+            spin()
+
     def _receive(self, message):
         try:
             block = from_message(message)
@@ -62,6 +69,7 @@ def ros(monkeypatch):
         executor.add_node(made.node)
         replayer = Replayer(node, executor, check=check)
         replayer.wait_for_subscriber(10.0)
+        made.wait_for_listener(lambda: executor.spin_once(timeout_sec=0.1))
         return replayer, made, lambda: executor.spin_once(timeout_sec=0.1)
 
     make.replayer = lambda: Replayer(node, executor)
