@@ -37,7 +37,7 @@ _EPILOG = """\
 Writes figures 5 to 11 as PNG, one more that explains the bumps of figure 9, and every number,
 tables 2 and 3 among them, beside the paper's own as results.json. Each experiment runs at two
 sample rates, because the paper states none; docs/reproduce/multichannel.md discusses the results.
-Takes about five minutes on two cores; NUMBA_NUM_THREADS limits the cores used.
+Takes about four minutes on one core; NUMBA_NUM_THREADS limits the cores used.
 """
 
 
@@ -51,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
                    help='folder for the figures and results.json (default: %(default)s)')
     p.add_argument('--quick', action='store_true',
                    help='coarser images, and only the ratios shown and around the multiples of '
-                        '25: a first look in a tenth of the time')
+                        '25: a first look in a fifth of the time')
     return p
 
 
