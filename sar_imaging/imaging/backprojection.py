@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from ..geometry import MapGrid
-from ..signal.pulses import PulseBlock
+from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
 from .lattice import plan_lattice, point_lattice, sample_paths
 from .polar import PolarPlan, plan_polar
@@ -114,7 +114,8 @@ class Backprojector:
             The block is not compressed, has no positions, does not match the plan, or none of
             its profiles reaches the grid.
         """
-        self._check(block, image)
+        check_profiles(block, self.radar, self.n_samples)
+        self._check_image(image)
         if block.n_pulses == 0:
             return
         rows = (block.samples.reshape(-1, self.n_samples), block.tx_m.reshape(-1, 3),
@@ -133,15 +134,7 @@ class Backprojector:
             self.method, error = 'points', self._add_by_points(lines.range_m, rows, image)
         self.predicted_error_db = max(self.predicted_error_db, error)
 
-    def _check(self, block, image):
-        if not block.compressed:
-            raise ValueError('the block holds raw pulses; apply range compression first')
-        if not block.has_positions:
-            raise ValueError('the block has no phase centres; backprojection needs the transmit '
-                             'and receive position of every pulse and channel')
-        if block.radar != self.radar or block.n_samples != self.n_samples:
-            raise ValueError(f'the block has {block.n_samples} samples of {block.radar}; this '
-                             f'plan is for {self.n_samples} samples of {self.radar}')
+    def _check_image(self, image):
         if (image.shape != self.grid.shape or image.dtype != np.complex64
                 or not image.flags.c_contiguous):
             raise ValueError(f'image is {image.dtype} {image.shape}; expected complex64 '

@@ -24,7 +24,7 @@ _POINT_OVERSAMPLING = 3.2  # lattice of the routine for arbitrary points
 _ACCUMULATION_ERROR_DB = -112.0  # float32 sums
 _NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
 # Cost of a pixel with an expanded phasor, with sine and cosine, and of a segment (measured)
-_COST_EXPANDED, _COST_SINCOS, _COST_SEGMENT = 1.0, 1.5, 14.0
+_COST_EXPANDED, _COST_SINCOS, _COST_SEGMENT = 1.0, 1.5, 30.0
 
 
 @dataclasses.dataclass(frozen=True)

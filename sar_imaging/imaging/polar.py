@@ -21,7 +21,7 @@ from .resampling import DEGREE, TAPS
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
-_COST_RESAMPLING = 30.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
+_COST_RESAMPLING = 60.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -16,7 +16,7 @@ import scipy.fft
 
 from ..compilation import njit, numba
 from ..geometry import MapGrid
-from ..signal.pulses import PulseBlock
+from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 
 #: How a zero-padded profile is read between its samples.
@@ -113,7 +113,7 @@ class ZeroPaddedBackprojector:
             The block is not compressed, has no positions, does not match the plan, or none of
             its profiles reaches a point.
         """
-        self._check(block)
+        check_profiles(block, self.radar, self.n_samples)
         legs = self._legs(block)
         profiles = block.samples.reshape(-1, self.n_samples)
         rows = max(1, _CHUNK_BYTES // (8 * self.n_samples * self.ratio))
@@ -162,16 +162,6 @@ class ZeroPaddedBackprojector:
                   + np.arange(self.ratio * self.n_samples) / self._rate_hz)
         cycles = np.fmod(self.radar.carrier_hz * time_s, 1.0)
         return np.exp(2j * np.pi * cycles).astype(np.complex64)
-
-    def _check(self, block: PulseBlock) -> None:
-        if not block.compressed:
-            raise ValueError('the block holds raw pulses; apply range compression first')
-        if not block.has_positions:
-            raise ValueError('the block has no phase centres; backprojection needs the transmit '
-                             'and receive position of every pulse and channel')
-        if block.radar != self.radar or block.n_samples != self.n_samples:
-            raise ValueError(f'the block has {block.n_samples} samples of {block.radar}; this '
-                             f'plan is for {self.n_samples} samples of {self.radar}')
 
     def _legs(self, block: PulseBlock) -> list[np.ndarray]:
         """Ends of the path that is read, then of the path whose phase is applied, (R, 3) each."""

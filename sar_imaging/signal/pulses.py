@@ -135,3 +135,21 @@ def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
     positions = {'tx_m': join('tx_m'), 'rx_m': join('rx_m')} if first.has_positions else {}
     return dataclasses.replace(first, stamp_ns=join('stamp_ns'), counter=join('counter'),
                                samples=join('samples'), **positions)
+
+
+def check_profiles(block: PulseBlock, radar: RadarParameters, n_samples: int) -> None:
+    """Check that a block holds what an imager was planned for.
+
+    Raises
+    ------
+    ValueError
+        The pulses are raw, have no phase centres, or are of another radar or length.
+    """
+    if not block.compressed:
+        raise ValueError('the block holds raw pulses; apply range compression first')
+    if not block.has_positions:
+        raise ValueError('the block has no phase centres; backprojection needs the transmit '
+                         'and receive position of every pulse and channel')
+    if block.radar != radar or block.n_samples != n_samples:
+        raise ValueError(f'the block has {block.n_samples} samples of {block.radar}; this '
+                         f'plan is for {n_samples} samples of {radar}')
