@@ -22,6 +22,7 @@ _SEGMENTS = (64, 32, 16, 8)
 _MAX_PHASES = 8
 _POINT_OVERSAMPLING = 3.2  # lattice of the routine for arbitrary points
 _ACCUMULATION_ERROR_DB = -112.0  # float32 sums
+_ROWS_FOR_ERRORS = 32  # enough for averages over the rows
 _NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
 # Cost of a pixel with an expanded phasor, with sine and cosine, and of a segment (measured)
 _COST_EXPANDED, _COST_SINCOS, _COST_SEGMENT = 1.0, 1.5, 30.0
@@ -41,6 +42,11 @@ class Paths:
 
     length: np.ndarray
     derivatives: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+    def thinned(self, n_rows: int) -> Paths:
+        """About `n_rows` of the rows, evenly spread."""
+        some = slice(None, None, max(1, len(self.length) // n_rows))
+        return Paths(self.length[some], tuple(d[some] for d in self.derivatives))
 
 
 def sample_paths(tx_m, rx_m, line) -> Paths:
@@ -176,6 +182,7 @@ def _candidates(paths, spacing, radar, n_padded, n_cells, cell, phases, segment,
         return
     interpolator = design_interpolator(oversampling, drift / step)
     k = radar.wavenumber_rad_per_m
+    paths = paths.thinned(_ROWS_FOR_ERRORS)
     # rms over a segment of the first term that the cubic expansion of the path leaves out
     expansion = k / 24 / 3 * _rms(paths.derivatives[3] * (spacing * half) ** 4)
     left_over = _phasor_error(paths, spacing, cell, half, k)
