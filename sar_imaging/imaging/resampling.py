@@ -17,6 +17,7 @@ from .interpolation import Interpolator
 from .kernels import _cos_cycles, _fraction, _sin_cycles
 
 TAPS, DEGREE = 10, 5
+_ROWS_PER_CALL = 256  # bounds the work space
 
 
 def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis: int,
@@ -47,78 +48,80 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
     # side of the origin on which the pixels of a line lie
     sign = 1.0 if line.mean() > origin[axis] else -1.0
     track = np.array(polar.track)[[axis, 1 - axis]]
-    stride = (grid.n_x, 1) if axis == 0 else (1, grid.n_x)
-    _resample(real, imag, rows - origin[1 - axis], line - origin[axis], sign, track,
-              polar.height_m, polar.range_start_m, polar.range_spacing_m, polar.alpha_start,
-              polar.alpha_spacing, 2 / wavelength_m, along_alpha.weights, along_range.weights,
-              along_alpha.first, stride[0], stride[1], image.reshape(-1))
+    row_step, pixel_step = (grid.n_x, 1) if axis == 0 else (1, grid.n_x)
+    n, m = min(len(rows), _ROWS_PER_CALL), max(polar.n_range, len(line))
+    index, fraction = np.empty(n * m, np.int64), np.empty(n * m, np.float32)
+    work = np.empty((4, n * m), np.float32)
+    for start in range(0, len(rows), n):
+        part = rows[start:start + n]
+        _resample(real.reshape(-1), imag.reshape(-1), real.shape, part - origin[1 - axis],
+                  line - origin[axis], sign, track[0], track[1], polar.height_m,
+                  polar.range_start_m, polar.range_spacing_m, polar.alpha_start,
+                  polar.alpha_spacing, 2 / wavelength_m, along_alpha.weights,
+                  along_range.weights, along_alpha.first, start * row_step, row_step, pixel_step,
+                  image.reshape(-1).view(np.float32), index, fraction, *work)
 
 
 @njit(parallel=True)
-def _resample(real, imag, rows, line, sign, track, height, range_start, range_step, alpha_start,
-              alpha_step, cycles_per_m, weights_alpha, weights_range, first, row_stride,
-              pixel_stride, image):
-    n_alpha, n_range = real.shape
+def _resample(real, imag, shape, rows, line, sign, track_ahead, track_beside, height,
+              range_start, range_step, alpha_start, alpha_step, cycles_per_m, weights_alpha,
+              weights_range, first, origin, row_step, pixel_step, image, index, fraction,
+              row_re, row_im, out_re, out_im):
+    """Both passes, row by row; like `kernels.project_lines` free of views for the compiler."""
+    n_alpha, n_range = shape
     n = len(line)
+    width = max(n_range, n)
     for j in numba.prange(len(rows)):
         beside = rows[j]
-        row_re, row_im = np.zeros(n_range, np.float32), np.zeros(n_range, np.float32)
-        cell = np.empty(n_range, np.int64)
-        fraction = np.empty(n_range, np.float32)
+        base = j * width
         for i in range(n_range):
             r = range_start + i * range_step
             ahead = sign * np.sqrt(max(r * r - beside * beside - height * height, 0.0))
-            v = ((ahead * track[0] + beside * track[1]) / r - alpha_start) / alpha_step
+            v = ((ahead * track_ahead + beside * track_beside) / r - alpha_start) / alpha_step
             floor = min(max(np.floor(v), -1.0 * first), n_alpha - TAPS - 1.0 * first)
-            cell[i] = np.int64(floor) + first
-            fraction[i] = v - floor
+            index[base + i] = np.int64(floor) + first
+            fraction[base + i] = v - floor
+            row_re[base + i] = 0.0
+            row_im[base + i] = 0.0
         start = 0
         while start < n_range:  # runs of ranges that read the same directions
             stop = start + 1
-            while stop < n_range and cell[stop] == cell[start]:
+            while stop < n_range and index[base + stop] == index[base + start]:
                 stop += 1
+            length, to = np.uint64(stop - start), np.uint64(base + start)
             for k in range(TAPS):
-                _add_weighted(real[cell[start] + k], imag[cell[start] + k], fraction,
-                              weights_alpha, k, start, stop, row_re, row_im)
+                source = np.uint64((index[base + start] + k) * n_range + start)
+                w0, w1, w2 = weights_alpha[0, k], weights_alpha[1, k], weights_alpha[2, k]
+                w3, w4, w5 = weights_alpha[3, k], weights_alpha[4, k], weights_alpha[5, k]
+                for i in range(length):
+                    t = fraction[to + i]
+                    w = w0 + t * (w1 + t * (w2 + t * (w3 + t * (w4 + t * w5))))
+                    row_re[to + i] += w * real[source + i]
+                    row_im[to + i] += w * imag[source + i]
             start = stop
-        _along_range(row_re, row_im, line, beside, height, range_start, range_step,
-                     cycles_per_m, weights_range, first, n, image, j * row_stride, pixel_stride)
-
-
-@njit
-def _add_weighted(source_re, source_im, fraction, weights, k, start, stop, out_re, out_im):
-    for i in range(start, stop):
-        w = _weight(weights, k, fraction[i])
-        out_re[i] += w * source_re[i]
-        out_im[i] += w * source_im[i]
-
-
-@njit(inline='always')
-def _weight(weights, k, t):
-    return weights[0, k] + t * (weights[1, k] + t * (weights[2, k] + t * (
-        weights[3, k] + t * (weights[4, k] + t * weights[5, k]))))
-
-
-@njit
-def _along_range(row_re, row_im, line, beside, height, range_start, range_step, cycles_per_m,
-                 weights, first, n, image, base, stride):
-    index, fraction = np.empty(n, np.int64), np.empty(n, np.float32)
-    sine, cosine = np.empty(n, np.float32), np.empty(n, np.float32)
-    out_re, out_im = np.zeros(n, np.float32), np.zeros(n, np.float32)
-    for k in range(n):
-        r = np.sqrt(line[k] * line[k] + beside * beside + height * height)
-        v = (r - range_start) / range_step
-        floor = min(max(np.floor(v), -1.0 * first), len(row_re) - TAPS - 1.0 * first)
-        index[k] = np.int64(floor) + first
-        fraction[k] = v - floor
-        c = np.float32(_fraction(cycles_per_m * (r - range_start)))
-        sine[k], cosine[k] = _sin_cycles(c, c * c), _cos_cycles(c * c)
-    for tap in range(TAPS):
         for k in range(n):
-            w = _weight(weights, tap, fraction[k])
-            out_re[k] += w * row_re[index[k] + tap]
-            out_im[k] += w * row_im[index[k] + tap]
-    for k in range(n):
-        image[base + k * stride] += (out_re[k] * cosine[k] - out_im[k] * sine[k]
-                                     + np.complex64(1j) * (out_re[k] * sine[k]
-                                                           + out_im[k] * cosine[k]))
+            r = np.sqrt(line[k] * line[k] + beside * beside + height * height)
+            v = (r - range_start) / range_step
+            floor = min(max(np.floor(v), -1.0 * first), n_range - TAPS - 1.0 * first)
+            index[base + k] = np.int64(floor) + first + base
+            fraction[base + k] = v - floor
+            out_re[base + k] = 0.0
+            out_im[base + k] = 0.0
+        to, length = np.uint64(base), np.uint64(n)
+        for tap in range(TAPS):
+            w0, w1, w2 = weights_range[0, tap], weights_range[1, tap], weights_range[2, tap]
+            w3, w4, w5 = weights_range[3, tap], weights_range[4, tap], weights_range[5, tap]
+            for k in range(length):
+                t = fraction[to + k]
+                w = w0 + t * (w1 + t * (w2 + t * (w3 + t * (w4 + t * w5))))
+                source = np.uint64(index[to + k] + tap)
+                out_re[to + k] += w * row_re[source]
+                out_im[to + k] += w * row_im[source]
+        pixel = 2 * (origin + j * row_step)
+        for k in range(n):
+            r = np.sqrt(line[k] * line[k] + beside * beside + height * height)
+            c = np.float32(_fraction(cycles_per_m * (r - range_start)))
+            sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
+            re, im = out_re[base + k], out_im[base + k]
+            image[pixel + 2 * k * pixel_step] += re * cosine - im * sine
+            image[pixel + 2 * k * pixel_step + 1] += re * sine + im * cosine
