@@ -43,7 +43,7 @@ from .machine import machine  # noqa: E402
 CARRIER_HZ = 10e9
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'backprojection.json'
 N_SCATTERERS = 30
-ROUNDS = 4
+ROUNDS = 3
 
 
 @dataclasses.dataclass(frozen=True)
