@@ -79,6 +79,11 @@ class MapGrid:
         out[..., 2] = self.z_m
         return out
 
+    def check_image(self, image: np.ndarray) -> None:
+        """Raise ValueError when an image does not have the shape of the grid."""
+        if image.shape != self.shape:
+            raise ValueError(f'image.shape={image.shape} does not match grid.shape={self.shape}')
+
     def to_pixels(self, x_m, y_m) -> tuple[np.ndarray, np.ndarray]:
         """Fractional ``(row, column)`` of positions in metres."""
         row = (self.y_m[0] - np.asarray(y_m, float)) / self.spacing_m

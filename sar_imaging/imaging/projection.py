@@ -9,6 +9,7 @@ import numpy as np
 import scipy.fft
 
 from ..signal.radar import RadarParameters
+from ..signal.spectra import resampled_from_spectrum
 from . import kernels
 from .interpolation import N_PLANES, TAPS, polynomial_planes
 from .lattice import Lattice
@@ -64,14 +65,8 @@ class Profiles:
         lattice, workers = self.lattice, numba.get_num_threads()
         spectrum = scipy.fft.fft(samples, lattice.n_padded, axis=-1, workers=workers)
         spectrum *= self._taper
-        n_dense = lattice.n_cells * lattice.n_phases
-        keep = min(lattice.n_padded, n_dense)
-        padded = np.zeros((len(samples), n_dense), np.complex64)
-        upper, lower = (keep + 1) // 2, keep // 2
-        padded[:, :upper] = spectrum[:, :upper]
-        padded[:, n_dense - lower:] = spectrum[:, lattice.n_padded - lower:]
-        padded *= np.float32(n_dense / lattice.n_padded)
-        dense = scipy.fft.ifft(padded, axis=-1, workers=workers, overwrite_x=True)
+        dense = resampled_from_spectrum(spectrum, lattice.n_cells * lattice.n_phases,
+                                        workers=workers)
         real, imag = self._window(dense.reshape(len(samples), lattice.n_cells, -1))
         planes = np.empty((len(samples), lattice.n_phases, N_PLANES, self._count), np.float32)
         polynomial_planes(real, imag, lattice.interpolator.weights, lattice.interpolator.first,

@@ -18,6 +18,7 @@ from ..compilation import njit, numba
 from ..geometry import MapGrid
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from ..signal.spectra import resampled_from_spectrum
 
 #: How a zero-padded profile is read between its samples.
 INTERPOLATORS = ('nearest', 'linear', 'cubic', 'sinc')
@@ -143,15 +144,9 @@ class ZeroPaddedBackprojector:
         (R, ratio L) complex64
             Equation 14, and equation 15 with the interpolator 'nearest'.
         """
-        n, n_padded = self.n_samples, self.ratio * self.n_samples
         workers = numba.get_num_threads()
         spectrum = scipy.fft.fft(np.asarray(profiles, np.complex64), axis=-1, workers=workers)
-        padded = np.zeros((len(spectrum), n_padded), np.complex64)
-        upper, lower = (n + 1) // 2, n // 2
-        padded[:, :upper] = spectrum[:, :upper]
-        padded[:, n_padded - lower:] = spectrum[:, n - lower:]
-        padded *= np.float32(self.ratio)
-        samples = scipy.fft.ifft(padded, axis=-1, overwrite_x=True, workers=workers)
+        samples = resampled_from_spectrum(spectrum, self.ratio * self.n_samples, workers=workers)
         if self.interpolator == 'nearest':
             samples *= self._carrier
         return samples

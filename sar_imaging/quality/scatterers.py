@@ -45,8 +45,7 @@ def to_baseband(image, grid: MapGrid, aperture_centre_m, wavenumber_rad_per_m: f
         The image does not have the shape of the grid.
     """
     image = np.asarray(image)
-    if image.shape != grid.shape:
-        raise ValueError(f'image.shape={image.shape} does not match grid.shape={grid.shape}')
+    grid.check_image(image)
     ox, oy, oz = np.asarray(aperture_centre_m, float)
     distance = np.sqrt((grid.x_m - ox) ** 2 + ((grid.y_m - oy) ** 2)[:, None]
                        + (grid.z_m - oz) ** 2)

@@ -14,6 +14,34 @@ def phase_history_frequencies(carrier_hz: float, bandwidth_hz: float, n: int) ->
     return carrier_hz + (np.arange(n) - (n - 1) / 2) * (bandwidth_hz / n)
 
 
+def resampled_from_spectrum(spectrum: np.ndarray, n_out: int, *, workers: int = 1) -> np.ndarray:
+    """Samples of the same period at another rate, by padding or cropping the spectrum.
+
+    Rosenberg & Gray, equation 14.
+
+    Parameters
+    ----------
+    spectrum : (R, N) complex64
+        Fourier transforms of R signals, zero frequency first.
+    n_out : int
+        Number of samples wanted over the period.
+    workers : int
+        Threads of the inverse transform.
+
+    Returns
+    -------
+    (R, n_out) complex64
+    """
+    n = spectrum.shape[-1]
+    keep = min(n, n_out)
+    upper, lower = (keep + 1) // 2, keep // 2
+    padded = np.zeros((len(spectrum), n_out), np.complex64)
+    padded[:, :upper] = spectrum[:, :upper]
+    padded[:, n_out - lower:] = spectrum[:, n - lower:]
+    padded *= np.float32(n_out / n)
+    return scipy.fft.ifft(padded, axis=-1, workers=workers, overwrite_x=True)
+
+
 def band_spectrum(block: PulseBlock) -> tuple[np.ndarray, np.ndarray]:
     """Spectrum of every pulse inside the waveform's band, referred to zero delay.
 

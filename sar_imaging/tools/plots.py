@@ -50,8 +50,7 @@ def save_image_png(path: Path | str, image, grid: MapGrid, *, truth: Sequence[di
         The image does not have the shape of the grid.
     """
     image = np.asarray(image)
-    if image.shape != grid.shape:
-        raise ValueError(f'image.shape={image.shape} does not match grid.shape={grid.shape}')
+    grid.check_image(image)
     level = _decibels(_multilook(image), dynamic_range_db)
     (x_ref, x_label), (y_ref, y_label) = _axis('x', grid.x_m), _axis('y', grid.y_m)
     half = grid.spacing_m / 2

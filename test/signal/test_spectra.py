@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from sar_imaging.signal import PulseBlock, RadarParameters, Waveform
-from sar_imaging.signal.spectra import band_spectrum, phase_history_frequencies
+from sar_imaging.signal.spectra import (
+    band_spectrum,
+    phase_history_frequencies,
+    resampled_from_spectrum,
+)
 
 
 def _block(radar, compressed, samples):
@@ -41,3 +45,11 @@ def test_raw_chirps_must_be_compressed_first():
     radar = RadarParameters(10e9, 300e6, 400e6, 0.0, 1e-6, 3e14)
     with pytest.raises(ValueError, match='raw LFM pulses.*apply range compression first'):
         band_spectrum(_block(radar, False, np.zeros(8)))
+
+
+@pytest.mark.parametrize(('n', 'n_out'), [(16, 40), (17, 34), (40, 16), (16, 16)])
+def test_resampling_keeps_a_tone(n, n_out):
+    tone = np.exp(2j * np.pi * 3 * np.arange(n) / n)[None].astype(np.complex64)
+    found = resampled_from_spectrum(np.fft.fft(tone).astype(np.complex64), n_out)
+    expected = np.exp(2j * np.pi * 3 * np.arange(n_out) / n_out)[None]
+    np.testing.assert_allclose(found, expected, atol=1e-5)  # complex64
