@@ -21,7 +21,14 @@ from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
 from .lattice import plan_lattice, point_lattice, sample_paths
 from .polar import PolarPlan, plan_polar
-from .projection import Profiles, add_to_lines, add_to_points, line_middles, shared_phase
+from .projection import (
+    PolarLines,
+    Profiles,
+    add_to_lines,
+    add_to_points,
+    line_middles,
+    shared_phase,
+)
 from .resampling import add_polar_to_map
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
@@ -149,13 +156,10 @@ class Backprojector:
                 f'profiles cover {start:.1f} to {stop:.1f} m; move the grid or the range window')
 
     def _add_by_polar(self, plan: PolarPlan, rows, image) -> float:
-        samples, tx, rx = rows
         polar = plan.polar
         profiles = Profiles(self.radar, plan.lattice, plan.range_m)
         parts = np.zeros((2, polar.n_alpha, polar.n_range), np.float32)
-        lines = line_middles(plan.locate, polar.n_alpha, polar.n_range, plan.lattice.segment)
-        layout = np.array([polar.n_alpha, 0, polar.n_range, 1, parts[0].size])
-        add_to_lines(profiles, samples, tx, rx, lines, layout, plan.ramp(), parts.reshape(-1))
+        PolarLines(polar, profiles).add(*rows, parts)
         add_polar_to_map(parts[0], parts[1], polar, self.grid, image, axis=plan.axis,
                          wavelength_m=self.radar.wavelength_m, along_alpha=plan.along_alpha,
                          along_range=plan.along_range)

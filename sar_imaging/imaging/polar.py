@@ -58,20 +58,6 @@ class PolarPlan:
     predicted_error_db: float
     cost: float
 
-    def locate(self, pixel, line):
-        """Positions and derivatives by the pixel number, for `projection.line_middles`."""
-        step = self.polar.range_spacing_m
-        derivatives = self.polar.lines(
-            self.polar.range_start_m + step * pixel,
-            self.polar.alpha_start + self.polar.alpha_spacing * line)
-        return [d * step ** order for order, d in enumerate(derivatives[:4])]
-
-    def ramp(self) -> np.ndarray:
-        """(n_range,) complex64 from the phase the kernel leaves to range baseband."""
-        cycles = 2 * (self.lattice.cell_m - self.polar.range_spacing_m) / self.wavelength_m
-        phase = np.fmod(cycles * np.arange(self.polar.n_range), 1.0)
-        return np.exp(2j * np.pi * phase).astype(np.complex64)
-
 
 def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
                target_db: float) -> PolarPlan | None:

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 import scipy.fft
 
+from ..geometry.polar import PolarGrid
 from ..signal.radar import RadarParameters
 from ..signal.spectra import resampled_from_spectrum
 from . import kernels
@@ -157,9 +158,57 @@ def add_to_lines(profiles: Profiles, samples, tx_m, rx_m, lines, layout, ramp, i
             work[0], work[1], paths, coefficients, base)
 
 
+class PolarLines:
+    """Lines of a polar grid, prepared for adding any number of rows.
+
+    Parameters
+    ----------
+    polar : PolarGrid
+        Pixels.
+    profiles : Profiles
+        Plan of the profiles; its lattice cells are about as long as the range spacing.
+    """
+
+    def __init__(self, polar: PolarGrid, profiles: Profiles):
+        lattice = profiles.lattice
+        self._polar, self._profiles = polar, profiles
+        self._lines = line_middles(self._locate, polar.n_alpha, polar.n_range, lattice.segment)
+        # from the phase that the kernel leaves to range baseband
+        cycles = 2 * (lattice.cell_m - polar.range_spacing_m) / profiles.radar.wavelength_m
+        self._ramp = _phasor(cycles * np.arange(polar.n_range))
+
+    def _locate(self, pixel, line):
+        polar = self._polar
+        derivatives = polar.lines(polar.range_start_m + polar.range_spacing_m * pixel,
+                                  polar.alpha_start + polar.alpha_spacing * line)
+        return [d * polar.range_spacing_m ** order for order, d in enumerate(derivatives[:4])]
+
+    def add(self, samples, tx_m, rx_m, parts) -> None:
+        """Add rows to an image at range baseband.
+
+        Parameters
+        ----------
+        samples : (R, N) complex64
+            Profiles of the rows.
+        tx_m, rx_m : (R, 3) float64
+            Phase centres of the rows, metres.
+        parts : (2, n_alpha, n_range) float32
+            Real and imaginary part of the image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0
+            the first range; changed in place, contiguous.
+        """
+        polar = self._polar
+        layout = np.array([polar.n_alpha, 0, polar.n_range, 1, parts[0].size])
+        add_to_lines(self._profiles, samples, tx_m, rx_m, self._lines, layout, self._ramp,
+                     parts.reshape(-1))
+
+
 def shared_phase(profiles: Profiles, n_pixels: int) -> np.ndarray:
     """(n_pixels,) complex64 carrier phase that all lines of an image share."""
     cycles = profiles.cycles_per_step * profiles.lattice.n_phases * np.arange(n_pixels)
+    return _phasor(cycles)
+
+
+def _phasor(cycles) -> np.ndarray:
     return np.exp(2j * np.pi * np.fmod(cycles, 1.0)).astype(np.complex64)
 
 
