@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from std_msgs.msg import Float32MultiArray, MultiArrayDimension
+from std_msgs.msg import Float32MultiArray
 
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 
-from . import wire
+from . import multi_array, wire
 
 
 def to_message(block: PulseBlock) -> Float32MultiArray:
@@ -24,16 +24,8 @@ def to_message(block: PulseBlock) -> Float32MultiArray:
     WireFormatError
         The block does not fit into the format; see `msg_conversions.wire.to_array`.
     """
-    head = wire.preamble(block)
-    samples = np.ascontiguousarray(block.samples).reshape(-1)
-    message = Float32MultiArray()
-    message.layout.dim = [MultiArrayDimension(label=label, size=size, stride=stride)
-                          for label, size, stride in wire.dimensions(block.samples.shape)]
-    message.layout.data_offset = head.size
-    # frombytes appends at memory speed; assigning an array takes a hundred times as long.
-    message.data.frombytes(head.view(np.uint8))
-    message.data.frombytes(samples.view(np.uint8))
-    return message
+    return multi_array.from_parts(wire.preamble(block), block.samples,
+                                  wire.dimensions(block.samples.shape))
 
 
 def from_message(msg: Float32MultiArray, *,
@@ -58,7 +50,7 @@ def from_message(msg: Float32MultiArray, *,
     WireFormatError
         The message does not follow the format, or is a bare cube.
     """
-    return wire.from_array(msg.data, _dims(msg), msg.layout.data_offset,
+    return wire.from_array(msg.data, multi_array.dims(msg), msg.layout.data_offset,
                            max_elements=max_elements)
 
 
@@ -100,11 +92,7 @@ def from_bare_cube(msg: Float32MultiArray, *, radar: RadarParameters, compressed
     ValueError
         The caller's arrays do not fit the samples.
     """
-    samples = wire.samples_from_bare_cube(msg.data, _dims(msg), msg.layout.data_offset,
+    samples = wire.samples_from_bare_cube(msg.data, multi_array.dims(msg), msg.layout.data_offset,
                                           max_elements=max_elements)
     return PulseBlock(radar=radar, compressed=compressed, stamp_ns=stamp_ns, counter=counter,
                       samples=samples, tx_m=tx_m, rx_m=rx_m)
-
-
-def _dims(msg: Float32MultiArray) -> list[tuple[str, int, int]]:
-    return [(dim.label, dim.size, dim.stride) for dim in msg.layout.dim]

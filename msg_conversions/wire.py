@@ -7,9 +7,6 @@ read where no ROS is installed.
 
 from __future__ import annotations
 
-import reprlib
-from collections.abc import Sequence
-
 import numpy as np
 
 from sar_imaging.signal.pulses import PulseBlock
@@ -17,11 +14,11 @@ from sar_imaging.signal.radar import RadarParameters, Waveform
 
 from . import float_pairs
 from .errors import WireFormatError
+from .layout import DEFAULT_MAX_ELEMENTS, Dims, Layout, as_floats, check_finite, check_magic
 
 MAGIC = 0x534152  # 'SAR' in ASCII, exact in a float32
 VERSION = 1
-LABELS = ('pulse', 'channel', 'sample', 'iq')
-DEFAULT_MAX_ELEMENTS = 2**26  # floats of samples: 256 MiB
+LAYOUT = Layout(('pulse', 'channel', 'sample'), content='samples', unit='block')
 
 # Header of version 1. Its length is even and so is that of a row: samples stay 8-byte aligned.
 HEADER_LENGTH = 24
@@ -39,7 +36,7 @@ TIME = slice(2, 4)
 PHASE_CENTRES = slice(4, None)
 FLOATS_PER_CHANNEL = 12  # transmit and receive, x y z, high and low
 
-Dims = Sequence[tuple[str, int, int]]
+SAMPLES_ADVICE = 'drop faulty pulses in the sender'
 
 
 def row_length(n_channels: int, has_positions: bool) -> int:
@@ -48,16 +45,8 @@ def row_length(n_channels: int, has_positions: bool) -> int:
 
 
 def dimensions(shape: tuple[int, int, int]) -> list[tuple[str, int, int]]:
-    """``(label, size, stride)`` of each dimension for samples of shape (P, C, N).
-
-    A stride is the product of the sizes from its dimension on, in elements, as std_msgs
-    defines it.
-    """
-    sizes = (*(int(n) for n in shape), 2)
-    strides = [sizes[3]]
-    for size in sizes[2::-1]:
-        strides.insert(0, strides[0] * size)
-    return list(zip(LABELS, sizes, strides, strict=True))
+    """``(label, size, stride)`` of each dimension for samples of shape (P, C, N)."""
+    return LAYOUT.dimensions(shape)
 
 
 # ------------------------------------------------------------------------------------- writing
@@ -94,15 +83,9 @@ def to_array(block: PulseBlock) -> tuple[np.ndarray, list[tuple[str, int, int]],
 
 def preamble(block: PulseBlock) -> np.ndarray:
     """(H + P * M,) float32: everything of a block that precedes its samples; see `to_array`."""
-    if block.samples.size == 0:
-        raise WireFormatError(f'samples.shape={block.samples.shape}; expected at least one pulse, '
-                              'channel and sample; do not send empty blocks')
     row = row_length(block.n_channels, block.has_positions)
     length = HEADER_LENGTH + block.n_pulses * row
-    if length + 2 * block.samples.size >= 2**32:
-        raise WireFormatError(f'samples.shape={block.samples.shape} needs '
-                              f'{length + 2 * block.samples.size} floats; layout fields hold '
-                              'less than 2**32; send several blocks')
+    LAYOUT.check_size('samples', block.samples.shape, length)
     head = np.empty(length, np.float32)
     _write_header(block, head[:HEADER_LENGTH], row)
     _write_table(block, head[HEADER_LENGTH:].reshape(block.n_pulses, row))
@@ -164,7 +147,7 @@ def from_array(data, dims: Dims, data_offset: int, *,
     WireFormatError
         The message does not follow the format, or holds numbers that are not finite.
     """
-    shape = _check_dims(dims, max_elements)
+    shape = LAYOUT.check_dims(dims, max_elements)
     if data_offset == 0:
         raise WireFormatError('data_offset=0: a bare cube of samples without block header; read '
                               'it with from_bare_cube, which takes times and radar parameters '
@@ -173,16 +156,17 @@ def from_array(data, dims: Dims, data_offset: int, *,
         raise WireFormatError(f'data_offset={data_offset}; expected 0 for a bare cube or at least '
                               f'the {HEADER_LENGTH} floats of a block header; see '
                               'docs/wire_format.md')
-    values = _floats(data)
-    _check_length(values, shape, data_offset)
+    values = as_floats(data)
+    LAYOUT.check_length(values, shape, data_offset)
     header = values[:HEADER_LENGTH]
     _check_header(header, shape, data_offset)
     table = values[HEADER_LENGTH:data_offset].reshape(shape[0], -1)
-    _check_finite(table, 'per-pulse table', 'send only pulses with known time and positions')
+    check_finite(table, 'per-pulse table', 'send only pulses with known time and positions')
     return PulseBlock(
         radar=_read_radar(header), compressed=bool(header[COMPRESSED]),
         stamp_ns=_read_times(table, float_pairs.join_int64(header[EPOCH])),
-        counter=_read_counters(table), samples=_read_samples(values, shape, data_offset),
+        counter=_read_counters(table),
+        samples=LAYOUT.read_content(values, shape, data_offset, SAMPLES_ADVICE),
         **_read_positions(table, shape[1]))
 
 
@@ -197,69 +181,19 @@ def samples_from_bare_cube(data, dims: Dims, data_offset: int, *,
     (P, C, N) complex64
         Read-only view of `data`.
     """
-    shape = _check_dims(dims, max_elements)
+    shape = LAYOUT.check_dims(dims, max_elements)
     if data_offset != 0:
         raise WireFormatError(f'data_offset={data_offset}; expected 0 for a bare cube; read '
                               'blocks with a header with from_message')
-    values = _floats(data)
-    _check_length(values, shape, 0)
-    return _read_samples(values, shape, 0)
-
-
-def _floats(data) -> np.ndarray:
-    """`data` as a read-only array of floats that shares its memory."""
-    try:
-        view = memoryview(data)
-    except TypeError:
-        raise WireFormatError(f'data is a {type(data).__name__}; expected contiguous 32-bit '
-                              "floats: an array.array('f') or a float32 array") from None
-    if view.format != 'f' or view.ndim != 1 or not view.contiguous:
-        raise WireFormatError(f'data has format {view.format!r} and shape {view.shape}; expected '
-                              "contiguous 32-bit floats in one dimension, format 'f'")
-    values = np.asarray(view)
-    values.flags.writeable = False
-    return values
-
-
-def _check_dims(dims: Dims, max_elements: int) -> tuple[int, int, int]:
-    labels = tuple(label for label, _, _ in dims)
-    if labels != LABELS:
-        raise WireFormatError(f'layout.dim labels are {reprlib.repr(labels)}; expected {LABELS}; '
-                              'see docs/wire_format.md')
-    _, sizes, strides = zip(*dims, strict=True)
-    if min(sizes) < 1 or sizes[3] != 2:
-        raise WireFormatError(f'layout.dim sizes are {sizes}; expected at least one pulse, '
-                              'channel and sample, and 2 for iq; do not send empty blocks')
-    expected = dimensions(sizes[:3])
-    n_elements = expected[0][2]
-    if n_elements > max_elements:
-        raise WireFormatError(f'layout.dim sizes {sizes} mean {n_elements} floats of samples; '
-                              f'accepted are at most {max_elements}; send smaller blocks or raise '
-                              'max_elements')
-    if strides != tuple(stride for _, _, stride in expected):
-        raise WireFormatError(f'layout.dim strides are {strides}; expected '
-                              f'{tuple(s for _, _, s in expected)} for sizes {sizes}: the '
-                              'product of the sizes from each dimension on, in elements')
-    return sizes[:3]
-
-
-def _check_length(values: np.ndarray, shape: tuple[int, int, int], data_offset: int) -> None:
-    n_samples = dimensions(shape)[0][2]
-    if values.size != data_offset + n_samples:
-        raise WireFormatError(f'len(data)={values.size}; expected {data_offset + n_samples}: '
-                              f'data_offset={data_offset} plus {n_samples} floats of samples; the '
-                              'message is truncated, extended, or its layout is wrong')
+    values = as_floats(data)
+    LAYOUT.check_length(values, shape, 0)
+    return LAYOUT.read_content(values, shape, 0, SAMPLES_ADVICE)
 
 
 def _check_header(header: np.ndarray, shape: tuple[int, int, int], data_offset: int) -> None:
     values = header.tolist()
-    if values[0] != MAGIC:
-        raise WireFormatError(f'data[0]={values[0]}; expected the magic number {MAGIC}; the topic '
-                              'does not carry pulse blocks')
-    if values[1] != VERSION:
-        raise WireFormatError(f'format version is {values[1]:g}; expected {VERSION}; use the same '
-                              'release of msg_conversions on both sides')
-    _check_finite(header, 'block header', 'correct the radar parameters of the sender')
+    check_magic(values, MAGIC, VERSION, 'pulse blocks')
+    check_finite(header, 'block header', 'correct the radar parameters of the sender')
     for index, name, allowed in ((COMPRESSED, 'compressed', (0, 1)),
                                  (WAVEFORM, 'waveform', tuple(map(int, Waveform))),
                                  (POSITIONS, 'position source', (0, 1))):
@@ -279,15 +213,6 @@ def _check_header(header: np.ndarray, shape: tuple[int, int, int], data_offset: 
         raise WireFormatError(f'data_offset={data_offset}; expected '
                               f'{HEADER_LENGTH + shape[0] * row}: a header of {HEADER_LENGTH} '
                               f'floats and {shape[0]} rows of {row}')
-
-
-def _check_finite(values: np.ndarray, name: str, advice: str) -> None:
-    finite = np.isfinite(values)
-    if not finite.all():
-        first = int(np.argmin(finite))
-        raise WireFormatError(f'{name} holds {np.count_nonzero(~finite)} numbers that are NaN or '
-                              f'infinite, the first at its index {first}; expected finite '
-                              f'numbers; {advice}')
 
 
 def _read_radar(header: np.ndarray) -> RadarParameters:
@@ -329,12 +254,3 @@ def _read_positions(table: np.ndarray, n_channels: int) -> dict[str, np.ndarray]
     centres = float_pairs.join_double(pairs.reshape(-1, n_channels, 2, 3, 2))
     return {'tx_m': np.ascontiguousarray(centres[:, :, 0]),
             'rx_m': np.ascontiguousarray(centres[:, :, 1])}
-
-
-def _read_samples(values: np.ndarray, shape: tuple[int, int, int], offset: int) -> np.ndarray:
-    samples = values[offset:]
-    # One NaN would spread over a whole image. A sum is finite only if all its terms are, and
-    # einsum takes it in one pass without a temporary; a sum may overflow, hence the closer look.
-    if not np.isfinite(np.einsum('i->', samples)):
-        _check_finite(samples, 'sample array', 'drop faulty pulses in the sender')
-    return samples.view(np.complex64).reshape(shape)

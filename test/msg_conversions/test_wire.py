@@ -263,7 +263,8 @@ UINT32 = st.integers(0, 8) | st.integers(0, 2**32 - 1)
 
 
 ANY_DIMS = st.lists(st.tuples(st.text(max_size=3), UINT32, UINT32), max_size=6)
-LABELLED_DIMS = st.tuples(*[st.tuples(st.just(label), UINT32, UINT32) for label in wire.LABELS])
+LABELLED_DIMS = st.tuples(*[st.tuples(st.just(label), UINT32, UINT32)
+                            for label in (*wire.LAYOUT.labels, 'iq')])
 
 
 @given(dims=ANY_DIMS | LABELLED_DIMS, offset=UINT32, n_floats=st.integers(0, 200))

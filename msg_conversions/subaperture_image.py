@@ -1,0 +1,49 @@
+"""Sub-aperture images to std_msgs/Float32MultiArray and back."""
+
+from __future__ import annotations
+
+from std_msgs.msg import Float32MultiArray
+
+from sar_imaging.imaging.subaperture_image import SubapertureImage
+
+from . import multi_array, subaperture_wire
+from .layout import DEFAULT_MAX_ELEMENTS
+
+
+def to_message(subaperture: SubapertureImage) -> Float32MultiArray:
+    """Write a sub-aperture image into a message; its pixels are copied once.
+
+    Raises
+    ------
+    WireFormatError
+        The image does not fit into the format; see `msg_conversions.subaperture_wire.to_array`.
+    """
+    return multi_array.from_parts(
+        subaperture_wire.preamble(subaperture), subaperture.image,
+        subaperture_wire.LAYOUT.dimensions(subaperture.image.shape))
+
+
+def from_message(msg: Float32MultiArray, *,
+                 max_elements: int = DEFAULT_MAX_ELEMENTS) -> SubapertureImage:
+    """Read a sub-aperture image from a message.
+
+    Parameters
+    ----------
+    msg : std_msgs.msg.Float32MultiArray
+        As `to_message` writes it.
+    max_elements : int
+        Largest number of floats of pixels to accept.
+
+    Returns
+    -------
+    SubapertureImage
+        Its image is a read-only view of ``msg.data``: the message stays in memory as long as it
+        does, and must not be resized.
+
+    Raises
+    ------
+    WireFormatError
+        The message does not follow the format.
+    """
+    return subaperture_wire.from_array(msg.data, multi_array.dims(msg), msg.layout.data_offset,
+                                       max_elements=max_elements)

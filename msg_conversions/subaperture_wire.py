@@ -1,0 +1,153 @@
+"""Wire format of a sub-aperture image: arrays of a std_msgs/Float32MultiArray, without ROS.
+
+``data = [header | pixels]``, described field by field in docs/wire_format.md. It follows the
+format of pulse blocks: high/low pairs and limbs, strides in elements, the same checks.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sar_imaging.geometry.polar import PolarGrid
+from sar_imaging.imaging.subaperture_image import SubapertureImage
+
+from . import float_pairs
+from .errors import WireFormatError
+from .layout import DEFAULT_MAX_ELEMENTS, Dims, Layout, as_floats, check_finite, check_magic
+
+MAGIC = 0x534149  # 'SAI' in ASCII, exact in a float32
+VERSION = 1
+LAYOUT = Layout(('angle', 'range'), content='pixels', unit='image')
+
+# Header of version 1; its even length keeps the pixels 8-byte aligned.
+HEADER_LENGTH = 48
+SIDE = 3
+STAMP = slice(4, 8)
+COUNTS = slice(8, 20)
+COUNT_FIELDS = ('first_counter', 'n_pulses', 'n_missing', 'aperture', 'number', 'n_subapertures')
+NUMBERS = slice(20, 46)
+
+
+def to_array(subaperture: SubapertureImage) -> tuple[np.ndarray, list[tuple[str, int, int]], int]:
+    """Write a sub-aperture image as one array of floats.
+
+    Parameters
+    ----------
+    subaperture : SubapertureImage
+        At least one pixel.
+
+    Returns
+    -------
+    data : (H + n_alpha * n_range * 2,) float32
+        Header and pixels.
+    dims : list of (label, size, stride)
+        For ``layout.dim``.
+    data_offset : int
+        For ``layout.data_offset``: where the pixels begin.
+
+    Raises
+    ------
+    WireFormatError
+        The image is too large for the 32-bit layout fields, or a number of the grid exceeds the
+        range of float32.
+    """
+    head = preamble(subaperture)
+    image = subaperture.image
+    data = np.empty(head.size + 2 * image.size, np.float32)
+    data[:head.size] = head
+    data[head.size:].view(np.complex64).reshape(image.shape)[...] = image
+    return data, LAYOUT.dimensions(image.shape), head.size
+
+
+def preamble(subaperture: SubapertureImage) -> np.ndarray:
+    """(H,) float32: everything that precedes the pixels; see `to_array`."""
+    LAYOUT.check_size('image', subaperture.image.shape, HEADER_LENGTH)
+    grid = subaperture.grid
+    header = np.zeros(HEADER_LENGTH, np.float32)
+    header[:STAMP.start] = MAGIC, VERSION, HEADER_LENGTH, grid.side
+    header[STAMP] = float_pairs.split_limbs(subaperture.stamp_ns, 4)
+    header[COUNTS] = [limb for name in COUNT_FIELDS
+                      for limb in float_pairs.split_limbs(int(getattr(subaperture, name)), 2)]
+    header[NUMBERS] = float_pairs.split_double([
+        subaperture.carrier_hz, subaperture.bandwidth_hz, subaperture.predicted_error_db,
+        *grid.origin_m, *grid.track, grid.z_m, grid.range_start_m, grid.range_spacing_m,
+        grid.alpha_start, grid.alpha_spacing]).ravel()
+    return header
+
+
+def from_array(data, dims: Dims, data_offset: int, *,
+               max_elements: int = DEFAULT_MAX_ELEMENTS) -> SubapertureImage:
+    """Read a sub-aperture image from the array of a message.
+
+    Nothing is allocated in proportion to a number in the message before that number was compared
+    with the data really present.
+
+    Parameters
+    ----------
+    data : (K,) float32, any object with a buffer of native floats
+        ``msg.data``.
+    dims : sequence of (label, size, stride)
+        ``msg.layout.dim``.
+    data_offset : int
+        ``msg.layout.data_offset``.
+    max_elements : int
+        Largest number of floats of pixels to accept.
+
+    Returns
+    -------
+    SubapertureImage
+        Its image is a read-only view of `data`; everything else is a copy.
+
+    Raises
+    ------
+    WireFormatError
+        The message does not follow the format, or holds numbers that are not finite.
+    """
+    shape = LAYOUT.check_dims(dims, max_elements)
+    if data_offset != HEADER_LENGTH:
+        raise WireFormatError(f'data_offset={data_offset}; expected {HEADER_LENGTH}: the length '
+                              'of the header; see docs/wire_format.md')
+    values = as_floats(data)
+    LAYOUT.check_length(values, shape, data_offset)
+    header = values[:HEADER_LENGTH]
+    _check_header(header)
+    image = LAYOUT.read_content(values, shape, data_offset,
+                                'drop faulty sub-apertures in the sender')
+    return _read(header, image)
+
+
+def _check_header(header: np.ndarray) -> None:
+    values = header.tolist()
+    check_magic(values, MAGIC, VERSION, 'sub-aperture images')
+    if values[2] != HEADER_LENGTH:
+        raise WireFormatError(f'header length is {values[2]:g} floats; expected {HEADER_LENGTH}; '
+                              'see docs/wire_format.md')
+    check_finite(header, 'header', 'correct the grid and radar parameters of the sender')
+    if values[SIDE] not in (-1, 1):
+        raise WireFormatError(f'side (data[{SIDE}]) is {values[SIDE]:g}; expected +1, left of the '
+                              'track, or -1, right of it; see docs/wire_format.md')
+    for name, fields in (('stamp', STAMP), ('count', COUNTS)):
+        if not float_pairs.are_limbs(header[fields]):
+            raise WireFormatError(f'{name} limbs (data[{fields.start}:{fields.stop}]) are '
+                                  f'{values[fields]}; expected whole numbers of 0 to 65535; split '
+                                  'integers into 16-bit limbs')
+
+
+def _read(header: np.ndarray, image: np.ndarray) -> SubapertureImage:
+    low, high = header[COUNTS].reshape(-1, 2).T.astype(np.int64)
+    counts = dict(zip(COUNT_FIELDS, (low | high << 16).tolist(), strict=True))
+    (carrier_hz, bandwidth_hz, error_db, *origin_m, u, v, z_m, range_start_m, range_spacing_m,
+     alpha_start, alpha_spacing) = float_pairs.join_double(
+        header[NUMBERS].reshape(-1, 2)).tolist()
+    try:
+        grid = PolarGrid(
+            origin_m=tuple(origin_m), track=(u, v), side=int(header[SIDE]), z_m=z_m,
+            range_start_m=range_start_m, range_spacing_m=range_spacing_m,
+            n_range=image.shape[1], alpha_start=alpha_start, alpha_spacing=alpha_spacing,
+            n_alpha=image.shape[0])
+        return SubapertureImage(
+            image, grid, carrier_hz=carrier_hz, bandwidth_hz=bandwidth_hz,
+            stamp_ns=float_pairs.join_int64(header[STAMP]), predicted_error_db=error_db, **counts)
+    except ValueError as error:
+        raise WireFormatError(f'header of the sub-aperture image is impossible: {error}; correct '
+                              'it in the sender') from error

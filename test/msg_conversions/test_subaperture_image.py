@@ -1,0 +1,272 @@
+"""Sub-aperture images: round trip, layout, refusal of everything malformed."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import subprocess
+import sys
+import tracemalloc
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+from hypothesis.extra import numpy as hnp
+
+from msg_conversions import WireFormatError, subaperture_wire as wire
+from sar_imaging.geometry.polar import PolarGrid
+from sar_imaging.imaging.subaperture_image import SubapertureImage
+
+# A pair keeps 48 bits; below about 1e-30 float32 itself ends at 2**-149.
+PAIR = {'rel': 2**-48, 'abs': 2**-149}
+COUNTS = ('aperture', 'number', 'n_subapertures', 'first_counter', 'n_pulses', 'n_missing')
+
+
+def make_image(n_alpha=2, n_range=3, **changes):
+    grid = PolarGrid(origin_m=(4.2e6, 1.7e5, 4.8e6 + 2**-20), track=(0.6, -0.8), side=-1,
+                     z_m=4.8e6 - 300, range_start_m=1500.0, range_spacing_m=0.3,
+                     n_range=n_range, alpha_start=-0.05, alpha_spacing=1e-4, n_alpha=n_alpha)
+    rng = np.random.default_rng(n_alpha + 10 * n_range)
+    image = rng.standard_normal((n_alpha, n_range, 2), np.float32).view(np.complex64)[..., 0]
+    return SubapertureImage(**{
+        'image': image, 'grid': grid, 'carrier_hz': 9.6e9, 'bandwidth_hz': 5e8,
+        'aperture': 0x00010002, 'number': 3, 'n_subapertures': 4, 'first_counter': 0xFFFF0001,
+        'n_pulses': 60, 'n_missing': 0x00050004, 'stamp_ns': 0x0123_4567_89AB_CDEF,
+        'predicted_error_db': -61.25} | changes)
+
+
+@st.composite
+def images(draw):
+    shape = n_alpha, n_range = [draw(st.integers(1, 5)) for _ in range(2)]
+    uint32 = st.integers(0, 2**32 - 1)
+    angle = draw(st.floats(-math.pi, math.pi))
+    height = draw(st.floats(-1e4, 1e4))
+    z = draw(st.floats(-6.4e6, 6.4e6))
+    position = st.floats(-6.4e6, 6.4e6)
+    grid = PolarGrid(
+        origin_m=(draw(position), draw(position), z + height),
+        track=(math.cos(angle), math.sin(angle)), side=draw(st.sampled_from((-1, 1))), z_m=z,
+        # Beyond the height by more than rounding and any direction of the grid take away.
+        range_start_m=1.0 + 2 * abs(height) + draw(st.floats(0.0, 1e6)),
+        range_spacing_m=draw(st.floats(1e-3, 100.0)), n_range=n_range,
+        alpha_start=draw(st.floats(-0.3, 0.3)), alpha_spacing=draw(st.floats(1e-7, 0.01)),
+        n_alpha=n_alpha)
+    finite = st.floats(width=32, allow_nan=False, allow_infinity=False)
+    iq = draw(hnp.arrays(np.float32, (*shape, 2), elements=finite))
+    number = draw(st.integers(0, 2**32 - 2))
+    n_missing = draw(st.integers(0, 2**32 - 2))
+    return SubapertureImage(
+        iq.view(np.complex64)[..., 0], grid, carrier_hz=draw(st.floats(1e6, 1e12)),
+        bandwidth_hz=draw(st.floats(1e3, 1e11)), aperture=draw(uint32), number=number,
+        n_subapertures=draw(st.integers(number + 1, 2**32 - 1)), first_counter=draw(uint32),
+        n_pulses=draw(st.integers(1, 2**32 - 1 - n_missing)), n_missing=n_missing,
+        stamp_ns=draw(st.integers(-2**63, 2**63 - 1)),
+        predicted_error_db=draw(st.floats(-300.0, 0.0)))
+
+
+def assert_same(received, sent):
+    assert received.image.shape == sent.image.shape
+    assert received.image.tobytes() == sent.image.tobytes()  # negative zeros included
+    for name in (*COUNTS, 'stamp_ns'):
+        assert getattr(received, name) == getattr(sent, name)
+    for name in ('carrier_hz', 'bandwidth_hz', 'predicted_error_db'):
+        assert getattr(received, name) == pytest.approx(getattr(sent, name), **PAIR)
+    for name, value in dataclasses.asdict(sent.grid).items():
+        assert getattr(received.grid, name) == pytest.approx(value, **PAIR)
+
+
+def edited(index, value):
+    def change(data, dims, offset):
+        data[index] = value
+        return data, dims, offset
+    return change
+
+
+# ------------------------------------------------------------------------------- round trip
+
+@given(sent=images())
+def test_round_trip(sent):
+    assert_same(wire.from_array(*wire.to_array(sent)), sent)
+
+
+@given(sent=images())
+def test_values_do_not_drift_from_stage_to_stage(sent):
+    first, dims, offset = wire.to_array(sent)
+    once = wire.from_array(first, dims, offset)
+    second, *_ = wire.to_array(once)
+    np.testing.assert_array_equal(second, first)
+    # Fusion tells by comparison whether two sub-apertures share a grid.
+    assert wire.from_array(second, dims, offset).grid == once.grid
+
+
+def test_layout_is_the_documented_one():
+    sent = make_image()
+    data, dims, offset = wire.to_array(sent)
+    assert dims == [('angle', 2, 12), ('range', 3, 6), ('iq', 2, 2)]
+    assert offset == 48
+    assert data[:8].tolist() == [5456201, 1, 48, -1, 0xCDEF, 0x89AB, 0x4567, 0x0123]
+    assert data[8:20].tolist() == [1, 0xFFFF, 60, 0, 4, 5, 2, 1, 3, 0, 4, 0]
+    grid = sent.grid
+    assert data[20:46:2].tolist() == [np.float32(value) for value in (
+        9.6e9, 5e8, -61.25, *grid.origin_m, *grid.track, grid.z_m, 1500.0, 0.3, -0.05, 1e-4)]
+    assert data[46:48].tolist() == [0, 0]
+    assert data[48:].tobytes() == sent.image.tobytes()
+
+
+def test_image_is_a_read_only_view():
+    data, dims, offset = wire.to_array(make_image())
+    image = wire.from_array(data, dims, offset).image
+    assert np.shares_memory(image, data)
+    assert not image.flags.writeable
+
+
+def test_works_without_ros():
+    program = ("import sys\n"
+               "sys.modules.update(dict.fromkeys(['rclpy', 'std_msgs']))\n"
+               "import msg_conversions.subaperture_wire\n"
+               "print('imported')\n")
+    run = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+    assert run.stdout == 'imported\n', run.stderr
+
+
+# ------------------------------------------------------------------------------- refused
+
+# The valid message has 2 angles and 3 ranges: a header of 48 floats, 60 floats in all.
+MALFORMED = {
+    'truncated': (lambda d, m, o: (d[:-1], m, o), r'len\(data\)=59; expected 60: data_offset=48'),
+    'extended': (lambda d, m, o: (np.append(d, d[:2]), m, o), r'len\(data\)=62; expected 60'),
+    'without data': (lambda d, m, o: (d[:0], m, o), r'len\(data\)=0; expected 60'),
+    'a pulse block': (lambda d, m, o: (d, [('pulse', 1, 12), *m], o), r"\('angle', 'range', 'iq'"),
+    'no angle': (lambda d, m, o: (d, [('angle', 0, 0), *m[1:]], o),
+                 r'at least one angle and range, and 2 for iq; do not send empty images'),
+    'absurd size': (lambda d, m, o: (d, wire.LAYOUT.dimensions((2**32 - 1, 2**32 - 1)), o),
+                    'mean 36893488130239234050 floats of pixels; accepted are at most 67108864'),
+    'wrong stride': (lambda d, m, o: (d, [('angle', 2, 6), *m[1:]], o), r'strides are \(6, 6, 2'),
+    'no header': (lambda d, m, o: (d[o:], m, 0), 'data_offset=0; expected 48: the length'),
+    'absurd offset': (lambda d, m, o: (d, m, 2**32 - 1), 'data_offset=4294967295; expected 48'),
+    'wrong magic': (edited(0, 5456210), 'magic number 5456201; .* carry sub-aperture images'),
+    'wrong version': (edited(1, 2), 'format version is 2; expected 1'),
+    'wrong header length': (edited(2, 46), 'header length is 46 floats; expected 48'),
+    'no side': (edited(3, 0), r'side \(data\[3\]\) is 0; expected \+1'),
+    'fractional side': (edited(3, 0.5), r'side \(data\[3\]\) is 0.5'),
+    'NaN in the header': (edited(30, np.nan), 'header holds 1 numbers that are NaN .* index 30'),
+    'infinite reserve': (edited(47, np.inf), 'header holds 1 numbers .* index 47'),
+    'fractional stamp': (edited(5, 0.5), r'stamp limbs \(data\[4:8\]\) are .* whole numbers'),
+    'negative count': (edited(9, -1), r'count limbs \(data\[8:20\]\) are .* whole numbers'),
+    'limb too large': (edited(19, 65536), r'count limbs .* 65536.0\]; expected'),
+    'no pulses': (edited([10, 11], 0), 'impossible: n_pulses=0, n_missing='),
+    'number of another aperture': (edited(16, 4), 'impossible: number=4 of n_subapertures=4'),
+    'carrier of zero': (edited([20, 21], 0), 'impossible: carrier_hz=0.0 must be positive'),
+    'negative bandwidth': (edited(22, -5e8), 'impossible: bandwidth_hz=-500000000.0 must be'),
+    'track no unit vector': (edited(32, 0.7), r'impossible: track=.* is no unit vector'),
+    'descending ranges': (edited(40, -0.3), 'expected positive spacings'),
+    'descending angles': (edited(44, -1e-4), 'expected positive spacings'),
+    'ranges above the plane': (edited(38, 10.0), 'impossible: range_start_m=.* does not reach'),
+    'angle beyond the track': (edited(42, 1.5), 'impossible: range_start_m=.* at alpha=1.5'),
+    'NaN pixel': (edited(48, np.nan), 'pixel array holds 1 numbers that are NaN .* its index 0'),
+    'doubles': (lambda d, m, o: (d.astype(np.float64), m, o), "has format 'd'"),
+}
+
+
+@pytest.mark.parametrize('change, text', MALFORMED.values(), ids=MALFORMED)
+def test_malformed_messages_are_refused(change, text):
+    with pytest.raises(WireFormatError, match=text):
+        wire.from_array(*change(*wire.to_array(make_image())))
+
+
+@pytest.mark.parametrize('change', ['truncated', 'absurd size', 'absurd offset', 'wrong magic',
+                                    'no pulses', 'descending ranges'])
+def test_large_malformed_messages_are_refused_without_allocation(change):
+    message = MALFORMED[change][0](*wire.to_array(make_image(n_alpha=256, n_range=2048)))
+    tracemalloc.start()
+    try:
+        with pytest.raises(WireFormatError):
+            wire.from_array(*message)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 2**17  # the error and its traceback; the pixels are 4 MiB
+
+
+def test_size_limit_is_the_callers():
+    message = wire.to_array(make_image())
+    assert wire.from_array(*message, max_elements=12).image.shape == (2, 3)
+    with pytest.raises(WireFormatError, match='mean 12 floats of pixels; .* are at most 11'):
+        wire.from_array(*message, max_elements=11)
+
+
+def test_grids_beyond_float32_are_not_written():
+    grid = dataclasses.replace(make_image().grid, range_start_m=1e39)
+    with pytest.raises(WireFormatError, match='largest magnitude 1e.39 does not fit'):
+        wire.to_array(make_image(grid=grid))
+
+
+@pytest.mark.parametrize('changes, text', [
+    ({'image': np.zeros((3, 2))}, r'image.shape=\(3, 2\) does not match the grid; .*\(2, 3\)'),
+    ({'first_counter': 2**32}, 'first_counter=4294967296; expected 0 to 4294967295'),
+    ({'aperture': -1}, 'aperture=-1; expected 0 to'),
+    ({'n_missing': 2**32 - 1}, 'at most 4294967295 together'),
+    ({'stamp_ns': 2**63}, 'stamp_ns=9223372036854775808 exceeds 64 bits'),
+    ({'predicted_error_db': -math.inf}, 'predicted_error_db=-inf must be finite'),
+    ({'carrier_hz': math.nan}, 'carrier_hz=nan must be positive and finite')])
+def test_impossible_images_cannot_be_made(changes, text):
+    with pytest.raises(ValueError, match=text):
+        make_image(**changes)
+
+
+# ------------------------------------------------------------------------------- fuzz
+
+def read_or_refuse(data, dims, offset):
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')  # a cast of nonsense must not even warn
+        try:
+            received = wire.from_array(data, dims, offset)
+        except WireFormatError as error:
+            assert str(error)
+        else:
+            assert np.isfinite(received.image).all()
+
+
+@settings(max_examples=500)
+@given(changes=st.lists(st.tuples(st.integers(0, 239), st.integers(0, 255)), min_size=1))
+def test_corrupted_bytes_are_read_or_refused(changes):
+    data, dims, offset = wire.to_array(make_image())
+    for index, byte in changes:
+        data.view(np.uint8)[index] = byte
+    read_or_refuse(data, dims, offset)
+
+
+@settings(max_examples=500)
+@given(changes=st.lists(st.tuples(st.integers(3, 59), st.floats(width=32)), min_size=1))
+def test_corrupted_floats_are_read_or_refused(changes):
+    data, dims, offset = wire.to_array(make_image())
+    for index, value in changes:
+        data[index] = value
+    read_or_refuse(data, dims, offset)
+
+
+@given(shape=st.tuples(*[st.integers(0, 8)] * 2), offset=st.integers(0, 60))
+def test_consistent_layouts_of_other_sizes_are_read_or_refused(shape, offset):
+    data, *_ = wire.to_array(make_image())
+    read_or_refuse(data, wire.LAYOUT.dimensions(shape), offset)
+
+
+# ------------------------------------------------------------------------------- messages
+
+def test_round_trip_through_a_serialised_message():
+    pytest.importorskip('std_msgs', reason='needs the ROS message classes')
+    serialization = pytest.importorskip('rclpy.serialization')
+    from msg_conversions import subaperture_image
+
+    sent = make_image()
+    message = subaperture_image.to_message(sent)
+    data, dims, offset = wire.to_array(sent)
+    assert message.data.tobytes() == data.tobytes()
+    assert [(d.label, d.size, d.stride) for d in message.layout.dim] == dims
+    assert message.layout.data_offset == offset
+    arrived = serialization.deserialize_message(serialization.serialize_message(message),
+                                                type(message))
+    assert_same(subaperture_image.from_message(arrived), sent)
+    with pytest.raises(WireFormatError, match='are at most 11'):
+        subaperture_image.from_message(arrived, max_elements=11)
