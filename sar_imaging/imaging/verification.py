@@ -1,0 +1,201 @@
+"""Error of an image against time-domain correlation, estimated from a few of its pixels.
+
+Correlation of every pixel takes hours where an imager takes seconds. A few hundred random pixels
+tell the error of the whole image to within a few tenths of a decibel, and the brightest ones
+tell what happens to strong scatterers.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from tqdm import tqdm
+
+from ..geometry.grids import MapGrid
+from ..geometry.polar import PolarGrid
+from ..signal.pulses import PulseBlock
+from ..signal.spectra import band_spectrum
+from .correlation import correlate
+
+_SAMPLES_AT_ONCE = 2 ** 21  # bounds the float64 copies of a block, some 100 MB
+_PIXELS_AT_ONCE = 2 ** 22
+
+
+@dataclasses.dataclass(frozen=True)
+class Verification:
+    """What `measure_error` found.
+
+    Attributes
+    ----------
+    error_db : float
+        Estimated error of the whole image, dB.
+    n_pixels : int
+        Random pixels behind it.
+    brightest_error_db : float
+        Error of the brightest pixels, dB.
+    n_brightest : int
+        Pixels behind that.
+    """
+
+    error_db: float
+    n_pixels: int
+    brightest_error_db: float
+    n_brightest: int
+
+    def __str__(self) -> str:
+        return (f'{self.error_db:.1f} dB on {self.n_pixels} random pixels, '
+                f'{self.brightest_error_db:.1f} dB on the {self.n_brightest} brightest')
+
+
+def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int = 100,
+                  fit_scale: bool = False, seed: int = 0,
+                  progress: bool = False) -> Verification:
+    """Compare some pixels of an image with float64 correlation of the pulses it was made of.
+
+    The error of a whole image is ``10 log10(sum |img - ref|^2 / sum |ref|^2)`` over all its N
+    pixels, `ref` being `correlate`. `error_db` estimates just that from uniformly random pixels:
+
+    - the numerator is N times their mean ``|img - ref|^2``;
+    - the denominator is the power of the whole image, known exactly, times the ratio of
+      ``sum |ref|^2`` to ``sum |img|^2`` over the random pixels. A few random pixels mostly miss
+      the bright ones that hold the power of a radar image; dividing by the power of the random
+      pixels alone would make the figure a matter of luck, and far too pessimistic.
+
+    The ratio is 1 but for the error itself, and makes the figure hold for bad images too. With
+    all pixels chosen nothing is estimated. With n random pixels of Gaussian error the standard
+    deviation is ``4.3 / sqrt(n)`` dB, 0.3 dB for 200; error that sits in few places has more.
+
+    `brightest_error_db` is ``10 log10(sum |img - ref|^2 / sum |ref|^2)`` over the brightest
+    pixels of the image alone. It says nothing about faint areas.
+
+    Parameters
+    ----------
+    image : complex array
+        ``(n_y, n_x)`` on a map, ``(n_alpha, n_range)`` on a polar grid, ``(...)`` at points.
+    where : MapGrid, PolarGrid or (..., 3) float64
+        Grid of the image, or the position of every pixel, metres.
+    blocks : PulseBlock or iterable of PulseBlock
+        All pulses of the image with phase centres: range profiles, or raw pulses of a
+        stepped-frequency radar. Correlation is a sum over pulses, so that an aperture that does
+        not fit into memory can come block by block. Profiles count inside the band of the
+        waveform and as one period of a periodic signal, see
+        `sar_imaging.signal.spectra.band_spectrum`.
+    n_pixels, n_brightest : int
+        Pixels to compare, at least one each; no more than there are.
+    fit_scale : bool
+        First multiply the image by the complex number that suits the compared pixels best: for
+        images scaled otherwise than a plain sum of profiles, as those made from raw pulses are.
+    seed : int
+        Of the choice of random pixels.
+    progress : bool
+        Show a progress bar on standard error.
+
+    Returns
+    -------
+    Verification
+
+    Raises
+    ------
+    ValueError
+        Shapes disagree, the image is not finite, a number of pixels is not positive, or a block
+        has no phase centres or cannot be correlated.
+    """
+    image = np.asarray(image)
+    _check(image, where, n_pixels, n_brightest)
+    flat = image.reshape(-1)
+    power, bright = _survey(flat, min(n_brightest, flat.size))
+    random = np.random.default_rng(seed).choice(flat.size, min(n_pixels, flat.size),
+                                                replace=False, shuffle=False)
+    chosen = np.concatenate([random, bright])
+    reference = _correlate(_positions(where, image.shape, chosen), blocks, progress)
+    values = flat[chosen].astype(np.complex128)
+    if fit_scale:
+        factor = _ratio(np.vdot(values, reference), np.vdot(values, values))
+        values, power = factor * values, abs(factor) ** 2 * power
+    n = len(random)
+    expected = power / flat.size * n * _ratio(_energy(reference[:n]), _energy(values[:n]))
+    return Verification(
+        _error_db(_energy(values[:n] - reference[:n]), expected or _energy(reference[:n])), n,
+        _error_db(_energy(values[n:] - reference[n:]), _energy(reference[n:])), len(bright))
+
+
+def _check(image, where, n_pixels, n_brightest):
+    if isinstance(where, MapGrid):
+        expected = where.shape
+    elif isinstance(where, PolarGrid):
+        expected = (where.n_alpha, where.n_range)
+    else:
+        expected = np.shape(where)[:-1]
+        if np.shape(where)[-1:] != (3,):
+            raise ValueError(f'where has shape {np.shape(where)}; expected a MapGrid, a '
+                             'PolarGrid or positions (..., 3)')
+    if image.shape != expected or image.size == 0:
+        raise ValueError(f'image.shape={image.shape} does not match the {expected} pixels of '
+                         'its grid; at least one pixel is needed')
+    if n_pixels < 1 or n_brightest < 1:
+        raise ValueError(f'n_pixels={n_pixels}, n_brightest={n_brightest}; expected at least '
+                         'one each')
+
+
+def _survey(flat, n_brightest) -> tuple[float, np.ndarray]:
+    """Energy of the whole image and indices of its brightest pixels, in bounded memory."""
+    energy, indices, powers = 0.0, np.empty(0, np.intp), np.empty(0)
+    for start in range(0, flat.size, _PIXELS_AT_ONCE):
+        part = flat[start:start + _PIXELS_AT_ONCE]
+        power = np.square(part.real, dtype=np.float64)
+        power += np.square(part.imag, dtype=np.float64)
+        energy += float(power.sum())
+        powers = np.concatenate([powers, power])
+        indices = np.concatenate([indices, np.arange(start, start + part.size)])
+        if powers.size > n_brightest:
+            keep = np.argpartition(powers, -n_brightest)[-n_brightest:]
+            indices, powers = indices[keep], powers[keep]
+    if not math.isfinite(energy):
+        raise ValueError('the image contains NaN or infinity')
+    return energy, indices
+
+
+def _positions(where, shape, chosen) -> np.ndarray:
+    """(n, 3) float64 positions of pixels by their index in the flattened image."""
+    if not isinstance(where, (MapGrid, PolarGrid)):
+        return np.asarray(where, np.float64).reshape(-1, 3)[chosen]
+    row, column = np.unravel_index(chosen, shape)
+    if isinstance(where, PolarGrid):
+        return where.lines(where.range_m[column], where.alpha[row])[0]
+    return np.stack([where.x_m[column], where.y_m[row], np.full(len(chosen), where.z_m)], axis=-1)
+
+
+def _correlate(points, blocks: PulseBlock | Iterable[PulseBlock], progress) -> np.ndarray:
+    """(n,) complex128 correlation at the points, summed over all blocks."""
+    known = [blocks] if isinstance(blocks, PulseBlock) else blocks
+    total = blocks.n_pulses if isinstance(blocks, PulseBlock) else None
+    out = np.zeros(len(points), np.complex128)
+    with tqdm(total=total, desc='verification', unit='pulse', disable=not progress) as bar:
+        for block in known:
+            if not block.has_positions:
+                raise ValueError('the block has no phase centres; correlation needs the transmit '
+                                 'and receive position of every pulse and channel')
+            step = max(1, _SAMPLES_AT_ONCE // max(1, block.n_channels * block.n_samples))
+            for start in range(0, block.n_pulses, step):
+                part = block.select(slice(start, start + step))
+                out += correlate(*band_spectrum(part), part.tx_m, part.rx_m, points)
+                bar.update(part.n_pulses)
+    return out
+
+
+def _energy(values) -> float:
+    return float(np.vdot(values, values).real)
+
+
+def _ratio(numerator, denominator):
+    """Quotient; 1 where the image is zero, which no factor helps."""
+    return numerator / denominator if denominator else 1.0
+
+
+def _error_db(error: float, expected: float) -> float:
+    if error == 0.0:
+        return -math.inf
+    return 10 * math.log10(error / expected) if expected else math.inf
