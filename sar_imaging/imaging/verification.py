@@ -66,7 +66,8 @@ def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int
 
     The ratio is 1 but for the error itself, and makes the figure hold for bad images too. With
     all pixels chosen nothing is estimated. With n random pixels of Gaussian error the standard
-    deviation is ``4.3 / sqrt(n)`` dB, 0.3 dB for 200; error that sits in few places has more.
+    deviation is ``4.3 / sqrt(n)`` dB, 0.3 dB for 200; error that sits in few places, as error
+    in proportion to the image does, has more.
 
     `brightest_error_db` is ``10 log10(sum |img - ref|^2 / sum |ref|^2)`` over the brightest
     pixels of the image alone. It says nothing about faint areas.
