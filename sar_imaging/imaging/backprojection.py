@@ -21,15 +21,14 @@ from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
 from .lattice import plan_lattice, point_lattice, sample_paths
 from .polar import PolarPlan, plan_polar
+from .polar_image import add_by_polar
 from .projection import (
-    PolarLines,
     Profiles,
     add_to_lines,
     add_to_points,
     line_middles,
     shared_phase,
 )
-from .resampling import add_polar_to_map
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 
@@ -156,13 +155,7 @@ class Backprojector:
                 f'profiles cover {start:.1f} to {stop:.1f} m; move the grid or the range window')
 
     def _add_by_polar(self, plan: PolarPlan, rows, image) -> float:
-        polar = plan.polar
-        profiles = Profiles(self.radar, plan.lattice, plan.range_m)
-        parts = np.zeros((2, polar.n_alpha, polar.n_range), np.float32)
-        PolarLines(polar, profiles).add(*rows, parts)
-        add_polar_to_map(parts[0], parts[1], polar, self.grid, image, axis=plan.axis,
-                         wavelength_m=self.radar.wavelength_m, along_alpha=plan.along_alpha,
-                         along_range=plan.along_range)
+        add_by_polar(plan, self.radar, rows, self.grid, image)
         return plan.predicted_error_db
 
     def _add_by_lines(self, lattice, lines, rows, image) -> float:

@@ -100,7 +100,6 @@ def _design(oversampling, margin, taps, degree):
     return Interpolator(weights.astype(np.float32), first, 10 * math.log10(error))
 
 
-@njit(parallel=True)
 def polynomial_planes(real, imag, weights, first, out):
     """Coefficients of every interval of a phase-major lattice.
 
@@ -115,32 +114,60 @@ def polynomial_planes(real, imag, weights, first, out):
     out : (R, U, 8, n) float32
         Planes of real, then imaginary coefficients of each phase.
     """
-    n_rows, n_phases, length = real.shape
-    n = np.uint64(out.shape[3])
-    flat_out = out.reshape(-1)
-    for row in numba.prange(n_rows):
-        start = np.empty(8, np.uint64)
-        for phase in range(n_phases):
-            for k in range(8):
-                step = phase + k + first
-                start[k] = np.uint64((row * n_phases + step % n_phases) * length
-                                     + step // n_phases + TAPS)
-            plane = np.uint64((row * n_phases + phase) * N_PLANES) * n
-            _weighted_sums(real.reshape(-1), start, weights, flat_out, plane, n)
-            _weighted_sums(imag.reshape(-1), start, weights, flat_out,
-                           plane + n + n + n + n, n)
+    n_phases, length = real.shape[1:]
+    step = np.arange(n_phases)[:, None] + np.arange(TAPS) + first
+    start = (step % n_phases) * length + step // n_phases + TAPS
+    _weighted_sums(real.reshape(-1), imag.reshape(-1), real.shape, start, weights, out.shape[3],
+                   out.reshape(-1))
 
 
-@njit(inline='always')
-def _weighted_sums(samples, start, weights, out, plane, n):
-    for q in range(4):
-        w0, w1, w2, w3 = weights[q, 0], weights[q, 1], weights[q, 2], weights[q, 3]
-        w4, w5, w6, w7 = weights[q, 4], weights[q, 5], weights[q, 6], weights[q, 7]
-        s0, s1, s2, s3 = start[0], start[1], start[2], start[3]
-        s4, s5, s6, s7 = start[4], start[5], start[6], start[7]
-        target = plane + np.uint64(q) * n
+@njit(parallel=True)
+def _weighted_sums(real, imag, shape, start, weights, count, out):
+    """Rows and phases in parallel; free of views for the compiler, see `kernels`."""
+    n_rows, n_phases, length = shape
+    n = np.uint64(count)
+    a0, a1, a2, a3 = weights[0, 0], weights[0, 1], weights[0, 2], weights[0, 3]
+    a4, a5, a6, a7 = weights[0, 4], weights[0, 5], weights[0, 6], weights[0, 7]
+    b0, b1, b2, b3 = weights[1, 0], weights[1, 1], weights[1, 2], weights[1, 3]
+    b4, b5, b6, b7 = weights[1, 4], weights[1, 5], weights[1, 6], weights[1, 7]
+    c0, c1, c2, c3 = weights[2, 0], weights[2, 1], weights[2, 2], weights[2, 3]
+    c4, c5, c6, c7 = weights[2, 4], weights[2, 5], weights[2, 6], weights[2, 7]
+    d0, d1, d2, d3 = weights[3, 0], weights[3, 1], weights[3, 2], weights[3, 3]
+    d4, d5, d6, d7 = weights[3, 4], weights[3, 5], weights[3, 6], weights[3, 7]
+    for task in numba.prange(n_rows * n_phases):
+        row, phase = task // n_phases, task % n_phases
+        base = row * n_phases * length
+        s0, s1 = np.uint64(base + start[phase, 0]), np.uint64(base + start[phase, 1])
+        s2, s3 = np.uint64(base + start[phase, 2]), np.uint64(base + start[phase, 3])
+        s4, s5 = np.uint64(base + start[phase, 4]), np.uint64(base + start[phase, 5])
+        s6, s7 = np.uint64(base + start[phase, 6]), np.uint64(base + start[phase, 7])
+        p0 = np.uint64(task * N_PLANES) * n
+        p1 = p0 + n
+        p2 = p1 + n
+        p3 = p2 + n
         for i in range(n):
-            out[target + i] = (w0 * samples[s0 + i] + w1 * samples[s1 + i]
-                               + w2 * samples[s2 + i] + w3 * samples[s3 + i]
-                               + w4 * samples[s4 + i] + w5 * samples[s5 + i]
-                               + w6 * samples[s6 + i] + w7 * samples[s7 + i])
+            v0, v1, v2, v3 = real[s0 + i], real[s1 + i], real[s2 + i], real[s3 + i]
+            v4, v5, v6, v7 = real[s4 + i], real[s5 + i], real[s6 + i], real[s7 + i]
+            out[p0 + i] = (a0 * v0 + a1 * v1 + a2 * v2 + a3 * v3
+                           + a4 * v4 + a5 * v5 + a6 * v6 + a7 * v7)
+            out[p1 + i] = (b0 * v0 + b1 * v1 + b2 * v2 + b3 * v3
+                           + b4 * v4 + b5 * v5 + b6 * v6 + b7 * v7)
+            out[p2 + i] = (c0 * v0 + c1 * v1 + c2 * v2 + c3 * v3
+                           + c4 * v4 + c5 * v5 + c6 * v6 + c7 * v7)
+            out[p3 + i] = (d0 * v0 + d1 * v1 + d2 * v2 + d3 * v3
+                           + d4 * v4 + d5 * v5 + d6 * v6 + d7 * v7)
+        p4 = p3 + n
+        p5 = p4 + n
+        p6 = p5 + n
+        p7 = p6 + n
+        for i in range(n):
+            v0, v1, v2, v3 = imag[s0 + i], imag[s1 + i], imag[s2 + i], imag[s3 + i]
+            v4, v5, v6, v7 = imag[s4 + i], imag[s5 + i], imag[s6 + i], imag[s7 + i]
+            out[p4 + i] = (a0 * v0 + a1 * v1 + a2 * v2 + a3 * v3
+                           + a4 * v4 + a5 * v5 + a6 * v6 + a7 * v7)
+            out[p5 + i] = (b0 * v0 + b1 * v1 + b2 * v2 + b3 * v3
+                           + b4 * v4 + b5 * v5 + b6 * v6 + b7 * v7)
+            out[p6 + i] = (c0 * v0 + c1 * v1 + c2 * v2 + c3 * v3
+                           + c4 * v4 + c5 * v5 + c6 * v6 + c7 * v7)
+            out[p7 + i] = (d0 * v0 + d1 * v1 + d2 * v2 + d3 * v3
+                           + d4 * v4 + d5 * v5 + d6 * v6 + d7 * v7)

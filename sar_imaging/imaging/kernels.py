@@ -41,7 +41,7 @@ def _cos_cycles(x):
 
 
 @njit(inline='always')
-def _line_paths(lines, group, number, centres, row, paths, first):
+def _line_paths(lines, group, number, centres, row, paths, task, first):
     """Distance of a segment's middle from a phase centre and three derivatives, line by line."""
     cx, cy, cz = centres[row, 0], centres[row, 1], centres[row, 2]
     for j in range(LINES):
@@ -61,10 +61,10 @@ def _line_paths(lines, group, number, centres, row, paths, first):
         d2 = (ex * ex + ey * ey + ez * ez + x * gx + y * gy + z * gz - d1 * d1) * inverse
         d3 = (3.0 * (ex * gx + ey * gy + ez * gz) + x * hx + y * hy + z * hz
               - 3.0 * d1 * d2) * inverse
-        paths[group, first, j] = d
-        paths[group, first + 1, j] = d1
-        paths[group, first + 2, j] = d2
-        paths[group, first + 3, j] = d3
+        paths[task, first, j] = d
+        paths[task, first + 1, j] = d1
+        paths[task, first + 2, j] = d2
+        paths[task, first + 3, j] = d3
 
 
 @njit(parallel=True)
@@ -108,13 +108,13 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
     expand_phase : bool
         True where the phase that is left drifts so little along a segment that a cubic
         expansion of the phasor does; else sine and cosine of every pixel are computed.
-    work_re, work_im : (G * LINES * segment,) float32
+    work_re, work_im : (T * LINES * segment,) float32
+        Work space; T tasks share the image.
+    paths : (T, 8, LINES) float64
         Work space.
-    paths : (G, 8, LINES) float64
+    coefficients : (T, 10, LINES) float32
         Work space.
-    coefficients : (G, 10, LINES) float32
-        Work space.
-    base : (G, LINES) int64
+    base : (T, LINES) int64
         Work space.
 
     Notes
@@ -132,50 +132,54 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
     p, length = np.uint64(n_cells), np.uint64(segment)
     inverse_step, inverse_phases = 1.0 / step, 1.0 / n_phases
     turns = np.float32(cycles_per_step)
-    for group in numba.prange(base.shape[0]):
-        count = min(LINES, n_lines - group * LINES)
-        for number in range(lines.shape[1]):
-            for i in range(group * LINES * segment, (group + 1) * LINES * segment):
+    n_groups, n_tasks = lines.shape[0], base.shape[0]
+    n_pieces = n_groups * lines.shape[1]
+    for task in numba.prange(n_tasks):
+        # Neighbouring groups of lines read the same part of the profiles, so they come in turn.
+        for piece in range(task * n_pieces // n_tasks, (task + 1) * n_pieces // n_tasks):
+            number, group = piece // n_groups, piece % n_groups
+            count = min(LINES, n_lines - group * LINES)
+            for i in range(task * LINES * segment, (task + 1) * LINES * segment):
                 work_re[i] = 0.0
                 work_im[i] = 0.0
             shared = (number * segment + half) * float(n_phases)
             for row in range(n_rows):
                 # Channels often share their transmitter, and radars with one antenna both.
                 if repeats[row, 0] == 0:
-                    _line_paths(lines, group, number, tx, row, paths, 0)
+                    _line_paths(lines, group, number, tx, row, paths, task, 0)
                 other = 0
                 if repeats[row, 1] == 0:
                     other = 4
-                    _line_paths(lines, group, number, rx, row, paths, 4)
+                    _line_paths(lines, group, number, rx, row, paths, task, 4)
                 for j in range(LINES):
-                    v = (0.5 * (paths[group, 0, j] + paths[group, other, j])
+                    v = (0.5 * (paths[task, 0, j] + paths[task, other, j])
                          - range_zero) * inverse_step
                     n = np.floor(v)
                     cell = np.floor((n + 0.5) * inverse_phases)
                     phase = n - cell * n_phases
-                    coefficients[group, 0, j] = v - n
-                    coefficients[group, 1, j] = 0.5 * inverse_step * (
-                        paths[group, 1, j] + paths[group, other + 1, j]) - n_phases
-                    coefficients[group, 2, j] = 0.25 * inverse_step * (
-                        paths[group, 2, j] + paths[group, other + 2, j])
-                    coefficients[group, 3, j] = (1.0 / 12.0) * inverse_step * (
-                        paths[group, 3, j] + paths[group, other + 3, j])
-                    coefficients[group, 4, j] = _fraction(
+                    coefficients[task, 0, j] = v - n
+                    coefficients[task, 1, j] = 0.5 * inverse_step * (
+                        paths[task, 1, j] + paths[task, other + 1, j]) - n_phases
+                    coefficients[task, 2, j] = 0.25 * inverse_step * (
+                        paths[task, 2, j] + paths[task, other + 2, j])
+                    coefficients[task, 3, j] = (1.0 / 12.0) * inverse_step * (
+                        paths[task, 3, j] + paths[task, other + 3, j])
+                    coefficients[task, 4, j] = _fraction(
                         cycles_per_step * (n - shared) + cycles_zero)
                     # A segment outside the profile reads padding only.
                     cell = min(max(cell, -1.0 * half), n_cells - 2.0 * segment + half)
-                    base[group, j] = np.int64(phase * 8.0 * n_cells + cell + half)
+                    base[task, j] = np.int64(phase * 8.0 * n_cells + cell + half)
                 if expand_phase:
                     for j in range(LINES):
-                        _expand_phasor(coefficients, group, j, turns, half)
+                        _expand_phasor(coefficients, task, j, turns, half)
                 offset = row * n_phases * 8 * n_cells
                 for j in range(count):
-                    k0, k1 = coefficients[group, 0, j], coefficients[group, 1, j]
-                    k2, k3 = coefficients[group, 2, j], coefficients[group, 3, j]
-                    k4, k5 = coefficients[group, 4, j], coefficients[group, 5, j]
-                    k6, k7 = coefficients[group, 6, j], coefficients[group, 7, j]
-                    k8, k9 = coefficients[group, 8, j], coefficients[group, 9, j]
-                    r0 = np.uint64(base[group, j] + offset)
+                    k0, k1 = coefficients[task, 0, j], coefficients[task, 1, j]
+                    k2, k3 = coefficients[task, 2, j], coefficients[task, 3, j]
+                    k4, k5 = coefficients[task, 4, j], coefficients[task, 5, j]
+                    k6, k7 = coefficients[task, 6, j], coefficients[task, 7, j]
+                    k8, k9 = coefficients[task, 8, j], coefficients[task, 9, j]
+                    r0 = np.uint64(base[task, j] + offset)
                     r1 = r0 + p
                     r2 = r1 + p
                     r3 = r2 + p
@@ -183,7 +187,7 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
                     i1 = i0 + p
                     i2 = i1 + p
                     i3 = i2 + p
-                    w = np.uint64((group * LINES + j) * segment)
+                    w = np.uint64((task * LINES + j) * segment)
                     if expand_phase:
                         for i in range(length):
                             f = index[i]
@@ -209,7 +213,7 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
                             work_re[w + i] += re * cosine - im * sine
                             work_im[w + i] += re * sine + im * cosine
             for j in range(count):
-                w = (group * LINES + j) * segment
+                w = (task * LINES + j) * segment
                 pixel = (layout[1] + (group * LINES + j) * layout[2]
                          + number * segment * layout[3])
                 for i in range(min(segment, n_pixels - number * segment)):
@@ -220,16 +224,16 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
 
 
 @njit(inline='always')
-def _expand_phasor(coefficients, group, j, turns, half):
+def _expand_phasor(coefficients, task, j, turns, half):
     """Replace the phase of a segment by a cubic in the pixel number for its phasor.
 
     The quartic term is folded into the constant and the quadratic one (Chebyshev economisation),
     which leaves an eighth of it.
     """
     turn = np.float32(2 * np.pi) * turns
-    a, b = turn * coefficients[group, 1, j], turn * coefficients[group, 2, j]
-    c = turn * coefficients[group, 3, j]
-    g = _fraction(coefficients[group, 4, j] + turns * coefficients[group, 0, j])
+    a, b = turn * coefficients[task, 1, j], turn * coefficients[task, 2, j]
+    c = turn * coefficients[task, 3, j]
+    g = _fraction(coefficients[task, 4, j] + turns * coefficients[task, 0, j])
     sine, cosine = _sin_cycles(g, g * g), _cos_cycles(g * g)
     aa = a * a
     square = np.float32(half * half)
@@ -238,14 +242,14 @@ def _expand_phasor(coefficients, group, j, turns, half):
     r3, i3 = -a * b, c - aa * a * _R6
     r2, i2 = square * r4 - _R2 * aa, square * i4 + b
     r0, i0 = _R1 - square * square * _R8 * r4, -square * square * _R8 * i4
-    coefficients[group, 2, j] = cosine * r0 - sine * i0
-    coefficients[group, 3, j] = cosine * i0 + sine * r0
-    coefficients[group, 4, j] = -sine * a
-    coefficients[group, 5, j] = cosine * a
-    coefficients[group, 6, j] = cosine * r2 - sine * i2
-    coefficients[group, 7, j] = cosine * i2 + sine * r2
-    coefficients[group, 8, j] = cosine * r3 - sine * i3
-    coefficients[group, 9, j] = cosine * i3 + sine * r3
+    coefficients[task, 2, j] = cosine * r0 - sine * i0
+    coefficients[task, 3, j] = cosine * i0 + sine * r0
+    coefficients[task, 4, j] = -sine * a
+    coefficients[task, 5, j] = cosine * a
+    coefficients[task, 6, j] = cosine * r2 - sine * i2
+    coefficients[task, 7, j] = cosine * i2 + sine * r2
+    coefficients[task, 8, j] = cosine * r3 - sine * i3
+    coefficients[task, 9, j] = cosine * i3 + sine * r3
 
 
 @njit(parallel=True)

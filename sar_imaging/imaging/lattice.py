@@ -162,7 +162,8 @@ def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParamete
     longest = next((s for s in reversed(_SEGMENTS) if s >= n_line), _SEGMENTS[0])
     found = []
     for phases in range(1, _MAX_PHASES + 1):
-        n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, phases)
+        n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, phases,
+                                          finer=fit_spacing)
         cell = n_padded * radar.sample_spacing_m / n_cells
         if fit_spacing:
             spacing = cell / middle
@@ -233,13 +234,23 @@ def _rms(values):
     return math.sqrt(np.mean(np.square(np.abs(values).max(axis=1))))
 
 
-def _commensurate(n_samples, spacing_m, pitch, phases):
-    """Padded length and number of cells, both quick to transform, nearest to the pitch."""
+def _commensurate(n_samples, spacing_m, pitch, phases, *, finer=False):
+    """Padded length and number of cells, quick to transform, nearest to the pitch.
+
+    With `finer` the cells may be smaller than the pitch, not larger, which leaves room for
+    lengths whose transform is fast.
+    """
     best, length = None, n_samples
     for _ in range(24):
         length = scipy.fft.next_fast_len(length)
         ideal = length * spacing_m / pitch
-        for cells in {math.floor(ideal), math.ceil(ideal)} - {0}:
+        candidates = {math.floor(ideal), math.ceil(ideal)} - {0}
+        if finer:
+            fast = scipy.fft.next_fast_len(math.ceil(ideal) * phases)
+            while fast % phases:
+                fast = scipy.fft.next_fast_len(fast + 1)
+            candidates = {fast // phases}
+        for cells in candidates:
             slow = scipy.fft.next_fast_len(cells * phases) != cells * phases
             cost = abs(cells / ideal - 1) + 2e-3 * slow + 1e-3 * (length / n_samples - 1)
             if best is None or cost < best[0]:

@@ -17,11 +17,12 @@ from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .interpolation import Interpolator, design_interpolator
 from .lattice import Lattice, plan_lattice, sample_paths, total_db
+from .merging import AngularParts, plan_parts
 from .resampling import DEGREE, TAPS
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
-_COST_RESAMPLING = 60.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
+_COST_RESAMPLING = 20.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,6 +41,8 @@ class PolarPlan:
         Map axis along which the second pass of the resampling goes.
     along_alpha, along_range : Interpolator
         Interpolators of the resampling.
+    parts : AngularParts or None
+        Cut into parts with fewer lines each; None where all rows go straight to `polar`.
     wavelength_m : float
         At the carrier, metres.
     predicted_error_db : float
@@ -54,6 +57,7 @@ class PolarPlan:
     axis: int
     along_alpha: Interpolator
     along_range: Interpolator
+    parts: AngularParts | None
     wavelength_m: float
     predicted_error_db: float
     cost: float
@@ -85,14 +89,15 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     if frame is None or min(grid.shape) < TAPS:
         return None
     origin, track, side, axis = frame
-    image_db = target_db - 7.0
+    image_db = target_db - 8.0
     oversampling = _oversampling(image_db)
     if oversampling is None:
         return None
     bands = _bands(grid, tx_m, rx_m, radar, origin, track, side, axis)
     if bands is None:
         return None
-    paths, half_range, half_alpha = bands
+    paths, half_range, slope_alpha, k = bands
+    half_alpha = k[1] * float(np.abs(slope_alpha).max())
     n_line = math.ceil(np.ptp(paths.length) * half_range * oversampling / math.pi)
     lattice = plan_lattice(paths, math.pi / (half_range * oversampling) * 0.999, n_line, radar,
                            n_samples, target_db - 3.0, fit_spacing=True)
@@ -102,17 +107,18 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     polar = _cover(grid, origin, track, side, spacing, half_alpha, oversampling)
     if polar is None or polar.n_range * polar.n_alpha > 3 * grid.n_x * grid.n_y + 100_000:
         return None
+    parts = plan_parts(polar, slope_alpha, *k, oversampling, lattice.cost)
     interpolator = design_interpolator(oversampling, taps=TAPS, degree=DEGREE)
     beyond = 2 * TAPS * spacing
     share = polar.n_range * polar.n_alpha / (grid.n_x * grid.n_y)
-    cost = lattice.cost * share * len(tx_m) + _COST_RESAMPLING
+    per_pixel = lattice.cost * len(tx_m) if parts is None else parts.cost
     lo, hi = float(paths.length.min()), float(paths.length.max())
     # The sampled half paths miss the extremes by what range and direction add between samples.
     slack = beyond + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
+    errors = [interpolator.error_db] * (2 if parts is None else 3)
     return PolarPlan(polar, lattice, (lo - slack, hi + slack), axis, interpolator, interpolator,
-                     radar.wavelength_m,
-                     total_db(lattice.predicted_error_db, interpolator.error_db,
-                              interpolator.error_db), cost)
+                     parts, radar.wavelength_m, total_db(lattice.predicted_error_db, *errors),
+                     per_pixel * share + _COST_RESAMPLING)
 
 
 def _frame(grid: MapGrid, centres):
@@ -149,7 +155,11 @@ def _oversampling(image_db: float) -> float | None:
 
 
 def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
-    """Half paths along range, and half the bandwidth in range (rad/m) and direction (rad)."""
+    """What the band of the image follows from.
+
+    Half paths along range, half the bandwidth in range in rad/m, the derivative of the half paths
+    by direction, and the lowest and highest wavenumber.
+    """
     n = _SAMPLES_PER_SIDE
     x, y = (v.ravel() for v in np.meshgrid(np.linspace(grid.x_m[0], grid.x_m[-1], n),
                                            np.linspace(grid.y_m[0], grid.y_m[-1], n)))
@@ -174,7 +184,7 @@ def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
         return None
     half_range = band * slope.max() + k * np.abs(
         slope - 1 + slope_alpha * alpha_by_range).max()
-    return paths, float(half_range), float(k * np.abs(slope_alpha).max())
+    return paths, float(half_range), slope_alpha, (k - 2 * band, k)
 
 
 def _cover(grid, origin, track, side, spacing, half_alpha, oversampling) -> PolarGrid | None:

@@ -1,99 +1,16 @@
-"""Add range profiles to image lines or to points: resampling of profiles, then the kernels."""
+"""Add range profiles to image lines or to points: geometry of the lines, then the kernels."""
 
 from __future__ import annotations
 
-import math
-
 import numba
 import numpy as np
-import scipy.fft
 
 from ..geometry.polar import PolarGrid
-from ..signal.radar import RadarParameters
-from ..signal.spectra import resampled_from_spectrum
 from . import kernels
-from .interpolation import N_PLANES, TAPS, polynomial_planes
-from .lattice import Lattice
+from .profiles import Profiles
 
-_CHUNK_BYTES = 4 << 20  # coefficients of one pass over the image: stays in cache
 _POINTS_PER_CALL = 1 << 18
-_GUARD = 8  # lattice cells beyond the ranges of the image
-
-
-class Profiles:
-    """Range profiles of one radar on a lattice, for the ranges that an image can reach.
-
-    Parameters
-    ----------
-    radar : RadarParameters
-        Of the profiles.
-    lattice : Lattice
-        How to resample them.
-    range_m : (float, float)
-        Smallest and largest half path of the image, metres.
-    """
-
-    def __init__(self, radar: RadarParameters, lattice: Lattice, range_m: tuple[float, float]):
-        self.radar, self.lattice = radar, lattice
-        self._pad = max(lattice.segment, _GUARD)
-        lo, hi = ((r - radar.range_start_m) / lattice.cell_m for r in range_m)
-        self._first = max(math.floor(lo), 0) - _GUARD - self._pad
-        last = min(math.ceil(hi), lattice.n_cells) + _GUARD + self._pad
-        self._count = last - self._first
-        self._taper = _band_taper(lattice.n_padded, radar.sample_rate_hz / radar.bandwidth_hz)
-
-    @property
-    def cycles_per_step(self) -> float:
-        """Carrier phase per lattice step, cycles."""
-        return 2 * self.lattice.step_m / self.radar.wavelength_m
-
-    def range_at(self, cell: int) -> float:
-        """Half path at a cell of the planes, metres."""
-        return self.radar.range_start_m + (self._first + cell) * self.lattice.cell_m
-
-    def cycles_at(self, cell: int) -> float:
-        """Carrier phase at a cell of the planes, fraction of a cycle."""
-        return math.fmod(2 * self.range_at(cell) / self.radar.wavelength_m, 1.0)
-
-    def chunks(self, n_rows: int):
-        """Slices of rows whose planes stay in cache."""
-        row = N_PLANES * 4 * self.lattice.n_phases * self._count
-        step = max(numba.get_num_threads(), _CHUNK_BYTES // row)
-        return (slice(lo, min(lo + step, n_rows)) for lo in range(0, n_rows, step))
-
-    def planes(self, samples) -> np.ndarray:
-        """Polynomial coefficients (R, U, 8, n) float32 of profiles (R, N) complex64."""
-        lattice, workers = self.lattice, numba.get_num_threads()
-        spectrum = scipy.fft.fft(samples, lattice.n_padded, axis=-1, workers=workers)
-        spectrum *= self._taper
-        dense = resampled_from_spectrum(spectrum, lattice.n_cells * lattice.n_phases,
-                                        workers=workers)
-        real, imag = self._window(dense.reshape(len(samples), lattice.n_cells, -1))
-        planes = np.empty((len(samples), lattice.n_phases, N_PLANES, self._count), np.float32)
-        polynomial_planes(real, imag, lattice.interpolator.weights, lattice.interpolator.first,
-                          planes)
-        planes[..., :self._pad], planes[..., self._count - self._pad:] = 0.0, 0.0
-        return planes
-
-    def _window(self, dense):
-        """Real and imaginary part of the reachable cells of (R, n, U), phase-major; 0 outside."""
-        first, count = self._first - TAPS, self._count + 2 * TAPS
-        lo, hi = max(first, 0), min(first + count, dense.shape[1])
-        parts = np.zeros((2, len(dense), dense.shape[2], count), np.float32)
-        inside = dense[:, lo:hi].transpose(0, 2, 1)
-        parts[0, ..., lo - first:hi - first] = inside.real
-        parts[1, ..., lo - first:hi - first] = inside.imag
-        return parts
-
-
-def _band_taper(n: int, oversampling: float) -> np.ndarray:
-    """(n,) float32 gain by frequency: 1 in the band, smoothly to 0 at half the sample rate.
-
-    Without it the ends of a profile, where sidelobes are cut off, would ring far inside.
-    """
-    beyond = 2 * np.abs(scipy.fft.fftfreq(n)) * oversampling - 1
-    return np.cos(0.5 * np.pi * np.clip(beyond / (oversampling - 1), 0, 1)
-                  ).astype(np.float32) ** 2
+_TASKS_PER_THREAD = 8
 
 
 def line_middles(locate, n_lines: int, n_pixels: int, segment: int) -> np.ndarray:
@@ -137,12 +54,13 @@ def add_to_lines(profiles: Profiles, samples, tx_m, rx_m, lines, layout, ramp, i
     layout, ramp, image :
         As `kernels.project_lines` describes them.
     """
-    lattice, groups = profiles.lattice, len(lines)
+    lattice = profiles.lattice
     segment = lattice.segment
-    work = np.empty((2, groups * kernels.LINES * segment), np.float32)
-    paths = np.empty((groups, 8, kernels.LINES))
-    coefficients = np.empty((groups, 10, kernels.LINES), np.float32)
-    base = np.empty((groups, kernels.LINES), np.int64)
+    tasks = min(lines.shape[0] * lines.shape[1], _TASKS_PER_THREAD * numba.get_num_threads())
+    work = np.empty((2, tasks * kernels.LINES * segment), np.float32)
+    paths = np.empty((tasks, 8, kernels.LINES))
+    coefficients = np.empty((tasks, 10, kernels.LINES), np.float32)
+    base = np.empty((tasks, kernels.LINES), np.int64)
     index = np.arange(segment, dtype=np.float32) - segment // 2
     for rows in profiles.chunks(len(samples)):
         tx, rx = tx_m[rows], rx_m[rows]

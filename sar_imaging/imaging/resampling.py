@@ -1,9 +1,11 @@
 """Polar image to map, in two passes of one-dimensional interpolation.
 
-Row by row of the map: first along direction, to where each polar range meets the row, then along
-range, to the pixels of the row. Both passes work on the image at range baseband and use the
+A strip of map rows at a time: first along direction, to where each polar range meets a row, then
+along range, to the pixels of the row. Both passes work on the image at range baseband and use the
 least-squares interpolators of `interpolation`, so that the error is known; the carrier
-``exp(j k_c r)`` is put back in float64 at the end.
+``exp(j k_c r)`` is put back in float64 at the end. Neither pass gathers: `LANES` neighbours that
+read the same samples are computed together, and where they do not all read the same ones, each
+start of samples that occurs among them takes its turn.
 """
 
 from __future__ import annotations
@@ -17,7 +19,9 @@ from .interpolation import Interpolator
 from .kernels import _cos_cycles, _fraction, _sin_cycles
 
 TAPS, DEGREE = 10, 5
-_ROWS_PER_CALL = 256  # bounds the work space
+LANES = 16  # pixels computed together: one vector of float32
+PIXELS = 8  # of a row that are written together
+_TASKS_PER_THREAD = 4
 
 
 def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis: int,
@@ -30,7 +34,8 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
     real, imag : (n_alpha, n_range) float32
         Image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0 the first range.
     polar : PolarGrid
-        Its grid; it must reach `TAPS` pixels beyond the map on all sides.
+        Its grid; it must reach `TAPS` pixels beyond the map on all sides and have `LANES` ranges
+        or more.
     grid : MapGrid
         Grid of the map.
     image : (n_y, n_x) complex64
@@ -43,85 +48,144 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
         With `TAPS` taps and degree `DEGREE`.
     """
     origin = np.array(polar.origin_m)
-    line = (grid.x_m, grid.y_m)[axis]
-    rows = (grid.y_m, grid.x_m)[axis]
+    line = (grid.x_m, grid.y_m)[axis] - origin[axis]
+    rows = (grid.y_m, grid.x_m)[axis] - origin[1 - axis]
     # side of the origin on which the pixels of a line lie
-    sign = 1.0 if line.mean() > origin[axis] else -1.0
+    sign = 1.0 if line.mean() > 0 else -1.0
     track = np.array(polar.track)[[axis, 1 - axis]]
-    row_step, pixel_step = (grid.n_x, 1) if axis == 0 else (1, grid.n_x)
-    n, m = min(len(rows), _ROWS_PER_CALL), max(polar.n_range, len(line))
-    index, fraction = np.empty(n * m, np.int64), np.empty(n * m, np.float32)
-    work = np.empty((4, n * m), np.float32)
-    for start in range(0, len(rows), n):
-        part = rows[start:start + n]
-        _resample(real.reshape(-1), imag.reshape(-1), real.shape, part - origin[1 - axis],
-                  line - origin[axis], sign, track[0], track[1], polar.height_m,
-                  polar.range_start_m, polar.range_spacing_m, polar.alpha_start,
-                  polar.alpha_spacing, 2 / wavelength_m, along_alpha.weights,
-                  along_range.weights, along_alpha.first, start * row_step, row_step, pixel_step,
-                  image.reshape(-1).view(np.float32), index, fraction, *work)
+    steps = np.array((grid.n_x, 1) if axis == 0 else (1, grid.n_x))
+    offset = _offsets(rows, line[len(line) // 2], polar)
+    length = polar.n_range + TAPS + int(offset.max())
+    n_tasks = min(len(offset) // LANES, _TASKS_PER_THREAD * numba.get_num_threads())
+    strip = np.zeros((2, n_tasks * length * LANES), np.float32)
+    fraction, start = np.empty((2, n_tasks * LANES), np.float32)
+    result = np.empty((3, n_tasks * LANES), np.float32)
+    _resample(real.reshape(-1), imag.reshape(-1), real.shape, rows, line, sign, track,
+              polar.height_m, polar.range_start_m, polar.range_spacing_m, polar.alpha_start,
+              polar.alpha_spacing, 2 / wavelength_m, along_alpha.weights.reshape(-1),
+              along_range.weights.reshape(-1), along_alpha.first, steps, offset,
+              image.reshape(-1).view(np.float32), length, np.empty(n_tasks), *strip, fraction,
+              start, *result,
+              np.empty(2 * n_tasks * LANES * PIXELS, np.float32))
+
+
+def _offsets(rows, middle: float, polar: PolarGrid) -> np.ndarray:
+    """(n_strips * LANES,) int64 ranges by which each row of a strip is set off.
+
+    With them the pixels of a column of a strip read nearly the same place.
+    """
+    n = -(-len(rows) // LANES) * LANES
+    padded = rows[np.minimum(np.arange(n), len(rows) - 1)]
+    r = np.sqrt(middle ** 2 + padded ** 2 + polar.height_m ** 2)
+    number = np.floor(r / polar.range_spacing_m).astype(np.int64).reshape(-1, LANES)
+    return (number.max(axis=1, keepdims=True) - number).reshape(-1)
+
+
+@njit(inline='always')
+def _weight(weights, k, t):
+    return (weights[k] + t * (weights[TAPS + k] + t * (weights[2 * TAPS + k] + t * (
+        weights[3 * TAPS + k] + t * (weights[4 * TAPS + k] + t * weights[5 * TAPS + k])))))
 
 
 @njit(parallel=True)
-def _resample(real, imag, shape, rows, line, sign, track_ahead, track_beside, height,
-              range_start, range_step, alpha_start, alpha_step, cycles_per_m, weights_alpha,
-              weights_range, first, origin, row_step, pixel_step, image, index, fraction,
-              row_re, row_im, out_re, out_im):
-    """Both passes, row by row; like `kernels.project_lines` free of views for the compiler."""
+def _resample(real, imag, shape, rows, line, sign, track, height, range_start, range_step,
+              alpha_start, alpha_step, cycles_per_m, weights_alpha, weights_range, first, steps,
+              offset, image, length, tasks, strip_re, strip_im, fraction, start, lane_re, lane_im,
+              cycles, few):
+    """Both passes, strip by strip; like `kernels.project_lines` free of views for the compiler."""
     n_alpha, n_range = shape
-    n = len(line)
-    width = max(n_range, n)
-    for j in numba.prange(len(rows)):
-        beside = rows[j]
-        base = j * width
-        for i in range(n_range):
-            r = range_start + i * range_step
-            ahead = sign * np.sqrt(max(r * r - beside * beside - height * height, 0.0))
-            v = ((ahead * track_ahead + beside * track_beside) / r - alpha_start) / alpha_step
-            floor = min(max(np.floor(v), -1.0 * first), n_alpha - TAPS - 1.0 * first)
-            index[base + i] = np.int64(floor) + first
-            fraction[base + i] = v - floor
-            row_re[base + i] = 0.0
-            row_im[base + i] = 0.0
-        start = 0
-        while start < n_range:  # runs of ranges that read the same directions
-            stop = start + 1
-            while stop < n_range and index[base + stop] == index[base + start]:
-                stop += 1
-            length, to = np.uint64(stop - start), np.uint64(base + start)
-            for k in range(TAPS):
-                source = np.uint64((index[base + start] + k) * n_range + start)
-                w0, w1, w2 = weights_alpha[0, k], weights_alpha[1, k], weights_alpha[2, k]
-                w3, w4, w5 = weights_alpha[3, k], weights_alpha[4, k], weights_alpha[5, k]
-                for i in range(length):
-                    t = fraction[to + i]
-                    w = w0 + t * (w1 + t * (w2 + t * (w3 + t * (w4 + t * w5))))
-                    row_re[to + i] += w * real[source + i]
-                    row_im[to + i] += w * imag[source + i]
-            start = stop
-        for k in range(n):
-            r = np.sqrt(line[k] * line[k] + beside * beside + height * height)
-            v = (r - range_start) / range_step
-            floor = min(max(np.floor(v), -1.0 * first), n_range - TAPS - 1.0 * first)
-            index[base + k] = np.int64(floor) + first + base
-            fraction[base + k] = v - floor
-            out_re[base + k] = 0.0
-            out_im[base + k] = 0.0
-        to, length = np.uint64(base), np.uint64(n)
-        for tap in range(TAPS):
-            w0, w1, w2 = weights_range[0, tap], weights_range[1, tap], weights_range[2, tap]
-            w3, w4, w5 = weights_range[3, tap], weights_range[4, tap], weights_range[5, tap]
-            for k in range(length):
-                t = fraction[to + k]
-                w = w0 + t * (w1 + t * (w2 + t * (w3 + t * (w4 + t * w5))))
-                source = np.uint64(index[to + k] + tap)
-                out_re[to + k] += w * row_re[source]
-                out_im[to + k] += w * row_im[source]
-        pixel = 2 * (origin + j * row_step)
-        for k in range(n):
-            r = np.sqrt(line[k] * line[k] + beside * beside + height * height)
-            c = np.float32(_fraction(cycles_per_m * (r - range_start)))
-            sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
-            re, im = out_re[base + k], out_im[base + k]
-            image[pixel + 2 * k * pixel_step] += re * cosine - im * sine
-            image[pixel + 2 * k * pixel_step + 1] += re * sine + im * cosine
+    n_rows, n_pixels, n_tasks = len(rows), len(line), len(tasks)
+    n_strips, width = len(offset) // LANES, np.uint64(n_range)
+    inverse_alpha, inverse_range = 1.0 / alpha_step, 1.0 / range_step
+    for task in numba.prange(n_tasks):
+        lane = np.uint64(task * LANES)
+        base = np.uint64(task * length * LANES)
+        for number in range(task * n_strips // n_tasks, (task + 1) * n_strips // n_tasks):
+            for j in range(LANES):
+                row = number * LANES + j
+                beside = rows[min(row, n_rows - 1)]
+                beside2 = beside * beside + height * height
+                for chunk in range((n_range + LANES - 1) // LANES):
+                    i0 = min(chunk * LANES, n_range - LANES)
+                    low, high = n_alpha, -1
+                    for i in range(LANES):
+                        r = range_start + (i0 + i) * range_step
+                        ahead = sign * np.sqrt(max(r * r - beside2, 0.0))
+                        v = ((ahead * track[0] + beside * track[1]) / r
+                             - alpha_start) * inverse_alpha
+                        floor = np.floor(v)
+                        fraction[lane + np.uint64(i)] = v - floor
+                        n = np.int64(min(max(floor + first, 0.0), n_alpha - TAPS - 0.0))
+                        start[lane + np.uint64(i)] = n
+                        low, high = min(low, n), max(high, n)
+                    for i in range(LANES):
+                        lane_re[lane + np.uint64(i)] = 0.0
+                        lane_im[lane + np.uint64(i)] = 0.0
+                    for n in range(low, high + 1):
+                        turn = np.float32(n)
+                        source = np.uint64(n * n_range + i0)
+                        for i in range(LANES):
+                            to = lane + np.uint64(i)
+                            re, im, t = np.float32(0.0), np.float32(0.0), fraction[to]
+                            for k in range(TAPS):
+                                w = _weight(weights_alpha, k, t)
+                                place = source + np.uint64(k) * width + np.uint64(i)
+                                re += w * real[place]
+                                im += w * imag[place]
+                            mask = max(np.float32(1.0) - abs(start[to] - turn), np.float32(0.0))
+                            lane_re[to] += mask * re
+                            lane_im[to] += mask * im
+                    target = base + np.uint64((i0 + offset[row]) * LANES + j)
+                    for i in range(LANES):
+                        strip_re[target + np.uint64(i * LANES)] = lane_re[lane + np.uint64(i)]
+                        strip_im[target + np.uint64(i * LANES)] = lane_im[lane + np.uint64(i)]
+            for first_pixel in range(0, n_pixels, PIXELS):
+                n_some = min(PIXELS, n_pixels - first_pixel)
+                for p in range(n_some):
+                    ahead2 = line[first_pixel + p] * line[first_pixel + p] + height * height
+                    low, high = length, -1
+                    for j in range(LANES):
+                        row = number * LANES + j
+                        beside = rows[min(row, n_rows - 1)]
+                        r = np.sqrt(ahead2 + beside * beside)
+                        v = (r - range_start) * inverse_range
+                        floor = np.floor(v)
+                        fraction[lane + np.uint64(j)] = v - floor
+                        n = (np.int64(min(max(floor + first, 0.0), n_range - TAPS - 0.0))
+                             + offset[row])
+                        start[lane + np.uint64(j)] = n
+                        low, high = min(low, n), max(high, n)
+                        cycles[lane + np.uint64(j)] = _fraction(
+                            cycles_per_m * (r - range_start))
+                        lane_re[lane + np.uint64(j)] = 0.0
+                        lane_im[lane + np.uint64(j)] = 0.0
+                    for n in range(low, high + 1):
+                        turn = np.float32(n)
+                        source = base + np.uint64(n * LANES)
+                        for j in range(LANES):
+                            to = lane + np.uint64(j)
+                            re, im, t = np.float32(0.0), np.float32(0.0), fraction[to]
+                            for k in range(TAPS):
+                                w = _weight(weights_range, k, t)
+                                place = source + np.uint64(k * LANES + j)
+                                re += w * strip_re[place]
+                                im += w * strip_im[place]
+                            mask = max(np.float32(1.0) - abs(start[to] - turn), np.float32(0.0))
+                            lane_re[to] += mask * re
+                            lane_im[to] += mask * im
+                    for j in range(LANES):
+                        to = lane + np.uint64(j)
+                        c = cycles[to]
+                        sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
+                        re, im = lane_re[to], lane_im[to]
+                        place = np.uint64(2 * ((task * LANES + j) * PIXELS + p))
+                        few[place] = re * cosine - im * sine
+                        few[place + np.uint64(1)] = re * sine + im * cosine
+                # whole cache lines at a time: rows often lie a power of two apart
+                for j in range(min(LANES, n_rows - number * LANES)):
+                    source = np.uint64(2 * (task * LANES + j) * PIXELS)
+                    place = 2 * ((number * LANES + j) * steps[0] + first_pixel * steps[1])
+                    for p in range(n_some):
+                        to = np.uint64(place + 2 * p * steps[1])
+                        image[to] += few[source + np.uint64(2 * p)]
+                        image[to + np.uint64(1)] += few[source + np.uint64(2 * p + 1)]
