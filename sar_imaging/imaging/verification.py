@@ -1,8 +1,7 @@
 """Error of an image against time-domain correlation, estimated from a few of its pixels.
 
-Correlation of every pixel takes hours where an imager takes seconds. A few hundred random pixels
-tell the error of the whole image to within a few tenths of a decibel, and the brightest ones
-tell what happens to strong scatterers.
+Correlation of every pixel takes hours where an imager takes seconds. The brightest pixels hold
+most of the power of a radar image and are compared one by one; random ones stand for the rest.
 """
 
 from __future__ import annotations
@@ -33,11 +32,11 @@ class Verification:
     error_db : float
         Estimated error of the whole image, dB.
     n_pixels : int
-        Random pixels behind it.
+        Random pixels compared.
     brightest_error_db : float
-        Error of the brightest pixels, dB.
+        Error of the brightest pixels alone, dB.
     n_brightest : int
-        Pixels behind that.
+        Brightest pixels compared.
     """
 
     error_db: float
@@ -46,31 +45,32 @@ class Verification:
     n_brightest: int
 
     def __str__(self) -> str:
-        return (f'{self.error_db:.1f} dB on {self.n_pixels} random pixels, '
+        return (f'{self.error_db:.1f} dB over the image ({self.n_pixels} random pixels), '
                 f'{self.brightest_error_db:.1f} dB on the {self.n_brightest} brightest')
 
 
-def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int = 100,
+def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int = 200,
                   fit_scale: bool = False, seed: int = 0,
                   progress: bool = False) -> Verification:
     """Compare some pixels of an image with float64 correlation of the pulses it was made of.
 
-    The error of a whole image is ``10 log10(sum |img - ref|^2 / sum |ref|^2)`` over all its N
-    pixels, `ref` being `correlate`. `error_db` estimates just that from uniformly random pixels:
+    The error of a whole image is ``10 log10(sum |img - ref|^2 / sum |ref|^2)`` over all its
+    pixels, `ref` being `correlate`. `error_db` estimates just that. Both sums are the sum over
+    the brightest pixels of the image plus an estimate for the others, from uniformly random ones:
 
-    - the numerator is N times their mean ``|img - ref|^2``;
-    - the denominator is the power of the whole image, known exactly, times the ratio of
-      ``sum |ref|^2`` to ``sum |img|^2`` over the random pixels. A few random pixels mostly miss
-      the bright ones that hold the power of a radar image; dividing by the power of the random
-      pixels alone would make the figure a matter of luck, and far too pessimistic.
+    - numerator: the mean ``|img - ref|^2`` of the random pixels times the number of others;
+    - denominator: the power of the image in all others, which is known, times the ratio of
+      ``sum |ref|^2`` to ``sum |img|^2`` over the random pixels. It is 1 but for the error
+      itself, and makes the figure hold for bad images too.
 
-    The ratio is 1 but for the error itself, and makes the figure hold for bad images too. With
-    all pixels chosen nothing is estimated. With n random pixels of Gaussian error the standard
-    deviation is ``4.3 / sqrt(n)`` dB, 0.3 dB for 200; error that sits in few places, as error
-    in proportion to the image does, has more.
+    Neither stratum would do alone. Random pixels miss the few that hold the power of a radar
+    image, and with them an error that grows with brightness; dividing by the power of the random
+    pixels would make the figure a matter of luck. Bright pixels say nothing about faint areas.
+    With all pixels compared nothing is estimated. Error that is spread evenly is estimated from n
+    random pixels with a standard deviation of ``4.3 / sqrt(n)`` dB, 0.3 dB for 200; error that
+    sits in few places has more.
 
-    `brightest_error_db` is ``10 log10(sum |img - ref|^2 / sum |ref|^2)`` over the brightest
-    pixels of the image alone. It says nothing about faint areas.
+    `brightest_error_db` is the error by its definition over the brightest pixels alone.
 
     Parameters
     ----------
@@ -110,17 +110,23 @@ def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int
     power, bright = _survey(flat, min(n_brightest, flat.size))
     random = np.random.default_rng(seed).choice(flat.size, min(n_pixels, flat.size),
                                                 replace=False, shuffle=False)
-    chosen = np.concatenate([random, bright])
+    others = random[~np.isin(random, bright)]
+    chosen = np.concatenate([bright, others])
     reference = _correlate(_positions(where, image.shape, chosen), blocks, progress)
     values = flat[chosen].astype(np.complex128)
     if fit_scale:
         factor = _ratio(np.vdot(values, reference), np.vdot(values, values))
         values, power = factor * values, abs(factor) ** 2 * power
-    n = len(random)
-    expected = power / flat.size * n * _ratio(_energy(reference[:n]), _energy(values[:n]))
-    return Verification(
-        _error_db(_energy(values[:n] - reference[:n]), expected or _energy(reference[:n])), n,
-        _error_db(_energy(values[n:] - reference[n:]), _energy(reference[n:])), len(bright))
+    n = len(bright)
+    error, expected = (_energy(v[:n]) for v in (values - reference, reference))
+    brightest_db = _error_db(error, expected)
+    if len(others):
+        share = (flat.size - n) / len(others)
+        error += share * _energy(values[n:] - reference[n:])
+        power_left = power - _energy(values[:n])
+        expected += (power_left * _ratio(_energy(reference[n:]), _energy(values[n:]))
+                     if power_left > 0 else share * _energy(reference[n:]))
+    return Verification(_error_db(error, expected), len(random), brightest_db, n)
 
 
 def _check(image, where, n_pixels, n_brightest):
