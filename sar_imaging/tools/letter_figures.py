@@ -1,0 +1,150 @@
+"""Figures of `reproduce_spotlight_letter`, numbered as in Zhang et al. 2014."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from sar_imaging.geometry import MapGrid
+from sar_imaging.quality import crop
+from sar_imaging.simulation.spotlight_letter import PAIR_SEPARATION_M, SpotlightExperiment
+
+from .letter_imagers import COMPARED, EXACT
+from .letter_measurements import SubsceneImage
+
+DPI = 130
+FLOOR_DB = -50.0
+POINT_SIZE_M = 1.5  # half of the images of figures 7 and 8
+_COLOURS = {'exact': 'black', 'FFBP linear': '#b5493a', 'FFBP cubic': '#e0a030',
+            'FFBP knab8': '#5fb878', 'AFBP': '#1f5fa8'}
+_LINES = ('-', '--', ':', '-.')
+
+
+def _figure(rows: int, columns: int, *, width: float, height: float, **options):
+    """Figure and its axes (rows, columns)."""
+    figure = Figure(figsize=(width, height), layout='constrained')
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def _decibels(values, reference=None) -> np.ndarray:
+    magnitude = np.abs(np.asarray(values))
+    reference = magnitude.max() if reference is None else reference
+    return 20 * np.log10(np.maximum(magnitude / reference, 1e-6))
+
+
+def _grid(axes, **labels) -> None:
+    axes.set(**labels)
+    axes.grid(True, color='0.88', linewidth=0.6)
+    axes.set_axisbelow(True)
+
+
+def _image(axes, image, grid: MapGrid, centre_m, *, reference=None, floor_db=FLOOR_DB, **labels):
+    """Magnitude in dB; range from left to right, azimuth upwards, metres from `centre_m`."""
+    half_x, half_y = (n * grid.spacing_m / 2 for n in (grid.n_x, grid.n_y))
+    x, y = (grid.centre_m[i] - centre_m[i] for i in range(2))
+    drawn = axes.imshow(_decibels(image, reference), cmap='gray', vmin=floor_db, vmax=0,
+                        extent=(x - half_x, x + half_x, y - half_y, y + half_y),
+                        interpolation='nearest')
+    axes.set(**labels)
+    return drawn
+
+
+def shrink(image, n: int = 1000) -> np.ndarray:
+    """Magnitude of a large image with at most `n` pixels a side, the largest of each tile."""
+    tile = max(1, math.ceil(max(image.shape) / n))
+    rows, columns = (size // tile for size in image.shape)
+    out = np.empty((rows, columns), np.float32)
+    for row in range(rows):  # a row at a time: the magnitude of the whole would be large
+        part = np.abs(image[row * tile:(row + 1) * tile, :columns * tile])
+        out[row] = part.max(axis=0).reshape(columns, tile).max(axis=1)
+    return out
+
+
+def draw_scene(path: Path, images: dict[str, np.ndarray], experiment: SpotlightExperiment
+               ) -> None:
+    """Figure 5: the whole scene by the imagers that the letter compares, from `shrink`."""
+    figure, axes = _figure(1, len(COMPARED), width=5.2 * len(COMPARED) + 1, height=4.4,
+                           sharey=True)
+    centre = experiment.scene_centre_m
+    for panel, name in zip(axes[0], COMPARED, strict=True):
+        image = images[name]
+        spacing = experiment.scene_m[0] / image.shape[1]
+        grid = MapGrid(centre, image.shape[1], image.shape[0], spacing)
+        drawn = _image(panel, image, grid, centre, title=name, floor_db=-60,
+                       xlabel=f'range \u2212 {centre[0] / 1e3:.1f} km (m)')
+    axes[0, 0].set_ylabel('azimuth (m)')
+    figure.colorbar(drawn, ax=axes, label='dB relative to the maximum')
+    figure.suptitle('Figure 5: the whole scene', fontsize=11)
+    figure.savefig(path, dpi=DPI)
+
+
+def draw_subscene(path: Path, images: dict[str, SubsceneImage], grid: MapGrid,
+                  experiment: SpotlightExperiment) -> None:
+    """Figure 6: the magnified subscene, points 1 to 3 circled."""
+    shown = (EXACT, *COMPARED)
+    figure, axes = _figure(1, len(shown), width=5.0 * len(shown), height=5.0, sharey=True)
+    one, two, three = (np.array(s.position_m[:2]) for s in experiment.scatterers[:3])
+    for panel, name in zip(axes[0], shown, strict=True):
+        drawn = _image(panel, images[name].image, grid, grid.centre_m, title=name,
+                       xlabel='range (m)')
+        for label, at in (('1, 2', (one + two) / 2), ('3', three)):
+            x, y = at - grid.centre_m[:2]
+            panel.add_patch(Circle((x, y), 1.6, fill=False, color='#e0a030', linewidth=1.2))
+            panel.annotate(label, (x + 1.4, y + 1.4), color='#e0a030')
+    axes[0, 0].set_ylabel('azimuth (m)')
+    figure.colorbar(drawn, ax=axes, label='dB relative to the maximum')
+    figure.suptitle('Figure 6: the subscene with points 1 to 3, metres from its middle',
+                    fontsize=11)
+    figure.savefig(path, dpi=DPI)
+
+
+def _draw_point(path: Path, images: dict[str, SubsceneImage], grid: MapGrid, centre_xy,
+                cut_of, title: str, marks=()) -> None:
+    """Images of a point by some imagers and its azimuth cuts by all."""
+    shown = [EXACT, *COMPARED]
+    figure, axes = _figure(1, len(shown) + 1, width=4.0 * len(shown) + 6.2, height=4.2,
+                           width_ratios=(*[1.0] * len(shown), 1.9))
+    for panel, name in zip(axes[0], shown, strict=False):
+        chip, chip_grid = crop(images[name].image, grid, centre_xy, (POINT_SIZE_M,) * 2)
+        drawn = _image(panel, chip, chip_grid, centre_xy, title=name, floor_db=-40,
+                       xlabel='range (m)')
+    axes[0, 0].set_ylabel('azimuth (m)')
+    figure.colorbar(drawn, ax=axes[0, len(shown) - 1], label='dB', shrink=0.8)
+    cuts = axes[0, -1]
+    seen: dict[str, int] = {}
+    for name, m in images.items():
+        kind = next(k for k in _COLOURS if name.startswith(k))
+        line = _LINES[seen.setdefault(kind, 0) % len(_LINES)]
+        seen[kind] += 1
+        cuts.plot(m.offset_m, _decibels(cut_of(m)), line, color=_COLOURS[kind], linewidth=1.1,
+                  label=name)
+    for x in marks:
+        cuts.axvline(x, color='#e0a030', linewidth=0.8, zorder=0)
+    _grid(cuts, xlabel='azimuth from the middle (m)', ylabel='dB relative to the maximum',
+          xlim=(-2.0, 2.0), ylim=(-70, 1))
+    cuts.legend(fontsize=8, loc='upper right', framealpha=0.95)
+    figure.suptitle(title, fontsize=11)
+    figure.savefig(path, dpi=DPI)
+
+
+def draw_pair(path: Path, images: dict[str, SubsceneImage], grid: MapGrid,
+              experiment: SpotlightExperiment) -> None:
+    """Figure 7: points 1 and 2, images and azimuth cuts."""
+    one, two = (np.array(s.position_m[:2]) for s in experiment.scatterers[:2])
+    half = PAIR_SEPARATION_M / 2
+    _draw_point(path, images, grid, (one + two) / 2, lambda m: m.pair_cut,
+                'Figure 7: points 1 and 2, 0.15 m apart, and their azimuth response',
+                marks=(-half, half))
+
+
+def draw_single(path: Path, images: dict[str, SubsceneImage], grid: MapGrid,
+                experiment: SpotlightExperiment) -> None:
+    """Figure 8: point 3, images and azimuth cuts."""
+    _draw_point(path, images, grid, np.array(experiment.scatterers[2].position_m[:2]),
+                lambda m: m.single, 'Figure 8: point 3 and its azimuth response')

@@ -1,0 +1,128 @@
+"""The imagers that `reproduce_spotlight_letter` compares, with seconds by stage and memory."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import resource
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from sar_imaging.geometry import MapGrid
+from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.ffbp import FfbpImager
+from sar_imaging.signal.pulses import PulseBlock
+
+EXACT = 'exact BP'
+
+_STATUS, _CLEAR = Path('/proc/self/status'), Path('/proc/self/clear_refs')
+
+
+@dataclasses.dataclass(frozen=True)
+class Formed:
+    """An image and what it took.
+
+    Parameters
+    ----------
+    image : (n_y, n_x) complex64
+        On the map grid asked for.
+    seconds : dict of str to float
+        Wall clock by stage.
+    predicted_error_db : float or None
+        What the imager predicts, dB; FFBP does not.
+    """
+
+    image: np.ndarray
+    seconds: dict[str, float]
+    predicted_error_db: float | None
+
+
+Imager = Callable[[MapGrid, PulseBlock], Formed]
+
+
+def _exact(grid: MapGrid, block: PulseBlock) -> Formed:
+    start = time.perf_counter()
+    plan = Backprojector(grid, block.radar, block.n_samples)
+    image = plan(block)
+    return Formed(image, {'backprojection': time.perf_counter() - start},
+                  plan.predicted_error_db)
+
+
+def _ffbp(kernel: str, oversampling: float, pulses: int) -> Imager:
+    def form(grid: MapGrid, block: PulseBlock) -> Formed:
+        start = time.perf_counter()
+        plan = FfbpImager(grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+                          pulses_per_subaperture=pulses, kernel=kernel,
+                          range_oversampling=oversampling, angle_oversampling=oversampling)
+        seconds = {'planning': time.perf_counter() - start}
+        stages = {'_backproject': 'stage 1', '_merge': 'fusion', '_add': 'resampling'}
+        return Formed(_timed(plan, stages, seconds)(block), seconds, None)
+
+    return form
+
+
+def _timed(plan, stages: dict[str, str], seconds: dict[str, float]):
+    """Have an imager's own steps add up their wall clock by stage."""
+    for step, stage in stages.items():
+        seconds[stage] = 0.0
+        setattr(plan, step, _stopwatch(getattr(plan, step), stage, seconds))
+    return plan
+
+
+def _stopwatch(step: Callable, stage: str, seconds: dict[str, float]) -> Callable:
+    def call(*arguments):
+        start = time.perf_counter()
+        try:
+            return step(*arguments)
+        finally:
+            seconds[stage] += time.perf_counter() - start
+
+    return call
+
+
+#: Kernel and oversampling of FFBP: the letter states neither.
+FFBP_VARIANTS = (('linear', 1.3), ('linear', 2.0), ('cubic', 2.5), ('knab8', 1.8))
+PULSES = (16, 64)  # per sub-aperture
+
+
+def ffbp_name(kernel: str, oversampling: float, pulses: int) -> str:
+    """Name of a variant of FFBP in `IMAGERS`."""
+    return f'FFBP {kernel} x{oversampling:g}, {pulses} pulses'
+
+
+#: Imagers by name: ``imager(grid, profiles)`` gives `Formed`.
+IMAGERS: dict[str, Imager] = {
+    EXACT: _exact,
+    **{ffbp_name(*v, n): _ffbp(*v, n) for v in FFBP_VARIANTS for n in PULSES}}
+#: Names of those that the letter compares in its figures: its sub-apertures have 16 pulses, and
+#: the first variant has sidelobes like those that it shows.
+COMPARED = (ffbp_name(*FFBP_VARIANTS[0], PULSES[0]),)
+#: Names of those that image the whole scene.
+WHOLE_SCENE = (*COMPARED, *(ffbp_name(*FFBP_VARIANTS[-1], n) for n in PULSES))
+
+
+@dataclasses.dataclass
+class PeakMemory:
+    """Largest resident memory of the process while it was watched, bytes."""
+
+    n_bytes: int = 0
+
+
+@contextlib.contextmanager
+def watch_memory() -> Iterator[PeakMemory]:
+    """Measure the peak of resident memory, everything the process holds included.
+
+    Linux forgets earlier peaks on request; elsewhere the peak since the start is what is told.
+    """
+    peak = PeakMemory()
+    with contextlib.suppress(OSError):
+        _CLEAR.write_text('5')
+    yield peak
+    try:
+        lines = _STATUS.read_text().splitlines()
+        peak.n_bytes = 1024 * int(next(s for s in lines if s.startswith('VmHWM')).split()[1])
+    except (OSError, StopIteration):
+        peak.n_bytes = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -1,0 +1,142 @@
+"""The reproduction of the spotlight letter: what it claims, and that the command runs."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from sar_imaging.imaging.correlation import correlate
+from sar_imaging.quality import error_db
+from sar_imaging.signal.spectra import band_spectrum
+from sar_imaging.simulation.spotlight_letter import spotlight_letter
+from sar_imaging.tools import (
+    letter_imagers as imagers,
+    letter_measurements as measure,
+    reproduce_spotlight_letter,
+)
+from sar_imaging.tools.letter_recording import Recording
+
+FFBP_LINEAR = imagers.ffbp_name('linear', 1.3, 16)
+FFBP_KNAB = imagers.ffbp_name('knab8', 1.8, 16)
+SOME = (imagers.EXACT, FFBP_LINEAR, FFBP_KNAB)
+
+
+@pytest.fixture(scope='module')
+def experiment():
+    """The reflectors and no field: a scene just large enough for the subscene."""
+    small = spotlight_letter('small')
+    subscene = tuple(s for s in small.scatterers if not s.name.startswith('field'))
+    return dataclasses.replace(small, scene_m=(96.0, 96.0), scatterers=subscene)
+
+
+@pytest.fixture(scope='module')
+def recording(experiment):
+    samples = np.empty((experiment.n_pulses, experiment.n_samples), np.complex64)
+    experiment.record(samples)
+    return Recording(experiment, samples)
+
+
+@pytest.fixture(scope='module')
+def images(experiment, recording):
+    grid = measure.subscene_grid(experiment)
+    profiles = recording.patch_profiles(grid)
+    return {name: measure.measure_subscene(form(grid, profiles).image, grid, experiment)
+            for name, form in imagers.IMAGERS.items() if name in SOME}
+
+
+def _sincs(offset, *places):
+    """Responses of an aperture with nulls 0.15 m apart, unweighted."""
+    return sum(a * np.sinc((offset - x) / 0.15) for x, a in places)
+
+
+def test_windowed_phase_history_and_profiles_are_one_image(experiment, recording):
+    """Correlation of the weighted spectra is what backprojection of the profiles forms."""
+    grid = dataclasses.replace(measure.subscene_grid(experiment), n_x=40, n_y=30,
+                               centre_m=experiment.scatterers[2].position_m)
+    image = imagers.IMAGERS[imagers.EXACT](grid, recording.patch_profiles(grid)).image
+    rows, columns = np.array([3, 14, 15, 22]), np.array([5, 19, 20, 33])
+    points = grid.points()[rows, columns]
+    expected = sum(correlate(*band_spectrum(b), b.tx_m, b.rx_m, points)
+                   for b in recording.weighted_blocks())
+    # The imager's own target is -80 dB.
+    assert error_db(image[rows, columns], expected) < -75
+
+
+def test_pair_of_sincs():
+    offset = np.arange(-600, 601) * 0.005
+    apart = measure.measure_pair(_sincs(offset, (-0.15, 1.0), (0.15, 0.5)), offset)
+    # The weaker one's null stands at the stronger's middle and the other way round.
+    assert apart.separation_m == pytest.approx(0.3, abs=0.05)  # sidelobes pull
+    assert apart.imbalance_db == pytest.approx(-6.0, abs=0.5)
+    assert apart.dip_db < -6
+    one = measure.measure_pair(_sincs(offset, (-0.03, 1.0), (0.03, 1.0)), offset)
+    assert (one.separation_m, one.dip_db, one.imbalance_db) == (0, 0, 0)
+    # first sidelobe of a sinc -13.3 dB, of a slightly widened lobe less
+    assert -16 < one.sidelobe_db < -13
+
+
+def test_phase_decides_whether_the_pair_separates():
+    offset = np.arange(-600, 601) * 0.005
+    pairs = measure.separability(_sincs(offset, (0.0, 1.0)), offset)
+    assert pairs[0].separation_m == 0
+    # In quadrature powers add: sinc(1/2)^2 to (1 + sinc(1)^2) / 2, that is 2 (2/pi)^2.
+    assert pairs[90].dip_db == pytest.approx(20 * np.log10(2 / np.pi) + 10 * np.log10(2), abs=0.1)
+    assert pairs[180].dip_db < -60
+
+
+def test_exact_image_has_the_closed_form_response(images):
+    quality = images[imagers.EXACT].quality
+    # Hamming: 1.303 of the nulls' spacing, c / 2B in range and wavelength R / 2 L in azimuth,
+    # where R is point 3's 10534.6 m.
+    assert quality.irw_range_m == pytest.approx(1.303 * 0.12922, rel=0.002)
+    assert quality.irw_azimuth_m == pytest.approx(1.303 * 0.15 * 10534.6 / 10500, rel=0.003)
+    # -42.7 dB and noise at -67 dB: a sidelobe may gain or lose half a decibel by it
+    assert quality.pslr_range_db == pytest.approx(-42.7, abs=0.7)
+    assert quality.pslr_azimuth_db == pytest.approx(-42.7, abs=0.7)
+    assert abs(quality.position_error_azimuth_m) < 1e-3
+
+
+def test_exact_image_separates_points_in_opposition(images):
+    pair = images[imagers.EXACT].pair
+    assert pair.dip_db < -40
+    assert abs(pair.imbalance_db) < 0.1
+    # behind the window both maxima are pushed outwards from 0.15 m
+    assert pair.separation_m == pytest.approx(0.26, abs=0.01)
+
+
+def test_ffbp_raises_the_sidelobes_unless_its_interpolation_is_good(images):
+    """The letter has them "up to -15 dB"; linear interpolation near critical sampling does it."""
+    level = {name: m.quality.pslr_azimuth_db for name, m in images.items()}
+    assert -22 < level[FFBP_LINEAR] < -12  # measured -16.6 dB
+    assert level[FFBP_KNAB] == pytest.approx(level[imagers.EXACT], abs=1)  # measured 0.2 dB
+    assert error_db(images[FFBP_KNAB].image, images[imagers.EXACT].image) < -45  # -48.3 dB
+
+
+def test_command_writes_figures_and_numbers(tmp_path, experiment, monkeypatch, capsys):
+    monkeypatch.setattr(reproduce_spotlight_letter, 'spotlight_letter', lambda size: experiment)
+    monkeypatch.setattr(reproduce_spotlight_letter, 'SCENE_SPACING_M', 0.5)
+    monkeypatch.setattr(imagers, 'IMAGERS', {n: imagers.IMAGERS[n] for n in SOME})
+    monkeypatch.setattr(imagers, 'WHOLE_SCENE', SOME[1:])
+    monkeypatch.setattr(reproduce_spotlight_letter, 'CHECKED_PIXELS', 8)
+    monkeypatch.setattr(reproduce_spotlight_letter, 'CHECKED_BRIGHTEST', 8)
+    folder = tmp_path / 'new' / 'folder'
+    assert reproduce_spotlight_letter.main(['--size', 'small', '--output', str(folder)]) == 0
+    names = {f'figure_0{n}.png' for n in FIGURES}
+    assert {p.name for p in folder.iterdir()} == names | {'results.json'}
+    assert all((folder / n).read_bytes().startswith(b'\x89PNG') for n in names)
+    results = json.loads((folder / 'results.json').read_text())
+    assert set(results['points']) == set(SOME)
+    assert set(results['scene']['imagers']) == set(SOME[1:])
+    for found in results['scene']['imagers'].values():
+        assert found['peak_memory_gb'] > 0.05  # at least the interpreter
+    assert 'whole scene' in capsys.readouterr().out
+
+
+FIGURES = (5, 6, 7, 8)
+
+
+def test_command_reports_a_folder_it_cannot_make(tmp_path, capsys):
+    (tmp_path / 'file').write_text('')
+    assert reproduce_spotlight_letter.main(['--output', str(tmp_path / 'file' / 'x')]) == 1
+    assert capsys.readouterr().err.startswith('error: ')
