@@ -69,8 +69,8 @@ def _line_paths(lines, group, number, centres, row, paths, task, first):
 
 @njit(parallel=True)
 def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycles_per_step,
-                  cycles_zero, ramp, image, layout, index, expand_phase, work_re, work_im, paths,
-                  coefficients, base):
+                  cycles_zero, ramp, image, layout, index, work_re, work_im, paths, coefficients,
+                  base):
     """Add rows to an image whose lines follow the range direction.
 
     Neighbouring pixels of a line lie one lattice cell apart (up to a small drift), so that a
@@ -105,14 +105,11 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
         to the next line, to the next pixel of a line, and to the imaginary part.
     index : (segment,) float32
         Pixel numbers of a segment, counted from its middle; their number is even.
-    expand_phase : bool
-        True where the phase that is left drifts so little along a segment that a cubic
-        expansion of the phasor does; else sine and cosine of every pixel are computed.
     work_re, work_im : (T * LINES * segment,) float32
         Work space; T tasks share the image.
     paths : (T, 8, LINES) float64
         Work space.
-    coefficients : (T, 10, LINES) float32
+    coefficients : (T, 14, LINES) float32
         Work space.
     base : (T, LINES) int64
         Work space.
@@ -127,7 +124,7 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
     n_rows, n_phases, n_cells = shape
     segment = len(index)
     n_lines, n_pixels = layout[0], len(ramp)
-    half = segment // 2
+    half, middle = segment // 2, n_rows // 2
     # Unsigned indices spare the compiler the test for negative ones, which stops vectorisation.
     p, length = np.uint64(n_cells), np.uint64(segment)
     inverse_step, inverse_phases = 1.0 / step, 1.0 / n_phases
@@ -143,6 +140,11 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
                 work_re[i] = 0.0
                 work_im[i] = 0.0
             shared = (number * segment + half) * float(n_phases)
+            # Rows are near each other: what their phases have in common comes last.
+            _line_paths(lines, group, number, tx, middle, paths, task, 0)
+            _line_paths(lines, group, number, rx, middle, paths, task, 4)
+            for j in range(LINES):
+                _store_drift(paths, task, j, 4, inverse_step, n_phases, coefficients, 11)
             for row in range(n_rows):
                 # Channels often share their transmitter, and radars with one antenna both.
                 if repeats[row, 0] == 0:
@@ -158,20 +160,14 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
                     cell = np.floor((n + 0.5) * inverse_phases)
                     phase = n - cell * n_phases
                     coefficients[task, 0, j] = v - n
-                    coefficients[task, 1, j] = 0.5 * inverse_step * (
-                        paths[task, 1, j] + paths[task, other + 1, j]) - n_phases
-                    coefficients[task, 2, j] = 0.25 * inverse_step * (
-                        paths[task, 2, j] + paths[task, other + 2, j])
-                    coefficients[task, 3, j] = (1.0 / 12.0) * inverse_step * (
-                        paths[task, 3, j] + paths[task, other + 3, j])
+                    _store_drift(paths, task, j, other, inverse_step, n_phases, coefficients, 1)
                     coefficients[task, 4, j] = _fraction(
                         cycles_per_step * (n - shared) + cycles_zero)
                     # A segment outside the profile reads padding only.
                     cell = min(max(cell, -1.0 * half), n_cells - 2.0 * segment + half)
                     base[task, j] = np.int64(phase * 8.0 * n_cells + cell + half)
-                if expand_phase:
-                    for j in range(LINES):
-                        _expand_phasor(coefficients, task, j, turns, half)
+                for j in range(LINES):
+                    _expand_phasor(coefficients, task, j, turns, half)
                 offset = row * n_phases * 8 * n_cells
                 for j in range(count):
                     k0, k1 = coefficients[task, 0, j], coefficients[task, 1, j]
@@ -179,6 +175,7 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
                     k4, k5 = coefficients[task, 4, j], coefficients[task, 5, j]
                     k6, k7 = coefficients[task, 6, j], coefficients[task, 7, j]
                     k8, k9 = coefficients[task, 8, j], coefficients[task, 9, j]
+                    k10 = coefficients[task, 10, j]
                     r0 = np.uint64(base[task, j] + offset)
                     r1 = r0 + p
                     r2 = r1 + p
@@ -188,51 +185,59 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
                     i2 = i1 + p
                     i3 = i2 + p
                     w = np.uint64((task * LINES + j) * segment)
-                    if expand_phase:
-                        for i in range(length):
-                            f = index[i]
-                            t = k0 + f * k1
-                            cosine = k2 + f * (k4 + f * (k6 + f * k8))
-                            sine = k3 + f * (k5 + f * (k7 + f * k9))
-                            re = planes[r0 + i] + t * (planes[r1 + i]
-                                                       + t * (planes[r2 + i] + t * planes[r3 + i]))
-                            im = planes[i0 + i] + t * (planes[i1 + i]
-                                                       + t * (planes[i2 + i] + t * planes[i3 + i]))
-                            work_re[w + i] += re * cosine - im * sine
-                            work_im[w + i] += re * sine + im * cosine
-                    else:
-                        for i in range(length):
-                            f = index[i]
-                            t = k0 + f * (k1 + f * (k2 + f * k3))
-                            c = _fraction(turns * t + k4)
-                            sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
-                            re = planes[r0 + i] + t * (planes[r1 + i]
-                                                       + t * (planes[r2 + i] + t * planes[r3 + i]))
-                            im = planes[i0 + i] + t * (planes[i1 + i]
-                                                       + t * (planes[i2 + i] + t * planes[i3 + i]))
-                            work_re[w + i] += re * cosine - im * sine
-                            work_im[w + i] += re * sine + im * cosine
+                    for i in range(length):
+                        f = index[i]
+                        t = k0 + f * (k1 + f * k2)
+                        cosine = k3 + f * (k5 + f * (k7 + f * k9))
+                        sine = k4 + f * (k6 + f * (k8 + f * k10))
+                        re = planes[r0 + i] + t * (planes[r1 + i]
+                                                   + t * (planes[r2 + i] + t * planes[r3 + i]))
+                        im = planes[i0 + i] + t * (planes[i1 + i]
+                                                   + t * (planes[i2 + i] + t * planes[i3 + i]))
+                        work_re[w + i] += re * cosine - im * sine
+                        work_im[w + i] += re * sine + im * cosine
             for j in range(count):
-                w = (task * LINES + j) * segment
+                w = np.uint64((task * LINES + j) * segment)
+                k1, k2 = coefficients[task, 11, j], coefficients[task, 12, j]
+                k3 = coefficients[task, 13, j]
+                for i in range(length):
+                    f = index[i]
+                    c = _fraction(turns * (f * (k1 + f * (k2 + f * k3))))
+                    sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
+                    re, im = work_re[w + i], work_im[w + i]
+                    work_re[w + i] = re * cosine - im * sine
+                    work_im[w + i] = re * sine + im * cosine
                 pixel = (layout[1] + (group * LINES + j) * layout[2]
                          + number * segment * layout[3])
                 for i in range(min(segment, n_pixels - number * segment)):
                     z = ramp[number * segment + i]
-                    re, im = work_re[w + i], work_im[w + i]
+                    re, im = work_re[w + np.uint64(i)], work_im[w + np.uint64(i)]
                     image[pixel + i * layout[3]] += re * z.real - im * z.imag
                     image[pixel + i * layout[3] + layout[4]] += re * z.imag + im * z.real
 
 
 @njit(inline='always')
+def _store_drift(paths, task, j, other, inverse_step, n_phases, coefficients, first):
+    """First to third order of a segment's drift over the lattice, in steps per pixel number."""
+    coefficients[task, first, j] = 0.5 * inverse_step * (
+        paths[task, 1, j] + paths[task, other + 1, j]) - n_phases
+    coefficients[task, first + 1, j] = 0.25 * inverse_step * (
+        paths[task, 2, j] + paths[task, other + 2, j])
+    coefficients[task, first + 2, j] = (1.0 / 12.0) * inverse_step * (
+        paths[task, 3, j] + paths[task, other + 3, j])
+
+
+@njit(inline='always')
 def _expand_phasor(coefficients, task, j, turns, half):
-    """Replace the phase of a segment by a cubic in the pixel number for its phasor.
+    """Expand the phasor of a segment, less what its rows share, as a cubic in the pixel number.
 
     The quartic term is folded into the constant and the quadratic one (Chebyshev economisation),
     which leaves an eighth of it.
     """
     turn = np.float32(2 * np.pi) * turns
-    a, b = turn * coefficients[task, 1, j], turn * coefficients[task, 2, j]
-    c = turn * coefficients[task, 3, j]
+    a = turn * (coefficients[task, 1, j] - coefficients[task, 11, j])
+    b = turn * (coefficients[task, 2, j] - coefficients[task, 12, j])
+    c = turn * (coefficients[task, 3, j] - coefficients[task, 13, j])
     g = _fraction(coefficients[task, 4, j] + turns * coefficients[task, 0, j])
     sine, cosine = _sin_cycles(g, g * g), _cos_cycles(g * g)
     aa = a * a
@@ -242,14 +247,14 @@ def _expand_phasor(coefficients, task, j, turns, half):
     r3, i3 = -a * b, c - aa * a * _R6
     r2, i2 = square * r4 - _R2 * aa, square * i4 + b
     r0, i0 = _R1 - square * square * _R8 * r4, -square * square * _R8 * i4
-    coefficients[task, 2, j] = cosine * r0 - sine * i0
-    coefficients[task, 3, j] = cosine * i0 + sine * r0
-    coefficients[task, 4, j] = -sine * a
-    coefficients[task, 5, j] = cosine * a
-    coefficients[task, 6, j] = cosine * r2 - sine * i2
-    coefficients[task, 7, j] = cosine * i2 + sine * r2
-    coefficients[task, 8, j] = cosine * r3 - sine * i3
-    coefficients[task, 9, j] = cosine * i3 + sine * r3
+    coefficients[task, 3, j] = cosine * r0 - sine * i0
+    coefficients[task, 4, j] = cosine * i0 + sine * r0
+    coefficients[task, 5, j] = -sine * a
+    coefficients[task, 6, j] = cosine * a
+    coefficients[task, 7, j] = cosine * r2 - sine * i2
+    coefficients[task, 8, j] = cosine * i2 + sine * r2
+    coefficients[task, 9, j] = cosine * r3 - sine * i3
+    coefficients[task, 10, j] = cosine * i3 + sine * r3
 
 
 @njit(parallel=True)

@@ -14,18 +14,18 @@ import math
 import numpy as np
 import scipy.fft
 
-from ..signal.radar import RadarParameters
+from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .interpolation import Interpolator, design_interpolator
 from .kernels import SINCOS_ERROR_DB
 
-_SEGMENTS = (64, 32, 16, 8)
+ROWS_PER_PASS = 32  # rows that share the reference for the phase along a segment
+_SEGMENTS = (128, 64, 32, 16, 8)
 _MAX_PHASES = 8
 _POINT_OVERSAMPLING = 3.2  # lattice of the routine for arbitrary points
 _ACCUMULATION_ERROR_DB = -112.0  # float32 sums
-_ROWS_FOR_ERRORS = 32  # enough for averages over the rows
+_ROWS_FOR_ERRORS = 64  # enough for averages over the rows
 _NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
-# Cost of a pixel with an expanded phasor, with sine and cosine, and of a segment (measured)
-_COST_EXPANDED, _COST_SINCOS, _COST_SEGMENT = 1.0, 1.5, 30.0
+_COST_SEGMENT = 30.0  # in pixels of the kernel (measured)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,10 +43,14 @@ class Paths:
     length: np.ndarray
     derivatives: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
-    def thinned(self, n_rows: int) -> Paths:
-        """About `n_rows` of the rows, evenly spread."""
-        some = slice(None, None, max(1, len(self.length) // n_rows))
-        return Paths(self.length[some], tuple(d[some] for d in self.derivatives))
+    def from_shared(self) -> Paths:
+        """Some rows, less the middle row of the `ROWS_PER_PASS` that each is added with."""
+        n = len(self.length)
+        rows = np.linspace(0, n - 1, min(n, _ROWS_FOR_ERRORS)).round().astype(int)
+        start = rows // ROWS_PER_PASS * ROWS_PER_PASS
+        middle = start + np.minimum(n - start, ROWS_PER_PASS) // 2
+        return Paths(self.length[rows] - self.length[middle],
+                     tuple(d[rows] - d[middle] for d in self.derivatives))
 
 
 def sample_paths(tx_m, rx_m, line) -> Paths:
@@ -96,8 +100,6 @@ class Lattice:
         Lattice positions per cell.
     segment : int
         Pixels that share one geometry expansion; 0 for the routine for arbitrary points.
-    expand_phase : bool
-        Whether the phasor of a segment is expanded, see `kernels.project_lines`.
     step_m : float
         Half-path distance between lattice positions, metres.
     spacing : float
@@ -114,7 +116,6 @@ class Lattice:
     n_cells: int
     n_phases: int
     segment: int
-    expand_phase: bool
     step_m: float
     spacing: float
     interpolator: Interpolator
@@ -182,27 +183,27 @@ def _candidates(paths, spacing, radar, n_padded, n_cells, cell, phases, segment,
     if oversampling <= 1.25 or drift > 2 * step:
         return
     interpolator = design_interpolator(oversampling, drift / step)
+    predicted = total_db(interpolator.error_db, *(
+        20 * math.log10(error + 1e-12)
+        for error in _expansion_errors(paths, spacing, half, radar)))
+    if predicted <= target_db:
+        yield Lattice(n_padded, n_cells, phases, segment, step, spacing, interpolator, predicted,
+                      1.0 + _COST_SEGMENT / segment)
+
+
+def _expansion_errors(paths, spacing, half, radar):
+    """Rms errors over a segment: path to third order, envelope to second, phasor to third."""
     k = radar.wavenumber_rad_per_m
-    paths = paths.thinned(_ROWS_FOR_ERRORS)
-    # rms over a segment of the first term that the cubic expansion of the path leaves out
-    expansion = k / 24 / 3 * _rms(paths.derivatives[3] * (spacing * half) ** 4)
-    left_over = _phasor_error(paths, spacing, cell, half, k)
-    for expand, error in ((True, math.hypot(expansion, left_over)), (False, expansion)):
-        predicted = total_db(interpolator.error_db, 20 * math.log10(error + 1e-12))
-        if predicted <= target_db:
-            yield Lattice(n_padded, n_cells, phases, segment, expand, step, spacing,
-                          interpolator, predicted, (_COST_EXPANDED if expand else _COST_SINCOS)
-                          + _COST_SEGMENT / segment)
-
-
-def _phasor_error(paths, spacing, cell, half, wavenumber):
-    """Rms error of the cubic expansion of the phasor along a segment."""
-    a = wavenumber * (paths.derivatives[0] * spacing - cell) * half
-    b = wavenumber * paths.derivatives[1] * (spacing * half) ** 2 / 2
-    c = wavenumber * paths.derivatives[2] * (spacing * half) ** 3 / 6
+    band = 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT / math.sqrt(3)
+    orders = [d * (spacing * half) ** (n + 1) / math.factorial(n + 1)
+              for n, d in enumerate(paths.derivatives)]
+    yield k / 3 * _rms(orders[3])
+    yield band / math.sqrt(7) * _rms(orders[2])
+    a, b, c = (k * d * (spacing * half) ** (n + 1) / math.factorial(n + 1)
+               for n, d in enumerate(paths.from_shared().derivatives[:3]))
     quartic = np.hypot(a ** 4 / 24 - b ** 2 / 2 - a * c, a ** 2 * b / 2) / 8 / math.sqrt(2)
     quintic = np.hypot(a ** 3 * b / 6, a ** 5 / 120 - a * b ** 2 / 2 - a ** 2 * c / 2) / 4
-    return _rms(np.hypot(quartic, quintic))
+    yield _rms(np.hypot(quartic, quintic))
 
 
 def point_lattice(radar: RadarParameters, n_samples: int) -> Lattice:
@@ -219,7 +220,7 @@ def point_lattice(radar: RadarParameters, n_samples: int) -> Lattice:
     n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, 1)
     step = n_padded * radar.sample_spacing_m / n_cells
     interpolator = design_interpolator(radar.range_resolution_m / step)
-    return Lattice(n_padded, n_cells, 1, 0, False, step, pitch, interpolator,
+    return Lattice(n_padded, n_cells, 1, 0, step, pitch, interpolator,
                    total_db(interpolator.error_db), 10.0)
 
 

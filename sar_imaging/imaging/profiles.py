@@ -10,9 +10,9 @@ import scipy.fft
 from ..compilation import njit, numba
 from ..signal.radar import RadarParameters
 from .interpolation import N_PLANES, TAPS, polynomial_planes
-from .lattice import Lattice
+from .lattice import ROWS_PER_PASS, Lattice
 
-_CHUNK_BYTES = 4 << 20  # coefficients of one pass over the image: stays in cache
+_CHUNK_BYTES = 64 << 20  # coefficients of one pass over the image
 _GUARD = 8  # lattice cells beyond the ranges of the image
 
 
@@ -55,9 +55,9 @@ class Profiles:
         return math.fmod(2 * self.range_at(cell) / self.radar.wavelength_m, 1.0)
 
     def chunks(self, n_rows: int):
-        """Slices of rows whose planes stay in cache."""
+        """Slices of rows that are added in one pass."""
         row = N_PLANES * 4 * self.lattice.n_phases * self._count
-        step = max(numba.get_num_threads(), _CHUNK_BYTES // row)
+        step = min(ROWS_PER_PASS, max(numba.get_num_threads(), _CHUNK_BYTES // row))
         return (slice(lo, min(lo + step, n_rows)) for lo in range(0, n_rows, step))
 
     def planes(self, samples) -> np.ndarray:

@@ -59,7 +59,7 @@ def add_to_lines(profiles: Profiles, samples, tx_m, rx_m, lines, layout, ramp, i
     tasks = min(lines.shape[0] * lines.shape[1], _TASKS_PER_THREAD * numba.get_num_threads())
     work = np.empty((2, tasks * kernels.LINES * segment), np.float32)
     paths = np.empty((tasks, 8, kernels.LINES))
-    coefficients = np.empty((tasks, 10, kernels.LINES), np.float32)
+    coefficients = np.empty((tasks, 14, kernels.LINES), np.float32)
     base = np.empty((tasks, kernels.LINES), np.int64)
     index = np.arange(segment, dtype=np.float32) - segment // 2
     for rows in profiles.chunks(len(samples)):
@@ -72,8 +72,8 @@ def add_to_lines(profiles: Profiles, samples, tx_m, rx_m, lines, layout, ramp, i
         kernels.project_lines(
             planes.reshape(-1), shape, tx, rx, repeats, lines,
             profiles.range_at(segment), lattice.step_m, profiles.cycles_per_step,
-            profiles.cycles_at(segment), ramp, image, layout, index, lattice.expand_phase,
-            work[0], work[1], paths, coefficients, base)
+            profiles.cycles_at(segment), ramp, image, layout, index, work[0], work[1], paths,
+            coefficients, base)
 
 
 class PolarLines:
