@@ -77,8 +77,9 @@ def measure_pair(cut, offset_m) -> Pair:
     near = near[power[near] > 0.1 * power[near].max()]
     low, high = np.sort(near[np.argsort(power[near])[-2:]])[[0, -1]]
     top = max(power[low], power[high])
-    beyond = np.concatenate([minima[minima < low][-1:], minima[minima > high][:1]])
-    outside = np.concatenate([power[:beyond[0]], power[beyond[-1]:]])
+    start = minima[minima < low].max(initial=0)
+    stop = minima[minima > high].min(initial=power.size - 1)
+    outside = np.concatenate([power[:start + 1], power[stop:]])
     between = power[low:high + 1].min()
     return Pair((float(offset_m[low]), float(offset_m[high])),
                 _decibels(between, min(power[low], power[high])),

@@ -45,9 +45,9 @@ def images(experiment, recording):
             for name, form in imagers.IMAGERS.items() if name in SOME}
 
 
-def _sincs(offset, *places):
-    """Responses of an aperture with nulls 0.15 m apart, unweighted."""
-    return sum(a * np.sinc((offset - x) / 0.15) for x, a in places)
+def _sinc(offset):
+    """Response of an unweighted aperture with nulls 0.15 m apart."""
+    return np.sinc(offset / 0.15)
 
 
 def test_windowed_phase_history_and_profiles_are_one_image(experiment, recording):
@@ -63,22 +63,28 @@ def test_windowed_phase_history_and_profiles_are_one_image(experiment, recording
     assert error_db(image[rows, columns], expected) < -75
 
 
-def test_pair_of_sincs():
+def test_pair_of_separate_lobes():
     offset = np.arange(-600, 601) * 0.005
-    apart = measure.measure_pair(_sincs(offset, (-0.15, 1.0), (0.15, 0.5)), offset)
-    # The weaker one's null stands at the stronger's middle and the other way round.
-    assert apart.separation_m == pytest.approx(0.3, abs=0.05)  # sidelobes pull
-    assert apart.imbalance_db == pytest.approx(-6.0, abs=0.5)
-    assert apart.dip_db < -6
-    one = measure.measure_pair(_sincs(offset, (-0.03, 1.0), (0.03, 1.0)), offset)
-    assert (one.separation_m, one.dip_db, one.imbalance_db) == (0, 0, 0)
+    cut = sum(a * np.exp(-((offset - x) / 0.05) ** 2)
+              for a, x in ((1.0, -0.15), (0.5, 0.15), (0.1, 1.0)))
+    pair = measure.measure_pair(cut, offset)
+    assert pair.peaks_m == pytest.approx((-0.15, 0.15), abs=1e-6)
+    assert pair.imbalance_db == pytest.approx(-6.02, abs=0.01)
+    assert pair.sidelobe_db == pytest.approx(-20.0, abs=0.01)
+    assert pair.dip_db < -60
+
+
+def test_one_lobe_is_no_pair():
+    offset = np.arange(-600, 601) * 0.005
+    pair = measure.measure_pair(_sinc(offset - 0.03) + _sinc(offset + 0.03), offset)
+    assert (pair.separation_m, pair.dip_db, pair.imbalance_db) == (0, 0, 0)
     # first sidelobe of a sinc -13.3 dB, of a slightly widened lobe less
-    assert -16 < one.sidelobe_db < -13
+    assert -16 < pair.sidelobe_db < -13
 
 
 def test_phase_decides_whether_the_pair_separates():
     offset = np.arange(-600, 601) * 0.005
-    pairs = measure.separability(_sincs(offset, (0.0, 1.0)), offset)
+    pairs = measure.separability(_sinc(offset), offset)
     assert pairs[0].separation_m == 0
     # In quadrature powers add: sinc(1/2)^2 to (1 + sinc(1)^2) / 2, that is 2 (2/pi)^2.
     assert pairs[90].dip_db == pytest.approx(20 * np.log10(2 / np.pi) + 10 * np.log10(2), abs=0.1)
