@@ -199,6 +199,16 @@ class ApertureImager:
         self._report_late()
         return images
 
+    def reset(self) -> int:
+        """Forget the aperture being filled and the sequence; returns the pulses so dropped."""
+        dropped = self._detector.held_pulses
+        if self._open is not None:
+            dropped += int(np.count_nonzero(self._open.seen))
+        self._report_late()
+        self._detector.reset()
+        self._begin_sequence()
+        return dropped
+
     def _prepare(self, block: PulseBlock) -> list[ApertureImage]:
         """Plan for a block of a new configuration and close what belongs to the old one."""
         if self._example is not None and block.matches(self._example):

@@ -25,8 +25,9 @@ from sar_imaging.imaging.backprojection import compile_kernels
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.sequence import describe_counters
 
-from .parameters import ConfigurationError, Parameter
-from .stage import LATCHED, Stage, run
+from .managed import LATCHED, run
+from .parameters import ANY_TIME, ConfigurationError, Parameter
+from .stage import Stage
 
 PARAMETERS = (
     Parameter('grid.centre_x', 0.0, 'Middle of the image, x in the imaging frame.', 'm',
@@ -39,18 +40,18 @@ PARAMETERS = (
     Parameter('grid.size_y', 100.0, 'Extent of the image along y.', 'm', 0.0, 1e6),
     Parameter('grid.spacing', 0.25, 'Pixel spacing along x and y; at most half the resolution.',
               'm', 1e-4, 1e4),
-    Parameter('max_image_pixels', 2**25, 'Larger images are refused at the start.', 'pixels',
+    Parameter('max_image_pixels', 2**25, 'Larger images are refused.', 'pixels',
               1, 2**31 - 1),
     Parameter('pulses_per_aperture', 1024, 'Length of an aperture; the same in pulse_buffer.',
               'pulses', 1, 2**31 - 1),
     Parameter('aperture_timeout_s', 5.0, 'An aperture is closed when no input came for this long, '
-              'by the wall clock.', 's', 0.01, 3600.0, read_only=False),
+              'by the wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME),
     Parameter('min_pulse_fraction', 0.5, 'Share of its pulses that an aperture must have to be '
-              'imaged.', '', 0.0, 1.0, read_only=False),
+              'imaged.', '', 0.0, 1.0, changes=ANY_TIME),
     Parameter('target_db', -80.0, 'Largest error against exact correlation to plan for.', 'dB',
               -100.0, -20.0),
     Parameter('quicklook.dynamic_range_db', 60.0, 'Range of image_quicklook below the brightest '
-              'pixel.', 'dB', 1.0, MAX_DYNAMIC_RANGE_DB, read_only=False),
+              'pixel.', 'dB', 1.0, MAX_DYNAMIC_RANGE_DB, changes=ANY_TIME),
     Parameter('frame_id', 'map', 'Frame of the phase centres and of the images.'),
 )
 
@@ -59,14 +60,20 @@ class BackprojectionNode(Stage):
     """Publishes images from what comes on `range_profiles`."""
 
     NAME = 'backprojection'
+    IDLE_PARAMETER = 'aperture_timeout_s'
 
     def __init__(self):
         super().__init__(
             input_topic='range_profiles', parameters=PARAMETERS,
             counters=('images_published', 'pulses_imaged', 'pulses_missing_in_last_aperture',
-                      'last_image_seconds'),
+                      'last_image_seconds', 'image_latency_seconds', 'predicted_error_db'),
             faults=('pulses_missing', 'pulses_late', 'pulses_duplicate', 'apertures_dropped',
                     'restarts'))
+        self.create_trigger('~/form_image', self._form_image)
+
+    def configure(self) -> None:
+        """Create the imager and the outputs; see `ManagedNode.configure`."""
+        super().configure()
         self._grid = self._make_grid()
         self._imager = ApertureImager(
             self._grid, pulses_per_aperture=self.parameters['pulses_per_aperture'],
@@ -78,8 +85,13 @@ class BackprojectionNode(Stage):
         self._complex = self.create_output(Image, 'image_complex', qos)
         self._quicklook = self.create_output(Image, 'image_quicklook', qos)
         self._map_metadata = self.create_output(MapMetaData, 'map_metadata', LATCHED)
+        compile_kernels()  # the first image must not wait for it
+
+    def activate(self) -> None:
+        """Tell where the images will be and begin to work; see `ManagedNode.activate`."""
         self._map_metadata.publish(map_metadata_to_message(self._grid,
                                                            self.get_clock().now().to_msg()))
+        super().activate()
 
     def _make_grid(self) -> MapGrid:
         p = self.parameters
@@ -92,11 +104,6 @@ class BackprojectionNode(Stage):
                 f'raise grid.spacing={spacing:g} or max_image_pixels')
         return MapGrid.from_size((p['grid.centre_x'], p['grid.centre_y'], p['grid.centre_z']),
                                  p['grid.size_x'], p['grid.size_y'], spacing)
-
-    def start(self) -> None:
-        """Begin to work; see `Stage.start`."""
-        compile_kernels()  # the first image must not wait for it
-        super().start(idle_s=lambda: self.parameters['aperture_timeout_s'])
 
     def summary(self) -> str:
         """Settings for the log line at the start."""
@@ -114,6 +121,13 @@ class BackprojectionNode(Stage):
         """Close the aperture, since the input pauses."""
         self._follow(self._imager.flush)
 
+    def discard(self) -> int:
+        """Forget the aperture being filled; returns the number of its pulses."""
+        dropped = self._imager.reset()
+        self.report(self._imager.take_events())
+        self._seconds = 0.0
+        return dropped
+
     def update_counters(self) -> None:
         """Take the imager's statistics over."""
         s = self._imager.statistics
@@ -122,7 +136,19 @@ class BackprojectionNode(Stage):
         self.health.set('apertures_dropped', s.apertures_dropped)
         self.health.set('restarts', s.restarts)
 
-    def _follow(self, work, *arguments) -> None:
+    def _form_image(self) -> tuple[bool, str]:
+        """Close the aperture now: answer of the service form_image."""
+        dropped = self._imager.statistics.apertures_dropped
+        images = self._follow(self._imager.flush)
+        if images:
+            return True, '; '.join(_describe(image) for image in images)
+        if self._imager.statistics.apertures_dropped > dropped:
+            return False, ('the aperture has fewer pulses than '
+                           f'min_pulse_fraction={self.parameters["min_pulse_fraction"]:g} of it '
+                           'and was dropped')
+        return False, 'no aperture is being filled'
+
+    def _follow(self, work, *arguments) -> list[ApertureImage]:
         self._imager.min_pulse_fraction = self.parameters['min_pulse_fraction']
         started = time.perf_counter()
         try:
@@ -132,6 +158,7 @@ class BackprojectionNode(Stage):
             self.report(self._imager.take_events())
         for image in images:
             self._publish(image)
+        return images
 
     def _publish(self, result: ApertureImage) -> None:
         header = Header(stamp=Time(sec=result.stamp_ns // 10**9,
@@ -147,10 +174,15 @@ class BackprojectionNode(Stage):
         self.health.count('pulses_missing', result.n_missing)
         self.health.set('pulses_missing_in_last_aperture', result.n_missing)
         self.health.set('last_image_seconds', seconds)
-        missing = describe_counters(result.missing.tolist()) if result.n_missing else 'none'
-        self.health.info(f'image of aperture {result.aperture}: {result.n_pulses} pulses, '
-                         f'missing {missing}; {seconds:.3g} s of work, predicted error '
+        self.health.set('image_latency_seconds', time.monotonic() - self.received_s)
+        self.health.set('predicted_error_db', result.predicted_error_db)
+        self.health.info(f'{_describe(result)}; {seconds:.3g} s of work, predicted error '
                          f'{result.predicted_error_db:.0f} dB')
+
+
+def _describe(result: ApertureImage) -> str:
+    missing = describe_counters(result.missing.tolist()) if result.n_missing else 'none'
+    return f'image of aperture {result.aperture}: {result.n_pulses} pulses, missing {missing}'
 
 
 def main() -> int:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import collections
+import math
+import os
 import threading
 import time
 from collections.abc import Iterable
@@ -12,6 +14,7 @@ from rclpy.node import Node
 
 RECENT_S = 10.0  # a fault colours the diagnostics for this long
 LINES_PER_PERIOD = 20  # log lines between two diagnostics messages; the rest is counted
+MEMORY = 'memory_megabytes'
 
 
 class Health:
@@ -34,17 +37,23 @@ class Health:
     def __init__(self, node: Node, *, counters: Iterable[str], faults: Iterable[str],
                  errors: Iterable[str]):
         self._logger = node.get_logger()
+        self._context = node.context
         self._clock = node.get_clock()
         self._name = node.get_fully_qualified_name().lstrip('/')
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._lock = threading.Lock()
-        self._values: dict[str, int | float] = dict.fromkeys(counters, 0)
+        self._values: dict[str, int | float] = dict.fromkeys([*counters, MEMORY], 0)
         self._watched = {DiagnosticStatus.WARN: tuple(faults),
                          DiagnosticStatus.ERROR: tuple(errors)}
         self._totals: collections.Counter = collections.Counter()
         self._last_change: dict[bytes, float] = {}
         self._lines = 0
         self._suppressed = 0
+
+    def clear(self) -> None:
+        """Count from zero again."""
+        with self._lock:
+            self._values = dict.fromkeys(self._values, 0)
 
     def count(self, key: str, increment: int = 1) -> None:
         """Increase a counter."""
@@ -73,6 +82,8 @@ class Health:
             self._logger.error(text)
 
     def _may_log(self) -> bool:
+        if not self._context.ok():
+            return False  # Ctrl-C: /rosout is gone, and rcl complains about every line
         with self._lock:
             self._lines += 1
             if self._lines > LINES_PER_PERIOD:
@@ -90,6 +101,7 @@ class Health:
         state : str
             What the node does when nothing is wrong.
         """
+        self.set(MEMORY, resident_megabytes())
         with self._lock:
             level, message = self._judge(problem, state)
             values = [KeyValue(key=k, value=_format(v)) for k, v in self._values.items()]
@@ -120,5 +132,41 @@ class Health:
         return DiagnosticStatus.OK, state
 
 
+class Rates:
+    """Pulses and bytes per second of the input, between two calls of `take`.
+
+    Both are called in the thread of the callbacks.
+    """
+
+    KEYS = ('input_pulses_per_s', 'input_megabytes_per_s')
+
+    def __init__(self):
+        self._since = time.monotonic()
+        self._n_pulses = self._n_bytes = 0
+
+    def add(self, n_pulses: int, n_bytes: int) -> None:
+        """Count a message."""
+        self._n_pulses += n_pulses
+        self._n_bytes += n_bytes
+
+    def take(self) -> dict[str, float]:
+        """Rates by key since the last call."""
+        now = time.monotonic()
+        seconds = max(now - self._since, 1e-9)
+        values = self._n_pulses / seconds, self._n_bytes / 1e6 / seconds
+        self._since, self._n_pulses, self._n_bytes = now, 0, 0
+        return dict(zip(self.KEYS, values, strict=True))
+
+
+def resident_megabytes() -> float:
+    """Memory that this process has in RAM, MB; NaN where the system does not tell."""
+    try:
+        with open('/proc/self/statm') as statm:
+            return int(statm.read().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 1e6
+    except OSError:
+        return math.nan
+
+
 def _format(value: int | float) -> str:
-    return f'{value:.4g}' if isinstance(value, float) else str(value)
+    # Figures always have a point or exponent, so that readers can tell them from counts.
+    return str(float(f'{value:.4g}')) if isinstance(value, float) else str(value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 from collections.abc import Callable, Iterable
@@ -14,6 +15,11 @@ from rcl_interfaces.msg import (
 )
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
+
+# When a parameter may change.
+START = 'start'  # never after the start of the process
+CONFIGURE = 'configure'  # while the node is unconfigured; it counts when it is configured
+ANY_TIME = 'any time'
 
 
 class ConfigurationError(ValueError):
@@ -38,8 +44,8 @@ class Parameter:
         Inclusive range of a number.
     check : callable or None
         Raises ValueError for a value that the range cannot tell.
-    read_only : bool
-        True when the value counts at the start only.
+    changes : str
+        `START`, `CONFIGURE` or `ANY_TIME`: when the value may change.
     """
 
     name: str
@@ -49,14 +55,16 @@ class Parameter:
     minimum: float | None = None
     maximum: float | None = None
     check: Callable[[object], object] | None = None
-    read_only: bool = True
+    changes: str = CONFIGURE
 
     def descriptor(self) -> ParameterDescriptor:
         """Descriptor for `ros2 param describe` and for parameter editors."""
         unit = f' Unit: {self.unit}.' if self.unit else ''
         descriptor = ParameterDescriptor(
             name=self.name, type=RosParameter.Type.from_parameter_value(self.default).value,
-            description=f'{self.description}{unit}', read_only=self.read_only)
+            description=f'{self.description}{unit}', read_only=self.changes == START)
+        if self.changes == CONFIGURE:
+            descriptor.additional_constraints = 'Changes only while the node is unconfigured.'
         if self.minimum is not None:
             kind = type(self.default)
             limits = {'from_value': kind(self.minimum), 'to_value': kind(self.maximum)}
@@ -102,50 +110,77 @@ class Parameter:
 class ParameterValues:
     """Declared parameters of a node and their current values, to be read by name.
 
+    Values given at the start are declared as they are, so that a node without an impossible
+    value can still be configured after somebody corrected it; `load` checks them all.
+
     Parameters
     ----------
     node : rclpy.node.Node
         Node to declare them on.
     table : iterable of Parameter
         What to declare.
-
-    Raises
-    ------
-    ConfigurationError
-        A value given at the start has the wrong type or is out of range.
     """
 
     def __init__(self, node: Node, table: Iterable[Parameter]):
+        self._node = node
         self._table = {p.name: p for p in table}
-        self._values = {p.name: self._declare(node, p) for p in self._table.values()}
+        self._values = {name: p.default for name, p in self._table.items()}
+        self._unsettled = set(self._table)  # declared for any type, without their ranges
+        self._configured = False
+        for p in self._table.values():
+            # With any type first: `spacing: 1` for a double would kill the node, and what is
+            # wrong with a value is said in one line when the node is configured.
+            node.declare_parameter(p.name, p.default, ParameterDescriptor(dynamic_typing=True))
+            with contextlib.suppress(ConfigurationError):
+                self._settle(p)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
 
     def __getitem__(self, name: str):
         return self._values[name]
 
-    @staticmethod
-    def _declare(node: Node, parameter: Parameter):
-        # Declared with any type first: `spacing: 1` for a double would kill the node, and what
-        # is wrong with a value is said here in one line.
-        given = node.declare_parameter(parameter.name, parameter.default,
-                                       ParameterDescriptor(dynamic_typing=True))
-        value = parameter.coerce(given.value)
-        node.set_parameters([RosParameter(parameter.name, value=value)])
-        node.set_descriptor(parameter.name, parameter.descriptor())
-        return value
+    def load(self) -> None:
+        """Check all values; those that count at configuration are refused from now on.
+
+        Raises
+        ------
+        ConfigurationError
+            A value has the wrong type or is out of range.
+        """
+        for name in sorted(self._unsettled):
+            self._settle(self._table[name])
+        self._configured = True
+
+    def release(self) -> None:
+        """Allow changes of the parameters that count at configuration."""
+        self._configured = False
+
+    def _settle(self, parameter: Parameter) -> None:
+        """Give a parameter its type and range, once its value has them."""
+        value = parameter.coerce(self._node.get_parameter(parameter.name).value)
+        self._node.set_parameters([RosParameter(parameter.name, value=value)])
+        self._node.set_descriptor(parameter.name, parameter.descriptor())
+        self._values[parameter.name] = value
+        self._unsettled.remove(parameter.name)
 
     def _check(self, parameters: list[RosParameter]) -> SetParametersResult:
         try:
             for p in parameters:
                 if p.name in self._table:
-                    self._table[p.name].coerce(p.value)
+                    self._check_one(self._table[p.name], p.value)
         except ConfigurationError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def _check_one(self, parameter: Parameter, value) -> None:
+        value = parameter.coerce(value)
+        if (self._configured and parameter.changes == CONFIGURE
+                and value != self._values[parameter.name]):
+            raise ConfigurationError(
+                f'parameter {parameter.name} counts when the node is configured; deactivate it '
+                'and clean it up, set the parameter, then configure and activate it again')
 
     def _apply(self, parameters: list[RosParameter]) -> None:
         for p in parameters:
             if p.name in self._table:
                 self._values[p.name] = self._table[p.name].coerce(p.value)
-

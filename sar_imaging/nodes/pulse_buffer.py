@@ -10,8 +10,9 @@ from msg_conversions.pulse_block import to_message
 from sar_imaging.signal.pulse_buffer import PulseBuffer
 from sar_imaging.signal.pulses import PulseBlock
 
-from .parameters import Parameter
-from .stage import Stage, run
+from .managed import run
+from .parameters import ANY_TIME, Parameter
+from .stage import Stage
 
 PARAMETERS = (
     Parameter('pulses_per_aperture', 1024, 'Length of an aperture; the same in backprojection.',
@@ -21,7 +22,7 @@ PARAMETERS = (
     Parameter('reorder_window_pulses', 128, 'Distance over which pulses are put back in order; a '
               'pulse that is further behind is missing.', 'pulses', 0, 1_000_000),
     Parameter('flush_timeout_s', 0.5, 'Held pulses are published when no input came for this '
-              'long, by the wall clock.', 's', 0.01, 3600.0, read_only=False),
+              'long, by the wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME),
 )
 
 
@@ -29,6 +30,7 @@ class PulseBufferNode(Stage):
     """Publishes ordered blocks on `pulse_blocks` from what comes on `pulses`."""
 
     NAME = 'pulse_buffer'
+    IDLE_PARAMETER = 'flush_timeout_s'
 
     def __init__(self):
         super().__init__(
@@ -37,15 +39,15 @@ class PulseBufferNode(Stage):
                       'configuration_changes'),
             faults=('pulses_missing', 'pulses_duplicate', 'pulses_late', 'pulses_corrupt',
                     'restarts'))
+
+    def configure(self) -> None:
+        """Create the buffer and the output; see `ManagedNode.configure`."""
+        super().configure()
         self._buffer = PulseBuffer(
             pulses_per_aperture=self.parameters['pulses_per_aperture'],
             pulses_per_block=self.parameters['pulses_per_block'],
             reorder_window_pulses=self.parameters['reorder_window_pulses'])
         self._output = self.create_output(Float32MultiArray, 'pulse_blocks', self.stream_qos())
-
-    def start(self) -> None:
-        """Begin to work; see `Stage.start`."""
-        super().start(idle_s=lambda: self.parameters['flush_timeout_s'])
 
     def summary(self) -> str:
         """Settings for the log line at the start."""
@@ -60,6 +62,10 @@ class PulseBufferNode(Stage):
     def idle(self) -> None:
         """Publish what is held, since the input pauses."""
         self._publish(self._buffer.flush())
+
+    def discard(self) -> int:
+        """Begin a new sequence with the next pulse; returns the number of pulses held so far."""
+        return self._buffer.reset()
 
     def update_counters(self) -> None:
         """Take the buffer's statistics over."""

@@ -11,8 +11,9 @@ from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RANGE_FILTERS, RangeCompressor
 from sar_imaging.signal.windows import WINDOW_NAMES, parse_window
 
-from .parameters import Parameter
-from .stage import Stage, run
+from .managed import run
+from .parameters import ANY_TIME, Parameter
+from .stage import Stage
 
 
 def _check_range_filter(name: str) -> None:
@@ -22,12 +23,12 @@ def _check_range_filter(name: str) -> None:
 
 PARAMETERS = (
     Parameter('window', 'none', f'Weighting over the band: {", ".join(WINDOW_NAMES)}; also '
-              'taylor:NBAR:SIDELOBE_DB and kaiser:BETA.', check=parse_window, read_only=False),
+              'taylor:NBAR:SIDELOBE_DB and kaiser:BETA.', check=parse_window, changes=ANY_TIME),
     Parameter('range_filter', 'equalised', 'Filter for LFM pulses: equalised (the response is '
               "the window's alone) or matched (least loss of signal to noise).",
-              check=_check_range_filter, read_only=False),
+              check=_check_range_filter, changes=ANY_TIME),
     Parameter('oversampling', 2.0, 'Range samples per resolution cell c/2B of the output.',
-              'samples per cell', 1.0, 16.0, read_only=False),
+              'samples per cell', 1.0, 16.0, changes=ANY_TIME),
 )
 
 
@@ -39,6 +40,10 @@ class RangeCompressionNode(Stage):
     def __init__(self):
         super().__init__(input_topic='pulse_blocks', parameters=PARAMETERS,
                          counters=('blocks_published', 'plans_made'))
+
+    def configure(self) -> None:
+        """Create the output; see `ManagedNode.configure`."""
+        super().configure()
         self._plan: RangeCompressor | None = None
         self._planned_for: tuple | None = None
         self._output = self.create_output(Float32MultiArray, 'range_profiles', self.stream_qos())

@@ -3,9 +3,26 @@
 from __future__ import annotations
 
 import collections
+import concurrent.futures
+import dataclasses
 import threading
 import time
 from collections.abc import Callable
+
+
+@dataclasses.dataclass(frozen=True)
+class _Call:
+    """A function to call between two items."""
+
+    function: Callable[[], object]
+    future: concurrent.futures.Future
+
+    def run(self) -> None:
+        if self.future.set_running_or_notify_cancel():
+            try:
+                self.future.set_result(self.function())
+            except Exception as error:
+                self.future.set_exception(error)
 
 
 class Worker:
@@ -54,19 +71,46 @@ class Worker:
             self._changed.notify()
         return True
 
+    def call(self, function: Callable[[], object]) -> concurrent.futures.Future:
+        """Call a function in the worker's thread, once what waits now is done.
+
+        Its result or exception goes into the future, which is cancelled when the worker stops
+        before.
+        """
+        call = _Call(function, concurrent.futures.Future())
+        with self._changed:
+            if self._stopping:
+                call.future.cancel()
+            else:
+                self._items.append(call)
+                self._changed.notify()
+        return call.future
+
     @property
     def waiting(self) -> int:
         """Number of items in the queue."""
         return len(self._items)
 
-    def stop(self) -> None:
-        """Finish the item in work, discard the others and join the thread."""
+    def clear(self) -> list:
+        """Discard the items that wait and return them; calls stay."""
+        with self._changed:
+            items = [i for i in self._items if not isinstance(i, _Call)]
+            self._items = collections.deque(i for i in self._items if isinstance(i, _Call))
+        return items
+
+    def stop(self) -> list:
+        """Finish the item in work, join the thread and return the items that were not begun."""
         with self._changed:
             self._stopping = True
+            left = list(self._items)
             self._items.clear()
             self._changed.notify()
         if self._thread.is_alive():
             self._thread.join()
+        for call in left:
+            if isinstance(call, _Call):
+                call.future.cancel()
+        return [item for item in left if not isinstance(item, _Call)]
 
     def _run(self) -> None:
         idle_since: float | None = None  # None when there is nothing to be idle about
@@ -77,7 +121,9 @@ class Worker:
                 if self._stopping:
                     return
                 item = self._items.popleft() if self._items else None
-            if item is not None:
+            if isinstance(item, _Call):
+                item.run()
+            elif item is not None:
                 self._guarded(self._work, item)
                 idle_since = time.monotonic()
             elif idle_since is not None and self._remaining(idle_since) == 0.0:

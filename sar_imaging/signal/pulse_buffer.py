@@ -23,7 +23,7 @@ _REMEMBERED_GAPS = 1024  # enough to tell late pulses from duplicates; bounds th
 
 @dataclasses.dataclass
 class BufferStatistics:
-    """Counts of pulses; ``received = emitted + duplicate + late + corrupt + held``."""
+    """Counts of pulses; ``received = emitted + duplicate + late + corrupt + held + reset``."""
 
     received: int = 0
     emitted: int = 0
@@ -31,6 +31,7 @@ class BufferStatistics:
     duplicate: int = 0
     late: int = 0
     corrupt: int = 0
+    reset: int = 0
     restarts: int = 0
     configuration_changes: int = 0
     apertures_started: int = 0
@@ -144,6 +145,14 @@ class PulseBuffer:
         """
         emitted = self._follow(self._detector.flush())
         return emitted + self._drain()
+
+    def reset(self) -> int:
+        """Forget the sequence and everything held; returns the number of pulses so dropped."""
+        dropped = self.held_pulses
+        self.statistics.reset += dropped
+        self._detector.reset()
+        self._begin_sequence()
+        return dropped
 
     def _change_configuration(self) -> list[PulseBlock]:
         emitted = self.flush()

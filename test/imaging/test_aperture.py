@@ -188,3 +188,15 @@ def test_read_only_profiles_are_enough():
 def test_impossible_options_are_refused(options):
     with pytest.raises(ValueError, match=next(iter(options))):
         ApertureImager(GRID, **{'pulses_per_aperture': LENGTH} | options)
+
+
+def test_a_reset_drops_the_aperture_being_filled():
+    stage = imager()
+    run(stage, [profiles(range(50, 75))])
+    assert stage.reset() == 25
+    assert stage.flush() == []
+    # Earlier counters are neither late nor a restart: the sequence is a new one.
+    [result] = run(stage, [profiles(range(0, LENGTH))])
+    assert_image_of(result, profiles(range(0, LENGTH)))
+    assert (stage.statistics.late, stage.statistics.restarts) == (0, 0)
+    assert stage.reset() == 0

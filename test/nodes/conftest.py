@@ -14,12 +14,17 @@ pytest.importorskip('rclpy', reason='rclpy comes as wheels for Linux on x86-64 o
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
 from nav_msgs.msg import MapMetaData
+from rcl_interfaces.srv import SetParameters
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Image
 from std_msgs.msg import Float32MultiArray, UInt32
+from std_srvs.srv import Trigger
 
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.signal.pulses import concatenate
@@ -121,7 +126,7 @@ class Nodes:
 class Observer:
     """A ROS node in the test's process: sends pulses, collects all that the nodes publish."""
 
-    def __init__(self, namespace, describe):
+    def __init__(self, namespace, describe, pulses='pulses'):
         self._describe = describe
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
@@ -129,7 +134,7 @@ class Observer:
         self.messages = collections.defaultdict(list)
         self.joined = 0  # subscribers of the pulses, those that left included
         self._pulses = self.node.create_publisher(
-            Float32MultiArray, 'pulses', 1000,
+            Float32MultiArray, pulses, 1000,
             event_callbacks=PublisherEventCallbacks(matched=self._subscriber_matched))
         for topic in ('image', 'image_complex', 'image_quicklook'):
             self._subscribe(Image, topic, 50)
@@ -166,6 +171,35 @@ class Observer:
         return wait(condition, what, describe=self._describe,
                     work=lambda: self._executor.spin_once(timeout_sec=0.1))
 
+    def call(self, service_type, name, **fields):
+        """Response of a service."""
+        client = self.node.create_client(service_type, name)
+        self.wait(client.service_is_ready, f'service {name}')
+        future = client.call_async(service_type.Request(**fields))
+        self.wait(future.done, f'an answer of {name}')
+        self.node.destroy_client(client)
+        return future.result()
+
+    def trigger(self, name):
+        """Success and message of a service of type Trigger."""
+        answer = self.call(Trigger, name)
+        return answer.success, answer.message
+
+    def change_state(self, node, transition):
+        """Success of a life cycle transition, given by its label."""
+        return self.call(ChangeState, f'{node}/change_state',
+                         transition=Transition(label=transition)).success
+
+    def state(self, node):
+        """Label of a node's life cycle state."""
+        return self.call(GetState, f'{node}/get_state').current_state.label
+
+    def set_parameter(self, node, name, value):
+        """Success and reason of setting a parameter."""
+        [result] = self.call(SetParameters, f'{node}/set_parameters', parameters=[
+            Parameter(name, value=value).to_parameter_msg()]).results
+        return result.successful, result.reason
+
     def wait_for(self, topic, count):
         """The first `count` messages of a topic."""
         self.wait(lambda: len(self.messages[topic]) >= count, f'{count} messages of {topic}')
@@ -201,9 +235,10 @@ class Observer:
 class Chain(Nodes):
     """The three nodes as processes, connected, and an observer."""
 
-    def __init__(self, folder, environment, parameters, arguments=(), namespace=''):
+    def __init__(self, folder, environment, parameters, arguments=(), namespace='',
+                 pulses='pulses'):
         super().__init__(folder, environment, parameters, arguments)
-        self.observer = Observer(namespace, self.all_logs)
+        self.observer = Observer(namespace, self.all_logs, pulses)
         for name in NODES:
             self.start(name)
 
@@ -241,14 +276,15 @@ def make_chain(ros_environment, tmp_path):
     """Start the three nodes for a recording's truth; ended by Ctrl-C after the test."""
     chains = []
 
-    def make(truth, *, arguments=(), namespace='', **parameters):
+    def make(truth, *, arguments=(), namespace='', pulses='pulses', **parameters):
         values = parameters_from_truth(truth)
         for node, extra in parameters.items():
             values[node] |= extra
         if namespace:
             values = {f'/{namespace}/{node}': v for node, v in values.items()}
             arguments = ['-r', f'__ns:=/{namespace}', *arguments]
-        chain = Chain(tmp_path / 'nodes', ros_environment, values, arguments, namespace)
+        chain = Chain(tmp_path / f'nodes{len(chains)}', ros_environment, values, arguments,
+                      namespace, pulses)
         chains.append(chain)
         chain.wait_until_connected()
         return chain

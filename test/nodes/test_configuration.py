@@ -6,21 +6,20 @@ import re
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.parameter import Parameter as RosParameter
-from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float32MultiArray
 
 from sar_imaging.nodes import backprojection, pulse_buffer, range_compression
+from sar_imaging.nodes.managed import AUTOSTART
 from sar_imaging.nodes.stage import COMMON_PARAMETERS
 
 MODULES = {'pulse_buffer': pulse_buffer, 'range_compression': range_compression,
            'backprojection': backprojection}
-TYPES = {float: 'double', int: 'int', str: 'string'}
+TYPES = {float: 'double', int: 'int', str: 'string', bool: 'bool'}
 
 
 def table(name):
-    return {p.name: p for p in (*MODULES[name].PARAMETERS, *COMMON_PARAMETERS)}
+    return {p.name: p for p in (*MODULES[name].PARAMETERS, *COMMON_PARAMETERS, AUTOSTART)}
 
 
 def flatten(tree, prefix=''):
@@ -59,15 +58,16 @@ def test_every_line_of_the_configuration_file_has_a_sentence(config_file):
 def test_the_page_of_a_node_describes_every_parameter(pytestconfig, name):
     page = (pytestconfig.rootpath / 'docs' / 'nodes' / f'{name}.md').read_text()
     rows = {}
-    for row in re.findall(r'^\| `[^`]+` \|.* (?:start|any time) \|.*$', page, re.MULTILINE):
+    for row in re.findall(r'^\| `[^`]+` \|.* (?:start|configure|any time) \|.*$', page,
+                          re.MULTILINE):
         cells = [c.strip() for c in row.strip('|').split('|')]
         rows[cells[0].strip('`')] = cells[1:6]
     expected = {}
     for p in table(name).values():
         limits = '' if p.minimum is None else (
             f'{type(p.default)(p.minimum)} to {type(p.default)(p.maximum)}')
-        expected[p.name] = [TYPES[type(p.default)], str(p.default), limits, p.unit,
-                            'start' if p.read_only else 'any time']
+        default = str(p.default).lower() if isinstance(p.default, bool) else str(p.default)
+        expected[p.name] = [TYPES[type(p.default)], default, limits, p.unit, p.changes]
     expected_choices = {'window': 'none, hamming, hann, taylor, kaiser',
                         'range_filter': 'equalised, matched'}
     for choice, words in expected_choices.items():
@@ -108,14 +108,9 @@ def test_diagnostics_have_the_keys_of_the_page(start_node, make_observer, pytest
 def test_parameters_are_checked_and_used_while_the_node_runs(start_node, make_observer):
     start_node('range_compression')
     observer = make_observer()
-    client = AsyncParameterClient(observer.node, 'range_compression')
-    observer.wait(client.services_are_ready, 'parameter services')
 
     def set_parameter(name, value):
-        future = client.set_parameters([RosParameter(name, value=value)])
-        observer.wait(future.done, f'an answer to {name}={value}')
-        [result] = future.result().results
-        return result.successful, result.reason
+        return observer.set_parameter('range_compression', name, value)
 
     assert set_parameter('window', 'hamming') == (True, '')
     successful, reason = set_parameter('window', 'box')
@@ -124,6 +119,10 @@ def test_parameters_are_checked_and_used_while_the_node_runs(start_node, make_ob
     successful, reason = set_parameter('oversampling', 100.0)
     assert not successful
     successful, reason = set_parameter('queue_depth', 7)
+    assert not successful
+    assert 'queue_depth counts when the node is configured; deactivate it and clean' in reason
+    assert set_parameter('queue_depth', 50) == (True, '')  # which it is already
+    successful, reason = set_parameter('autostart', False)
     assert not successful
     assert 'read-only' in reason
 

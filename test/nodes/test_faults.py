@@ -180,7 +180,7 @@ def test_an_impossible_parameter_ends_the_node_with_one_clear_line(start_node, n
     node = start_node(name, parameters)
     assert node.exit_code(name) == 1
     [line] = node.log(name).splitlines()
-    assert '[FATAL]' in line
+    assert '[ERROR]' in line
     assert f'[{name}]: ' in line
     assert message in line
 

@@ -102,3 +102,59 @@ def test_stopping_finishes_the_item_in_work_and_discards_the_others():
 
 def test_a_worker_that_never_started_can_be_stopped():
     Worker(print, capacity=1, on_error=print).stop()
+
+
+def test_a_call_comes_after_what_waits_and_returns_its_result(start_worker):
+    begun, go_on, done = threading.Event(), threading.Event(), []
+
+    def work(item):
+        begun.set()
+        go_on.wait(PATIENCE_S)
+        done.append(item)
+
+    worker = start_worker(work, capacity=2)
+    worker.put(0)
+    assert begun.wait(PATIENCE_S)
+    worker.put(1)
+    call, failing = worker.call(done.copy), worker.call(lambda: done[100])
+    go_on.set()
+    assert call.result(PATIENCE_S) == [0, 1]
+    assert isinstance(failing.exception(PATIENCE_S), IndexError)
+
+
+def test_what_is_cleared_is_returned_and_calls_stay(start_worker):
+    begun, go_on, done = threading.Event(), threading.Event(), []
+
+    def work(item):
+        begun.set()
+        go_on.wait(PATIENCE_S)
+        done.append(item)
+
+    worker = start_worker(work)
+    worker.put(0)
+    assert begun.wait(PATIENCE_S)
+    worker.put(1)
+    call = worker.call(done.copy)
+    worker.put(2)
+    assert worker.clear() == [1, 2]
+    go_on.set()
+    assert call.result(PATIENCE_S) == [0]
+
+
+def test_stopping_cancels_calls_that_wait_and_those_to_come():
+    begun, go_on = threading.Event(), threading.Event()
+
+    def work(item):
+        begun.set()
+        go_on.wait(PATIENCE_S)
+
+    worker = Worker(work, capacity=10, on_error=lambda e: None)
+    worker.start()
+    worker.put(0)
+    assert begun.wait(PATIENCE_S)
+    worker.put(1)
+    call = worker.call(list)
+    threading.Timer(0.05, go_on.set).start()
+    assert worker.stop() == [1]
+    assert call.cancelled()
+    assert worker.call(list).cancelled()

@@ -280,3 +280,17 @@ def test_counter_distance_crosses_the_wrap():
 def test_long_lists_of_counters_are_shortened():
     assert describe_counters([1, 2, 3, 7]) == '1..3, 7 (4)'
     assert describe_counters(range(0, 100, 2)) == '0, 2, 4, 6, 8, 10, ... (50)'
+
+
+def test_a_reset_drops_what_is_held_and_begins_anew():
+    buffer = PulseBuffer(pulses_per_aperture=100, pulses_per_block=10, reorder_window_pulses=20)
+    buffer.push(make_block([*range(50, 70), *range(71, 87)]))  # 70 may still come
+    held = buffer.held_pulses
+    assert held == 16
+    assert buffer.reset() == held
+    assert (buffer.held_pulses, buffer.statistics.reset) == (0, held)
+    # Earlier counters are neither late nor a restart: the sequence is a new one.
+    assert numbers(run(buffer, [make_block(range(10, 40))])) == list(range(10, 40))
+    s = buffer.statistics
+    assert (s.late, s.restarts, s.missing) == (0, 0, 0)
+    assert s.received == s.emitted + s.reset

@@ -1,0 +1,267 @@
+"""Managed life cycle of a node: configure, activate, deactivate, clean up; and how to run it."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import traceback
+from collections.abc import Callable, Iterable
+
+import rclpy
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
+from rclpy.duration import Duration
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.exceptions import ParameterException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.logging import get_logger
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
+from rclpy.subscription import Subscription
+
+from .health import Health
+from .parameters import START, ConfigurationError, Parameter, ParameterValues
+
+DIAGNOSTICS_PERIOD_S = 1.0
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                     durability=DurabilityPolicy.TRANSIENT_LOCAL)
+QOS_ERRORS = (ParameterException, InvalidQosOverridesError, RuntimeError)
+
+AUTOSTART = Parameter('autostart', True, 'Configure and activate at the start; without it the '
+                      'node waits for a life cycle manager.', changes=START)
+
+
+class ManagedNode(LifecycleNode):
+    """A life cycle node whose transitions tell why they are refused.
+
+    Subclasses override `configure`, `activate`, `deactivate` and `cleanup`; a `ConfigurationError`
+    in one of the first two refuses the transition, with its text in the log, and undoes it.
+    Diagnostics are published in every state.
+
+    Parameters
+    ----------
+    parameters : iterable of Parameter
+        What to declare, beside `AUTOSTART`.
+    counters, faults : iterable of str
+        Diagnostics keys; `faults` are also counters and mean a warning.
+
+    Attributes
+    ----------
+    NAME : str
+        Name of the node, given by the subclass.
+    parameters : ParameterValues
+        Current values by name.
+    health : Health
+        Counters and log.
+    state : str
+        ``unconfigured``, ``inactive``, ``active`` or ``finalized``.
+    outputs : list of Publisher
+        Publishers to be destroyed when the node is cleaned up.
+    """
+
+    NAME: str
+
+    def __init__(self, *, parameters: Iterable[Parameter], counters: Iterable[str],
+                 faults: Iterable[str]):
+        super().__init__(self.NAME)
+        faults = (*faults, 'qos_incompatible')
+        self.health = Health(self, counters=(*counters, *faults, 'errors'), faults=faults,
+                             errors=('errors',))
+        self.parameters = ParameterValues(self, (*parameters, AUTOSTART))
+        self.state = 'unconfigured'
+        self.outputs: list[Publisher] = []
+        # Of their own: a service that waits for the worker must not hold up the input.
+        self.service_group = MutuallyExclusiveCallbackGroup()
+        # Diagnostics follow the wall clock: a paused simulation is no reason to fall silent.
+        self._timer = self.create_timer(DIAGNOSTICS_PERIOD_S, self.publish_diagnostics,
+                                        clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._jump = self.get_clock().create_jump_callback(
+            JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1),
+                          on_clock_change=False), post_callback=self._time_jumped)
+
+    # ------------------------------------------------------------------------- for subclasses
+
+    def configure(self) -> None:
+        """Make what the parameters describe, outputs included."""
+
+    def activate(self) -> None:
+        """Begin to work."""
+
+    def deactivate(self) -> None:
+        """End the work; called only when `activate` was, and safe when that failed halfway."""
+
+    def cleanup(self) -> None:
+        """Forget what `configure` made; outputs are destroyed afterwards."""
+
+    def publish_diagnostics(self) -> None:
+        """Publish the diagnostics; called once per second in every state."""
+        self.health.publish('', self.state)
+
+    def create_output(self, message_type, topic: str, qos: QoSProfile) -> Publisher:
+        """Publisher with QoS overrides that reports incompatible subscribers.
+
+        It is destroyed when the node is cleaned up.
+
+        Raises
+        ------
+        ConfigurationError
+            A QoS override makes no sense.
+        """
+        def matched(event):
+            self.report_match('subscriber', publisher, event)
+
+        try:
+            publisher = self.create_publisher(
+                message_type, topic, qos,
+                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+                event_callbacks=PublisherEventCallbacks(
+                    incompatible_qos=self.report_incompatible_qos, matched=matched))
+        except QOS_ERRORS as error:
+            raise ConfigurationError(f'QoS override of {topic}: {error}') from error
+        self.outputs.append(publisher)
+        return publisher
+
+    def report_match(self, who: str, endpoint: Publisher | Subscription, event) -> None:
+        """Log that a publisher or subscriber joined or left."""
+        if event.current_count_change == 0:
+            return  # told already: two changes may arrive as one event
+        change = 'joined' if event.current_count_change > 0 else 'left'
+        self.health.info(f'{who} on {endpoint.topic_name} {change} ({event.current_count} now)')
+
+    def report_incompatible_qos(self, event) -> None:
+        """Count and log a publisher or subscriber that cannot be connected."""
+        self.health.count('qos_incompatible', event.total_count_change)
+        policy = qos_policy_name_from_kind(event.last_policy_kind)
+        self.health.warning(f'a publisher or subscriber asks for another {policy}: no messages '
+                            'flow between it and this node; see the QoS overrides')
+
+    def report_error(self, error: BaseException, what: str) -> None:
+        """Count and log what should never happen."""
+        self.health.count('errors')
+        self.health.error(f'{what}:\n' + ''.join(traceback.format_exception(error)))
+
+    # ------------------------------------------------------------------------- transitions
+
+    def start(self) -> bool:
+        """Configure and activate; False when that was refused, with the reason in the log."""
+        success = TransitionCallbackReturn.SUCCESS
+        return self.trigger_configure() == success and self.trigger_activate() == success
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Check the parameters and make what they describe."""
+        def work():
+            self.health.clear()
+            self.parameters.load()
+            self.configure()
+
+        return self._transition('configuration', 'inactive', work, undo=self._release)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin to work."""
+        return self._transition('activation', 'active', self.activate, undo=self.deactivate)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the work; what was made at configuration stays."""
+        return self._transition('deactivation', 'inactive', self.deactivate)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget the configuration."""
+        return self._transition('clean-up', 'unconfigured', self._release)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the work for good, from any state."""
+        return self._transition('shutdown', 'finalized', self._end)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Return to the state before the configuration after an unexpected failure."""
+        return self._transition('recovery', 'unconfigured', self._end)
+
+    def destroy_node(self) -> None:
+        """End the work, then destroy the node."""
+        self._end()
+        super().destroy_node()
+
+    def _transition(self, name: str, goal: str, work: Callable[[], None],
+                    undo: Callable[[], None] = lambda: None) -> TransitionCallbackReturn:
+        try:
+            try:
+                work()
+            except BaseException:
+                undo()
+                raise
+        except ConfigurationError as error:
+            self.health.error(f'{name} refused: {error}')
+            return TransitionCallbackReturn.FAILURE
+        except Exception as error:
+            if not self.context.ok():
+                raise  # Ctrl-C
+            self.report_error(error, f'{name} failed')
+            return TransitionCallbackReturn.ERROR
+        self.state = goal
+        return TransitionCallbackReturn.SUCCESS
+
+    def _end(self) -> None:
+        if self.state == 'active':
+            self.deactivate()
+            self.state = 'inactive'
+        self._release()
+
+    def _release(self) -> None:
+        self.cleanup()
+        outputs, self.outputs = self.outputs, []
+        for publisher in outputs:
+            self.destroy_publisher(publisher)
+        self.parameters.release()
+
+    def _time_jumped(self, jump: TimeJump) -> None:
+        self.health.info(f'time jumped back by {-jump.delta.nanoseconds / 1e9:.3g} s; apertures '
+                         'follow the counters and times of the pulses')
+
+
+def run(node_class: type[ManagedNode], args: list[str] | None = None) -> int:
+    """Spin a node until Ctrl-C or shutdown.
+
+    Returns
+    -------
+    int
+        Exit code: 0 after an orderly end, 1 when the configuration is impossible and the node
+        was to start by itself.
+    """
+    # Without KeyboardInterrupt, which would strike anywhere, the clean-up included: rclpy's own
+    # handler, installed by rclpy.init, shuts the context down and so ends the spinning.
+    interrupted = threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: interrupted.set())
+    node = executor = None
+    try:
+        _init(args)
+        if not interrupted.is_set():
+            node = node_class()
+            executor = SingleThreadedExecutor()
+            executor.add_node(node)
+            if node.parameters['autostart'] and not node.start():
+                return 1
+            executor.spin()
+    except ExternalShutdownException:
+        pass
+    except ConfigurationError as error:
+        get_logger(node_class.NAME).fatal(str(error))
+        return 1
+    except Exception:
+        if rclpy.ok():
+            raise  # otherwise rclpy complains about the context that Ctrl-C has just shut down
+    finally:
+        if executor is not None:
+            executor.shutdown(timeout_sec=0.0)  # a service may wait for the worker, in vain
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def _init(args: list[str] | None) -> None:
+    try:
+        rclpy.init(args=args)
+    except RuntimeError as error:  # what rclpy makes of ROS arguments that it cannot parse
+        raise ConfigurationError(f'ROS arguments: {error}') from error
