@@ -109,7 +109,7 @@ class FfbpImager:
         along = [loops.kernel_weights(kernel, v)
                  for v in (self.range_oversampling, self.angle_oversampling)]
         self._pairs = [loops.paired(w) for w in along]
-        self._weights = [np.ascontiguousarray(w.T) for w in along]
+        self._weights = [w.T.ravel() for w in along]
 
     def _plan_grids(self):
         radar = self.radar
@@ -233,6 +233,10 @@ class FfbpImager:
         add_to_lines(self._profiles, *rows, lines, np.array([n_alpha, 0, n_range, 1, size]),
                      self._ramp[:n_range], image)
 
+    @property
+    def _groups(self) -> int:
+        return _GROUPS_PER_THREAD * numba.get_num_threads()
+
     def _merge(self, child, source, parent, target, first) -> None:
         offset, level = child.centre - parent.centre, self.levels[parent.level]
         spacing, z = self.range_spacing_m, self._frame.z_m
@@ -242,11 +246,11 @@ class FfbpImager:
             child.alpha_start, self.levels[child.level].alpha_spacing,
             2 * spacing / self.radar.wavelength_m])
         width = level.segment + loops.LANES
-        groups = min(parent.shape[0], _GROUPS_PER_THREAD * numba.get_num_threads())
+        groups = min(parent.shape[0], self._groups)
         loops.merge(source, child.shape, target, parent.shape, geometry, *self._pairs,
                     loops.TAPS[self.kernel] // 2, level.segment,
                     np.arange(width, dtype=np.float32), int(first),
-                    np.empty(groups * 6 * width, np.float32))
+                    *np.empty((5, groups * width), np.float32))
 
     def _add(self, node, source, image) -> None:
         """Interpolate one of the last local images to the requested grid."""
@@ -261,8 +265,12 @@ class FfbpImager:
             pixels = [*grid.origin_m[:2], grid.height_m, *grid.track, *grid.across,
                       grid.range_start_m, grid.range_spacing_m, grid.alpha_start,
                       grid.alpha_spacing]
+        taps, groups = loops.TAPS[self.kernel], min(len(image), self._groups)
+        size = groups * loops.PIXELS
         loops.add_to_grid(source, node.shape, geometry, np.array(pixels, float), image.shape,
-                          *self._weights, image.reshape(-1).view(np.float32))
+                          *self._weights, taps, image.reshape(-1).view(np.float32),
+                          *np.empty((2, size)), np.empty(size, np.int64),
+                          *np.empty((4, size), np.float32))
 
 
 def _check_options(kernel, pulses_per_subaperture, merge_factor) -> None:

@@ -14,14 +14,14 @@ import numpy as np
 
 from ..compilation import njit, numba
 from .kernels import LINES, _cos_cycles, _fraction, _sin_cycles
+from .neighbour_sums import DEGREE, interpolate2, interpolate4, interpolate8
 
 #: Neighbours that each kernel reads along range and along direction.
 TAPS = {'linear': 2, 'cubic': 4, 'knab8': 8}
 MARGIN = 0.25  # how far beyond its interval a kernel is evaluated, pixels
 LANES = 16  # float32 values of the widest vector registers
 PADDING = 256  # values after an image that a segment may read
-_DEGREE = 7
-_PIXELS = 64  # of the requested grid, whose geometry is computed together
+PIXELS = 64  # of the requested grid, whose geometry is computed together
 
 
 def kernel_weights(kernel: str, oversampling: float) -> np.ndarray:
@@ -52,7 +52,7 @@ def kernel_weights(kernel: str, oversampling: float) -> np.ndarray:
         nodes = np.arange(taps) + first - 0.5
         values = np.stack([np.prod([(x - m) / (n - m) for m in nodes if m != n], axis=0)
                            for n in nodes], axis=-1)
-    powers = x[:, None] ** np.arange(_DEGREE + 1)
+    powers = x[:, None] ** np.arange(DEGREE + 1)
     weights = np.linalg.lstsq(powers, values, rcond=None)[0].T
     return np.ascontiguousarray(weights, np.float32)
 
@@ -115,9 +115,32 @@ def local_lines(geometry, n_alpha, segment, lines):
                 lines[group, number, 11, j] = 0.0
 
 
+@njit(inline='always')
+def _weigh(real, at_re, imag, at_im, step, weights, pairs, places, at, count, out_re, out_im):
+    """Weighted sums of neighbours `step` apart; a constant number of pairs unrolls the loop."""
+    for i in range(count):
+        x = places[at + i]
+        xx = x * x
+        re, im = np.float32(0.0), np.float32(0.0)
+        for k in range(pairs):
+            w = np.uint64(8) * k
+            even = weights[w] + xx * (weights[w + np.uint64(1)] + xx * (
+                weights[w + np.uint64(2)] + xx * weights[w + np.uint64(3)]))
+            odd = x * (weights[w + np.uint64(4)] + xx * (weights[w + np.uint64(5)] + xx * (
+                weights[w + np.uint64(6)] + xx * weights[w + np.uint64(7)])))
+            near = k * step + i
+            far = (pairs + pairs - np.uint64(1) - k) * step + i
+            sum_re = real[at_re + near] + real[at_re + far]
+            sum_im = imag[at_im + near] + imag[at_im + far]
+            re += even * sum_re + odd * (real[at_re + near] - real[at_re + far])
+            im += even * sum_im + odd * (imag[at_im + near] - imag[at_im + far])
+        out_re[at + i] = re
+        out_im[at + i] = im
+
+
 @njit(parallel=True)
 def merge(child, child_shape, parent, parent_shape, geometry, weights_range, weights_alpha, pairs,
-          segment, index, start, work):
+          segment, index, start, place, line_re, line_im, out_re, out_im):
     """Interpolate a local image to the polar grid of a longer sub-aperture.
 
     Both grids have the same range spacing and plane, so that a segment of a line of the parent
@@ -145,8 +168,9 @@ def merge(child, child_shape, parent, parent_shape, geometry, weights_range, wei
         Numbers 0, 1, 2, ...
     start : int
         1 to overwrite the parent, 0 to add to it.
-    work : (groups * 6 * (segment + LANES),) float32
-        Work space; the number of groups into which lines are divided among threads.
+    place, line_re, line_im, out_re, out_im : (groups * (segment + LANES),) float32
+        Work space for each of the groups into which lines are divided among threads. Separate
+        arrays, because the compiler knows that these do not overlap.
     """
     du, dv, height_p, height_c = geometry[0], geometry[1], geometry[2], geometry[3]
     step, range_p, range_c = geometry[4], geometry[5], geometry[6]
@@ -156,15 +180,11 @@ def merge(child, child_shape, parent, parent_shape, geometry, weights_range, wei
     child_lines, child_n = child_shape
     child_size, parent_size = child_lines * child_n, n_lines * n
     width = segment + LANES
-    n_groups = len(work) // (6 * width)
+    n_groups = len(place) // width
     half, first = segment // 2, 1 - pairs
-    last = np.uint64(2 * pairs - 1)
-    centre = np.float32(0.5)
+    one, centre = np.uint64(1), np.float32(0.5)
     for group in numba.prange(n_groups):
-        at_re = np.uint64(group * 6 * width)
-        at_im, at_u = at_re + np.uint64(width), at_re + np.uint64(2 * width)
-        at_t = at_re + np.uint64(3 * width)
-        to_re, to_im = at_re + np.uint64(4 * width), at_re + np.uint64(5 * width)
+        at = np.uint64(group * width)
         for line in range(group * n_lines // n_groups, (group + 1) * n_lines // n_groups):
             alpha = geometry[7] + line * geometry[8]
             squeeze = 1.0 - alpha * alpha
@@ -206,69 +226,52 @@ def merge(child, child_shape, parent, parent_shape, geometry, weights_range, wei
                 behind = np.float32(first - half) - t0
                 for i in range(reach):
                     f = index[i] + behind
-                    work[at_u + i] = u0 + f * (u1 + f * u2)
-                    work[at_re + i] = 0.0
-                    work[at_im + i] = 0.0
-                for k in range(pairs):
-                    w = 8 * k
-                    e0, e1, e2, e3 = (weights_alpha[w], weights_alpha[w + 1],
-                                      weights_alpha[w + 2], weights_alpha[w + 3])
-                    o0, o1, o2, o3 = (weights_alpha[w + 4], weights_alpha[w + 5],
-                                      weights_alpha[w + 6], weights_alpha[w + 7])
-                    near = source + np.uint64(k) * row_step
-                    far = source + (last - np.uint64(k)) * row_step
-                    near_im, far_im = near + np.uint64(child_size), far + np.uint64(child_size)
-                    for i in range(reach):
-                        x = work[at_u + i]
-                        xx = x * x
-                        even = e0 + xx * (e1 + xx * (e2 + xx * e3))
-                        odd = x * (o0 + xx * (o1 + xx * (o2 + xx * o3)))
-                        wn, wf = even + odd, even - odd
-                        work[at_re + i] += wn * child[near + i] + wf * child[far + i]
-                        work[at_im + i] += wn * child[near_im + i] + wf * child[far_im + i]
+                    place[at + i] = u0 + f * (u1 + f * u2)
+                source_im = source + np.uint64(child_size)
+                if pairs == 4:
+                    _weigh(child, source, child, source_im, row_step, weights_alpha, np.uint64(4),
+                           place, at, reach, line_re, line_im)
+                elif pairs == 2:
+                    _weigh(child, source, child, source_im, row_step, weights_alpha, np.uint64(2),
+                           place, at, reach, line_re, line_im)
+                else:
+                    _weigh(child, source, child, source_im, row_step, weights_alpha, np.uint64(1),
+                           place, at, reach, line_re, line_im)
                 for i in range(count):
                     f = index[i] - np.float32(half)
-                    work[at_t + i] = t0 + f * (t1 + f * (t2 + f * t3)) - centre
-                    work[to_re + i] = 0.0
-                    work[to_im + i] = 0.0
-                for k in range(pairs):
-                    w = 8 * k
-                    e0, e1, e2, e3 = (weights_range[w], weights_range[w + 1],
-                                      weights_range[w + 2], weights_range[w + 3])
-                    o0, o1, o2, o3 = (weights_range[w + 4], weights_range[w + 5],
-                                      weights_range[w + 6], weights_range[w + 7])
-                    near, far = at_re + np.uint64(k), at_re + last - np.uint64(k)
-                    near_im, far_im = near + np.uint64(width), far + np.uint64(width)
-                    for i in range(count):
-                        x = work[at_t + i]
-                        xx = x * x
-                        even = e0 + xx * (e1 + xx * (e2 + xx * e3))
-                        odd = x * (o0 + xx * (o1 + xx * (o2 + xx * o3)))
-                        wn, wf = even + odd, even - odd
-                        work[to_re + i] += wn * work[near + i] + wf * work[far + i]
-                        work[to_im + i] += wn * work[near_im + i] + wf * work[far_im + i]
+                    place[at + i] = t0 + f * (t1 + f * (t2 + f * t3)) - centre
+                if pairs == 4:
+                    _weigh(line_re, at, line_im, at, one, weights_range, np.uint64(4),
+                           place, at, count, out_re, out_im)
+                elif pairs == 2:
+                    _weigh(line_re, at, line_im, at, one, weights_range, np.uint64(2),
+                           place, at, count, out_re, out_im)
+                else:
+                    _weigh(line_re, at, line_im, at, one, weights_range, np.uint64(1),
+                           place, at, count, out_re, out_im)
                 pixel = np.uint64(line * n + begin)
                 pixel_im = pixel + np.uint64(parent_size)
                 for i in range(count):
-                    cycles = _fraction(turns * (work[at_t + i] + centre) + phase)
+                    cycles = _fraction(turns * (place[at + i] + centre) + phase)
                     square = cycles * cycles
                     sine, cosine = _sin_cycles(cycles, square), _cos_cycles(square)
-                    re, im = work[to_re + i], work[to_im + i]
-                    work[to_re + i] = re * cosine - im * sine
-                    work[to_im + i] = re * sine + im * cosine
+                    re, im = out_re[at + i], out_im[at + i]
+                    out_re[at + i] = re * cosine - im * sine
+                    out_im[at + i] = re * sine + im * cosine
                 inside = np.uint64(min(segment, n - begin))
                 if start == 1:
                     for i in range(inside):
-                        parent[pixel + i] = work[to_re + i]
-                        parent[pixel_im + i] = work[to_im + i]
+                        parent[pixel + i] = out_re[at + i]
+                        parent[pixel_im + i] = out_im[at + i]
                 else:
                     for i in range(inside):
-                        parent[pixel + i] += work[to_re + i]
-                        parent[pixel_im + i] += work[to_im + i]
+                        parent[pixel + i] += out_re[at + i]
+                        parent[pixel_im + i] += out_im[at + i]
 
 
 @njit(parallel=True)
-def add_to_grid(local, shape, geometry, grid, image_shape, weights_range, weights_alpha, image):
+def add_to_grid(local, shape, geometry, grid, image_shape, weights_range, weights_alpha, taps,
+                image, x, y, place, along_range, along_alpha, cosine, sine):
     """Interpolate a local image to the pixels of a map or of another polar grid and add it.
 
     The value of each pixel is a weighted sum of taps x taps neighbours, for which the carrier
@@ -289,102 +292,69 @@ def add_to_grid(local, shape, geometry, grid, image_shape, weights_range, weight
         first range and spacing, first direction cosine and spacing.
     image_shape : (int, int)
         Rows and columns of the image.
-    weights_range, weights_alpha : (8, taps) float32
-        Transposed `kernel_weights`; 2, 4 or 8 taps.
+    weights_range, weights_alpha : (8 * taps,) float32
+        `kernel_weights`, transposed.
+    taps : int
+        2, 4 or 8.
     image : (2 * rows * columns,) float32
         Complex values to add to.
+    x, y : (groups * PIXELS,) float64
+        Work space for each of the groups into which rows are divided among threads.
+    place : (groups * PIXELS,) int64
+        Work space.
+    along_range, along_alpha, cosine, sine : (groups * PIXELS,) float32
+        Work space.
     """
     n_alpha, n_range = shape
     rows, columns = image_shape
-    taps = weights_range.shape[1]
     first = 1 - taps // 2
     imag = n_alpha * n_range
     ox, oy, height = geometry[0], geometry[1], geometry[2]
     ux, uy = geometry[3], geometry[4]
     per_range, per_alpha = 1.0 / geometry[6], 1.0 / geometry[8]
-    for row in numba.prange(rows):
-        x, y = np.empty(_PIXELS), np.empty(_PIXELS)
-        place = np.empty(_PIXELS, np.int64)
-        along_range, along_alpha = np.empty(_PIXELS, np.float32), np.empty(_PIXELS, np.float32)
-        cosine, sine = np.empty(_PIXELS, np.float32), np.empty(_PIXELS, np.float32)
-        w_range, w_alpha = np.empty(8, np.float32), np.empty(8, np.float32)
-        for begin in range(0, columns, _PIXELS):
-            count = min(_PIXELS, columns - begin)
-            if len(grid) == 4:
-                for i in range(count):
-                    x[i] = grid[0] + (begin + i) * grid[2] - ox
-                    y[i] = grid[1] + row * grid[3] - oy
-            else:
-                alpha = grid[9] + row * grid[10]
-                for i in range(count):
-                    r = grid[7] + (begin + i) * grid[8]
-                    ground = np.sqrt(r * r * (1.0 - alpha * alpha) - grid[2] * grid[2])
-                    x[i] = grid[0] + r * alpha * grid[3] + ground * grid[5] - ox
-                    y[i] = grid[1] + r * alpha * grid[4] + ground * grid[6] - oy
-            for i in range(count):
-                r = np.sqrt(x[i] * x[i] + y[i] * y[i] + height * height)
-                v = (r - geometry[5]) * per_range
-                u = ((x[i] * ux + y[i] * uy) / r - geometry[7]) * per_alpha
-                node = min(max(np.floor(v), -1.0 * first), n_range - taps - 1.0 * first)
-                line = min(max(np.floor(u), -1.0 * first), n_alpha - taps - 1.0 * first)
-                along_range[i] = v - node - 0.5
-                along_alpha[i] = u - line - 0.5
-                place[i] = (np.int64(line) + first) * n_range + np.int64(node) + first
-                cycles = np.float32(_fraction(geometry[9] * (r - geometry[5])))
-                sine[i] = _sin_cycles(cycles, cycles * cycles)
-                cosine[i] = _cos_cycles(cycles * cycles)
-            for i in range(count):
-                if taps == 8:
-                    _weigh(weights_range, along_range[i], w_range, 8)
-                    _weigh(weights_alpha, along_alpha[i], w_alpha, 8)
-                    re = _sum8(local, place[i], n_range, w_range, w_alpha)
-                    im = _sum8(local, place[i] + imag, n_range, w_range, w_alpha)
+    n_groups = len(x) // PIXELS
+    for group in numba.prange(n_groups):
+        at = np.uint64(group * PIXELS)
+        for row in range(group * rows // n_groups, (group + 1) * rows // n_groups):
+            for begin in range(0, columns, PIXELS):
+                count = np.uint64(min(PIXELS, columns - begin))
+                if len(grid) == 4:
+                    for i in range(count):
+                        x[at + i] = grid[0] + (begin + np.float64(i)) * grid[2] - ox
+                        y[at + i] = grid[1] + row * grid[3] - oy
                 else:
-                    _weigh(weights_range, along_range[i], w_range, taps)
-                    _weigh(weights_alpha, along_alpha[i], w_alpha, taps)
-                    re = _sum(local, place[i], n_range, w_range, w_alpha, taps)
-                    im = _sum(local, place[i] + imag, n_range, w_range, w_alpha, taps)
-                pixel = 2 * (row * columns + begin + i)
-                image[pixel] += re * cosine[i] - im * sine[i]
-                image[pixel + 1] += re * sine[i] + im * cosine[i]
-
-
-@njit(inline='always')
-def _weigh(table, x, weights, taps):
-    for k in range(taps):
-        weights[k] = (table[0, k] + x * (table[1, k] + x * (table[2, k] + x * (
-            table[3, k] + x * (table[4, k] + x * (table[5, k] + x * (
-                table[6, k] + x * table[7, k])))))))
-
-
-@njit(inline='always')
-def _sum8(values, place, step, w_range, w_alpha):
-    """Weighted sum of 8 x 8 neighbours, the eight of a line side by side in one register."""
-    p0 = np.uint64(place)
-    n = np.uint64(step)
-    p1 = p0 + n
-    p2 = p1 + n
-    p3 = p2 + n
-    p4 = p3 + n
-    p5 = p4 + n
-    p6 = p5 + n
-    p7 = p6 + n
-    total = np.float32(0.0)
-    for k in range(np.uint64(8)):
-        total += w_range[k] * (
-            w_alpha[0] * values[p0 + k] + w_alpha[1] * values[p1 + k]
-            + w_alpha[2] * values[p2 + k] + w_alpha[3] * values[p3 + k]
-            + w_alpha[4] * values[p4 + k] + w_alpha[5] * values[p5 + k]
-            + w_alpha[6] * values[p6 + k] + w_alpha[7] * values[p7 + k])
-    return total
-
-
-@njit(inline='always')
-def _sum(values, place, step, w_range, w_alpha, taps):
-    total = np.float32(0.0)
-    for m in range(taps):
-        part = np.float32(0.0)
-        for k in range(taps):
-            part += w_range[k] * values[place + m * step + k]
-        total += w_alpha[m] * part
-    return total
+                    alpha = grid[9] + row * grid[10]
+                    for i in range(count):
+                        r = grid[7] + (begin + np.float64(i)) * grid[8]
+                        ground = np.sqrt(r * r * (1.0 - alpha * alpha) - grid[2] * grid[2])
+                        x[at + i] = grid[0] + r * alpha * grid[3] + ground * grid[5] - ox
+                        y[at + i] = grid[1] + r * alpha * grid[4] + ground * grid[6] - oy
+                for i in range(count):
+                    r = np.sqrt(x[at + i] * x[at + i] + y[at + i] * y[at + i] + height * height)
+                    v = (r - geometry[5]) * per_range
+                    u = ((x[at + i] * ux + y[at + i] * uy) / r - geometry[7]) * per_alpha
+                    node = min(max(np.floor(v), -1.0 * first), n_range - taps - 1.0 * first)
+                    line = min(max(np.floor(u), -1.0 * first), n_alpha - taps - 1.0 * first)
+                    along_range[at + i] = v - node - 0.5
+                    along_alpha[at + i] = u - line - 0.5
+                    place[at + i] = np.int64((line + first) * n_range + node + first)
+                    cycles = np.float32(_fraction(geometry[9] * (r - geometry[5])))
+                    sine[at + i] = _sin_cycles(cycles, cycles * cycles)
+                    cosine[at + i] = _cos_cycles(cycles * cycles)
+                pixel = np.uint64(2 * (row * columns + begin))
+                for i in range(count):
+                    if taps == 8:
+                        re, im = interpolate8(local, place[at + i], n_range, imag, weights_range,
+                                              weights_alpha, along_range[at + i],
+                                              along_alpha[at + i])
+                    elif taps == 4:
+                        re, im = interpolate4(local, place[at + i], n_range, imag, weights_range,
+                                              weights_alpha, along_range[at + i],
+                                              along_alpha[at + i])
+                    else:
+                        re, im = interpolate2(local, place[at + i], n_range, imag, weights_range,
+                                              weights_alpha, along_range[at + i],
+                                              along_alpha[at + i])
+                    c, s = cosine[at + i], sine[at + i]
+                    image[pixel + i + i] += re * c - im * s
+                    image[pixel + i + i + np.uint64(1)] += re * s + im * c
