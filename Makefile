@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: help demo test lint bags reproduce-multichannel colcon environment clean
+.PHONY: help demo test lint bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean
 .DEFAULT_GOAL := help
 
 help:
@@ -31,6 +31,8 @@ help:
 	@echo 'make bags    write the recordings in bags/ again'
 	@echo 'make reproduce-multichannel'
 	@echo '             figures and tables of Rosenberg & Gray into out/multichannel'
+	@echo 'make reproduce-spotlight-letter'
+	@echo '             figures and numbers of Zhang et al., AFBP and FFBP, into out/spotlight_letter'
 	@echo 'make colcon  build and start the package as a ROS workspace does, in build/colcon'
 	@echo 'make clean   remove what these commands made, the environment excepted'
 	@echo 'Variables: PYTHON=python3.12 (interpreter), VENV=path (environment)'
@@ -56,6 +58,9 @@ bags: environment
 
 reproduce-multichannel: environment
 	@$(RUN) -m sar_imaging.tools.reproduce_multichannel --output out/multichannel
+
+reproduce-spotlight-letter: environment
+	@$(RUN) -m sar_imaging.tools.reproduce_spotlight_letter --output out/spotlight_letter
 
 # colcon runs in an environment of its own: installed executables start with the Python that ran
 # it, and its pytest plug-ins should not change how the tests run elsewhere.

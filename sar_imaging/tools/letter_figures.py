@@ -14,7 +14,7 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.quality import crop
 from sar_imaging.simulation.spotlight_letter import PAIR_SEPARATION_M, SpotlightExperiment
 
-from .letter_imagers import COMPARED, EXACT
+from .letter_imagers import COMPARED, CUTS, EXACT
 from .letter_measurements import SubsceneImage
 
 DPI = 130
@@ -22,7 +22,7 @@ FLOOR_DB = -50.0
 POINT_SIZE_M = 1.5  # half of the images of figures 7 and 8
 _COLOURS = {'exact': 'black', 'FFBP linear': '#b5493a', 'FFBP cubic': '#e0a030',
             'FFBP knab8': '#5fb878', 'AFBP': '#1f5fa8'}
-_LINES = ('-', '--', ':', '-.')
+_LINES = {'16 pulses': '-', '64 pulses': '--'}
 
 
 def _figure(rows: int, columns: int, *, width: float, height: float, **options):
@@ -106,10 +106,10 @@ def draw_subscene(path: Path, images: dict[str, SubsceneImage], grid: MapGrid,
 
 def _draw_point(path: Path, images: dict[str, SubsceneImage], grid: MapGrid, centre_xy,
                 cut_of, title: str, marks=()) -> None:
-    """Images of a point by some imagers and its azimuth cuts by all."""
+    """Images of a point by the imagers compared and azimuth cuts, those of `CUTS`."""
     shown = [EXACT, *COMPARED]
-    figure, axes = _figure(1, len(shown) + 1, width=4.0 * len(shown) + 6.2, height=4.2,
-                           width_ratios=(*[1.0] * len(shown), 1.9))
+    figure, axes = _figure(1, len(shown) + 1, width=3.6 * len(shown) + 8.4, height=4.2,
+                           width_ratios=(*[1.0] * len(shown), 1.8))
     for panel, name in zip(axes[0], shown, strict=False):
         chip, chip_grid = crop(images[name].image, grid, centre_xy, (POINT_SIZE_M,) * 2)
         drawn = _image(panel, chip, chip_grid, centre_xy, title=name, floor_db=-40,
@@ -117,18 +117,16 @@ def _draw_point(path: Path, images: dict[str, SubsceneImage], grid: MapGrid, cen
     axes[0, 0].set_ylabel('azimuth (m)')
     figure.colorbar(drawn, ax=axes[0, len(shown) - 1], label='dB', shrink=0.8)
     cuts = axes[0, -1]
-    seen: dict[str, int] = {}
-    for name, m in images.items():
+    for name in CUTS:
         kind = next(k for k in _COLOURS if name.startswith(k))
-        line = _LINES[seen.setdefault(kind, 0) % len(_LINES)]
-        seen[kind] += 1
-        cuts.plot(m.offset_m, _decibels(cut_of(m)), line, color=_COLOURS[kind], linewidth=1.1,
-                  label=name)
+        line = _LINES.get(name.split(', ')[-1], '-')
+        cuts.plot(images[name].offset_m, _decibels(cut_of(images[name])), line,
+                  color=_COLOURS[kind], linewidth=1.0, label=name)
     for x in marks:
         cuts.axvline(x, color='#e0a030', linewidth=0.8, zorder=0)
     _grid(cuts, xlabel='azimuth from the middle (m)', ylabel='dB relative to the maximum',
           xlim=(-2.0, 2.0), ylim=(-70, 1))
-    cuts.legend(fontsize=8, loc='upper right', framealpha=0.95)
+    cuts.legend(fontsize=8, loc='upper left', bbox_to_anchor=(1.01, 1.0))
     figure.suptitle(title, fontsize=11)
     figure.savefig(path, dpi=DPI)
 

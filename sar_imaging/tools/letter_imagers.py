@@ -100,6 +100,9 @@ IMAGERS: dict[str, Imager] = {
 #: Names of those that the letter compares in its figures: its sub-apertures have 16 pulses, and
 #: the first variant has sidelobes like those that it shows.
 COMPARED = (ffbp_name(*FFBP_VARIANTS[0], PULSES[0]),)
+#: Names of those whose azimuth cuts are drawn.
+CUTS = (EXACT, *(ffbp_name(*FFBP_VARIANTS[0], n) for n in PULSES),
+        *(ffbp_name(*v, PULSES[0]) for v in FFBP_VARIANTS[2:]))
 #: Names of those that image the whole scene.
 WHOLE_SCENE = (*COMPARED, *(ffbp_name(*FFBP_VARIANTS[-1], n) for n in PULSES))
 

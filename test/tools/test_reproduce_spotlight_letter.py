@@ -11,6 +11,7 @@ from sar_imaging.quality import error_db
 from sar_imaging.signal.spectra import band_spectrum
 from sar_imaging.simulation.spotlight_letter import spotlight_letter
 from sar_imaging.tools import (
+    letter_figures,
     letter_imagers as imagers,
     letter_measurements as measure,
     reproduce_spotlight_letter,
@@ -124,6 +125,7 @@ def test_command_writes_figures_and_numbers(tmp_path, experiment, monkeypatch, c
     monkeypatch.setattr(reproduce_spotlight_letter, 'SCENE_SPACING_M', 0.5)
     monkeypatch.setattr(imagers, 'IMAGERS', {n: imagers.IMAGERS[n] for n in SOME})
     monkeypatch.setattr(imagers, 'WHOLE_SCENE', SOME[1:])
+    monkeypatch.setattr(letter_figures, 'CUTS', SOME)
     monkeypatch.setattr(reproduce_spotlight_letter, 'CHECKED_PIXELS', 8)
     monkeypatch.setattr(reproduce_spotlight_letter, 'CHECKED_BRIGHTEST', 8)
     folder = tmp_path / 'new' / 'folder'
