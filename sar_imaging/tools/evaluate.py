@@ -11,6 +11,7 @@ import dataclasses
 import json
 import math
 import os
+import re
 import signal
 import sys
 import time
@@ -68,6 +69,8 @@ def parser() -> argparse.ArgumentParser:
                    help='folder for the results, made when missing')
     p.add_argument('--launch-nodes', action='store_true',
                    help="start the nodes for this run, with the recording's own grid and aperture")
+    p.add_argument('--namespace', type=_namespace, default='', metavar='NAME',
+                   help='namespace of the nodes, such as radar1 (default: none)')
     p.add_argument('--aperture', type=int, metavar='N',
                    help='number of the aperture to evaluate, pulse counter // pulses per aperture '
                         '(default: the last one that is complete)')
@@ -85,6 +88,13 @@ def _positive(text: str) -> float:
     if not 0 < value < math.inf:
         raise argparse.ArgumentTypeError(f'{text} is not a positive number')
     return value
+
+
+def _namespace(text: str) -> str:
+    name = text.strip('/')
+    if name and not re.fullmatch(r'[A-Za-z_]\w*(/[A-Za-z_]\w*)*', name, re.ASCII):
+        raise argparse.ArgumentTypeError(f'{text} is not a namespace such as radar1')
+    return name
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -125,7 +135,8 @@ def run(arguments: argparse.Namespace) -> None:
             environment = isolated_environment()
             os.environ.update(environment)  # for this process, before its middleware starts
             nodes = stack.enter_context(NodeProcesses(
-                parameters_from_truth(recording.truth), output / 'log', environment))
+                parameters_from_truth(recording.truth), output / 'log', environment,
+                namespace=arguments.namespace))
             check = nodes.check
         result = _replay(recording, arguments, check)
     grid = _checked_grid(recording, result.grid, result.received, arguments.launch_nodes)
@@ -173,7 +184,7 @@ def _replay(recording: Recording, arguments: argparse.Namespace,
                signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     node = executor = None
     try:
-        node = rclpy.create_node('evaluate')
+        node = rclpy.create_node('evaluate', namespace=arguments.namespace)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         observer = Observer(node, executor)

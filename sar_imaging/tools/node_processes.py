@@ -55,7 +55,7 @@ def parameters_from_truth(truth: Mapping) -> dict[str, dict]:
 
 
 def write_parameters(path: Path, parameters: Mapping[str, Mapping]) -> None:
-    """Write a ROS parameter file.
+    """Write a ROS parameter file that applies in every namespace.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def write_parameters(path: Path, parameters: Mapping[str, Mapping]) -> None:
     """
     lines = []
     for node, values in parameters.items():
-        lines += [f'{node}:', '  ros__parameters:']
+        lines += [f'/**/{node}:', '  ros__parameters:']
         lines += [f'    {name}: {json.dumps(value)}' for name, value in values.items()]
     path.write_text('\n'.join(lines) + '\n')
 
@@ -127,15 +127,18 @@ class NodeProcesses:
         Environment variables, see `isolated_environment`.
     arguments : mapping, optional
         Further ROS arguments by node, such as ``['-r', 'pulses:=radar/pulses']``.
+    namespace : str
+        Namespace of the nodes and their topics, such as ``radar1``; empty for none.
     """
 
     def __init__(self, parameters: Mapping[str, Mapping], folder: Path,
                  environment: Mapping[str, str], *,
-                 arguments: Mapping[str, list[str]] | None = None):
+                 arguments: Mapping[str, list[str]] | None = None, namespace: str = ''):
         self._folder = Path(folder)
         self._folder.mkdir(parents=True, exist_ok=True)
         self._environment = dict(environment)
         self._arguments = arguments or {}
+        self._namespace = ['-r', f'__ns:=/{namespace}'] if namespace else []
         self._parameters_file = self._folder / 'parameters.yaml'
         write_parameters(self._parameters_file, parameters)
         self._processes: dict[str, subprocess.Popen] = {}
@@ -165,7 +168,7 @@ class NodeProcesses:
         if name in self._processes:
             raise NodeProcessError(f'{name} runs already')
         command = [sys.executable, '-m', f'sar_imaging.nodes.{name}', *NO_LOG_FILES,
-                   '--params-file', str(self._parameters_file),
+                   '--params-file', str(self._parameters_file), *self._namespace,
                    *self._arguments.get(name, [])]
         with open(self.log_file(name), 'ab') as log:
             try:

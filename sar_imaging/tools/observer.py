@@ -49,7 +49,7 @@ class Observer:
     Parameters
     ----------
     node : rclpy.node.Node
-        Node to subscribe from.
+        Node to subscribe from; the observed nodes are in its namespace.
     executor : rclpy.executors.Executor
         Executor of that node, spun here while waiting.
 
@@ -67,6 +67,8 @@ class Observer:
         self._window_ns = (0, 0)
         self._map_metadata: MapMetaData | None = None
         self._status: dict[str, tuple[float, DiagnosticStatus]] = {}
+        prefix = node.get_namespace().strip('/')
+        self._names = {f'{prefix}/{name}'.lstrip('/'): name for name in NODES}
         self.image: ReceivedImage | None = None
         self.n_images = 0
         reliable = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
@@ -98,7 +100,7 @@ class Observer:
             if time.monotonic() > deadline:
                 raise ObserverError(
                     f'after {timeout_s:g} s there is no {", no ".join(missing)}; start the nodes '
-                    'with the same ROS_DOMAIN_ID, or add --launch-nodes')
+                    'with the same ROS_DOMAIN_ID and namespace, or add --launch-nodes')
             self.spin(check)
         if (n := self._node.count_publishers('image_complex')) > 1:
             raise ObserverError(f'{n} nodes publish image_complex; stop all but one, or choose '
@@ -199,6 +201,6 @@ class Observer:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            name = status.name.split(':')[0].rsplit('/', 1)[-1]
-            if name in NODES:
+            name = self._names.get(status.name.split(':')[0])
+            if name is not None:  # else of another radar, or of something else
                 self._status[name] = (time.monotonic(), status)

@@ -107,7 +107,8 @@ class Replayer:
             if time.monotonic() > deadline:
                 raise ReplayError(
                     f'nobody subscribes to {self._publisher.topic_name} after {timeout_s:g} s; '
-                    'start the nodes with the same ROS_DOMAIN_ID, or add --launch-nodes')
+                    'start the nodes with the same ROS_DOMAIN_ID and namespace, or add '
+                    '--launch-nodes')
             self._spin(0.05)
         while (self._node.count_publishers(self._progress.topic_name)
                and not self._progress.get_publisher_count() and time.monotonic() < deadline):

@@ -76,8 +76,8 @@ def wait(condition, what, *, describe=lambda: '', work=lambda: time.sleep(0.02))
 class Nodes:
     """Node processes and their logs."""
 
-    def __init__(self, folder, environment, parameters, arguments=()):
-        self._processes = NodeProcesses(parameters, folder, environment,
+    def __init__(self, folder, environment, parameters, arguments=(), namespace=''):
+        self._processes = NodeProcesses(parameters, folder, environment, namespace=namespace,
                                         arguments=dict.fromkeys(NODES, list(arguments)))
         self.running = set()
 
@@ -237,7 +237,7 @@ class Chain(Nodes):
 
     def __init__(self, folder, environment, parameters, arguments=(), namespace='',
                  pulses='pulses'):
-        super().__init__(folder, environment, parameters, arguments)
+        super().__init__(folder, environment, parameters, arguments, namespace)
         self.observer = Observer(namespace, self.all_logs, pulses)
         for name in NODES:
             self.start(name)
@@ -280,9 +280,6 @@ def make_chain(ros_environment, tmp_path):
         values = parameters_from_truth(truth)
         for node, extra in parameters.items():
             values[node] |= extra
-        if namespace:
-            values = {f'/{namespace}/{node}': v for node, v in values.items()}
-            arguments = ['-r', f'__ns:=/{namespace}', *arguments]
         chain = Chain(tmp_path / f'nodes{len(chains)}', ros_environment, values, arguments,
                       namespace, pulses)
         chains.append(chain)

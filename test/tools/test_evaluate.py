@@ -132,13 +132,15 @@ def test_first_aperture_of_two_in_real_time(tmp_path):
 
 
 @nodes
-def test_running_nodes_are_used_twice_and_a_different_grid_is_told(tmp_path):
+def test_nodes_in_a_namespace_are_used_twice_and_a_different_grid_is_told(tmp_path):
     truth = bag_io.read_truth(PSF)
     truth['grid'] |= {'n_x': 41, 'n_y': 201, 'spacing_m': 0.2}
     environment = isolated_environment()
-    with NodeProcesses(parameters_from_truth(truth), tmp_path / 'log', environment):
+    radar = ['--namespace', 'fleet/radar1']
+    with NodeProcesses(parameters_from_truth(truth), tmp_path / 'log', environment,
+                       namespace=radar[1]):
         for name in ('one', 'two'):
-            result = evaluate(PSF, '--output', tmp_path / name, environment=environment)
+            result = evaluate(PSF, '--output', tmp_path / name, *radar, environment=environment)
             assert result.returncode == 0, result.stderr
             assert 'warning: the nodes image' in result.stderr
             quality = quality_of(tmp_path / name)
@@ -146,7 +148,7 @@ def test_running_nodes_are_used_twice_and_a_different_grid_is_told(tmp_path):
             assert np.load(tmp_path / name / 'image.npy').shape == (201, 41)
             [s] = quality['scatterers']
             assert s['irw_range_m'] == pytest.approx(0.8859 * 0.49965, rel=0.02)
-        result = evaluate(without_truth(tmp_path), '--output', tmp_path / 'three',
+        result = evaluate(without_truth(tmp_path), '--output', tmp_path / 'three', *radar,
                           environment=environment)
         assert result.returncode == 0, result.stderr
         assert quality_of(tmp_path / 'three')['scatterers'] == []
@@ -284,9 +286,12 @@ def test_truncated_recording(tmp_path, capsys):
     assert 'cannot be read' in capsys.readouterr().err
 
 
-@pytest.mark.parametrize('option', [['--rate', '0'], ['--timeout', '-1'], ['--rate', 'inf']])
-def test_senseless_options(capsys, option):
+@pytest.mark.parametrize('option, reason', [
+    (['--rate', '0'], 'is not a positive number'), (['--timeout', '-1'], 'is not a positive num'),
+    (['--rate', 'inf'], 'is not a positive number'),
+    (['--namespace', 'radar 1'], 'radar 1 is not a namespace such as radar1')])
+def test_senseless_options(capsys, option, reason):
     with pytest.raises(SystemExit) as stop:
         main([str(PSF), '--output', 'unused', *option])
     assert stop.value.code == 2
-    assert 'is not a positive number' in capsys.readouterr().err
+    assert reason in capsys.readouterr().err
