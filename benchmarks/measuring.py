@@ -45,7 +45,8 @@ def fitted_exponent(work, seconds) -> float:
 def peak_memory(module: str, case: Case) -> dict:
     """What `report_peak` prints in a fresh process that runs ``python -m module --memory``."""
     run = subprocess.run([sys.executable, '-m', module, '--memory',
-                          json.dumps(dataclasses.asdict(case))], check=True, capture_output=True)
+                          json.dumps(dataclasses.asdict(case))], check=True,
+                         stdout=subprocess.PIPE)
     return json.loads(run.stdout)
 
 
