@@ -296,8 +296,8 @@ def make_observer(ros_environment):
     """Start an observer in the root namespace; closed after the test."""
     observers = []
 
-    def make():
-        observers.append(Observer('', lambda: ''))
+    def make(pulses='pulses'):
+        observers.append(Observer('', lambda: '', pulses))
         return observers[-1]
 
     yield make

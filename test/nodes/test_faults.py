@@ -8,9 +8,11 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float32MultiArray
+from std_srvs.srv import Trigger
 
 from msg_conversions.images import complex_from_message, map_metadata_from_message
 from sar_imaging.tools import bag_io
+from sar_imaging.tools.node_processes import parameters_from_truth
 
 LARGEST_ERROR_DB = -80.0  # what backprojection plans for by default
 
@@ -161,6 +163,32 @@ def test_ctrl_c_ends_a_node_orderly_even_twice(start_node, name):
     node.signal(name, signal.SIGINT)  # as `ros2 launch` forwards it
     assert node.exit_code(name) == 0, node.log(name)
     assert 'Traceback' not in node.log(name)
+
+
+@pytest.mark.parametrize('deactivated', [False, True])
+def test_the_end_while_blocks_and_a_service_wait(start_node, make_observer, psf, deactivated):
+    # Large enough that work on the blocks sent takes seconds.
+    parameters = parameters_from_truth(psf.truth)['backprojection']
+    node = start_node('backprojection', parameters | {'grid.size_y': 400.0, 'grid.spacing': 0.02})
+    observer = make_observer('range_profiles')
+    observer.wait(lambda: observer.joined, 'the subscription')
+    client = observer.node.create_client(Trigger, 'backprojection/form_image')
+    observer.wait(client.service_is_ready, 'the service')
+    observer.send([later(b, n, 200) for n in range(4) for b in psf.blocks(25)])
+    observer.wait_for('backprojection/progress', 1)
+    answer = client.call_async(Trigger.Request())
+    observer.wait_for('backprojection/progress', len(observer.messages['backprojection/progress'])
+                      + 2)
+    assert not answer.done()
+    if deactivated:
+        assert observer.change_state('backprojection', 'deactivate')
+        observer.wait(answer.done, 'the answer')
+        assert answer.result().message == 'the node was deactivated meanwhile'
+        node.wait_for_log('backprojection', r'deactivated: dropped [1-9]\d+ pulses that waited')
+    node.signal('backprojection', signal.SIGINT)
+    assert node.exit_code('backprojection') == 0, node.log('backprojection')
+    assert 'image of aperture 3' not in node.log('backprojection')
+    assert 'Traceback' not in node.log('backprojection')
 
 
 @pytest.mark.parametrize(('name', 'parameters', 'message'), [
