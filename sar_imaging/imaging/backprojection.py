@@ -7,7 +7,8 @@ channel is read at its own delay, which needs no approximation.
 
 Three ways lead to the same sum, and the geometry chooses the quickest that meets the error
 target: a polar image around the aperture, interpolated to the map (its lines follow range
-best); lines of the map itself; and pixel by pixel, for grids near or around the antenna.
+best); lines of the map itself; and point by point, for grids near or around the antenna, for
+terrain and for positions that form no grid.
 """
 
 from __future__ import annotations
@@ -19,18 +20,14 @@ import numpy as np
 from ..geometry import MapGrid
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
-from .lattice import plan_lattice, point_lattice, sample_paths
-from .polar import PolarPlan, plan_polar
+from .image_points import ImagePoints
+from .lattice import plan_lattice, point_lattice
+from .map_lines import MapLines
+from .memory import check_memory
+from .polar import plan_polar
 from .polar_image import add_by_polar
-from .projection import (
-    Profiles,
-    add_to_lines,
-    add_to_points,
-    line_middles,
-    shared_phase,
-)
-
-_SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
+from .profiles import Profiles
+from .projection import add_to_lines, line_middles, shared_phase
 
 
 class Backprojector:
@@ -38,26 +35,44 @@ class Backprojector:
 
     Parameters
     ----------
-    grid : MapGrid
-        Where the pixels are.
+    grid : MapGrid or (..., 3) array_like
+        Where the pixels are: a map, or any positions in the imaging frame, metres, float64. A
+        position with a NaN is no pixel; its value stays as it is, 0 in a new image.
     radar : RadarParameters
         Of the compressed profiles; a profile must be sampled at 1.25 times its bandwidth or more.
     n_samples : int
         Samples of each profile.
     target_db : float
         Wanted error against time-domain correlation, dB. Chooses the interpolation.
+    height_m : (n_y, n_x) array_like, optional
+        Heights of the pixels of a map in the imaging frame, metres, instead of its plane; row 0
+        at the largest y. NaN where the height is not known: no pixel, as above.
+    weights : (C,) complex array_like, optional
+        Factor of each channel, such as its calibration or the steering of a beam.
+    per_channel : bool
+        One image per channel instead of their sum, of shape ``(C, ...)``: the input of
+        along-track interferometry and clutter cancelling.
+    midpoint : bool
+        Replace both phase centres of a channel by their mean (displaced phase centre). For
+        comparison: the exact path costs no more.
 
     Attributes
     ----------
+    shape : tuple of int
+        Of the image of one channel, or of the sum of the channels.
     predicted_error_db : float
-        Predicted error against time-domain correlation of what was added so far, dB.
+        Predicted error against time-domain correlation of what was added so far, dB; with
+        `midpoint`, of the same approximation.
     method : str
-        How the latest block was added: ``'polar'``, ``'lines'`` or ``'points'``.
+        How the latest pulses were added: ``'polar'``, ``'lines'`` or ``'points'``.
 
     Raises
     ------
     ValueError
-        The profiles are sampled too coarsely, or the target cannot be met in float32.
+        The profiles are sampled too coarsely, the target cannot be met in float32, or grid,
+        heights or weights are no such arrays.
+    MemoryError
+        An image is larger than the memory that is available.
 
     Examples
     --------
@@ -65,8 +80,9 @@ class Backprojector:
     >>> image = plan(profiles)                                            # doctest: +SKIP
     """
 
-    def __init__(self, grid: MapGrid, radar: RadarParameters, n_samples: int, *,
-                 target_db: float = -80.0):
+    def __init__(self, grid: MapGrid | np.ndarray, radar: RadarParameters, n_samples: int, *,
+                 target_db: float = -80.0, height_m=None, weights=None, per_channel: bool = False,
+                 midpoint: bool = False):
         if radar.sample_rate_hz < 1.25 * radar.bandwidth_hz:
             raise ValueError(
                 f'profiles sampled at {radar.sample_rate_hz:g} Hz for a bandwidth of '
@@ -75,8 +91,23 @@ class Backprojector:
         if not -100.0 <= target_db <= -20.0:
             raise ValueError(f'target_db={target_db}; expected -100 to -20 dB, float32 '
                              'arithmetic reaches -100 dB')
-        self.grid, self.radar, self.n_samples = grid, radar, int(n_samples)
+        self.radar, self.n_samples = radar, int(n_samples)
         self.target_db = float(target_db)
+        self.per_channel, self.midpoint = per_channel, midpoint
+        self._weights = None if weights is None else _checked_weights(weights)
+        self.grid = grid if isinstance(grid, MapGrid) else None
+        if self.grid is None and height_m is not None:
+            raise ValueError('height_m goes with a MapGrid; an array of points has its own z')
+        if self.grid is not None:
+            self.shape = self.grid.shape
+            self._check_memory(1)
+        # Positions of pixels that do not lie on the plane of a map
+        self._points = None
+        if self.grid is None:
+            self._points = ImagePoints.of_array(grid)
+            self.shape = self._points.shape
+        elif height_m is not None:
+            self._points = ImagePoints.of_map(grid, height_m)
         self.predicted_error_db = -math.inf
         self.method = ''
 
@@ -91,72 +122,96 @@ class Backprojector:
         Returns
         -------
         (n_y, n_x) complex64
-            ``f(x) = sum_m sum_n s_mn(D_mn(x)) exp(+j k_c D_mn(x))``, row 0 at the largest y.
+            ``f(x) = sum_m sum_n w_n s_mn(D_mn(x)) exp(+j k_c D_mn(x))``, row 0 at the largest y.
+            For an array of points ``(...)``; one for each channel, ``(C, ...)``, with
+            `per_channel`.
 
         Raises
         ------
         ValueError
             As `add`.
+        MemoryError
+            The images of the channels are larger than the memory that is available.
         """
-        image = np.zeros(self.grid.shape, np.complex64)
+        image = self.new_image(block.n_channels)
         self.add(block, image)
         return image
+
+    def new_image(self, n_channels: int = 1) -> np.ndarray:
+        """Zeros in the shape that `add` expects for blocks of this number of channels.
+
+        Raises
+        ------
+        MemoryError
+            The image is larger than the memory that is available.
+        """
+        self._check_memory(n_channels if self.per_channel else 1)
+        return np.zeros(self._image_shape(n_channels), np.complex64)
 
     def add(self, block: PulseBlock, image: np.ndarray) -> None:
         """Add the pulses of a block to an image (equation 17 is a sum).
 
-        Ranges outside a profile contribute nothing.
+        Pulses may come in any order and positions may repeat; each pulse is added. Ranges outside
+        a profile contribute nothing, and an empty block does not either.
 
         Parameters
         ----------
         block : PulseBlock
             Range profiles with phase centres.
         image : (n_y, n_x) complex64
-            Changed in place; contiguous in C order.
+            Changed in place; contiguous in C order. Of the shape that `new_image` gives.
 
         Raises
         ------
         ValueError
-            The block is not compressed, has no positions, does not match the plan, or none of
-            its profiles reaches the grid.
+            The block is not compressed, has no positions, does not match the plan or its weights,
+            or none of its profiles reaches the grid.
         """
         check_profiles(block, self.radar, self.n_samples)
-        self._check_image(image)
-        if block.n_pulses == 0:
+        self._check_channels(block.n_channels)
+        self._check_image(image, self._image_shape(block.n_channels))
+        if block.n_pulses == 0 or (self._points is not None and self._points.empty):
             return
-        rows = (block.samples.reshape(-1, self.n_samples), block.tx_m.reshape(-1, 3),
-                block.rx_m.reshape(-1, 3))
-        lines = _MapLines(self.grid, *rows[1:])
+        samples, tx, rx = block.samples, block.tx_m, block.rx_m
+        if self._weights is not None:
+            samples = samples * self._weights[:, None]
+        if self.midpoint:
+            tx = rx = 0.5 * (tx + rx)
+        if not self.per_channel:
+            self._add_rows(_as_rows(samples, tx, rx), image)
+            return
+        for channel in range(block.n_channels):
+            self._add_rows(_as_rows(*(a[:, channel] for a in (samples, tx, rx))), image[channel])
+
+    def _add_rows(self, rows, image):
+        if self._points is not None:
+            range_m = self._points.bounds(*rows[1:])
+            self._check_reach(range_m)
+            self.method, error = 'points', self._add_by_points(self._points, range_m, rows, image)
+        else:
+            error = self._add_to_map(rows, image)
+        self.predicted_error_db = max(self.predicted_error_db, error)
+
+    def _add_to_map(self, rows, image) -> float:
+        """Add rows in the quickest way; returns the predicted error."""
+        lines = MapLines(self.grid, *rows[1:])
         self._check_reach(lines.range_m)
         lattice = plan_lattice(lines.paths, 1.0, lines.n_pixels, self.radar, self.n_samples,
                                self.target_db)
         polar = plan_polar(self.grid, *rows[1:], self.radar, self.n_samples, self.target_db)
-        if polar is not None and (lattice is None
-                                  or polar.cost < lattice.cost * len(rows[0])):
-            self.method, error = 'polar', self._add_by_polar(polar, rows, image)
-        elif lattice is not None:
-            self.method, error = 'lines', self._add_by_lines(lattice, lines, rows, image)
-        else:
-            self.method, error = 'points', self._add_by_points(lines.range_m, rows, image)
-        self.predicted_error_db = max(self.predicted_error_db, error)
-
-    def _check_image(self, image):
-        if (image.shape != self.grid.shape or image.dtype != np.complex64
-                or not image.flags.c_contiguous):
-            raise ValueError(f'image is {image.dtype} {image.shape}; expected complex64 '
-                             f'{self.grid.shape}, contiguous in C order')
-
-    def _check_reach(self, range_m):
-        start = self.radar.range_start_m
-        stop = start + self.n_samples * self.radar.sample_spacing_m
-        if range_m[1] < start or range_m[0] > stop:
-            raise ValueError(
-                f'the grid lies {range_m[0]:.1f} to {range_m[1]:.1f} m from the antenna, the '
-                f'profiles cover {start:.1f} to {stop:.1f} m; move the grid or the range window')
-
-    def _add_by_polar(self, plan: PolarPlan, rows, image) -> float:
-        add_by_polar(plan, self.radar, rows, self.grid, image)
-        return plan.predicted_error_db
+        costs = {'points': point_lattice(self.radar, self.n_samples, self.target_db).cost
+                 * len(rows[0])}
+        if lattice is not None:
+            costs['lines'] = lattice.cost * len(rows[0])
+        if polar is not None:
+            costs['polar'] = polar.cost
+        self.method = min(costs, key=costs.get)
+        if self.method == 'polar':
+            add_by_polar(polar, self.radar, rows, self.grid, image)
+            return polar.predicted_error_db
+        if self.method == 'lines':
+            return self._add_by_lines(lattice, lines, rows, image)
+        return self._add_by_points(ImagePoints.of_map(self.grid), lines.range_m, rows, image)
 
     def _add_by_lines(self, lattice, lines, rows, image) -> float:
         profiles = Profiles(self.radar, lattice, lines.range_m)
@@ -166,59 +221,49 @@ class Backprojector:
                      image.reshape(-1).view(np.float32))
         return lattice.predicted_error_db
 
-    def _add_by_points(self, range_m, rows, image) -> float:
-        lattice = point_lattice(self.radar, self.n_samples)
-        grid = self.grid
+    def _add_by_points(self, points: ImagePoints, range_m, rows, image) -> float:
+        return points.add(self.radar, self.target_db, range_m, *rows,
+                          image.reshape(-1).view(np.float32))
 
-        def points(part):
-            y, x = np.divmod(np.arange(part.start, part.stop), grid.n_x)
-            return np.stack([grid.x_m[x], grid.y_m[y], np.full(len(x), grid.z_m)], axis=-1)
+    def _image_shape(self, n_channels):
+        return (n_channels, *self.shape) if self.per_channel else self.shape
 
-        add_to_points(Profiles(self.radar, lattice, range_m), *rows, points, image.reshape(-1))
-        return lattice.predicted_error_db
+    def _check_memory(self, n_images):
+        size = ' x '.join(map(str, reversed(self.shape)))
+        count = f'{n_images} images' if n_images > 1 else 'an image'
+        check_memory(8 * n_images * math.prod(self.shape), f'{count} of {size} pixels',
+                     'choose a smaller grid or a larger pixel spacing')
+
+    def _check_channels(self, n_channels):
+        if self._weights is not None and len(self._weights) != n_channels:
+            raise ValueError(f'the block has {n_channels} channels, weights are for '
+                             f'{len(self._weights)}; pass one weight per channel')
+
+    def _check_image(self, image, shape):
+        if image.shape != shape or image.dtype != np.complex64 or not image.flags.c_contiguous:
+            raise ValueError(f'image is {image.dtype} {image.shape}; expected complex64 {shape}, '
+                             'contiguous in C order')
+
+    def _check_reach(self, range_m):
+        start = self.radar.range_start_m
+        stop = start + self.n_samples * self.radar.sample_spacing_m
+        if range_m[1] < start or range_m[0] > stop:
+            raise ValueError(
+                f'the grid lies {range_m[0]:.1f} to {range_m[1]:.1f} m from the antenna, the '
+                f'profiles cover {start:.1f} to {stop:.1f} m; move the grid or the range window')
 
 
-class _MapLines:
-    """Lines of a map grid along the axis that follows range best, in the direction of growth."""
+def _as_rows(samples, tx_m, rx_m):
+    """Profiles and phase centres with one row per pulse and channel."""
+    return (np.ascontiguousarray(samples).reshape(-1, samples.shape[-1]),
+            *(np.ascontiguousarray(a).reshape(-1, 3) for a in (tx_m, rx_m)))
 
-    def __init__(self, grid: MapGrid, tx_m, rx_m):
-        n = _SAMPLES_PER_SIDE
-        x, y = (np.linspace(a[0], a[-1], n) for a in (grid.x_m, grid.y_m))
-        points = np.stack([*(v.ravel() for v in np.meshgrid(x, y)), np.full(n * n, grid.z_m)],
-                          axis=-1)
-        steps = np.array([[grid.spacing_m, 0, 0], [0, -grid.spacing_m, 0]])
-        slopes = [self._sample(tx_m, rx_m, points, step).derivatives[0] for step in steps]
-        least = [np.abs(s).min() if s.min() > 0 or s.max() < 0 else -1.0 for s in slopes]
-        axis = int(np.argmax(least))
-        forward = slopes[axis].mean() >= 0
-        self._along = steps[axis] if forward else -steps[axis]
-        self._across = steps[1 - axis]
-        self.n_pixels, self.n_lines = grid.shape[1 - axis], grid.shape[axis]
-        self._start = np.array([grid.x_m[0], grid.y_m[0], grid.z_m])
-        pixel, line = ((2, 2 * grid.n_x), (2 * grid.n_x, 2))[axis]
-        first = 0
-        if not forward:
-            self._start = self._start - (self.n_pixels - 1) * self._along
-            first, pixel = (self.n_pixels - 1) * pixel, -pixel
-        self.layout = np.array([self.n_lines, first, line, pixel, 1])
-        self.paths = self._sample(tx_m, rx_m, points, self._along)
-        # Range is monotonic along lines; between sampled lines it changes by at most its slope.
-        beside = np.abs(slopes[1 - axis]).max() * (self.n_lines / (n - 1) / 2 + 1)
-        if least[axis] < 0:
-            beside += np.abs(slopes[axis]).max() * (self.n_pixels / (n - 1) / 2 + 1)
-        self.range_m = (float(self.paths.length.min() - beside),
-                        float(self.paths.length.max() + beside))
 
-    @staticmethod
-    def _sample(tx_m, rx_m, points, step):
-        return sample_paths(tx_m, rx_m, (points, np.broadcast_to(step, points.shape)))
-
-    def locate(self, pixel, line):
-        """Positions and derivatives for `line_middles`."""
-        position = (self._start + np.multiply.outer(pixel, self._along)
-                    + np.multiply.outer(line, self._across))
-        straight = np.zeros_like(position)
-        return position, np.broadcast_to(self._along, position.shape), straight, straight
+def _checked_weights(weights) -> np.ndarray:
+    weights = np.asarray(weights, np.complex64)
+    if weights.ndim != 1 or not np.isfinite(weights).all():
+        raise ValueError(f'weights={weights}; expected one finite complex number per channel')
+    return weights
 
 
 def compile_kernels() -> None:
@@ -229,10 +274,11 @@ def compile_kernels() -> None:
     radar = RadarParameters(10e9, 300e6, 600e6, 0.0)
     centres = np.zeros((1, 1, 3))
     block = PulseBlock(radar, True, [0], [0], np.zeros((1, 1, 512)), centres, centres)
+    rows = (block.samples[0], centres[0], centres[0])
     for x in (100.0, 1.0):  # by lines, and around the antenna by points
         grid = MapGrid((x, 0.0, 0.0), 16, 16, 0.25)
         plan = Backprojector(grid, radar, block.n_samples)
         image = plan(block)
-        polar = plan_polar(grid, centres[0], centres[0], radar, block.n_samples, plan.target_db)
+        polar = plan_polar(grid, *rows[1:], radar, block.n_samples, plan.target_db)
         if polar is not None:
-            plan._add_by_polar(polar, (block.samples[0], centres[0], centres[0]), image)
+            add_by_polar(polar, radar, rows, grid, image)

@@ -1,6 +1,6 @@
-"""Compiled inner loops of backprojection.
+"""Compiled inner loop of backprojection along image lines.
 
-Both kernels sum, for every pixel, ``s_mn(D) exp(+j k_c D)`` over the rows of a block (a row is
+It sums, for every pixel, ``s_mn(D) exp(+j k_c D)`` over the rows of a block (a row is
 one channel of one pulse; D is half the two-way path). Geometry is float64, samples and
 accumulators float32. The range profile arrives as cubic polynomials per lattice interval
 (`interpolation`); a position on the lattice is ``v = (D - R0) / step = n + t`` with an integer n,
@@ -255,55 +255,3 @@ def _expand_phasor(coefficients, task, j, turns, half):
     coefficients[task, 8, j] = cosine * i2 + sine * r2
     coefficients[task, 9, j] = cosine * r3 - sine * i3
     coefficients[task, 10, j] = cosine * i3 + sine * r3
-
-
-@njit(parallel=True)
-def project_points(polynomials, tx, rx, points, range_zero, step, cycles_per_step, cycles_zero,
-                   image):
-    """Add rows to arbitrary points.
-
-    Parameters
-    ----------
-    polynomials : (R, n, 8) float32
-        Coefficients of each lattice interval side by side; the first and last are zero.
-    tx, rx : (R, 3) float64
-        Phase centres of the rows, metres.
-    points : (n_points, 3) float64
-        Positions, metres.
-    range_zero, step, cycles_per_step, cycles_zero : float
-        As for `project_lines`; position 0 is the first interval.
-    image : (n_points,) complex64
-        Values to add to.
-    """
-    n_rows, n, _ = polynomials.shape
-    n_points = len(points)
-    block = 64
-    inverse_step = 1.0 / step
-    for group in numba.prange((n_points + block - 1) // block):
-        first = group * block
-        count = min(block, n_points - first)
-        interval = np.empty(block, np.int64)
-        fraction = np.empty(block, np.float32)
-        sine, cosine = np.empty(block, np.float32), np.empty(block, np.float32)
-        total_re, total_im = np.zeros(block, np.float32), np.zeros(block, np.float32)
-        for row in range(n_rows):
-            for k in range(count):
-                x, y, z = points[first + k, 0], points[first + k, 1], points[first + k, 2]
-                a, b, c = x - tx[row, 0], y - tx[row, 1], z - tx[row, 2]
-                d, e, f = x - rx[row, 0], y - rx[row, 1], z - rx[row, 2]
-                v = (0.5 * (np.sqrt(a * a + b * b + c * c) + np.sqrt(d * d + e * e + f * f))
-                     - range_zero) * inverse_step
-                cell = np.floor(v)
-                interval[k] = np.int64(min(max(cell, 0.0), n - 1.0))
-                fraction[k] = v - cell
-                cycles = np.float32(_fraction(cycles_per_step * v + cycles_zero))
-                sine[k] = _sin_cycles(cycles, cycles * cycles)
-                cosine[k] = _cos_cycles(cycles * cycles)
-            for k in range(count):
-                q, t = polynomials[row, interval[k]], fraction[k]
-                re = q[0] + t * (q[1] + t * (q[2] + t * q[3]))
-                im = q[4] + t * (q[5] + t * (q[6] + t * q[7]))
-                total_re[k] += re * cosine[k] - im * sine[k]
-                total_im[k] += re * sine[k] + im * cosine[k]
-        for k in range(count):
-            image[first + k] += total_re[k] + np.complex64(1j) * total_im[k]

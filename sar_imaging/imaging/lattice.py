@@ -21,11 +21,11 @@ from .kernels import SINCOS_ERROR_DB
 ROWS_PER_PASS = 32  # rows that share the reference for the phase along a segment
 _SEGMENTS = (128, 64, 32, 16, 8)
 _MAX_PHASES = 8
-_POINT_OVERSAMPLING = 3.2  # lattice of the routine for arbitrary points
 _ACCUMULATION_ERROR_DB = -112.0  # float32 sums
 _ROWS_FOR_ERRORS = 64  # enough for averages over the rows
 _NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
-_COST_SEGMENT = 30.0  # in pixels of the kernel (measured)
+# Of a segment, and of a pixel of the routine for arbitrary points, in pixels of the kernel
+_COST_SEGMENT, _COST_POINT = 30.0, 5.0  # (measured)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -206,7 +206,7 @@ def _expansion_errors(paths, spacing, half, radar):
     yield _rms(np.hypot(quartic, quintic))
 
 
-def point_lattice(radar: RadarParameters, n_samples: int) -> Lattice:
+def point_lattice(radar: RadarParameters, n_samples: int, target_db: float) -> Lattice:
     """Lattice for the routine that needs no common direction of range and lines.
 
     Parameters
@@ -215,13 +215,17 @@ def point_lattice(radar: RadarParameters, n_samples: int) -> Lattice:
         Of the compressed profiles.
     n_samples : int
         Samples of a profile.
+    target_db : float
+        Wanted error against time-domain correlation, dB.
     """
-    pitch = radar.range_resolution_m / _POINT_OVERSAMPLING
+    oversampling = next(v for v in np.arange(1.6, 8.0, 0.2)
+                        if design_interpolator(v).error_db <= target_db - 3.0)
+    pitch = radar.range_resolution_m / oversampling
     n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, 1)
     step = n_padded * radar.sample_spacing_m / n_cells
     interpolator = design_interpolator(radar.range_resolution_m / step)
     return Lattice(n_padded, n_cells, 1, 0, step, pitch, interpolator,
-                   total_db(interpolator.error_db), 10.0)
+                   total_db(interpolator.error_db), _COST_POINT)
 
 
 def total_db(*parts_db: float) -> float:

@@ -1,4 +1,4 @@
-"""Add range profiles to image lines or to points: geometry of the lines, then the kernels."""
+"""Add range profiles to image lines: geometry of the lines, then the kernel."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from ..geometry.polar import PolarGrid
 from . import kernels
 from .profiles import Profiles
 
-_POINTS_PER_CALL = 1 << 18
 _TASKS_PER_THREAD = 8
 
 
@@ -128,30 +127,3 @@ def shared_phase(profiles: Profiles, n_pixels: int) -> np.ndarray:
 
 def _phasor(cycles) -> np.ndarray:
     return np.exp(2j * np.pi * np.fmod(cycles, 1.0)).astype(np.complex64)
-
-
-def add_to_points(profiles: Profiles, samples, tx_m, rx_m, points, image) -> None:
-    """Add rows to arbitrary points.
-
-    Parameters
-    ----------
-    profiles : Profiles
-        Plan of the profiles, on `lattice.point_lattice`.
-    samples : (R, N) complex64
-        Profiles of the rows.
-    tx_m, rx_m : (R, 3) float64
-        Phase centres of the rows, metres.
-    points : callable
-        ``points(slice)`` gives positions (n, 3) float64 of these pixels, metres.
-    image : (N,) complex64
-        Image to add to.
-    """
-    for rows in profiles.chunks(len(samples)):
-        planes = profiles.planes(samples[rows])
-        polynomials = np.ascontiguousarray(planes[:, 0].transpose(0, 2, 1))
-        for lo in range(0, image.size, _POINTS_PER_CALL):
-            part = slice(lo, min(lo + _POINTS_PER_CALL, image.size))
-            kernels.project_points(
-                polynomials, tx_m[rows], rx_m[rows], points(part), profiles.range_at(0),
-                profiles.lattice.step_m, profiles.cycles_per_step, profiles.cycles_at(0),
-                image[part])
