@@ -22,6 +22,7 @@ from . import ffbp_kernels as loops
 from .ffbp_plan import (
     Node,
     build_tree,
+    check_side,
     choose_segments,
     find_frame,
     half_bands,
@@ -29,6 +30,7 @@ from .ffbp_plan import (
     place_centres,
     place_grids,
     plan_profiles,
+    widest_spacing,
 )
 from .kernels import LINES
 from .projection import Profiles, add_to_lines
@@ -120,14 +122,15 @@ class FfbpImager:
             frame.enter(a) for a in (self._tx, self._rx, centres, edge, inside))
         place_centres(self.levels, centres)
         self._frame = frame
+        check_side(self.levels[0].nodes, edge)
         half_range = 0.0
         for level in self.levels:
             if not level.nodes:
                 continue
             along_range, along_alpha = half_bands(level.nodes, tx, rx, inside, radar)
             half_range = max(half_range, along_range)
-            # at least what half a wavelength of aperture asks for
-            level.alpha_spacing = math.pi / self.angle_oversampling / max(along_alpha, math.pi)
+            level.alpha_spacing = min(math.pi / self.angle_oversampling / max(along_alpha, 1.0),
+                                      widest_spacing(level.nodes, inside))
         lattice = plan_profiles(self.levels[0].nodes, frame, tx, rx, inside,
                                 0.999 * math.pi / half_range / self.range_oversampling, radar,
                                 self.n_samples, _FIRST_STAGE_DB)
@@ -238,15 +241,27 @@ class FfbpImager:
         return _GROUPS_PER_THREAD * numba.get_num_threads()
 
     def _merge(self, child, source, parent, target, first) -> None:
-        offset, level = child.centre - parent.centre, self.levels[parent.level]
-        spacing, z = self.range_spacing_m, self._frame.z_m
+        """Add the image of a part to that of a longer sub-aperture."""
+        level, frame = self.levels[parent.level], self._frame
+        spacing, (rows, columns) = self.range_spacing_m, parent.shape
+        if not level.segment:  # too near for the lines of the two grids to run side by side
+            if first:
+                target[:2 * rows * columns] = 0.0
+            pixels = [*frame.leave(parent.centre)[:2], parent.centre[2] - frame.z_m, *frame.track,
+                      *frame.across, parent.range_start, spacing, parent.alpha_start,
+                      level.alpha_spacing]
+            self._interpolate(child, source, pixels, target,
+                              (rows, columns, columns, 1, rows * columns),
+                              2 * spacing / self.radar.wavelength_m)
+            return
+        offset = child.centre - parent.centre
         geometry = np.array([
-            offset[0], offset[1], parent.centre[2] - z, child.centre[2] - z, spacing,
-            parent.range_start, child.range_start, parent.alpha_start, level.alpha_spacing,
-            child.alpha_start, self.levels[child.level].alpha_spacing,
+            offset[0], offset[1], parent.centre[2] - frame.z_m, child.centre[2] - frame.z_m,
+            spacing, parent.range_start, child.range_start, parent.alpha_start,
+            level.alpha_spacing, child.alpha_start, self.levels[child.level].alpha_spacing,
             2 * spacing / self.radar.wavelength_m])
         width = level.segment + loops.LANES
-        groups = min(parent.shape[0], self._groups)
+        groups = min(rows, self._groups)
         loops.merge(source, child.shape, target, parent.shape, geometry, *self._pairs,
                     loops.TAPS[self.kernel] // 2, level.segment,
                     np.arange(width, dtype=np.float32), int(first),
@@ -254,23 +269,26 @@ class FfbpImager:
 
     def _add(self, node, source, image) -> None:
         """Interpolate one of the last local images to the requested grid."""
-        grid, (x, y, z) = self.grid, self._frame.leave(node.centre)
-        geometry = np.array([
-            x, y, z - self._frame.z_m, *self._frame.track, node.range_start,
-            self.range_spacing_m, node.alpha_start, self.levels[node.level].alpha_spacing,
-            2 / self.radar.wavelength_m])
+        grid = self.grid
         if isinstance(grid, MapGrid):
             pixels = [grid.x_m[0], grid.y_m[0], grid.spacing_m, -grid.spacing_m]
         else:
             pixels = [*grid.origin_m[:2], grid.height_m, *grid.track, *grid.across,
                       grid.range_start_m, grid.range_spacing_m, grid.alpha_start,
                       grid.alpha_spacing]
-        taps, groups = loops.TAPS[self.kernel], min(len(image), self._groups)
-        size = groups * loops.PIXELS
-        loops.add_to_grid(source, node.shape, geometry, np.array(pixels, float), image.shape,
-                          *self._weights, taps, image.reshape(-1).view(np.float32),
-                          *np.empty((2, size)), np.empty(size, np.int64),
-                          *np.empty((4, size), np.float32))
+        self._interpolate(node, source, pixels, image.reshape(-1).view(np.float32),
+                          (*image.shape, 2 * image.shape[1], 2, 1), 0.0)
+
+    def _interpolate(self, node, source, pixels, target, layout, cycles_per_column) -> None:
+        x, y, z = self._frame.leave(node.centre)
+        geometry = np.array([
+            x, y, z - self._frame.z_m, *self._frame.track, node.range_start,
+            self.range_spacing_m, node.alpha_start, self.levels[node.level].alpha_spacing,
+            2 / self.radar.wavelength_m, cycles_per_column])
+        size = min(layout[0], self._groups) * loops.PIXELS
+        loops.add_to_grid(source, node.shape, geometry, np.array(pixels, float), np.array(layout),
+                          *self._weights, loops.TAPS[self.kernel], target, *np.empty((2, size)),
+                          np.empty(size, np.int64), *np.empty((4, size), np.float32))
 
 
 def _check_options(kernel, pulses_per_subaperture, merge_factor) -> None:

@@ -270,9 +270,9 @@ def merge(child, child_shape, parent, parent_shape, geometry, weights_range, wei
 
 
 @njit(parallel=True)
-def add_to_grid(local, shape, geometry, grid, image_shape, weights_range, weights_alpha, taps,
+def add_to_grid(local, shape, geometry, grid, layout, weights_range, weights_alpha, taps,
                 image, x, y, place, along_range, along_alpha, cosine, sine):
-    """Interpolate a local image to the pixels of a map or of another polar grid and add it.
+    """Interpolate a local image to the pixels of any map or polar grid and add it.
 
     The value of each pixel is a weighted sum of taps x taps neighbours, for which the carrier
     ``exp(+j 4 pi (r - r_0) / lambda)`` is put back.
@@ -283,21 +283,24 @@ def add_to_grid(local, shape, geometry, grid, image_shape, weights_range, weight
         Image at range baseband.
     shape : (int, int)
         Its n_alpha, n_range.
-    geometry : (10,) float64
+    geometry : (11,) float64
         Of the local grid: origin x, y, metres, and its height above the plane; track x, y; first
         range and spacing, metres; first direction cosine and spacing; cycles per metre of range.
+        Last come the cycles per column that the image leaves out: 0, or for an image at range
+        baseband the cycles per pixel.
     grid : (4,) or (11,) float64
         Pixels of the image. Map: x and y of the first pixel, step of x by column and of y by row,
         metres. Polar: origin x, y and its height above the plane, track x, y, its normal x, y,
         first range and spacing, first direction cosine and spacing.
-    image_shape : (int, int)
-        Rows and columns of the image.
+    layout : (5,) int64
+        Rows and columns of the image; steps of the index in `image` from row to row, from column
+        to column, and from a real part to its imaginary part.
     weights_range, weights_alpha : (8 * taps,) float32
         `kernel_weights`, transposed.
     taps : int
         2, 4 or 8.
-    image : (2 * rows * columns,) float32
-        Complex values to add to.
+    image : (N,) float32
+        Real and imaginary parts to add to.
     x, y : (groups * PIXELS,) float64
         Work space for each of the groups into which rows are divided among threads.
     place : (groups * PIXELS,) int64
@@ -306,7 +309,8 @@ def add_to_grid(local, shape, geometry, grid, image_shape, weights_range, weight
         Work space.
     """
     n_alpha, n_range = shape
-    rows, columns = image_shape
+    rows, columns = layout[0], layout[1]
+    column_step, imag_step = np.uint64(layout[3]), np.uint64(layout[4])
     first = 1 - taps // 2
     imag = n_alpha * n_range
     ox, oy, height = geometry[0], geometry[1], geometry[2]
@@ -338,10 +342,11 @@ def add_to_grid(local, shape, geometry, grid, image_shape, weights_range, weight
                     along_range[at + i] = v - node - 0.5
                     along_alpha[at + i] = u - line - 0.5
                     place[at + i] = np.int64((line + first) * n_range + node + first)
-                    cycles = np.float32(_fraction(geometry[9] * (r - geometry[5])))
+                    cycles = np.float32(_fraction(geometry[9] * (r - geometry[5])
+                                                  - geometry[10] * (begin + np.float64(i))))
                     sine[at + i] = _sin_cycles(cycles, cycles * cycles)
                     cosine[at + i] = _cos_cycles(cycles * cycles)
-                pixel = np.uint64(2 * (row * columns + begin))
+                pixel = np.uint64(row * layout[2] + begin * layout[3])
                 for i in range(count):
                     if taps == 8:
                         re, im = interpolate8(local, place[at + i], n_range, imag, weights_range,
@@ -356,5 +361,6 @@ def add_to_grid(local, shape, geometry, grid, image_shape, weights_range, weight
                                               weights_alpha, along_range[at + i],
                                               along_alpha[at + i])
                     c, s = cosine[at + i], sine[at + i]
-                    image[pixel + i + i] += re * c - im * s
-                    image[pixel + i + i + np.uint64(1)] += re * s + im * c
+                    to = pixel + i * column_step
+                    image[to] += re * c - im * s
+                    image[to + imag_step] += re * s + im * c

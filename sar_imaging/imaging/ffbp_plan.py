@@ -23,6 +23,7 @@ _EDGE_SAMPLES = 33  # per edge of the requested grid
 _PULSES_PER_NODE = 5  # whose paths bound the local frequencies
 _SAMPLED_NODES = 64  # per level, where the geometry is looked at closely
 _CUBIC_CYCLES = 2e-5  # error of the expansion of the carrier phase along a segment: -78 dB
+_NARROW = 0.01  # spacing of directions that any geometry allows
 _SAFETY = 1.02  # of bandwidths, for what lies between the sampled pulses and positions
 
 
@@ -66,14 +67,15 @@ class Level:
     alpha_spacing : float
         Spacing of direction cosines.
     segment : int
-        Pixels along which geometry is expanded when their images are made from their parts.
+        Pixels along which geometry is expanded when their images are made from their parts;
+        0 where it must be computed for every pixel.
     size : int
         Pixels of the largest image.
     """
 
     nodes: list[Node]
     alpha_spacing: float = 0.0
-    segment: int = _SEGMENTS[-1]
+    segment: int = 0
     size: int = 0
 
 
@@ -193,6 +195,30 @@ def place_centres(levels: list[Level], centres) -> None:
             node.centre = 0.5 * (part.min(axis=0) + part.max(axis=0))
 
 
+def check_side(nodes: list[Node], edge) -> None:
+    """Raise ValueError where a scene does not lie on one side of the track.
+
+    Parameters
+    ----------
+    nodes : list of Node
+        Sub-apertures with centres.
+    edge : (E, 3) float64
+        Outline of the scene in the frame, metres.
+    """
+    furthest, nearest = max(n.centre[1] for n in nodes), edge[:, 1].min()
+    if nearest <= furthest:
+        raise ValueError(f'the scene begins {nearest - furthest:.1f} m beside the track; fast '
+                         'factorised backprojection needs it on one side, use Backprojector')
+
+
+def widest_spacing(nodes: list[Node], points) -> float:
+    """Spacing of directions that keeps the margins of a short sub-aperture near the scene."""
+    origin = np.array([n.centre for n in nodes])[:, None]
+    offset = points - origin
+    alpha = offset[..., 0] / np.linalg.norm(offset, axis=-1)
+    return max(float(np.ptp(alpha, axis=1).max()) / 2, _NARROW)
+
+
 def half_bands(nodes: list[Node], tx, rx, points, radar: RadarParameters) -> tuple[float, float]:
     """Half the bandwidth of local images along range (rad/m) and direction (rad).
 
@@ -309,21 +335,18 @@ def _place_grid(node, level, edge, edge_step, spacing, more_range, more_alpha):
 
 def choose_segments(levels: list[Level], points, spacing: float, wavelength_m: float) -> None:
     """Longest segments along which the expansions of `ffbp_kernels.merge` are exact enough."""
+    child_alpha = {id(n): lv.alpha_spacing for lv in levels for n in lv.nodes}
     for level in levels[1:]:
+        if not level.nodes:
+            continue
         some = level.nodes[::max(1, len(level.nodes) // _SAMPLED_NODES)]
         pairs = [(n, c) for n in some for c in n.children]
-        child_alpha = {id(n): lv.alpha_spacing for lv in levels for n in lv.nodes}
         spacings = np.array([child_alpha[id(c)] for _, c in pairs])[:, None]
         parent = np.array([n.centre for n, _ in pairs])[:, None]
         child = np.array([c.centre for _, c in pairs])[:, None]
         level.segment = next(
             (s for s in _SEGMENTS
              if _expands(points, parent, child, spacings, spacing, s, wavelength_m)), 0)
-        if level.segment == 0:
-            raise ValueError(
-                f'sub-apertures of {some[0].pulses.stop - some[0].pulses.start} pulses are too '
-                'long for a scene this near: their local polar grids are not parallel enough to '
-                'be interpolated; use Backprojector')
 
 
 def _expands(points, parent, child, alpha_spacing, spacing, segment, wavelength_m) -> bool:
