@@ -20,11 +20,11 @@ import numpy as np
 from ..geometry import MapGrid
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
+from . import polar as polar_plans
 from .image_points import ImagePoints
 from .lattice import plan_lattice, point_lattice
 from .map_lines import MapLines
 from .memory import check_memory
-from .polar import plan_polar
 from .polar_image import add_by_polar
 from .profiles import Profiles
 from .projection import add_to_lines, line_middles, shared_phase
@@ -198,11 +198,14 @@ class Backprojector:
         self._check_reach(lines.range_m)
         lattice = plan_lattice(lines.paths, 1.0, lines.n_pixels, self.radar, self.n_samples,
                                self.target_db)
-        polar = plan_polar(self.grid, *rows[1:], self.radar, self.n_samples, self.target_db)
         costs = {'points': point_lattice(self.radar, self.n_samples, self.target_db).cost
                  * len(rows[0])}
         if lattice is not None:
             costs['lines'] = lattice.cost * len(rows[0])
+        polar = None
+        if min(costs.values()) > polar_plans._COST_RESAMPLING:  # for fewer pulses it cannot pay
+            polar = polar_plans.plan_polar(self.grid, *rows[1:], self.radar, self.n_samples,
+                                           self.target_db)
         if polar is not None:
             costs['polar'] = polar.cost
         self.method = min(costs, key=costs.get)
@@ -279,6 +282,6 @@ def compile_kernels() -> None:
         grid = MapGrid((x, 0.0, 0.0), 16, 16, 0.25)
         plan = Backprojector(grid, radar, block.n_samples)
         image = plan(block)
-        polar = plan_polar(grid, *rows[1:], radar, block.n_samples, plan.target_db)
+        polar = polar_plans.plan_polar(grid, *rows[1:], radar, block.n_samples, plan.target_db)
         if polar is not None:
             add_by_polar(polar, radar, rows, grid, image)

@@ -158,8 +158,10 @@ def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParamete
     slope = paths.derivatives[0]
     if slope.min() <= 0:
         return None
-    middle = 0.5 * (slope.min() + slope.max())
+    slopes = float(slope.min()), float(slope.max())
+    middle = 0.5 * sum(slopes)
     pitch = spacing * middle
+    errors = _expansion_errors(paths, radar)
     longest = next((s for s in reversed(_SEGMENTS) if s >= n_line), _SEGMENTS[0])
     found = []
     for phases in range(1, _MAX_PHASES + 1):
@@ -169,41 +171,41 @@ def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParamete
         if fit_spacing:
             spacing = cell / middle
         for segment in (s for s in _SEGMENTS if s <= longest):
-            found += _candidates(paths, spacing, radar, n_padded, n_cells, cell, phases,
+            found += _candidates(slopes, errors, spacing, radar, n_padded, n_cells, cell, phases,
                                  segment, target_db)
         if found:  # more phases only cost memory
             return min(found, key=lambda lattice: lattice.cost)
     return None
 
 
-def _candidates(paths, spacing, radar, n_padded, n_cells, cell, phases, segment, target_db):
+def _candidates(slopes, errors, spacing, radar, n_padded, n_cells, cell, phases, segment,
+                target_db):
     step, half = cell / phases, segment / 2
     oversampling = radar.range_resolution_m / step
-    drift = np.abs(paths.derivatives[0] * spacing - cell).max() * half
+    drift = max(abs(slope * spacing - cell) for slope in slopes) * half
     if oversampling <= 1.25 or drift > 2 * step:
         return
     interpolator = design_interpolator(oversampling, drift / step)
     predicted = total_db(interpolator.error_db, *(
-        20 * math.log10(error + 1e-12)
-        for error in _expansion_errors(paths, spacing, half, radar)))
+        20 * math.log10(error * (spacing * half) ** power + 1e-12) for power, error in errors))
     if predicted <= target_db:
         yield Lattice(n_padded, n_cells, phases, segment, step, spacing, interpolator, predicted,
                       1.0 + _COST_SEGMENT / segment)
 
 
-def _expansion_errors(paths, spacing, half, radar):
-    """Rms errors over a segment: path to third order, envelope to second, phasor to third."""
+def _expansion_errors(paths, radar):
+    """Rms errors over a segment of half length 1, and the powers of it that they grow with.
+
+    The path is expanded to third order, the envelope's position to second, the phasor to third.
+    """
     k = radar.wavenumber_rad_per_m
     band = 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT / math.sqrt(3)
-    orders = [d * (spacing * half) ** (n + 1) / math.factorial(n + 1)
-              for n, d in enumerate(paths.derivatives)]
-    yield k / 3 * _rms(orders[3])
-    yield band / math.sqrt(7) * _rms(orders[2])
-    a, b, c = (k * d * (spacing * half) ** (n + 1) / math.factorial(n + 1)
+    a, b, c = (k * d / math.factorial(n + 1)
                for n, d in enumerate(paths.from_shared().derivatives[:3]))
     quartic = np.hypot(a ** 4 / 24 - b ** 2 / 2 - a * c, a ** 2 * b / 2) / 8 / math.sqrt(2)
     quintic = np.hypot(a ** 3 * b / 6, a ** 5 / 120 - a * b ** 2 / 2 - a ** 2 * c / 2) / 4
-    yield _rms(np.hypot(quartic, quintic))
+    return ((3, band / math.sqrt(7) / 6 * _rms(paths.derivatives[2])),
+            (4, k / 3 / 24 * _rms(paths.derivatives[3])), (4, _rms(quartic)), (5, _rms(quintic)))
 
 
 def point_lattice(radar: RadarParameters, n_samples: int, target_db: float) -> Lattice:
