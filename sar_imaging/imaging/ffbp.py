@@ -33,7 +33,8 @@ from .ffbp_plan import (
     widest_spacing,
 )
 from .kernels import LINES
-from .projection import Profiles, add_to_lines
+from .profiles import Profiles
+from .projection import add_to_lines
 
 #: Default samples per reciprocal bandwidth along range and along direction.
 OVERSAMPLING = {'linear': 4.0, 'cubic': 2.5, 'knab8': 1.8}
@@ -48,8 +49,18 @@ class FfbpImager:
     stage, and carrier phases are reduced to a fraction of a cycle before they become float32.
     Images are made depth first, so that one image per level is in memory.
 
-    The error is that of the interpolations, one along range and one along direction per level,
-    which add up. It is not predicted: it depends on how the scene fills the bands.
+    The error against time-domain correlation is that of the interpolations, one along range and
+    one along direction per level, whose amplitudes add up: a merge factor of 4 halves the levels
+    and gains 5 to 6 dB. It is not predicted, because it depends on how the scene fills the
+    bands. Measured with sub-apertures of 16 pulses, 10 GHz, 600 MHz, eight scatterers and 192 x
+    192 pixels, resolution about the same in range and azimuth, in dB with merge factor 2 (4):
+
+    ==========================  =============  =============  =============
+    aperture                    knab8          cubic          linear
+    ==========================  =============  =============  =============
+    256 pulses at 1 km          -54 (-61)      -26 (-31)      -18 (-23)
+    1024 pulses at 10 km        -50 (-56)      -22 (-28)      -15 (-20)
+    ==========================  =============  =============  =============
 
     Parameters
     ----------

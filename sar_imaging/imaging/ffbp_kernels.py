@@ -73,7 +73,7 @@ def paired(weights: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.concatenate([half[:, ::2], half[:, 1::2]], axis=1).reshape(-1))
 
 
-@njit(parallel=True)
+@njit
 def local_lines(geometry, n_alpha, segment, lines):
     """Lines of a local polar grid as `kernels.project_lines` wants them.
 
@@ -91,7 +91,7 @@ def local_lines(geometry, n_alpha, segment, lines):
     ux, uy, vx, vy = geometry[4], geometry[5], geometry[6], geometry[7]
     step = geometry[9]
     height = geometry[2] - geometry[3]
-    for group in numba.prange(lines.shape[0]):
+    for group in range(lines.shape[0]):
         for number in range(lines.shape[1]):
             r = geometry[8] + (number * segment + segment // 2) * step
             for j in range(LINES):
