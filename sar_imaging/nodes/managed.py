@@ -241,7 +241,7 @@ def run(node_class: type[ManagedNode], args: list[str] | None = None) -> int:
             executor = SingleThreadedExecutor()
             executor.add_node(node)
             if node.parameters['autostart'] and not node.start():
-                return 1
+                return 1 if rclpy.ok() else 0  # Ctrl-C is no failure
             executor.spin()
     except ExternalShutdownException:
         pass
