@@ -58,6 +58,8 @@ class Backprojector:
 
     Attributes
     ----------
+    grid : MapGrid or None
+        The map; None for an array of positions.
     shape : tuple of int
         Of the image of one channel, or of the sum of the channels.
     predicted_error_db : float

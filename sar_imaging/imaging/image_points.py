@@ -42,12 +42,11 @@ class ImagePoints:
         low, high = [], []
         for name, values, stride in zip('xyz', self._coordinates, strides, strict=True):
             values = values[::max(stride[1], 1)]
-            if np.isinf(values).any():
+            low.append(np.fmin.reduce(values))  # without the NaNs
+            high.append(np.fmax.reduce(values))
+            if math.isinf(low[-1]) or math.isinf(high[-1]):
                 raise ValueError(f'{name} of {np.count_nonzero(np.isinf(values))} points is '
                                  'infinite; write NaN where there is no position')
-            known = values[~np.isnan(values)]
-            low.append(known.min() if known.size else math.nan)
-            high.append(known.max() if known.size else math.nan)
         self._centre = 0.5 * (np.array(low) + np.array(high))
         self._radius = 0.5 * math.dist(low, high)
 
