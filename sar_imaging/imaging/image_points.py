@@ -53,7 +53,8 @@ class ImagePoints:
     @classmethod
     def of_array(cls, points) -> ImagePoints:
         """Points of a (..., 3) float64 array, metres."""
-        points = np.ascontiguousarray(points, np.float64)
+        # Writable, since Numba would compile once more for what is not.
+        points = np.require(points, np.float64, ['C', 'W'])
         if points.ndim < 1 or points.shape[-1] != 3 or points.size == 0:
             raise ValueError(f'points.shape={points.shape}; expected (..., 3), x, y and z of at '
                              'least one point in metres')
@@ -66,7 +67,7 @@ class ImagePoints:
         """Pixels of a map, at (n_y, n_x) float64 heights, metres, or on its plane."""
         heights, strides = np.array([grid.z_m]), (0, 0)
         if height_m is not None:
-            heights = np.ascontiguousarray(height_m, np.float64)
+            heights = np.require(height_m, np.float64, ['C', 'W'])
             if heights.shape != grid.shape:
                 raise ValueError(f'height_m.shape={heights.shape} does not match the grid; '
                                  f'expected {grid.shape}, row 0 at the largest y')

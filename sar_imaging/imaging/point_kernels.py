@@ -23,7 +23,8 @@ from .transposed_loads import PIXELS, RUN, load_columns
 TILE = 256  # largest number of points in a tile
 NEAREST = 16.0  # least distance of a phase centre in tile radii: the series below holds to 1e-7
 _GROUPS_PER_THREAD = 4  # evens the load out
-_ROUNDING = 3e-8  # rms error of a path in float32 over the radius of its tile (measured)
+# Rms error of a path in float32 over the radius of its tile; 1.4e-8 to 1.7e-8 were measured
+_ROUNDING = 3e-8
 
 # 1 / (1 + sqrt(1 + s)) = 1/2 - s/8 + s^2/16 - 5 s^3/128 + ...
 _B0, _B1, _B2, _B3, _B4, _B5 = (np.float32(v) for v in (

@@ -62,8 +62,8 @@ def test_target_is_met_and_predicted(make_case, target_db):
 
 
 def test_tiles_too_large_for_float32_are_computed_in_float64(make_case):
-    # Neighbours in the array lie up to 24 m apart: rounded offsets would cost -60 dB.
-    case = make_case(5e4)
+    # Neighbours in the array lie up to 134 m apart: rounded offsets would cost -68 dB.
+    case = make_case(5e4, spacing_m=1.0)
     points = case.grid.points().reshape(-1, 3)
     scattered = np.random.default_rng(2).permutation(points)
     image, _ = _form(case.block, scattered)
