@@ -43,6 +43,11 @@ class Paths:
     length: np.ndarray
     derivatives: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
+    def reversed(self) -> Paths:
+        """The same points on lines that run the other way."""
+        first, second, third, fourth = self.derivatives
+        return Paths(self.length, (-first, second, -third, fourth))
+
     def from_shared(self) -> Paths:
         """Some rows, less the middle row of the `ROWS_PER_PASS` that each is added with."""
         n = len(self.length)

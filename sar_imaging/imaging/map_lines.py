@@ -38,7 +38,9 @@ class MapLines:
         points = np.stack([*(v.ravel() for v in np.meshgrid(x, y)), np.full(n * n, grid.z_m)],
                           axis=-1)
         steps = np.array([[grid.spacing_m, 0, 0], [0, -grid.spacing_m, 0]])
-        slopes = [self._sample(tx_m, rx_m, points, step).derivatives[0] for step in steps]
+        paths = [sample_paths(tx_m, rx_m, (points, np.broadcast_to(step, points.shape)))
+                 for step in steps]
+        slopes = [p.derivatives[0] for p in paths]
         least = [np.abs(s).min() if s.min() > 0 or s.max() < 0 else -1.0 for s in slopes]
         axis = int(np.argmax(least))
         forward = slopes[axis].mean() >= 0
@@ -52,17 +54,13 @@ class MapLines:
             self._start = self._start - (self.n_pixels - 1) * self._along
             first, pixel = (self.n_pixels - 1) * pixel, -pixel
         self.layout = np.array([self.n_lines, first, line, pixel, 1])
-        self.paths = self._sample(tx_m, rx_m, points, self._along)
+        self.paths = paths[axis] if forward else paths[axis].reversed()
         # Range is monotonic along lines; between sampled lines it changes by at most its slope.
         beside = np.abs(slopes[1 - axis]).max() * (self.n_lines / (n - 1) / 2 + 1)
         if least[axis] < 0:
             beside += np.abs(slopes[axis]).max() * (self.n_pixels / (n - 1) / 2 + 1)
         self.range_m = (float(self.paths.length.min() - beside),
                         float(self.paths.length.max() + beside))
-
-    @staticmethod
-    def _sample(tx_m, rx_m, points, step):
-        return sample_paths(tx_m, rx_m, (points, np.broadcast_to(step, points.shape)))
 
     def locate(self, pixel, line):
         """Positions and derivatives for `line_middles`."""
