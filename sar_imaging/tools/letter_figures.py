@@ -16,6 +16,7 @@ from sar_imaging.simulation.spotlight_letter import PAIR_SEPARATION_M, Spotlight
 
 from .letter_imagers import COMPARED, CUTS, EXACT
 from .letter_measurements import SubsceneImage
+from .letter_spectra import Spectra
 
 DPI = 130
 FLOOR_DB = -50.0
@@ -146,3 +147,55 @@ def draw_single(path: Path, images: dict[str, SubsceneImage], grid: MapGrid,
     """Figure 8: point 3, images and azimuth cuts."""
     _draw_point(path, images, grid, np.array(experiment.scatterers[2].position_m[:2]),
                 lambda m: m.single, 'Figure 8: point 3 and its azimuth response')
+
+
+def draw_line_spectra(path: Path, spectra: Spectra) -> None:
+    """Figure 3: angular spectrum of one sub-aperture, folded and in its place."""
+    figure, axes = _figure(2, 1, width=8.0, height=5.0)
+    column = int(np.argmin(np.abs(spectra.frequency_hz)))
+    fused = spectra.fused[:, column]
+    top = fused.max()
+    panel = axes[0, 0]
+    panel.plot(spectra.coarse_m, _decibels(spectra.coarse[:, column], top), color='#b5493a',
+               linewidth=1.1)
+    _grid(panel, title='of one sub-aperture image, as its transform gives it', ylim=(-50, 3),
+          xlim=(spectra.coarse_m[0], spectra.coarse_m[-1]), ylabel='dB')
+    panel = axes[1, 0]
+    panel.plot(spectra.track_m, _decibels(fused, top), color='0.65', linewidth=0.8,
+               label='fused')
+    panel.plot(spectra.track_m, _decibels(spectra.placed[:, column], top), color='#b5493a',
+               linewidth=1.1, label='the sub-aperture in its place')
+    panel.axvspan(*spectra.subaperture_m, color='#e0a030', alpha=0.35,
+                  label='where its pulses were')
+    _grid(panel, title='of all', xlabel=r'$-K_\alpha / K_{rc}$: position along the track (m)',
+          ylim=(-50, 3), ylabel='dB', xlim=(spectra.track_m[0], spectra.track_m[-1]))
+    panel.legend(fontsize=8, loc='lower left')
+    figure.suptitle('Figure 3: angular spectra at the carrier', fontsize=11)
+    figure.savefig(path, dpi=DPI)
+
+
+def draw_plane_spectra(path: Path, spectra: Spectra) -> None:
+    """Figure 4: 2-D spectra of one sub-aperture, folded and in its place, and of all."""
+    figure, axes = _figure(1, 3, width=12.0, height=4.6)
+    f = spectra.frequency_hz
+    panels = (('one sub-aperture, as its transform gives it', spectra.coarse, spectra.coarse_m),
+              ('the same in its place', spectra.placed, spectra.track_m),
+              ('all', spectra.fused, spectra.track_m))
+    top = spectra.fused.max()
+    for panel, (title, magnitude, track) in zip(axes[0], panels, strict=True):
+        drawn = panel.imshow(_decibels(magnitude.T, top), origin='lower', aspect='auto',
+                             cmap='gray', vmin=-50, vmax=0, interpolation='nearest',
+                             extent=(track[0], track[-1], f[0] / 1e6, f[-1] / 1e6))
+        panel.set(title=title, xlabel=r'$-K_\alpha / K_{rc}$ (m)')
+    band = spectra.bandwidth_hz / 2 * np.array([-1.0, 1.0])
+    for x in spectra.subaperture_m:
+        axes[0, 1].plot(x * (1 + band / spectra.carrier_hz), band / 1e6, color='#e0a030',
+                        linewidth=1.0)
+    for x in (-spectra.aperture_m / 2, spectra.aperture_m / 2):
+        axes[0, 2].plot(x * (1 + band / spectra.carrier_hz), band / 1e6, color='#e0a030',
+                        linewidth=1.0)
+    axes[0, 0].set_ylabel('frequency \u2212 carrier (MHz)')
+    figure.colorbar(drawn, ax=axes, label='dB relative to the maximum')
+    figure.suptitle('Figure 4: two-dimensional spectra; lines: k x for the ends of the '
+                    'sub-aperture and of the aperture', fontsize=11)
+    figure.savefig(path, dpi=DPI)

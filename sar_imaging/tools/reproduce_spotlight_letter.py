@@ -30,6 +30,7 @@ from sar_imaging.simulation.spotlight_letter import (
 
 from . import letter_figures as figures, letter_imagers as imagers, letter_measurements as measure
 from .letter_recording import Recording
+from .letter_spectra import measure_spectra
 
 SCENE_SPACING_M = 0.12  # of the pixels of the whole scene
 CHECKED_PIXELS, CHECKED_BRIGHTEST = 48, 16  # correlated to tell the error of a whole scene
@@ -105,6 +106,9 @@ def reproduce(folder: Path, experiment: SpotlightExperiment) -> dict:
         with tqdm(total=shape[0], desc='echoes', unit='pulse', disable=None) as bar:
             experiment.record(phase_history, bar.update)
         recordings = {w: Recording(experiment, phase_history, w) for w in WINDOWS}
+        spectra = measure_spectra(recordings['none'])
+        figures.draw_line_spectra(folder / 'figure_03.png', spectra)
+        figures.draw_plane_spectra(folder / 'figure_04.png', spectra)
         points = _measure_points(folder, recordings)
         scene = _measure_scene(folder, recordings['hamming'])
     return {'paper': PAPER, 'size': experiment.name, 'geometry': _geometry(experiment),
