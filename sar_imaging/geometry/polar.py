@@ -111,6 +111,13 @@ class PolarGrid:
         zero = np.zeros_like(r)
         return position, vector(a, g1), vector(zero, g2), vector(zero, g3), vector(zero, g4)
 
+    def by_direction(self, range_m, alpha) -> np.ndarray:
+        """(..., 3) float64 derivative of the position by alpha, metres."""
+        r, a = np.broadcast_arrays(np.asarray(range_m, float), np.asarray(alpha, float))
+        ground = np.sqrt(r ** 2 * (1 - a ** 2) - self.height_m ** 2)
+        u, v = np.array([*self.track, 0.0]), np.array([*self.across, 0.0])
+        return np.multiply.outer(r, u) - np.multiply.outer(r ** 2 * a / ground, v)
+
     def from_map(self, x_m, y_m) -> tuple[np.ndarray, np.ndarray]:
         """Range in metres and direction cosine of positions on the plane."""
         dx, dy = np.asarray(x_m) - self.origin_m[0], np.asarray(y_m) - self.origin_m[1]

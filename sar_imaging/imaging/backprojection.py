@@ -205,7 +205,7 @@ class Backprojector:
         if lattice is not None:
             costs['lines'] = lattice.cost * len(rows[0])
         polar = None
-        if min(costs.values()) > polar_plans._COST_RESAMPLING:  # for fewer pulses it cannot pay
+        if min(costs.values()) > polar_plans.COST_RESAMPLING:  # for fewer pulses it cannot pay
             polar = polar_plans.plan_polar(self.grid, *rows[1:], self.radar, self.n_samples,
                                            self.target_db)
         if polar is not None:

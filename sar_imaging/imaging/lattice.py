@@ -91,6 +91,32 @@ def sample_paths(tx_m, rx_m, line) -> Paths:
     return Paths(total[0], tuple(total[1:]))
 
 
+def slope_along(tx_m, rx_m, position, direction) -> np.ndarray:
+    """Derivative of half paths along a direction at each of some points.
+
+    Parameters
+    ----------
+    tx_m, rx_m : (R, 3) float64
+        Phase centres, metres.
+    position, direction : (S, 3) float64
+        Points, metres, and derivative of the position by some parameter.
+
+    Returns
+    -------
+    (R, S) float64
+        Metres per unit of the parameter.
+    """
+    total = 0.0
+    for centre in (tx_m, rx_m):
+        square = along = 0.0
+        for axis in range(3):
+            offset = position[:, axis] - centre[:, axis, None]
+            square = square + offset ** 2
+            along = along + offset * direction[:, axis]
+        total = total + 0.5 * along / np.maximum(np.sqrt(square), _NEAREST_M)
+    return total
+
+
 @dataclasses.dataclass(frozen=True)
 class Lattice:
     """How profiles are resampled and read.

@@ -16,13 +16,13 @@ from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .interpolation import Interpolator, design_interpolator
-from .lattice import Lattice, plan_lattice, sample_paths, total_db
+from .lattice import Lattice, Paths, plan_lattice, sample_paths, slope_along, total_db
 from .merging import AngularParts, plan_parts
 from .resampling import DEGREE, TAPS
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
-_COST_RESAMPLING = 20.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
+COST_RESAMPLING = 20.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,14 +85,81 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     PolarPlan or None
         None where the map is tiny, too near, all around, or not ahead of the aperture.
     """
+    cover = cover_map(grid, tx_m, rx_m, radar, n_samples, target_db - 8.0, target_db - 3.0)
+    if cover is None:
+        return None
+    polar, lattice, paths = cover.polar, cover.lattice, cover.paths
+    if polar.n_range * polar.n_alpha > 3 * grid.n_x * grid.n_y + 100_000:
+        return None
+    parts = plan_parts(polar, cover.slope_alpha, *cover.wavenumber, cover.oversampling,
+                       lattice.cost)
+    share = polar.n_range * polar.n_alpha / (grid.n_x * grid.n_y)
+    per_pixel = lattice.cost * len(tx_m) if parts is None else parts.cost
+    lo, hi = float(paths.length.min()), float(paths.length.max())
+    # The sampled half paths miss the extremes by what range and direction add between samples.
+    slack = 2 * TAPS * lattice.spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
+    errors = [cover.interpolator.error_db] * (2 if parts is None else 3)
+    return PolarPlan(polar, lattice, (lo - slack, hi + slack), cover.axis, cover.interpolator,
+                     cover.interpolator, parts, radar.wavelength_m,
+                     total_db(lattice.predicted_error_db, *errors),
+                     per_pixel * share + COST_RESAMPLING)
+
+
+@dataclasses.dataclass(frozen=True)
+class MapCover:
+    """Polar grid that covers a map, fine enough to be interpolated to it.
+
+    Attributes
+    ----------
+    polar : PolarGrid
+        It reaches `TAPS` pixels beyond the map.
+    lattice : Lattice
+        How its lines read the profiles.
+    axis : int
+        Map axis along which the second pass of the resampling goes.
+    oversampling : float
+        Along range and direction.
+    interpolator : Interpolator
+        Of the resampling, for both passes.
+    paths : Paths
+        Half paths from the rows to samples of the map, derivatives by range.
+    slope_alpha : (R, S) float64
+        Their derivative by direction, metres.
+    wavenumber : (2,) floats
+        Lowest and highest of the radar's band, rad/m.
+    """
+
+    polar: PolarGrid
+    lattice: Lattice
+    axis: int
+    oversampling: float
+    interpolator: Interpolator
+    paths: Paths
+    slope_alpha: np.ndarray
+    wavenumber: tuple[float, float]
+
+
+def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
+              resampling_db: float, lattice_db: float) -> MapCover | None:
+    """Cover a map by a polar grid around the aperture.
+
+    Parameters
+    ----------
+    grid, tx_m, rx_m, radar, n_samples :
+        As for `plan_polar`.
+    resampling_db, lattice_db : float
+        Wanted errors of each pass of the interpolation to the map and of the backprojection, dB.
+
+    Returns
+    -------
+    MapCover or None
+        None where the map is tiny, too near, all around, or not ahead of the aperture.
+    """
     frame = _frame(grid, 0.5 * (tx_m + rx_m))
-    if frame is None or min(grid.shape) < TAPS:
+    oversampling = _oversampling(resampling_db)
+    if frame is None or min(grid.shape) < TAPS or oversampling is None:
         return None
     origin, track, side, axis = frame
-    image_db = target_db - 8.0
-    oversampling = _oversampling(image_db)
-    if oversampling is None:
-        return None
     bands = _bands(grid, tx_m, rx_m, radar, origin, track, side, axis)
     if bands is None:
         return None
@@ -100,25 +167,14 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     half_alpha = k[1] * float(np.abs(slope_alpha).max())
     n_line = math.ceil(np.ptp(paths.length) * half_range * oversampling / math.pi)
     lattice = plan_lattice(paths, math.pi / (half_range * oversampling) * 0.999, n_line, radar,
-                           n_samples, target_db - 3.0, fit_spacing=True)
+                           n_samples, lattice_db, fit_spacing=True)
     if lattice is None:
         return None
-    spacing = lattice.spacing
-    polar = _cover(grid, origin, track, side, spacing, half_alpha, oversampling)
-    if polar is None or polar.n_range * polar.n_alpha > 3 * grid.n_x * grid.n_y + 100_000:
+    polar = _cover(grid, origin, track, side, lattice.spacing, half_alpha, oversampling)
+    if polar is None:
         return None
-    parts = plan_parts(polar, slope_alpha, *k, oversampling, lattice.cost)
     interpolator = design_interpolator(oversampling, taps=TAPS, degree=DEGREE)
-    beyond = 2 * TAPS * spacing
-    share = polar.n_range * polar.n_alpha / (grid.n_x * grid.n_y)
-    per_pixel = lattice.cost * len(tx_m) if parts is None else parts.cost
-    lo, hi = float(paths.length.min()), float(paths.length.max())
-    # The sampled half paths miss the extremes by what range and direction add between samples.
-    slack = beyond + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
-    errors = [interpolator.error_db] * (2 if parts is None else 3)
-    return PolarPlan(polar, lattice, (lo - slack, hi + slack), axis, interpolator, interpolator,
-                     parts, radar.wavelength_m, total_db(lattice.predicted_error_db, *errors),
-                     per_pixel * share + _COST_RESAMPLING)
+    return MapCover(polar, lattice, axis, oversampling, interpolator, paths, slope_alpha, k)
 
 
 def _frame(grid: MapGrid, centres):
@@ -169,14 +225,10 @@ def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
     lines = unit.lines(r, alpha)
     position = lines[0]
     paths = sample_paths(tx_m, rx_m, lines)
-    u, v = np.array(unit.track), np.array(unit.across)
-    ground = (position[:, :2] - origin[:2]) @ v
-    by_alpha = np.zeros_like(position)
-    by_alpha[:, :2] = r[:, None] * u - (r ** 2 * alpha / ground)[:, None] * v
-    slope_alpha = sample_paths(tx_m, rx_m, (position, by_alpha)).derivatives[0]
+    slope_alpha = slope_along(tx_m, rx_m, position, unit.by_direction(r, alpha))
     # along a row of the map the direction changes with range, too
     step = (position[:, axis] - origin[axis]) / r
-    alpha_by_range = (u[axis] / step - alpha) / r
+    alpha_by_range = (track[axis] / step - alpha) / r
     band = 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
     k = radar.wavenumber_rad_per_m + band
     slope = paths.derivatives[0]

@@ -73,7 +73,7 @@ def test_target_is_met_and_predicted(make_case, target_db):
     ({'range_m': 5e4}, -60.0),
 ], ids=str)
 def test_polar_way_meets_the_target(make_case, monkeypatch, options, target_db):
-    monkeypatch.setattr('sar_imaging.imaging.polar._COST_RESAMPLING', -np.inf)
+    monkeypatch.setattr('sar_imaging.imaging.polar.COST_RESAMPLING', -np.inf)
     case = make_case(**options)
     plan = _plan(case, target_db=target_db)
     error = _error_db(case, plan(case.block))

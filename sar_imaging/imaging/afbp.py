@@ -1,0 +1,177 @@
+"""Accelerated fast backprojection (AFBP) of a whole aperture, Zhang et al. 2014.
+
+Two stages with a seam between them: `SubaperturePlan` backprojects sub-apertures onto a common
+polar grid, `SpectrumFusion` joins their spectra. `AfbpImager` plans both for a target and chains
+them, to a polar grid or to a map.
+"""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+from tqdm import tqdm
+
+from ..geometry.grids import MapGrid
+from ..geometry.polar import PolarGrid
+from ..signal.pulses import PulseBlock
+from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .fusion import SpectrumFusion
+from .lattice import total_db
+from .polar import cover_map
+from .resampling import add_polar_to_map
+from .subapertures import SubaperturePlan
+
+_logger = logging.getLogger(__name__)
+_ROWS_FOR_COVER = 1024
+
+
+class AfbpImager:
+    """Image of one aperture by AFBP.
+
+    Parameters
+    ----------
+    grid : MapGrid or PolarGrid
+        Where the pixels are. The origin of a polar grid should lie in the middle of the aperture.
+    radar : RadarParameters
+        Of the compressed profiles.
+    n_samples : int
+        Samples of a profile.
+    tx_m, rx_m : (P, C, 3) array_like
+        Phase centres of the whole aperture, metres; multichannel paths are exact.
+    target_db : float
+        Wanted error against exact backprojection, dB.
+    pulses_per_subaperture : int, optional
+        Length of the sub-apertures; the quickest if left out.
+    progress : bool
+        Show a progress bar on standard error.
+
+    Attributes
+    ----------
+    subapertures : SubaperturePlan
+        First stage.
+    fusion : SpectrumFusion
+        Second stage, of the latest image.
+    predicted_error_db : float
+        Predicted error against exact backprojection, dB.
+    warnings : tuple of str
+        What the image will show that more pulses would avoid.
+
+    Raises
+    ------
+    ValueError
+        The geometry does not allow the target, with the reason; `Backprojector` images any.
+
+    Examples
+    --------
+    >>> plan = AfbpImager(grid, profiles.radar, profiles.n_samples, profiles.tx_m,
+    ...                   profiles.rx_m)                                    # doctest: +SKIP
+    >>> image = plan(profiles)                                            # doctest: +SKIP
+    """
+
+    def __init__(self, grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m,
+                 rx_m, *, target_db: float = -50.0, pulses_per_subaperture: int | None = None,
+                 progress: bool = False):
+        if not -90.0 <= target_db <= -20.0:
+            raise ValueError(f'target_db={target_db}; expected -90 to -20 dB')
+        tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
+        if tx_m.shape != rx_m.shape or tx_m.ndim != 3 or tx_m.shape[-1] != 3 or not tx_m.size:
+            raise ValueError(f'tx_m.shape={tx_m.shape}, rx_m.shape={rx_m.shape}; expected '
+                             '(pulses, channels, 3) for both')
+        self.grid, self._progress, self._cover = grid, progress, None
+        polar = grid
+        if isinstance(grid, MapGrid):
+            self._cover = _cover(grid, tx_m, rx_m, radar, n_samples, target_db)
+            polar = self._cover.polar
+            target_db -= 1.0
+        self.subapertures = SubaperturePlan(polar, radar, n_samples, tx_m, rx_m,
+                                            target_db=target_db,
+                                            pulses_per_subaperture=pulses_per_subaperture)
+        self.fusion = SpectrumFusion(self.subapertures)
+        self.predicted_error_db = self.subapertures.predicted_error_db
+        if self._cover is not None:
+            self.predicted_error_db = total_db(self.predicted_error_db,
+                                               *2 * [self._cover.interpolator.error_db])
+        self.warnings = tuple(_sampling_warnings(polar, radar, tx_m, rx_m))
+        for warning in self.warnings:
+            _logger.warning(warning)
+
+    def __str__(self) -> str:
+        return '\n'.join([f'AFBP: {self.subapertures}', *self.warnings])
+
+    def __call__(self, block: PulseBlock) -> np.ndarray:
+        """Image of the aperture.
+
+        Parameters
+        ----------
+        block : PulseBlock
+            Range profiles of the pulses that were planned for, in their order.
+
+        Returns
+        -------
+        (n_y, n_x) or (n_alpha, n_range) complex64
+            ``f(x) = sum_m sum_n s_mn(D_mn(x)) exp(+j k_c D_mn(x))``.
+
+        Raises
+        ------
+        ValueError
+            The block does not match the plan.
+        """
+        pulses = self.subapertures.sampling.pulses
+        if block.n_pulses != pulses[-1].stop:
+            raise ValueError(f'block has {block.n_pulses} pulses; the plan is for '
+                             f'{pulses[-1].stop}')
+        self.fusion = SpectrumFusion(self.subapertures)
+        for number, some in enumerate(tqdm(pulses, desc='sub-apertures', unit='sub-aperture',
+                                           disable=not self._progress)):
+            self.fusion.add(number, self.subapertures.image(number, block.select(some)))
+        return self.form(self.fusion.take_polar_image())
+
+    def form(self, polar_image: np.ndarray) -> np.ndarray:
+        """Image on the grid from the fused polar image at range baseband.
+
+        Parameters
+        ----------
+        polar_image : (n_alpha, n_range) complex64
+            From `SpectrumFusion.polar_image`.
+
+        Returns
+        -------
+        (n_y, n_x) or (n_alpha, n_range) complex64
+        """
+        plan = self.subapertures
+        wavelength = plan.radar.wavelength_m
+        if self._cover is None:
+            cycles = np.fmod(2 * (plan.polar.range_m - plan.polar.range_start_m) / wavelength, 1.0)
+            return polar_image * np.exp(2j * np.pi * cycles).astype(np.complex64)
+        image = np.zeros(self.grid.shape, np.complex64)
+        cover = self._cover
+        add_polar_to_map(np.ascontiguousarray(polar_image.real),
+                         np.ascontiguousarray(polar_image.imag), plan.polar, self.grid, image,
+                         axis=cover.axis, wavelength_m=wavelength,
+                         along_alpha=cover.interpolator, along_range=cover.interpolator)
+        return image
+
+
+def _cover(grid, tx_m, rx_m, radar, n_samples, target_db):
+    step = max(1, len(tx_m) // _ROWS_FOR_COVER)
+    rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
+    cover = cover_map(grid, *rows, radar, n_samples, target_db - 10.0,
+                      min(target_db - 10.0, -50.0))
+    if cover is None:
+        raise ValueError('the map is too small, too near, around or beside the aperture for a '
+                         'polar image; use Backprojector')
+    return cover
+
+
+def _sampling_warnings(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m):
+    """Ambiguities that the pulses themselves cause, in any imager."""
+    if len(tx_m) < 3:
+        return
+    middles = 0.5 * (tx_m + rx_m).mean(axis=1)
+    step = float(np.median(np.linalg.norm(np.diff(middles, axis=0), axis=1)))
+    width = polar.n_alpha * polar.alpha_spacing
+    shortest = SPEED_OF_LIGHT / (radar.carrier_hz + radar.bandwidth_hz / 2)
+    if 2 * step * width > shortest:
+        yield (f'pulses are {step:.3g} m apart; scatterers within the scene, {width:.3g} wide in '
+               f'direction cosine, are ambiguous beyond {shortest / (2 * width):.3g} m')

@@ -1,0 +1,232 @@
+"""Second stage of AFBP: sub-aperture images fused by their spectra.
+
+Zhang et al., section II.B: in unified polar coordinates the spectrum of a sub-aperture image is a
+band whose place along the angular wavenumber is proportional to the sub-aperture's position and to
+the range wavenumber (equation 16). The coarse image holds the band folded; unfolding it into the
+spectrum of the full aperture and adding the bands interpolates and sums all images at once.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy.fft
+
+from ..compilation import njit, numba
+from .fusion_error import edge_taper
+from .subapertures import SubaperturePlan
+
+_BLOCK = 64  # tile of the transposition
+_LINES_PER_CALL = 256  # of the fused image, bounds the work space
+
+
+class SpectrumFusion:
+    """Fuse the sub-aperture images of one aperture, in any order, any subset.
+
+    Parameters
+    ----------
+    plan : SubaperturePlan
+        Of the sub-aperture images.
+    keep : bool
+        Keep each contribution, so that `remove` and replacing are possible and never leave a
+        rounding behind; takes about two to three times the memory of the fused spectrum more.
+
+    Attributes
+    ----------
+    included : frozenset of int
+        Sub-apertures in the image.
+    """
+
+    def __init__(self, plan: SubaperturePlan, *, keep: bool = False):
+        self.plan, self._keep = plan, keep
+        coarse, s = plan.coarse, plan.sampling
+        self._n_range = scipy.fft.next_fast_len(coarse.n_range)
+        step = 2 * math.pi / (self._n_range * coarse.range_spacing_m)
+        # Tapers widen the band by little more than the inverse of the guards' length.
+        margin = 4 * 2 * math.pi / (s.range_guard * coarse.range_spacing_m)
+        most = min(math.ceil((plan.half_range + margin) / step), (self._n_range - 1) // 2)
+        self._bins = np.arange(-most, most + 1)
+        self._wavenumber = plan.radar.wavenumber_rad_per_m + self._bins * step
+        self._taper = (edge_taper(s.n_coarse, s.n_guard, s.beta).astype(np.float32),
+                       edge_taper(coarse.n_range, s.range_guard, s.beta).astype(np.float32))
+        self._spectrum: np.ndarray | None = None
+        self._contributions: dict[int, np.ndarray] = {}
+        self._included: set[int] = set()
+
+    @property
+    def included(self) -> frozenset[int]:
+        """Sub-apertures in the image."""
+        return frozenset(self._included)
+
+    @property
+    def spectrum_shape(self) -> tuple[int, int]:
+        """Range and angular wavenumbers of the fused spectrum."""
+        return len(self._bins), self.plan.sampling.n_fine
+
+    def add(self, number: int, image: np.ndarray) -> None:
+        """Add a sub-aperture, or replace it where contributions are kept.
+
+        Parameters
+        ----------
+        number : int
+            Which sub-aperture.
+        image : (2, n_alpha, n_range) float32
+            Real and imaginary part on ``plan.coarse``, as `SubaperturePlan.image` gives it.
+
+        Raises
+        ------
+        ValueError
+            There is no such sub-aperture, the image has another shape, or it is in already and
+            contributions are not kept.
+        """
+        expected = (2, self.plan.coarse.n_alpha, self.plan.coarse.n_range)
+        if image.shape != expected:
+            raise ValueError(f'image.shape={image.shape}; expected {expected}')
+        if not 0 <= number < self.plan.n_subapertures:
+            raise ValueError(f'number={number}; the plan has sub-apertures 0 to '
+                             f'{self.plan.n_subapertures - 1}')
+        if number in self._included and not self._keep:
+            raise ValueError(f'sub-aperture {number} is in the image already; fuse with keep=True '
+                             'to replace contributions')
+        folded = self.folded_spectrum(image)
+        if self._keep:
+            self._contributions[number] = folded
+        else:
+            self._unfold(number, folded, self._whole())
+        self._included.add(number)
+
+    def remove(self, number: int) -> None:
+        """Take a sub-aperture out of the image; needs ``keep=True``.
+
+        Raises
+        ------
+        ValueError
+            It is not in the image, or contributions are not kept.
+        """
+        if number not in self._contributions:
+            raise ValueError(f'sub-aperture {number} cannot be removed: ' + (
+                'it is not in the image' if self._keep else 'contributions are not kept'))
+        del self._contributions[number]
+        self._included.discard(number)
+
+    def polar_image(self) -> np.ndarray:
+        """Image of the sub-apertures that were added so far.
+
+        Returns
+        -------
+        (n_alpha, n_range) complex64
+            On ``plan.polar``, at range baseband: times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0
+            the first range of ``plan.polar``.
+        """
+        return self._to_image(self._fused())
+
+    def take_polar_image(self) -> np.ndarray:
+        """As `polar_image`, in less memory: the fused spectrum is used up, nothing is included."""
+        image = self._to_image(self._fused(), overwrite=True)
+        self._spectrum, self._contributions, self._included = None, {}, set()
+        return image
+
+    def fused_spectrum(self) -> np.ndarray:
+        """(range wavenumbers, angular wavenumbers) complex64 spectrum of what was added so far.
+
+        Range wavenumbers ascend around the carrier's; angular ones start with zero, then the
+        positive and the negative ones follow.
+        """
+        return self._fused().copy()
+
+    def folded_spectrum(self, image: np.ndarray) -> np.ndarray:
+        """(range wavenumbers, n_coarse) complex64 spectrum of a sub-aperture image, folded."""
+        workers = numba.get_num_threads()
+        tapered = np.empty(image.shape[1:], np.complex64)
+        _apply_taper(image[0], image[1], *self._taper, tapered)
+        by_range = scipy.fft.fft(tapered, self._n_range, axis=1, workers=workers)
+        folded = np.empty((len(self._bins), image.shape[1]), np.complex64)
+        _transpose_bins(by_range, self._bins % self._n_range, folded)
+        return scipy.fft.fft(folded, axis=1, workers=workers, overwrite_x=True)
+
+    def _whole(self) -> np.ndarray:
+        if self._spectrum is None:
+            self._spectrum = np.zeros(self.spectrum_shape, np.complex64)
+        return self._spectrum
+
+    def _fused(self) -> np.ndarray:
+        spectrum = self._whole()
+        if self._keep:
+            spectrum[:] = 0.0
+            for number in sorted(self._contributions):
+                self._unfold(number, self._contributions[number], spectrum)
+        return spectrum
+
+    def _unfold(self, number, folded, spectrum) -> None:
+        """Add a folded band where it belongs (Zhang et al., equations 16 and 17)."""
+        s = self.plan.sampling
+        middle = np.rint(self._wavenumber * (s.centre[number] * s.extent / (2 * math.pi)))
+        _add_bands(folded, middle.astype(np.int64) - s.n_coarse // 2, spectrum)
+
+    def _to_image(self, spectrum, *, overwrite: bool = False) -> np.ndarray:
+        plan, s, workers = self.plan, self.plan.sampling, numba.get_num_threads()
+        polar = plan.polar
+        by_alpha = scipy.fft.ifft(spectrum, axis=1, workers=workers, overwrite_x=overwrite)
+        image = np.empty((polar.n_alpha, polar.n_range), np.complex64)
+        # Guards moved the first range; the carrier is referred to that of the wanted grid.
+        cycles = 2 * s.range_guard * polar.range_spacing_m / plan.radar.wavelength_m
+        scale = np.complex64(s.n_fine / s.n_coarse * np.exp(2j * np.pi * math.fmod(cycles, 1.0)))
+        for start in range(0, polar.n_alpha, _LINES_PER_CALL):
+            stop = min(start + _LINES_PER_CALL, polar.n_alpha)
+            lines = np.zeros((stop - start, self._n_range), np.complex64)
+            _transpose_back(by_alpha, plan.fine_guard + start, self._bins % self._n_range, scale,
+                            lines)
+            lines = scipy.fft.ifft(lines, axis=1, workers=workers, overwrite_x=True)
+            image[start:stop] = lines[:, s.range_guard:s.range_guard + polar.n_range]
+        return image
+
+
+@njit(parallel=True)
+def _apply_taper(real, imag, along_alpha, along_range, out):
+    for line in numba.prange(real.shape[0]):
+        w = along_alpha[line]
+        for i in range(real.shape[1]):
+            z = real[line, i] + np.complex64(1j) * imag[line, i]
+            out[line, i] = (w * along_range[i]) * z
+
+
+@njit(parallel=True)
+def _transpose_bins(by_range, bins, out):
+    """``out[b, a] = by_range[a, bins[b]]``, tile by tile."""
+    n_bins, n_lines = out.shape
+    for tile in numba.prange((n_bins + _BLOCK - 1) // _BLOCK):
+        stop = min((tile + 1) * _BLOCK, n_bins)
+        for first in range(0, n_lines, _BLOCK):
+            last = min(first + _BLOCK, n_lines)
+            for b in range(tile * _BLOCK, stop):
+                for a in range(first, last):
+                    out[b, a] = by_range[a, bins[b]]
+
+
+@njit(parallel=True)
+def _transpose_back(by_alpha, first, bins, scale, out):
+    """``out[a, bins[b]] = scale * by_alpha[b, first + a]``, tile by tile."""
+    n_lines, n_bins = out.shape[0], by_alpha.shape[0]
+    for tile in numba.prange((n_bins + _BLOCK - 1) // _BLOCK):
+        stop = min((tile + 1) * _BLOCK, n_bins)
+        for begin in range(0, n_lines, _BLOCK):
+            for a in range(begin, min(begin + _BLOCK, n_lines)):
+                for b in range(tile * _BLOCK, stop):
+                    out[a, bins[b]] = scale * by_alpha[b, first + a]
+
+
+@njit(parallel=True)
+def _add_bands(folded, start, spectrum):
+    """Bin n of the fine spectrum takes bin n mod n_coarse of the folded one."""
+    n_bins, n_coarse = folded.shape
+    n_fine = spectrum.shape[1]
+    for b in numba.prange(n_bins):
+        source, target = start[b] % n_coarse, start[b] % n_fine
+        left = n_coarse
+        while left > 0:
+            count = min(left, min(n_coarse - source, n_fine - target))
+            for i in range(count):
+                spectrum[b, target + i] += folded[b, source + i]
+            left -= count
+            source, target = (source + count) % n_coarse, (target + count) % n_fine
