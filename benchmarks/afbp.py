@@ -131,7 +131,7 @@ def report_memory(case: Case) -> None:
     plan = AfbpImager(case.grid, profiles.radar, profiles.n_samples, profiles.tx_m, profiles.rx_m)
     report_peak(lambda: plan(profiles),
                 {'input_mib': round(profiles.samples.nbytes / 2**20, 1),
-                 'spectrum_mib': round(8 * math.prod(plan.fusion.shape) / 2**20, 1)})
+                 'spectrum_mib': round(8 * math.prod(plan.fusion.spectrum_shape) / 2**20, 1)})
 
 
 def growth(rows: list[dict]) -> dict:

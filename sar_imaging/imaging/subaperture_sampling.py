@@ -1,0 +1,260 @@
+"""Cut of an aperture into sub-apertures, and how coarsely their images may be sampled.
+
+The derivatives of the half paths are the local frequencies of the image. They bound the bands of
+the sub-aperture images, from which follow the lines that each needs and the error of the fusion.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import scipy.fft
+
+from ..geometry.polar import PolarGrid
+from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .fusion_error import mean_error, taper_shape
+from .lattice import slope_along
+
+_SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
+_GAP = 4.0  # times the usual distance between pulses
+_OVERSAMPLING = (1.25, 1.4, 1.6, 1.8, 2.0, 2.3, 2.7, 3.2)
+_GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
+# Time of a coarse and a fine pixel in the fusion; a pixel and row of the kernel is 1 (measured)
+_COST_COARSE, _COST_FINE, _COST_SUBAPERTURE = 14.0, 18.0, 1e6
+_LEAST_RANGE_GUARD = 16
+_ROWS_FOR_ERROR = 96
+_ROUNDING = 0.25  # of a band's middle to a bin, on average
+
+
+@dataclasses.dataclass(frozen=True)
+class Bands:
+    """Local frequencies of a grid's sub-aperture images.
+
+    Attributes
+    ----------
+    slope : (R, S) float64
+        Derivative of the half path by direction, over that by range, from each row to sampled
+        points, metres. Times the wavenumber it is the frequency along direction.
+    position : (S,) float64
+        Where the points lie along direction, 0 to 1.
+    wavenumber : (2,) floats
+        Lowest and highest of the band, rad/m.
+    half_range : float
+        Largest frequency along range, relative to the carrier's, rad/m.
+    """
+
+    slope: np.ndarray
+    position: np.ndarray
+    wavenumber: tuple[float, float]
+    half_range: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Sampling:
+    """Cut into sub-apertures and coarse sampling in direction.
+
+    Attributes
+    ----------
+    pulses : tuple of slice
+        Pulses of each sub-aperture.
+    centre : (U,) float64
+        Middle of the slopes of each, metres (minus the position along the track, to first order).
+    n_coarse, n_fine : int
+        Lines of a sub-aperture image and of the fused one over the same extent.
+    extent : float
+        Of both in direction cosine, guards included.
+    n_guard : float
+        Coarse lines of each guard.
+    beta : float
+        Shape of the taper.
+    range_guard : int
+        Ranges of each guard.
+    error_db : float
+        Predicted error of the fusion, dB.
+    cost : float
+        Relative time.
+    """
+
+    pulses: tuple[slice, ...]
+    centre: np.ndarray
+    n_coarse: int
+    n_fine: int
+    extent: float
+    n_guard: float
+    beta: float
+    range_guard: int
+    error_db: float
+    cost: float
+
+
+def local_bands(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Bands:
+    """Local frequencies of backprojected images at samples of a polar grid.
+
+    Parameters
+    ----------
+    polar : PolarGrid
+        Grid.
+    tx_m, rx_m : (P, C, 3) float64
+        Phase centres, metres.
+    radar : RadarParameters
+        Of the profiles.
+
+    Returns
+    -------
+    Bands
+
+    Raises
+    ------
+    ValueError
+        Range does not grow along the lines of the grid.
+    """
+    n = _SAMPLES_PER_SIDE
+    where = np.linspace(0, 1, n)
+    r, share = (v.ravel() for v in np.meshgrid(
+        np.linspace(polar.range_m[0], polar.range_m[-1], n), where))
+    alpha = polar.alpha[0] + share * (polar.alpha[-1] - polar.alpha[0])
+    position, along_range = polar.lines(r, alpha)[:2]
+    along_alpha = polar.by_direction(r, alpha)
+    rows = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
+    by_range = slope_along(*rows, position, along_range)
+    if by_range.min() <= 0.1:
+        raise ValueError('range does not grow along the lines of the polar grid; it lies beside '
+                         'or behind the track, use Backprojector')
+    slope = slope_along(*rows, position, along_alpha) / by_range
+    half = 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
+    k = radar.wavenumber_rad_per_m
+    half_range = half * by_range.max() + (k + half) * np.abs(by_range - 1).max()
+    return Bands(slope, share, (k - half, k + half), float(half_range))
+
+
+def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, row_cost: float,
+                    target_db: float) -> Sampling | None:
+    """Quickest cut and coarse sampling that meet a target.
+
+    Parameters
+    ----------
+    polar : PolarGrid
+        Where the fused image is wanted.
+    bands : Bands
+        Its local frequencies.
+    tx_m, rx_m : (P, C, 3) float64
+        Phase centres, metres.
+    lengths : sequence of int
+        Pulses of a sub-aperture to try.
+    row_cost : float
+        Relative time of backprojecting one row to one pixel.
+    target_db : float
+        Wanted error of the fusion, dB.
+
+    Returns
+    -------
+    Sampling or None
+        None where the target cannot be met.
+    """
+    choices = []
+    n_pulses, n_channels = tx_m.shape[:2]
+    middles = 0.5 * (tx_m + rx_m).mean(axis=1)
+    for length in lengths:
+        if length > n_pulses and length != lengths[0]:
+            break
+        pulses = cut_pulses(middles, length)
+        lo, hi = _slopes(bands.slope, pulses, n_channels)
+        centre, half = 0.5 * (lo + hi), bands.wavenumber[1] * 0.5 * float((hi - lo).max())
+        choices += [(length, oversampling, n_guard,
+                     _sampling(polar, bands, pulses, centre, half, n_channels, oversampling,
+                               n_guard, row_cost))
+                    for oversampling in _OVERSAMPLING for n_guard in _GUARDS]
+    failed = []
+    for *key, sampling in sorted(choices, key=lambda choice: choice[-1].cost):
+        # What fails with wider guards and finer sampling fails with less.
+        if any(key[0] == f[0] and key[1] <= f[1] and key[2] <= f[2] for f in failed):
+            continue
+        found = _with_error(sampling, polar, bands, n_channels, key[1])
+        if found.error_db <= target_db:
+            return found
+        failed.append(key)
+    return None
+
+
+def cut_pulses(middles, length: int) -> list[slice]:
+    """Sub-apertures of about equal length that do not reach across gaps of the track.
+
+    Parameters
+    ----------
+    middles : (P, 3) float64
+        Mean phase centre of each pulse, metres.
+    length : int
+        Most pulses of a sub-aperture.
+
+    Returns
+    -------
+    list of slice
+    """
+    steps = np.linalg.norm(np.diff(middles, axis=0), axis=1)
+    usual = np.median(steps) if len(steps) else 0.0
+    gaps = np.flatnonzero(steps > _GAP * usual) + 1 if usual > 0 else []
+    cuts = []
+    for start, stop in zip([0, *gaps], [*gaps, len(middles)], strict=True):
+        edges = np.linspace(start, stop, math.ceil((stop - start) / length) + 1).round()
+        cuts += [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return cuts
+
+
+def _slopes(slope, pulses, n_channels):
+    """Smallest and largest slope of each sub-aperture."""
+    first = np.array([p.start for p in pulses]) * n_channels
+    return (np.minimum.reduceat(slope.min(axis=1), first),
+            np.maximum.reduceat(slope.max(axis=1), first))
+
+
+def _sampling(polar, bands, pulses, centre, half, n_channels, oversampling, n_guard, row_cost):
+    """Grid sizes and cost of one choice."""
+    wanted = polar.n_alpha * polar.alpha_spacing
+    spacing = min(math.pi / (max(half, 1e-9) * oversampling), wanted)
+    least = wanted + (2 * n_guard + 1) * spacing
+    n_coarse = scipy.fft.next_fast_len(math.ceil(least / spacing))
+    # Fine lines are those of the wanted grid, and all bands with their margins must fit.
+    edge = bands.wavenumber[1] * float(np.abs(centre).max()) / math.pi
+    n_fine = scipy.fft.next_fast_len(max(
+        math.ceil(n_coarse * spacing / polar.alpha_spacing), 1))
+    while n_fine < edge * n_fine * polar.alpha_spacing + n_coarse:
+        n_fine = scipy.fft.next_fast_len(n_fine + 1)
+        if n_fine > 4 * polar.n_alpha + 8 * n_coarse:
+            break
+    extent = n_fine * polar.alpha_spacing
+    spacing = extent / n_coarse
+    range_guard = max(_LEAST_RANGE_GUARD, math.ceil(
+        n_guard * spacing * float(np.abs(centre).max()) / polar.range_spacing_m))
+    n_range = polar.n_range + 2 * range_guard
+    n_rows = sum(p.stop - p.start for p in pulses) * n_channels
+    coarse = n_coarse * n_range
+    cost = (n_rows * row_cost * coarse + len(pulses) * (_COST_COARSE * coarse + _COST_SUBAPERTURE)
+            + _COST_FINE * n_fine * n_range)
+    return Sampling(tuple(pulses), centre, n_coarse, n_fine, extent, n_guard, 0.0, range_guard,
+                    0.0, cost)
+
+
+def _with_error(s: Sampling, polar: PolarGrid, bands: Bands, n_channels: int,
+                oversampling: float) -> Sampling:
+    """The choice with its taper and predicted error."""
+    spacing = s.extent / s.n_coarse
+    number = np.repeat(np.arange(len(s.pulses)), [(p.stop - p.start) * n_channels
+                                                  for p in s.pulses])
+    rows = np.unique(np.linspace(0, len(number) - 1, _ROWS_FOR_ERROR).round().astype(int))
+    offset = bands.slope[rows] - s.centre[number[rows], None]
+    frequency = np.abs(np.multiply.outer(bands.wavenumber, offset)) * spacing
+    frequency += _ROUNDING * 2 * np.pi / s.n_coarse
+    position = np.broadcast_to(bands.position, frequency.shape)
+    # what rounding to fast lengths leaves over widens the guards
+    n_guard = (s.n_coarse - polar.n_alpha * polar.alpha_spacing / spacing) / 2
+    n_guard = math.floor(4 * max(s.n_guard, n_guard)) / 4
+    beta = taper_shape(n_guard, oversampling)
+    error = mean_error(s.n_coarse, n_guard, beta, frequency, position)
+    # Along range the same happens over a length that grows with the distance from the centre.
+    shift = np.abs(s.centre).mean() * spacing / polar.range_spacing_m
+    error += mean_error(int(polar.n_range / max(shift, 1e-9) + 2 * n_guard) + 2, n_guard, beta,
+                        frequency)
+    return dataclasses.replace(s, n_guard=n_guard, beta=beta,
+                               error_db=10 * math.log10(error + 1e-16))
