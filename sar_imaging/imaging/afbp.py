@@ -51,7 +51,7 @@ class AfbpImager:
     subapertures : SubaperturePlan
         First stage.
     fusion : SpectrumFusion
-        Second stage, of the latest image.
+        Second stage.
     predicted_error_db : float
         Predicted error against exact backprojection, dB.
     warnings : tuple of str
@@ -121,7 +121,7 @@ class AfbpImager:
         if block.n_pulses != pulses[-1].stop:
             raise ValueError(f'block has {block.n_pulses} pulses; the plan is for '
                              f'{pulses[-1].stop}')
-        self.fusion = SpectrumFusion(self.subapertures)
+        self.fusion.clear()
         for number, some in enumerate(tqdm(pulses, desc='sub-apertures', unit='sub-aperture',
                                            disable=not self._progress)):
             self.fusion.add(number, self.subapertures.image(number, block.select(some)))

@@ -13,6 +13,7 @@ terrain and for positions that form no grid.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -25,6 +26,7 @@ from .image_points import ImagePoints
 from .lattice import plan_lattice, point_lattice
 from .map_lines import MapLines
 from .memory import check_memory
+from .merging import AngularParts
 from .polar_image import add_by_polar
 from .profiles import Profiles
 from .projection import add_to_lines, line_middles, shared_phase
@@ -286,4 +288,7 @@ def compile_kernels() -> None:
         image = plan(block)
         polar = polar_plans.plan_polar(grid, *rows[1:], radar, block.n_samples, plan.target_db)
         if polar is not None:
-            add_by_polar(polar, radar, rows, grid, image)
+            parts = AngularParts((slice(None),), np.zeros(1), polar.polar, polar.polar,
+                                 polar.along_alpha, 0.0)
+            for plan in (polar, dataclasses.replace(polar, parts=parts)):
+                add_by_polar(plan, radar, rows, grid, image)

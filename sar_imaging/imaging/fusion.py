@@ -50,9 +50,10 @@ class SpectrumFusion:
         self._wavenumber = plan.radar.wavenumber_rad_per_m + self._bins * step
         self._taper = (edge_taper(s.n_coarse, s.n_guard, s.beta).astype(np.float32),
                        edge_taper(coarse.n_range, s.range_guard, s.beta).astype(np.float32))
-        self._spectrum: np.ndarray | None = None
-        self._contributions: dict[int, np.ndarray] = {}
-        self._included: set[int] = set()
+        self._spectrum: np.ndarray | None
+        self._contributions: dict[int, np.ndarray]
+        self._included: set[int]
+        self.clear()
 
     @property
     def included(self) -> frozenset[int]:
@@ -124,8 +125,12 @@ class SpectrumFusion:
     def take_polar_image(self) -> np.ndarray:
         """As `polar_image`, in less memory: the fused spectrum is used up, nothing is included."""
         image = self._to_image(self._fused(), overwrite=True)
-        self._spectrum, self._contributions, self._included = None, {}, set()
+        self.clear()
         return image
+
+    def clear(self) -> None:
+        """Begin another aperture of the same plan: nothing is included any more."""
+        self._spectrum, self._contributions, self._included = None, {}, set()
 
     def fused_spectrum(self) -> np.ndarray:
         """(range wavenumbers, angular wavenumbers) complex64 spectrum of what was added so far.

@@ -16,11 +16,13 @@ import math
 import numpy as np
 from scipy import fft
 
+from ..compilation import njit, numba
 from .pulses import PulseBlock
 from .radar import RadarParameters, Waveform
 from .waveforms import check_lfm, lfm_spectrum, n_pulse_samples
 from .windows import window as window_weights
 
+_ROWS_PER_CALL = 256  # bounds the work space
 STEPPED_GUARD_SAMPLES = 16  # repeated at both ends of a periodic stepped-frequency profile
 RANGE_FILTERS = ('equalised', 'matched')
 
@@ -204,14 +206,14 @@ class RangeCompressor:
         self._n_output = n_output
 
     def _filtered(self, samples: np.ndarray) -> np.ndarray:
-        spectra = fft.fft(samples, self._n_in)
+        spectra = fft.fft(samples, self._n_in, workers=numba.get_num_threads())
         out = np.zeros((*samples.shape[:2], self._n_out), np.complex64)
         positive, negative = self._n_positive + 1, self._n_negative
         np.multiply(spectra[..., :positive], self._gain[negative:], out=out[..., :positive])
         if negative:
             np.multiply(spectra[..., -negative:], self._gain[:negative],
                         out=out[..., -negative:])
-        profiles = fft.ifft(out, overwrite_x=True)
+        profiles = fft.ifft(out, overwrite_x=True, workers=numba.get_num_threads())
         return np.ascontiguousarray(profiles[..., :self._n_output])
 
     def _plan_stepped_frequency(self, window: str) -> None:
@@ -223,7 +225,7 @@ class RangeCompressor:
         first = -(self._n_out // 2) - STEPPED_GUARD_SAMPLES
         n_output = self._n_out + 2 * STEPPED_GUARD_SAMPLES
         index = first + np.arange(n_output)
-        self._wrapped = index % self._n_out
+        self._first = first
         # Sample 0 is (N - 1) / 2 steps below the carrier, and the samples' phase is referenced
         # to the reference delay, where the signal model has exp(-j 2 pi f_c tau).
         carrier_cycles = radar.carrier_hz * radar.first_sample_delay_s % 1.0
@@ -235,8 +237,27 @@ class RangeCompressor:
         self._set_output(rate, radar.first_sample_delay_s + first / rate, n_output)
 
     def _stepped_frequency(self, samples: np.ndarray) -> np.ndarray:
-        profiles = fft.ifft(samples * self._gain, self._n_out, overwrite_x=True)
-        return profiles[..., self._wrapped] * self._ramp
+        rows = samples.reshape(-1, self.n_samples)
+        out = np.empty((len(rows), self._n_output), np.complex64)
+        for start in range(0, len(rows), _ROWS_PER_CALL):
+            part = slice(start, start + _ROWS_PER_CALL)
+            profiles = fft.ifft(rows[part] * self._gain, self._n_out, overwrite_x=True,
+                                workers=numba.get_num_threads())
+            _wrap_and_turn(profiles, self._first, self._ramp, out[part])
+        return out.reshape(*samples.shape[:2], -1)
+
+
+@njit(parallel=True)
+def _wrap_and_turn(profiles, first, ramp, out):
+    """Samples from `first` on of periodic profiles, times the ramp."""
+    period = profiles.shape[1]
+    for row in numba.prange(out.shape[0]):
+        source = first % period
+        for i in range(out.shape[1]):
+            out[row, i] = profiles[row, source] * ramp[i]
+            source += 1
+            if source == period:
+                source = 0
 
 
 def _fast_length(wanted: float) -> int:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from sar_imaging.geometry import MapGrid
+from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.ffbp import FfbpImager
 from sar_imaging.signal.pulses import PulseBlock
@@ -64,6 +65,21 @@ def _ffbp(kernel: str, oversampling: float, pulses: int) -> Imager:
     return form
 
 
+def _afbp(pulses: int) -> Imager:
+    def form(grid: MapGrid, block: PulseBlock) -> Formed:
+        start = time.perf_counter()
+        plan = AfbpImager(grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+                          pulses_per_subaperture=pulses)
+        seconds = {'planning': time.perf_counter() - start}
+        _timed(plan.subapertures, {'image': 'stage 1'}, seconds)
+        _timed(plan.fusion, {'add': 'fusion', 'take_polar_image': 'fusion'}, seconds)
+        _timed(plan, {'form': 'resampling'}, seconds)
+        image = plan(block)
+        return Formed(image, seconds, plan.predicted_error_db)
+
+    return form
+
+
 def _timed(plan, stages: dict[str, str], seconds: dict[str, float]):
     """Have an imager's own steps add up their wall clock by stage."""
     for step, stage in stages.items():
@@ -93,18 +109,25 @@ def ffbp_name(kernel: str, oversampling: float, pulses: int) -> str:
     return f'FFBP {kernel} x{oversampling:g}, {pulses} pulses'
 
 
+def afbp_name(pulses: int) -> str:
+    """Name of AFBP in `IMAGERS`."""
+    return f'AFBP, {pulses} pulses'
+
+
 #: Imagers by name: ``imager(grid, profiles)`` gives `Formed`.
 IMAGERS: dict[str, Imager] = {
     EXACT: _exact,
-    **{ffbp_name(*v, n): _ffbp(*v, n) for v in FFBP_VARIANTS for n in PULSES}}
+    **{ffbp_name(*v, n): _ffbp(*v, n) for v in FFBP_VARIANTS for n in PULSES},
+    **{afbp_name(n): _afbp(n) for n in PULSES}}
 #: Names of those that the letter compares in its figures: its sub-apertures have 16 pulses, and
 #: the first variant has sidelobes like those that it shows.
-COMPARED = (ffbp_name(*FFBP_VARIANTS[0], PULSES[0]),)
+COMPARED = (ffbp_name(*FFBP_VARIANTS[0], PULSES[0]), afbp_name(PULSES[0]))
 #: Names of those whose azimuth cuts are drawn.
 CUTS = (EXACT, *(ffbp_name(*FFBP_VARIANTS[0], n) for n in PULSES),
-        *(ffbp_name(*v, PULSES[0]) for v in FFBP_VARIANTS[2:]))
+        *(ffbp_name(*v, PULSES[0]) for v in FFBP_VARIANTS[2:]), *map(afbp_name, PULSES))
 #: Names of those that image the whole scene.
-WHOLE_SCENE = (*COMPARED, *(ffbp_name(*FFBP_VARIANTS[-1], n) for n in PULSES))
+WHOLE_SCENE = (ffbp_name(*FFBP_VARIANTS[0], PULSES[0]),
+               *(ffbp_name(*FFBP_VARIANTS[-1], n) for n in PULSES), *map(afbp_name, PULSES))
 
 
 @dataclasses.dataclass

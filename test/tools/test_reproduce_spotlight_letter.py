@@ -21,7 +21,8 @@ from sar_imaging.tools.letter_spectra import measure_spectra
 
 FFBP_LINEAR = imagers.ffbp_name('linear', 1.3, 16)
 FFBP_KNAB = imagers.ffbp_name('knab8', 1.8, 16)
-SOME = (imagers.EXACT, FFBP_LINEAR, FFBP_KNAB)
+AFBP = imagers.afbp_name(16)
+SOME = (imagers.EXACT, FFBP_LINEAR, FFBP_KNAB, AFBP)
 
 
 @pytest.fixture(scope='module')
@@ -119,6 +120,14 @@ def test_ffbp_raises_the_sidelobes_unless_its_interpolation_is_good(images):
     assert -22 < level[FFBP_LINEAR] < -12  # measured -16.6 dB
     assert level[FFBP_KNAB] == pytest.approx(level[imagers.EXACT], abs=1)  # measured 0.2 dB
     assert error_db(images[FFBP_KNAB].image, images[imagers.EXACT].image) < -45  # -48.3 dB
+
+
+def test_afbp_keeps_the_sidelobes_and_the_separation_of_the_exact_image(images):
+    """The letter: below -25 dB with 16 pulses a sub-aperture, points 1 and 2 separated."""
+    afbp, exact = images[AFBP], images[imagers.EXACT]
+    assert afbp.quality.pslr_azimuth_db == pytest.approx(exact.quality.pslr_azimuth_db, abs=1)
+    assert afbp.pair.dip_db < -40
+    assert error_db(afbp.image, exact.image) < -50  # the imager's own target
 
 
 def _share(magnitude, inside) -> float:
