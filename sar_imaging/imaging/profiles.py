@@ -31,6 +31,7 @@ class Profiles:
 
     def __init__(self, radar: RadarParameters, lattice: Lattice, range_m: tuple[float, float]):
         self.radar, self.lattice = radar, lattice
+        self._buffers: dict[str, np.ndarray] = {}
         self._pad = max(lattice.segment, _GUARD)
         lo, hi = ((r - radar.range_start_m) / lattice.cell_m for r in range_m)
         self._first = max(math.floor(lo), 0) - _GUARD - self._pad
@@ -61,21 +62,45 @@ class Profiles:
         return (slice(lo, min(lo + step, n_rows)) for lo in range(0, n_rows, step))
 
     def planes(self, samples) -> np.ndarray:
-        """Polynomial coefficients (R, U, 8, n) float32 of profiles (R, N) complex64."""
+        """Polynomial coefficients of some profiles.
+
+        Parameters
+        ----------
+        samples : (R, N) complex64
+            Profiles.
+
+        Returns
+        -------
+        (R, U, 8, n) float32
+            Valid until the next call, which writes to the same memory: fresh memory for every
+            few profiles costs as much as filling it.
+        """
         lattice, workers = self.lattice, numba.get_num_threads()
         n_rows, n_dense = len(samples), lattice.n_cells * lattice.n_phases
-        spectrum = scipy.fft.fft(samples, lattice.n_padded, axis=-1, workers=workers)
-        padded = np.empty((n_rows, n_dense), np.complex64)
+        spectrum = self._buffer('spectrum', (n_rows, lattice.n_padded), np.complex64)
+        spectrum[:, :samples.shape[1]] = samples
+        spectrum[:, samples.shape[1]:] = 0.0
+        spectrum = scipy.fft.fft(spectrum, axis=-1, workers=workers, overwrite_x=True)
+        padded = self._buffer('padded', (n_rows, n_dense), np.complex64)
         _pad_band(spectrum, self._gain, padded)
         dense = scipy.fft.ifft(padded, axis=-1, workers=workers, overwrite_x=True)
-        parts = np.empty((2, n_rows, lattice.n_phases, self._count + 2 * TAPS), np.float32)
+        parts = self._buffer('parts', (2, n_rows, lattice.n_phases, self._count + 2 * TAPS),
+                             np.float32)
         _split_phases(dense.reshape(-1).view(np.float32), lattice.n_cells, self._first - TAPS,
                       *parts)
-        planes = np.empty((n_rows, lattice.n_phases, N_PLANES, self._count), np.float32)
+        planes = self._buffer('planes', (n_rows, lattice.n_phases, N_PLANES, self._count),
+                              np.float32)
         polynomial_planes(*parts, lattice.interpolator.weights, lattice.interpolator.first,
                           planes)
         planes[..., :self._pad], planes[..., self._count - self._pad:] = 0.0, 0.0
         return planes
+
+    def _buffer(self, name: str, shape, dtype) -> np.ndarray:
+        """Memory that calls share, grown when needed."""
+        size = math.prod(shape)
+        if name not in self._buffers or self._buffers[name].size < size:
+            self._buffers[name] = np.empty(size, dtype)
+        return self._buffers[name][:size].reshape(shape)
 
 
 @njit(parallel=True)
