@@ -62,6 +62,11 @@ class AfbpImager:
     ValueError
         The geometry does not allow the target, with the reason; `Backprojector` images any.
 
+    Notes
+    -----
+    `sar_imaging.imaging.verification.measure_error` checks an image on its brightest and on
+    random pixels against correlation.
+
     Examples
     --------
     >>> plan = AfbpImager(grid, profiles.radar, profiles.n_samples, profiles.tx_m,

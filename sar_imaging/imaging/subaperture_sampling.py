@@ -215,14 +215,8 @@ def _sampling(polar, bands, pulses, centre, half, n_channels, oversampling, n_gu
     spacing = min(math.pi / (max(half, 1e-9) * oversampling), wanted)
     least = wanted + (2 * n_guard + 1) * spacing
     n_coarse = scipy.fft.next_fast_len(math.ceil(least / spacing))
-    # Fine lines are those of the wanted grid, and all bands with their margins must fit.
-    edge = bands.wavenumber[1] * float(np.abs(centre).max()) / math.pi
-    n_fine = scipy.fft.next_fast_len(max(
-        math.ceil(n_coarse * spacing / polar.alpha_spacing), 1))
-    while n_fine < edge * n_fine * polar.alpha_spacing + n_coarse:
-        n_fine = scipy.fft.next_fast_len(n_fine + 1)
-        if n_fine > 4 * polar.n_alpha + 8 * n_coarse:
-            break
+    # Fine lines are those of the wanted grid. Bands beyond their spectrum fold, as they should.
+    n_fine = scipy.fft.next_fast_len(math.ceil(n_coarse * spacing / polar.alpha_spacing))
     extent = n_fine * polar.alpha_spacing
     spacing = extent / n_coarse
     range_guard = max(_LEAST_RANGE_GUARD, math.ceil(

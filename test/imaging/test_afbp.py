@@ -56,6 +56,15 @@ def test_polar_output(case):
     assert error <= -60.0 and plan.predicted_error_db <= -60.0
 
 
+def test_polar_output_on_few_lines(case):
+    """Lines further apart than the resolution are samples of the same image."""
+    polar = _plan(case.grid, case.block).subapertures.polar
+    few = dataclasses.replace(polar, alpha_spacing=8 * polar.alpha_spacing,
+                              n_alpha=polar.n_alpha // 8)
+    plan = _plan(few, case.block)
+    assert _error_db(plan(case.block), _exact(_polar_points(few), case.block)) <= -50.0
+
+
 @pytest.mark.parametrize('length', [4, 8, 16, 50, 128])
 def test_any_length_of_subapertures(case, length):
     plan = _plan(case.grid, case.block, pulses_per_subaperture=length)
