@@ -55,7 +55,7 @@ class AfbpImager:
     predicted_error_db : float
         Predicted error against exact backprojection, dB.
     warnings : tuple of str
-        What the image will show that more pulses would avoid.
+        What may make the image worse than predicted, or ambiguous.
 
     Raises
     ------
@@ -97,7 +97,8 @@ class AfbpImager:
         if self._cover is not None:
             self.predicted_error_db = total_db(self.predicted_error_db,
                                                *2 * [self._cover.interpolator.error_db])
-        self.warnings = tuple(_sampling_warnings(polar, radar, tx_m, rx_m))
+        self.warnings = (*self.subapertures.warnings,
+                         *_sampling_warnings(polar, radar, tx_m, rx_m))
         for warning in self.warnings:
             _logger.warning(warning)
 

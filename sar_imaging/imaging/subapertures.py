@@ -56,6 +56,8 @@ class SubaperturePlan:
         Predicted error of the fused polar image against exact backprojection, dB.
     half_range : float
         Largest frequency of the images along range, rad/m.
+    warnings : tuple of str
+        What may make the error larger than predicted.
 
     Raises
     ------
@@ -89,6 +91,7 @@ class SubaperturePlan:
         self.coarse = self._coarse_grid()
         self.predicted_error_db = total_db(lattice.predicted_error_db, self.sampling.error_db)
         guard = self.sampling.range_guard * polar.range_spacing_m
+        self.warnings = tuple(_cut_warnings(radar, self.n_samples, paths.length, guard))
         slack = 0.5 * np.ptp(paths.length) / (_SAMPLES_PER_SIDE - 1) + 2 * guard
         self._profiles = Profiles(radar, lattice, (float(paths.length.min() - slack),
                                                    float(paths.length.max() + slack)))
@@ -153,6 +156,17 @@ class SubaperturePlan:
         """Fine lines of the guard before the first line of `polar`."""
         s = self.sampling
         return math.ceil(s.n_guard * s.extent / s.n_coarse / self.polar.alpha_spacing)
+
+
+def _cut_warnings(radar: RadarParameters, n_samples: int, length, guard_m: float):
+    """Profiles that end within the guards, where the taper should find whole responses."""
+    start = radar.range_start_m
+    stop = start + n_samples * radar.sample_spacing_m
+    short = max(start - length.min(), length.max() - stop) + guard_m
+    if short > 0:
+        yield (f'the profiles end {short:.1f} m short of the guards, {guard_m:.1f} m wide, around '
+               'the near and far edge; scatterers cut off there raise the error above the '
+               'prediction: keep more of the profiles, or take longer sub-apertures')
 
 
 def _paths(polar: PolarGrid, tx_m, rx_m):

@@ -142,9 +142,19 @@ def test_perturbed_track(case):
 def test_few_pulses_for_the_scene_are_warned_about(case):
     block = case.block.select(slice(None, None, 4))
     plan = _plan(case.grid, block)
-    assert 'ambiguous' in str(plan) and not _plan(case.grid, case.block).warnings
+    assert 'ambiguous' in str(plan)
+    assert 'ambiguous' not in str(_plan(case.grid, case.block))
     # The ambiguities are the pulses'; exact backprojection has the same.
     assert _error_db(plan(block), _exact(case.grid, block)) <= -50.0
+
+
+def test_profiles_that_end_in_the_guards_are_warned_about(case):
+    assert 'profiles end' not in str(_plan(case.grid, case.block))
+    block, cut = case.block, 50  # samples, of 64 beside the grid
+    radar = dataclasses.replace(block.radar, first_sample_delay_s=block.radar.first_sample_delay_s
+                                + cut / block.radar.sample_rate_hz)
+    short = dataclasses.replace(block, radar=radar, samples=block.samples[..., cut:-cut])
+    assert 'profiles end' in str(_plan(case.grid, short))
 
 
 def test_impossible_plans_are_refused(make_case, case):
