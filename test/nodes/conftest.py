@@ -40,6 +40,7 @@ from sar_imaging.tools.node_processes import (
 )
 
 ROOT = Path(__file__).resolve().parents[2]
+SETTLE_S = 0.5
 PATIENCE_S = 90.0  # a deadline for what should take a second: kernels may have to be compiled
 JOINED = 'subscriber on .* joined'
 
@@ -175,6 +176,9 @@ class Observer:
         """Response of a service."""
         client = self.node.create_client(service_type, name)
         self.wait(client.service_is_ready, f'service {name}')
+        # The server may know this client's requests before its inbox, and would lose the answer.
+        settled = time.monotonic() + SETTLE_S
+        self.wait(lambda: time.monotonic() > settled, f'service {name} to settle')
         future = client.call_async(service_type.Request(**fields))
         self.wait(future.done, f'an answer of {name}')
         self.node.destroy_client(client)

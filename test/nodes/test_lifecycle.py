@@ -71,7 +71,7 @@ def test_a_node_that_waits_for_its_manager(start_node, make_observer):
 
 
 @pytest.mark.parametrize(('name', 'parameter', 'impossible', 'reason', 'possible'), [
-    ('range_compression', 'window', 'box', "window: 'box' is unknown", 'hamming'),
+    ('range_compression', 'window', 'box', "window: window='box' is unknown", 'hamming'),
     ('range_compression', 'oversampling', 'two', "oversampling='two'; expected a number", 2),
     ('pulse_buffer', 'pulses_per_block', 0, 'pulses_per_block=0; expected a whole number', 16)])
 def test_a_wrong_value_at_the_start_can_be_corrected(start_node, make_observer, name, parameter,
