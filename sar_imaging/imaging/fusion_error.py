@@ -18,7 +18,7 @@ _N_POSITIONS = 97
 _CELLS = (16, 24, 32, 48, 64, 96, 128, 192, 256)  # lengths that are tabulated
 
 
-def edge_taper(n: int, n_guard: float, beta: float, n_extra: int = 0) -> np.ndarray:
+def edge_taper(n: int, n_guard: float, beta: float) -> np.ndarray:
     """Taper of a grid: 1 inside, smoothly to 0 over the guard cells at both ends.
 
     Parameters
@@ -29,8 +29,6 @@ def edge_taper(n: int, n_guard: float, beta: float, n_extra: int = 0) -> np.ndar
         Cells over which the taper rises.
     beta : float
         Shape: the rise is the integral of a Kaiser window.
-    n_extra : int
-        Cells at the end that are zero.
 
     Returns
     -------
@@ -41,7 +39,7 @@ def edge_taper(n: int, n_guard: float, beta: float, n_extra: int = 0) -> np.ndar
     rise /= rise[-1]
     cell = np.arange(n)
     up = np.interp((cell + 0.5) / n_guard * 2 - 1, t, rise, 0.0, 1.0)
-    down = np.interp((n - n_extra - cell - 0.5) / n_guard * 2 - 1, t, rise, 0.0, 1.0)
+    down = np.interp((n - cell - 0.5) / n_guard * 2 - 1, t, rise, 0.0, 1.0)
     return up * down
 
 

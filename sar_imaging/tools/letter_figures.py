@@ -17,6 +17,7 @@ from sar_imaging.simulation.spotlight_letter import PAIR_SEPARATION_M, Spotlight
 from .letter_imagers import COMPARED, CUTS, EXACT
 from .letter_measurements import SubsceneImage
 from .letter_spectra import Spectra
+from .reproduction import decibels, draw_grid
 
 DPI = 130
 FLOOR_DB = -50.0
@@ -33,23 +34,11 @@ def _figure(rows: int, columns: int, *, width: float, height: float, **options):
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
-def _decibels(values, reference=None) -> np.ndarray:
-    magnitude = np.abs(np.asarray(values))
-    reference = magnitude.max() if reference is None else reference
-    return 20 * np.log10(np.maximum(magnitude / reference, 1e-6))
-
-
-def _grid(axes, **labels) -> None:
-    axes.set(**labels)
-    axes.grid(True, color='0.88', linewidth=0.6)
-    axes.set_axisbelow(True)
-
-
 def _image(axes, image, grid: MapGrid, centre_m, *, reference=None, floor_db=FLOOR_DB, **labels):
     """Magnitude in dB; range from left to right, azimuth upwards, metres from `centre_m`."""
     half_x, half_y = (n * grid.spacing_m / 2 for n in (grid.n_x, grid.n_y))
     x, y = (grid.centre_m[i] - centre_m[i] for i in range(2))
-    drawn = axes.imshow(_decibels(image, reference), cmap='gray', vmin=floor_db, vmax=0,
+    drawn = axes.imshow(decibels(image, reference), cmap='gray', vmin=floor_db, vmax=0,
                         extent=(x - half_x, x + half_x, y - half_y, y + half_y),
                         interpolation='nearest')
     axes.set(**labels)
@@ -121,12 +110,12 @@ def _draw_point(path: Path, images: dict[str, SubsceneImage], grid: MapGrid, cen
     for name in CUTS:
         kind = next(k for k in _COLOURS if name.startswith(k))
         line = _LINES.get(name.split(', ')[-1], '-')
-        cuts.plot(images[name].offset_m, _decibels(cut_of(images[name])), line,
+        cuts.plot(images[name].offset_m, decibels(cut_of(images[name])), line,
                   color=_COLOURS[kind], linewidth=1.0, label=name)
     for x in marks:
         cuts.axvline(x, color='#e0a030', linewidth=0.8, zorder=0)
-    _grid(cuts, xlabel='azimuth from the middle (m)', ylabel='dB relative to the maximum',
-          xlim=(-2.0, 2.0), ylim=(-70, 1))
+    draw_grid(cuts, xlabel='azimuth from the middle (m)', ylabel='dB relative to the maximum',
+              xlim=(-2.0, 2.0), ylim=(-70, 1))
     cuts.legend(fontsize=8, loc='upper left', bbox_to_anchor=(1.01, 1.0))
     figure.suptitle(title, fontsize=11)
     figure.savefig(path, dpi=DPI)
@@ -156,19 +145,19 @@ def draw_line_spectra(path: Path, spectra: Spectra) -> None:
     fused = spectra.fused[:, column]
     top = fused.max()
     panel = axes[0, 0]
-    panel.plot(spectra.coarse_m, _decibels(spectra.coarse[:, column], top), color='#b5493a',
+    panel.plot(spectra.coarse_m, decibels(spectra.coarse[:, column], top), color='#b5493a',
                linewidth=1.1)
-    _grid(panel, title='of one sub-aperture image, as its transform gives it', ylim=(-50, 3),
-          xlim=(spectra.coarse_m[0], spectra.coarse_m[-1]), ylabel='dB')
+    draw_grid(panel, title='of one sub-aperture image, as its transform gives it', ylim=(-50, 3),
+              xlim=(spectra.coarse_m[0], spectra.coarse_m[-1]), ylabel='dB')
     panel = axes[1, 0]
-    panel.plot(spectra.track_m, _decibels(fused, top), color='0.65', linewidth=0.8,
+    panel.plot(spectra.track_m, decibels(fused, top), color='0.65', linewidth=0.8,
                label='fused')
-    panel.plot(spectra.track_m, _decibels(spectra.placed[:, column], top), color='#b5493a',
+    panel.plot(spectra.track_m, decibels(spectra.placed[:, column], top), color='#b5493a',
                linewidth=1.1, label='the sub-aperture in its place')
     panel.axvspan(*spectra.subaperture_m, color='#e0a030', alpha=0.35,
                   label='where its pulses were')
-    _grid(panel, title='of all', xlabel=r'$-K_\alpha / K_{rc}$: position along the track (m)',
-          ylim=(-50, 3), ylabel='dB', xlim=(spectra.track_m[0], spectra.track_m[-1]))
+    draw_grid(panel, title='of all', xlabel=r'$-K_\alpha / K_{rc}$: position along the track (m)',
+              ylim=(-50, 3), ylabel='dB', xlim=(spectra.track_m[0], spectra.track_m[-1]))
     panel.legend(fontsize=8, loc='lower left')
     figure.suptitle('Figure 3: angular spectra at the carrier', fontsize=11)
     figure.savefig(path, dpi=DPI)
@@ -183,7 +172,7 @@ def draw_plane_spectra(path: Path, spectra: Spectra) -> None:
               ('all', spectra.fused, spectra.track_m))
     top = spectra.fused.max()
     for panel, (title, magnitude, track) in zip(axes[0], panels, strict=True):
-        drawn = panel.imshow(_decibels(magnitude.T, top), origin='lower', aspect='auto',
+        drawn = panel.imshow(decibels(magnitude.T, top), origin='lower', aspect='auto',
                              cmap='gray', vmin=-50, vmax=0, interpolation='nearest',
                              extent=(track[0], track[-1], f[0] / 1e6, f[-1] / 1e6))
         panel.set(title=title, xlabel=r'$-K_\alpha / K_{rc}$ (m)')

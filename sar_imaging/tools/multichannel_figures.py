@@ -20,6 +20,7 @@ from .multichannel_measurements import (
     LetterImages,
     PointSpread,
 )
+from .reproduction import decibels, draw_grid
 
 DPI = 130
 FLOOR_DB = -40.0
@@ -41,19 +42,6 @@ def _figure(columns: int, *, width: float = 9.0, height: float = 4.0, **options)
     return figure, figure.subplots(1, columns, squeeze=False, **options)[0]
 
 
-def _decibels(values, reference=None) -> np.ndarray:
-    """Levels in dB below a reference, by default the largest magnitude."""
-    magnitude = np.abs(np.asarray(values))
-    reference = magnitude.max() if reference is None else reference
-    return 20 * np.log10(np.maximum(magnitude / reference, 1e-6))
-
-
-def _grid(axes, **labels) -> None:
-    axes.set(**labels)
-    axes.grid(True, color='0.88', linewidth=0.6)
-    axes.set_axisbelow(True)
-
-
 def _rate(rate_hz: float) -> str:
     return f'{rate_hz / 1e6:.0f} MHz'
 
@@ -64,12 +52,12 @@ def draw_point_spread(path: Path, measured: PointSpread) -> None:
     for i, name in enumerate(CUT_NAMES):
         for z, cut in measured.cut.items():
             colour, line = RATIO_STYLE[z]
-            axes[i].plot(measured.offset_m[i], _decibels(cut[i]), line, color=colour,
+            axes[i].plot(measured.offset_m[i], decibels(cut[i]), line, color=colour,
                          linewidth=1.2, label=rf'$Z_{{rat}}$ = {z}')
-        axes[i].plot(measured.offset_m[i], _decibels(measured.tdc_cut[i]), color='#5fb878',
+        axes[i].plot(measured.offset_m[i], decibels(measured.tdc_cut[i]), color='#5fb878',
                      linewidth=3.5, alpha=0.55, zorder=1, label='TDC')
-        _grid(axes[i], xlabel=f'{name} from the scatterer (m)', title=f'{name} slice',
-              xlim=(-PATCH_M[i], PATCH_M[i]), ylim=(FLOOR_DB, 1))
+        draw_grid(axes[i], xlabel=f'{name} from the scatterer (m)', title=f'{name} slice',
+                  xlim=(-PATCH_M[i], PATCH_M[i]), ylim=(FLOOR_DB, 1))
     axes[0].set_ylabel('dB relative to the maximum')
     axes[1].legend(fontsize=8, loc='upper right', framealpha=0.95)
     figure.suptitle(f'Figure 5: BP point spread function, sampled at {_rate(measured.rate_hz)}',
@@ -91,8 +79,8 @@ def draw_islr(path: Path, measured: list[PointSpread]) -> None:
         if first is not None:
             panel.axvline(first, color='#b5493a', linewidth=1, linestyle='-.',
                           label=f'within 0.5 dB of TDC from {first}')
-        _grid(panel, xlabel=r'zero-padding ratio $Z_{rat}$', title=_rate(m.rate_hz),
-              xlim=(20, 150))
+        draw_grid(panel, xlabel=r'zero-padding ratio $Z_{rat}$', title=_rate(m.rate_hz),
+                  xlim=(20, 150))
         panel.legend(fontsize=8)
     axes[0].set_ylabel('ISLR (dB)')
     figure.suptitle('Figure 6: integrated sidelobe ratio of BP', fontsize=11)
@@ -104,7 +92,7 @@ def _image(axes, image, grid: MapGrid, *, reference=None, floor_db: float = -30.
     half = grid.spacing_m / 2
     extent = (grid.x_m[0] - half - RANGE_CENTRE_M, grid.x_m[-1] + half - RANGE_CENTRE_M,
               grid.y_m[-1] - half, grid.y_m[0] + half)
-    drawn = axes.imshow(_decibels(image, reference), extent=extent, aspect='auto', cmap='gray',
+    drawn = axes.imshow(decibels(image, reference), extent=extent, aspect='auto', cmap='gray',
                         vmin=floor_db, vmax=0, interpolation='nearest')
     axes.set(xlabel='range \u2212 10 km (m)', **labels)
     return drawn
@@ -154,10 +142,10 @@ def draw_distortion(path: Path, measured: list[Distortion]) -> None:
                      label=label)
     for panel in axes:
         _mark_multiples(panel)
-    _grid(axes[0], xlabel=r'zero-padding ratio $Z_{rat}$', ylabel='SDR (dB)',
-          title='SDR, equation 20', xlim=(20, 150))
-    _grid(axes[1], xlabel=r'zero-padding ratio $Z_{rat}$', title='MSE, equation 21',
-          ylabel="dB relative to the square of TDC's maximum", xlim=(20, 150))
+    draw_grid(axes[0], xlabel=r'zero-padding ratio $Z_{rat}$', ylabel='SDR (dB)',
+              title='SDR, equation 20', xlim=(20, 150))
+    draw_grid(axes[1], xlabel=r'zero-padding ratio $Z_{rat}$', title='MSE, equation 21',
+              ylabel="dB relative to the square of TDC's maximum", xlim=(20, 150))
     axes[0].legend(fontsize=8, loc='lower right')
     axes[1].legend(fontsize=8)
     figure.suptitle('Figure 9: distortion of the sample image by BP, pixel columns on samples at '
@@ -174,8 +162,8 @@ def draw_bumps(path: Path, measured: list[Distortion]) -> None:
             colour, line = PLACEMENT_STYLE[placement]
             panel.plot(m.ratio, m.sdr_db[placement], line, color=colour, linewidth=1.2,
                        label=PLACEMENT_LABEL[placement])
-        _grid(panel, xlabel=r'zero-padding ratio $Z_{rat}$', title=_rate(m.rate_hz),
-              xlim=(20, 150))
+        draw_grid(panel, xlabel=r'zero-padding ratio $Z_{rat}$', title=_rate(m.rate_hz),
+                  xlim=(20, 150))
     axes[0].set_ylabel('SDR (dB)')
     axes[-1].legend(fontsize=8, loc='lower right')
     figure.suptitle('The bumps of figure 9 follow where pixel columns stand between samples',
@@ -207,11 +195,11 @@ def draw_slices(path: Path, measured: Comparison) -> None:
                               (axes[1], 0, 'through the corner scatterer, y = 15 m')):
         for name, (colour, line, width) in zip(IMAGERS, styles, strict=True):
             image = measured.image[name]
-            panel.plot(x, _decibels(image[row], np.abs(image[middle, image.shape[1] // 2])),
+            panel.plot(x, decibels(image[row], np.abs(image[middle, image.shape[1] // 2])),
                        line, color=colour, linewidth=width, label=name,
                        alpha=0.55 if name == 'TDC' else 1.0)
-        _grid(panel, xlabel='range \u2212 10 km (m)', title=title, xlim=(x[0], x[-1]),
-              ylim=(FLOOR_DB, 2))
+        draw_grid(panel, xlabel='range \u2212 10 km (m)', title=title, xlim=(x[0], x[-1]),
+                  ylim=(FLOOR_DB, 2))
     axes[0].set_ylabel('dB relative to the centre scatterer')
     axes[1].legend(fontsize=8, loc='upper center')
     figure.suptitle(f'Figure 11: range slices, sampled at {_rate(measured.rate_hz)}', fontsize=11)

@@ -6,7 +6,6 @@ Run: python -m sar_imaging.tools.reproduce_multichannel --output out/multichanne
 from __future__ import annotations
 
 import argparse
-import json
 import platform
 import sys
 from collections.abc import Sequence
@@ -20,6 +19,7 @@ from sar_imaging.simulation.scenarios import SCENARIOS
 
 from . import multichannel_figures as figures, multichannel_measurements as measure
 from .multichannel_measurements import COMPARISON_RATIO, PATCH_M, PLACEMENTS, RATES_HZ
+from .reproduction import run_reproduction
 
 SPACING_M = 0.05  # of the pixels of images
 PAPER = {
@@ -58,20 +58,8 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    try:
-        arguments.output.mkdir(parents=True, exist_ok=True)
-        results = reproduce(arguments.output, arguments.quick)
-        path = arguments.output / 'results.json'
-        path.write_text(json.dumps(results, indent=1) + '\n')
-    except OSError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print('interrupted', file=sys.stderr)
-        return 130
-    print(summary(results))
-    print(f'Figures and results.json are in {arguments.output}')
-    return 0
+    return run_reproduction(
+        arguments.output, lambda: reproduce(arguments.output, arguments.quick), summary)
 
 
 def reproduce(folder: Path, quick: bool) -> dict:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import gc
-import json
 import platform
 import sys
 import tempfile
@@ -31,6 +30,7 @@ from sar_imaging.simulation.spotlight_letter import (
 from . import letter_figures as figures, letter_imagers as imagers, letter_measurements as measure
 from .letter_recording import Recording
 from .letter_spectra import measure_spectra
+from .reproduction import run_reproduction
 
 SCENE_SPACING_M = 0.12  # of the pixels of the whole scene
 CHECKED_PIXELS, CHECKED_BRIGHTEST = 48, 16  # correlated to tell the error of a whole scene
@@ -69,20 +69,9 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    try:
-        arguments.output.mkdir(parents=True, exist_ok=True)
-        results = reproduce(arguments.output, spotlight_letter(arguments.size))
-        path = arguments.output / 'results.json'
-        path.write_text(json.dumps(results, indent=1) + '\n')
-    except OSError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print('interrupted', file=sys.stderr)
-        return 130
-    print(summary(results))
-    print(f'Figures and results.json are in {arguments.output}')
-    return 0
+    return run_reproduction(
+        arguments.output,
+        lambda: reproduce(arguments.output, spotlight_letter(arguments.size)), summary)
 
 
 def reproduce(folder: Path, experiment: SpotlightExperiment) -> dict:
