@@ -84,15 +84,16 @@ class AfbpImager:
             raise ValueError(f'tx_m.shape={tx_m.shape}, rx_m.shape={rx_m.shape}; expected '
                              '(pulses, channels, 3) for both')
         self.grid, self._progress, self._cover = grid, progress, None
-        polar = grid
+        polar, oversampling = grid, 1.0
         if isinstance(grid, MapGrid):
             self._cover = _cover(grid, tx_m, rx_m, radar, n_samples, target_db)
-            polar = self._cover.polar
+            polar, oversampling = self._cover.polar, self._cover.oversampling
             target_db -= 1.0
         self.subapertures = SubaperturePlan(polar, radar, n_samples, tx_m, rx_m,
                                             target_db=target_db,
-                                            pulses_per_subaperture=pulses_per_subaperture)
-        self.fusion = SpectrumFusion(self.subapertures)
+                                            pulses_per_subaperture=pulses_per_subaperture,
+                                            oversampling=oversampling)
+        self.fusion = SpectrumFusion(self.subapertures.fusion_grid)
         self.predicted_error_db = self.subapertures.predicted_error_db
         if self._cover is not None:
             self.predicted_error_db = total_db(self.predicted_error_db,
@@ -123,14 +124,14 @@ class AfbpImager:
         ValueError
             The block does not match the plan.
         """
-        pulses = self.subapertures.sampling.pulses
-        if block.n_pulses != pulses[-1].stop:
+        stage, s = self.subapertures, self.subapertures.sampling
+        if block.n_pulses != s.pulses[-1].stop:
             raise ValueError(f'block has {block.n_pulses} pulses; the plan is for '
-                             f'{pulses[-1].stop}')
+                             f'{s.pulses[-1].stop}')
         self.fusion.clear()
-        for number, some in enumerate(tqdm(pulses, desc='sub-apertures', unit='sub-aperture',
-                                           disable=not self._progress)):
-            self.fusion.add(number, self.subapertures.image(number, block.select(some)))
+        for number, some in enumerate(tqdm(s.pulses, desc='sub-apertures',
+                                           unit='sub-aperture', disable=not self._progress)):
+            self.fusion.add(number, stage.image(number, block.select(some)), s.centre[number])
         return self.form(self.fusion.take_polar_image())
 
     def form(self, polar_image: np.ndarray) -> np.ndarray:

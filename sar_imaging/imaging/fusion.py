@@ -15,43 +15,46 @@ import scipy.fft
 
 from ..compilation import njit, numba
 from .fusion_error import edge_taper
-from .subapertures import SubaperturePlan
+from .fusion_grid import FusionGrid
 
 _BLOCK = 64  # tile of the transposition
 _LINES_PER_CALL = 256  # of the fused image, bounds the work space
 
 
 class SpectrumFusion:
-    """Fuse the sub-aperture images of one aperture, in any order, any subset.
+    """Fuse sub-aperture images that share a grid, in any order, any subset.
 
     Parameters
     ----------
-    plan : SubaperturePlan
-        Of the sub-aperture images.
+    grid : FusionGrid
+        Of the sub-aperture images and of the fused one.
     keep : bool
         Keep each contribution, so that `remove` and replacing are possible and never leave a
         rounding behind; takes about two to three times the memory of the fused spectrum more.
 
     Attributes
     ----------
+    grid : FusionGrid
+        As given.
     included : frozenset of int
         Sub-apertures in the image.
     """
 
-    def __init__(self, plan: SubaperturePlan, *, keep: bool = False):
-        self.plan, self._keep = plan, keep
-        coarse, s = plan.coarse, plan.sampling
+    def __init__(self, grid: FusionGrid, *, keep: bool = False):
+        self.grid, self._keep = grid, keep
+        coarse = grid.coarse
         self._n_range = scipy.fft.next_fast_len(coarse.n_range)
         step = 2 * math.pi / (self._n_range * coarse.range_spacing_m)
         # Tapers widen the band by little more than the inverse of the guards' length.
-        margin = 4 * 2 * math.pi / (s.range_guard * coarse.range_spacing_m)
-        most = min(math.ceil((plan.half_range + margin) / step), (self._n_range - 1) // 2)
+        margin = 4 * 2 * math.pi / (grid.range_guard * coarse.range_spacing_m)
+        most = min(math.ceil((grid.half_range + margin) / step), (self._n_range - 1) // 2)
         self._bins = np.arange(-most, most + 1)
-        self._wavenumber = plan.radar.wavenumber_rad_per_m + self._bins * step
-        self._taper = (edge_taper(s.n_coarse, s.n_guard, s.beta).astype(np.float32),
-                       edge_taper(coarse.n_range, s.range_guard, s.beta).astype(np.float32))
+        self._wavenumber = grid.wavenumber_rad_per_m + self._bins * step
+        self._taper = (edge_taper(grid.n_coarse, grid.n_guard, grid.beta).astype(np.float32),
+                       edge_taper(coarse.n_range, grid.range_guard, grid.beta
+                                  ).astype(np.float32))
         self._spectrum: np.ndarray | None
-        self._contributions: dict[int, np.ndarray]
+        self._contributions: dict[int, tuple[np.ndarray, float]]
         self._included: set[int]
         self.clear()
 
@@ -63,38 +66,41 @@ class SpectrumFusion:
     @property
     def spectrum_shape(self) -> tuple[int, int]:
         """Range and angular wavenumbers of the fused spectrum."""
-        return len(self._bins), self.plan.sampling.n_fine
+        return len(self._bins), self.grid.n_fine
 
-    def add(self, number: int, image: np.ndarray) -> None:
+    def add(self, number: int, image: np.ndarray, centre_m: float) -> None:
         """Add a sub-aperture, or replace it where contributions are kept.
 
         Parameters
         ----------
         number : int
-            Which sub-aperture.
-        image : (2, n_alpha, n_range) float32
-            Real and imaginary part on ``plan.coarse``, as `SubaperturePlan.image` gives it.
+            Which sub-aperture; any number that tells it from the others.
+        image : (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
+            On ``grid.coarse`` at range baseband, complex or as real and imaginary part.
+        centre_m : float
+            Middle of its band: of the derivatives of its half paths by direction over those by
+            range, metres.
 
         Raises
         ------
         ValueError
-            There is no such sub-aperture, the image has another shape, or it is in already and
-            contributions are not kept.
+            The image has another shape, the centre is not finite, or the sub-aperture is in
+            already and contributions are not kept.
         """
-        expected = (2, self.plan.coarse.n_alpha, self.plan.coarse.n_range)
+        shape = (self.grid.n_coarse, self.grid.coarse.n_range)
+        expected = shape if np.iscomplexobj(image) else (2, *shape)
         if image.shape != expected:
             raise ValueError(f'image.shape={image.shape}; expected {expected}')
-        if not 0 <= number < self.plan.n_subapertures:
-            raise ValueError(f'number={number}; the plan has sub-apertures 0 to '
-                             f'{self.plan.n_subapertures - 1}')
+        if not math.isfinite(centre_m):
+            raise ValueError(f'centre_m={centre_m}; expected a finite number of metres')
         if number in self._included and not self._keep:
             raise ValueError(f'sub-aperture {number} is in the image already; fuse with keep=True '
                              'to replace contributions')
         folded = self.folded_spectrum(image)
         if self._keep:
-            self._contributions[number] = folded
+            self._contributions[number] = folded, centre_m
         else:
-            self._unfold(number, folded, self._whole())
+            self._unfold(folded, centre_m, self._whole())
         self._included.add(number)
 
     def remove(self, number: int) -> None:
@@ -117,8 +123,8 @@ class SpectrumFusion:
         Returns
         -------
         (n_alpha, n_range) complex64
-            On ``plan.polar``, at range baseband: times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0
-            the first range of ``plan.polar``.
+            On ``grid.polar``, at range baseband: times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0
+            the first range of ``grid.polar``.
         """
         return self._to_image(self._fused())
 
@@ -129,7 +135,7 @@ class SpectrumFusion:
         return image
 
     def clear(self) -> None:
-        """Begin another aperture of the same plan: nothing is included any more."""
+        """Begin another aperture on the same grid: nothing is included any more."""
         self._spectrum, self._contributions, self._included = None, {}, set()
 
     def fused_spectrum(self) -> np.ndarray:
@@ -143,10 +149,11 @@ class SpectrumFusion:
     def folded_spectrum(self, image: np.ndarray) -> np.ndarray:
         """(range wavenumbers, n_coarse) complex64 spectrum of a sub-aperture image, folded."""
         workers = numba.get_num_threads()
-        tapered = np.empty(image.shape[1:], np.complex64)
-        _apply_taper(image[0], image[1], *self._taper, tapered)
+        parts = (image.real, image.imag) if np.iscomplexobj(image) else image
+        tapered = np.empty(image.shape[-2:], np.complex64)
+        _apply_taper(*parts, *self._taper, tapered)
         by_range = scipy.fft.fft(tapered, self._n_range, axis=1, workers=workers)
-        folded = np.empty((len(self._bins), image.shape[1]), np.complex64)
+        folded = np.empty((len(self._bins), tapered.shape[0]), np.complex64)
         _transpose_bins(by_range, self._bins % self._n_range, folded)
         return scipy.fft.fft(folded, axis=1, workers=workers, overwrite_x=True)
 
@@ -160,30 +167,30 @@ class SpectrumFusion:
         if self._keep:
             spectrum[:] = 0.0
             for number in sorted(self._contributions):
-                self._unfold(number, self._contributions[number], spectrum)
+                self._unfold(*self._contributions[number], spectrum)
         return spectrum
 
-    def _unfold(self, number, folded, spectrum) -> None:
+    def _unfold(self, folded, centre_m, spectrum) -> None:
         """Add a folded band where it belongs (Zhang et al., equations 16 and 17)."""
-        s = self.plan.sampling
-        middle = np.rint(self._wavenumber * (s.centre[number] * s.extent / (2 * math.pi)))
-        _add_bands(folded, middle.astype(np.int64) - s.n_coarse // 2, spectrum)
+        middle = np.rint(self._wavenumber * (centre_m * self.grid.extent / (2 * math.pi)))
+        _add_bands(folded, middle.astype(np.int64) - self.grid.n_coarse // 2, spectrum)
 
     def _to_image(self, spectrum, *, overwrite: bool = False) -> np.ndarray:
-        plan, s, workers = self.plan, self.plan.sampling, numba.get_num_threads()
-        polar = plan.polar
+        grid, workers = self.grid, numba.get_num_threads()
+        polar = grid.polar
         by_alpha = scipy.fft.ifft(spectrum, axis=1, workers=workers, overwrite_x=overwrite)
         image = np.empty((polar.n_alpha, polar.n_range), np.complex64)
         # Guards moved the first range; the carrier is referred to that of the wanted grid.
-        cycles = 2 * s.range_guard * polar.range_spacing_m / plan.radar.wavelength_m
-        scale = np.complex64(s.n_fine / s.n_coarse * np.exp(2j * np.pi * math.fmod(cycles, 1.0)))
+        cycles = 2 * grid.range_guard * polar.range_spacing_m / grid.wavelength_m
+        scale = np.complex64(grid.n_fine / grid.n_coarse
+                             * np.exp(2j * np.pi * math.fmod(cycles, 1.0)))
         for start in range(0, polar.n_alpha, _LINES_PER_CALL):
             stop = min(start + _LINES_PER_CALL, polar.n_alpha)
             lines = np.zeros((stop - start, self._n_range), np.complex64)
-            _transpose_back(by_alpha, plan.fine_guard + start, self._bins % self._n_range, scale,
+            _transpose_back(by_alpha, grid.fine_guard + start, self._bins % self._n_range, scale,
                             lines)
             lines = scipy.fft.ifft(lines, axis=1, workers=workers, overwrite_x=True)
-            image[start:stop] = lines[:, s.range_guard:s.range_guard + polar.n_range]
+            image[start:stop] = lines[:, grid.range_guard:grid.range_guard + polar.n_range]
         return image
 
 

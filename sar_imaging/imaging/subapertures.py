@@ -8,7 +8,6 @@ paths are the local frequencies of the image.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from ..geometry.polar import PolarGrid
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
+from .fusion_grid import FusionGrid
 from .lattice import plan_lattice, sample_paths, total_db
 from .profiles import Profiles
 from .projection import PolarLines
@@ -43,6 +43,8 @@ class SubaperturePlan:
         Wanted error of the fused image against exact backprojection, dB.
     pulses_per_subaperture : int, optional
         Length of the sub-apertures; the quickest if left out.
+    oversampling : float
+        Of `polar`, for `FusionGrid`.
 
     Attributes
     ----------
@@ -54,8 +56,8 @@ class SubaperturePlan:
         Cut and coarse sampling.
     predicted_error_db : float
         Predicted error of the fused polar image against exact backprojection, dB.
-    half_range : float
-        Largest frequency of the images along range, rad/m.
+    fusion_grid : FusionGrid
+        What the second stage needs.
     warnings : tuple of str
         What may make the error larger than predicted.
 
@@ -66,7 +68,8 @@ class SubaperturePlan:
     """
 
     def __init__(self, polar: PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
-                 target_db: float = -50.0, pulses_per_subaperture: int | None = None):
+                 target_db: float = -50.0, pulses_per_subaperture: int | None = None,
+                 oversampling: float = 1.0):
         tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
         self.polar, self.radar, self.n_samples = polar, radar, int(n_samples)
         self._n_channels = tx_m.shape[1]
@@ -78,7 +81,6 @@ class SubaperturePlan:
                              'or around the antenna); use Backprojector')
         self.lattice = lattice
         bands = local_bands(polar, tx_m, rx_m, radar)
-        self.half_range = bands.half_range
         lengths = (pulses_per_subaperture,) if pulses_per_subaperture else LENGTHS
         self.sampling = choose_sampling(polar, bands, tx_m, rx_m, lengths, lattice.cost,
                                         10 * math.log10(10 ** (target_db / 10)
@@ -88,7 +90,11 @@ class SubaperturePlan:
                 f'no sub-apertures of {", ".join(map(str, lengths))} pulses reach '
                 f'target_db={target_db:g} on this polar grid; ask for less, image a smaller '
                 'scene, or use Backprojector')
-        self.coarse = self._coarse_grid()
+        s = self.sampling
+        self.fusion_grid = FusionGrid(polar, s.n_coarse, s.n_fine, s.n_guard, s.beta,
+                                      s.range_guard, bands.half_range, radar.carrier_hz,
+                                      oversampling)
+        self.coarse = self.fusion_grid.coarse
         self.predicted_error_db = total_db(lattice.predicted_error_db, self.sampling.error_db)
         guard = self.sampling.range_guard * polar.range_spacing_m
         self.warnings = tuple(_cut_warnings(radar, self.n_samples, paths.length, guard))
@@ -138,24 +144,6 @@ class SubaperturePlan:
         self._lines.add(block.samples.reshape(-1, self.n_samples), block.tx_m.reshape(-1, 3),
                         block.rx_m.reshape(-1, 3), parts)
         return parts
-
-    def _coarse_grid(self) -> PolarGrid:
-        polar, s = self.polar, self.sampling
-        try:
-            return dataclasses.replace(
-                polar, n_alpha=s.n_coarse, alpha_spacing=s.extent / s.n_coarse,
-                alpha_start=polar.alpha_start - self.fine_guard * polar.alpha_spacing,
-                n_range=polar.n_range + 2 * s.range_guard,
-                range_start_m=polar.range_start_m - s.range_guard * polar.range_spacing_m)
-        except ValueError as error:
-            raise ValueError(f'the guards around the polar grid leave the plane: {error}; use '
-                             'Backprojector') from error
-
-    @property
-    def fine_guard(self) -> int:
-        """Fine lines of the guard before the first line of `polar`."""
-        s = self.sampling
-        return math.ceil(s.n_guard * s.extent / s.n_coarse / self.polar.alpha_spacing)
 
 
 def _cut_warnings(radar: RadarParameters, n_samples: int, length, guard_m: float):

@@ -78,7 +78,8 @@ def test_prefix_gives_the_image_of_its_pulses(case):
     for count in (1, 3, 8):
         for number in range(len(plan.fusion.included), count):
             some = stage.sampling.pulses[number]
-            plan.fusion.add(number, stage.image(number, case.block.select(some)))
+            plan.fusion.add(number, stage.image(number, case.block.select(some)),
+                            stage.sampling.centre[number])
         image = plan.form(plan.fusion.polar_image())
         prefix = case.block.select(slice(0, 16 * count))
         assert _error_db(image, _exact(case.grid, prefix)) <= -50.0
@@ -86,14 +87,14 @@ def test_prefix_gives_the_image_of_its_pulses(case):
 
 def test_a_subaperture_is_replaced_and_removed_without_trace(case):
     plan = _plan(case.grid, case.block, pulses_per_subaperture=32)
-    stage, fusion = plan.subapertures, SpectrumFusion(plan.subapertures, keep=True)
+    stage, fusion = plan.subapertures, SpectrumFusion(plan.subapertures.fusion_grid, keep=True)
     parts = [stage.image(u, case.block.select(p)) for u, p in enumerate(stage.sampling.pulses)]
     for number, part in enumerate(parts):
-        fusion.add(number, part)
+        fusion.add(number, part, stage.sampling.centre[number])
     whole = fusion.polar_image()
-    fusion.add(2, 3 * parts[2])
+    fusion.add(2, 3 * parts[2], stage.sampling.centre[2])
     assert not np.array_equal(fusion.polar_image(), whole)
-    fusion.add(2, parts[2])
+    fusion.add(2, parts[2], stage.sampling.centre[2])
     np.testing.assert_array_equal(fusion.polar_image(), whole)
     fusion.remove(2)
     assert fusion.included == {0, 1, 3}
@@ -107,8 +108,10 @@ def test_contributions_arrive_in_any_order(case):
     plan = _plan(case.grid, case.block, pulses_per_subaperture=32)
     stage = plan.subapertures
     for number in (3, 0, 2, 1):
-        plan.fusion.add(number, stage.image(
-            number, case.block.select(stage.sampling.pulses[number])))
+        part = stage.image(number, case.block.select(stage.sampling.pulses[number]))
+        # As real and imaginary part or as it comes from a message
+        plan.fusion.add(number, part if number % 2 else part[0] + 1j * part[1],
+                        stage.sampling.centre[number])
     image = plan.form(plan.fusion.take_polar_image())
     assert _error_db(image, _exact(case.grid, case.block)) <= -50.0
     assert not plan.fusion.included
@@ -182,11 +185,11 @@ def test_wrong_blocks_and_images_are_named(case):
     with pytest.raises(ValueError, match='100 pulses; the plan is for 128'):
         plan(case.block.select(slice(0, 100)))
     with pytest.raises(ValueError, match=re.escape('image.shape=(2, 3, 4)')):
-        plan.fusion.add(0, np.zeros((2, 3, 4), np.float32))
+        plan.fusion.add(0, np.zeros((2, 3, 4), np.float32), 0.0)
     part = plan.subapertures.image(0, case.block.select(slice(0, 32)))
-    plan.fusion.add(0, part)
-    for call, message in ((lambda: plan.fusion.add(0, part), 'in the image already'),
-                          (lambda: plan.fusion.add(4, part), 'sub-apertures 0 to 3'),
+    plan.fusion.add(0, part, 0.0)
+    for call, message in ((lambda: plan.fusion.add(0, part, 0.0), 'in the image already'),
+                          (lambda: plan.fusion.add(1, part, np.nan), 'centre_m=nan'),
                           (lambda: plan.fusion.remove(0), 'not kept'),
                           (lambda: plan.subapertures.image(-1, case.block), 'number=-1')):
         with pytest.raises(ValueError, match=message):
