@@ -12,6 +12,8 @@ from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from .echoes import EchoSimulator, quantise
+from .jammer import Jammer
+from .movers import Mover, mover_echoes
 from .noise import complex_gaussian
 from .scene import Scatterer, letter_s, positions_and_amplitudes
 from .trajectory import POSITION_STEP_M, Trajectory, Vibration
@@ -60,6 +62,10 @@ class Scenario:
         Of the recorded samples, see `sar_imaging.simulation.echoes.quantise`.
     notes : str
         Where the parameters come from.
+    movers : tuple of Mover
+        What moves in the scene; time zero is the middle of the recording.
+    jammers : tuple of Jammer
+        Sources of noise.
     """
 
     name: str
@@ -80,6 +86,8 @@ class Scenario:
     seed: int = 1
     resolution_bits: int = 20
     notes: str = ''
+    movers: tuple[Mover, ...] = ()
+    jammers: tuple[Jammer, ...] = ()
 
     @property
     def n_channels(self) -> int:
@@ -90,14 +98,19 @@ class Scenario:
     def full_scale(self) -> float:
         """Largest recorded part: the power of two above all echoes in phase and 5 sigma."""
         # A band-limited chirp overshoots by up to a fifth at its ends.
-        peak = 1.25 * sum(abs(s.amplitude) for s in self.scatterers) + 5 * self.noise_std
+        noise_std = math.hypot(self.noise_std, *(jammer.std for jammer in self.jammers))
+        peak = (1.25 * sum(abs(s.amplitude) for s in (*self.scatterers, *self.movers))
+                + 5 * noise_std)
         return 2.0 ** math.ceil(math.log2(peak))
 
     def phase_centres(self) -> tuple[np.ndarray, np.ndarray]:
         """Transmit and receive phase centres ``(n_pulses, C, 3)`` float64, metres."""
-        time_s = (np.arange(self.n_pulses) - (self.n_pulses - 1) / 2) / self.prf_hz
-        track = self.trajectory.positions(time_s)[:, None]
+        track = self.trajectory.positions(self.times_s())[:, None]
         return track + _on_grid(self.tx_offsets_m), track + _on_grid(self.rx_offsets_m)
+
+    def times_s(self) -> np.ndarray:
+        """(n_pulses,) float64 times of the pulses from the middle of the recording, seconds."""
+        return (np.arange(self.n_pulses) - (self.n_pulses - 1) / 2) / self.prf_hz
 
     def stamps_ns(self) -> np.ndarray:
         """(n_pulses,) int64 transmission times, nanoseconds."""
@@ -128,10 +141,16 @@ class Scenario:
         simulator = EchoSimulator(self.radar, self.n_samples, compressed=self.compressed,
                                   points_m=points, amplitudes=amplitudes)
         tx_m, rx_m = self.phase_centres()
-        stamps_ns = self.stamps_ns()
+        stamps_ns, times_s = self.stamps_ns(), self.times_s()
         for first in range(0, self.n_pulses, pulses_per_block):
             counter = np.arange(first, min(first + pulses_per_block, self.n_pulses))
             samples = simulator(tx_m[counter], rx_m[counter])
+            if self.movers:
+                samples += mover_echoes(
+                    self.movers, self.radar, self.n_samples, compressed=self.compressed,
+                    tx_m=tx_m[counter], rx_m=rx_m[counter], time_s=times_s[counter])
+            for jammer in self.jammers:
+                samples += jammer.samples(self.radar, self.n_samples, rx_m[counter], counter)
             if self.noise_std:
                 samples += self.noise_std * self._noise(counter)
             yield PulseBlock(self.radar, self.compressed, stamps_ns[counter], counter,
@@ -272,6 +291,62 @@ def spotlight() -> Scenario:
         notes='Invented, with the figures of a light aircraft; looks along +x, flies along +y')
 
 
+# ------------------------------------------------------------------------- moving targets
+
+_SCENE = 1 << 32  # streams of the scene; those below are the noise of pulses
+# Name, x, y (m), velocity along x and y (m/s), amplitude: 4 to 8 dB below the clutter of a cell.
+_CARS = (('car_1', -12.0, 4.0, 2.1, 0.0, 0.19), ('car_2', 9.0, -11.0, -2.9, 1.0, 0.15),
+         ('car_3', 2.0, 24.0, 4.4, -1.0, 0.12))
+
+
+def moving_targets(seed: int = 6, *, movers: tuple[Mover, ...] | None = None,
+                   texture_shape: int = 2) -> Scenario:
+    """Cars on spiky clutter, five channels 0.17 m apart, two apertures.
+
+    The array does not fit the pulse rate: the phase centres of neighbouring channels stand 0.85
+    of the way from pulse to pulse apart.
+
+    Parameters
+    ----------
+    seed : int
+        Of the clutter and of the noise.
+    movers : tuple of Mover, optional
+        Instead of the three cars.
+    texture_shape : int
+        Of the Gamma distribution of the clutter's power from scatterer to scatterer: 1 is very
+        spiky, 10 nearly homogeneous.
+
+    Returns
+    -------
+    Scenario
+    """
+    n = 1200  # one for every two resolution cells
+    # The power of Gaussian numbers is exponential: uniform by its own distribution, Gamma in sums.
+    power = np.abs([complex_gaussian(seed, _SCENE + i, n) for i in range(2 + texture_shape)]) ** 2
+    places = 29.5 * (2 * np.exp(-power[:2].T) - 1)
+    amplitudes = (0.3 * complex_gaussian(seed, _SCENE + len(power), n)
+                  * np.sqrt(power[2:].mean(axis=0)))
+    if movers is None:
+        movers = tuple(Mover(name, (x, y, 0.0), (v_x, v_y, 0.0), a)
+                       for name, x, y, v_x, v_y, a in _CARS)
+    radar = RadarParameters(carrier_hz=10e9, bandwidth_hz=150e6, sample_rate_hz=200e6,
+                            first_sample_delay_s=2 * 952.0 / SPEED_OF_LIGHT)
+    return Scenario(
+        name='moving_targets',
+        description='Aircraft at 150 m/s, slant range 1 km, 10 GHz, 150 MHz, 5 channels, range '
+                    'profiles of clutter with three slow cars, noise, two apertures',
+        radar=radar, compressed=True, n_samples=128, prf_hz=1500.0, n_pulses=240,
+        pulses_per_aperture=120,
+        trajectory=Trajectory(centre_m=(-866.0, 0.0, 500.0), velocity_m_per_s=(0.0, 150.0, 0.0)),
+        tx_offsets_m=((0.0, 0.0, 0.0),) * 5, rx_offsets_m=receive_array(5, 0.17),
+        scatterers=tuple(Scatterer(f'clutter_{i}', (x, y, 0.0), a)
+                         for i, ((x, y), a) in enumerate(zip(places, amplitudes, strict=True))),
+        grid=MapGrid.from_size((0.0, 0.0, 0.0), 60.0, 60.0, 0.5), cut_half_width_m=(6.0, 6.0),
+        noise_std=0.3, seed=seed, resolution_bits=20, movers=movers,
+        notes='Invented; clutter 18 dB above the noise in the image of a channel; looks along '
+              '+x, flies along +y')
+
+
 SCENARIOS: dict[str, Callable[[], Scenario]] = {
     'psf': psf, 'psf_raw': psf_raw, 'two_scatterers': two_scatterers, 'letter_s': letter,
-    'spotlight': spotlight}
+    'spotlight': spotlight, 'moving_targets': moving_targets}

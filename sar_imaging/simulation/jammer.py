@@ -1,0 +1,69 @@
+"""A jammer: band-limited noise from one place, with the exact delay to every receiver."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from scipy import fft
+
+from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .noise import complex_gaussian
+
+
+@dataclasses.dataclass(frozen=True)
+class Jammer:
+    """Source of barrage noise that fills the radar's band, new with every pulse.
+
+    Parameters
+    ----------
+    name : str
+        For reports.
+    position_m : (3,) floats
+        Place in the imaging frame, metres.
+    std : float
+        Standard deviation of its complex samples in each channel, before or after range
+        compression, whichever is recorded; the peak of a unit scatterer is 1.
+    seed : int
+        Of the noise.
+    """
+
+    name: str
+    position_m: tuple[float, float, float]
+    std: float
+    seed: int = 1
+
+    def samples(self, radar: RadarParameters, n_samples: int, rx_m: np.ndarray,
+                counter: np.ndarray) -> np.ndarray:
+        """What the receivers record of it.
+
+        Between receivers only the path from the jammer differs; it delays envelope and carrier.
+        The record is one period of the noise, so that the differences, some samples at most,
+        turn it round.
+
+        Parameters
+        ----------
+        radar : RadarParameters
+            Of the samples.
+        n_samples : int
+            Fast-time samples N of a pulse.
+        rx_m : (P, C, 3) float64
+            Receive phase centres, metres.
+        counter : (P,) int
+            Counters of the pulses, which the noise belongs to.
+
+        Returns
+        -------
+        (P, C, N) complex128
+        """
+        step = radar.sample_rate_hz / n_samples
+        half = min(math.floor(radar.bandwidth_hz / 2 / step), (n_samples - 1) // 2)
+        bins = np.arange(-half, half + 1)
+        path = np.linalg.norm(np.asarray(rx_m) - np.array(self.position_m), axis=-1)
+        delay = (path - path.mean(axis=1, keepdims=True)) / SPEED_OF_LIGHT
+        cycles = np.remainder(delay[..., None] * (radar.carrier_hz + step * bins), 1.0)
+        noise = np.stack([complex_gaussian(self.seed, int(c), bins.size) for c in counter])
+        spectrum = np.zeros((*path.shape, n_samples), complex)
+        spectrum[..., bins] = noise[:, None] * np.exp(-2j * np.pi * cycles)
+        return fft.ifft(spectrum) * (self.std * n_samples / math.sqrt(bins.size))
