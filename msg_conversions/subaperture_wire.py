@@ -8,24 +8,26 @@ from __future__ import annotations
 
 import numpy as np
 
+from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.imaging.subaperture_image import SubapertureImage
+from sar_imaging.imaging.fusion_grid import FusionGrid
+from sar_imaging.imaging.subaperture_image import COUNTS, SubapertureImage
 
 from . import float_pairs
 from .errors import WireFormatError
 from .layout import DEFAULT_MAX_ELEMENTS, Dims, Layout, as_floats, check_finite, check_magic
 
 MAGIC = 0x534149  # 'SAI' in ASCII, exact in a float32
-VERSION = 1
+VERSION = 2
 LAYOUT = Layout(('angle', 'range'), content='pixels', unit='image')
 
-# Header of version 1; its even length keeps the pixels 8-byte aligned.
-HEADER_LENGTH = 48
+# Header of version 2; its even length keeps the pixels 8-byte aligned.
+HEADER_LENGTH = 88
 SIDE = 3
 STAMP = slice(4, 8)
-COUNTS = slice(8, 20)
-COUNT_FIELDS = ('first_counter', 'n_pulses', 'n_missing', 'aperture', 'number', 'n_subapertures')
-NUMBERS = slice(20, 46)
+LIMBS = slice(8, 40)  # COUNTS, then the sizes
+SIZES = ('n_alpha', 'n_range', 'n_fine', 'range_guard', 'n_x', 'n_y')
+NUMBERS = slice(40, 84)
 
 
 def to_array(subaperture: SubapertureImage) -> tuple[np.ndarray, list[tuple[str, int, int]], int]:
@@ -62,17 +64,36 @@ def to_array(subaperture: SubapertureImage) -> tuple[np.ndarray, list[tuple[str,
 def preamble(subaperture: SubapertureImage) -> np.ndarray:
     """(H,) float32: everything that precedes the pixels; see `to_array`."""
     LAYOUT.check_size('image', subaperture.image.shape, HEADER_LENGTH)
-    grid = subaperture.grid
+    fusion, target = subaperture.fusion, subaperture.map_grid
+    polar = fusion.polar
     header = np.zeros(HEADER_LENGTH, np.float32)
-    header[:STAMP.start] = MAGIC, VERSION, HEADER_LENGTH, grid.side
+    header[:STAMP.start] = MAGIC, VERSION, HEADER_LENGTH, polar.side
     header[STAMP] = float_pairs.split_limbs(subaperture.stamp_ns, 4)
-    header[COUNTS] = [limb for name in COUNT_FIELDS
-                      for limb in float_pairs.split_limbs(int(getattr(subaperture, name)), 2)]
+    counts = [getattr(subaperture, name) for name in COUNTS]
+    sizes = (polar.n_alpha, polar.n_range, fusion.n_fine, fusion.range_guard, target.n_x,
+             target.n_y)
+    header[LIMBS] = [limb for n in (*counts, *sizes)
+                     for limb in float_pairs.split_limbs(int(n), 2)]
     header[NUMBERS] = float_pairs.split_double([
-        subaperture.carrier_hz, subaperture.bandwidth_hz, subaperture.predicted_error_db,
-        *grid.origin_m, *grid.track, grid.z_m, grid.range_start_m, grid.range_spacing_m,
-        grid.alpha_start, grid.alpha_spacing]).ravel()
+        fusion.carrier_hz, subaperture.bandwidth_hz, subaperture.predicted_error_db,
+        *polar.origin_m, *polar.track, polar.z_m, polar.range_start_m, polar.range_spacing_m,
+        polar.alpha_start, polar.alpha_spacing, fusion.n_guard, fusion.beta, fusion.half_range,
+        fusion.oversampling, subaperture.centre_m, *target.centre_m, target.spacing_m]).ravel()
     return header
+
+
+def as_received(subaperture: SubapertureImage) -> SubapertureImage:
+    """What a receiver of the message would hold: numbers rounded to pairs, the same pixels.
+
+    For stages of one process that hand images over directly and are to agree to the last bit with
+    stages that send them.
+
+    Raises
+    ------
+    WireFormatError
+        As `to_array`.
+    """
+    return _read(preamble(subaperture), subaperture.image)
 
 
 def from_array(data, dims: Dims, data_offset: int, *,
@@ -126,7 +147,7 @@ def _check_header(header: np.ndarray) -> None:
     if values[SIDE] not in (-1, 1):
         raise WireFormatError(f'side (data[{SIDE}]) is {values[SIDE]:g}; expected +1, left of the '
                               'track, or -1, right of it; see docs/wire_format.md')
-    for name, fields in (('stamp', STAMP), ('count', COUNTS)):
+    for name, fields in (('stamp', STAMP), ('count', LIMBS)):
         if not float_pairs.are_limbs(header[fields]):
             raise WireFormatError(f'{name} limbs (data[{fields.start}:{fields.stop}]) are '
                                   f'{values[fields]}; expected whole numbers of 0 to 65535; split '
@@ -134,20 +155,23 @@ def _check_header(header: np.ndarray) -> None:
 
 
 def _read(header: np.ndarray, image: np.ndarray) -> SubapertureImage:
-    low, high = header[COUNTS].reshape(-1, 2).T.astype(np.int64)
-    counts = dict(zip(COUNT_FIELDS, (low | high << 16).tolist(), strict=True))
+    low, high = header[LIMBS].reshape(-1, 2).T.astype(np.int64)
+    numbers = dict(zip((*COUNTS, *SIZES), (low | high << 16).tolist(), strict=True))
+    n_alpha, n_range, n_fine, range_guard, n_x, n_y = (numbers.pop(name) for name in SIZES)
     (carrier_hz, bandwidth_hz, error_db, *origin_m, u, v, z_m, range_start_m, range_spacing_m,
-     alpha_start, alpha_spacing) = float_pairs.join_double(
-        header[NUMBERS].reshape(-1, 2)).tolist()
+     alpha_start, alpha_spacing, n_guard, beta, half_range, oversampling, centre_m, x, y, z,
+     spacing_m) = float_pairs.join_double(header[NUMBERS].reshape(-1, 2)).tolist()
     try:
-        grid = PolarGrid(
+        polar = PolarGrid(
             origin_m=tuple(origin_m), track=(u, v), side=int(header[SIDE]), z_m=z_m,
-            range_start_m=range_start_m, range_spacing_m=range_spacing_m,
-            n_range=image.shape[1], alpha_start=alpha_start, alpha_spacing=alpha_spacing,
-            n_alpha=image.shape[0])
+            range_start_m=range_start_m, range_spacing_m=range_spacing_m, n_range=n_range,
+            alpha_start=alpha_start, alpha_spacing=alpha_spacing, n_alpha=n_alpha)
+        fusion = FusionGrid(polar, image.shape[0], n_fine, n_guard, beta, range_guard, half_range,
+                            carrier_hz, oversampling)
         return SubapertureImage(
-            image, grid, carrier_hz=carrier_hz, bandwidth_hz=bandwidth_hz,
-            stamp_ns=float_pairs.join_int64(header[STAMP]), predicted_error_db=error_db, **counts)
+            image, fusion, centre_m, MapGrid((x, y, z), n_x, n_y, spacing_m), bandwidth_hz,
+            stamp_ns=float_pairs.join_int64(header[STAMP]), predicted_error_db=error_db,
+            **numbers)
     except ValueError as error:
         raise WireFormatError(f'header of the sub-aperture image is impossible: {error}; correct '
                               'it in the sender') from error

@@ -110,7 +110,7 @@ class FusionGrid:
     @property
     def fine_guard(self) -> int:
         """Fine directions of the guard before the first one of `polar`."""
-        return math.ceil(self.n_guard * self.extent / self.n_coarse / self.polar.alpha_spacing)
+        return math.ceil(self.n_guard * self.n_fine / self.n_coarse)
 
     @property
     def wavelength_m(self) -> float:

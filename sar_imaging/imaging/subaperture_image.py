@@ -7,9 +7,14 @@ import math
 
 import numpy as np
 
+from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
-from ..signal.radar import SPEED_OF_LIGHT
 from ..signal.sequence import COUNTER_MASK
+from .fusion_grid import FusionGrid
+
+#: Names of the fields that count something, unsigned with 32 bits.
+COUNTS = ('session', 'sequence', 'revision', 'aperture', 'number', 'n_subapertures', 'n_window',
+          'first_counter', 'n_pulses', 'n_missing')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -19,18 +24,36 @@ class SubapertureImage:
     All sub-apertures of an aperture use one polar grid, with the aperture's centre as origin
     (Zhang et al., unified polar coordinates), so that their spectra add without interpolation.
 
+    What belongs together is told by `session`, `sequence` and `revision`, whatever the counters
+    of the pulses do: a restarted radar or a looping recording has old counters, but a new
+    sequence.
+
     Parameters
     ----------
     image : (n_alpha, n_range) complex64
-        At range baseband: ``f(x) exp(-j 4 pi (r - r_0) / wavelength)`` with r_0 the first range.
-    grid : PolarGrid
-        Where the pixels are, in the imaging frame.
-    carrier_hz, bandwidth_hz : float
-        Centre frequency and two-sided bandwidth of the range profiles, hertz.
+        On ``fusion.coarse``, at range baseband: ``f(x) exp(-j 4 pi (r - r_0) / wavelength)`` with
+        r_0 the first range of that grid.
+    fusion : FusionGrid
+        Grids that the sub-apertures of the aperture share.
+    centre_m : float
+        Middle of the image's band; see `sar_imaging.imaging.fusion.SpectrumFusion.add`.
+    map_grid : MapGrid
+        Map that the fused image is wanted on; ``fusion.polar`` covers it.
+    bandwidth_hz : float
+        Two-sided bandwidth of the range profiles, hertz.
+    session : int
+        Number that a sender draws when it starts, to be told from its predecessor.
+    sequence : int
+        Running number of the aperture in the session.
+    revision : int
+        How often the aperture was planned anew because its track had been foreseen too poorly;
+        its sub-apertures are then sent again, on another grid, and replace the former ones.
     aperture : int
-        Number of the aperture, ``counter // pulses_per_aperture``.
+        Number of the aperture by its pulses, ``counter // pulses_per_aperture``.
     number, n_subapertures : int
         Place of this sub-aperture in the aperture, from 0, and how many make the aperture.
+    n_window : int
+        How many make an image: all of them, or fewer, the latest, of a sliding aperture.
     first_counter : int
         Counter of the sub-aperture's first pulse, whether it came or not.
     n_pulses, n_missing : int
@@ -38,7 +61,7 @@ class SubapertureImage:
     stamp_ns : int
         Time of the middle of the sub-aperture, nanoseconds since the epoch of the pulses' clock.
     predicted_error_db : float
-        Expected error of the backprojection against exact correlation, dB.
+        Expected error of the fused image on the map against exact correlation, dB.
 
     Raises
     ------
@@ -47,12 +70,17 @@ class SubapertureImage:
     """
 
     image: np.ndarray
-    grid: PolarGrid
-    carrier_hz: float
+    fusion: FusionGrid
+    centre_m: float
+    map_grid: MapGrid
     bandwidth_hz: float
+    session: int
+    sequence: int
+    revision: int
     aperture: int
     number: int
     n_subapertures: int
+    n_window: int
     first_counter: int
     n_pulses: int
     n_missing: int
@@ -65,21 +93,21 @@ class SubapertureImage:
         if self.image.shape != expected:
             raise ValueError(f'image.shape={self.image.shape} does not match the grid; expected '
                              f'(n_alpha, n_range)={expected}')
-        _check_grid(self.grid)
-        for name in ('carrier_hz', 'bandwidth_hz'):
-            value = getattr(self, name)
-            if not 0 < value < math.inf:
-                raise ValueError(f'{name}={value} must be positive and finite')
-        if not math.isfinite(self.predicted_error_db):
-            raise ValueError(f'predicted_error_db={self.predicted_error_db} must be finite')
-        for name in ('aperture', 'number', 'n_subapertures', 'first_counter', 'n_pulses',
-                     'n_missing'):
+        if not 0 < self.bandwidth_hz < math.inf:
+            raise ValueError(f'bandwidth_hz={self.bandwidth_hz} must be positive and finite')
+        for name in ('predicted_error_db', 'centre_m'):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f'{name}={getattr(self, name)} must be finite')
+        for name in COUNTS:
             value = getattr(self, name)
             if not 0 <= value <= COUNTER_MASK:
                 raise ValueError(f'{name}={value}; expected 0 to {COUNTER_MASK}')
         if self.number >= self.n_subapertures:
             raise ValueError(f'number={self.number} of n_subapertures={self.n_subapertures}; '
                              'numbers count from 0')
+        if not 1 <= self.n_window <= self.n_subapertures:
+            raise ValueError(f'n_window={self.n_window} of n_subapertures={self.n_subapertures}; '
+                             'expected at least one and at most all')
         if not 1 <= self.n_pulses <= COUNTER_MASK - self.n_missing:
             raise ValueError(f'n_pulses={self.n_pulses}, n_missing={self.n_missing}; expected at '
                              f'least one pulse, and at most {COUNTER_MASK} together')
@@ -87,20 +115,6 @@ class SubapertureImage:
             raise ValueError(f'stamp_ns={self.stamp_ns} exceeds 64 bits; expected nanoseconds')
 
     @property
-    def wavelength_m(self) -> float:
-        """Wavelength at the carrier, metres."""
-        return SPEED_OF_LIGHT / self.carrier_hz
-
-
-def _check_grid(grid: PolarGrid) -> None:
-    numbers = (*grid.origin_m, *grid.track, grid.z_m, grid.range_start_m, grid.range_spacing_m,
-               grid.alpha_start, grid.alpha_spacing)
-    if not all(map(math.isfinite, numbers)):
-        raise ValueError(f'{grid} holds numbers that are NaN or infinite')
-    if grid.range_spacing_m <= 0 or grid.alpha_spacing <= 0:
-        raise ValueError(f'range_spacing_m={grid.range_spacing_m}, alpha_spacing='
-                         f'{grid.alpha_spacing}; expected positive spacings: both axes ascend')
-    if abs(math.hypot(*grid.track) - 1) > 1e-9:
-        raise ValueError(f'track={grid.track} is no unit vector; divide it by its length')
-    if grid.side not in (-1, 1):
-        raise ValueError(f'side={grid.side}; expected +1 (left of the track) or -1 (right)')
+    def grid(self) -> PolarGrid:
+        """Where the pixels are, in the imaging frame."""
+        return self.fusion.coarse
