@@ -56,6 +56,8 @@ class PulseBuffer:
         Largest number of pulses in an emitted block.
     reorder_window_pulses : int
         Largest distance over which pulses are put back in order.
+    positions_required : bool
+        Refuse blocks without phase centres; False where they come from poses later.
 
     Attributes
     ----------
@@ -69,7 +71,7 @@ class PulseBuffer:
     """
 
     def __init__(self, *, pulses_per_aperture: int, pulses_per_block: int = 32,
-                 reorder_window_pulses: int = 128):
+                 reorder_window_pulses: int = 128, positions_required: bool = True):
         if pulses_per_aperture < 1 or pulses_per_block < 1:
             raise ValueError(f'pulses_per_aperture={pulses_per_aperture}, pulses_per_block='
                              f'{pulses_per_block}; expected at least one pulse each')
@@ -79,6 +81,7 @@ class PulseBuffer:
         self._pulses_per_aperture = pulses_per_aperture
         self._pulses_per_block = pulses_per_block
         self._window = reorder_window_pulses
+        self._positions_required = positions_required
         self._detector = RestartDetector(reorder_window_pulses)
         self._events: list[StreamEvent] = []
         self._example: PulseBlock | None = None
@@ -113,7 +116,7 @@ class PulseBuffer:
         Parameters
         ----------
         block : PulseBlock
-            Pulses in any order, with positions. Its arrays are kept, not copied.
+            Pulses in any order. Its arrays are kept, not copied.
 
         Returns
         -------
@@ -123,11 +126,11 @@ class PulseBuffer:
         Raises
         ------
         ValueError
-            The block has no positions.
+            The block has no positions and they are required.
         """
-        if not block.has_positions:
+        if self._positions_required and not block.has_positions:
             raise ValueError('block has no phase centres; send transmit and receive positions '
-                             'with the pulses (positions from odometry are not supported yet)')
+                             'with the pulses, or set pose.source to odometry, pose or tf')
         self.statistics.received += block.n_pulses
         emitted = []
         if self._example is not None and not block.matches(self._example):

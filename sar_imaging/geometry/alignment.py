@@ -1,0 +1,92 @@
+"""How a radar sits on its platform and its clock: poses to phase centres, ranges without bias."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+
+@dataclasses.dataclass(frozen=True)
+class Alignment:
+    """What lies between the poses of a platform and the pulses of the radar on it.
+
+    Parameters
+    ----------
+    tx_m, rx_m : (1 or C, 3) float64
+        Lever arms: transmit and receive phase centres in the body frame of the poses, metres;
+        one stands for all channels.
+    time_offset_s : float
+        Clock of the poses minus clock of the pulses, seconds: a pulse stamped t was sent where
+        the platform is at ``t + time_offset_s``.
+    range_bias_m : float
+        Measured half path minus geometric one, metres, such as half the delay of the cables.
+
+    Raises
+    ------
+    ValueError
+        A shape is wrong or a number is not finite.
+    """
+
+    tx_m: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((1, 3)))
+    rx_m: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((1, 3)))
+    time_offset_s: float = 0.0
+    range_bias_m: float = 0.0
+
+    def __post_init__(self):
+        for name in ('tx_m', 'rx_m'):
+            centres = np.array(getattr(self, name), np.float64)
+            if centres.ndim != 2 or centres.shape[1] != 3 or not len(centres):
+                raise ValueError(f'{name}.shape={centres.shape}; expected (channels, 3), metres')
+            if not np.isfinite(centres).all():
+                raise ValueError(f'{name} holds NaN or infinity; expected metres')
+            object.__setattr__(self, name, centres)
+        for name in ('time_offset_s', 'range_bias_m'):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f'{name}={getattr(self, name)} is not finite')
+
+    @property
+    def time_offset_ns(self) -> int:
+        """Time offset to the nanosecond."""
+        return round(self.time_offset_s * 1e9)
+
+    def check_channels(self, n_channels: int) -> None:
+        """Raise ValueError unless there is one lever arm, or one for each channel."""
+        for name in ('tx_m', 'rx_m'):
+            if len(getattr(self, name)) not in (1, n_channels):
+                raise ValueError(f'{len(getattr(self, name))} lever arms {name} for {n_channels} '
+                                 'channels; give one for all or one for each')
+
+    def phase_centres(self, position_m: np.ndarray, attitude: Rotation,
+                      n_channels: int) -> tuple[np.ndarray, np.ndarray]:
+        """Transmit and receive phase centres of pulses.
+
+        Parameters
+        ----------
+        position_m : (P, 3) float64
+            Platform at the times of the pulses, imaging frame, metres.
+        attitude : scipy.spatial.transform.Rotation
+            P rotations from the body into the imaging frame.
+        n_channels : int
+            Number of channels C.
+
+        Returns
+        -------
+        tx_m, rx_m : (P, C, 3) float64
+            Imaging frame, metres.
+
+        Raises
+        ------
+        ValueError
+            There are other numbers of lever arms than one or C.
+        """
+        self.check_channels(n_channels)
+        turn = attitude.as_matrix()
+
+        def centres(arms):
+            turned = np.einsum('pij,cj->pci', turn, arms)
+            return np.repeat(position_m[:, None] + turned, n_channels // turned.shape[1], axis=1)
+
+        return centres(self.tx_m), centres(self.rx_m)

@@ -1,0 +1,275 @@
+"""Poses of a platform as they come from odometry, on their own clock: kept, judged, asked."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import math
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from .pose_interpolation import REACH, interpolate_poses
+
+CAPACITY = 32_768  # poses; the older half goes when it is full
+RESTART_POSES = 5  # in a row behind the newest pose: the clock went back
+_LARGEST_ACCELERATION = 20.0  # m/s^2, of a platform that does not jump
+_LARGEST_TURN_RATE = 7.0  # rad/s
+_HISTORY = 5  # poses that predict the next one
+_NORM_TOLERANCE = 0.01  # of quaternions, which are then normalised
+
+
+class PoseStatus(enum.IntEnum):
+    """What a track knows about a time."""
+
+    READY = 0
+    WAIT = 1  # poses are still to come that decide
+    GAP = 2  # the poses around it are too far apart
+    JUMP = 3  # the frame jumped between the poses around it
+    BEFORE = 4  # it precedes the track
+    LATE = 5  # poses did not come while one could wait
+
+
+class PoseVerdict(enum.IntEnum):
+    """What a track made of a pose."""
+
+    TAKEN = 0
+    GAP = 1  # taken; further from the one before than is bridged
+    JUMP = 2  # taken; a frame begins anew with it
+    CORRUPT = 3  # not a number, or no rotation
+    OLD = 4  # as old as another one or older
+    RESTART = 5  # the clock went back: a new track has to begin
+
+
+@dataclasses.dataclass(frozen=True)
+class Poses:
+    """Poses of the platform at given times.
+
+    Parameters
+    ----------
+    status : (P,) int64
+        `PoseStatus` of each time.
+    position_m : (P, 3) float64
+        Where the platform's reference point is in the imaging frame, metres; NaN unless ready.
+    attitude : scipy.spatial.transform.Rotation
+        P rotations from the body into the imaging frame; identity unless ready.
+    frame : (P,) int64
+        Number of the frame, which grows with every jump and restart; -1 unless ready.
+    """
+
+    status: np.ndarray
+    position_m: np.ndarray
+    attitude: Rotation
+    frame: np.ndarray
+
+
+class PoseTrack:
+    """Poses in the order of their times; a bounded number of them.
+
+    Times between two poses at most `max_gap_s` apart are interpolated, see
+    `pose_interpolation`; wider gaps are refused, and no interpolation looks across them. A time
+    is ready once three poses behind it are known, so that its position does not depend on when
+    one asks.
+
+    A pose further than `jump_m` from where the (up to five) poses before it lead, plus what an
+    acceleration of 20 m/s^2 explains, is a jump of the frame, and so is a turn of more than
+    `jump_rad` plus 7 rad/s. It begins a new frame: what lies before and after it has no common
+    origin, however smooth an interpolation would look.
+
+    Parameters
+    ----------
+    max_gap_s : float
+        Longest time between two poses that is bridged, seconds.
+    jump_m, jump_rad : float
+        Departure from the predicted position, metres, and from the last attitude, radians.
+    first_frame : int
+        Number of the first frame.
+
+    Raises
+    ------
+    ValueError
+        A limit is not positive.
+    """
+
+    def __init__(self, *, max_gap_s: float = 0.2, jump_m: float = 0.05, jump_rad: float = 0.1,
+                 first_frame: int = 0):
+        for name, value in (('max_gap_s', max_gap_s), ('jump_m', jump_m),
+                            ('jump_rad', jump_rad)):
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f'{name}={value} must be positive and finite')
+        self._limits = dict(max_gap_s=max_gap_s, jump_m=jump_m, jump_rad=jump_rad)
+        self._stamp = np.empty(CAPACITY, np.int64)
+        self._position = np.empty((CAPACITY, 3))
+        self._quaternion = np.empty((CAPACITY, 4))
+        self._segment = np.empty(CAPACITY, np.int64)
+        self._frame = np.empty(CAPACITY, np.int64)
+        self._n = 0
+        self._first_frame = first_frame
+        self._behind: list[tuple[int, np.ndarray, np.ndarray]] = []
+
+    def __len__(self) -> int:
+        return self._n
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Times of the oldest and newest pose, nanoseconds; None without poses."""
+        return (int(self._stamp[0]), int(self._stamp[self._n - 1])) if self._n else None
+
+    @property
+    def frame(self) -> int:
+        """Number of the newest pose's frame."""
+        return int(self._frame[self._n - 1]) if self._n else self._first_frame
+
+    def add(self, stamp_ns: int, position_m, quaternion) -> PoseVerdict:
+        """Take a pose.
+
+        Parameters
+        ----------
+        stamp_ns : int
+            Time, nanoseconds since the epoch of the poses' clock.
+        position_m : (3,) array_like
+            Metres in the imaging frame.
+        quaternion : (4,) array_like
+            x, y, z, w: turns body vectors into the imaging frame. Its norm must be one to 1 %.
+
+        Returns
+        -------
+        PoseVerdict
+            For `PoseVerdict.RESTART` the track stays as it is; `successor` continues.
+        """
+        position = np.asarray(position_m, np.float64)
+        turn = np.asarray(quaternion, np.float64)
+        norm = math.sqrt(float(turn @ turn)) if turn.shape == (4,) else math.nan
+        if (position.shape != (3,) or not np.isfinite(position).all()
+                or not abs(norm - 1) <= _NORM_TOLERANCE):
+            return PoseVerdict.CORRUPT
+        turn = turn / norm
+        if self._n and stamp_ns <= self._stamp[self._n - 1]:
+            return self._add_old(int(stamp_ns), position, turn)
+        self._behind.clear()
+        verdict = self._judge(stamp_ns, position, turn)
+        self._append(stamp_ns, position, turn, verdict)
+        return verdict
+
+    def successor(self) -> PoseTrack:
+        """The track that begins with the poses that made the clock go back."""
+        track = PoseTrack(**self._limits, first_frame=self.frame + 1)
+        for pose in self._behind:
+            track.add(*pose)
+        return track
+
+    def sample(self, stamp_ns: np.ndarray, *, final: bool = False) -> Poses:
+        """Poses at given times.
+
+        Parameters
+        ----------
+        stamp_ns : (P,) int64
+            Times on the poses' clock, nanoseconds.
+        final : bool
+            Wait no longer: interpolate with the poses at hand, and refuse what lies behind the
+            newest one.
+
+        Returns
+        -------
+        Poses
+        """
+        query = np.asarray(stamp_ns, np.int64)
+        stamp, segment = self._stamp[:self._n], self._segment[:self._n]
+        left = np.searchsorted(stamp, query, 'right') - 1
+        left = self._closed_on_the_right(left, query)
+        status = self._status(left, query, final)
+        ready = status == PoseStatus.READY
+        position = np.full((query.size, 3), np.nan)
+        quaternion = np.tile([0.0, 0.0, 0.0, 1.0], (query.size, 1))
+        frame = np.where(ready, self._frame[np.maximum(left, 0)], -1)
+        if ready.any():
+            position[ready], attitude = interpolate_poses(
+                stamp, self._position[:self._n], self._quaternion[:self._n], segment,
+                left[ready], query[ready])
+            quaternion[ready] = attitude.as_quat()
+        return Poses(status, position, Rotation.from_quat(quaternion), frame)
+
+    def _closed_on_the_right(self, left, query) -> np.ndarray:
+        """A time exactly that of a segment's last pose belongs to the interval before it."""
+        n = self._n
+        if not n:
+            return left
+        at = np.clip(left, 0, n - 1)
+        last = (at == n - 1) | (self._segment[np.minimum(at + 1, n - 1)] != self._segment[at])
+        first = (at == 0) | (self._segment[at - 1] != self._segment[at])
+        exact = (left >= 0) & (self._stamp[at] == query)
+        return left - (exact & last & ~first)
+
+    def _status(self, left, query, final: bool) -> np.ndarray:
+        n = self._n
+        status = np.full(query.size, int(PoseStatus.READY))
+        at = np.clip(left, 0, max(n - 1, 0))
+        behind = left >= n - 1  # also without any pose
+        if n:
+            after = np.minimum(at + 1, n - 1)
+            broken = ~behind & (self._segment[at] != self._segment[after])
+            jumped = broken & (self._frame[at] != self._frame[after])
+            # Poses to come cannot change what lies before a break.
+            newest = self._segment[at] == self._segment[n - 1]
+            status[newest & (at + REACH > n - 1)] = PoseStatus.WAIT
+            status[broken] = PoseStatus.GAP
+            status[jumped] = PoseStatus.JUMP
+            status[left < 0] = PoseStatus.BEFORE
+        if final:
+            status[status == PoseStatus.WAIT] = PoseStatus.READY
+        status[behind] = PoseStatus.LATE if final else PoseStatus.WAIT
+        return status
+
+    def _add_old(self, stamp_ns: int, position, turn) -> PoseVerdict:
+        if self._behind and stamp_ns <= self._behind[-1][0]:
+            self._behind.clear()
+        self._behind.append((stamp_ns, position, turn))
+        if len(self._behind) < RESTART_POSES:
+            return PoseVerdict.OLD
+        return PoseVerdict.RESTART
+
+    def _judge(self, stamp_ns: int, position, turn) -> PoseVerdict:
+        n = self._n
+        if not n:
+            return PoseVerdict.TAKEN
+        dt = (stamp_ns - int(self._stamp[n - 1])) * 1e-9
+        if dt > self._limits['max_gap_s']:
+            return PoseVerdict.GAP
+        cosine = min(1.0, abs(float(self._quaternion[n - 1] @ turn)))
+        angle = 2 * math.acos(cosine)
+        if angle > self._limits['jump_rad'] + _LARGEST_TURN_RATE * dt:
+            return PoseVerdict.JUMP
+        history = self._history()
+        if len(history) < 2:
+            return PoseVerdict.TAKEN
+        first, last = history[0], history[-1]
+        baseline = (self._stamp[last] - self._stamp[first]) * 1e-9
+        velocity = (self._position[last] - self._position[first]) / baseline
+        away = float(np.linalg.norm(position - self._position[n - 1] - velocity * dt))
+        explained = 0.5 * _LARGEST_ACCELERATION * dt * (baseline + dt)
+        return (PoseVerdict.JUMP if away > self._limits['jump_m'] + explained
+                else PoseVerdict.TAKEN)
+
+    def _history(self) -> range:
+        """Poses that tell the velocity; after a jump those before it, until there are two."""
+        last = self._n - 1
+        if last and self._segment[last] != self._segment[last - 1] \
+                and self._frame[last] != self._frame[last - 1]:
+            last -= 1
+        first = max(0, last - _HISTORY + 1)
+        while self._segment[first] != self._segment[last]:
+            first += 1
+        return range(first, last + 1)
+
+    def _append(self, stamp_ns: int, position, turn, verdict: PoseVerdict) -> None:
+        if self._n == CAPACITY:
+            keep = CAPACITY // 2
+            for a in (self._stamp, self._position, self._quaternion, self._segment, self._frame):
+                a[:keep] = a[CAPACITY - keep:].copy()
+            self._n = keep
+        n = self._n
+        segment, frame = (int(self._segment[n - 1]), self.frame) if n else (0, self._first_frame)
+        self._stamp[n], self._position[n], self._quaternion[n] = stamp_ns, position, turn
+        self._segment[n] = segment + (verdict in (PoseVerdict.GAP, PoseVerdict.JUMP))
+        self._frame[n] = frame + (verdict == PoseVerdict.JUMP)
+        self._n = n + 1

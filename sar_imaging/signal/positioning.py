@@ -1,0 +1,297 @@
+"""Positions for pulses that come without: from poses on a clock of their own."""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+
+import numpy as np
+
+from ..geometry.alignment import Alignment
+from ..geometry.poses import Poses, PoseStatus, PoseTrack, PoseVerdict
+from .pulses import PulseBlock
+from .radar import SPEED_OF_LIGHT, RadarParameters
+from .sequence import COUNTER_MASK, StreamEvent, counter_distance, describe_counters
+
+_REASONS = {
+    PoseStatus.GAP: 'the poses around them are further apart than max_gap_s',
+    PoseStatus.JUMP: 'the frame of the poses jumped',
+    PoseStatus.BEFORE: 'they were sent before the first pose',
+    PoseStatus.LATE: 'no pose came in time',
+}
+
+
+@dataclasses.dataclass
+class PositioningStatistics:
+    """Counts; ``received = positioned + without_pose + other_frame + waiting + reset``."""
+
+    received: int = 0
+    positioned: int = 0
+    without_pose: int = 0
+    other_frame: int = 0
+    reset: int = 0
+    poses: int = 0
+    poses_corrupt: int = 0
+    poses_old: int = 0
+    pose_gaps: int = 0
+    pose_jumps: int = 0
+    pose_restarts: int = 0
+
+
+def without_range_bias(radar: RadarParameters, alignment: Alignment) -> RadarParameters:
+    """Radar parameters whose delays are geometric: the first sample comes earlier by the bias.
+
+    The samples stay as they are, and so does the phase that the carrier had when it came so much
+    too late: images carry the constant factor ``exp(-j 4 pi f_c range_bias / c)``.
+    """
+    delay_s = radar.first_sample_delay_s - 2 * alignment.range_bias_m / SPEED_OF_LIGHT
+    return dataclasses.replace(radar, first_sample_delay_s=delay_s)
+
+
+def with_positions(block: PulseBlock, poses: Poses, alignment: Alignment) -> PulseBlock:
+    """Block with the phase centres of its platform's poses.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        P pulses; positions that it has are replaced.
+    poses : Poses
+        The platform at the P pulses, all ready.
+    alignment : Alignment
+        Lever arms and range bias.
+
+    Returns
+    -------
+    PulseBlock
+        Its radar parameters are those `without_range_bias`; times stay those of the radar.
+
+    Raises
+    ------
+    ValueError
+        The lever arms do not fit the channels, or a pose is not ready.
+    """
+    tx_m, rx_m = alignment.phase_centres(poses.position_m, poses.attitude, block.n_channels)
+    return dataclasses.replace(block, radar=without_range_bias(block.radar, alignment),
+                               tx_m=tx_m, rx_m=rx_m)
+
+
+def locate(block: PulseBlock, track: PoseTrack, alignment: Alignment) -> PulseBlock:
+    """Positions for a whole recording, with all its poses at hand.
+
+    This is the forward model of time offset, range bias and lever arms: call it again with
+    another alignment to try that one.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        Pulses, with or without positions.
+    track : PoseTrack
+        Of the platform.
+    alignment : Alignment
+        Between the two.
+
+    Returns
+    -------
+    PulseBlock
+        See `with_positions`.
+
+    Raises
+    ------
+    ValueError
+        A pulse has no pose; the text says how many and why.
+    """
+    poses = track.sample(block.stamp_ns + alignment.time_offset_ns, final=True)
+    for status in np.unique(poses.status[poses.status != PoseStatus.READY]):
+        n = int((poses.status == status).sum())
+        raise ValueError(f'{n} of {block.n_pulses} pulses have no pose: '
+                         f'{_REASONS[PoseStatus(status)]}')
+    return with_positions(block, poses, alignment)
+
+
+class Positioner:
+    """Give pulses their positions as soon as their poses are known.
+
+    Blocks wait, in order, until all their pulses are decided, at most `wait_s` and in total at
+    most `max_waiting_pulses`; then those that have no pose are dropped. Within an aperture only
+    the pulses of one frame pass: after a jump of the frame the rest of the aperture is dropped,
+    since an image of both parts would be of neither.
+
+    Parameters
+    ----------
+    track : PoseTrack
+        Poses; a new one takes its place when their clock goes back.
+    alignment : Alignment
+        Between poses and pulses.
+    pulses_per_aperture : int
+        Length of an aperture; blocks do not cross apertures.
+    wait_s : float
+        Longest wait for poses, seconds.
+    max_waiting_pulses : int
+        Bounds the memory.
+
+    Attributes
+    ----------
+    statistics : PositioningStatistics
+        What happened so far.
+    track : PoseTrack
+        The poses.
+    """
+
+    def __init__(self, track: PoseTrack, alignment: Alignment, *, pulses_per_aperture: int,
+                 wait_s: float = 1.0, max_waiting_pulses: int = 16_384):
+        self.track, self._alignment = track, alignment
+        self._pulses_per_aperture = pulses_per_aperture
+        self._wait_s, self._max_waiting = wait_s, max_waiting_pulses
+        self._waiting: collections.deque[tuple[PulseBlock, float]] = collections.deque()
+        self._n_waiting = 0
+        self._events: list[StreamEvent] = []
+        self._last_verdict = PoseVerdict.TAKEN
+        self._aperture: tuple[int, int] | None = None  # number and frame
+        self._last_counter = 0
+        self.statistics = PositioningStatistics()
+
+    @property
+    def waiting_pulses(self) -> int:
+        """Pulses that wait for their poses."""
+        return self._n_waiting
+
+    def take_events(self) -> list[StreamEvent]:
+        """Events since the last call, oldest first."""
+        events, self._events = self._events, []
+        return events
+
+    def add_pose(self, stamp_ns: int, position_m, quaternion) -> list[PulseBlock]:
+        """Take a pose; see `PoseTrack.add`.
+
+        Returns
+        -------
+        list of PulseBlock
+            What had to be decided because the clock of the poses went back; call `advance` for
+            the pulses that waited for this pose.
+        """
+        before = self.track.span_ns
+        verdict = self.track.add(stamp_ns, position_m, quaternion)
+        self._count_pose(verdict, stamp_ns, before)
+        if verdict != PoseVerdict.RESTART:
+            return []
+        decided = self._decide(lambda since: True)
+        self.track = self.track.successor()
+        return decided
+
+    def push(self, block: PulseBlock, now_s: float) -> list[PulseBlock]:
+        """Add a block of one aperture and return those that are decided.
+
+        Parameters
+        ----------
+        block : PulseBlock
+            Pulses in order; positions that it has are replaced.
+        now_s : float
+            Time on any steady clock, seconds; the same clock as for `advance`.
+
+        Raises
+        ------
+        ValueError
+            The lever arms do not fit its channels.
+        """
+        self._alignment.check_channels(block.n_channels)
+        self.statistics.received += block.n_pulses
+        self._waiting.append((block, now_s))
+        self._n_waiting += block.n_pulses
+        return self.advance(now_s)
+
+    def advance(self, now_s: float) -> list[PulseBlock]:
+        """Blocks that are decided now: their poses came, or the wait is over."""
+        return self._decide(lambda since: now_s - since >= self._wait_s
+                            or self._n_waiting > self._max_waiting)
+
+    def reset(self) -> int:
+        """Drop the pulses that wait and return their number; the poses stay."""
+        dropped, self._n_waiting = self._n_waiting, 0
+        self._waiting.clear()
+        self._aperture = None
+        self.statistics.reset += dropped
+        return dropped
+
+    def _decide(self, is_final) -> list[PulseBlock]:
+        out = []
+        while self._waiting:
+            block, since = self._waiting[0]
+            poses = self.track.sample(block.stamp_ns + self._alignment.time_offset_ns,
+                                      final=is_final(since))
+            if (poses.status == PoseStatus.WAIT).any():
+                break
+            self._waiting.popleft()
+            self._n_waiting -= block.n_pulses
+            out += self._located(block, poses)
+        return out
+
+    def _located(self, block: PulseBlock, poses: Poses) -> list[PulseBlock]:
+        """The pulses with a pose in the frame of their aperture, as no or one block."""
+        ready = poses.status == PoseStatus.READY
+        for status in np.unique(poses.status[~ready]):
+            self._drop(block.counter[poses.status == status], 'without_pose',
+                       _REASONS[PoseStatus(status)])
+        if not ready.any():
+            return []
+        frame = self._frame_of(block, int(poses.frame[ready][0]))
+        kept = ready & (poses.frame == frame)
+        self._drop(block.counter[ready & ~kept], 'other_frame',
+                   'the frame of the poses jumped within their aperture')
+        if not kept.any():
+            return []
+        self.statistics.positioned += int(kept.sum())
+        kept_poses = Poses(poses.status[kept], poses.position_m[kept], poses.attitude[kept],
+                           poses.frame[kept])
+        if not kept.all():
+            block = block.select(kept)
+        return [with_positions(block, kept_poses, self._alignment)]
+
+    def _frame_of(self, block: PulseBlock, first_frame: int) -> int:
+        """Frame of the block's aperture: that of its first pulse with a pose."""
+        number = int(block.counter[0]) // self._pulses_per_aperture
+        went_on = counter_distance(block.counter[0], self._last_counter) > 0
+        if self._aperture is None or self._aperture[0] != number or not went_on:
+            self._aperture = number, first_frame
+        self._last_counter = int(block.counter[-1])
+        return self._aperture[1]
+
+    def _drop(self, counters: np.ndarray, kind: str, why: str) -> None:
+        if counters.size:
+            setattr(self.statistics, kind, getattr(self.statistics, kind) + counters.size)
+            numbers = [int(c) & COUNTER_MASK for c in counters]
+            self._report(kind, f'dropped pulses {describe_counters(numbers)}: {why}')
+
+    def _count_pose(self, verdict: PoseVerdict, stamp_ns: int, before) -> None:
+        s = self.statistics
+        s.poses += 1
+        after_s = (stamp_ns - before[1]) * 1e-9 if before else 0.0
+        repeated = verdict == self._last_verdict  # one line for a run of them
+        self._last_verdict = verdict
+        if verdict == PoseVerdict.CORRUPT:
+            s.poses_corrupt += 1
+            if not repeated:
+                self._report('pose_corrupt', 'dropped poses that are not finite or whose '
+                             'quaternion has not the norm 1')
+        elif verdict == PoseVerdict.OLD:
+            s.poses_old += 1
+            if not repeated:
+                self._report('pose_old', f'dropped poses that came {-after_s:.3g} s behind the '
+                             'newest one')
+        elif verdict == PoseVerdict.GAP:
+            s.pose_gaps += 1
+            self._report('pose_gap', f'no pose for {after_s:.3g} s of their clock, more than '
+                         'max_gap_s')
+        elif verdict == PoseVerdict.JUMP:
+            s.pose_jumps += 1
+            self._report('pose_jump', 'the frame of the poses jumped: the platform cannot have '
+                         f'moved like that within {after_s:.3g} s; apertures do not go on across '
+                         'it (odometry that never jumps makes better images than a map frame)')
+        elif verdict == PoseVerdict.RESTART:
+            s.pose_restarts += 1
+            self._report('pose_restart', f'the clock of the poses went back by {-after_s:.3g} s; '
+                         'a new track begins')
+        elif before is None:
+            self._report('start', 'poses begin')
+
+    def _report(self, kind: str, text: str) -> None:
+        self._events.append(StreamEvent(kind, text))

@@ -1,0 +1,187 @@
+"""The track of poses: order, gaps, jumps, restarts, and what it tells about a time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from sar_imaging.geometry import poses
+from sar_imaging.geometry.poses import PoseStatus, PoseTrack, PoseVerdict
+
+MS = 1_000_000
+LEVEL = [0.0, 0.0, 0.0, 1.0]
+
+
+def position(stamp_ns):
+    """Accelerating at 2 m/s^2 from 3 m/s."""
+    t = stamp_ns * 1e-9
+    return np.array([3 * t + t ** 2, 1.0, 0.0])
+
+
+def make_track(stamps_ms, shift=lambda stamp_ms: 0.0, **limits):
+    track = PoseTrack(**limits)
+    verdicts = [track.add(int(s * MS), position(s * MS) + [shift(s), 0, 0], LEVEL)
+                for s in stamps_ms]
+    return track, verdicts
+
+
+def status(track, times_ms, **arguments):
+    sample = track.sample(np.array([int(t * MS) for t in times_ms]), **arguments)
+    ready = sample.status == PoseStatus.READY
+    assert np.array_equal(ready, np.isfinite(sample.position_m).all(axis=1))
+    assert np.array_equal(ready, sample.frame >= 0)
+    return [PoseStatus(s).name for s in sample.status]
+
+
+def test_a_time_is_ready_once_three_poses_follow_it():
+    track, _ = make_track(range(0, 100, 10))
+    assert status(track, [-1, 0, 45, 60, 69, 70, 85, 90, 91]) == [
+        'BEFORE', 'READY', 'READY', 'READY', 'READY', 'WAIT', 'WAIT', 'WAIT', 'WAIT']
+    assert status(track, [69, 70, 85, 90, 91], final=True) == [
+        'READY', 'READY', 'READY', 'READY', 'LATE']
+
+
+def test_later_poses_change_nothing_that_was_ready():
+    track, _ = make_track(range(0, 100, 10))
+    times = np.arange(0, 70) * MS
+    before = track.sample(times)
+    for stamp in range(100, 200, 10):
+        track.add(stamp * MS, position(stamp * MS), LEVEL)
+    np.testing.assert_array_equal(before.position_m, track.sample(times).position_m)
+    # Poses of a parabola: the cubic is exact.
+    np.testing.assert_allclose(before.position_m, [position(t) for t in times], atol=1e-12)
+
+
+def test_a_gap_up_to_the_limit_is_bridged_and_a_wider_one_refused():
+    track, verdicts = make_track([*range(0, 100, 10), *range(290, 390, 10)])
+    assert verdicts.count(PoseVerdict.GAP) == 0  # 200 ms, bridged
+    assert status(track, [200]) == ['READY']
+    track, verdicts = make_track([*range(0, 100, 10), *range(291, 390, 10)])
+    assert [i for i, v in enumerate(verdicts) if v == PoseVerdict.GAP] == [10]
+    # The pose at 90 ms ends the segment; nothing is to be awaited before the gap.
+    assert status(track, [85, 90, 90.5, 200, 290.5, 291]) == [
+        'READY', 'READY', 'GAP', 'GAP', 'GAP', 'READY']
+    assert track.frame == 0
+
+
+def test_a_single_pose_between_gaps_carries_no_pulse():
+    track, _ = make_track([0, 500, *range(1000, 1100, 10)])
+    assert status(track, [0, 499, 500, 501]) == ['GAP'] * 4
+
+
+@pytest.mark.parametrize('step_m', [0.08, -0.08, 3.0])
+def test_a_jump_begins_a_new_frame(step_m):
+    track, verdicts = make_track(range(0, 200, 10), lambda s: step_m if s >= 100 else 0.0)
+    assert [10 * i for i, v in enumerate(verdicts) if v == PoseVerdict.JUMP] == [100]
+    assert status(track, [85, 90, 95, 100, 105]) == ['READY', 'READY', 'JUMP', 'READY', 'READY']
+    frames = track.sample(np.array([85, 105]) * MS).frame
+    assert frames.tolist() == [0, 1]
+    # The pieces are interpolated as if the other did not exist.
+    found = track.sample(np.array([89, 101]) * MS).position_m
+    np.testing.assert_allclose(found[:, 0], [position(89 * MS)[0],
+                                             position(101 * MS)[0] + step_m], atol=1e-12)
+
+
+def test_a_jump_in_two_steps_is_seen_and_quiet_follows():
+    track, verdicts = make_track(range(0, 300, 10),
+                                 lambda s: 0.1 * (s >= 100) + 0.1 * (s >= 110))
+    jumps = [10 * i for i, v in enumerate(verdicts) if v == PoseVerdict.JUMP]
+    assert jumps == [100, 110]
+
+
+def test_a_turn_of_the_frame_is_a_jump():
+    track = PoseTrack()
+    verdicts = [track.add(s * MS, position(s * MS),
+                          LEVEL if s < 50 else [0, 0, np.sin(0.15), np.cos(0.15)])
+                for s in range(0, 100, 10)]
+    assert [10 * i for i, v in enumerate(verdicts) if v == PoseVerdict.JUMP] == [50]
+
+
+def test_a_platform_that_brakes_hard_does_not_jump():
+    track = PoseTrack()
+    verdicts = []
+    for s in range(0, 3000, 20):
+        t = s * 1e-3
+        x = 10 * t if t < 1 else 10 + 10 * (t - 1) - 5 * min(t - 1, 1.0) ** 2 - 10 * max(t - 2, 0)
+        noise = np.random.default_rng(s).normal(0, 0.005, 3)
+        verdicts.append(track.add(s * MS, noise + [x, 0, 0], LEVEL))
+    assert set(verdicts) == {PoseVerdict.TAKEN}
+
+
+@pytest.mark.parametrize(('place', 'turn'), [
+    ([np.nan, 0, 0], LEVEL), ([0, np.inf, 0], LEVEL), ([0, 0, 0], [0, 0, 0, 0]),
+    ([0, 0, 0], [0, 0, 0, 1.02]), ([0, 0, 0], [np.nan, 0, 0, 1]), ([0, 0], LEVEL),
+    ([0, 0, 0], [0, 0, 1])])
+def test_impossible_poses_are_dropped(place, turn):
+    track, _ = make_track(range(0, 50, 10))
+    assert track.add(50 * MS, place, turn) == PoseVerdict.CORRUPT
+    assert len(track) == 5
+    assert track.add(60 * MS, position(60 * MS), LEVEL) == PoseVerdict.TAKEN
+
+
+def test_a_quaternion_that_is_nearly_one_is_normalised():
+    track = PoseTrack()
+    turn = np.array([0, 0, np.sin(0.3), np.cos(0.3)])
+    for s in range(0, 60, 10):
+        assert track.add(s * MS, position(s * MS), 1.009 * turn) == PoseVerdict.TAKEN
+    [found] = track.sample(np.array([15 * MS])).attitude.as_rotvec()
+    np.testing.assert_allclose(found, [0, 0, 0.6], atol=1e-12)
+
+
+def test_repeated_and_older_poses_are_dropped():
+    track, verdicts = make_track([0, 10, 10, 20, 5, 30, 30, 25, 40, 50])
+    assert [v.name for v in verdicts] == ['TAKEN', 'TAKEN', 'OLD', 'TAKEN', 'OLD', 'TAKEN', 'OLD',
+                                          'OLD', 'TAKEN', 'TAKEN']
+    assert len(track) == 6
+
+
+def test_a_clock_that_went_back_begins_a_new_track():
+    track, verdicts = make_track([*range(1000, 2000, 10), *range(1500, 1550, 10)])
+    assert [v.name for v in verdicts[-5:]] == ['OLD'] * 4 + ['RESTART']
+    assert track.span_ns == (1000 * MS, 1990 * MS)  # as it was
+    successor = track.successor()
+    assert successor.span_ns == (1500 * MS, 1540 * MS)
+    assert successor.frame == track.frame + 1
+    assert successor.add(1550 * MS, position(1550 * MS), LEVEL) == PoseVerdict.TAKEN
+
+
+def test_a_stuck_clock_is_no_restart():
+    track, verdicts = make_track([0, 10, *[10] * 20, 20])
+    assert set(verdicts[2:-1]) == {PoseVerdict.OLD}
+
+
+def test_the_memory_is_bounded(monkeypatch):
+    monkeypatch.setattr(poses, 'CAPACITY', 64)
+    track, _ = make_track(range(0, 2000, 10))
+    assert len(track) <= 64
+    assert status(track, [1955, 100]) == ['READY', 'BEFORE']
+
+
+def test_without_poses_everything_waits():
+    assert status(PoseTrack(), [0, 5]) == ['WAIT', 'WAIT']
+    assert status(PoseTrack(), [0, 5], final=True) == ['LATE', 'LATE']
+
+
+@pytest.mark.parametrize('limits', [{'max_gap_s': 0.0}, {'jump_m': -1.0}, {'jump_rad': np.nan}])
+def test_impossible_limits_are_refused(limits):
+    with pytest.raises(ValueError, match=f'{next(iter(limits))}=.* must be positive'):
+        PoseTrack(**limits)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(st.integers(-50, 2000), st.sampled_from([0.0, 1e-3, 5.0, np.nan]),
+                          st.sampled_from([1.0, 0.0, 1.001, np.inf])), max_size=60),
+       st.lists(st.integers(-100, 2100), min_size=1, max_size=10), st.booleans())
+def test_any_stream_of_poses_gives_finite_positions_or_a_reason(stream, times, final):
+    track = PoseTrack()
+    for stamp, shift, norm in stream:
+        if track.add(stamp * MS, position(stamp * MS) + shift, [0, 0, 0, norm]) \
+                == PoseVerdict.RESTART:
+            track = track.successor()
+    sample = track.sample(np.array(times) * MS, final=final)
+    ready = sample.status == PoseStatus.READY
+    assert np.isfinite(sample.position_m[ready]).all()
+    assert np.isnan(sample.position_m[~ready]).all()
+    if final:
+        assert PoseStatus.WAIT not in sample.status
