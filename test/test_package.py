@@ -30,6 +30,7 @@ ROSDEP_KEYS = {
     'scipy': 'python3-scipy',
     'tf2_ros': 'tf2_ros_py',
     'tqdm': 'python3-tqdm',
+    'yaml': 'python3-yaml',
 }
 
 

@@ -14,6 +14,9 @@ class Waveform(enum.IntEnum):
 
     LFM = 0  # linear frequency modulated pulses, sampled in fast time, demodulated to baseband
     STEPPED_FREQUENCY = 1  # phase history: one sample per frequency, ascending, carrier centred
+    FMCW = 2  # dechirped ramp, complex converter: the beat of echo and transmitted ramp
+    FMCW_REAL = 3  # the same with a real converter; imaginary parts are zero
+    PASSBAND = 4  # real samples of the pulse at its carrier (UWB); imaginary parts are zero
 
 
 @dataclasses.dataclass(frozen=True)
@@ -24,21 +27,31 @@ class RadarParameters:
     ``carrier_hz + (n - (N - 1) / 2) * bandwidth_hz / N`` whose phase is referenced to a scatterer
     at the delay `first_sample_delay_s`; `sample_rate_hz` is then `bandwidth_hz`.
 
+    For `Waveform.FMCW` raw samples are the echo times the conjugate of the reference ramp,
+    ``exp(-j 2 pi (f_n u - K u^2 / 2))`` with ``f_n = carrier_hz + K (n - (N - 1) / 2) /
+    sample_rate_hz``, the reference's frequency at sample n, and u the delay beyond
+    `first_sample_delay_s`, the delay of the reference: 0 where the transmitted ramp itself is
+    mixed. `bandwidth_hz` is what the N samples sweep, ``|K| N / sample_rate_hz``; see
+    `sar_imaging.signal.dechirp.fmcw_parameters`. For `Waveform.FMCW_REAL` they are its real part.
+
+    For `Waveform.PASSBAND` raw samples are ``Re(p(t - tau) exp(j 2 pi f_c (t - tau)))``.
+
     Parameters
     ----------
     carrier_hz : float
-        Centre frequency that the receiver removes, hertz.
+        Centre frequency that the receiver removes, hertz; of passband samples the middle of the
+        band.
     bandwidth_hz : float
         Two-sided bandwidth of the waveform, hertz.
     sample_rate_hz : float
-        Complex samples per second, hertz.
+        Samples per second, hertz: complex ones, real ones of the waveforms that say so.
     first_sample_delay_s : float
         Two-way delay of sample 0 from the transmission of the pulse's leading edge (raw) or
-        of its compressed peak (compressed), seconds.
+        of its compressed peak (compressed, passband), seconds; of phase histories as told above.
     pulse_length_s : float
         Duration of the transmitted pulse, seconds.
     chirp_rate_hz_per_s : float
-        Frequency slope of a linear frequency modulated pulse, hertz per second, signed.
+        Frequency slope K of a linear frequency modulated pulse or ramp, hertz per second, signed.
     waveform : Waveform
         Kind of waveform.
 

@@ -2,7 +2,8 @@
 
 Output, whatever the waveform: ``s(tau) = sum_p a_p p(tau - tau_p) exp(-j 2 pi f_c tau_p)``
 (Rosenberg & Gray, section 2) with the peak of a scatterer of unit amplitude equal to one, at the
-sample spacing that the imager asks for. The work is planned once; a call is two FFTs.
+sample spacing that the imager asks for. The work is planned once; a call is two FFTs, of a phase
+history one.
 
 >>> compressor = RangeCompressor(block.radar, block.n_samples, window='hamming')  # doctest: +SKIP
 >>> profiles = compressor(block)                                                  # doctest: +SKIP
@@ -14,17 +15,15 @@ import dataclasses
 import math
 
 import numpy as np
-from scipy import fft
 
-from ..compilation import njit, numba
+from .band_filter import BandFilter
+from .calibration import ChannelCalibration
+from .phase_history import GUARD_SAMPLES, PhaseHistoryPlan
 from .pulses import PulseBlock
-from .radar import RadarParameters, Waveform
-from .waveforms import check_lfm, lfm_spectrum, n_pulse_samples
-from .windows import window as window_weights
+from .radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 
-_ROWS_PER_CALL = 256  # bounds the work space
-STEPPED_GUARD_SAMPLES = 16  # repeated at both ends of a periodic stepped-frequency profile
 RANGE_FILTERS = ('equalised', 'matched')
+_PHASE_HISTORIES = (Waveform.STEPPED_FREQUENCY, Waveform.FMCW, Waveform.FMCW_REAL)
 
 
 class RangeCompressor:
@@ -37,7 +36,10 @@ class RangeCompressor:
     - stepped frequency: the whole unambiguous interval ``N / B``, half of it on each side of the
       reference delay `first_sample_delay_s`, and 16 samples more at each end (the profile is
       periodic; interpolators need neighbours).
-    - already compressed profiles: what came, resampled as one period of a periodic signal.
+    - FMCW: the same, but not before zero delay, where the interval then starts. A real converter
+      tells half of the interval, beyond the reference delay.
+    - passband samples and already compressed profiles: what came, resampled as one period of a
+      periodic signal.
 
     Parameters
     ----------
@@ -58,17 +60,23 @@ class RangeCompressor:
         the window. `snr_loss_db` states the price.
     compressed : bool
         True when the blocks to come are range profiles already.
+    range_window_m : (2,) floats, optional
+        Nearest and farthest half-path distance to keep, metres; 16 samples more at each end
+        where there are any. By default everything above.
+    calibration : ChannelCalibration, optional
+        Errors of the channels' amplitude, phase and delay to remove.
 
     Raises
     ------
     ValueError
-        A parameter is out of range, the waveform's parameters contradict each other, or fewer
-        raw samples come than one pulse is long.
+        A parameter is out of range, the waveform's parameters contradict each other, fewer
+        raw samples come than one pulse is long, or the range window holds no sample.
     """
 
     def __init__(self, radar: RadarParameters, n_samples: int, *, window: str = 'none',
                  oversampling: float = 2.0, range_filter: str = 'equalised',
-                 compressed: bool = False):
+                 compressed: bool = False, range_window_m: tuple[float, float] | None = None,
+                 calibration: ChannelCalibration | None = None):
         if not (math.isfinite(oversampling) and oversampling >= 1.0):
             raise ValueError(f'oversampling={oversampling}; at least 1.0 output sample per '
                              '1 / bandwidth is needed')
@@ -77,23 +85,58 @@ class RangeCompressor:
                              f'{", ".join(RANGE_FILTERS)}')
         if n_samples < 2:
             raise ValueError(f'n_samples={n_samples}; a pulse needs at least two samples')
+        if range_window_m is not None and not range_window_m[0] < range_window_m[1]:
+            raise ValueError(f'range_window_m={range_window_m}; expected the nearest and a '
+                             'larger farthest distance')
         self.radar = radar
         self.n_samples = n_samples
         self.compressed = compressed
-        self._target_rate_hz = oversampling * radar.bandwidth_hz
         if compressed:
-            self._plan_profiles(window)
-        elif radar.waveform == Waveform.STEPPED_FREQUENCY:
-            self._plan_stepped_frequency(window)
+            plan = BandFilter.for_profiles(radar, n_samples, window, oversampling)
+        elif radar.waveform in _PHASE_HISTORIES:
+            plan = PhaseHistoryPlan(radar, n_samples, window, oversampling, range_window_m)
+        elif radar.waveform == Waveform.PASSBAND:
+            plan = BandFilter.for_passband(radar, n_samples, window, oversampling)
         else:
-            self._plan_lfm(window, range_filter)
+            plan = BandFilter.for_lfm(radar, n_samples, window, oversampling, range_filter)
+        self._plan = plan
+        self._output_radar = plan.output_radar
+        self._kept = slice(0, plan.n_output)
+        if range_window_m is not None and isinstance(plan, BandFilter):
+            self._cut(range_window_m)
+        self._pass_through = (isinstance(plan, BandFilter) and plan.changes_nothing
+                              and calibration is None)
+        self._set_calibration(calibration)
+
+    def _set_calibration(self, calibration: ChannelCalibration | None) -> None:
+        plan = self._plan
+        self._calibration, self._gain, self._turn = calibration, plan.gain, None
+        if calibration is None:
+            return
+        self._gain = (plan.gain * calibration.correction(plan.baseband_hz)).astype(np.complex64)
+        if isinstance(plan, PhaseHistoryPlan) and calibration.delay_s.any():
+            self._turn = plan.late_video_phase(calibration.delay_s)
+
+    def _cut(self, range_window_m: tuple[float, float]) -> None:
+        """Keep the range window of the filter's profiles."""
+        radar, n = self._plan.output_radar, self._plan.n_output
+        first, last = ((r - radar.range_start_m) / radar.sample_spacing_m
+                       for r in range_window_m)
+        start = max(0, math.floor(first) - GUARD_SAMPLES)
+        stop = min(n, math.ceil(last) + 1 + GUARD_SAMPLES)
+        if first > n - 1 or last < 0:
+            raise ValueError(f'range_window_m={range_window_m} lies outside the profiles, '
+                             f'{radar.range_start_m:.2f} to '
+                             f'{radar.range_start_m + (n - 1) * radar.sample_spacing_m:.2f} m')
+        self._kept = slice(start, stop)
+        self._output_radar = dataclasses.replace(
+            radar, first_sample_delay_s=2 / SPEED_OF_LIGHT
+            * (radar.range_start_m + start * radar.sample_spacing_m))
 
     @classmethod
-    def for_block(cls, block: PulseBlock, *, window: str = 'none', oversampling: float = 2.0,
-                  range_filter: str = 'equalised') -> RangeCompressor:
-        """Plan for blocks like `block`, raw or compressed."""
-        return cls(block.radar, block.n_samples, window=window, oversampling=oversampling,
-                   range_filter=range_filter, compressed=block.compressed)
+    def for_block(cls, block: PulseBlock, **options) -> RangeCompressor:
+        """Plan for blocks like `block`, raw or compressed; options as of the constructor."""
+        return cls(block.radar, block.n_samples, compressed=block.compressed, **options)
 
     @property
     def output_radar(self) -> RadarParameters:
@@ -103,12 +146,12 @@ class RangeCompressor:
     @property
     def n_output(self) -> int:
         """Samples of each output profile."""
-        return self._n_output
+        return self._kept.stop - self._kept.start
 
     @property
     def snr_loss_db(self) -> float:
         """Loss of peak signal to noise ratio against the matched filter without window, dB."""
-        return self._snr_loss_db
+        return self._plan.snr_loss_db
 
     def __call__(self, block: PulseBlock) -> PulseBlock:
         """Compress a block.
@@ -127,7 +170,8 @@ class RangeCompressor:
         Raises
         ------
         ValueError
-            The block is of another radar, length or kind than planned for.
+            The block is of another radar, length or kind than planned for, or has another
+            number of channels than the calibration.
         """
         got = (block.radar, block.n_samples, block.compressed)
         if got != (self.radar, self.n_samples, self.compressed):
@@ -136,130 +180,14 @@ class RangeCompressor:
                 f'{block.radar} does not match the plan for {self.n_samples} samples, '
                 f'compressed={self.compressed}, {self.radar}; plan anew with '
                 'RangeCompressor.for_block')
-        if self._pass_through:
+        if self._calibration is not None:
+            self._calibration.check_channels(block.n_channels)
+        samples = block.samples
+        if not self._pass_through:
+            samples = self._plan(samples, self._gain)
+            if self._turn is not None:
+                samples *= self._turn
+        elif self.n_output == block.n_samples:
             return block
-        transform = (self._stepped_frequency if self._waveform_is_stepped else self._filtered)
         return dataclasses.replace(block, radar=self._output_radar, compressed=True,
-                                   samples=transform(block.samples))
-
-    def _plan_lfm(self, window: str, range_filter: str) -> None:
-        check_lfm(self.radar)
-        n_pulse = n_pulse_samples(self.radar)
-        if self.n_samples < n_pulse:
-            raise ValueError(f'n_samples={self.n_samples} is less than one pulse '
-                             f'({n_pulse} samples at pulse_length_s={self.radar.pulse_length_s}); '
-                             'record at least the pulse length plus the swath')
-        rate = self.radar.sample_rate_hz
-        self._plan_grid(fft.next_fast_len(self.n_samples + n_pulse))
-        # In units of samples, as the transform of the recorded pulse has it.
-        spectrum = lfm_spectrum(self._band_bins() * (rate / self._n_in), self.radar) * rate
-        power = np.abs(spectrum) ** 2
-        weights = window_weights(window, spectrum.size)
-        response = weights if range_filter == 'equalised' else weights * power
-        self._set_filter(response, 1.0 / spectrum,
-                         signal_energy=self.radar.pulse_length_s * rate)
-        kept_s = (self.n_samples - n_pulse) / rate
-        out_rate = rate * (self._n_out / self._n_in)
-        self._set_output(out_rate, self.radar.first_sample_delay_s,
-                         math.floor(kept_s * out_rate * (1 + 1e-12)) + 1)
-
-    def _plan_profiles(self, window: str) -> None:
-        rate = self.radar.sample_rate_hz
-        self._plan_grid(self.n_samples)
-        n_band = self._n_positive + self._n_negative + 1
-        self._set_filter(window_weights(window, n_band), np.full(n_band, n_band / self._n_in),
-                         signal_energy=self._n_in / n_band)
-        self._set_output(rate * (self._n_out / self._n_in), self.radar.first_sample_delay_s,
-                         self._n_out)
-        self._pass_through = self._n_out == self._n_in and window == 'none'
-
-    def _plan_grid(self, n_in: int) -> None:
-        """FFT lengths and the bins of the band, counted from zero frequency to both sides."""
-        rate = self.radar.sample_rate_hz
-        half_band = math.floor(self.radar.bandwidth_hz / 2 / (rate / n_in) * (1 + 1e-12))
-        self._n_in = n_in
-        self._n_positive = min(half_band, (n_in - 1) // 2)
-        self._n_negative = min(half_band, n_in // 2)
-        wanted = n_in * self._target_rate_hz / rate
-        keep_rate = self.compressed and wanted <= n_in * (1 + 1e-9)
-        self._n_out = n_in if keep_rate else _fast_length(wanted)
-        self._waveform_is_stepped = False
-        self._pass_through = False
-
-    def _band_bins(self) -> np.ndarray:
-        """(K,) int numbers of the FFT bins inside the band, ascending."""
-        return np.arange(-self._n_negative, self._n_positive + 1)
-
-    def _set_filter(self, response: np.ndarray, inverse: np.ndarray, *,
-                    signal_energy: float) -> None:
-        """Filter that turns a unit scatterer's bins ``1 / inverse`` into `response`, peak one."""
-        gain = response * inverse
-        # scipy's inverse FFT divides by its length; the peak is the sum of the response's bins.
-        self._gain = (gain * (self._n_out / response.sum())).astype(np.complex64)
-        snr = response.sum() ** 2 / (self._n_in * np.sum(np.abs(gain) ** 2))
-        # No loss at all may round to a negative number.
-        self._snr_loss_db = max(0.0, 10.0 * math.log10(signal_energy / snr))
-
-    def _set_output(self, rate_hz: float, first_delay_s: float, n_output: int) -> None:
-        self._output_radar = dataclasses.replace(self.radar, sample_rate_hz=rate_hz,
-                                                 first_sample_delay_s=first_delay_s)
-        self._n_output = n_output
-
-    def _filtered(self, samples: np.ndarray) -> np.ndarray:
-        spectra = fft.fft(samples, self._n_in, workers=numba.get_num_threads())
-        out = np.zeros((*samples.shape[:2], self._n_out), np.complex64)
-        positive, negative = self._n_positive + 1, self._n_negative
-        np.multiply(spectra[..., :positive], self._gain[negative:], out=out[..., :positive])
-        if negative:
-            np.multiply(spectra[..., -negative:], self._gain[:negative],
-                        out=out[..., -negative:])
-        profiles = fft.ifft(out, overwrite_x=True, workers=numba.get_num_threads())
-        return np.ascontiguousarray(profiles[..., :self._n_output])
-
-    def _plan_stepped_frequency(self, window: str) -> None:
-        radar, n = self.radar, self.n_samples
-        weights = window_weights(window, n)
-        self._waveform_is_stepped = True
-        self._pass_through = False
-        self._n_out = _fast_length(n * self._target_rate_hz / radar.bandwidth_hz)
-        first = -(self._n_out // 2) - STEPPED_GUARD_SAMPLES
-        n_output = self._n_out + 2 * STEPPED_GUARD_SAMPLES
-        index = first + np.arange(n_output)
-        self._first = first
-        # Sample 0 is (N - 1) / 2 steps below the carrier, and the samples' phase is referenced
-        # to the reference delay, where the signal model has exp(-j 2 pi f_c tau).
-        carrier_cycles = radar.carrier_hz * radar.first_sample_delay_s % 1.0
-        cycles = (index * ((n - 1) / 2) / self._n_out + carrier_cycles) % 1.0
-        self._ramp = np.exp(-2j * np.pi * cycles).astype(np.complex64)
-        self._gain = (weights * (self._n_out / weights.sum())).astype(np.float32)
-        self._snr_loss_db = 10.0 * math.log10(n * np.sum(weights**2) / weights.sum() ** 2)
-        rate = radar.bandwidth_hz * (self._n_out / n)
-        self._set_output(rate, radar.first_sample_delay_s + first / rate, n_output)
-
-    def _stepped_frequency(self, samples: np.ndarray) -> np.ndarray:
-        rows = samples.reshape(-1, self.n_samples)
-        out = np.empty((len(rows), self._n_output), np.complex64)
-        for start in range(0, len(rows), _ROWS_PER_CALL):
-            part = slice(start, start + _ROWS_PER_CALL)
-            profiles = fft.ifft(rows[part] * self._gain, self._n_out, overwrite_x=True,
-                                workers=numba.get_num_threads())
-            _wrap_and_turn(profiles, self._first, self._ramp, out[part])
-        return out.reshape(*samples.shape[:2], -1)
-
-
-@njit(parallel=True)
-def _wrap_and_turn(profiles, first, ramp, out):
-    """Samples from `first` on of periodic profiles, times the ramp."""
-    period = profiles.shape[1]
-    for row in numba.prange(out.shape[0]):
-        source = first % period
-        for i in range(out.shape[1]):
-            out[row, i] = profiles[row, source] * ramp[i]
-            source += 1
-            if source == period:
-                source = 0
-
-
-def _fast_length(wanted: float) -> int:
-    """Next length whose FFT is fast, at least `wanted` but for rounding."""
-    return fft.next_fast_len(math.ceil(wanted * (1 - 1e-12)))
+                                   samples=np.ascontiguousarray(samples[..., self._kept]))

@@ -1,8 +1,9 @@
 """Echoes of point scatterers with exact two-way paths, as a receiver would record them.
 
-All three kinds come from the same spectrum ``sum_p a_p exp(-j 2 pi (f_c + f) tau_p)`` with
+All but FMCW come from the same spectrum ``sum_p a_p exp(-j 2 pi (f_c + f) tau_p)`` with
 ``tau_p = (|tx - x_p| + |rx - x_p|) / c`` for every pulse and channel in float64: what a receiver
-with an anti-alias filter samples is band-limited, and is synthesised so. NumPy's elementwise
+with an anti-alias filter samples is band-limited, and is synthesised so. The beat signal of FMCW
+is written down in time, residual video phase included. NumPy's elementwise
 square roots, products and sums are exactly rounded and hence the same on every processor; see
 `quantise` for the rest.
 """
@@ -15,6 +16,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy import fft
 
+from ..signal.dechirp import check_fmcw
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from ..signal.waveforms import check_lfm, lfm_spectrum, n_pulse_samples
 
@@ -103,6 +105,10 @@ class EchoSimulator:
     - compressed: profiles whose own FFT is flat over the bins ``|f| <= B/2`` and zero elsewhere,
       ``n_samples`` being one period. Peak one.
     - stepped frequency: one sample per frequency. Amplitude one.
+    - FMCW: the beat of `sar_imaging.signal.dechirp`, of scatterers whose echo and ramp overlap
+      throughout; its real part for a real converter. Amplitude one.
+    - passband: real samples at the carrier, flat over the band ``|f - f_c| <= B/2`` and zero
+      elsewhere, ``n_samples`` being one period. Peak one.
 
     Parameters
     ----------
@@ -137,6 +143,11 @@ class EchoSimulator:
         elif radar.waveform == Waveform.STEPPED_FREQUENCY:
             self._synthesise = self._plan_stepped_frequency()
             self._early_samples = None
+        elif radar.waveform in (Waveform.FMCW, Waveform.FMCW_REAL):
+            self._synthesise = self._plan_fmcw()
+            self._early_samples = None
+        elif radar.waveform == Waveform.PASSBAND:
+            self._synthesise = self._plan_passband()
         else:
             self._synthesise = self._plan_lfm()
             self._early_samples = n_pulse_samples(radar)
@@ -218,6 +229,44 @@ class EchoSimulator:
             cycles = radar.carrier_hz * radar.first_sample_delay_s % 1.0
             spectrum = self._spectrum(-(n - 1) / 2, n, radar.bandwidth_hz / n, delays_s)
             return spectrum * _phasor(np.array(-cycles))
+
+        return synthesise
+
+    def _plan_fmcw(self) -> Callable:
+        n, radar = self.n_samples, self.radar
+        check_fmcw(radar, n)
+        slope = radar.chirp_rate_hz_per_s
+        frequency = radar.carrier_hz + slope * (
+            (np.arange(n) - (n - 1) / 2) / radar.sample_rate_hz)
+
+        def synthesise(delays_s):
+            late_s = delays_s - radar.first_sample_delay_s
+            out = np.zeros((*delays_s.shape[:2], n), complex)
+            for p, amplitude in enumerate(self._amplitudes):
+                late = late_s[..., p, None]
+                out += amplitude * _phasor(frequency * late - 0.5 * slope * late**2)
+            return out.real + 0j if radar.waveform == Waveform.FMCW_REAL else out
+
+        return synthesise
+
+    def _plan_passband(self) -> Callable:
+        n, radar = self.n_samples, self.radar
+        step = radar.sample_rate_hz / n
+        half = radar.bandwidth_hz / 2
+        bins = np.arange(math.ceil((radar.carrier_hz - half) / step * (1 - 1e-12)),
+                         math.floor((radar.carrier_hz + half) / step * (1 + 1e-12)) + 1)
+        if not (0 < bins[0] and bins[-1] < n / 2):
+            raise ValueError(f'sample_rate_hz={radar.sample_rate_hz:.6g} cannot hold the band of '
+                             f'{radar.bandwidth_hz:.6g} Hz at {radar.carrier_hz:.6g} Hz; sample '
+                             'at more than twice the upper edge')
+
+        def synthesise(delays_s):
+            # counted from zero frequency: the carrier is part of the bins
+            spectrum = scene_spectrum(0.0, bins[0], bins.size, step, delays_s, self._amplitudes,
+                                      radar.first_sample_delay_s)
+            grid = np.zeros((*delays_s.shape[:2], n), complex)
+            grid[..., bins] = spectrum * (n / bins.size)
+            return fft.ifft(grid, overwrite_x=True).real + 0j
 
         return synthesise
 

@@ -1,0 +1,84 @@
+"""FMCW radar: what a data sheet says as radar parameters, and what they must obey.
+
+The receiver mixes the echo with the ramp that is being transmitted, of frequency ``f_s + K t`` at
+the time t after the ramp's start. An echo at the delay tau beats with the phase
+
+``-2 pi ((f_s + K t) tau - K tau^2 / 2)``    (echo times conjugate of the transmitted ramp)
+
+The last term, the residual video phase, is what a stepped-frequency radar does not have: it
+changes with range and so along the aperture, and defocuses the image of a long or near track.
+Range compression removes it (`sar_imaging.signal.phase_history`).
+"""
+
+from __future__ import annotations
+
+from .radar import RadarParameters, Waveform
+
+
+def fmcw_parameters(*, start_frequency_hz: float, slope_hz_per_s: float, sample_rate_hz: float,
+                    n_samples: int, adc_start_s: float = 0.0, real_samples: bool = False,
+                    reference_delay_s: float = 0.0) -> RadarParameters:
+    """Radar parameters of an FMCW radar.
+
+    Parameters
+    ----------
+    start_frequency_hz : float
+        Frequency at the start of the ramp, hertz.
+    slope_hz_per_s : float
+        Slope K of the ramp, hertz per second; negative for a falling one.
+    sample_rate_hz : float
+        Of the converter, hertz.
+    n_samples : int
+        Samples N of one ramp.
+    adc_start_s : float
+        Time of the first sample after the start of the ramp, seconds; at least the longest
+        delay of the scene, before which echo and ramp do not overlap.
+    real_samples : bool
+        The converter has one path: samples are the real part of the beat signal.
+    reference_delay_s : float
+        Delay of the ramp that is mixed with the echo behind the transmitted one, seconds
+        (stretch processing of a distant swath); times count from its start.
+
+    Returns
+    -------
+    RadarParameters
+        Carrier at the middle sample, bandwidth as the samples sweep it.
+
+    Raises
+    ------
+    ValueError
+        The slope is zero, there are fewer than two samples, or a value is out of range.
+
+    Examples
+    --------
+    >>> radar = fmcw_parameters(start_frequency_hz=77e9, slope_hz_per_s=40e12,
+    ...                         sample_rate_hz=5e6, n_samples=256, adc_start_s=4e-6)
+    >>> f'{radar.carrier_hz / 1e9:.3f} GHz, {radar.range_resolution_m * 100:.2f} cm'
+    '78.180 GHz, 7.32 cm'
+    """
+    if slope_hz_per_s == 0 or n_samples < 2:
+        raise ValueError(f'slope_hz_per_s={slope_hz_per_s}, n_samples={n_samples}; an FMCW radar '
+                         'needs a ramp and at least two samples of it')
+    middle_s = adc_start_s + (n_samples - 1) / 2 / sample_rate_hz
+    return RadarParameters(
+        carrier_hz=start_frequency_hz + slope_hz_per_s * middle_s,
+        bandwidth_hz=abs(slope_hz_per_s) * n_samples / sample_rate_hz,
+        sample_rate_hz=sample_rate_hz, first_sample_delay_s=reference_delay_s,
+        pulse_length_s=n_samples / sample_rate_hz, chirp_rate_hz_per_s=slope_hz_per_s,
+        waveform=Waveform.FMCW_REAL if real_samples else Waveform.FMCW)
+
+
+def check_fmcw(radar: RadarParameters, n_samples: int) -> None:
+    """Refuse parameters that do not describe N samples of one ramp.
+
+    Raises
+    ------
+    ValueError
+        There is no slope, or bandwidth and slope disagree by more than 1 %.
+    """
+    swept = abs(radar.chirp_rate_hz_per_s) * n_samples / radar.sample_rate_hz
+    if abs(swept - radar.bandwidth_hz) > 0.01 * radar.bandwidth_hz:
+        raise ValueError(
+            f'{n_samples} samples at sample_rate_hz={radar.sample_rate_hz:.6g} of a ramp of '
+            f'chirp_rate_hz_per_s={radar.chirp_rate_hz_per_s:.6g} sweep {swept:.6g} Hz, '
+            f'bandwidth_hz={radar.bandwidth_hz:.6g}; use fmcw_parameters, which derives it')
