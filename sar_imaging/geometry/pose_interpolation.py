@@ -45,61 +45,67 @@ def interpolate_poses(stamp_ns: np.ndarray, position_m: np.ndarray, quaternion: 
         P rotations from the body into the frame of the positions.
     """
     base, which = np.unique(left, return_inverse=True)
-    first = np.searchsorted(segment, segment[base], 'left')
-    stop = np.searchsorted(segment, segment[base], 'right')
-    step_s = (stamp_ns[base + 1] - stamp_ns[base]) * 1e-9
-    end = _relative(position_m, quaternion, base, (base + 1)[:, None])[:, 0]
-    slopes = [_slopes(stamp_ns, position_m, quaternion, base, base + i, first, stop)
-              for i in (0, 1)]
-    slopes = [_calm(slope, end, step_s) for slope in slopes]
-    h = step_s[which][:, None]
+    window = _Window(stamp_ns, position_m, quaternion, segment, base)
+    h = ((stamp_ns[base + 1] - stamp_ns[base]) * 1e-9)[which][:, None]
     u = ((query_ns - stamp_ns[left]) * 1e-9)[:, None] / h
-    change = (u * (1 - u) ** 2 * h * slopes[0][which] - u ** 2 * (1 - u) * h * slopes[1][which]
-              + u ** 2 * (3 - 2 * u) * end[which])
+    slope, next_slope, step = (v[which] for v in (
+        window.slopes(base), window.slopes(base + 1), window.step))
+    change = (u * (1 - u) ** 2 * h * slope - u ** 2 * (1 - u) * h * next_slope
+              + u ** 2 * (3 - 2 * u) * step)
     attitude = Rotation.from_quat(quaternion[left]) * Rotation.from_rotvec(change[:, 3:])
     return position_m[left] + change[:, :3], attitude
 
 
-def _relative(position_m, quaternion, base, others) -> np.ndarray:
-    """(U, M, 6) displacement and rotation vector from each base to its other poses."""
-    shape = others.shape
-    move = position_m[others] - position_m[base][:, None]
-    inverse = Rotation.from_quat(np.repeat(quaternion[base], shape[1], axis=0)).inv()
-    turn = (inverse * Rotation.from_quat(quaternion[others.ravel()])).as_rotvec()
-    return np.concatenate([move, turn.reshape(*shape, 3)], axis=-1)
+class _Window:
+    """Displacements and rotation vectors of the poses around each of U bases, relative to it."""
+
+    def __init__(self, stamp_ns, position_m, quaternion, segment, base):
+        self._first = np.searchsorted(segment, segment[base], 'left')
+        self._stop = np.searchsorted(segment, segment[base], 'right')
+        self._count = np.minimum(_STENCIL, self._stop - self._first)
+        self._start = self._stencil_start(base)
+        nodes = self._start[:, None] + np.arange(_STENCIL + 1)
+        nodes = np.minimum(nodes, self._stop[:, None] - 1)  # repeated where a segment is short
+        self._stamp = stamp_ns[nodes]
+        move = position_m[nodes] - position_m[base][:, None]
+        inverse = Rotation.from_quat(np.repeat(quaternion[base], nodes.shape[1], axis=0)).inv()
+        turn = (inverse * Rotation.from_quat(quaternion[nodes.ravel()])).as_rotvec()
+        self._values = np.concatenate([move, turn.reshape(*nodes.shape, 3)], axis=-1)
+        rows = np.arange(len(base))
+        self.step = self._values[rows, base + 1 - self._start]
+        turned = np.linalg.norm(self._values[..., 3:], axis=-1).max(axis=1)
+        self._spins = turned > _LARGEST_TURN_RAD
+        self._mean_turn = self.step[:, 3:] * (
+            1e9 / (stamp_ns[base + 1] - stamp_ns[base]))[:, None]
+
+    def _stencil_start(self, node) -> np.ndarray:
+        return np.clip(node - _STENCIL // 2, self._first, self._stop - self._count)
+
+    def slopes(self, node) -> np.ndarray:
+        """(U, 6) derivatives by time at one pose near each base; mean turning rate in a spin."""
+        out = np.empty((len(node), 6))
+        start = self._stencil_start(node) - self._start
+        for size in np.unique(self._count):
+            some = np.flatnonzero(self._count == size)
+            stencil = start[some, None] + np.arange(size)
+            at = node[some] - self._start[some] - start[some]
+            stamp = self._stamp[some[:, None], stencil]
+            time_s = (stamp - stamp[np.arange(some.size), at][:, None]) * 1e-9
+            out[some] = np.einsum('um,umk->uk', _derivative_weights(time_s, at),
+                                  self._values[some[:, None], stencil])
+        out[self._spins, 3:] = self._mean_turn[self._spins]
+        return out
 
 
-def _slopes(stamp_ns, position_m, quaternion, base, node, first, stop) -> np.ndarray:
-    """(U, 6) derivatives by time at `node`; NaN rotations where they turn too far."""
-    out = np.empty((len(base), 6))
-    count = np.minimum(_STENCIL, stop - first)
-    start = np.clip(node - _STENCIL // 2, first, stop - count)
-    for size in np.unique(count):
-        some = count == size
-        others = start[some, None] + np.arange(size)
-        values = _relative(position_m, quaternion, base[some], others)
-        if np.any(turning := np.linalg.norm(values[..., 3:], axis=-1).max(axis=1)
-                  > _LARGEST_TURN_RAD):
-            values[turning, :, 3:] = np.nan
-        time_s = (stamp_ns[others] - stamp_ns[node[some]][:, None]) * 1e-9
-        out[some] = np.einsum('um,umk->uk', _derivative_weights(time_s), values)
-    return out
-
-
-def _derivative_weights(time_s: np.ndarray) -> np.ndarray:
-    """(U, M) weights of the derivative at time zero, which is one of the M times of each row."""
-    at = np.argmin(np.abs(time_s), axis=1)
+def _derivative_weights(time_s: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """(U, M) weights of the derivative at node `at` of each row, whose time is zero."""
+    rows = np.arange(len(time_s))
     between = time_s[:, :, None] - time_s[:, None, :]
     np.einsum('umm->um', between)[:] = 1.0
     product = between.prod(axis=2)  # of the distances of each node to all others
-    rows = np.arange(len(time_s))
-    with np.errstate(divide='ignore', invalid='ignore'):
-        weights = product[rows, at][:, None] / product / -time_s
+    distance = time_s.copy()
+    distance[rows, at] = 1.0
+    weights = product[rows, at][:, None] / product / -distance
     weights[rows, at] = 0.0
     weights[rows, at] = -weights.sum(axis=1)
     return weights
-
-
-def _calm(slope: np.ndarray, end: np.ndarray, step_s: np.ndarray) -> np.ndarray:
-    """Slopes with the mean turning rate, plain slerp, where a stencil turns too far."""
-    return np.where(np.isnan(slope), end / step_s[:, None], slope)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 import enum
 import math
@@ -105,7 +106,11 @@ class PoseTrack:
         self._frame = np.empty(CAPACITY, np.int64)
         self._n = 0
         self._first_frame = first_frame
-        self._behind: list[tuple[int, np.ndarray, np.ndarray]] = []
+        self._behind: list[tuple[int, list[float], list[float]]] = []
+        self._recent: collections.deque[tuple[int, list[float]]] = collections.deque(
+            maxlen=_HISTORY)  # of the newest segment
+        self._recent_turn: list[float] = []
+        self._last_motion: tuple[float, list[float]] | None = None  # before a jump
 
     def __len__(self) -> int:
         return self._n
@@ -137,13 +142,12 @@ class PoseTrack:
         PoseVerdict
             For `PoseVerdict.RESTART` the track stays as it is; `successor` continues.
         """
-        position = np.asarray(position_m, np.float64)
-        turn = np.asarray(quaternion, np.float64)
-        norm = math.sqrt(float(turn @ turn)) if turn.shape == (4,) else math.nan
-        if (position.shape != (3,) or not np.isfinite(position).all()
+        position, turn = [float(v) for v in position_m], [float(v) for v in quaternion]
+        norm = math.hypot(*turn)
+        if (len(position) != 3 or len(turn) != 4 or not all(map(math.isfinite, position))
                 or not abs(norm - 1) <= _NORM_TOLERANCE):
             return PoseVerdict.CORRUPT
-        turn = turn / norm
+        turn = [v / norm for v in turn]
         if self._n and stamp_ns <= self._stamp[self._n - 1]:
             return self._add_old(int(stamp_ns), position, turn)
         self._behind.clear()
@@ -220,7 +224,7 @@ class PoseTrack:
         status[behind] = PoseStatus.LATE if final else PoseStatus.WAIT
         return status
 
-    def _add_old(self, stamp_ns: int, position, turn) -> PoseVerdict:
+    def _add_old(self, stamp_ns: int, position: list[float], turn: list[float]) -> PoseVerdict:
         if self._behind and stamp_ns <= self._behind[-1][0]:
             self._behind.clear()
         self._behind.append((stamp_ns, position, turn))
@@ -228,40 +232,38 @@ class PoseTrack:
             return PoseVerdict.OLD
         return PoseVerdict.RESTART
 
-    def _judge(self, stamp_ns: int, position, turn) -> PoseVerdict:
+    def _judge(self, stamp_ns: int, position: list[float], turn: list[float]) -> PoseVerdict:
         n = self._n
         if not n:
             return PoseVerdict.TAKEN
         dt = (stamp_ns - int(self._stamp[n - 1])) * 1e-9
         if dt > self._limits['max_gap_s']:
             return PoseVerdict.GAP
-        cosine = min(1.0, abs(float(self._quaternion[n - 1] @ turn)))
-        angle = 2 * math.acos(cosine)
+        cosine = abs(sum(a * b for a, b in zip(self._recent_turn, turn, strict=True)))
+        angle = 2 * math.acos(min(1.0, cosine))
         if angle > self._limits['jump_rad'] + _LARGEST_TURN_RATE * dt:
             return PoseVerdict.JUMP
-        history = self._history()
-        if len(history) < 2:
+        motion = self._motion or self._last_motion
+        if motion is None:
             return PoseVerdict.TAKEN
-        first, last = history[0], history[-1]
-        baseline = (self._stamp[last] - self._stamp[first]) * 1e-9
-        velocity = (self._position[last] - self._position[first]) / baseline
-        away = float(np.linalg.norm(position - self._position[n - 1] - velocity * dt))
+        baseline, velocity = motion
+        last = self._recent[-1][1]
+        away = math.dist(position, [x + v * dt for x, v in zip(last, velocity, strict=True)])
         explained = 0.5 * _LARGEST_ACCELERATION * dt * (baseline + dt)
         return (PoseVerdict.JUMP if away > self._limits['jump_m'] + explained
                 else PoseVerdict.TAKEN)
 
-    def _history(self) -> range:
-        """Poses that tell the velocity; after a jump those before it, until there are two."""
-        last = self._n - 1
-        if last and self._segment[last] != self._segment[last - 1] \
-                and self._frame[last] != self._frame[last - 1]:
-            last -= 1
-        first = max(0, last - _HISTORY + 1)
-        while self._segment[first] != self._segment[last]:
-            first += 1
-        return range(first, last + 1)
+    @property
+    def _motion(self) -> tuple[float, list[float]] | None:
+        """Time, s, over which the last poses of the segment tell the velocity, and this, m/s."""
+        if len(self._recent) < 2:
+            return None
+        (t0, first), (t1, last) = self._recent[0], self._recent[-1]
+        baseline = (t1 - t0) * 1e-9
+        return baseline, [(b - a) / baseline for a, b in zip(first, last, strict=True)]
 
-    def _append(self, stamp_ns: int, position, turn, verdict: PoseVerdict) -> None:
+    def _append(self, stamp_ns: int, position: list[float], turn: list[float],
+                verdict: PoseVerdict) -> None:
         if self._n == CAPACITY:
             keep = CAPACITY // 2
             for a in (self._stamp, self._position, self._quaternion, self._segment, self._frame):
@@ -273,3 +275,10 @@ class PoseTrack:
         self._segment[n] = segment + (verdict in (PoseVerdict.GAP, PoseVerdict.JUMP))
         self._frame[n] = frame + (verdict == PoseVerdict.JUMP)
         self._n = n + 1
+        if verdict != PoseVerdict.TAKEN:
+            # One pose after a jump tells no velocity; the platform still has that from before.
+            self._last_motion = ((self._motion or self._last_motion)
+                                 if verdict == PoseVerdict.JUMP else None)
+            self._recent.clear()
+        self._recent.append((stamp_ns, position))
+        self._recent_turn = turn
