@@ -18,12 +18,13 @@ setup(
     packages=find_packages(include=['sar_imaging', 'sar_imaging.*',
                                     'msg_conversions', 'msg_conversions.*']),
     # Twice on purpose: inside the package for importlib.resources, in share for ROS tools.
-    package_data={'sar_imaging': ['config/*', 'launch/*']},
+    package_data={'sar_imaging': ['config/*', 'launch/*', 'resource/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['sar_imaging/resource/sar_imaging']),
         ('share/sar_imaging', ['package.xml']),
         ('share/sar_imaging/launch', sorted(glob('sar_imaging/launch/*.launch.py'))),
         ('share/sar_imaging/config', sorted(glob('sar_imaging/config/*.*ml'))),
+        ('share/sar_imaging/resource', sorted(glob('sar_imaging/resource/*.*'))),
     ],
     # rclpy and the messages stand in package.xml only: on a robot they come from the system.
     install_requires=[
@@ -31,6 +32,7 @@ setup(
         'scipy>=1.11,<2',
         'numba>=0.59,<1',
         'matplotlib>=3.6,<4',
+        'pyyaml>=6,<7',
         'rosbags>=0.11,<0.12',
         'tqdm>=4.64,<5',
         'PyYAML>=6.0,<7',
@@ -42,6 +44,7 @@ setup(
             'range_compression = sar_imaging.nodes.range_compression:main',
             'backprojection = sar_imaging.nodes.backprojection:main',
             'simulate = sar_imaging.tools.simulate:main',
+            'check_config = sar_imaging.tools.check_config:main',
             'evaluate = sar_imaging.tools.evaluate:main',
             'load_gotcha = sar_imaging.tools.load_gotcha:main',
             'reproduce_multichannel = sar_imaging.tools.reproduce_multichannel:main',

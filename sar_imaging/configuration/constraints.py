@@ -1,0 +1,215 @@
+"""What of a configuration cannot work, and what will disappoint; each with what to change."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from ..signal.radar import SPEED_OF_LIGHT
+from .derived import Derived, pulse_duration_s
+from .settings import Acquisition, Imaging, Machine
+
+LEAST_OVERSAMPLING = 1.25  # of profiles, for the interpolation of backprojection
+MESSAGE_BYTES = (0.1e6, 16e6)  # smaller: overhead; larger: page faults dominate
+_ROUNDING = 1 + 1e-9
+
+
+@dataclasses.dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong.
+
+    Parameters
+    ----------
+    severity : str
+        ``'error'`` when no useful image can come of it, else ``'warning'``.
+    text : str
+        What is wrong with which numbers, and what to change.
+    from_track : bool
+        True when it follows from the assumption of a straight track.
+    """
+
+    severity: str
+    text: str
+    from_track: bool = False
+
+
+def check(acquisition: Acquisition, imaging: Imaging, machine: Machine,
+          derived: Derived) -> list[Finding]:
+    """Errors and warnings of a configuration, errors first.
+
+    Parameters
+    ----------
+    acquisition, imaging, machine
+        The configuration.
+    derived : Derived
+        What `derive` made of it.
+
+    Returns
+    -------
+    list of Finding
+    """
+    findings = [*check_settings(imaging, machine),
+                *_check_profiles(derived), *_check_window(derived),
+                *_check_pulse_rate(acquisition, derived),
+                *_check_direction(acquisition, derived), *_check_pixels(imaging, derived),
+                *_check_blocks(acquisition, imaging, derived),
+                *_check_load(imaging, machine, derived)]
+    return sorted(findings, key=lambda f: f.severity != 'error')
+
+
+def check_settings(imaging: Imaging, machine: Machine) -> list[Finding]:
+    """Findings that need no radar.
+
+    Parameters
+    ----------
+    imaging : Imaging
+        Settings of the nodes.
+    machine : Machine
+        Where they run.
+
+    Returns
+    -------
+    list of Finding
+    """
+    grid = imaging.grid
+    n_pixels = grid.n_x * grid.n_y
+    findings = []
+    if n_pixels > imaging.max_image_pixels:
+        findings.append(Finding(
+            'error', f'the grid has {grid.n_x} x {grid.n_y} pixels, more than max_image_pixels='
+            f'{imaging.max_image_pixels}; raise grid.spacing, or max_image_pixels if memory '
+            'allows'))
+    if 8 * n_pixels > machine.memory_bytes:
+        findings.append(Finding(
+            'error', f'an image of {grid.n_x} x {grid.n_y} pixels needs '
+            f'{8 * n_pixels / 1e6:.0f} MB, {machine.memory_bytes / 1e6:.0f} MB are available; '
+            'raise grid.spacing or choose a smaller grid'))
+    return findings
+
+
+def _check_profiles(d: Derived):
+    radar = d.profile_radar
+    if radar.sample_rate_hz < LEAST_OVERSAMPLING * radar.bandwidth_hz:
+        yield Finding('error', 'range profiles have '
+                      f'{radar.sample_rate_hz / radar.bandwidth_hz:.3g} samples per resolution '
+                      f'cell; backprojection needs {LEAST_OVERSAMPLING}: raise oversampling '
+                      '(2.0 is the default)')
+
+
+def _check_window(d: Derived):
+    near, far = d.scene.near_m, d.scene.far_m
+    start, stop = d.window_m
+    cover = f'the scene lies {near:.4g} to {far:.4g} m away, the profiles cover {start:.4g} to ' \
+            f'{stop:.4g} m'
+    if near > stop or far < start:
+        yield Finding('error', f'{cover}: nothing of it was recorded; move the range window '
+                      '(radar.range_start_m) or the grid', from_track=True)
+    elif near < start or far > stop:
+        share = (min(far, stop) - max(near, start)) / max(far - near, 1e-12)
+        yield Finding('warning', f'{cover}, {100 * share:.0f} % of its depth; the rest of the '
+                      'image stays dark: record a longer window or make the grid smaller',
+                      from_track=True)
+    if far - near > d.unambiguous_depth_m:
+        yield Finding('error', f'the scene is {far - near:.4g} m deep, the frequency step repeats '
+                      f'ranges every {d.unambiguous_depth_m:.4g} m; use more frequencies over '
+                      'the same bandwidth or a smaller grid', from_track=True)
+
+
+def _check_pulse_rate(a: Acquisition, d: Derived):
+    if a.prf_hz > d.largest_prf_hz * _ROUNDING:
+        yield Finding('error', f'prf_hz={a.prf_hz:g}: a recording of {a.n_samples} samples takes '
+                      f'longer than the {1e6 / a.prf_hz:.4g} us between pulses; at most '
+                      f'{d.largest_prf_hz:.4g} Hz, or record fewer samples')
+    length = pulse_duration_s(a)
+    if not length:
+        return
+    if length > 1 / a.prf_hz:
+        return  # told above: the recording holds a whole pulse
+    ahead = math.floor(2 * d.scene.far_m / SPEED_OF_LIGHT * a.prf_hz)
+    if ahead:
+        yield Finding('warning', f'the scene at {d.scene.far_m:.4g} m is beyond the unambiguous '
+                      f'range of {d.unambiguous_range_m:.4g} m: {ahead} later pulses are in the '
+                      'air, and echoes from nearer by overlap those of the scene unless the '
+                      'antenna suppresses them; lower prf_hz', from_track=True)
+    # The receiver is deaf while a later pulse goes out.
+    start = a.radar.first_sample_delay_s * a.prf_hz % 1.0
+    stop = start + a.n_samples / a.radar.sample_rate_hz * a.prf_hz
+    if start < length * a.prf_hz * (1 - 1e-9) or stop > _ROUNDING:
+        yield Finding('warning', f'at prf_hz={a.prf_hz:g} a pulse goes out while echoes are '
+                      'recorded; an antenna that cannot do both loses them: change prf_hz or '
+                      'the range window')
+
+
+def _check_direction(a: Acquisition, d: Derived):
+    if d.needed_direction > d.unambiguous_direction * _ROUNDING:
+        what = 'the illuminated scene' if a.beamwidth_rad else 'the scene'
+        # Without a beamwidth most of a wide grid may be dark.
+        yield Finding('error' if a.beamwidth_rad else 'warning',
+                      f'pulses every {d.pulse_spacing_m:.4g} m repeat scatterers every '
+                      f'{d.unambiguous_direction:.3g} in direction cosine (about '
+                      f'{d.ambiguity_m:.4g} m), {what} is {d.needed_direction:.3g} wide: raise '
+                      f'prf_hz={a.prf_hz:g} to {d.least_prf_hz:.4g} or more, fly slower, or make '
+                      'the grid narrower along the track', from_track=True)
+    if d.scene.both_sides:
+        yield Finding('warning', 'the grid reaches across the track: what lies left and right of '
+                      'it at equal ranges is told apart by the antenna alone', from_track=True)
+    if d.azimuth_null_m > d.scene.range_m:
+        yield Finding('error', f'the aperture of {d.aperture_m:.3g} m resolves '
+                      f'{d.azimuth_null_m:.3g} m in azimuth, more than the range: raise '
+                      'pulses_per_aperture, or look away from the direction of flight',
+                      from_track=True)
+
+
+def _check_pixels(imaging: Imaging, d: Derived):
+    spacing = imaging.grid.spacing_m
+    for name, null in (('range', d.range_null_m), ('azimuth', d.azimuth_null_m)):
+        if spacing >= 2 * null:
+            yield Finding('error', f'grid.spacing={spacing:g} m: scatterers between pixels '
+                          f'vanish, the resolution in {name} is {null:.3g} m; use at most '
+                          f'{_round_down(null / 2):g} m, or lower the '
+                          + ('bandwidth' if name == 'range' else 'number of pulses per aperture'),
+                          from_track=True)
+        elif spacing > 0.5 * null * _ROUNDING:
+            loss = -20 * math.log10(_sinc(spacing / (2 * null)))
+            yield Finding('warning', f'grid.spacing={spacing:g} m is more than half of the '
+                          f'resolution in {name}, {null:.3g} m: a scatterer between pixels loses '
+                          f'up to {loss:.1f} dB; {_round_down(null / 2):g} m or less keep it '
+                          'below 1 dB', from_track=True)
+
+
+def _check_blocks(a: Acquisition, imaging: Imaging, d: Derived):
+    largest = max(d.block_bytes, d.profile_block_bytes)
+    if largest / 4 > imaging.max_message_elements:
+        yield Finding('error', f'a block of {imaging.pulses_per_block} pulses has '
+                      f'{largest // 4} floats, more than max_message_elements='
+                      f'{imaging.max_message_elements}; lower pulses_per_block')
+    elif largest > MESSAGE_BYTES[1]:
+        yield Finding('warning', f'blocks of {largest / 1e6:.3g} MB are slow to travel; lower '
+                      f'pulses_per_block={imaging.pulses_per_block} (0.25 to 2 MB are best)')
+    elif d.block_bytes < MESSAGE_BYTES[0] and imaging.pulses_per_block < 0.5 * a.prf_hz:
+        yield Finding('warning', f'blocks of {d.block_bytes / 1e3:.3g} kB are many and small; '
+                      f'raise pulses_per_block={imaging.pulses_per_block} (0.25 to 2 MB are '
+                      'best)')
+
+
+def _check_load(imaging: Imaging, machine: Machine, d: Derived):
+    if imaging.mode == 'image' and d.imaging_s > d.aperture_s:
+        yield Finding('warning', f'an image takes about {d.imaging_s:.3g} s of work, the next '
+                      f'aperture comes after {d.aperture_s:.3g} s: blocks will be dropped when '
+                      'this runs live; raise grid.spacing, make the grid smaller, or use '
+                      'mode: subapertures', from_track=True)
+    total = sum(m.n_bytes for m in d.memory)
+    if total > machine.memory_bytes:
+        yield Finding('warning', f'the nodes may need {total / 1e6:.0f} MB, '
+                      f'{machine.memory_bytes / 1e6:.0f} MB are available; lower queue_depth, '
+                      'worker_queue_size or the number of pixels')
+
+
+def _sinc(x: float) -> float:
+    return math.sin(math.pi * x) / (math.pi * x) if x else 1.0
+
+
+def _round_down(value: float) -> float:
+    """Two digits, never more than `value`."""
+    digit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.floor(value / digit * _ROUNDING) * digit

@@ -1,0 +1,86 @@
+"""Upper bounds of the memory of each node, from the lengths of its queues and the image."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from .settings import Imaging
+
+# Interpreter, libraries and compiled kernels (measured; see docs/configuration.md).
+BASE_BYTES = {'pulse_buffer': 100e6, 'range_compression': 190e6, 'backprojection': 330e6,
+              'afbp_fusion': 330e6}
+IMAGE_BYTES = 8  # complex64
+PRODUCT_BYTES = 13  # of a pixel in the messages: complex, amplitude and quicklook
+PRODUCTS_KEPT = 6  # by the middleware (depth 5), and the one being serialised
+POLAR_IMAGES = 2.5  # polar image and its interpolation, relative to the image
+SPECTRUM_IMAGES = 2.6  # fused spectrum and transforms, relative to the image (docs/benchmarks.md)
+
+
+@dataclasses.dataclass(frozen=True)
+class NodeMemory:
+    """Bound of one node.
+
+    Parameters
+    ----------
+    node : str
+        Name of the executable.
+    n_bytes : int
+        When all its queues are full.
+    formula : str
+        Where the number comes from.
+    """
+
+    node: str
+    n_bytes: int
+    formula: str
+
+
+def node_memory(imaging: Imaging, n_pixels: int, *, block_bytes: int, profile_block_bytes: int,
+                pulse_bytes: int, aperture_bytes: int) -> tuple[NodeMemory, ...]:
+    """Bounds of the nodes that the mode needs.
+
+    Parameters
+    ----------
+    imaging : Imaging
+        Settings of the nodes.
+    n_pixels : int
+        Pixels of the image.
+    block_bytes, profile_block_bytes : int
+        Blocks of samples and of range profiles.
+    pulse_bytes : int
+        Samples of one pulse, all channels.
+    aperture_bytes : int
+        Range profiles of an aperture.
+
+    Returns
+    -------
+    tuple of NodeMemory
+    """
+    q, w = imaging.queue_depth, imaging.worker_queue_size
+    queues = q + w  # blocks that wait in the middleware and in front of the worker
+    products = n_pixels * PRODUCT_BYTES * PRODUCTS_KEPT
+    image = n_pixels * IMAGE_BYTES
+    sizes = {
+        'pulse_buffer': ((queues + q) * block_bytes
+                         + imaging.reorder_window_pulses * pulse_bytes,
+                         f'({q} + {w} + {q}) blocks + reorder window'),
+        'range_compression': (queues * block_bytes + q * profile_block_bytes,
+                              f'({q} + {w}) blocks + {q} blocks of profiles'),
+    }
+    if imaging.mode == 'image':
+        sizes['backprojection'] = (
+            queues * profile_block_bytes + (1 + POLAR_IMAGES) * image + products,
+            f'({q} + {w}) blocks of profiles + {1 + POLAR_IMAGES:g} x 8 B/pixel + '
+            f'{PRODUCTS_KEPT} x {PRODUCT_BYTES} B/pixel')
+    else:
+        sizes['backprojection'] = (
+            queues * profile_block_bytes + aperture_bytes + POLAR_IMAGES * image,
+            f'({q} + {w}) blocks of profiles + profiles of an aperture + {POLAR_IMAGES:g} x 8 '
+            'B/pixel')
+        sizes['afbp_fusion'] = (
+            (1 + SPECTRUM_IMAGES + POLAR_IMAGES) * image + products,
+            f'{1 + SPECTRUM_IMAGES + POLAR_IMAGES:g} x 8 B/pixel + {PRODUCTS_KEPT} x '
+            f'{PRODUCT_BYTES} B/pixel')
+    return tuple(NodeMemory(node, round(BASE_BYTES[node] + n_bytes),
+                            f'{BASE_BYTES[node] / 1e6:.0f} MB + {formula}')
+                 for node, (n_bytes, formula) in sizes.items())

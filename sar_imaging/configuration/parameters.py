@@ -1,0 +1,259 @@
+"""ROS parameter files as settings: what the nodes would get, and what no node would read.
+
+A node ignores silently what a file says for a misspelt node or parameter; here it is an error.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import importlib.resources
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import yaml
+
+from ..geometry.grids import MapGrid
+from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from .constraints import Finding
+from .settings import Acquisition, Imaging, Machine
+
+CHECKER = 'check_config'  # the section that only the checker reads
+COMMON = '**'
+# Those of the checker's section: default and, where there is none, its type.
+CHECKER_PARAMETERS = {
+    'radar.waveform': 'lfm', 'radar.compressed': False, 'radar.carrier_hz': float,
+    'radar.bandwidth_hz': float, 'radar.sample_rate_hz': 0.0, 'radar.pulse_length_s': 0.0,
+    'radar.range_start_m': float, 'radar.samples_per_pulse': int, 'radar.channels': 1,
+    'radar.channel_spacing_m': 0.0, 'radar.prf_hz': float, 'radar.beamwidth_deg': 0.0,
+    'platform.centre_x': float, 'platform.centre_y': float, 'platform.centre_z': float,
+    'platform.velocity_x': float, 'platform.velocity_y': float, 'platform.velocity_z': 0.0,
+    'machine.pixel_pulses_per_s': 0.0, 'machine.memory_megabytes': 0.0,
+}
+
+
+class ConfigurationFileError(ValueError):
+    """A parameter file cannot be read; the text says where and why."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Configuration:
+    """What a parameter file says.
+
+    Parameters
+    ----------
+    nodes : dict
+        Values of each node by name, defaults filled in.
+    checker : dict
+        Values of the checker's section; empty without one.
+    findings : tuple of Finding
+        Names and values that no node would take.
+    """
+
+    nodes: dict[str, dict]
+    checker: dict
+    findings: tuple[Finding, ...]
+
+    @property
+    def describes_radar(self) -> bool:
+        """True when the file has the numbers of radar and platform."""
+        return bool(self.checker)
+
+    def imaging(self) -> Imaging:
+        """Settings of the nodes.
+
+        Raises
+        ------
+        ValueError
+            A value makes no sense.
+        """
+        return imaging_from_parameters(
+            {**self.nodes['pulse_buffer'], **self.nodes['range_compression'],
+             **self.nodes['backprojection']})
+
+    def acquisition(self) -> Acquisition:
+        """Radar and platform.
+
+        Raises
+        ------
+        ValueError
+            A number is missing or makes no sense.
+        """
+        missing = [name for name, value in self.checker.items() if isinstance(value, type)]
+        if missing:
+            raise ValueError(f'section {CHECKER} lacks {", ".join(missing)}')
+        return _acquisition(self.checker)
+
+    def machine(self) -> Machine:
+        """Where the nodes run: as the file says, else this computer."""
+        return Machine.this_one(self.checker.get('machine.pixel_pulses_per_s', 0.0),
+                                round(1e6 * self.checker.get('machine.memory_megabytes', 0.0)))
+
+
+def default_file() -> Path:
+    """File with every parameter of every node and its default."""
+    return Path(str(importlib.resources.files('sar_imaging') / 'config' / 'sar_imaging.yaml'))
+
+
+def read_configuration(path: Path | str) -> Configuration:
+    """Read a ROS parameter file as the nodes would.
+
+    Parameters
+    ----------
+    path : path
+        YAML file.
+
+    Returns
+    -------
+    Configuration
+
+    Raises
+    ------
+    ConfigurationFileError
+        The file cannot be read, or is no ROS parameter file.
+    """
+    return interpret(_load(path), _load(default_file()))
+
+
+def interpret(tree, defaults) -> Configuration:
+    """What a parsed parameter file says.
+
+    Parameters
+    ----------
+    tree, defaults : mapping
+        The file, and the one with every parameter and its default.
+
+    Raises
+    ------
+    ConfigurationFileError
+        The tree is no ROS parameter file.
+    """
+    known: dict[str, dict] = {}
+    for node, values in _sections(defaults):
+        known.setdefault(node, {}).update(values)
+    common = known.pop(COMMON, {})
+    nodes = {node: {**common, **values} for node, values in known.items()}
+    nodes.setdefault(CHECKER, dict(CHECKER_PARAMETERS))
+    findings: list[Finding] = []
+    described = False
+    for node, values in _sections(tree):
+        described |= node == CHECKER
+        if node != COMMON and node not in nodes:
+            findings.append(Finding('error', f'section {node!r} names no node; '
+                                    + _suggest(node, [*nodes, '/**'])))
+            continue
+        targets = nodes if node == COMMON else {node: nodes[node]}
+        for name, value in values.items():
+            findings += _set(targets, node, name, value)
+    checker = nodes.pop(CHECKER)
+    return Configuration(nodes, checker if described else {}, tuple(findings))
+
+
+def imaging_from_parameters(values: Mapping) -> Imaging:
+    """Settings from parameters of the nodes.
+
+    Parameters
+    ----------
+    values : mapping
+        Parameters by name, such as ``grid.size_x``; those of no interest are ignored.
+
+    Raises
+    ------
+    ValueError
+        A value makes no sense.
+    """
+    names = {f.name for f in dataclasses.fields(Imaging)} & set(values)
+    grid = MapGrid.from_size(tuple(values[f'grid.centre_{axis}'] for axis in 'xyz'),
+                             values['grid.size_x'], values['grid.size_y'],
+                             values['grid.spacing'])
+    return Imaging(grid=grid, **{name: values[name] for name in sorted(names)})
+
+
+def _acquisition(v: Mapping) -> Acquisition:
+    name = v['radar.waveform']
+    if name.upper() not in Waveform.__members__:
+        kinds = ', '.join(w.name.lower() for w in Waveform)
+        raise ValueError(f'radar.waveform={name!r} is unknown; use one of {kinds}')
+    bandwidth, length = v['radar.bandwidth_hz'], v['radar.pulse_length_s']
+    rate = v['radar.sample_rate_hz'] or bandwidth
+    waveform = Waveform[name.upper()]
+    if waveform in (Waveform.FMCW, Waveform.FMCW_REAL):  # the bandwidth is what samples sweep
+        length = v['radar.samples_per_pulse'] / rate
+    radar = RadarParameters(
+        carrier_hz=v['radar.carrier_hz'], bandwidth_hz=bandwidth, sample_rate_hz=rate,
+        first_sample_delay_s=2 * v['radar.range_start_m'] / SPEED_OF_LIGHT,
+        pulse_length_s=length, chirp_rate_hz_per_s=bandwidth / length if length > 0 else 0.0,
+        waveform=waveform)
+    return Acquisition(
+        radar=radar, compressed=v['radar.compressed'], n_samples=v['radar.samples_per_pulse'],
+        n_channels=v['radar.channels'], prf_hz=v['radar.prf_hz'],
+        centre_m=tuple(v[f'platform.centre_{axis}'] for axis in 'xyz'),
+        velocity_m_per_s=tuple(v[f'platform.velocity_{axis}'] for axis in 'xyz'),
+        channel_spacing_m=v['radar.channel_spacing_m'],
+        beamwidth_rad=math.radians(v['radar.beamwidth_deg']))
+
+
+def _load(path: Path | str):
+    try:
+        return yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationFileError(f'{path} cannot be read: {error}') from error
+    except yaml.YAMLError as error:
+        raise ConfigurationFileError(f'{path} is no YAML: {error}') from error
+
+
+def _sections(tree) -> Iterator[tuple[str, dict]]:
+    """Name of the node, ``**`` for all, and parameters of every section."""
+    if not isinstance(tree, dict) or not tree:
+        raise ConfigurationFileError('a parameter file has sections such as '
+                                     '/**/backprojection: with ros__parameters: below')
+    for key, value in tree.items():
+        yield from _section(str(key), value)
+
+
+def _section(name: str, value) -> Iterator[tuple[str, dict]]:
+    if not isinstance(value, dict) or not value:
+        raise ConfigurationFileError(f'section {name!r} has no ros__parameters: below it')
+    for key, content in value.items():
+        if key == 'ros__parameters':
+            if not isinstance(content, dict):
+                raise ConfigurationFileError(f'ros__parameters of {name!r} has no parameters')
+            yield name.strip('/').split('/')[-1], dict(_flatten(content))
+        else:
+            yield from _section(f'{name}/{str(key).strip("/")}', content)
+
+
+def _flatten(tree: Mapping, prefix: str = '') -> Iterator[tuple[str, object]]:
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from _flatten(value, f'{prefix}{key}.')
+        else:
+            yield f'{prefix}{key}', value
+
+
+def _set(targets: Mapping[str, dict], section: str, name: str, value) -> Iterator[Finding]:
+    """Set a parameter of the nodes that have it; says why it cannot be set."""
+    if name == 'use_sim_time' or name.startswith('qos_overrides.'):
+        return  # of every node
+    having = [values for values in targets.values() if name in values]
+    if not having:
+        names = sorted({n for values in targets.values() for n in values})
+        yield Finding('error', f'section {section!r} has {name}, which no node reads; '
+                      + _suggest(name, names))
+    for values in having:
+        default = values[name]
+        kind = default if isinstance(default, type) else type(default)
+        if kind is float and type(value) is int:
+            value = float(value)
+        if type(value) is not kind or (kind is float and not math.isfinite(value)):
+            words = {float: 'a number such as 1.0e+9', int: 'a whole number', str: 'a text',
+                     bool: 'true or false'}[kind]
+            yield Finding('error', f'section {section!r}: {name}={value!r}; expected {words}')
+            return
+        values[name] = value
+
+
+def _suggest(name: str, names) -> str:
+    close = difflib.get_close_matches(name, names, 1)
+    return f'did you mean {close[0]}?' if close else f'known are {", ".join(names)}'

@@ -1,0 +1,171 @@
+"""Radar, platform and imaging settings as one immutable description each."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from ..imaging.memory import available_bytes
+from ..signal.radar import RadarParameters
+
+MODES = ('image', 'subapertures')
+# Pixel-pulses per second and core, below what docs/benchmarks.md shows for any geometry.
+ASSUMED_RATE_PER_CORE = 0.5e9
+
+
+@dataclasses.dataclass(frozen=True)
+class Acquisition:
+    """What the radar delivers, and the straight track that it delivers it from.
+
+    Parameters
+    ----------
+    radar : RadarParameters
+        Of the samples as they come.
+    compressed : bool
+        True when they are range profiles.
+    n_samples, n_channels : int
+        Samples of a pulse and channel; channels.
+    prf_hz : float
+        Pulses per second of each channel.
+    centre_m : (3,) floats
+        Mean phase centre in the middle of the aperture, imaging frame, metres.
+    velocity_m_per_s : (3,) floats
+        Velocity of the platform, imaging frame.
+    channel_spacing_m : float
+        Distance along the track between the receivers of neighbouring channels, metres.
+    beamwidth_rad : float
+        Illuminated angle along the track, radians; 0 where it is not known.
+
+    Raises
+    ------
+    ValueError
+        A number is not finite or not positive where it must be.
+    """
+
+    radar: RadarParameters
+    compressed: bool
+    n_samples: int
+    n_channels: int
+    prf_hz: float
+    centre_m: tuple[float, float, float]
+    velocity_m_per_s: tuple[float, float, float]
+    channel_spacing_m: float = 0.0
+    beamwidth_rad: float = 0.0
+
+    def __post_init__(self):
+        for name in ('n_samples', 'n_channels'):
+            if getattr(self, name) < 1:
+                raise ValueError(f'{name}={getattr(self, name)}; expected at least 1')
+        if not (math.isfinite(self.prf_hz) and self.prf_hz > 0):
+            raise ValueError(f'prf_hz={self.prf_hz} must be positive and finite')
+        for name in ('centre_m', 'velocity_m_per_s'):
+            value = tuple(float(v) for v in getattr(self, name))
+            object.__setattr__(self, name, value)
+            if len(value) != 3 or not all(map(math.isfinite, value)):
+                raise ValueError(f'{name}={value}; expected three finite numbers')
+        if not 0.0 <= self.channel_spacing_m < math.inf:
+            raise ValueError(f'channel_spacing_m={self.channel_spacing_m} must not be negative')
+        if not 0.0 <= self.beamwidth_rad <= math.pi:
+            raise ValueError(f'beamwidth_rad={self.beamwidth_rad}; expected 0 to pi (0 to 180 '
+                             'degrees)')
+
+    @property
+    def speed_m_per_s(self) -> float:
+        """Speed of the platform, metres per second."""
+        return math.hypot(*self.velocity_m_per_s)
+
+    def track(self, n_pulses: int) -> np.ndarray:
+        """(n_pulses, 3) float64 mean phase centres of an aperture, metres."""
+        time_s = (np.arange(n_pulses) - (n_pulses - 1) / 2) / self.prf_hz
+        return np.asarray(self.centre_m) + time_s[:, None] * np.asarray(self.velocity_m_per_s)
+
+    def receiver_offsets(self) -> np.ndarray:
+        """(C, 3) float64 receivers relative to the transmitter in their middle, metres."""
+        speed = self.speed_m_per_s
+        along = np.asarray(self.velocity_m_per_s) / speed if speed else np.array([1.0, 0.0, 0.0])
+        number = np.arange(self.n_channels) - (self.n_channels - 1) / 2
+        return (self.channel_spacing_m * number)[:, None] * along
+
+
+@dataclasses.dataclass(frozen=True)
+class Imaging:
+    """Settings of the nodes that decide about resolution, memory and time.
+
+    Parameters
+    ----------
+    grid : MapGrid
+        Pixels of the image.
+    pulses_per_aperture, pulses_per_block, reorder_window_pulses : int
+        As the parameters of these names.
+    window, range_filter : str
+        Of the range compression.
+    oversampling, target_db : float
+        Of the range compression and the imager.
+    queue_depth, worker_queue_size, max_message_elements, max_image_pixels : int
+        Limits.
+    mode : str
+        ``'image'`` or ``'subapertures'``.
+    pulses_per_subaperture : int
+        Length of the sub-apertures; 0 is the quickest.
+
+    Raises
+    ------
+    ValueError
+        The mode is unknown or a length is not positive.
+    """
+
+    grid: MapGrid
+    pulses_per_aperture: int
+    window: str = 'none'
+    range_filter: str = 'equalised'
+    oversampling: float = 2.0
+    target_db: float = -80.0
+    pulses_per_block: int = 32
+    reorder_window_pulses: int = 128
+    queue_depth: int = 50
+    worker_queue_size: int = 50
+    max_message_elements: int = 2**26
+    max_image_pixels: int = 2**25
+    mode: str = 'image'
+    pulses_per_subaperture: int = 0
+
+    def __post_init__(self):
+        if self.mode not in MODES:
+            raise ValueError(f'mode={self.mode!r} is unknown; use one of {", ".join(MODES)}')
+        for name in ('pulses_per_aperture', 'pulses_per_block', 'queue_depth',
+                     'worker_queue_size'):
+            if getattr(self, name) < 1:
+                raise ValueError(f'{name}={getattr(self, name)}; expected at least 1')
+
+
+@dataclasses.dataclass(frozen=True)
+class Machine:
+    """What the computer can do.
+
+    Parameters
+    ----------
+    rate_per_s : float
+        Pixels times pulses times channels that backprojection adds per second.
+    rate_source : str
+        Where that number comes from, for the report.
+    memory_bytes : int
+        Memory for the nodes.
+    """
+
+    rate_per_s: float
+    rate_source: str
+    memory_bytes: int
+
+    @classmethod
+    def this_one(cls, rate_per_s: float = 0.0, memory_bytes: int = 0) -> Machine:
+        """This computer; 0 assumes a rate for its cores and takes the memory that is free."""
+        cores = os.cpu_count() or 1
+        if rate_per_s > 0:
+            source = 'given'
+        else:
+            rate_per_s, source = ASSUMED_RATE_PER_CORE * cores, f'assumed for {cores} cores'
+        return cls(rate_per_s, source, memory_bytes or available_bytes())

@@ -1,0 +1,62 @@
+"""Sub-apertures that AFBP would cut an aperture into, planned on the straight track."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from ..imaging.afbp import AfbpImager
+from .derived import Derived
+from .settings import Acquisition, Imaging
+
+
+@dataclasses.dataclass(frozen=True)
+class SubapertureForecast:
+    """Plan of AFBP for a straight track.
+
+    Parameters
+    ----------
+    count : int
+        Number of sub-apertures; 0 where AFBP cannot image the scene.
+    pulses : int
+        Pulses of the longest of them.
+    predicted_error_db : float
+        Predicted error against exact correlation, dB.
+    reason : str
+        Why AFBP cannot image the scene; empty where it can.
+    """
+
+    count: int
+    pulses: int
+    predicted_error_db: float
+    reason: str = ''
+
+
+def forecast_subapertures(acquisition: Acquisition, imaging: Imaging,
+                          derived: Derived) -> SubapertureForecast:
+    """Plan AFBP for the configuration; takes some tenths of a second.
+
+    Parameters
+    ----------
+    acquisition, imaging
+        The configuration.
+    derived : Derived
+        What `derive` made of it.
+
+    Returns
+    -------
+    SubapertureForecast
+    """
+    track = acquisition.track(imaging.pulses_per_aperture)[:, None]
+    rx_m = track + acquisition.receiver_offsets()
+    tx_m = np.broadcast_to(track, rx_m.shape)
+    try:
+        plan = AfbpImager(imaging.grid, derived.profile_radar, derived.n_profile, tx_m, rx_m,
+                          target_db=max(imaging.target_db, -90.0),
+                          pulses_per_subaperture=imaging.pulses_per_subaperture or None)
+    except ValueError as error:
+        return SubapertureForecast(0, 0, 0.0, str(error))
+    pulses = plan.subapertures.sampling.pulses
+    return SubapertureForecast(len(pulses), max(p.stop - p.start for p in pulses),
+                               plan.predicted_error_db)

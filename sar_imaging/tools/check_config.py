@@ -1,0 +1,158 @@
+"""Check a parameter file: derived quantities, and what cannot work with what to change.
+
+Run: python -m sar_imaging.tools.check_config sar_imaging/config/airborne_x_band.yaml
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sar_imaging.configuration.constraints import Finding, check, check_settings
+from sar_imaging.configuration.derived import Derived, derive
+from sar_imaging.configuration.parameters import (
+    CHECKER,
+    Configuration,
+    ConfigurationFileError,
+    read_configuration,
+)
+from sar_imaging.configuration.report import lines, rows
+from sar_imaging.configuration.settings import Acquisition, Imaging, Machine
+from sar_imaging.configuration.subapertures import forecast_subapertures
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.signal.pulses import PulseBlock
+
+# A part of the problem that takes about a second; larger ones are faster per pixel and pulse.
+MEASURED_PIXELS = 512
+MEASURED_PULSES = 256
+
+_EPILOG = f"""\
+The file is a ROS parameter file. Its section /**/{CHECKER}, which no node reads, has the numbers
+of radar and platform; without it only names, types and sizes are checked. docs/configuration.md
+explains every quantity. Exit status: 0 when the configuration can work (warnings included), 1
+when not, 2 for wrong options.
+
+  check_config airborne_x_band.yaml
+  check_config --measure my_radar.yaml
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command-line parser."""
+    p = argparse.ArgumentParser(
+        prog='check_config', description='Derive resolution, ambiguities, memory and time from '
+        'a parameter file, and refuse what cannot work.', epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument('file', type=Path, help='ROS parameter file')
+    p.add_argument('--measure', action='store_true',
+                   help='measure how fast this machine images the configured geometry, instead '
+                        'of assuming it; some seconds')
+    return p
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the program; returns its exit status."""
+    arguments = parser().parse_args(argv)
+    try:
+        configuration = read_configuration(arguments.file)
+        findings = [*configuration.findings,
+                    *_check(configuration, measure=arguments.measure)]
+    except (ConfigurationFileError, MemoryError, ValueError) as error:
+        print(f'error: {error}', file=sys.stderr)
+        return 1
+    for finding in findings:
+        print(f'{finding.severity}: {finding.text}', file=sys.stderr)
+    errors = sum(f.severity == 'error' for f in findings)
+    if errors:
+        print(f'{arguments.file} cannot work: {errors} '
+              f'{"error" if errors == 1 else "errors"}', file=sys.stderr)
+        return 1
+    return 0
+
+
+def _check(configuration: Configuration, *, measure: bool) -> list[Finding]:
+    """Print the table; returns what is wrong."""
+    imaging, machine = configuration.imaging(), configuration.machine()
+    if not configuration.describes_radar:
+        print(f'no section /**/{CHECKER}: nothing is known about radar and platform, names, '
+              'types and sizes alone were checked')
+        return check_settings(imaging, machine)
+    acquisition = configuration.acquisition()
+    derived = derive(acquisition, imaging, machine)
+    findings = check(acquisition, imaging, machine, derived)
+    # What is impossible is told without planning or measuring it.
+    possible = not any(f.severity == 'error' for f in findings)
+    if possible and measure:
+        machine = Machine(measure_rate(acquisition, imaging, derived), 'measured',
+                          machine.memory_bytes)
+        derived = derive(acquisition, imaging, machine)
+        findings = check(acquisition, imaging, machine, derived)
+    table = rows(acquisition, imaging, machine, derived)
+    if possible:
+        row, forecast_findings = _forecast(acquisition, imaging, derived)
+        table.append(row)
+        findings += forecast_findings
+    print('\n'.join(lines(table)))
+    return findings
+
+
+def _forecast(acquisition: Acquisition, imaging: Imaging,
+              derived: Derived) -> tuple[tuple[str, str, str], list[Finding]]:
+    """Row about sub-apertures, and an error where the mode needs what is impossible."""
+    forecast = forecast_subapertures(acquisition, imaging, derived)
+    if forecast.count:
+        return ('sub-apertures', str(forecast.count),
+                f'of up to {forecast.pulses} pulses, for mode subapertures; predicted error '
+                f'{forecast.predicted_error_db:.0f} dB'), []
+    findings = []
+    if imaging.mode == 'subapertures':
+        findings.append(Finding('error', f'mode subapertures: {forecast.reason}; set mode: '
+                                'image'))
+    return ('sub-apertures', 'none', f'mode image only: {forecast.reason}'), findings
+
+
+def measure_rate(acquisition: Acquisition, imaging: Imaging, derived: Derived) -> float:
+    """Pixels times pulses times channels that this machine backprojects per second.
+
+    Parameters
+    ----------
+    acquisition, imaging
+        The configuration; of its scene and aperture the middle is imaged.
+    derived : Derived
+        What follows from it.
+
+    Returns
+    -------
+    float
+        The faster of two runs, planning included.
+    """
+    full = imaging.grid
+    grid = MapGrid(full.centre_m, min(full.n_x, MEASURED_PIXELS),
+                   min(full.n_y, MEASURED_PIXELS), full.spacing_m)
+    n_pulses = min(imaging.pulses_per_aperture, MEASURED_PULSES)
+    track = acquisition.track(n_pulses)[:, None]
+    shape = (n_pulses, acquisition.n_channels, derived.n_profile)
+    samples = np.random.default_rng(1).standard_normal((*shape, 2), np.float32)
+    profiles = PulseBlock(
+        derived.profile_radar, True, np.arange(n_pulses), np.arange(n_pulses),
+        samples.view(np.complex64)[..., 0],
+        np.broadcast_to(track, (*shape[:2], 3)), track + acquisition.receiver_offsets())
+    plan = Backprojector(grid, derived.profile_radar, derived.n_profile,
+                         target_db=imaging.target_db)
+    plan(profiles)  # compiles
+    seconds = []
+    for _ in range(2):
+        started = time.perf_counter()
+        plan(profiles)
+        seconds.append(time.perf_counter() - started)
+    return grid.n_x * grid.n_y * n_pulses * acquisition.n_channels / min(seconds)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
