@@ -95,9 +95,9 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
         positions, metres.
     cycles_per_step, cycles_zero : float
         Carrier phase per lattice step and at `range_zero`, cycles.
-    ramp : (n_pixels,) complex64
-        Factor of each pixel of a line. The sum leaves ``exp(j 2 pi cycles_per_step U i)`` out,
-        the part of the carrier phase that all lines share.
+    ramp : (2 * n_pixels,) float32
+        Factor of each pixel of a line, real parts first. The sum leaves
+        ``exp(j 2 pi cycles_per_step U i)`` out, the carrier phase that all lines share.
     image : (N,) float32
         Real and imaginary parts of the image to add to.
     layout : (5,) int64
@@ -123,7 +123,7 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
     """
     n_rows, n_phases, n_cells = shape
     segment = len(index)
-    n_lines, n_pixels = layout[0], len(ramp)
+    n_lines, n_pixels, after = layout[0], len(ramp) // 2, np.uint64(len(ramp) // 2)
     half, middle = segment // 2, n_rows // 2
     # Unsigned indices spare the compiler the test for negative ones, which stops vectorisation.
     p, length = np.uint64(n_cells), np.uint64(segment)
@@ -200,20 +200,28 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
                 w = np.uint64((task * LINES + j) * segment)
                 k1, k2 = coefficients[task, 11, j], coefficients[task, 12, j]
                 k3 = coefficients[task, 13, j]
-                for i in range(length):
+                first = np.uint64(number * segment)
+                some = np.uint64(min(segment, n_pixels - number * segment))
+                for i in range(some):
                     f = index[i]
                     c = _fraction(turns * (f * (k1 + f * (k2 + f * k3))))
                     sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
                     re, im = work_re[w + i], work_im[w + i]
+                    re, im = re * cosine - im * sine, re * sine + im * cosine
+                    cosine, sine = ramp[first + i], ramp[after + first + i]
                     work_re[w + i] = re * cosine - im * sine
                     work_im[w + i] = re * sine + im * cosine
                 pixel = (layout[1] + (group * LINES + j) * layout[2]
                          + number * segment * layout[3])
-                for i in range(min(segment, n_pixels - number * segment)):
-                    z = ramp[number * segment + i]
-                    re, im = work_re[w + np.uint64(i)], work_im[w + np.uint64(i)]
-                    image[pixel + i * layout[3]] += re * z.real - im * z.imag
-                    image[pixel + i * layout[3] + layout[4]] += re * z.imag + im * z.real
+                if layout[3] == 1:
+                    r0, i0 = np.uint64(pixel), np.uint64(pixel + layout[4])
+                    for i in range(some):
+                        image[r0 + i] += work_re[w + i]
+                        image[i0 + i] += work_im[w + i]
+                else:
+                    for i in range(np.int64(some)):
+                        image[pixel + i * layout[3]] += work_re[w + np.uint64(i)]
+                        image[pixel + i * layout[3] + layout[4]] += work_im[w + np.uint64(i)]
 
 
 @njit(inline='always')

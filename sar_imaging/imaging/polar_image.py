@@ -35,11 +35,8 @@ def add_by_polar(plan: PolarPlan, radar: RadarParameters, rows, grid: MapGrid, i
         PolarLines(polar, profiles).add(*rows, total)
     else:
         lines, merging = PolarLines(plan.parts.coarse, profiles), AngularMerging(plan.parts)
-        part = np.empty((2, plan.parts.coarse.n_alpha, polar.n_range), np.float32)
-        for number, some in enumerate(plan.parts.rows):
-            part[:] = 0.0
-            lines.add(*(a[some] for a in rows), part)
-            merging.add(number, part, total)
+        merging.add_all(lambda number, image: lines.add(
+            *(a[plan.parts.rows[number]] for a in rows), image), total)
     add_polar_to_map(total[0], total[1], polar, grid, image, axis=plan.axis,
                      wavelength_m=radar.wavelength_m, along_alpha=plan.along_alpha,
                      along_range=plan.along_range)

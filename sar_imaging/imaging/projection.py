@@ -109,21 +109,23 @@ class PolarLines:
             Profiles of the rows.
         tx_m, rx_m : (R, 3) float64
             Phase centres of the rows, metres.
-        parts : (2, n_alpha, n_range) float32
+        parts : (2, n_alpha, n_range or more) float32
             Real and imaginary part of the image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0
-            the first range; changed in place, contiguous.
+            the first range; changed in place, contiguous. Lines may end in padding.
         """
         polar = self._polar
-        layout = np.array([polar.n_alpha, 0, polar.n_range, 1, parts[0].size])
+        layout = np.array([polar.n_alpha, 0, parts.shape[-1], 1, parts[0].size])
         add_to_lines(self._profiles, samples, tx_m, rx_m, self._lines, layout, self._ramp,
                      parts.reshape(-1))
 
 
 def shared_phase(profiles: Profiles, n_pixels: int) -> np.ndarray:
-    """(n_pixels,) complex64 carrier phase that all lines of an image share."""
+    """(2 * n_pixels,) float32 carrier phase that all lines of an image share."""
     cycles = profiles.cycles_per_step * profiles.lattice.n_phases * np.arange(n_pixels)
     return _phasor(cycles)
 
 
 def _phasor(cycles) -> np.ndarray:
-    return np.exp(2j * np.pi * np.fmod(cycles, 1.0)).astype(np.complex64)
+    """Cosines, then sines, as `kernels.project_lines` wants them."""
+    angle = 2 * np.pi * np.fmod(cycles, 1.0)
+    return np.concatenate([np.cos(angle), np.sin(angle)]).astype(np.float32)
