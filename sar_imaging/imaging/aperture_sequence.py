@@ -14,6 +14,7 @@ from ..signal.sequence import (
     StreamEvent,
     counter_distance,
     describe_counters,
+    describe_range,
 )
 
 
@@ -84,8 +85,8 @@ class ApertureSequence:
 
     Pulses with the same ``counter // pulses_per_aperture`` belong to one aperture. It is closed
     when its last pulse came, when a pulse of a later aperture came, or by `flush`. Each pulse is
-    used once. Counters that begin anew, because a recording loops or the radar restarted, close
-    the aperture and begin another.
+    used once. Apertures that were skipped count as dropped. Counters that begin anew, because a
+    recording loops or the radar restarted, close the aperture and begin another.
 
     A subclass has its own kind of `Aperture` and does the work in `_configure`, `_begin`, `_fill`
     and `_finish`; what the latter two return is handed on by `add` and `flush`.
@@ -237,6 +238,7 @@ class ApertureSequence:
         if later:
             results += self._close()
             self._report_late()
+            self._report_skipped(number, current)
             self._open = self._begin(number)
         new = self._open.new_pulses(block)
         if new.n_pulses:
@@ -261,6 +263,18 @@ class ApertureSequence:
             return []
         self._closed = aperture.number
         return self._finish(aperture)
+
+    def _report_skipped(self, number: int, after: int | None) -> None:
+        """Report apertures between two of which no pulse came, as while a stage was down."""
+        if after is None:
+            return
+        n_apertures = -(-(COUNTER_MASK + 1) // self._length)  # until the counter wraps around
+        skipped = (number - after) % n_apertures - 1
+        if skipped > 0:
+            self.statistics.apertures_dropped += skipped
+            last = (number - 1) % n_apertures
+            self._report('aperture', f'no pulse came of apertures '
+                         f'{describe_range((after + 1) % n_apertures, last)} ({skipped})')
 
     def _report_late(self) -> None:
         if self._late:

@@ -75,6 +75,11 @@ def test_an_aperture_is_closed_by_a_pulse_of_a_later_one():
     [result] = run(stage, [profiles(range(0, 30)), profiles(range(80, 90))])
     assert_image_of(result, profiles(range(0, 30)))
     assert result.missing.tolist() == list(range(30, 40))
+    # Nobody else may have noticed: the stage before this one was down.
+    assert events(stage, 'aperture') == ['no pulse came of apertures 1 (1)']
+    assert stage.statistics.apertures_dropped == 1
+    run(stage, [profiles(range(240, 250))])
+    assert 'no pulse came of apertures 3..5 (3)' in events(stage, 'aperture')
 
 
 def test_the_stamp_is_the_middle_of_the_aperture_even_when_its_ends_are_missing():
