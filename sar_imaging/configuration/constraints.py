@@ -158,6 +158,10 @@ def _check_direction(a: Acquisition, d: Derived):
                       f'{d.azimuth_null_m:.3g} m in azimuth, more than the range: raise '
                       'pulses_per_aperture, or look away from the direction of flight',
                       from_track=True)
+    if d.range_null_m > d.scene.range_m:
+        yield Finding('error', f'{d.scene.range_m:.4g} m from the platform to the middle of the '
+                      'grid lie one below the other: ranges on the ground are not resolved; '
+                      'image beside the track', from_track=True)
 
 
 def _check_pixels(imaging: Imaging, d: Derived):

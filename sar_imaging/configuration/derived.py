@@ -23,6 +23,7 @@ from .settings import Acquisition, Imaging, Machine
 
 SAMPLE_BYTES = 8  # complex64
 PHASE_HISTORIES = (Waveform.STEPPED_FREQUENCY, Waveform.FMCW, Waveform.FMCW_REAL)
+LEAST_SPEED_M_PER_S = 1e-6  # below it a platform stands still
 _WINDOW_BINS = 201
 
 
@@ -126,7 +127,7 @@ def derive(acquisition: Acquisition, imaging: Imaging, machine: Machine) -> Deri
         text says what to change.
     """
     a, radar = acquisition, acquisition.radar
-    if a.speed_m_per_s == 0:
+    if a.speed_m_per_s < LEAST_SPEED_M_PER_S:
         raise ValueError('the platform stands still: there is no synthetic aperture; give its '
                          'velocity')
     profile_radar, n_profile = plan_profiles(a, imaging)
@@ -134,8 +135,8 @@ def derive(acquisition: Acquisition, imaging: Imaging, machine: Machine) -> Deri
     step = a.speed_m_per_s / a.prf_hz
     aperture_rad = _seen_angle(scene, effective_aperture(a, imaging))
     wavelength = radar.wavelength_m
-    azimuth_null = wavelength / (4 * math.sin(aperture_rad / 2) * scene.across_cosine)
-    range_null = radar.range_resolution_m / scene.grazing_cosine
+    azimuth_null = _ratio(wavelength, 4 * math.sin(aperture_rad / 2) * scene.across_cosine)
+    range_null = _ratio(radar.range_resolution_m, scene.grazing_cosine)
     shortest = SPEED_OF_LIGHT / (radar.carrier_hz + radar.bandwidth_hz / 2)
     needed = scene.direction_extent
     if a.beamwidth_rad:
@@ -215,6 +216,11 @@ def width_factor(window: str) -> float:
         response = weights @ np.cos(2 * np.pi * frequency * middle) / weights.sum()
         low, high = (middle, high) if response > math.sqrt(0.5) else (low, middle)
     return 2 * low
+
+
+def _ratio(a: float, b: float) -> float:
+    """Quotient of two positive numbers, infinite where nothing is resolved."""
+    return a / b if b > 1e-9 * a else math.inf
 
 
 def _seen_angle(scene: Scene, length_m: float) -> float:
