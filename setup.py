@@ -47,6 +47,8 @@ setup(
             'check_config = sar_imaging.tools.check_config:main',
             'evaluate = sar_imaging.tools.evaluate:main',
             'load_gotcha = sar_imaging.tools.load_gotcha:main',
+            'load_arcsar = sar_imaging.tools.load_arcsar:main',
+            'image_arcsar = sar_imaging.tools.image_arcsar:main',
             'reproduce_multichannel = sar_imaging.tools.reproduce_multichannel:main',
         ],
     },

@@ -1,0 +1,202 @@
+"""Image a recording of the radar on a rotating arm and estimate the arm's radius from it.
+
+Run: python -m sar_imaging.tools.image_arcsar FILE --output out/arcsar
+
+An antenna that faces outward sees a place only from a part of its circle: each pulse goes into
+the pixels within its beam. `evaluate` images the same recording through the nodes, which know no
+beam and let every pulse into every pixel.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.quality import measure_scatterer
+from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.range_compression import RangeCompressor
+
+from .bag_io import BagError
+from .load_arcsar import POINTS_M, RADIUS_M, arc, arm_angles, read_file
+from .plots import save_image_png
+
+HALF_BEAM_DEG = 35.0
+PULSES_PER_STEP = 10  # 4.5 degrees: how finely the beam is cut out
+START_RADIUS_M = 0.20
+RADII_M = START_RADIUS_M + np.arange(-4, 21) * 1e-3
+FAR_POINT_M = (-0.52, 8.48)  # brightest spot of the extended reflector
+
+
+def image_within_beam(profiles: PulseBlock, points_m: np.ndarray,
+                      half_beam_deg: float = HALF_BEAM_DEG) -> np.ndarray:
+    """Backproject pulses into the pixels that lie within their beam.
+
+    Parameters
+    ----------
+    profiles : PulseBlock
+        Range profiles of the half circle, in order.
+    points_m : (..., 3) float64
+        Pixels in the frame of the arm, metres.
+    half_beam_deg : float
+        Largest angle between the arm and the direction of a pixel from the axis, degrees.
+
+    Returns
+    -------
+    (...) complex64
+    """
+    angle = arm_angles(profiles.n_pulses)
+    direction = np.arctan2(points_m[..., 1], points_m[..., 0])
+    image = np.zeros(points_m.shape[:-1], np.complex64)
+    for start in range(0, profiles.n_pulses, PULSES_PER_STEP):
+        part = slice(start, start + PULSES_PER_STEP)
+        seen = np.abs(direction - angle[part].mean()) <= np.radians(half_beam_deg)
+        if seen.any():
+            added = np.zeros(np.count_nonzero(seen), np.complex64)
+            plan = Backprojector(points_m[seen], profiles.radar, profiles.n_samples,
+                                 target_db=-60.0)
+            plan.add(profiles.select(part), added)
+            image[seen] += added
+    return image
+
+
+def radius_sharpness(profiles: PulseBlock, point_m, radii_m=RADII_M) -> np.ndarray:
+    """Sharpness of the image around a point for each radius of the arm.
+
+    Parameters
+    ----------
+    profiles : PulseBlock
+        Range profiles of the half circle; their positions are not used.
+    point_m : (2,) floats
+        Middle of the tile of 0.5 m, metres.
+    radii_m : (R,) float64
+        Radii to try, metres.
+
+    Returns
+    -------
+    (R,) float64
+        ``sum I^2 / (sum I)^2`` of the intensity I: 1 for a single bright pixel.
+    """
+    tile = MapGrid.from_size((*point_m, 0.0), 0.5, 0.5, 0.01).points()
+    out = []
+    for radius_m in radii_m:
+        centre_m = arc(profiles.n_pulses, radius_m)
+        image = image_within_beam(dataclasses.replace(profiles, tx_m=centre_m, rx_m=centre_m),
+                                  tile)
+        power = np.square(np.abs(image), dtype=float)
+        out.append(np.sum(power**2) / np.sum(power) ** 2)
+    return np.array(out)
+
+
+def sharpest(radii_m: np.ndarray, sharpness: np.ndarray) -> float:
+    """Radius at the top of the parabola through the three values around the maximum, metres.
+
+    Raises
+    ------
+    ValueError
+        The maximum lies at an end: the true radius may lie beyond.
+    """
+    top = int(np.argmax(sharpness))
+    if top in (0, len(radii_m) - 1):
+        raise ValueError(f'sharpness has its maximum at the last radius tried, {radii_m[top]:.4f} '
+                         'm; try others')
+    low, middle, high = sharpness[top - 1:top + 2]
+    shift = 0.5 * (low - high) / (low - 2 * middle + high)
+    return float(radii_m[top] + shift * (radii_m[top + 1] - radii_m[top]))
+
+
+def measure_points(image: np.ndarray, grid: MapGrid, profiles: PulseBlock) -> list[dict]:
+    """Position, widths and sidelobes of the two points, as `evaluate` measures them."""
+    # The middle of the pulses that see a point; cuts and baseband depend on it.
+    angle = arm_angles(profiles.n_pulses)
+    out = []
+    for i, (x, y) in enumerate(POINTS_M, 1):
+        seen = np.abs(angle - np.arctan2(y, x)) <= np.radians(HALF_BEAM_DEG)
+        quality = measure_scatterer(
+            image, grid, (x, y, 0.0), aperture_centre_m=profiles.phase_centre_m[seen].mean(axis=0),
+            wavenumber_rad_per_m=profiles.radar.wavenumber_rad_per_m,
+            cut_half_width_range_m=0.3, cut_half_width_azimuth_m=0.3, name=f'point_{i}')
+        out.append(quality.as_json())
+    return out
+
+
+def save_radius_png(path: Path, curves: dict[str, np.ndarray]) -> None:
+    """Draw sharpness over radius, each curve relative to its maximum."""
+    figure = Figure(figsize=(6.5, 4.0), layout='constrained')
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    for name, sharpness in curves.items():
+        axes.plot(RADII_M * 1e3, sharpness / sharpness.max(), label=name)
+    axes.axvline(RADIUS_M * 1e3, color='0.6', lw=0.8)
+    axes.annotate('with the data: 210.5', (RADIUS_M * 1e3, 0.03), xytext=(4, 0),
+                  textcoords='offset points', fontsize=8, color='0.4')
+    axes.set(xlabel='radius of the arm (mm)', ylabel='sharpness, relative', ylim=(0, 1.05))
+    axes.legend(fontsize=8, loc='lower left')
+    figure.savefig(path, dpi=150)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command-line parser."""
+    p = argparse.ArgumentParser(
+        prog='image_arcsar', description='Image a recording of the 77 GHz radar on a rotating '
+        'arm (Prova_Esterna_7.bin), measure its two points and the radius of the arm.')
+    p.add_argument('file', type=Path, help='Prova_Esterna_7.bin')
+    p.add_argument('--output', type=Path, default=Path('out/arcsar'), metavar='FOLDER',
+                   help='folder for image.npy, image.png, radius.png and figures.json '
+                        '(default: %(default)s)')
+    return p
+
+
+def run(file: Path, output: Path) -> dict:
+    """Image, measure, draw; returns the contents of figures.json."""
+    block = read_file(file)
+    profiles = RangeCompressor.for_block(block, window='taylor:4:35')(block)
+    grid = MapGrid.from_size((0.0, 5.0, 0.0), 12.0, 10.0, 0.02)
+    output.mkdir(parents=True, exist_ok=True)
+    image = image_within_beam(profiles, grid.points())
+    np.save(output / 'image.npy', image)
+    save_image_png(
+        output / 'image.png', image, grid, dynamic_range_db=50.0,
+        truth=[{'name': f'point_{i}', 'position_m': (x, y, 0.0)}
+               for i, (x, y) in enumerate(POINTS_M, 1)],
+        title=f'arc SAR: {block.n_pulses} pulses on a half circle of {RADIUS_M * 100:.2f} cm, '
+              f'{HALF_BEAM_DEG:g}\N{DEGREE SIGN} of beam')
+    places = {'point_1': POINTS_M[0], 'point_2': POINTS_M[1], 'far reflector': FAR_POINT_M}
+    curves = {name: radius_sharpness(profiles, place) for name, place in places.items()}
+    save_radius_png(output / 'radius.png', curves)
+    figures = {
+        'points': measure_points(image, grid, profiles),
+        'radius_m': {name: round(sharpest(RADII_M, s), 5) for name, s in curves.items()}}
+    (output / 'figures.json').write_text(json.dumps(figures, indent=2) + '\n')
+    return figures
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the program; returns its exit status."""
+    arguments = parser().parse_args(argv)
+    try:
+        figures = run(arguments.file, arguments.output)
+    except (BagError, OSError, ValueError) as error:
+        print(f'error: {error}', file=sys.stderr)
+        return 1
+    for point in figures['points']:
+        print(f'{point["name"]}: ({point["peak_x_m"]:.3f}, {point["peak_y_m"]:.3f}) m, width '
+              f'{point["irw_range_m"] * 100:.1f} cm in range, '
+              f'{point["irw_azimuth_m"] * 100:.1f} cm in azimuth')
+    for name, radius_m in figures['radius_m'].items():
+        print(f'radius that focuses {name}: {radius_m * 1e3:.2f} mm')
+    print(f'written: {arguments.output}')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

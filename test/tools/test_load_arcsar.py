@@ -1,0 +1,112 @@
+"""Loader and imaging of the arc SAR: on a made-up file of the same form, and the measured one."""
+
+from __future__ import annotations
+
+import pathlib
+
+import numpy as np
+import pytest
+
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.signal.pulses import concatenate
+from sar_imaging.signal.radar import Waveform
+from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.simulation.echoes import EchoSimulator
+from sar_imaging.tools import image_arcsar, load_arcsar
+from sar_imaging.tools.bag_io import BagError, read_blocks, read_truth
+
+MEASURED = (pathlib.Path(__file__).parents[3] / 'shared' / 'data' / 'arcsar_77ghz'
+            / 'Prova_Esterna_7.bin')
+needs_data = pytest.mark.skipif(not MEASURED.is_file(), reason='needs the arc SAR recording in '
+                                '../shared/data/arcsar_77ghz beside the repository')
+
+
+def _write(path, radius_m=load_arcsar.RADIUS_M, n_pulses=160):
+    """A file like the real ones with two unit scatterers, amplitude 1000 steps."""
+    path.write_bytes(np.zeros((2, 4 * 128), '<i2').tobytes())
+    radar = load_arcsar.read_file(path).radar
+    simulate = EchoSimulator(radar, 256, compressed=False, amplitudes=[1e3, 1e3], points_m=[
+        (x, y, 0.0) for x, y in load_arcsar.POINTS_M])
+    centre_m = load_arcsar.arc(n_pulses, radius_m)
+    beat = simulate(centre_m, centre_m).conj().reshape(-1, 2)  # the board's sideband
+    np.concatenate([beat.real, beat.imag], axis=1).round().astype('<i2').tofile(path)
+    return path
+
+
+def test_bag_holds_all_ramps_as_one_aperture(tmp_path, capsys):
+    file, output = _write(tmp_path / 'arc.bin'), tmp_path / 'bag'
+    assert load_arcsar.main([str(file), '--output', str(output)]) == 0
+    assert '160 pulses in 5 messages' in capsys.readouterr().out
+    block = concatenate(list(read_blocks(output)))
+    radar = block.radar
+    assert radar.waveform == Waveform.FMCW and not block.compressed
+    # First sample at 77 GHz + 39.058 MHz/us * 3.94 us = 77.154 GHz, as the data's page says
+    first_hz = radar.carrier_hz - radar.chirp_rate_hz_per_s * 127.5 / radar.sample_rate_hz
+    assert first_hz == pytest.approx(77.1539e9, abs=1e5)
+    np.testing.assert_allclose(np.linalg.norm(block.tx_m, axis=-1), 0.2105, atol=1e-8)
+    np.testing.assert_allclose(block.tx_m[[0, -1], 0], [[0.2105, 0, 0], [-0.2105, 0, 0]],
+                               atol=1e-8)
+    assert read_truth(output)['pulses_per_aperture'] == 160
+    assert load_arcsar.main([str(file), '--output', str(output)]) == 1
+    assert '--force' in capsys.readouterr().err
+
+
+def test_simulated_recording_focuses_and_tells_its_radius(tmp_path):
+    block = load_arcsar.read_file(_write(tmp_path / 'arc.bin', radius_m=0.2063))
+    profiles = RangeCompressor.for_block(block, window='hamming')(block)
+    radii = np.arange(0.203, 0.210, 1e-3)
+    for point in load_arcsar.POINTS_M:
+        curve = image_arcsar.radius_sharpness(profiles, point, radii)
+        # The parabola through steps of 1 mm, pulses at 1.1 degrees: measured 0.04 mm.
+        assert image_arcsar.sharpest(radii, curve) == pytest.approx(0.2063, abs=2e-4)
+    with pytest.raises(ValueError, match='maximum at the last radius tried'):
+        image_arcsar.sharpest(radii[:3], curve[:3])
+
+
+def test_pulses_go_only_where_the_antenna_looks(tmp_path):
+    block = load_arcsar.read_file(_write(tmp_path / 'arc.bin'))
+    profiles = RangeCompressor.for_block(block)(block)
+    x, y = load_arcsar.POINTS_M[0]
+    image = image_arcsar.image_within_beam(profiles, np.array([[x, y, 0.0], [x, -y, 0.0]]))
+    # 70 of 180 degrees are 62 pulses, to the nearest step of 10: measured 60
+    assert abs(image[0]) / 1e3 == pytest.approx(62, abs=10.5)
+    assert image[1] == 0  # behind the arm
+
+
+@pytest.mark.parametrize('numbers', [0, 512, 1000, 1027])
+def test_other_files_are_refused(tmp_path, numbers):
+    path = tmp_path / 'x.bin'
+    np.zeros(numbers, '<i2').tofile(path)
+    with pytest.raises(BagError, match='expected two for each of 256 samples'):
+        load_arcsar.read_file(path)
+
+
+def test_missing_file_is_told(tmp_path, capsys):
+    arguments = [str(tmp_path / 'no.bin'), '--output', str(tmp_path / 'out')]
+    assert load_arcsar.main(arguments) == image_arcsar.main(arguments) == 1
+    assert capsys.readouterr().err.count('cannot be read') == 2
+
+
+@pytest.mark.data
+@needs_data
+def test_measured_points_focus_where_they_stand():
+    block = load_arcsar.read_file(MEASURED)
+    profiles = RangeCompressor.for_block(block, window='taylor:4:35')(block)
+    for x, y in load_arcsar.POINTS_M:
+        grid = MapGrid.from_size((x, y, 0.0), 0.4, 0.4, 0.01)
+        image = np.abs(image_arcsar.image_within_beam(profiles, grid.points()))
+        row, column = np.unravel_index(image.argmax(), image.shape)
+        # measured 0 on pixels of 10 mm
+        assert np.hypot(grid.x_m[column] - x, grid.y_m[row] - y) < 0.015
+        assert image.max() > 100 * np.median(image)  # measured 345 and 274
+
+
+@pytest.mark.data
+@needs_data
+def test_measured_radius_focuses_the_first_point():
+    block = load_arcsar.read_file(MEASURED)
+    profiles = RangeCompressor.for_block(block, window='taylor:4:35')(block)
+    radii = np.arange(0.200, 0.2161, 2e-3)
+    curve = image_arcsar.radius_sharpness(profiles, load_arcsar.POINTS_M[0], radii)
+    assert image_arcsar.sharpest(radii, curve) == pytest.approx(0.2105, abs=1e-3)
+    assert curve.max() > 1.5 * curve[0]  # against 20 cm: measured 2.1
