@@ -19,7 +19,7 @@ from .interpolation import Interpolator, design_interpolator
 
 TAPS, DEGREE = 10, 5
 # Time of a merged pixel and of one more part; a pixel and row of the kernel is 1 (measured)
-_COST_PIXEL, _COST_PART = 0.6, 4e5
+_COST_PIXEL, _COST_PART = 2.5, 4e5
 _LEAST_ROWS = 4  # in a part
 _BATCH_BYTES = 24 << 20  # of parts that are merged together
 _TILE_PAIRS, _TILE_RANGES = 32, 512  # of the sum; what it reads of the parts fits the cache
