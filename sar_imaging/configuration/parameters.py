@@ -9,6 +9,7 @@ import dataclasses
 import difflib
 import importlib.resources
 import math
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -194,9 +195,23 @@ def _acquisition(v: Mapping) -> Acquisition:
         beamwidth_rad=math.radians(v['radar.beamwidth_deg']))
 
 
+class _Loader(yaml.SafeLoader):
+    """Takes ``9.6e9`` for a number, as the parser of ROS does and YAML 1.1 does not."""
+
+
+_Loader.add_implicit_resolver('tag:yaml.org,2002:float',
+                              re.compile(r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$'),
+                              list('-+.0123456789'))
+
+
+def parse(text: str):
+    """Content of a YAML text."""
+    return yaml.load(text, _Loader)
+
+
 def _load(path: Path | str):
     try:
-        return yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+        return parse(Path(path).read_text(encoding='utf-8'))
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationFileError(f'{path} cannot be read: {error}') from error
     except yaml.YAMLError as error:

@@ -1,0 +1,140 @@
+"""Every violation is found, and following its advice removes it."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from sar_imaging.configuration import Machine, check, derive
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.imaging.correlation import correlate
+from sar_imaging.signal.radar import SPEED_OF_LIGHT, Waveform
+
+from .conftest import MACHINE, make_acquisition, make_imaging, profile_setups
+
+
+def findings(acquisition, imaging, machine=MACHINE):
+    return check(acquisition, imaging, machine, derive(acquisition, imaging, machine))
+
+
+def grid(size_x, size_y, spacing, x=0.0, y=0.0):
+    return MapGrid.from_size((x, y, 0.0), size_x, size_y, spacing)
+
+
+def test_nothing_is_wrong_with_the_example(acquisition, imaging):
+    assert findings(acquisition, imaging) == []
+
+
+# Severity, text, and the changes that bring it about.
+CASES = {
+    'oversampling': ('error', r'range profiles have 1 samples per resolution cell; '
+                     'backprojection needs 1.25: raise oversampling',
+                     {}, {'oversampling': 1.0}),
+    'pixels': ('error', 'the grid has 501 x 501 pixels, more than max_image_pixels=1000; raise '
+               'grid.spacing', {}, {'max_image_pixels': 1000}),
+    'scene too far': ('error', r'the scene lies .* nothing of it was recorded; move the range '
+                      'window', {'first_sample_delay_s': 2 * 2000.0 / SPEED_OF_LIGHT}, {}),
+    'scene cut': ('warning', r'the scene lies .*, \d+ % of its depth; the rest of the image '
+                  'stays dark', {'first_sample_delay_s': 2 * 990.0 / SPEED_OF_LIGHT}, {}),
+    'range folds': ('error', 'the scene is .* m deep, the frequency step repeats ranges every '
+                    '9.993 m; use more frequencies',
+                    {'waveform': Waveform.STEPPED_FREQUENCY, 'sample_rate_hz': 300e6,
+                     'n_samples': 20, 'first_sample_delay_s': 2 * 1000.0 / SPEED_OF_LIGHT}, {}),
+    'recording too long': ('error', 'prf_hz=400000: a recording of 1200 samples takes longer than '
+                           'the 2.5 us between pulses; at most 3.333e.05 Hz',
+                           {'prf_hz': 400e3}, {}),
+    'pulses in the air': ('warning', 'the scene at .* is beyond the unambiguous range of 599.6 m: '
+                          '1 later pulses are in the air', {'prf_hz': 250e3}, {}),
+    'receiver deaf': ('warning', 'at prf_hz=130000 a pulse goes out while echoes are recorded',
+                      {'prf_hz': 130e3}, {}),
+    'ambiguous beam': ('error', 'pulses every 0.25 m repeat scatterers every 0.059.* the '
+                       'illuminated scene is 0.0.* wide: raise prf_hz=200 to 2',
+                       {'beamwidth_rad': 1.0}, {'grid': grid(20.0, 80.0, 0.1)}),
+    'ambiguous scene': ('warning', 'repeat scatterers every .* the scene is 0.0.* wide: raise '
+                        'prf_hz', {}, {'grid': grid(20.0, 80.0, 0.1)}),
+    'both sides': ('warning', 'the grid reaches across the track: what lies left and right',
+                   {'centre_m': (-10.0, 0.0, 900.0)}, {}),
+    'along the track': ('error', 'the aperture of 63.8 m resolves inf m in azimuth',
+                        {'velocity_m_per_s': (50.0 * 0.8, 0.0, -50.0 * 0.6)}, {}),
+    'below': ('error', 'lie one below the other: ranges on the ground are not resolved',
+              {'centre_m': (0.0, 0.0, 1000.0)}, {}),
+    'pixels far apart': ('error', 'grid.spacing=2 m: scatterers between pixels vanish, the '
+                         r'resolution in azimuth is 0.234 m; use at most 0.11 m',
+                         {}, {'grid': grid(50.0, 50.0, 2.0)}),
+    'pixels apart': ('warning', 'grid.spacing=0.2 m is more than half of the resolution in '
+                     'azimuth, 0.234 m: a scatterer between pixels loses up to 2.8 dB; 0.11 m',
+                     {}, {'grid': grid(50.0, 50.0, 0.2)}),
+    'block too large': ('error', 'a block of 32 pulses has 153728 floats, more than '
+                        'max_message_elements=1000; lower pulses_per_block',
+                        {}, {'max_message_elements': 1000}),
+    'block large': ('warning', 'blocks of 39.4 MB are slow to travel; lower pulses_per_block=2048',
+                    {}, {'pulses_per_block': 2048}),
+    'blocks small': ('warning', 'blocks of 38.4 kB are many and small; raise pulses_per_block=2',
+                     {}, {'pulses_per_block': 2}),
+}
+
+
+@pytest.mark.parametrize('case', CASES)
+def test_a_violation_is_found(case):
+    severity, text, radar, settings = CASES[case]
+    found = findings(make_acquisition(**radar), make_imaging(**settings))
+    matching = [f for f in found if re.search(text, f.text)]
+    assert [f.severity for f in matching] == [severity], [f.text for f in found]
+    assert [f.severity for f in found] == sorted(f.severity for f in found)  # errors first
+
+
+@pytest.mark.parametrize(('memory', 'severity', 'text'), [
+    (1_000_000, 'error', 'an image of 501 x 501 pixels needs 2 MB, 1 MB are available'),
+    (300_000_000, 'warning', 'the nodes may need .* MB, 300 MB are available; lower queue_depth'),
+])
+def test_memory(acquisition, imaging, memory, severity, text):
+    found = findings(acquisition, imaging, Machine(1e9, 'given', memory))
+    assert [f.severity for f in found if re.search(text, f.text)] == [severity]
+
+
+def test_a_machine_that_is_too_slow(acquisition, imaging):
+    [found] = findings(acquisition, imaging, Machine(50e6, 'given', 8_000_000_000))
+    assert found.severity == 'warning'
+    assert 'an image takes about 2.57 s of work, the next aperture comes after 1.28 s' \
+        in found.text
+
+
+@given(setup=profile_setups())
+@settings(max_examples=60)
+def test_any_setup_is_judged_and_the_advice_helps(setup):
+    acquisition, imaging = setup
+    derived = derive(acquisition, imaging, MACHINE)
+    found = check(acquisition, imaging, MACHINE, derived)
+    assert all(f.text and f.severity in ('error', 'warning') for f in found)
+    if any('in direction cosine' in f.text for f in found):
+        faster = dataclasses.replace(acquisition, prf_hz=derived.least_prf_hz)
+        assert not any('in direction cosine' in f.text for f in findings(faster, imaging))
+    null = min(derived.range_null_m, derived.azimuth_null_m)
+    if any(f.text.startswith('grid.spacing') for f in found):
+        assert imaging.grid.spacing_m > 0.5 * null
+        finer = dataclasses.replace(imaging, grid=dataclasses.replace(
+            imaging.grid, n_x=1, n_y=1, spacing_m=0.49 * null))
+        assert not any(f.text.startswith('grid.spacing')
+                       for f in findings(acquisition, finer))
+    else:
+        assert imaging.grid.spacing_m <= 0.5 * null * (1 + 1e-6)
+
+
+def test_an_ambiguous_scatterer_appears_where_the_checker_says():
+    """The ghost of an undersampled track stands `ambiguity_m` away along the circle of range."""
+    # One frequency is enough for azimuth; 250 m at 1 km are 14 degrees.
+    acquisition = make_acquisition(centre_m=(-1000.0, 0.0, 0.0), n_channels=1, prf_hz=40.0,
+                                   velocity_m_per_s=(0.0, 2.4, 0.0))
+    derived = derive(acquisition, make_imaging(pulses_per_aperture=64), MACHINE)
+    track = acquisition.track(64)[:, None]
+    frequency = np.array([acquisition.radar.carrier_hz])
+    path = np.linalg.norm(track, axis=-1)  # the scatterer stands at the origin
+    spectra = np.exp(-4j * np.pi * path / SPEED_OF_LIGHT * frequency)[..., None]
+    sines = derived.ambiguity_m / 1000.0 + np.linspace(-0.02, 0.02, 2001)
+    points = 1000.0 * np.stack([np.sqrt(1 - sines**2) - 1, sines, 0 * sines], axis=1)
+    image = np.abs(correlate(frequency, spectra, track, track, points))
+    assert image.max() > 0.99 * 64  # as bright as the scatterer itself
+    # A pixel is 0.02 m; the response, 3.3 m wide, has its maximum there.
+    assert points[image.argmax(), 1] == pytest.approx(derived.ambiguity_m, abs=0.1)
