@@ -17,9 +17,9 @@ from ..geometry.polar import PolarGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .fusion import SpectrumFusion
+from .fusion_map import form_map
 from .lattice import total_db
 from .polar import cover_map
-from .resampling import add_polar_to_map
 from .subapertures import SubaperturePlan
 
 _logger = logging.getLogger(__name__)
@@ -151,13 +151,7 @@ class AfbpImager:
         if self._cover is None:
             cycles = np.fmod(2 * (plan.polar.range_m - plan.polar.range_start_m) / wavelength, 1.0)
             return polar_image * np.exp(2j * np.pi * cycles).astype(np.complex64)
-        image = np.zeros(self.grid.shape, np.complex64)
-        cover = self._cover
-        add_polar_to_map(np.ascontiguousarray(polar_image.real),
-                         np.ascontiguousarray(polar_image.imag), plan.polar, self.grid, image,
-                         axis=cover.axis, wavelength_m=wavelength,
-                         along_alpha=cover.interpolator, along_range=cover.interpolator)
-        return image
+        return form_map(polar_image, plan.fusion_grid, self.grid)
 
 
 def _cover(grid, tx_m, rx_m, radar, n_samples, target_db):

@@ -30,7 +30,9 @@ class SpectrumFusion:
         Of the sub-aperture images and of the fused one.
     keep : bool
         Keep each contribution, so that `remove` and replacing are possible and never leave a
-        rounding behind; takes about two to three times the memory of the fused spectrum more.
+        rounding behind: wavenumbers that a change concerns are summed again from the
+        contributions, the others stay as they are. Takes about two to three times the memory of
+        the fused spectrum more.
 
     Attributes
     ----------
@@ -54,7 +56,8 @@ class SpectrumFusion:
                        edge_taper(coarse.n_range, grid.range_guard, grid.beta
                                   ).astype(np.float32))
         self._spectrum: np.ndarray | None
-        self._contributions: dict[int, tuple[np.ndarray, float]]
+        self._contributions: dict[int, tuple[np.ndarray, np.ndarray]]
+        self._changed: list[np.ndarray]  # first bins of bands that came or went
         self._included: set[int]
         self.clear()
 
@@ -97,10 +100,14 @@ class SpectrumFusion:
             raise ValueError(f'sub-aperture {number} is in the image already; fuse with keep=True '
                              'to replace contributions')
         folded = self.folded_spectrum(image)
+        first = self._first_bins(centre_m)
         if self._keep:
-            self._contributions[number] = folded, centre_m
+            if number in self._contributions:
+                self.remove(number)
+            self._contributions[number] = folded, first
+            self._changed.append(first)
         else:
-            self._unfold(folded, centre_m, self._whole())
+            _add_bands(folded, first, self._whole())
         self._included.add(number)
 
     def remove(self, number: int) -> None:
@@ -114,7 +121,7 @@ class SpectrumFusion:
         if number not in self._contributions:
             raise ValueError(f'sub-aperture {number} cannot be removed: ' + (
                 'it is not in the image' if self._keep else 'contributions are not kept'))
-        del self._contributions[number]
+        self._changed.append(self._contributions.pop(number)[1])
         self._included.discard(number)
 
     def polar_image(self) -> np.ndarray:
@@ -137,6 +144,7 @@ class SpectrumFusion:
     def clear(self) -> None:
         """Begin another aperture on the same grid: nothing is included any more."""
         self._spectrum, self._contributions, self._included = None, {}, set()
+        self._changed = []
 
     def fused_spectrum(self) -> np.ndarray:
         """(range wavenumbers, angular wavenumbers) complex64 spectrum of what was added so far.
@@ -163,17 +171,37 @@ class SpectrumFusion:
         return self._spectrum
 
     def _fused(self) -> np.ndarray:
-        spectrum = self._whole()
-        if self._keep:
+        spectrum, n_coarse, n_fine = self._whole(), *self._sizes
+        if not self._keep:
+            return spectrum
+        if n_coarse > n_fine or len(self._changed) * n_coarse > n_fine:
             spectrum[:] = 0.0
             for number in sorted(self._contributions):
-                self._unfold(*self._contributions[number], spectrum)
+                _add_bands(*self._contributions[number], spectrum)
+        else:
+            for first in self._changed:
+                self._sum_again(first, spectrum)
+        self._changed = []
         return spectrum
 
-    def _unfold(self, folded, centre_m, spectrum) -> None:
-        """Add a folded band where it belongs (Zhang et al., equations 16 and 17)."""
+    def _sum_again(self, first, spectrum) -> None:
+        """Sum the bands that reach into one that changed, in the order of a sum of all."""
+        n_coarse, n_fine = self._sizes
+        _clear_bands(first, n_coarse, spectrum)
+        for number in sorted(self._contributions):
+            folded, start = self._contributions[number]
+            shift = (start - first) % n_fine
+            if np.any((shift < n_coarse) | (shift > n_fine - n_coarse)):
+                _add_overlap(folded, start, shift, spectrum)
+
+    @property
+    def _sizes(self) -> tuple[int, int]:
+        return self.grid.n_coarse, self.grid.n_fine
+
+    def _first_bins(self, centre_m: float) -> np.ndarray:
+        """(range wavenumbers,) int64 where a band begins (Zhang et al., equations 16 and 17)."""
         middle = np.rint(self._wavenumber * (centre_m * self.grid.extent / (2 * math.pi)))
-        _add_bands(folded, middle.astype(np.int64) - self.grid.n_coarse // 2, spectrum)
+        return middle.astype(np.int64) - self.grid.n_coarse // 2
 
     def _to_image(self, spectrum, *, overwrite: bool = False) -> np.ndarray:
         grid, workers = self.grid, numba.get_num_threads()
@@ -242,3 +270,34 @@ def _add_bands(folded, start, spectrum):
                 spectrum[b, target + i] += folded[b, source + i]
             left -= count
             source, target = (source + count) % n_coarse, (target + count) % n_fine
+
+
+@njit(parallel=True)
+def _clear_bands(start, n_coarse, spectrum):
+    """Set the bins of a band to zero."""
+    n_bins, n_fine = spectrum.shape
+    for b in numba.prange(n_bins):
+        target = start[b] % n_fine
+        for i in range(min(n_coarse, n_fine - target)):
+            spectrum[b, target + i] = 0.0
+        for i in range(n_coarse - (n_fine - target)):
+            spectrum[b, i] = 0.0
+
+
+@njit(parallel=True)
+def _add_overlap(folded, start, shift, spectrum):
+    """As `_add_bands`, but only bins that belong to a second band, `shift` bins before."""
+    n_bins, n_coarse = folded.shape
+    n_fine = spectrum.shape[1]
+    for b in numba.prange(n_bins):
+        # its start lies within the second band, its end does where that one begins, or both
+        for part in range(2):
+            skip = part * (n_fine - shift[b])
+            left = n_coarse - part * n_fine - (1 - 2 * part) * shift[b]
+            source, target = (start[b] + skip) % n_coarse, (start[b] + skip) % n_fine
+            while left > 0:
+                count = min(left, min(n_coarse - source, n_fine - target))
+                for i in range(count):
+                    spectrum[b, target + i] += folded[b, source + i]
+                left -= count
+                source, target = (source + count) % n_coarse, (target + count) % n_fine

@@ -237,18 +237,42 @@ def _with_error(s: Sampling, polar: PolarGrid, bands: Bands, n_channels: int,
     number = np.repeat(np.arange(len(s.pulses)), [(p.stop - p.start) * n_channels
                                                   for p in s.pulses])
     rows = np.unique(np.linspace(0, len(number) - 1, _ROWS_FOR_ERROR).round().astype(int))
-    offset = bands.slope[rows] - s.centre[number[rows], None]
-    frequency = np.abs(np.multiply.outer(bands.wavenumber, offset)) * spacing
-    frequency += _ROUNDING * 2 * np.pi / s.n_coarse
-    position = np.broadcast_to(bands.position, frequency.shape)
     # what rounding to fast lengths leaves over widens the guards
     n_guard = (s.n_coarse - polar.n_alpha * polar.alpha_spacing / spacing) / 2
     n_guard = math.floor(4 * max(s.n_guard, n_guard)) / 4
-    beta = taper_shape(n_guard, oversampling)
-    error = mean_error(s.n_coarse, n_guard, beta, frequency, position)
+    s = dataclasses.replace(s, n_guard=n_guard, beta=taper_shape(n_guard, oversampling))
+    error = fusion_error(s, polar, bands, rows, s.centre[number[rows]])
+    return dataclasses.replace(s, error_db=10 * math.log10(error + 1e-16))
+
+
+def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, centre_m) -> float:
+    """Mean squared error of fusing some rows, relative to their power.
+
+    Parameters
+    ----------
+    s : Sampling
+        Coarse sampling and taper.
+    polar : PolarGrid
+        Where the fused image is wanted.
+    bands : Bands
+        Local frequencies.
+    rows : (R,) int array or slice
+        Rows of `bands` to look at.
+    centre_m : (R,) float64
+        Middle of the slopes of the sub-aperture that each belongs to, metres.
+
+    Returns
+    -------
+    float
+        2 or more, as if nothing fitted, where a frequency lies beyond the coarse grid's.
+    """
+    spacing = s.extent / s.n_coarse
+    offset = bands.slope[rows] - centre_m[:, None]
+    frequency = np.abs(np.multiply.outer(bands.wavenumber, offset)) * spacing
+    frequency += _ROUNDING * 2 * np.pi / s.n_coarse
+    position = np.broadcast_to(bands.position, frequency.shape)
+    error = mean_error(s.n_coarse, s.n_guard, s.beta, frequency, position)
     # Along range the same happens over a length that grows with the distance from the centre.
     shift = np.abs(s.centre).mean() * spacing / polar.range_spacing_m
-    error += mean_error(int(polar.n_range / max(shift, 1e-9) + 2 * n_guard) + 2, n_guard, beta,
-                        frequency)
-    return dataclasses.replace(s, n_guard=n_guard, beta=beta,
-                               error_db=10 * math.log10(error + 1e-16))
+    return error + mean_error(int(polar.n_range / max(shift, 1e-9) + 2 * s.n_guard) + 2,
+                              s.n_guard, s.beta, frequency)

@@ -8,6 +8,7 @@ paths are the local frequencies of the image.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -19,11 +20,48 @@ from .fusion_grid import FusionGrid
 from .lattice import plan_lattice, sample_paths, total_db
 from .profiles import Profiles
 from .projection import PolarLines
-from .subaperture_sampling import choose_sampling, local_bands
+from .subaperture_sampling import Bands, choose_sampling, fusion_error, local_bands
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the paths are bounded
 _ROWS_FOR_PATHS = 512  # enough to bound how paths differ along a line
 LENGTHS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  # pulses to choose from
+
+
+@dataclasses.dataclass(frozen=True)
+class Limits:
+    """Extremes of the geometry between phase centres and a polar grid.
+
+    Attributes
+    ----------
+    range_m : (float, float)
+        Smallest and largest half path, metres.
+    slope : (float, float)
+        Of the half paths by range.
+    slope_m : float
+        Largest magnitude of their slope by direction over that by range, metres.
+    half_range : float
+        Largest frequency of the images along range, relative to the carrier's, rad/m.
+    """
+
+    range_m: tuple[float, float]
+    slope: tuple[float, float]
+    slope_m: float
+    half_range: float
+
+    @classmethod
+    def of(cls, length, slope, bands: Bands) -> Limits:
+        """Extremes of half paths, of their derivative by range and of local frequencies."""
+        return cls((float(length.min()), float(length.max())),
+                   (float(slope.min()), float(slope.max())),
+                   float(np.abs(bands.slope).max()), bands.half_range)
+
+    def contain(self, other: Limits) -> bool:
+        """True when what was planned for these limits holds for the other ones, too."""
+        def within(a, b):
+            return b[0] <= a[0] and a[1] <= b[1]
+
+        return (within(other.range_m, self.range_m) and within(other.slope, self.slope)
+                and other.slope_m <= self.slope_m and other.half_range <= self.half_range)
 
 
 class SubaperturePlan:
@@ -54,6 +92,8 @@ class SubaperturePlan:
         Of the sub-aperture images; it reaches beyond `polar` by the guards.
     sampling : Sampling
         Cut and coarse sampling.
+    limits : Limits
+        Geometry that the plan was made for.
     predicted_error_db : float
         Predicted error of the fused polar image against exact backprojection, dB.
     fusion_grid : FusionGrid
@@ -99,6 +139,7 @@ class SubaperturePlan:
         guard = self.sampling.range_guard * polar.range_spacing_m
         self.warnings = tuple(_cut_warnings(radar, self.n_samples, paths.length, guard))
         slack = 0.5 * np.ptp(paths.length) / (_SAMPLES_PER_SIDE - 1) + 2 * guard
+        self.limits = Limits.of(paths.length, paths.derivatives[0], bands)
         self._profiles = Profiles(radar, lattice, (float(paths.length.min() - slack),
                                                    float(paths.length.max() + slack)))
         self._lines = PolarLines(self.coarse, self._profiles)
@@ -114,6 +155,37 @@ class SubaperturePlan:
                 f'{s.n_coarse} coarse lines each ({2 * s.n_guard:g} of them guards) of '
                 f'{self.coarse.n_range} ranges, fused to {s.n_fine} lines; predicted error '
                 f'{self.predicted_error_db:.1f} dB')
+
+    def check(self, tx_m, rx_m) -> tuple[float, float, bool]:
+        """Band of a sub-aperture from its phase centres, and how well it suits the plan.
+
+        Parameters
+        ----------
+        tx_m, rx_m : (P, C, 3) float64
+            Phase centres, metres; they need not be those that were planned for.
+
+        Returns
+        -------
+        centre_m : float
+            Middle of the band, metres, as `SpectrumFusion.add` wants it.
+        error_db : float
+            Predicted error against exact backprojection, dB.
+        within : bool
+            The phase centres lie within what was planned for.
+
+        Raises
+        ------
+        ValueError
+            Range does not grow along the lines of the grid.
+        """
+        bands = local_bands(self.polar, tx_m, rx_m, self.radar)
+        paths = _paths(self.polar, tx_m, rx_m)
+        within = self.limits.contain(Limits.of(paths.length, paths.derivatives[0], bands))
+        centre = 0.5 * float(bands.slope.min() + bands.slope.max())
+        error = fusion_error(self.sampling, self.polar, bands, slice(None),
+                             np.full(len(bands.slope), centre))
+        error_db = total_db(self.lattice.predicted_error_db, 10 * math.log10(error + 1e-16))
+        return centre, error_db, within
 
     def image(self, number: int, block: PulseBlock) -> np.ndarray:
         """Backproject one sub-aperture (Zhang et al., equation 6).

@@ -104,6 +104,27 @@ def test_a_subaperture_is_replaced_and_removed_without_trace(case):
                      _exact(case.grid, case.block.select(without))) <= -50.0
 
 
+@pytest.mark.parametrize('lines', [1, 4, 16], ids='every {}. line'.format)
+def test_a_window_that_slides_leaves_no_trace(case, lines):
+    """Bit for bit the spectrum of the window alone, also where bands wrap around and overlap."""
+    polar = _plan(case.grid, case.block).subapertures.polar
+    polar = dataclasses.replace(polar, alpha_spacing=lines * polar.alpha_spacing,
+                                n_alpha=polar.n_alpha // lines)
+    stage = _plan(polar, case.block, pulses_per_subaperture=8).subapertures
+    parts = [(stage.image(u, case.block.select(p)), stage.sampling.centre[u])
+             for u, p in enumerate(stage.sampling.pulses)]
+    slides = SpectrumFusion(stage.fusion_grid, keep=True)
+    for number, part in enumerate(parts):
+        slides.add(number, *part)
+        if number >= 5:
+            slides.remove(number - 5)
+        fresh = SpectrumFusion(stage.fusion_grid, keep=True)
+        for i in range(max(0, number - 4), number + 1):
+            fresh.add(i, *parts[i])
+        np.testing.assert_array_equal(slides.fused_spectrum(), fresh.fused_spectrum())
+        assert slides.included == fresh.included
+
+
 def test_contributions_arrive_in_any_order(case):
     plan = _plan(case.grid, case.block, pulses_per_subaperture=32)
     stage = plan.subapertures

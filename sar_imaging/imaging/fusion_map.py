@@ -1,0 +1,64 @@
+"""Last step of AFBP: the fused polar image on a map."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from ..geometry.polar import PolarGrid
+from .fusion_grid import FusionGrid
+from .interpolation import design_interpolator
+from .resampling import DEGREE, TAPS, add_polar_to_map
+
+_EDGE_SAMPLES = 65  # per edge of the map
+
+
+def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid) -> np.ndarray:
+    """Interpolate a fused image to a map and put its carrier back.
+
+    Parameters
+    ----------
+    polar_image : (n_alpha, n_range) complex64
+        From `SpectrumFusion.polar_image`.
+    fusion : FusionGrid
+        Its grid, oversampled as it says.
+    grid : MapGrid
+        Map; ``fusion.polar`` covers it.
+
+    Returns
+    -------
+    (n_y, n_x) complex64
+        ``f(x) = sum_m sum_n s_mn(D_mn(x)) exp(+j k_c D_mn(x))``.
+    """
+    image = np.zeros(grid.shape, np.complex64)
+    interpolator = design_interpolator(fusion.oversampling, taps=TAPS, degree=DEGREE)
+    add_polar_to_map(np.ascontiguousarray(polar_image.real),
+                     np.ascontiguousarray(polar_image.imag), fusion.polar, grid, image,
+                     axis=_axis(fusion.polar, grid), wavelength_m=fusion.wavelength_m,
+                     along_alpha=interpolator, along_range=interpolator)
+    return image
+
+
+def covers(polar: PolarGrid, grid: MapGrid) -> bool:
+    """True when a polar grid reaches as far beyond a map as interpolation reads."""
+    if grid.z_m != polar.z_m or min(grid.shape) < TAPS:
+        return False
+    x, y = (np.linspace(v[0], v[-1], _EDGE_SAMPLES) for v in (grid.x_m, grid.y_m))
+    edges = [np.stack(np.broadcast_arrays(*pair)) for pair in (
+        (x, y[0]), (x, y[-1]), (x[0], y), (x[-1], y))]
+    edges = np.concatenate(edges, axis=1)
+    axis = _axis(polar, grid)
+    ahead = edges[axis] - polar.origin_m[axis]
+    across = (edges.T - polar.origin_m[:2]) @ polar.across
+    if across.min() <= 0 or ahead.min() * ahead.max() <= 0:
+        return False
+    r, alpha = polar.from_map(*edges)
+    return all(TAPS // 2 <= v.min() and v.max() <= n - 1 - TAPS // 2 for v, n in (
+        ((r - polar.range_start_m) / polar.range_spacing_m, polar.n_range),
+        ((alpha - polar.alpha_start) / polar.alpha_spacing, polar.n_alpha)))
+
+
+def _axis(polar: PolarGrid, grid: MapGrid) -> int:
+    """Map axis that follows range."""
+    look = [c - o for c, o in zip(grid.centre_m[:2], polar.origin_m[:2], strict=True)]
+    return int(abs(look[1]) > abs(look[0]))
