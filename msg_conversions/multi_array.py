@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
+from .errors import WireFormatError
 from .layout import Dims
 
+MAX_TIME_NS = 2**31 * 10**9 - 1  # builtin_interfaces/Time has 32 bits of seconds
 
 def from_parts(head: np.ndarray, content: np.ndarray, dims: Dims) -> Float32MultiArray:
     """Message of a header and complex numbers; both are copied once.
@@ -33,3 +35,22 @@ def from_parts(head: np.ndarray, content: np.ndarray, dims: Dims) -> Float32Mult
 def dims(message: Float32MultiArray) -> list[tuple[str, int, int]]:
     """``(label, size, stride)`` of each dimension of a message."""
     return [(dim.label, dim.size, dim.stride) for dim in message.layout.dim]
+
+
+def check_times(earliest_ns: int, latest_ns: int) -> None:
+    """Check that headers can carry the times of a message.
+
+    Parameters
+    ----------
+    earliest_ns, latest_ns : int
+        Times, nanoseconds.
+
+    Raises
+    ------
+    WireFormatError
+        ``builtin_interfaces/Time`` cannot hold one of them.
+    """
+    if earliest_ns < -MAX_TIME_NS or latest_ns > MAX_TIME_NS:
+        raise WireFormatError(f'times from {earliest_ns / 1e9:.6g} s to {latest_ns / 1e9:.6g} s; '
+                              'expected seconds that ROS can hold, below 2^31; correct the clock '
+                              'of the sender')

@@ -48,10 +48,13 @@ def from_message(msg: Float32MultiArray, *,
     Raises
     ------
     WireFormatError
-        The message does not follow the format, or is a bare cube.
+        The message does not follow the format, is a bare cube, or has times outside the range
+        of ``builtin_interfaces/Time``.
     """
-    return wire.from_array(msg.data, multi_array.dims(msg), msg.layout.data_offset,
-                           max_elements=max_elements)
+    block = wire.from_array(msg.data, multi_array.dims(msg), msg.layout.data_offset,
+                            max_elements=max_elements)
+    multi_array.check_times(int(block.stamp_ns.min()), int(block.stamp_ns.max()))
+    return block
 
 
 def from_bare_cube(msg: Float32MultiArray, *, radar: RadarParameters, compressed: bool,

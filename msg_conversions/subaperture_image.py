@@ -43,7 +43,10 @@ def from_message(msg: Float32MultiArray, *,
     Raises
     ------
     WireFormatError
-        The message does not follow the format.
+        The message does not follow the format, or its time is outside the range of
+        ``builtin_interfaces/Time``.
     """
-    return subaperture_wire.from_array(msg.data, multi_array.dims(msg), msg.layout.data_offset,
-                                       max_elements=max_elements)
+    subaperture = subaperture_wire.from_array(
+        msg.data, multi_array.dims(msg), msg.layout.data_offset, max_elements=max_elements)
+    multi_array.check_times(subaperture.stamp_ns, subaperture.stamp_ns)
+    return subaperture

@@ -23,10 +23,21 @@ from .windows import window as window_weights
 
 _ROWS_PER_CALL = 256  # bounds the work space
 GUARD_SAMPLES = 16  # repeated at both ends of a periodic profile
+_LONGEST = 2**24  # samples of a profile: more follow only from broken radar parameters
 
 
 def fast_length(wanted: float) -> int:
-    """Next length whose FFT is fast, at least `wanted` but for rounding."""
+    """Next length whose FFT is fast, at least `wanted` but for rounding.
+
+    Raises
+    ------
+    ValueError
+        It is longer than any profile can reasonably be.
+    """
+    if not wanted <= _LONGEST:
+        raise ValueError(f'profiles would have {wanted:.3g} samples; expected at most {_LONGEST}; '
+                         'correct bandwidth_hz, sample_rate_hz and chirp_rate_hz_per_s, or lower '
+                         'the oversampling')
     return fft.next_fast_len(math.ceil(wanted * (1 - 1e-12)))
 
 

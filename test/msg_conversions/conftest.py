@@ -49,7 +49,8 @@ def _radars():
 @st.composite
 def _blocks(draw):
     shape = n_pulses, n_channels, n_samples = [draw(st.integers(1, 4)) for _ in range(3)]
-    epoch = draw(st.integers(-2**63 + MAX_OFFSET_NS, 2**63 - 1 - MAX_OFFSET_NS))
+    latest = 2**31 * 10**9 - 1 - MAX_OFFSET_NS  # what a header of a message can hold
+    epoch = draw(st.integers(-latest, latest))
     offsets = [0] + draw(st.lists(st.integers(-MAX_OFFSET_NS, MAX_OFFSET_NS),
                                   min_size=n_pulses - 1, max_size=n_pulses - 1))
     counter = draw(st.lists(st.integers(0, 2**32 - 1), min_size=n_pulses, max_size=n_pulses))

@@ -44,6 +44,14 @@ def test_message_equals_the_arrays_written_to_bags(make_block):
     assert message.layout.data_offset == offset
 
 
+@pytest.mark.parametrize('late_ns', [2**31 * 10**9 - 2, -2**31 * 10**9])
+def test_times_that_no_header_can_hold_are_refused(make_block, late_ns):
+    # A flipped bit in the epoch; the image would have no stamp.
+    message = pulse_block.to_message(make_block(n_pulses=3, stamp_ns=late_ns + np.arange(3)))
+    with pytest.raises(WireFormatError, match='expected seconds that ROS can hold'):
+        pulse_block.from_message(message)
+
+
 def test_samples_are_a_read_only_view_of_the_message(make_block):
     message = pulse_block.to_message(make_block())
     samples = pulse_block.from_message(message).samples

@@ -90,7 +90,7 @@ def images(draw):
         draw(st.floats(1e3, 1e11)), draw(uint32), draw(uint32), draw(uint32), draw(uint32),
         number, n_subapertures, draw(st.integers(1, n_subapertures)), draw(uint32),
         draw(st.integers(1, 2**32 - 1 - n_missing)), n_missing,
-        stamp_ns=draw(st.integers(-2**63, 2**63 - 1)),
+        stamp_ns=draw(st.integers(1 - 2**31 * 10**9, 2**31 * 10**9 - 1)),
         predicted_error_db=draw(st.floats(-300.0, 0.0)))
 
 

@@ -268,3 +268,11 @@ def test_block_of_another_plan_is_refused():
 def test_bad_options_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
         RangeCompressor(_lfm_radar(), **{'n_samples': 384} | options)
+
+
+@pytest.mark.parametrize('sample_rate_hz', [1e-30, 1.0])
+def test_profiles_that_no_memory_holds_are_refused(sample_rate_hz):
+    # One flipped bit in the header of a message is enough.
+    radar = dataclasses.replace(_lfm_radar(), sample_rate_hz=sample_rate_hz)
+    with pytest.raises(ValueError, match='expected at most 16777216; correct bandwidth_hz'):
+        RangeCompressor(radar, 384, compressed=True)
