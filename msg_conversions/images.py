@@ -1,4 +1,4 @@
-"""Images and their grid to sensor_msgs/Image and nav_msgs/MapMetaData and back.
+"""Images and their grid to sensor_msgs/Image, nav_msgs/MapMetaData and OccupancyGrid and back.
 
 Image arrays have shape (n_y, n_x): row 0 is the largest y, column 0 the smallest x.
 """
@@ -10,7 +10,7 @@ import sys
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from nav_msgs.msg import MapMetaData
+from nav_msgs.msg import MapMetaData, OccupancyGrid
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
@@ -19,6 +19,7 @@ from sar_imaging.geometry.grids import MapGrid
 from .errors import WireFormatError
 
 MAX_DYNAMIC_RANGE_DB = 200.0
+UNKNOWN = -1  # occupancy of pixels that nothing is known about
 
 
 def complex_to_message(image: np.ndarray, header: Header) -> Image:
@@ -78,6 +79,72 @@ def quicklook(amplitude: np.ndarray, dynamic_range_db: float) -> np.ndarray:
     levels *= 255 * 20 / dynamic_range_db
     levels += 255
     return np.rint(levels, out=levels).astype(np.uint8)
+
+
+def occupancy(amplitude: np.ndarray, *, free_db: float, range_db: float) -> np.ndarray:
+    """How sure an obstacle reflects at each pixel, from its level above the median.
+
+    The median of the amplitudes is the level of ground or noise, whatever the calibration and
+    however bright the brightest scatterer.
+
+    Parameters
+    ----------
+    amplitude : (n_y, n_x) float
+        Linear amplitude, not negative.
+    free_db : float
+        Up to this level above the median a pixel is free: 0.
+    range_db : float
+        This much higher and beyond it is occupied: 100; in between it is linear in dB.
+
+    Returns
+    -------
+    (n_y, n_x) int8
+        0 to 100, `UNKNOWN` where the amplitude is zero, since nothing was imaged there.
+
+    Raises
+    ------
+    ValueError
+        The image is empty, an amplitude is not finite, or the range is not positive.
+    """
+    amplitude = np.asarray(amplitude, np.float32)
+    if not 0 < range_db < math.inf or not math.isfinite(free_db):
+        raise ValueError(f'free_db={free_db}, range_db={range_db}; expected finite levels and a '
+                         'range above 0')
+    if amplitude.size == 0 or not np.isfinite(amplitude.sum(dtype=np.float64)):
+        raise ValueError(f'amplitude.shape={amplitude.shape}; expected at least one pixel and '
+                         'finite amplitudes; check the samples that the image was formed from')
+    known = amplitude > 0
+    out = np.full(amplitude.shape, UNKNOWN, np.int8)
+    if known.any():
+        level = 20 * np.log10(np.divide(amplitude[known], np.median(amplitude[known]),
+                                        dtype=np.float64))
+        out[known] = np.rint(np.clip((level - free_db) * (100 / range_db), 0, 100))
+    return out
+
+
+def occupancy_to_message(amplitude: np.ndarray, grid: MapGrid, header: Header, *, free_db: float,
+                         range_db: float) -> OccupancyGrid:
+    """Amplitude as a map for planners: `occupancy`, bottom row first, with its place."""
+    grid.check_image(amplitude)
+    cells = np.ascontiguousarray(occupancy(amplitude, free_db=free_db, range_db=range_db)[::-1])
+    msg = OccupancyGrid(header=header, info=map_metadata_to_message(grid, header.stamp))
+    msg.data.frombytes(cells.reshape(-1).view(np.uint8))
+    return msg
+
+
+def occupancy_from_message(msg: OccupancyGrid) -> tuple[np.ndarray, MapGrid]:
+    """Cells (n_y, n_x) int8, row 0 the largest y, and their grid.
+
+    Raises
+    ------
+    WireFormatError
+        The metadata describe no grid, or the number of cells is another one.
+    """
+    grid = map_metadata_from_message(msg.info)
+    if len(msg.data) != grid.n_x * grid.n_y:
+        raise WireFormatError(f'len(data)={len(msg.data)}; expected {grid.n_x * grid.n_y}: '
+                              f'{grid.n_y} rows of {grid.n_x} cells')
+    return np.frombuffer(msg.data, np.int8).reshape(grid.shape)[::-1], grid
 
 
 def complex_from_message(msg: Image) -> np.ndarray:

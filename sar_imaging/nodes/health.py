@@ -17,15 +17,13 @@ LINES_PER_PERIOD = 20  # log lines between two diagnostics messages; the rest is
 MEMORY = 'memory_megabytes'
 
 
-class Health:
-    """Collect what a node has to tell and publish it on /diagnostics.
-
-    All methods may be called from any thread.
+class Tally:
+    """Counters of a stage and what they mean for its diagnostics; for any thread.
 
     Parameters
     ----------
-    node : rclpy.node.Node
-        Node to speak for.
+    name : str
+        Of the stage, after the node's in the name of the status.
     counters : iterable of str
         Keys that are published from the start, as zeros.
     faults : iterable of str
@@ -34,21 +32,15 @@ class Health:
         Those whose increase means an error.
     """
 
-    def __init__(self, node: Node, *, counters: Iterable[str], faults: Iterable[str],
+    def __init__(self, name: str, *, counters: Iterable[str], faults: Iterable[str],
                  errors: Iterable[str]):
-        self._logger = node.get_logger()
-        self._context = node.context
-        self._clock = node.get_clock()
-        self._name = node.get_fully_qualified_name().lstrip('/')
-        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self.name = name
         self._lock = threading.Lock()
-        self._values: dict[str, int | float] = dict.fromkeys([*counters, MEMORY], 0)
+        self._values: dict[str, int | float] = dict.fromkeys(counters, 0)
         self._watched = {DiagnosticStatus.WARN: tuple(faults),
                          DiagnosticStatus.ERROR: tuple(errors)}
         self._totals: collections.Counter = collections.Counter()
         self._last_change: dict[bytes, float] = {}
-        self._lines = 0
-        self._suppressed = 0
 
     def clear(self) -> None:
         """Count from zero again."""
@@ -64,6 +56,72 @@ class Health:
         """Set a counter that is kept elsewhere, or a measured figure."""
         with self._lock:
             self._values[key] = value
+
+    def status(self, problem: str, state: str) -> DiagnosticStatus:
+        """Counters and their judgement; see `Health.publish`."""
+        with self._lock:
+            level, message = self._judge(problem, state)
+            values = [KeyValue(key=k, value=_format(v)) for k, v in self._values.items()]
+        return DiagnosticStatus(level=level, name=self.name, message=message, values=values)
+
+    def _judge(self, problem: str, state: str) -> tuple[bytes, str]:
+        now = time.monotonic()
+        for level, keys in self._watched.items():
+            total = sum(self._values[k] for k in keys)
+            if total > self._totals[level]:
+                self._last_change[level] = now
+            self._totals[level] = total
+        recent = [level for level, t in self._last_change.items() if now - t < RECENT_S]
+        if DiagnosticStatus.ERROR in recent:
+            return DiagnosticStatus.ERROR, 'errors while working, see the log'
+        if problem:
+            return DiagnosticStatus.WARN, problem
+        if recent:
+            return DiagnosticStatus.WARN, 'losses a moment ago, see the counters and the log'
+        return DiagnosticStatus.OK, state
+
+
+class Health(Tally):
+    """Collect what a node has to tell and publish it on /diagnostics; for any thread.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Node to speak for.
+    counters, faults, errors : iterable of str
+        See `Tally`.
+
+    Attributes
+    ----------
+    parts : list of Part
+        Stages of the node with a status of their own.
+    """
+
+    def __init__(self, node: Node, *, counters: Iterable[str], faults: Iterable[str],
+                 errors: Iterable[str]):
+        self._node_name = node.get_fully_qualified_name().lstrip('/')
+        super().__init__(f'{self._node_name}: stage', counters=[*counters, MEMORY],
+                         faults=faults, errors=errors)
+        self.parts: list[Part] = []
+        self._logger = node.get_logger()
+        self._context = node.context
+        self._clock = node.get_clock()
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._lines = 0
+        self._suppressed = 0
+
+    def part(self, name: str, *, counters: Iterable[str], faults: Iterable[str]) -> Part:
+        """Add a stage with counters and a status of its own."""
+        part = Part(self, f'{self._node_name}: {name}', counters=[*counters, *faults],
+                    faults=faults, errors=())
+        self.parts.append(part)
+        return part
+
+    def clear(self) -> None:
+        """Count from zero again."""
+        super().clear()
+        for part in self.parts:
+            part.clear()
 
     def info(self, text: str) -> None:
         """Log what a user wants to know."""
@@ -103,33 +161,23 @@ class Health:
         """
         self.set(MEMORY, resident_megabytes())
         with self._lock:
-            level, message = self._judge(problem, state)
-            values = [KeyValue(key=k, value=_format(v)) for k, v in self._values.items()]
             suppressed, self._suppressed, self._lines = self._suppressed, 0, 0
         if suppressed:
             self._logger.warning(f'{suppressed} more messages were not logged; see /diagnostics '
                                  'for the counts')
-        status = DiagnosticStatus(level=level, name=f'{self._name}: stage', message=message,
-                                  values=values)
-        array = DiagnosticArray(status=[status])
+        array = DiagnosticArray(status=[
+            self.status(problem, state), *(part.status('', state) for part in self.parts)])
         array.header.stamp = self._clock.now().to_msg()
         self._publisher.publish(array)
 
-    def _judge(self, problem: str, state: str) -> tuple[bytes, str]:
-        now = time.monotonic()
-        for level, keys in self._watched.items():
-            total = sum(self._values[k] for k in keys)
-            if total > self._totals[level]:
-                self._last_change[level] = now
-            self._totals[level] = total
-        recent = [level for level, t in self._last_change.items() if now - t < RECENT_S]
-        if DiagnosticStatus.ERROR in recent:
-            return DiagnosticStatus.ERROR, 'errors while working, see the log'
-        if problem:
-            return DiagnosticStatus.WARN, problem
-        if recent:
-            return DiagnosticStatus.WARN, 'losses a moment ago, see the counters and the log'
-        return DiagnosticStatus.OK, state
+
+class Part(Tally):
+    """Counters of one stage of a node that has several; it logs through the node's `Health`."""
+
+    def __init__(self, health: Health, name: str, *, counters: Iterable[str],
+                 faults: Iterable[str], errors: Iterable[str]):
+        super().__init__(name, counters=counters, faults=faults, errors=errors)
+        self.info, self.warning, self.error = health.info, health.warning, health.error
 
 
 class Rates:

@@ -99,10 +99,11 @@ class ManagedNode(LifecycleNode):
         """Publish the diagnostics; called once per second in every state."""
         self.health.publish('', self.state)
 
-    def create_output(self, message_type, topic: str, qos: QoSProfile) -> Publisher:
+    def create_output(self, message_type, topic: str, qos: QoSProfile,
+                      joined: Callable[[], None] = lambda: None) -> Publisher:
         """Publisher with QoS overrides that reports incompatible subscribers.
 
-        It is destroyed when the node is cleaned up.
+        It is destroyed when the node is cleaned up; `joined` is called when somebody subscribes.
 
         Raises
         ------
@@ -111,6 +112,8 @@ class ManagedNode(LifecycleNode):
         """
         def matched(event):
             self.report_match('subscriber', publisher, event)
+            if event.current_count_change > 0:
+                joined()
 
         try:
             publisher = self.create_publisher(

@@ -107,6 +107,15 @@ class Parameter:
         return value
 
 
+def one_of(*choices: str) -> Callable[[object], None]:
+    """Check of a parameter that is one of a few words."""
+    def check(value):
+        if value not in choices:
+            raise ValueError(f'{value!r} is unknown; use one of {", ".join(choices)}')
+
+    return check
+
+
 class ParameterValues:
     """Declared parameters of a node and their current values, to be read by name.
 

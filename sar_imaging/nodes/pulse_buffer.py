@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 
-from std_msgs.msg import Float32MultiArray
-
-from msg_conversions.pulse_block import to_message
 from sar_imaging.signal.pulse_buffer import PulseBuffer
 from sar_imaging.signal.pulses import PulseBlock
 
-from .managed import run
+from .block_output import BlockOutput
+from .health import Health, Part
+from .managed import ManagedNode, run
 from .parameters import ANY_TIME, Parameter
 from .stage import Stage
+from .step import Step
 
 PARAMETERS = (
-    Parameter('pulses_per_aperture', 1024, 'Length of an aperture; the same in backprojection.',
-              'pulses', 1, 2**31 - 1),
     Parameter('pulses_per_block', 32, 'Largest number of pulses in a published block.', 'pulses',
               1, 65_536),
     Parameter('reorder_window_pulses', 128, 'Distance over which pulses are put back in order; a '
@@ -26,42 +25,48 @@ PARAMETERS = (
 )
 
 
-class PulseBufferNode(Stage):
-    """Publishes ordered blocks on `pulse_blocks` from what comes on `pulses`."""
+class PulseBufferStep(Step):
+    """Pulses as a radar delivers them to ordered blocks within apertures; see `PulseBuffer`."""
 
     NAME = 'pulse_buffer'
+    PARAMETERS = PARAMETERS
+    COUNTERS = ('pulses_received', 'pulses_emitted', 'apertures_started',
+                'configuration_changes')
+    FAULTS = ('pulses_missing', 'pulses_duplicate', 'pulses_late', 'pulses_corrupt', 'restarts')
     IDLE_PARAMETER = 'flush_timeout_s'
 
-    def __init__(self):
-        super().__init__(
-            input_topic='pulses', parameters=PARAMETERS,
-            counters=('pulses_received', 'pulses_emitted', 'apertures_started',
-                      'configuration_changes'),
-            faults=('pulses_missing', 'pulses_duplicate', 'pulses_late', 'pulses_corrupt',
-                    'restarts'))
-
-    def configure(self) -> None:
-        """Create the buffer and the output; see `ManagedNode.configure`."""
-        super().configure()
+    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+        super().__init__(parameters, health)
         self._buffer = PulseBuffer(
-            pulses_per_aperture=self.parameters['pulses_per_aperture'],
-            pulses_per_block=self.parameters['pulses_per_block'],
-            reorder_window_pulses=self.parameters['reorder_window_pulses'])
-        self._output = self.create_output(Float32MultiArray, 'pulse_blocks', self.stream_qos())
+            pulses_per_aperture=parameters['pulses_per_aperture'],
+            pulses_per_block=parameters['pulses_per_block'],
+            reorder_window_pulses=parameters['reorder_window_pulses'])
+
+    def create_outputs(self, node: ManagedNode) -> None:
+        """Create the publisher of the blocks; see `Step`."""
+        self._output = BlockOutput(node, 'pulse_blocks', self.parameters)
 
     def summary(self) -> str:
         """Settings for the log line at the start."""
-        return (f' -> {self._output.topic_name}, {self.parameters["pulses_per_block"]} pulses per '
+        return (f' -> {self._output.topic}, {self.parameters["pulses_per_block"]} pulses per '
                 f'block, {self.parameters["pulses_per_aperture"]} per aperture, reorder window '
                 f'{self.parameters["reorder_window_pulses"]} pulses')
 
-    def process(self, block: PulseBlock) -> None:
-        """Buffer pulses and publish the blocks that became complete."""
-        self._publish(self._buffer.push(block))
+    def process(self, block: PulseBlock) -> list[PulseBlock]:
+        """Buffer pulses; returns the blocks that became complete."""
+        return self._emitted(self._buffer.push(block))
 
-    def idle(self) -> None:
-        """Publish what is held, since the input pauses."""
-        self._publish(self._buffer.flush())
+    def publish(self, product: PulseBlock) -> None:
+        """Publish a block."""
+        self._output.publish(product)
+
+    def flush(self) -> list[PulseBlock]:
+        """All that is held, since the input pauses."""
+        return self._emitted(self._buffer.flush())
+
+    def skip(self, aperture: int | None) -> list[PulseBlock]:
+        """Let go of all that is held, so that the next steps can forget it; see `Step`."""
+        return self.flush() if aperture is not None else []
 
     def discard(self) -> int:
         """Begin a new sequence with the next pulse; returns the number of pulses held so far."""
@@ -75,10 +80,17 @@ class PulseBufferNode(Stage):
         for key in ('apertures_started', 'configuration_changes', 'restarts'):
             self.health.set(key, getattr(s, key))
 
-    def _publish(self, blocks: list[PulseBlock]) -> None:
+    def _emitted(self, blocks: list[PulseBlock]) -> list[PulseBlock]:
         self.report(self._buffer.take_events())
-        for block in blocks:
-            self._output.publish(to_message(block))
+        return blocks
+
+
+class PulseBufferNode(Stage):
+    """Publishes ordered blocks on `pulse_blocks` from what comes on `pulses`."""
+
+    NAME = 'pulse_buffer'
+    INPUT = 'pulses'
+    STEPS = (PulseBufferStep,)
 
 
 def main() -> int:

@@ -3,60 +3,60 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 
-from std_msgs.msg import Float32MultiArray
-
-from msg_conversions.pulse_block import to_message
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RANGE_FILTERS, RangeCompressor
 from sar_imaging.signal.windows import WINDOW_NAMES, parse_window
 
-from .managed import run
-from .parameters import ANY_TIME, Parameter
+from .block_output import BlockOutput
+from .health import Health, Part
+from .managed import ManagedNode, run
+from .parameters import ANY_TIME, Parameter, one_of
 from .stage import Stage
-
-
-def _check_range_filter(name: str) -> None:
-    if name not in RANGE_FILTERS:
-        raise ValueError(f'{name!r} is unknown; use one of {", ".join(RANGE_FILTERS)}')
-
+from .step import Step
 
 PARAMETERS = (
     Parameter('window', 'none', f'Weighting over the band: {", ".join(WINDOW_NAMES)}; also '
               'taylor:NBAR:SIDELOBE_DB and kaiser:BETA.', check=parse_window, changes=ANY_TIME),
     Parameter('range_filter', 'equalised', 'Filter for LFM pulses: equalised (the response is '
               "the window's alone) or matched (least loss of signal to noise).",
-              check=_check_range_filter, changes=ANY_TIME),
+              check=one_of(*RANGE_FILTERS), changes=ANY_TIME),
     Parameter('oversampling', 2.0, 'Range samples per resolution cell c/2B of the output.',
               'samples per cell', 1.0, 16.0, changes=ANY_TIME),
 )
 
 
-class RangeCompressionNode(Stage):
-    """Publishes range profiles on `range_profiles` from what comes on `pulse_blocks`."""
+class RangeCompressionStep(Step):
+    """Raw pulse blocks to range profiles; see `RangeCompressor`."""
 
     NAME = 'range_compression'
+    PARAMETERS = PARAMETERS
+    COUNTERS = ('blocks_compressed', 'plans_made')
 
-    def __init__(self):
-        super().__init__(input_topic='pulse_blocks', parameters=PARAMETERS,
-                         counters=('blocks_published', 'plans_made'))
-
-    def configure(self) -> None:
-        """Create the output; see `ManagedNode.configure`."""
-        super().configure()
+    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+        super().__init__(parameters, health)
         self._plan: RangeCompressor | None = None
         self._planned_for: tuple | None = None
-        self._output = self.create_output(Float32MultiArray, 'range_profiles', self.stream_qos())
+
+    def create_outputs(self, node: ManagedNode) -> None:
+        """Create the publisher of the profiles; see `Step`."""
+        self._output = BlockOutput(node, 'range_profiles', self.parameters)
 
     def summary(self) -> str:
         """Settings for the log line at the start."""
-        return (f' -> {self._output.topic_name}, window {self.parameters["window"]}, '
+        return (f' -> {self._output.topic}, window {self.parameters["window"]}, '
                 f'{self.parameters["oversampling"]:g} samples per resolution cell')
 
-    def process(self, block: PulseBlock) -> None:
-        """Compress a block and publish its profiles."""
-        self._output.publish(to_message(self._plan_for(block)(block)))
-        self.health.count('blocks_published')
+    def process(self, block: PulseBlock) -> list[PulseBlock]:
+        """Range profiles of a block."""
+        profiles = self._plan_for(block)(block)
+        self.health.count('blocks_compressed')
+        return [profiles]
+
+    def publish(self, product: PulseBlock) -> None:
+        """Publish profiles."""
+        self._output.publish(product)
 
     def _plan_for(self, block: PulseBlock) -> RangeCompressor:
         """Plan for blocks like this one; made anew when the radar or a parameter changed."""
@@ -74,6 +74,14 @@ class RangeCompressionNode(Stage):
                 f'{output.sample_spacing_m:.4g} m apart, loss of signal to noise '
                 f'{self._plan.snr_loss_db:.2f} dB')
         return self._plan
+
+
+class RangeCompressionNode(Stage):
+    """Publishes range profiles on `range_profiles` from what comes on `pulse_blocks`."""
+
+    NAME = 'range_compression'
+    INPUT = 'pulse_blocks'
+    STEPS = (RangeCompressionStep,)
 
 
 def main() -> int:

@@ -1,12 +1,11 @@
-"""What the nodes have in common: take pulse blocks, work on them in one thread, tell about it."""
+"""What the nodes have in common: take messages, work on them in one thread, tell about it."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from rclpy.task import Future
@@ -14,21 +13,27 @@ from std_msgs.msg import Float32MultiArray, UInt32
 from std_srvs.srv import Trigger
 
 from msg_conversions import WireFormatError
-from msg_conversions.pulse_block import from_message
 from msg_conversions.wire import DEFAULT_MAX_ELEMENTS
-from sar_imaging.signal.pulses import PulseBlock
-from sar_imaging.signal.sequence import StreamEvent, describe_range
 
+from .chain import Chain
 from .health import Rates
 from .managed import QOS_ERRORS, ManagedNode
-from .parameters import ANY_TIME, ConfigurationError, Parameter
+from .overload import APERTURES, POLICIES, Gate
+from .parameters import ANY_TIME, ConfigurationError, Parameter, one_of
+from .step import Step, stream_qos
 from .worker import Worker
 
 COMMON_PARAMETERS = (
+    Parameter('pulses_per_aperture', 1024, 'Length of an aperture; the same in all nodes.',
+              'pulses', 1, 2**31 - 1),
     Parameter('queue_depth', 50, 'Depth of the reliable queues of the middleware for pulse '
               'blocks, in and out; covers the largest burst.', 'messages', 1, 10_000),
-    Parameter('worker_queue_size', 50, 'Blocks that may wait for the worker thread; more are '
-              'dropped, counted and logged.', 'blocks', 1, 10_000),
+    Parameter('worker_queue_size', 50, 'Blocks that may wait for the worker thread.', 'blocks',
+              1, 10_000),
+    Parameter('worker_queue_megabytes', 512.0, 'Memory that the waiting blocks may take.', 'MB',
+              0.1, 1e6),
+    Parameter('overload', APERTURES, 'What happens when too many blocks wait: '
+              f'{" or ".join(POLICIES)}; counted and logged.', check=one_of(*POLICIES)),
     Parameter('max_message_elements', DEFAULT_MAX_ELEMENTS, 'Largest block to accept.', 'floats',
               2, 2**31 - 1, changes=ANY_TIME),
     Parameter('stall_timeout_s', 5.0, 'Input that pauses for longer is reported as stalled.', 's',
@@ -37,125 +42,89 @@ COMMON_PARAMETERS = (
 
 
 class Stage(ManagedNode):
-    """A node with pulse blocks as input.
+    """A node that takes messages and passes them through one step, or several in a row.
 
     While it is active, the subscription's callback validates and queues, and one thread works.
     Losses of any kind are counted, logged and published on /diagnostics, `~/progress` tells the
-    counter of the last pulse after every finished block, and `~/reset` drops what is underway.
-
-    Subclasses create what they need in `configure`, implement `process`, and may override `idle`,
-    `discard` and `update_counters`. `managed.run` starts them.
-
-    Parameters
-    ----------
-    input_topic : str
-        Relative topic of the blocks.
-    parameters : iterable of Parameter
-        Those of the subclass, beside the common ones.
-    counters, faults : iterable of str
-        Diagnostics keys of the subclass; `faults` are also `counters` and mean a warning.
+    counter of the last pulse after every finished message, `~/form_image` of nodes that
+    form images finishes what is underway, and `~/reset` drops it. `managed.run` starts a subclass.
 
     Attributes
     ----------
-    IDLE_PARAMETER : str or None
-        Parameter with the seconds without input after which `idle` is called, once.
-    received_s : float
-        When the block in work came, on `time.monotonic`.
+    NAME : str
+        Name of the node.
+    INPUT : str
+        Relative topic of the input.
+    STEPS : tuple of type
+        Classes of the steps; their parameters are the node's. With several of them each has a
+        part of its own in the diagnostics.
     """
 
-    IDLE_PARAMETER: str | None = None
+    INPUT: str
+    STEPS: tuple[type[Step], ...]
 
-    def __init__(self, *, input_topic: str, parameters: Iterable[Parameter] = (),
-                 counters: Iterable[str] = (), faults: Iterable[str] = ()):
+    def __init__(self):
+        alone = len(self.STEPS) == 1
         super().__init__(
-            parameters=(*parameters, *COMMON_PARAMETERS),
-            counters=(*counters, 'blocks_received', 'pulses_discarded', 'blocks_waiting',
-                      'queue_fill', *Rates.KEYS),
-            faults=(*faults, 'blocks_rejected', 'blocks_dropped', 'messages_lost'))
-        self._input_topic = input_topic
+            parameters=_joined(self.STEPS),
+            counters=('blocks_received', 'pulses_discarded', 'blocks_waiting', 'queue_fill',
+                      *Rates.KEYS, *(self.STEPS[0].COUNTERS if alone else ())),
+            faults=('blocks_rejected', 'blocks_dropped', 'apertures_skipped', 'messages_lost',
+                    *(self.STEPS[0].FAULTS if alone else ())))
+        self._healths = {step: self.health if alone else self.health.part(
+            step.NAME, counters=step.COUNTERS, faults=step.FAULTS) for step in self.STEPS}
         self._rates = Rates()
         self._last_input: float | None = None
         self._stalled = False
+        self._chain: Chain | None = None
         self._worker: Worker | None = None
+        self._gate: Gate | None = None
         self._subscription: Subscription | None = None
-        self.received_s = 0.0
         self.create_service(Trigger, '~/reset', self._reset, callback_group=self.service_group)
+        if self.STEPS[-1].FORMS_IMAGES:
+            self.create_service(Trigger, '~/form_image', self._form_image,
+                                callback_group=self.service_group)
 
-    # ------------------------------------------------------------------------- for subclasses
-
-    def process(self, block: PulseBlock) -> None:
-        """Work on a block, in the worker's thread; ValueError means that the block is rejected."""
-        raise NotImplementedError(f'{type(self).__name__} must implement process')
-
-    def idle(self) -> None:
-        """Work to be done when no block came for a while, in the worker's thread."""
-
-    def discard(self) -> int:
-        """Forget the pulses underway and return their number; the worker is not working."""
-        return 0
-
-    def update_counters(self) -> None:
-        """Bring the counters up to date before they are published."""
-
-    def summary(self) -> str:
-        """Settings for the log line at the start."""
-        return ''
-
-    def stream_qos(self) -> QoSProfile:
-        """Reliable, keeping the last `queue_depth` messages."""
-        return QoSProfile(depth=self.parameters['queue_depth'],
-                          reliability=ReliabilityPolicy.RELIABLE)
-
-    def report(self, events: Iterable[StreamEvent]) -> None:
-        """Log what a stage's plain class has to tell."""
-        for event in events:
-            if event.kind == 'start':
-                self.health.info(event.text)
-            else:
-                self.health.warning(event.text)
-
-    def create_trigger(self, name: str, work: Callable[[], tuple[bool, str]]) -> None:
-        """Service whose work is done in the worker's thread, after the blocks that wait.
-
-        Parameters
-        ----------
-        name : str
-            Name of the service, of type std_srvs/Trigger.
-        work : callable
-            Returns success and message of the answer.
-        """
-        async def answer(request, response):
-            response.success, response.message = await self._in_worker(work)
-            return response
-
-        self.create_service(Trigger, name, answer, callback_group=self.service_group)
+    def steps(self) -> tuple[type[Step], ...]:
+        """Those of `STEPS` that the parameters ask for."""
+        return self.STEPS
 
     # ------------------------------------------------------------------------- life cycle
 
     def configure(self) -> None:
-        """Create the outputs; see `ManagedNode.configure`."""
-        self._progress = self.create_publisher(UInt32, '~/progress', self.stream_qos())
+        """Make the steps and their outputs; see `ManagedNode.configure`."""
+        self._progress = self.create_publisher(UInt32, '~/progress', stream_qos(self.parameters))
         self.outputs.append(self._progress)
+        steps = self.steps()
+        self._inlet = steps[0].INLET(self.parameters['pulses_per_aperture'])
+        self._chain = Chain([step.create(self.parameters, self._healths[step]) for step in steps],
+                            reject=self._reject)
+        for step in self._chain.steps:
+            step.create_outputs(self)
 
     def activate(self) -> None:
         """Subscribe and begin to work; see `ManagedNode.activate`."""
         self._last_input, self._stalled = None, False
-        idle = self.IDLE_PARAMETER
+        p = self.parameters
         self._worker = Worker(
-            self._work, capacity=self.parameters['worker_queue_size'],
-            on_error=self._work_failed, on_idle=self.idle if idle else None,
-            idle_s=(lambda: self.parameters[idle]) if idle else None, name=self.get_name())
+            self._work, capacity=p['worker_queue_size'],
+            max_bytes=int(1e6 * p['worker_queue_megabytes']), on_error=self._work_failed,
+            on_idle=self._chain.idle, idle_s=self._chain.idle_s, name=self.get_name())
         self._worker.start()
+        self._gate = Gate(self._worker, self._inlet, p['overload'], self._skip)
+        for step in self._chain.steps:
+            step.activate(self)
         try:
             self._subscription = self.create_subscription(
-                Float32MultiArray, self._input_topic, self._receive, self.stream_qos(),
+                Float32MultiArray, self.INPUT, self._receive, stream_qos(p),
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
                 event_callbacks=SubscriptionEventCallbacks(
                     incompatible_qos=self.report_incompatible_qos,
                     message_lost=self._message_lost, matched=self._input_matched))
         except QOS_ERRORS as error:
-            raise ConfigurationError(f'QoS override of {self._input_topic}: {error}') from error
-        self.health.info(f'ready: {self._subscription.topic_name}{self.summary()}')
+            raise ConfigurationError(f'QoS override of {self.INPUT}: {error}') from error
+        settings = ''.join(step.summary() for step in self._chain.steps)
+        self.health.info(f'ready: {self._subscription.topic_name}{settings}')
 
     def deactivate(self) -> None:
         """Unsubscribe, finish the block in work and drop the rest; see `ManagedNode`."""
@@ -164,8 +133,19 @@ class Stage(ManagedNode):
             self.destroy_subscription(subscription)
         worker, self._worker = self._worker, None
         waiting = worker.stop() if worker is not None else []
+        for step in self._chain.steps:
+            step.deactivate(self)
         if subscription is not None:  # else the activation was refused
-            self._report_discarded('deactivated', waiting, self.discard())
+            self._report_discarded('deactivated', waiting, self._chain.discard())
+
+    def cleanup(self) -> None:
+        """Forget the steps; see `ManagedNode.cleanup`."""
+        self._chain = None
+
+    def in_worker(self, work: Callable[[], None]) -> None:
+        """Have something done in the worker's thread, soon; for the steps' callbacks."""
+        if self._worker is not None:
+            self._worker.call(work).add_done_callback(self._called)
 
     # ------------------------------------------------------------------------- input and work
 
@@ -175,32 +155,49 @@ class Stage(ManagedNode):
         now = self._last_input = time.monotonic()
         self.health.count('blocks_received')
         try:
-            block = from_message(message, max_elements=self.parameters['max_message_elements'])
+            item = self._inlet.read(message, max_elements=self.parameters['max_message_elements'])
         except WireFormatError as error:
-            self._reject(error)
+            self._reject('a message', error)
             return
-        self._rates.add(block.n_pulses, 4 * len(message.data))
-        if not self._worker.put((block, now)):
-            self.health.count('blocks_dropped')
-            self.health.warning(f'dropped {_pulses(block)}: {self._worker.waiting} blocks wait '
-                                'already; the work is slower than the input')
+        self._rates.add(self._inlet.n_pulses(item), 4 * len(message.data))
+        skipped = self._gate.skipped
+        dropped = self._gate.put(item, now)
+        if dropped:
+            self._report_dropped(dropped, skipped)
 
-    def _work(self, item: tuple[PulseBlock, float]) -> None:
-        block, self.received_s = item
-        try:
-            self.process(block)
-        except ValueError as error:
-            self._reject(error, _pulses(block))
-        self._progress.publish(UInt32(data=int(block.counter[-1])))
+    def _report_dropped(self, dropped: list, skipped: int | None) -> None:
+        self.health.count('blocks_dropped', len(dropped))
+        if self._gate.skipped is None:
+            what = f'dropped {self._inlet.describe(dropped[-1])}'
+        elif self._gate.skipped != skipped:
+            self.health.count('apertures_skipped')
+            what = f'aperture {self._gate.skipped} is left out'
+        else:
+            return  # more of the aperture that the log has told of
+        self.health.warning(f'{what}: {self._worker.waiting} blocks wait already; the work is '
+                            'slower than the input')
 
-    def _reject(self, error: ValueError, which: str = 'a message') -> None:
+    def _work(self, entry: tuple[object, float]) -> None:
+        item, received_s = entry
+        self._chain.work(item, received_s)
+        self._progress.publish(UInt32(data=self._inlet.last_counter(item)))
+
+    def _reject(self, which: str, error: ValueError) -> None:
         self.health.count('blocks_rejected')
-        self.health.warning(f'rejected {which} of {self.resolve_topic_name(self._input_topic)}: '
-                            f'{error}')
+        self.health.warning(f'rejected {which} of {self.resolve_topic_name(self.INPUT)}: {error}')
+
+    def _skip(self, aperture: int | None) -> None:
+        self._chain.skip(aperture)
+
+    def _called(self, future) -> None:
+        if not future.cancelled() and future.exception() is not None:
+            self._work_failed(future.exception())
 
     def _work_failed(self, error: BaseException) -> None:
         if self.context.ok():  # publishing fails once Ctrl-C has shut the context down
             self.report_error(error, 'error while working, the node goes on')
+
+    # ------------------------------------------------------------------------- services
 
     async def _in_worker(self, work: Callable[[], tuple[bool, str]]) -> tuple[bool, str]:
         if self._worker is None:
@@ -221,15 +218,20 @@ class Stage(ManagedNode):
             return False, f'{call.exception()}; see the log'
         return call.result()
 
+    async def _form_image(self, request, response):
+        response.success, response.message = await self._in_worker(
+            lambda: self._chain.form_image())
+        return response
+
     async def _reset(self, request, response):
         waiting = self._worker.clear() if self._worker is not None else []
         response.success, response.message = await self._in_worker(
-            lambda: (True, self._report_discarded('reset', waiting, self.discard())))
+            lambda: (True, self._report_discarded('reset', waiting, self._chain.discard())))
         return response
 
-    def _report_discarded(self, why: str, waiting: list[tuple[PulseBlock, float]],
+    def _report_discarded(self, why: str, waiting: list[tuple[object, float]],
                           n_underway: int) -> str:
-        n_waiting = sum(block.n_pulses for block, _ in waiting)
+        n_waiting = sum(self._inlet.n_pulses(item) for item, _ in waiting)
         self.health.count('pulses_discarded', n_waiting + n_underway)
         text = (f'dropped {n_waiting} pulses that waited and {n_underway} underway'
                 if n_waiting + n_underway else 'no pulses were underway')
@@ -245,18 +247,19 @@ class Stage(ManagedNode):
     def _message_lost(self, event) -> None:
         self.health.count('messages_lost', event.total_count_change)
         self.health.warning(f'the middleware lost {event.total_count_change} messages of '
-                            f'{self.resolve_topic_name(self._input_topic)}; raise queue_depth at '
+                            f'{self.resolve_topic_name(self.INPUT)}; raise queue_depth at '
                             'both ends')
 
     def publish_diagnostics(self) -> None:
         """Publish the counters and whether the input stalls; see `ManagedNode`."""
-        waiting = self._worker.waiting if self._worker is not None else 0
-        self.health.set('blocks_waiting', waiting)
-        self.health.set('queue_fill', waiting / self.parameters['worker_queue_size'])
+        worker = self._worker
+        self.health.set('blocks_waiting', worker.waiting if worker is not None else 0)
+        self.health.set('queue_fill', worker.fill if worker is not None else 0.0)
         for key, value in self._rates.take().items():
             self.health.set(key, value)
         if self.state in ('inactive', 'active'):
-            self.update_counters()
+            for step in self._chain.steps:
+                step.update_counters()
         if self.state == 'active':
             state = 'working' if self._last_input else 'waiting for input'
             self.health.publish(self._stall(), state)
@@ -271,12 +274,14 @@ class Stage(ManagedNode):
         stalled = pause > self.parameters['stall_timeout_s']
         if stalled and not self._stalled:
             self.health.warning('input stalled: nothing on '
-                                f'{self.resolve_topic_name(self._input_topic)} for {pause:.0f} s')
+                                f'{self.resolve_topic_name(self.INPUT)} for {pause:.0f} s')
         elif self._stalled and not stalled:
             self.health.info('input goes on')
         self._stalled = stalled
         return f'no input for {pause:.0f} s' if stalled else ''
 
 
-def _pulses(block: PulseBlock) -> str:
-    return f'pulses {describe_range(int(block.counter[0]), int(block.counter[-1]))}'
+def _joined(steps: tuple[type[Step], ...]) -> tuple[Parameter, ...]:
+    """Parameters of the steps and those common to all nodes, each once."""
+    table = {p.name: p for step in steps for p in step.PARAMETERS}
+    return (*(table | {p.name: p for p in COMMON_PARAMETERS}).values(),)

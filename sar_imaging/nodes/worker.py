@@ -6,7 +6,6 @@ import collections
 import concurrent.futures
 import dataclasses
 import threading
-import time
 from collections.abc import Callable
 
 
@@ -34,26 +33,30 @@ class Worker:
         Called with each item in the worker's thread.
     capacity : int
         Largest number of waiting items; more are refused.
+    max_bytes : int
+        Largest memory of waiting items; more are refused, but for one that waits alone.
     on_error : callable
         Called with the exception when `work` or `on_idle` raised one; the thread goes on.
     on_idle : callable or None
-        Called in the worker's thread, once, when no item came for `idle_s()` seconds.
+        Called in the worker's thread when no item waits and `idle_s()` has come down to zero.
     idle_s : callable or None
-        Returns that time, seconds.
+        Returns the seconds until then; None when there is nothing to be idle about.
     name : str
         Name of the thread.
     """
 
     def __init__(self, work: Callable[[object], None], *, capacity: int,
-                 on_error: Callable[[Exception], None],
+                 on_error: Callable[[Exception], None], max_bytes: int = 2**63,
                  on_idle: Callable[[], None] | None = None,
-                 idle_s: Callable[[], float] | None = None, name: str = 'worker'):
+                 idle_s: Callable[[], float | None] = lambda: None, name: str = 'worker'):
         self._work = work
         self._capacity = capacity
+        self._max_bytes = max_bytes
         self._on_error = on_error
         self._on_idle = on_idle
         self._idle_s = idle_s
-        self._items: collections.deque = collections.deque()
+        self._items: collections.deque = collections.deque()  # calls, and items with their bytes
+        self._n_items = self._n_bytes = 0
         self._changed = threading.Condition()
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name=name)
@@ -62,12 +65,15 @@ class Worker:
         """Start the thread."""
         self._thread.start()
 
-    def put(self, item) -> bool:
+    def put(self, item, n_bytes: int = 0) -> bool:
         """Add an item; False when the queue is full and the item was not taken."""
         with self._changed:
-            if len(self._items) >= self._capacity:
+            if self._n_items and (self._n_items >= self._capacity
+                                  or self._n_bytes + n_bytes > self._max_bytes):
                 return False
-            self._items.append(item)
+            self._items.append((item, n_bytes))
+            self._n_items += 1
+            self._n_bytes += n_bytes
             self._changed.notify()
         return True
 
@@ -89,52 +95,61 @@ class Worker:
     @property
     def waiting(self) -> int:
         """Number of items in the queue."""
-        return len(self._items)
+        return self._n_items
 
-    def clear(self) -> list:
-        """Discard the items that wait and return them; calls stay."""
+    @property
+    def fill(self) -> float:
+        """How full the queue is, 0 to 1, by number or by memory."""
+        return max(self._n_items / self._capacity, min(self._n_bytes / self._max_bytes, 1.0))
+
+    def clear(self, which: Callable[[object], bool] = lambda item: True) -> list:
+        """Discard the items that wait and return them, or some of them; calls stay."""
+        removed, kept = [], collections.deque()
         with self._changed:
-            items = [i for i in self._items if not isinstance(i, _Call)]
-            self._items = collections.deque(i for i in self._items if isinstance(i, _Call))
-        return items
+            for entry in self._items:
+                if isinstance(entry, _Call) or not which(entry[0]):
+                    kept.append(entry)
+                else:
+                    removed.append(self._leave(entry))
+            self._items = kept
+        return removed
 
     def stop(self) -> list:
         """Finish the item in work, join the thread and return the items that were not begun."""
         with self._changed:
             self._stopping = True
-            left = list(self._items)
-            self._items.clear()
             self._changed.notify()
         if self._thread.is_alive():
             self._thread.join()
-        for call in left:
-            if isinstance(call, _Call):
-                call.future.cancel()
-        return [item for item in left if not isinstance(item, _Call)]
+        left = self.clear()
+        for call in self._items:
+            call.future.cancel()
+        self._items.clear()
+        return left
+
+    def _leave(self, entry):
+        """Item of an entry that leaves the queue."""
+        item, n_bytes = entry
+        self._n_items -= 1
+        self._n_bytes -= n_bytes
+        return item
 
     def _run(self) -> None:
-        idle_since: float | None = None  # None when there is nothing to be idle about
         while True:
             with self._changed:
                 if not self._items and not self._stopping:
-                    self._changed.wait(self._remaining(idle_since))
+                    self._changed.wait(self._idle_s())
                 if self._stopping:
                     return
-                item = self._items.popleft() if self._items else None
-            if isinstance(item, _Call):
-                item.run()
-            elif item is not None:
+                entry = self._items.popleft() if self._items else None
+                if isinstance(entry, tuple):
+                    item = self._leave(entry)
+            if isinstance(entry, _Call):
+                entry.run()
+            elif entry is not None:
                 self._guarded(self._work, item)
-                idle_since = time.monotonic()
-            elif idle_since is not None and self._remaining(idle_since) == 0.0:
+            elif (remaining := self._idle_s()) is not None and remaining <= 0.0:
                 self._guarded(self._on_idle)
-                idle_since = None
-
-    def _remaining(self, idle_since: float | None) -> float | None:
-        """Seconds until `on_idle` is due; None waits for the next item."""
-        if idle_since is None or self._on_idle is None:
-            return None
-        return max(0.0, idle_since + self._idle_s() - time.monotonic())
 
     def _guarded(self, function: Callable, *arguments) -> None:
         try:

@@ -219,3 +219,69 @@ def test_rotated_maps_are_refused(z, w):
     message.origin.orientation.z, message.origin.orientation.w = z, w
     with pytest.raises(WireFormatError, match=r'orientation=.*; expected \(0, 0, 0, 1\): a north'):
         images.map_metadata_from_message(message)
+
+
+# ------------------------------------------------------------------------------- occupancy
+
+GRID_OF_PICTURE = MapGrid((10.0, 20.0, 0.5), 3, 2, 0.5)
+
+
+def test_occupancy_is_linear_in_db_above_the_median():
+    # The median of five ones and two others is one: 0 dB.
+    levels_db = [0.0, 6.0, 12.0, 18.0, 30.0, 60.0]
+    amplitude = np.ones((4, len(levels_db)), np.float32)
+    amplitude[1] = 10 ** (np.array(levels_db) / 20)
+    amplitude[3, :3] = 0.0
+    cells = images.occupancy(amplitude, free_db=6.0, range_db=24.0)
+    assert cells.dtype == np.int8
+    assert cells[1].tolist() == [0, 0, 25, 50, 100, 100]
+    assert (cells[0] == 0).all()
+    assert cells[3].tolist() == [images.UNKNOWN] * 3 + [0] * 3
+
+
+@given(hnp.arrays(np.float32, SHAPES, elements=st.floats(0, 2**100, width=32)),
+       st.floats(-40.0, 40.0), st.floats(0.5, 60.0), st.integers(-20, 20))
+def test_occupancy_ignores_calibration(amplitude, free_db, range_db, exponent):
+    kept = (amplitude == 0) | (amplitude > 2.0**-60)  # no rounding to denormal numbers
+    amplitude = np.where(kept, amplitude, np.float32(1.0))
+    cells = images.occupancy(amplitude, free_db=free_db, range_db=range_db)
+    assert ((cells == images.UNKNOWN) == (amplitude == 0)).all()
+    assert cells.min() >= images.UNKNOWN and cells.max() <= 100
+    scaled = images.occupancy(amplitude * np.float32(2.0**exponent), free_db=free_db,
+                              range_db=range_db)
+    np.testing.assert_array_equal(cells, scaled)
+
+
+def test_a_map_begins_with_its_bottom_row_and_is_where_the_image_is():
+    picture = np.array([[0, 1, 1], [1, 1, 100]], np.float32)
+    message = through_cdr(images.occupancy_to_message(picture, GRID_OF_PICTURE, HEADER,
+                                                      free_db=6.0, range_db=24.0))
+    assert message.header == HEADER
+    assert message.info.map_load_time == HEADER.stamp
+    assert list(message.data) == [0, 0, 100, images.UNKNOWN, 0, 0]
+    assert (message.info.origin.position.x, message.info.origin.position.y) == (9.25, 19.5)
+    cells, grid = images.occupancy_from_message(message)
+    assert grid == GRID_OF_PICTURE
+    np.testing.assert_array_equal(
+        cells, images.occupancy(picture, free_db=6.0, range_db=24.0))
+
+
+@pytest.mark.parametrize('amplitude, levels, text', [
+    (PICTURE, (6.0, 0.0), 'a range above 0'),
+    (PICTURE, (np.nan, 24.0), 'finite levels'),
+    (PICTURE * np.inf, (6.0, 24.0), 'finite amplitudes'),
+    (np.zeros((0, 3)), (6.0, 24.0), 'at least one pixel')])
+def test_impossible_occupancies_are_refused(amplitude, levels, text):
+    with pytest.raises(ValueError, match=text):
+        images.occupancy(amplitude, free_db=levels[0], range_db=levels[1])
+
+
+def test_a_map_with_another_number_of_cells_is_refused():
+    message = images.occupancy_to_message(PICTURE, GRID_OF_PICTURE, HEADER, free_db=6.0,
+                                          range_db=24.0)
+    message.data.pop()
+    with pytest.raises(WireFormatError, match=r'len\(data\)=5; expected 6: 2 rows of 3 cells'):
+        images.occupancy_from_message(message)
+    with pytest.raises(ValueError, match='does not match grid.shape'):
+        images.occupancy_to_message(PICTURE.T, GRID_OF_PICTURE, HEADER, free_db=6.0,
+                                    range_db=24.0)

@@ -147,7 +147,7 @@ def test_input_that_pauses_is_reported_and_its_aperture_closed(make_chain, spotl
 def test_a_full_queue_is_counted_and_logged(make_chain, spotlight):
     # After its window the buffer publishes 128 blocks at once, while compression is planned.
     chain = make_chain(spotlight.truth, pulse_buffer={'pulses_per_block': 1},
-                       range_compression={'worker_queue_size': 1})
+                       range_compression={'worker_queue_size': 1, 'overload': 'drop_blocks'})
     observer = chain.observer
     observer.send(spotlight.blocks(8))
     observer.wait(lambda: observer.counters('range_compression').get('blocks_dropped', 0) > 0,

@@ -1,6 +1,7 @@
 """The worker thread: order, bounded queue, failures, idleness, orderly end."""
 
 import threading
+import time
 
 import pytest
 
@@ -70,16 +71,37 @@ def test_a_failure_is_reported_and_the_thread_lives_on(start_worker):
     assert [type(e) for e in errors] == [KeyError]
 
 
-def test_idleness_is_told_once_after_each_burst(start_worker):
-    idle = threading.Semaphore(0)
-    worked = threading.Semaphore(0)
-    worker = start_worker(lambda item: worked.release(), on_idle=idle.release,
-                          idle_s=lambda: 0.02)
+def test_idleness_is_told_when_it_is_due(start_worker):
+    idle, due = threading.Semaphore(0), []
+
+    def on_idle():
+        due.clear()
+        idle.release()
+
+    worker = start_worker(lambda item: due.append(time.monotonic() + 0.02), on_idle=on_idle,
+                          idle_s=lambda: max(0.0, due[0] - time.monotonic()) if due else None)
     for _ in range(2):
-        worker.put(0)
-        assert worked.acquire(timeout=PATIENCE_S)
+        worker.put('something to be idle about')
         assert idle.acquire(timeout=PATIENCE_S)
     assert not idle.acquire(timeout=0.1), 'told again without new work'
+
+
+def test_waiting_items_take_no_more_than_their_memory(start_worker):
+    begun, go_on = threading.Event(), threading.Event()
+
+    def work(item):
+        begun.set()
+        go_on.wait(PATIENCE_S)
+
+    worker = start_worker(work, max_bytes=100)
+    worker.put('in work', 1000)
+    assert begun.wait(PATIENCE_S)
+    assert [worker.put('waits', n) for n in (1000, 1)] == [True, False]  # alone: any size
+    assert worker.fill == 1.0
+    assert worker.clear() == ['waits']
+    assert [worker.put('waits', n) for n in (50, 50, 1)] == [True, True, False]
+    assert (worker.waiting, worker.fill) == (2, 1.0)
+    go_on.set()
 
 
 def test_stopping_finishes_the_item_in_work_and_discards_the_others():
@@ -136,7 +158,10 @@ def test_what_is_cleared_is_returned_and_calls_stay(start_worker):
     worker.put(1)
     call = worker.call(done.copy)
     worker.put(2)
-    assert worker.clear() == [1, 2]
+    worker.put(3)
+    assert worker.clear(lambda item: item == 2) == [2]
+    assert worker.clear() == [1, 3]
+    assert worker.waiting == 0
     go_on.set()
     assert call.result(PATIENCE_S) == [0]
 

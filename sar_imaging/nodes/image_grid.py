@@ -1,0 +1,51 @@
+"""The image grid as parameters of the nodes that form images."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from sar_imaging.geometry.grids import MapGrid
+
+from .parameters import ConfigurationError, Parameter
+
+GRID_PARAMETERS = (
+    Parameter('grid.centre_x', 0.0, 'Middle of the image, x in the imaging frame.', 'm',
+              -1e8, 1e8),
+    Parameter('grid.centre_y', 0.0, 'Middle of the image, y in the imaging frame.', 'm',
+              -1e8, 1e8),
+    Parameter('grid.centre_z', 0.0, 'Height of the image plane in the imaging frame.', 'm',
+              -1e8, 1e8),
+    Parameter('grid.size_x', 100.0, 'Extent of the image along x.', 'm', 0.0, 1e6),
+    Parameter('grid.size_y', 100.0, 'Extent of the image along y.', 'm', 0.0, 1e6),
+    Parameter('grid.spacing', 0.25, 'Pixel spacing along x and y; at most half the resolution.',
+              'm', 1e-4, 1e4),
+    Parameter('max_image_pixels', 2**25, 'Larger images are refused.', 'pixels',
+              1, 2**31 - 1),
+)
+
+
+def make_grid(parameters: Mapping[str, object]) -> MapGrid:
+    """Grid that the parameters describe.
+
+    Raises
+    ------
+    ConfigurationError
+        It has more pixels than allowed.
+    """
+    p = parameters
+    spacing = p['grid.spacing']
+    n_pixels = (p['grid.size_x'] / spacing + 1) * (p['grid.size_y'] / spacing + 1)
+    if n_pixels > p['max_image_pixels']:
+        raise ConfigurationError(
+            f'the grid of {p["grid.size_x"]:g} m by {p["grid.size_y"]:g} m has '
+            f'{n_pixels:.3g} pixels, more than max_image_pixels={p["max_image_pixels"]}; '
+            f'raise grid.spacing={spacing:g} or max_image_pixels')
+    return MapGrid.from_size((p['grid.centre_x'], p['grid.centre_y'], p['grid.centre_z']),
+                             p['grid.size_x'], p['grid.size_y'], spacing)
+
+
+def describe_grid(grid: MapGrid) -> str:
+    """Grid in words."""
+    x, y, z = grid.centre_m
+    return (f'{grid.n_x} x {grid.n_y} pixels of {grid.spacing_m:g} m around '
+            f'({x:g}, {y:g}, {z:g}) m')

@@ -1,0 +1,111 @@
+"""The topics that an image goes out on, each built only when somebody listens."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Image
+from std_msgs.msg import Header
+
+from msg_conversions.images import (
+    MAX_DYNAMIC_RANGE_DB,
+    amplitude_to_message,
+    complex_to_message,
+    map_metadata_to_message,
+    occupancy_to_message,
+    quicklook_to_message,
+)
+from sar_imaging.geometry.grids import MapGrid
+
+from .managed import LATCHED
+from .parameters import ANY_TIME, Parameter
+
+if TYPE_CHECKING:
+    from .stage import Stage
+
+PARAMETERS = (
+    Parameter('quicklook.dynamic_range_db', 60.0, 'Range of image_quicklook below the brightest '
+              'pixel.', 'dB', 1.0, MAX_DYNAMIC_RANGE_DB, changes=ANY_TIME),
+    Parameter('map.free_db', 6.0, 'Up to this level above the median amplitude a cell of map is '
+              'free (0).', 'dB', -MAX_DYNAMIC_RANGE_DB, MAX_DYNAMIC_RANGE_DB, changes=ANY_TIME),
+    Parameter('map.range_db', 24.0, 'From map.free_db so much higher a cell of map is occupied '
+              '(100).', 'dB', 0.1, MAX_DYNAMIC_RANGE_DB, changes=ANY_TIME),
+    Parameter('frame_id', 'map', 'Frame of the phase centres and of the images.'),
+)
+
+
+class ImageProducts:
+    """Publishes images of one node on all their topics.
+
+    Parameters
+    ----------
+    node : Stage
+        Node whose outputs they are.
+    parameters : mapping
+        Current values of `PARAMETERS`.
+    """
+
+    def __init__(self, node: Stage, parameters: Mapping[str, object]):
+        self._parameters = parameters
+        self._grid: MapGrid | None = None  # that map_metadata tells
+        self._unmapped: tuple[np.ndarray, Header] | None = None  # for who asks for a map later
+        qos = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
+        self._complex = node.create_output(Image, 'image_complex', qos)
+        self._amplitude = node.create_output(Image, 'image', qos)
+        self._quicklook = node.create_output(Image, 'image_quicklook', qos)
+        self._map_metadata = node.create_output(MapMetaData, 'map_metadata', LATCHED)
+        self._map = node.create_output(OccupancyGrid, 'map', LATCHED,
+                                       joined=lambda: node.in_worker(self._publish_map))
+
+    @property
+    def topic(self) -> str:
+        """Full name of the topic of the amplitudes."""
+        return self._amplitude.topic_name
+
+    def announce(self, grid: MapGrid, stamp: Time) -> None:
+        """Tell where the images will be, when that has changed."""
+        if grid != self._grid:
+            self._grid = grid
+            self._map_metadata.publish(map_metadata_to_message(grid, stamp))
+
+    def publish(self, image: np.ndarray, grid: MapGrid, stamp_ns: int) -> None:
+        """Publish an image.
+
+        Parameters
+        ----------
+        image : (n_y, n_x) complex64
+            Row 0 is the largest y. The array is kept until the next image comes.
+        grid : MapGrid
+            Where its pixels are.
+        stamp_ns : int
+            Middle of the aperture, nanoseconds.
+        """
+        header = Header(stamp=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9),
+                        frame_id=self._parameters['frame_id'])
+        self.announce(grid, header.stamp)
+        if self._complex.get_subscription_count():
+            self._complex.publish(complex_to_message(image, header))
+        wanted = [p for p in (self._amplitude, self._quicklook) if p.get_subscription_count()]
+        amplitude = np.abs(image) if wanted else None
+        if self._amplitude in wanted:
+            self._amplitude.publish(amplitude_to_message(amplitude, header))
+        if self._quicklook in wanted:
+            self._quicklook.publish(quicklook_to_message(
+                amplitude, header,
+                dynamic_range_db=self._parameters['quicklook.dynamic_range_db']))
+        self._unmapped = image, header
+        self._publish_map()
+
+    def _publish_map(self) -> None:
+        """Publish the latest image as a map, if there is a new one and somebody listens."""
+        if self._unmapped is None or not self._map.get_subscription_count():
+            return
+        (image, header), self._unmapped = self._unmapped, None
+        self._map.publish(occupancy_to_message(
+            np.abs(image), self._grid, header, free_db=self._parameters['map.free_db'],
+            range_db=self._parameters['map.range_db']))

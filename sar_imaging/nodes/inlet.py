@@ -1,0 +1,101 @@
+"""What comes into a stage: how its messages are read and which pulses they hold."""
+
+from __future__ import annotations
+
+import abc
+
+import numpy as np
+from std_msgs.msg import Float32MultiArray
+
+from msg_conversions import pulse_block
+from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.sequence import describe_range
+
+
+class Inlet(abc.ABC):
+    """How the items of a stage's input are read, whatever they are.
+
+    Parameters
+    ----------
+    pulses_per_aperture : int
+        Length of an aperture.
+    """
+
+    def __init__(self, pulses_per_aperture: int):
+        self._length = pulses_per_aperture
+
+    @staticmethod
+    @abc.abstractmethod
+    def read(message: Float32MultiArray, *, max_elements: int):
+        """Item in a message; raises WireFormatError when there is none."""
+
+    @staticmethod
+    @abc.abstractmethod
+    def n_pulses(item) -> int:
+        """Number of pulses in an item."""
+
+    @staticmethod
+    @abc.abstractmethod
+    def last_counter(item) -> int:
+        """Counter of the last pulse of an item."""
+
+    @staticmethod
+    @abc.abstractmethod
+    def n_bytes(item) -> int:
+        """Memory that an item takes while it waits."""
+
+    @staticmethod
+    @abc.abstractmethod
+    def describe(item) -> str:
+        """The item in words."""
+
+    @abc.abstractmethod
+    def apertures(self, item) -> np.ndarray:
+        """Numbers of the apertures that an item belongs to, one for each of its parts."""
+
+    @abc.abstractmethod
+    def extent(self, item) -> tuple[float, float]:
+        """Where an item begins in its aperture and where it ends, 0 to 1."""
+
+    def select(self, item, parts: np.ndarray):
+        """Item of some of its parts; `parts` is a mask like `apertures`, not all false."""
+        return item
+
+
+class PulseBlocks(Inlet):
+    """Pulse blocks, raw or compressed; each pulse is a part."""
+
+    read = staticmethod(pulse_block.from_message)
+
+    @staticmethod
+    def n_pulses(item: PulseBlock) -> int:
+        """Number of pulses in a block."""
+        return item.n_pulses
+
+    @staticmethod
+    def last_counter(item: PulseBlock) -> int:
+        """Counter of the last pulse of a block."""
+        return int(item.counter[-1])
+
+    @staticmethod
+    def n_bytes(item: PulseBlock) -> int:
+        """Memory of the samples, bytes."""
+        return item.samples.nbytes
+
+    @staticmethod
+    def describe(item: PulseBlock) -> str:
+        """Such as ``pulses 32..63``."""
+        return f'pulses {describe_range(int(item.counter[0]), int(item.counter[-1]))}'
+
+    def apertures(self, item: PulseBlock) -> np.ndarray:
+        """(P,) number of the aperture of each pulse."""
+        return item.counter // np.uint32(self._length)
+
+    def extent(self, item: PulseBlock) -> tuple[float, float]:
+        """Where a block begins in the aperture of its first pulse, where in that of its last."""
+        first, last = int(item.counter[0]) % self._length, int(item.counter[-1]) % self._length
+        return first / self._length, (last + 1) / self._length
+
+    def select(self, item: PulseBlock, parts: np.ndarray) -> PulseBlock:
+        """Some of the pulses."""
+        return item.select(parts)

@@ -1,0 +1,155 @@
+"""What stays outside a full queue: whole apertures, whatever the blocks look like."""
+
+import threading
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
+
+from sar_imaging.nodes.inlet import PulseBlocks
+from sar_imaging.nodes.overload import APERTURES, BLOCKS, Gate
+from sar_imaging.nodes.worker import Worker
+from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.radar import RadarParameters
+
+LENGTH = 16
+PATIENCE_S = 30.0
+RADAR = RadarParameters(carrier_hz=1e10, bandwidth_hz=1e8, sample_rate_hz=2e8,
+                        first_sample_delay_s=1e-6)
+
+
+def block(first, last):
+    counters = np.arange(first, last + 1)
+    return PulseBlock(RADAR, True, counters, counters, np.zeros((len(counters), 1, 1)))
+
+
+class Slow:
+    """A worker that waits for `work` before each item, and the gate in front of it."""
+
+    def __init__(self, policy, capacity):
+        self.done, self.said = [], []  # pulses, and what the steps were told with the pulses done
+        self._permits = threading.Semaphore(0)
+        self._worked = threading.Semaphore(0)
+        self._busy = threading.Semaphore(0)
+        self.worker = Worker(self._work, capacity=capacity, on_error=lambda error: None)
+        self.gate = Gate(self.worker, PulseBlocks(LENGTH), policy,
+                         lambda aperture: self.said.append((aperture, len(self.done))))
+        self.worker.start()
+
+    def _work(self, entry):
+        self._busy.release()
+        self._permits.acquire(timeout=PATIENCE_S)
+        self.done += entry[0].counter.tolist()
+        self._worked.release()
+
+    def put(self, first, last):
+        """Counters of the pulses dropped by offering a block."""
+        return [c for b in self.gate.put(block(first, last), 0.0) for c in b.counter.tolist()]
+
+    def wait_until_busy(self):
+        assert self._busy.acquire(timeout=PATIENCE_S)
+
+    def work(self, n_blocks):
+        for _ in range(n_blocks):
+            self._permits.release()
+            assert self._worked.acquire(timeout=PATIENCE_S)
+
+    def finish(self):
+        self._permits.release(100)
+        self.worker.call(lambda: None).result(PATIENCE_S)
+
+    def stop(self):
+        self._permits.release(100)
+        self.worker.stop()
+
+
+@pytest.fixture
+def make_slow():
+    made = []
+
+    def make(policy, capacity):
+        made.append(Slow(policy, capacity))
+        return made[-1]
+
+    yield make
+    for slow in made:
+        slow.stop()
+
+
+def pulses(first, last):
+    return list(range(first, last + 1))
+
+
+def test_the_newest_aperture_is_left_out_as_a_whole(make_slow):
+    slow = make_slow(APERTURES, capacity=4)
+    assert slow.put(0, 7) == []
+    slow.wait_until_busy()
+    for first in (8, 16, 20, 24):
+        assert slow.put(first, first + (7 if first == 8 else 3)) == []
+    assert slow.put(28, 31) == pulses(16, 31)  # three that waited, and itself
+    assert slow.gate.skipped == 1
+    slow.work(2)  # the rest of aperture 0
+    slow.worker.call(lambda: None).result(PATIENCE_S)
+    assert slow.said == [(1, 16)]
+    assert slow.put(32, 47) == []
+    slow.finish()
+    assert slow.done == [*pulses(0, 15), *pulses(32, 47)]
+    assert slow.said == [(1, 16), (None, 16)]
+
+
+def test_no_aperture_begins_until_half_of_the_queue_is_free(make_slow):
+    slow = make_slow(APERTURES, capacity=2)
+    slow.put(0, 0)
+    slow.wait_until_busy()
+    assert [slow.put(c, c) for c in (1, 2)] == [[], []]
+    assert slow.put(16, 16) == [16]
+    assert slow.put(17, 31) == pulses(17, 31)
+    assert slow.put(32, 33) == [32, 33]  # two blocks of aperture 0 wait
+    assert slow.gate.skipped == 2
+    slow.work(1)
+    slow.wait_until_busy()
+    assert slow.put(34, 47) == pulses(34, 47)
+    assert slow.put(48, 49) == []
+    slow.finish()
+    assert slow.done == [0, 1, 2, 48, 49]
+
+
+def test_blocks_across_apertures_are_divided(make_slow):
+    slow = make_slow(APERTURES, capacity=2)
+    slow.put(0, 0)
+    slow.wait_until_busy()
+    slow.put(1, 12)
+    slow.put(13, 20)  # ends in aperture 1: its end leaves, the rest stays
+    assert slow.put(21, 30) == pulses(21, 30)
+    slow.work(2)
+    assert slow.put(31, 40) == [31]
+    slow.finish()
+    assert slow.done == [*pulses(0, 20), *pulses(32, 40)]
+    assert slow.said == [(1, 21), (None, 21)]
+
+
+def test_a_recording_of_one_aperture_in_a_loop_gets_in_again(make_slow):
+    slow = make_slow(APERTURES, capacity=1)
+    slow.put(0, 7)
+    slow.wait_until_busy()
+    slow.put(8, 11)
+    assert slow.put(12, 15) == pulses(8, 15)
+    slow.work(1)
+    assert slow.put(0, 7) == []  # the loop: from the end to the beginning
+    slow.finish()
+    assert slow.done == [*pulses(0, 7), *pulses(0, 7)]
+    assert slow.said == [(0, 8), (None, 8)]
+
+
+def test_single_blocks_are_dropped_when_that_is_wanted(make_slow):
+    slow = make_slow(BLOCKS, capacity=1)
+    slow.put(0, 0)
+    slow.wait_until_busy()
+    assert [slow.put(c, c) for c in (1, 2)] == [[], [2]]
+    slow.work(1)
+    slow.wait_until_busy()
+    assert slow.put(3, 3) == []
+    slow.finish()
+    assert slow.done == [0, 1, 3]
+    assert slow.said == []
