@@ -1,0 +1,145 @@
+"""Plan of an aperture from a track that is foreseen, for AFBP while the pulses arrive."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from ..signal.pulses import PulseBlock
+from ..signal.radar import RadarParameters
+from .lattice import total_db
+from .polar import cover_map
+from .subapertures import SubaperturePlan
+
+_ROWS_FOR_COVER = 256
+_FUSION_MARGIN_DB = 3.0  # for tracks that are less smooth than foreseen
+_EXTENSION = 0.05  # of the aperture at both ends, for what is foreseen too short
+
+
+def extension(n_pulses: int, length: int, slack: float) -> tuple[int, int]:
+    """Pulses by which to extend an aperture at its start and end, to whole sub-apertures.
+
+    Parameters
+    ----------
+    n_pulses : int
+        Of the aperture.
+    length : int
+        Of a sub-aperture.
+    slack : float
+        Times the usual extension.
+    """
+    least = math.ceil(slack * _EXTENSION * n_pulses)
+    extra = math.ceil((n_pulses + 2 * least) / length) * length - n_pulses
+    return extra // 2, extra - extra // 2
+
+
+class LivePlan:
+    """Backprojection of the sub-apertures of one aperture, planned before its pulses came.
+
+    Parameters
+    ----------
+    grid : MapGrid
+        Map that the fused image is wanted on.
+    radar : RadarParameters
+        Of the compressed profiles.
+    n_samples : int
+        Samples of a profile.
+    tx_m, rx_m : (P, C, 3) float64
+        Phase centres of the aperture as foreseen, metres, extended at both ends.
+    target_db : float
+        Wanted error of the fused image on the map against exact backprojection, dB.
+    length : int, optional
+        Pulses of a sub-aperture; the quickest if left out.
+    slack : float
+        Times the usual margin for deviations from the track; 0 for a track that is known.
+
+    Attributes
+    ----------
+    grid : MapGrid
+        As given.
+    fusion : FusionGrid
+        Of the sub-aperture images and the fused one.
+    length : int
+        Pulses of a sub-aperture.
+
+    Raises
+    ------
+    ValueError
+        The geometry does not allow the target.
+    """
+
+    def __init__(self, grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
+                 target_db: float, length: int | None = None, slack: float = 1.0):
+        step = max(1, len(tx_m) // _ROWS_FOR_COVER)
+        rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
+        cover = cover_map(grid, *rows, radar, n_samples, target_db - 10.0,
+                          min(target_db - 10.0, -50.0))
+        if cover is None:
+            raise ValueError('the map is too small, too near, around or beside the aperture for '
+                             'a polar image')
+        self.grid, self._known = grid, slack == 0
+        self._resampling_db = cover.interpolator.error_db
+        # the share of the target that the interpolation to the map leaves
+        self._target_db = 10 * math.log10(10 ** (target_db / 10)
+                                          - 2 * 10 ** (self._resampling_db / 10))
+        margin_db = min(slack, 2.0) * _FUSION_MARGIN_DB
+        self._stage = SubaperturePlan(cover.polar, radar, n_samples, tx_m, rx_m,
+                                      target_db=self._target_db - margin_db,
+                                      pulses_per_subaperture=length,
+                                      oversampling=cover.oversampling)
+        self.fusion = self._stage.fusion_grid
+        self.length = max(p.stop - p.start for p in self._stage.sampling.pulses)
+
+    def __str__(self) -> str:
+        polar, fusion = self.fusion.polar, self.fusion
+        return (f'sub-apertures of {self.length} pulses on {fusion.n_coarse} x '
+                f'{fusion.coarse.n_range} pixels, fused to {polar.n_alpha} x {polar.n_range}')
+
+    def check(self, tx_m, rx_m) -> tuple[float, float] | None:
+        """Band of a sub-aperture and its error on the map, from its real phase centres.
+
+        Parameters
+        ----------
+        tx_m, rx_m : (P, C, 3) float64
+            Phase centres, metres.
+
+        Returns
+        -------
+        centre_m, predicted_error_db : float
+            Middle of the band, metres, and error against exact backprojection, dB.
+
+        None where the track differs so much that the error may exceed the target; never where
+        the track had been known.
+        """
+        try:
+            centre_m, error_db, within = self._stage.check(tx_m, rx_m)
+        except ValueError:
+            return None
+        if not self._known and not (within and error_db <= self._target_db):
+            return None
+        return centre_m, total_db(error_db, *2 * [self._resampling_db])
+
+    def image(self, block: PulseBlock) -> np.ndarray:
+        """Backproject a sub-aperture.
+
+        Parameters
+        ----------
+        block : PulseBlock
+            Its range profiles with phase centres.
+
+        Returns
+        -------
+        (n_alpha, n_range) complex64
+            On ``fusion.coarse``, at range baseband.
+
+        Raises
+        ------
+        ValueError
+            The block does not match the plan.
+        """
+        parts = self._stage.image(0, block)
+        image = np.empty(parts.shape[1:], np.complex64)
+        image.real, image.imag = parts
+        return image

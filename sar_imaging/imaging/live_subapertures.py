@@ -1,0 +1,303 @@
+"""First stage of AFBP while the pulses arrive: sub-aperture images of every aperture."""
+
+from __future__ import annotations
+
+import dataclasses
+import secrets
+import time
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from ..signal.pulses import PulseBlock
+from ..signal.sequence import COUNTER_MASK
+from .aperture_pulses import AperturePulses
+from .aperture_sequence import ApertureSequence, ApertureStatistics
+from .live_plan import LivePlan, extension
+from .mosaic import patch_beside
+from .subaperture_image import SubapertureImage
+from .track_prediction import predict_track
+
+_LEAST_PULSES = 16  # from which a track is carried on, where nothing came before
+_MOST_REVISIONS = 3  # after which the whole track is awaited
+
+
+@dataclasses.dataclass
+class LiveStatistics(ApertureStatistics):
+    """Counts of `LiveSubapertures`; `images` are those of sub-apertures."""
+
+    plans: int = 0
+    plans_anew: int = 0
+    plan_seconds: float = 0.0
+
+
+@dataclasses.dataclass
+class _Target:
+    """An image to be: apertures that it is made of, and the plan of their sub-apertures."""
+
+    first: int  # aperture
+    n_apertures: int
+    sequence: int
+    apertures: list[AperturePulses] = dataclasses.field(default_factory=list)
+    plan: LivePlan | None = None
+    revision: int = 0
+    waits: bool = False  # for the whole track
+    refused: bool = False
+
+
+class LiveSubapertures(ApertureSequence):
+    """Backproject sub-apertures while their pulses arrive.
+
+    See `ApertureSequence` for what an aperture is. Its sub-apertures are cut by the pulse
+    counter, so that missing pulses do not move the cuts. One is imaged when its pulses are
+    complete, when a pulse of a later one came, or by `flush`.
+
+    The polar grids of an aperture are planned from the track as it is foreseen. Every
+    sub-aperture is checked with its real phase centres; where the error would exceed the target,
+    the aperture is planned anew from what is known by then and imaged again from the profiles
+    kept, as another revision. Where that happens too often, the end of the aperture is awaited.
+
+    Memory is bounded: the profiles of one aperture, two of a sliding one, and one sub-aperture.
+
+    Parameters
+    ----------
+    grid : MapGrid
+        Map that images are wanted on.
+    pulses_per_aperture : int
+        Length of an aperture, pulses.
+    pulses_per_subaperture : int
+        Length of a sub-aperture, pulses; 0 for the quickest.
+    target_db : float
+        Wanted error of an image against exact backprojection, dB.
+    sliding : bool
+        Every sub-aperture ends an image of one aperture's length. Each is imaged twice, on the
+        polar grids of the two apertures before and after.
+    follow_m : (float, float), optional
+        The map moves along with the antenna: its middle stays this far ahead and to the left of
+        the middle of the aperture, metres, on the pixels that `grid` continues to.
+
+    Attributes
+    ----------
+    statistics : LiveStatistics
+        What happened so far.
+
+    Raises
+    ------
+    ValueError
+        A length or the target is out of range.
+    """
+
+    def __init__(self, grid: MapGrid, *, pulses_per_aperture: int,
+                 pulses_per_subaperture: int = 0, target_db: float = -60.0,
+                 sliding: bool = False, follow_m: tuple[float, float] | None = None):
+        if not 0 <= pulses_per_subaperture <= pulses_per_aperture:
+            raise ValueError(f'pulses_per_subaperture={pulses_per_subaperture}; expected 0 (to be '
+                             f'planned) to pulses_per_aperture={pulses_per_aperture}')
+        if not -85.0 <= target_db <= -20.0:
+            raise ValueError(f'target_db={target_db}; expected -85 to -20 dB')
+        self.grid, self._follow_m = grid, follow_m
+        self._target_db, self._wanted_cut = target_db, pulses_per_subaperture
+        self._n_apertures = 2 if sliding else 1
+        self._session, self._sequence = secrets.randbits(32), 0
+        self._memory: list[np.ndarray] = []
+        super().__init__(pulses_per_aperture, LiveStatistics())
+
+    def plan_ahead(self) -> None:
+        """Plan the next aperture while nothing waits, if it was not begun yet."""
+        if self._open is not None or self._previous is None or self._ahead is not None:
+            return
+        number = self._previous.number + 1
+        if number * self._length > COUNTER_MASK:
+            return
+        target = self._new_target(number)
+        self._make_plan(target)
+        self._ahead = None if target.refused else target
+
+    def _configure(self, block: PulseBlock) -> PulseBlock:
+        return block.select(slice(0, 0))
+
+    def _begin_sequence(self) -> None:
+        super()._begin_sequence()
+        self._cut = self._wanted_cut
+        self._targets: list[_Target] = []
+        self._ahead: _Target | None = None
+        self._previous: AperturePulses | None = None
+        self._memory.clear()
+
+    def _begin(self, number: int) -> AperturePulses:
+        aperture = AperturePulses(number, self._length, self._plan, self._memory)
+        follows = self._previous is not None and number == self._previous.number + 1
+        self._targets = [t for t in self._targets
+                         if follows and number < t.first + t.n_apertures]
+        if self._ahead is not None and self._ahead.first == number:
+            self._targets.append(self._ahead)
+        else:
+            self._targets.append(self._new_target(number))
+        self._ahead = None
+        for target in self._targets:
+            target.apertures.append(aperture)
+        return aperture
+
+    def _new_target(self, number: int) -> _Target:
+        self._sequence = (self._sequence + 1) & COUNTER_MASK
+        return _Target(number, self._n_apertures, self._sequence)
+
+    def _fill(self, aperture: AperturePulses, block: PulseBlock) -> list[SubapertureImage]:
+        late = aperture.position(block) < aperture.next
+        if late.any():
+            self._count_late(block.select(late))
+            block = block.select(~late)
+        aperture.keep(block)
+        self.statistics.imaged += block.n_pulses
+        return self._advance(aperture, closing=False)
+
+    def _finish(self, aperture: AperturePulses) -> list[SubapertureImage]:
+        results = self._advance(aperture, closing=True)
+        for target in self._targets:
+            ends = aperture.number == target.first + target.n_apertures - 1
+            if target.waits and ends:
+                target.waits = False
+                results += self._image_again(target, slack=0.0)
+            if target.refused and ends:
+                self.statistics.apertures_dropped += 1
+        done = aperture if self._n_apertures == 1 else self._previous
+        if done is not None and done.memory is not None:
+            self._memory.append(done.memory)
+            done.memory = None  # its track stays
+        self._previous = aperture
+        return results
+
+    def _advance(self, aperture: AperturePulses, *, closing: bool) -> list[SubapertureImage]:
+        """Image the sub-apertures that became complete."""
+        newest = int(np.flatnonzero(aperture.seen)[-1]) if aperture.seen.any() else -1
+        if not self._cut:
+            if newest + 1 < _LEAST_PULSES and self._previous is None and not closing:
+                return []
+            self._make_plan(self._targets[-1])  # chooses the cut, unless the geometry is refused
+        results, number = [], 0
+        while self._cut and (part := aperture.part(number, self._cut)) is not None:
+            number += 1
+            if part.start < aperture.next:
+                continue
+            if not (closing or newest >= part.stop or aperture.seen[part].all()):
+                break
+            aperture.next = part.stop
+            if aperture.seen[part].any():
+                for target in self._targets:
+                    results += self._image(target, aperture, number - 1)
+            # Another plan may have cut the aperture anew.
+            number = min(number, aperture.next // self._cut)
+        self.statistics.images += len(results)
+        return results
+
+    def _image(self, target: _Target, aperture: AperturePulses, number: int
+               ) -> list[SubapertureImage]:
+        """Image one sub-aperture, or all so far where the plan does not suit it."""
+        if target.plan is None and not target.refused:
+            self._make_plan(target)
+        if target.refused or target.waits:
+            return []
+        block = aperture.block(aperture.part(number, self._cut))
+        band = target.plan.check(block.tx_m, block.rx_m)
+        if band is None:
+            return self._image_again(target)
+        return [self._form(target, aperture, number, block, band)]
+
+    def _image_again(self, target: _Target, slack: float | None = None) -> list[SubapertureImage]:
+        """Plan an aperture anew and image what it has so far."""
+        while target.revision < _MOST_REVISIONS or slack == 0.0:
+            target.revision += 1
+            self.statistics.plans_anew += 1
+            self._make_plan(target, slack)
+            if target.refused:
+                return []
+            if (images := self._form_all(target)) is not None:
+                return images
+        target.waits = True
+        self._report('plan', f'the track of aperture {target.first} cannot be foreseen well '
+                     f'enough for target_db={self._target_db:g}; its end is awaited')
+        return []
+
+    def _form_all(self, target: _Target) -> list[SubapertureImage] | None:
+        """Images of all closed sub-apertures; None where one does not suit the plan."""
+        found = []
+        for aperture in target.apertures:
+            number = 0
+            while ((part := aperture.part(number, self._cut)) is not None
+                   and part.stop <= aperture.next):
+                if aperture.seen[part].any():
+                    block = aperture.block(part)
+                    band = target.plan.check(block.tx_m, block.rx_m)
+                    if band is None:
+                        return None
+                    found.append((target, aperture, number, block, band))
+                number += 1
+        return [self._form(*some) for some in found]
+
+    def _form(self, target: _Target, aperture: AperturePulses, number: int, block: PulseBlock,
+              band: tuple[float, float]) -> SubapertureImage:
+        part = aperture.part(number, self._cut)
+        # Apertures are equally long but for the last before the counter wraps around.
+        counts = [self._count_parts(target.first + i) for i in range(target.n_apertures)]
+        before = sum(counts[:aperture.number - target.first])
+        return SubapertureImage(
+            target.plan.image(block), target.plan.fusion, band[0], target.plan.grid,
+            block.radar.bandwidth_hz, self._session, target.sequence, target.revision,
+            aperture.number, before + number, sum(counts), counts[0], aperture.first + part.start,
+            block.n_pulses, part.stop - part.start - block.n_pulses, aperture.centre_ns(part),
+            band[1])
+
+    def _count_parts(self, number: int) -> int:
+        """Sub-apertures of an aperture."""
+        n_pulses = min(self._length, COUNTER_MASK + 1 - number * self._length)
+        return max(1, -(-n_pulses // self._cut))
+
+    def _make_plan(self, target: _Target, slack: float | None = None) -> None:
+        """Plan an aperture from what is known, or refuse it."""
+        slack = 2.0 ** target.revision if slack is None else slack
+        begin = time.perf_counter()
+        try:
+            try:
+                target.plan = self._plan_for(target, self._cut, slack)
+            except ValueError:
+                if not self._cut or self._wanted_cut or self._n_apertures > 1:
+                    raise
+                target.plan = self._plan_for(target, 0, slack)
+        except ValueError as error:
+            target.refused, target.plan, self._cut = True, None, self._wanted_cut
+            self._report('aperture', f'aperture {target.first} cannot be imaged by sub-apertures: '
+                         f'{error}; use mode image')
+            return
+        finally:
+            self.statistics.plans += 1
+            self.statistics.plan_seconds = time.perf_counter() - begin
+        if target.revision and target.plan:
+            self._report('plan', f'aperture {target.first} planned anew, its track differs from '
+                         f'the one foreseen: {target.plan}')
+        if target.plan.length != self._cut:
+            self._cut = target.plan.length
+            for aperture in target.apertures:
+                aperture.next = aperture.next // self._cut * self._cut
+
+    def _plan_for(self, target: _Target, cut: int, slack: float) -> LivePlan:
+        apertures = {a.number: a for a in target.apertures}
+        if self._previous is not None and self._previous.number < target.first:
+            apertures[self._previous.number] = self._previous
+        known = [apertures[number] for number in sorted(apertures)]
+        n_pulses = target.n_apertures * self._length
+        before, after = extension(n_pulses, cut or 1, slack)
+        first = target.first * self._length
+        tx_m, rx_m = predict_track(
+            np.concatenate([a.known for a in known]),
+            *(np.concatenate([getattr(a, name)[a.seen] for a in known])
+              for name in ('tx_m', 'rx_m')),
+            np.arange(first - before, first + n_pulses + after))
+        return LivePlan(self._map(tx_m, rx_m), self._plan.radar, self._plan.n_samples, tx_m, rx_m,
+                        target_db=self._target_db, length=cut or None, slack=slack)
+
+    def _map(self, tx_m, rx_m) -> MapGrid:
+        """Map of an aperture with these phase centres."""
+        if self._follow_m is None:
+            return self.grid
+        middles = 0.5 * (tx_m + rx_m).mean(axis=1)[:, :2]
+        return patch_beside(self.grid, middles, self._follow_m)
