@@ -47,6 +47,11 @@ class Alignment:
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f'{name}={getattr(self, name)} is not finite')
 
+    def as_dict(self) -> dict:
+        """Fields by name, of JSON types; `Alignment(**fields)` makes it again."""
+        return {'tx_m': self.tx_m.tolist(), 'rx_m': self.rx_m.tolist(),
+                'time_offset_s': self.time_offset_s, 'range_bias_m': self.range_bias_m}
+
     @property
     def time_offset_ns(self) -> int:
         """Time offset to the nanosecond."""

@@ -1,13 +1,15 @@
 """Recordings of pulse blocks: rosbag2 folders (mcap) with the truth in their metadata.
 
-Needs `rosbags` and no ROS. One topic, `/pulses` of type std_msgs/msg/Float32MultiArray; the time
-of a message is the transmission time of its block's last pulse. The same blocks always give the
-same bytes.
+Needs `rosbags` and no ROS. Topic `/pulses` of type std_msgs/msg/Float32MultiArray; the time of a
+message is the transmission time of its block's last pulse. Where the pulses have no positions,
+topic `/odometry` of type nav_msgs/msg/Odometry has the poses of the platform on their own clock.
+The same blocks always give the same bytes.
 """
 
 from __future__ import annotations
 
 import contextlib
+import heapq
 import json
 import shutil
 import tempfile
@@ -18,8 +20,11 @@ from rosbags.rosbag2 import Reader, ReaderError, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from msg_conversions.wire import from_array, to_array
+from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
+
+from .recorded_poses import ODOMETRY_TOPIC, ODOMETRY_TYPE, RecordedPoses
 
 TOPIC = '/pulses'
 MESSAGE_TYPE = 'std_msgs/msg/Float32MultiArray'
@@ -53,7 +58,7 @@ def deserialise(cdr: bytes) -> PulseBlock:
 
 
 def write_bag(path: Path | str, blocks: Iterable[PulseBlock], truth: dict, *,
-              overwrite: bool = False) -> int:
+              overwrite: bool = False, poses: RecordedPoses | None = None) -> int:
     """Write a recording, all of it or nothing.
 
     The bag is written beside its place and moved there when complete, so an interruption leaves
@@ -69,11 +74,14 @@ def write_bag(path: Path | str, blocks: Iterable[PulseBlock], truth: dict, *,
         What evaluation compares with; stored as JSON, see docs/preparing_radar_data.md.
     overwrite : bool
         Replace an existing bag. A folder without metadata.yaml is never removed.
+    poses : RecordedPoses, optional
+        Poses of the platform; the truth's `alignment` says how the radar's clock lies to theirs.
+        Messages of both topics are then recorded at the times of the poses' clock.
 
     Returns
     -------
     int
-        Number of messages.
+        Number of messages with pulses.
 
     Raises
     ------
@@ -85,7 +93,7 @@ def write_bag(path: Path | str, blocks: Iterable[PulseBlock], truth: dict, *,
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f'.{path.name}.', dir=path.parent) as folder:
         partial = Path(folder) / path.name
-        count = _write(partial, blocks, truth)
+        count = _write(partial, blocks, truth, poses)
         if not count:
             raise BagError(f'no pulse block to write to {path}')
         if path.exists():
@@ -104,14 +112,20 @@ def check_target(path: Path, *, overwrite: bool) -> None:
         raise BagError(f'{path} exists already; choose another path or add --force')
 
 
-def _write(path: Path, blocks: Iterable[PulseBlock], truth: dict) -> int:
+def _write(path: Path, blocks: Iterable[PulseBlock], truth: dict,
+           poses: RecordedPoses | None) -> int:
     with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.set_custom_data(TRUTH_KEY, json.dumps(truth, sort_keys=True))
-        connection = writer.add_connection(TOPIC, MESSAGE_TYPE, typestore=_STORE)
+        pulses = writer.add_connection(TOPIC, MESSAGE_TYPE, typestore=_STORE)
+        late_ns = round(truth.get('alignment', {}).get('time_offset_s', 0.0) * 1e9)
+        streams = [((int(b.stamp_ns[-1]) + late_ns, pulses, serialise(b)) for b in blocks)]
+        if poses is not None:
+            odometry = writer.add_connection(ODOMETRY_TOPIC, ODOMETRY_TYPE, typestore=_STORE)
+            streams.append((time_ns, odometry, cdr) for time_ns, cdr in poses.messages(_STORE))
         count = 0
-        for block in blocks:
-            writer.write(connection, int(block.stamp_ns[-1]), serialise(block))
-            count += 1
+        for time_ns, connection, cdr in heapq.merge(*streams, key=lambda message: message[0]):
+            writer.write(connection, time_ns, cdr)
+            count += connection is pulses
     return count
 
 
@@ -147,12 +161,29 @@ def raw_messages(path: Path | str) -> Iterator[tuple[int, bytes]]:
     BagError
         The folder is no bag or has no topic `/pulses` of the right type.
     """
+    yield from _messages(path, TOPIC, MESSAGE_TYPE)
+
+
+def pose_messages(path: Path | str) -> Iterator[tuple[int, bytes]]:
+    """Messages of `/odometry` as `raw_messages` gives those of the pulses; none without it."""
+    with _opened(path) as reader:
+        recorded = any(c.topic == ODOMETRY_TOPIC for c in reader.connections)
+    if recorded:
+        yield from _messages(path, ODOMETRY_TOPIC, ODOMETRY_TYPE)
+
+
+def read_poses(path: Path | str) -> RecordedPoses | None:
+    """Poses of a recording; None when it has no `/odometry`."""
+    return RecordedPoses.from_messages(_STORE, [cdr for _, cdr in pose_messages(path)])
+
+
+def _messages(path: Path | str, topic: str, message_type: str) -> Iterator[tuple[int, bytes]]:
     with _opened(path) as reader:
         connections = [c for c in reader.connections
-                       if c.topic == TOPIC and c.msgtype == MESSAGE_TYPE]
+                       if c.topic == topic and c.msgtype == message_type]
         if not connections:
             present = ', '.join(f'{c.topic} ({c.msgtype})' for c in reader.connections) or 'none'
-            raise BagError(f'{path} has no topic {TOPIC} of type {MESSAGE_TYPE}; topics in it: '
+            raise BagError(f'{path} has no topic {topic} of type {message_type}; topics in it: '
                            f'{present}')
         for _, time_ns, cdr in reader.messages(connections=connections):
             yield time_ns, bytes(cdr)
@@ -186,7 +217,7 @@ def read_truth(path: Path | str) -> dict | None:
 def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], grid,
                pulses_per_aperture: int, n_pulses: int, n_channels: int,
                cut_half_width_m: tuple[float, float], radar: RadarParameters, compressed: bool,
-               notes: str = '', window: str = 'none') -> dict:
+               notes: str = '', window: str = 'none', alignment: Alignment | None = None) -> dict:
     """Truth dictionary of a recording.
 
     Parameters
@@ -207,6 +238,8 @@ def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], g
         Whether those are range profiles.
     window : str
         Spectral weighting for which the measures are meant.
+    alignment : Alignment, optional
+        Between the pulses and the poses of `/odometry`, where positions come from those.
 
     Returns
     -------
@@ -222,7 +255,8 @@ def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], g
         'pulses_per_aperture': pulses_per_aperture, 'n_pulses': n_pulses,
         'n_channels': n_channels,
         'cut_half_width_m': {'range': range_m, 'azimuth': azimuth_m}, 'window': window,
-        'radar': radar_to_dict(radar), 'compressed': compressed, 'notes': notes}
+        'radar': radar_to_dict(radar), 'compressed': compressed, 'notes': notes,
+        **({} if alignment is None else {'alignment': alignment.as_dict()})}
 
 
 def radar_to_dict(radar: RadarParameters) -> dict:

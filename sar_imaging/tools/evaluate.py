@@ -27,7 +27,7 @@ from msg_conversions import WireFormatError
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.quality import ScattererQuality, measure_scatterer
 
-from .bag_io import BagError, raw_messages
+from .bag_io import BagError, pose_messages, raw_messages
 from .node_processes import (
     NO_LOG_FILES,
     NODES,
@@ -123,8 +123,8 @@ def run(arguments: argparse.Namespace) -> None:
     """Evaluate as the command line asks; raises one of the errors that `main` knows."""
     recording = read_recording(arguments.bag)
     if recording.phase_centre_m is None:
-        raise EvaluationError(f'{arguments.bag} has pulses without phase centres; the nodes '
-                              'cannot image them')
+        raise EvaluationError(f'{arguments.bag} has pulses without phase centres and no poses to '
+                              'tell them; the nodes cannot image them')
     output = _prepared(arguments.output)
     with contextlib.ExitStack() as stack:
         check = _nothing
@@ -237,7 +237,8 @@ def _send(recording: Recording, aperture: Aperture, replayer: Replayer, rate: fl
         if message.index == aperture.last_message:
             sent_s = message.time_s
 
-    replayer.replay(raw_messages(recording.path), rate=rate, on_published=on_published)
+    replayer.replay(raw_messages(recording.path), poses=pose_messages(recording.path), rate=rate,
+                    on_published=on_published)
     return sent_s
 
 

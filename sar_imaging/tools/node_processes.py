@@ -44,7 +44,7 @@ def parameters_from_truth(truth: Mapping) -> dict[str, dict]:
     spacing = float(grid['spacing_m'])
     pulses = {'pulses_per_aperture': int(truth['pulses_per_aperture'])}
     return {
-        'pulse_buffer': dict(pulses),
+        'pulse_buffer': pulses | _alignment_parameters(truth),
         'range_compression': {'window': truth.get('window', 'none')},
         'backprojection': pulses | {
             'grid.centre_x': x, 'grid.centre_y': y, 'grid.centre_z': z,
@@ -52,6 +52,17 @@ def parameters_from_truth(truth: Mapping) -> dict[str, dict]:
             'grid.size_y': (grid['n_y'] - 1) * spacing, 'grid.spacing': spacing,
             'frame_id': truth['frame']},
     }
+
+
+def _alignment_parameters(truth: Mapping) -> dict:
+    """Parameters of pulse_buffer for a recording whose positions come from odometry."""
+    if 'alignment' not in truth:
+        return {}
+    alignment = truth['alignment']
+    return {'pose.source': 'odometry', 'pose.time_offset_s': float(alignment['time_offset_s']),
+            'pose.range_bias_m': float(alignment['range_bias_m']),
+            'antenna.tx': [float(v) for arm in alignment['tx_m'] for v in arm],
+            'antenna.rx': [float(v) for arm in alignment['rx_m'] for v in arm]}
 
 
 def write_parameters(path: Path, parameters: Mapping[str, Mapping]) -> None:

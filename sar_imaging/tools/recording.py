@@ -7,10 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.poses import PoseStatus, PoseTrack
+from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 
-from .bag_io import BagError, deserialise, raw_messages, read_truth
+from .bag_io import BagError, deserialise, raw_messages, read_poses, read_truth
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,7 +62,8 @@ class Recording:
     message : (P,) int64
         Index of the message of each pulse.
     phase_centre_m : (P, 3) float64 or None
-        Mean phase centres, metres; None when the recording has no positions.
+        Mean phase centres, metres, of the pulses or by the poses recorded with them; None when
+        the recording has neither.
     """
 
     path: Path
@@ -120,6 +124,8 @@ def read_recording(path: Path | str) -> Recording:
         The folder is no bag with `/pulses`, or no message holds a pulse block.
     """
     truth = read_truth(path)
+    poses = read_poses(path)
+    track = None if poses is None else poses.track()
     counter, stamp_ns, message, centre = [], [], [], []
     radar, n_messages, problem = None, 0, None
     for index, (_, cdr) in enumerate(raw_messages(path)):
@@ -135,6 +141,8 @@ def read_recording(path: Path | str) -> Recording:
         message.append(np.full(block.n_pulses, index))
         if block.has_positions:
             centre.append(block.phase_centre_m)
+        elif track is not None and truth is not None and 'alignment' in truth:
+            centre.append(_phase_centre(block, track, Alignment(**truth['alignment'])))
     if radar is None:
         raise BagError(f'{path}: none of {n_messages} messages holds a pulse block'
                        + (f'; the last one: {problem}' if problem else ''))
@@ -142,3 +150,12 @@ def read_recording(path: Path | str) -> Recording:
         Path(path), truth, radar, n_messages, n_messages - len(counter),
         np.concatenate(counter), np.concatenate(stamp_ns), np.concatenate(message),
         np.concatenate(centre) if len(centre) == len(counter) else None)
+
+
+def _phase_centre(block: PulseBlock, track: PoseTrack, alignment: Alignment) -> np.ndarray:
+    """(P, 3) mean phase centres of pulses by the poses recorded with them."""
+    poses = track.sample(block.stamp_ns + alignment.time_offset_ns, final=True)
+    if (poses.status != PoseStatus.READY).any():
+        raise BagError('the recording has pulses without poses around them')
+    tx_m, rx_m = alignment.phase_centres(poses.position_m, poses.attitude, block.n_channels)
+    return 0.5 * (tx_m.mean(axis=1) + rx_m.mean(axis=1))

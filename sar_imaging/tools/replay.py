@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import collections
 import dataclasses
+import heapq
+import itertools
 import time
 from collections.abc import Callable, Iterable
 
+from nav_msgs.msg import Odometry
 from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -29,6 +32,8 @@ MAX_BYTES = 8_000_000
 STALL_S = 0.25  # without progress for so long, one more message goes out
 FIRST_PROGRESS_S = 30.0  # the same before the first progress: the imager may be compiling
 PUBLISHER_DEPTH = 100
+POSE_DEPTH = 1000  # poses come in bursts between two messages of pulses
+POSE_TIMEOUT_S = 10.0
 
 
 class ReplayError(RuntimeError):
@@ -114,7 +119,8 @@ class Replayer:
                and not self._progress.get_publisher_count() and time.monotonic() < deadline):
             self._spin(0.05)  # progress told before the topics match would be lost
 
-    def replay(self, messages: Iterable[tuple[int, bytes]], *, rate: float | None = None,
+    def replay(self, messages: Iterable[tuple[int, bytes]], *,
+               poses: Iterable[tuple[int, bytes]] = (), rate: float | None = None,
                on_published: Callable[[Published], None] = lambda published: None) -> int:
         """Publish messages in their order.
 
@@ -123,23 +129,37 @@ class Replayer:
         messages : iterable of (time_ns, cdr)
             Recording times in nanoseconds and serialised messages, as `bag_io.raw_messages`
             gives them; a test may drop, repeat, swap or damage some on the way.
+        poses : iterable of (time_ns, cdr)
+            Serialised nav_msgs/Odometry, as `bag_io.pose_messages` gives them; published on
+            `odometry` among the others, by their times.
         rate : float, optional
             Follow the recording times, so many times as fast. By default messages go as fast as
             the nodes finish them.
         on_published : callable
-            Called after every message.
+            Called after every message of pulses.
 
         Returns
         -------
         int
-            Number of messages published.
+            Number of messages of pulses published.
+
+        Raises
+        ------
+        ReplayError
+            There are poses, and nobody subscribes to them.
         """
         self._flight.clear()
         self._seen_progress = False
-        start_s, start_ns = time.monotonic(), None
-        count = 0
-        for time_ns, cdr in messages:
+        start_ns, count = None, 0
+        stream = self._with_poses(messages, poses)
+        start_s = time.monotonic()
+        for time_ns, cdr, publisher in stream:
             start_ns = time_ns if start_ns is None else start_ns
+            if publisher is not self._publisher:
+                if rate is not None:
+                    self._wait_until(start_s + (time_ns - start_ns) / 1e9 / rate)
+                publisher.publish(cdr)
+                continue
             message = Published(count, _read(cdr), len(cdr), 0.0)
             if rate is None:
                 self._wait_for_room(message)
@@ -155,6 +175,23 @@ class Replayer:
             count += 1
             self._spin(0.0)
         return count
+
+    def _with_poses(self, messages, poses):
+        """Both streams by time, with the publisher of each message."""
+        pulses = ((time_ns, cdr, self._publisher) for time_ns, cdr in messages)
+        poses = iter(poses)
+        first = next(poses, None)
+        if first is None:
+            return pulses
+        odometry = self._node.create_publisher(Odometry, 'odometry', POSE_DEPTH)
+        deadline = time.monotonic() + POSE_TIMEOUT_S
+        while not odometry.get_subscription_count():
+            if time.monotonic() > deadline:
+                raise ReplayError(f'nobody subscribes to {odometry.topic_name}; start '
+                                  'pulse_buffer with pose.source:=odometry')
+            self._spin(0.05)
+        located = ((time_ns, cdr, odometry) for time_ns, cdr in itertools.chain([first], poses))
+        return heapq.merge(located, pulses, key=lambda message: message[0])
 
     def _wait_until(self, moment_s: float) -> None:
         while (remaining := moment_s - time.monotonic()) > 0:

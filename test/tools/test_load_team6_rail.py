@@ -1,0 +1,115 @@
+"""The loader of the team 6 rail recording: on a made-up file of the same form, and measured."""
+
+from __future__ import annotations
+
+import pathlib
+
+import numpy as np
+import pytest
+
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.signal.positioning import locate
+from sar_imaging.signal.pulses import concatenate
+from sar_imaging.signal.radar import SPEED_OF_LIGHT, Waveform
+from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.tools import load_team6_rail
+from sar_imaging.tools.bag_io import BagError, read_blocks, read_poses, read_truth
+
+MEASURED = pathlib.Path(__file__).parents[3] / 'shared' / 'data' / 'bwsi2019_team6_rail'
+REFLECTOR = np.array([2.0, 1.0, 0.0])
+OFFSET_S, BIAS_M, ARM_M = 9.25, 0.6, np.array([0.3, 0.1, 0.0])
+
+
+def rail(time_s):
+    """Platform on the clock of motion capture: at rest, then along y with changing speed."""
+    t = np.clip(np.asarray(time_s) - OFFSET_S - 4.2, 0.0, 3.9)
+    y = 0.8 * t + 0.1 * np.sin(2.0 * t)
+    return np.stack([np.full_like(y, -5.0), y - 0.5, np.full_like(y, 1.8)], axis=-1)
+
+
+def profiles(time_s, range_start_m, range_bin_m, n):
+    """Real echoes of one reflector, with a Gaussian pulse of 1.2 GHz, and the direct path."""
+    path = np.linalg.norm(rail(time_s + OFFSET_S) + ARM_M - REFLECTOR, axis=1) + BIAS_M
+    away = range_start_m + range_bin_m * np.arange(n) - path[:, None]
+    k = 4 * np.pi * load_team6_rail.CARRIER_HZ / SPEED_OF_LIGHT
+    echo = np.exp(-(away / 0.06) ** 2) * np.cos(k * away)
+    return np.rint(5000 * echo + 30_000 * np.cos(0.3 * np.arange(n))).astype(np.int32)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    path = tmp_path / 'npz'
+    path.mkdir()
+    time = np.round(np.arange(0.0, 10.4, 0.0173), 3)
+    mocap = np.arange(0.0, 20.7, 1 / 360)
+    np.savez(path / load_team6_rail.FILE, scan=profiles(time, 2.0, 0.009149, 960),
+             scan_time_s=time, range_start_m=2.0, range_bin_m=0.009149, mocap_time_s=mocap,
+             mocap_pos_m=rail(mocap), reflector_pos_m=np.stack([REFLECTOR, REFLECTOR + 9]),
+             fit_time_offset_s=OFFSET_S, fit_range_bias_m=BIAS_M, fit_lever_arm_m=ARM_M,
+             nominal_time_offset_s=9.2, nominal_range_bias_m=0.4)
+    return path
+
+
+def peak(folder, kind, near, size_m=1.0, **options):
+    """Where the image peaks near a place."""
+    block, poses = load_team6_rail.read_folder(folder)
+    located = locate(block, poses.track(), load_team6_rail.read_alignment(folder, kind))
+    compressed = RangeCompressor.for_block(located, **options)(located)
+    grid = MapGrid.from_size(near, size_m, size_m, 0.01)
+    image = np.abs(Backprojector(grid, compressed.radar, compressed.n_samples)(compressed))
+    row, column = np.unravel_index(image.argmax(), image.shape)
+    return np.array([grid.x_m[column], grid.y_m[row]])
+
+
+def test_a_reflector_focuses_where_it_stands_with_the_true_alignment(folder):
+    # Times are rounded to 1 ms, at 0.9 m/s; pixels are 1 cm.
+    assert np.abs(peak(folder, 'fitted', REFLECTOR) - REFLECTOR[:2]).max() <= 0.011
+    # 50 ms at 0.9 m/s, 0.2 m of range and the lever arm: it must be elsewhere without them.
+    assert np.linalg.norm(peak(folder, 'nominal', REFLECTOR) - REFLECTOR[:2]) > 0.05
+
+
+def test_the_bag_has_raw_pulses_and_odometry_on_two_clocks(folder, tmp_path, capsys):
+    output = tmp_path / 'bag'
+    arguments = [str(folder), '--output', str(output), '--alignment', 'fitted']
+    assert load_team6_rail.main(arguments) == 0
+    block = concatenate(list(read_blocks(output)))
+    assert block.radar.waveform == Waveform.PASSBAND and not block.compressed
+    assert not block.has_positions
+    assert not block.samples.imag.any()
+    # What stands still is gone: the direct path was six times the echo. The median takes some
+    # of the echo with it where that hardly moves.
+    assert np.abs(block.samples.real).max() < 1.3 * 5000 * load_team6_rail.SAMPLE_SCALE
+    start = load_team6_rail.START_NS
+    assert 4.2 <= (block.stamp_ns[0] - start) * 1e-9 <= 4.22
+    poses = read_poses(output)
+    assert poses.stamp_ns[0] - start < 13.4e9 < 17.3e9 < poses.stamp_ns[-1] - start
+    truth = read_truth(output)
+    assert truth['alignment']['time_offset_s'] == OFFSET_S
+    assert truth['alignment']['tx_m'] == [ARM_M.tolist()]
+    assert load_team6_rail.main(arguments) == 1
+    assert '--force' in capsys.readouterr().err
+
+
+def test_other_files_are_refused(tmp_path, capsys):
+    assert load_team6_rail.main([str(tmp_path), '--output', str(tmp_path / 'bag')]) == 1
+    assert 'holds no team6_rail_trial6.npz' in capsys.readouterr().err
+    (tmp_path / load_team6_rail.FILE).write_text('no archive')
+    with pytest.raises(BagError, match='cannot be read'):
+        load_team6_rail.read_folder(tmp_path)
+    np.savez(tmp_path / load_team6_rail.FILE, other=np.zeros(3))
+    with pytest.raises(BagError, match='is not the team 6 recording'):
+        load_team6_rail.read_folder(tmp_path)
+    with pytest.raises(BagError, match='is not the team 6 recording'):
+        load_team6_rail.read_alignment(tmp_path, 'fitted')
+
+
+@pytest.mark.data
+@pytest.mark.skipif(not MEASURED.is_dir(), reason='needs the team 6 recording in '
+                    '../shared/data/bwsi2019_team6_rail beside the repository')
+@pytest.mark.parametrize(('kind', 'limit_m'), [('nominal', 0.20), ('fitted', 0.10)])
+def test_measured_reflectors_focus_near_the_survey(kind, limit_m):
+    # Measured: 0.03 and 0.17 m with the nominal alignment, 0.03 and 0.08 m with the fitted one.
+    for reflector in load_team6_rail.read_reflectors(MEASURED):
+        found = peak(MEASURED, kind, tuple(reflector))
+        assert np.linalg.norm(found - reflector[:2]) <= limit_m
