@@ -82,8 +82,9 @@ class Configuration:
             A number is missing or makes no sense.
         """
         missing = [name for name, value in self.checker.items() if isinstance(value, type)]
-        if missing:
-            raise ValueError(f'section {CHECKER} lacks {", ".join(missing)}')
+        if missing or not self.checker:
+            raise ValueError(f'section {CHECKER} lacks '
+                             f'{", ".join(missing) or "the numbers of radar and platform"}')
         return _acquisition(self.checker)
 
     def machine(self) -> Machine:

@@ -1,4 +1,4 @@
-"""Simulate a scenario and write it as a rosbag2 recording with its truth.
+"""Simulate a scenario or a configured radar and write a rosbag2 recording with its truth.
 
 Run: python -m sar_imaging.tools.simulate psf --output bags/psf
 """
@@ -15,7 +15,9 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from sar_imaging.configuration.parameters import ConfigurationFileError, read_configuration
 from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.simulation.configured import configured_scenario
 from sar_imaging.simulation.scenarios import SCENARIOS, Scenario
 
 from .bag_io import BagError, check_target, make_truth, write_bag
@@ -27,10 +29,15 @@ them:
 
   python -m sar_imaging.tools.simulate letter_s --output out/bags/letter_s
   python -m sar_imaging.tools.evaluate out/bags/letter_s --output out/letter_s --launch-nodes
+
+With --config a radar of your own sees five scatterers in its scene; the file is that of
+check_config:
+
+  python -m sar_imaging.tools.simulate --config my_radar.yaml --apertures 2
 """
 
 
-def scenario_truth(scenario: Scenario) -> dict:
+def scenario_truth(scenario: Scenario, *, window: str = 'none') -> dict:
     """Truth to store with a recording of the scenario, see `bag_io.make_truth`."""
     return make_truth(
         scenario=scenario.name, description=scenario.description,
@@ -40,7 +47,7 @@ def scenario_truth(scenario: Scenario) -> dict:
         grid=scenario.grid, pulses_per_aperture=scenario.pulses_per_aperture,
         n_pulses=scenario.n_pulses, n_channels=scenario.n_channels,
         cut_half_width_m=scenario.cut_half_width_m, radar=scenario.radar,
-        compressed=scenario.compressed, notes=scenario.notes)
+        compressed=scenario.compressed, notes=scenario.notes, window=window)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -51,6 +58,11 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument('scenario', nargs='?', metavar='SCENARIO',
                    help=f'one of {", ".join(SCENARIOS)}; --list describes them')
+    p.add_argument('--config', type=Path, metavar='FILE',
+                   help='parameter file with the numbers of a radar and its platform, instead of '
+                        'a scenario')
+    p.add_argument('--apertures', type=_positive, default=1, metavar='N',
+                   help='length of a recording with --config (default: %(default)s)')
     p.add_argument('--list', action='store_true', help='describe the scenarios and stop')
     p.add_argument('--output', type=Path, metavar='FOLDER',
                    help='bag folder to make (default: out/bags/SCENARIO)')
@@ -87,16 +99,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.list:
         print(describe_scenarios())
         return 0
+    if arguments.config is not None:
+        if arguments.scenario:
+            p.error(f'name a scenario, {arguments.scenario}, or --config, not both')
+        return run_writing(lambda: _write_configured(arguments))
     if arguments.scenario not in SCENARIOS:
         p.error(f'scenario {arguments.scenario!r} is unknown; use one of {", ".join(SCENARIOS)}'
                 if arguments.scenario else 'name a scenario, or --list')
     scenario = SCENARIOS[arguments.scenario]()
-    if arguments.noise_std is not None:
-        scenario = dataclasses.replace(scenario, noise_std=arguments.noise_std)
-    if arguments.seed is not None:
-        scenario = dataclasses.replace(scenario, seed=arguments.seed)
-    output = arguments.output or Path('out/bags') / scenario.name
-    return run_writing(lambda: _write(scenario, output, arguments))
+    return run_writing(lambda: _write(scenario, arguments))
 
 
 def describe_scenarios() -> str:
@@ -112,10 +123,28 @@ def describe_scenarios() -> str:
     return '\n'.join(lines)
 
 
-def _write(scenario: Scenario, output: Path, arguments: argparse.Namespace) -> str:
+def _write_configured(arguments: argparse.Namespace) -> str:
+    configuration = read_configuration(arguments.config)
+    try:
+        imaging = configuration.imaging()
+        scenario = configured_scenario(arguments.config.stem, configuration.acquisition(),
+                                       imaging, apertures=arguments.apertures)
+        return _write(scenario, arguments, window=imaging.window)
+    except ValueError as error:
+        raise ConfigurationFileError(f'{arguments.config}: {error}; check_config tells more'
+                                     ) from error
+
+
+def _write(scenario: Scenario, arguments: argparse.Namespace, *, window: str = 'none') -> str:
+    if arguments.noise_std is not None:
+        scenario = dataclasses.replace(scenario, noise_std=arguments.noise_std)
+    if arguments.seed is not None:
+        scenario = dataclasses.replace(scenario, seed=arguments.seed)
+    output = arguments.output or Path('out/bags') / scenario.name
     check_target(output, overwrite=arguments.force)
     blocks = with_progress(scenario.blocks(arguments.pulses_per_message), scenario.n_pulses)
-    count = write_bag(output, blocks, scenario_truth(scenario), overwrite=arguments.force)
+    count = write_bag(output, blocks, scenario_truth(scenario, window=window),
+                      overwrite=arguments.force)
     return (f'{output}: {scenario.n_pulses} pulses of {scenario.n_channels} channels in {count} '
             f'messages, {len(scenario.scatterers)} scatterers')
 
@@ -133,7 +162,7 @@ def run_writing(write) -> int:
     with _terminate_as_interrupt():
         try:
             print(write())
-        except (BagError, OSError) as error:
+        except (BagError, ConfigurationFileError, OSError) as error:
             print(f'error: {error}', file=sys.stderr)
             return 1
         except KeyboardInterrupt:

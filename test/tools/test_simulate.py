@@ -13,6 +13,7 @@ import signal
 import numpy as np
 import pytest
 
+from sar_imaging.configuration.parameters import default_file, read_configuration
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.simulation.scenarios import SCENARIOS, Scenario
 from sar_imaging.tools import simulate
@@ -141,3 +142,34 @@ def test_wrong_use_is_explained(arguments, message, capsys):
         simulate.main(arguments)
     assert stop.value.code == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_configured_radar_is_recorded(tmp_path, capsys):
+    config = default_file().with_name('automotive_77ghz.yaml')
+    folder = tmp_path / 'bag'
+    assert simulate.main(['--config', str(config), '--output', str(folder)]) == 0
+    acquisition = read_configuration(config).acquisition()
+    blocks = list(read_blocks(folder))
+    assert sum(b.n_pulses for b in blocks) == 256
+    assert {b.radar for b in blocks} == {acquisition.radar}
+    assert blocks[0].samples.shape[1:] == (acquisition.n_channels, acquisition.n_samples)
+    truth = read_truth(folder)
+    assert (truth['scenario'], truth['window']) == ('automotive_77ghz', 'taylor:4:35')
+    assert len(truth['scatterers']) == 5
+    assert '256 pulses of 4 channels' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(('arguments', 'expected'), [
+    (['--config', 'nowhere.yaml'], 'error: nowhere.yaml cannot be read'),
+    (['--config', str(default_file())], 'lacks the numbers of radar and platform; check_config'),
+])
+def test_a_configuration_that_cannot_be_recorded(arguments, expected, tmp_path, capsys):
+    assert simulate.main([*arguments, '--output', str(tmp_path / 'bag')]) == 1
+    assert expected in capsys.readouterr().err
+    assert not (tmp_path / 'bag').exists()
+
+
+def test_a_scenario_and_a_configuration_contradict(capsys):
+    with pytest.raises(SystemExit):
+        simulate.main(['psf', '--config', str(default_file())])
+    assert 'name a scenario, psf, or --config, not both' in capsys.readouterr().err
