@@ -7,8 +7,8 @@ import dataclasses
 from .settings import Imaging
 
 # Interpreter, libraries and compiled kernels (measured; see docs/configuration.md).
-BASE_BYTES = {'pulse_buffer': 100e6, 'range_compression': 190e6, 'backprojection': 330e6,
-              'afbp_fusion': 330e6}
+BASE_BYTES = {'pulse_buffer': 170e6, 'range_compression': 340e6, 'backprojection': 340e6,
+              'afbp_fusion': 340e6}
 IMAGE_BYTES = 8  # complex64
 PRODUCT_BYTES = 13  # of a pixel in the messages: complex, amplitude and quicklook
 PRODUCTS_KEPT = 6  # by the middleware (depth 5), and the one being serialised
