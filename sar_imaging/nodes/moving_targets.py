@@ -1,0 +1,181 @@
+"""Node moving_targets: range profiles of several channels to the movers of every aperture."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from nav_msgs.msg import MapMetaData
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Header
+
+from msg_conversions.images import complex_to_message, map_metadata_to_message
+from msg_conversions.point_cloud import to_message
+from sar_imaging.exploitation.moving_targets import (
+    LiveMovingTargets,
+    MovingTargetFinder,
+    MovingTargets,
+)
+from sar_imaging.imaging.backprojection import compile_kernels
+from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.sequence import describe_counters
+from sar_imaging.signal.windows import parse_window
+
+from .health import Health, Part
+from .image_grid import GRID_PARAMETERS, describe_grid, make_grid
+from .managed import LATCHED, ManagedNode, run
+from .parameters import ANY_TIME, Parameter, one_of
+from .stage import Stage
+from .step import Step
+
+PARAMETERS = (
+    *GRID_PARAMETERS,
+    Parameter('false_alarm_rate', 1e-6, 'Wanted probability of a false alarm per pixel.', '',
+              1e-12, 0.1),
+    Parameter('largest_speed', 0.0, 'Range rates to search, plus and minus; 0.0 for all that the '
+              'channels tell apart.', 'm/s', 0.0, 1e4),
+    Parameter('clutter', 'k', 'Model of what is left of the scene: k (estimated K distribution) '
+              'or exponential.', check=one_of('k', 'exponential')),
+    Parameter('window', 'hamming', 'Taper over the aperture, as the windows of '
+              'range_compression.', check=parse_window),
+    Parameter('aperture_timeout_s', 5.0, 'An aperture is closed when no input came for this long, '
+              'by the wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME),
+    Parameter('min_pulse_fraction', 0.5, 'Share of its pulses that an aperture must have.', '',
+              0.0, 1.0, changes=ANY_TIME),
+    Parameter('frame_id', 'map', 'Frame of the phase centres and of the targets.'),
+)
+
+
+class MovingTargetsStep(Step):
+    """Range profiles to moving targets; see `LiveMovingTargets`."""
+
+    NAME = 'moving_targets'
+    PARAMETERS = PARAMETERS
+    COUNTERS = ('apertures_searched', 'targets_found', 'pulses_used',
+                'pulses_missing_in_last_aperture', 'pulses_skipped', 'last_search_seconds',
+                'search_latency_seconds')
+    FAULTS = ('pulses_missing', 'pulses_late', 'pulses_duplicate', 'apertures_dropped',
+              'restarts')
+    IDLE_PARAMETER = 'aperture_timeout_s'
+    FORMS_IMAGES = True
+
+    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+        super().__init__(parameters, health)
+        self._grid = make_grid(parameters)
+        finder = MovingTargetFinder(
+            self._grid, false_alarm_rate=parameters['false_alarm_rate'],
+            largest_speed_m_per_s=parameters['largest_speed'] or None,
+            window=parameters['window'], texture=parameters['clutter'])
+        self._live = LiveMovingTargets(
+            finder, pulses_per_aperture=parameters['pulses_per_aperture'],
+            min_pulse_fraction=parameters['min_pulse_fraction'])
+        self._seconds = 0.0  # of work since the last search
+        compile_kernels()  # the first search must not wait for it
+
+    def create_outputs(self, node: ManagedNode) -> None:
+        """Create the publishers; see `Step`."""
+        qos = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
+        self._targets = node.create_output(PointCloud2, 'moving_targets', qos)
+        self._interferogram = node.create_output(Image, 'interferogram', qos)
+        self._map_metadata = node.create_output(MapMetaData, 'interferogram_metadata', LATCHED)
+
+    def activate(self, node: ManagedNode) -> None:
+        """Tell where the interferograms will be; see `Step`."""
+        self._map_metadata.publish(map_metadata_to_message(self._grid,
+                                                           node.get_clock().now().to_msg()))
+
+    def summary(self) -> str:
+        """Settings for the log line at the start."""
+        return (f' -> {self._targets.topic_name}, {describe_grid(self._grid)} in frame '
+                f'{self.parameters["frame_id"]}, '
+                f'{self.parameters["pulses_per_aperture"]} pulses per aperture, false alarm rate '
+                f'{self.parameters["false_alarm_rate"]:g} per pixel')
+
+    def process(self, block: PulseBlock) -> list[MovingTargets]:
+        """Add profiles to their aperture; returns the movers of those that became complete."""
+        return self._follow(self._live.add, block)
+
+    def flush(self) -> list[MovingTargets]:
+        """Close the aperture: the input pauses, or somebody asks."""
+        return self._follow(self._live.flush)
+
+    def nothing_formed(self) -> str:
+        """Why the latest `flush` gave nothing."""
+        return 'no aperture is being filled, or it was dropped; see the log'
+
+    def skip(self, aperture: int | None) -> list[MovingTargets]:
+        """Leave out an aperture; see `Step`."""
+        if aperture is not None and self._live.filling == aperture:
+            self.health.count('pulses_skipped', self.discard())
+        return []
+
+    def discard(self) -> int:
+        """Forget the aperture being filled; returns the number of its pulses."""
+        dropped = self._live.reset()
+        self.report(self._live.take_events())
+        self._seconds = 0.0
+        return dropped
+
+    def update_counters(self) -> None:
+        """Take the statistics over."""
+        s = self._live.statistics
+        self.health.set('pulses_used', s.imaged)
+        self.health.set('pulses_late', s.late)
+        self.health.set('pulses_duplicate', s.duplicate)
+        self.health.set('apertures_dropped', s.apertures_dropped)
+        self.health.set('restarts', s.restarts)
+
+    def _follow(self, work, *arguments) -> list[MovingTargets]:
+        self._live.min_pulse_fraction = self.parameters['min_pulse_fraction']
+        started = time.perf_counter()
+        try:
+            return work(*arguments)
+        finally:
+            self._seconds += time.perf_counter() - started
+            self.report(self._live.take_events())
+
+    def publish(self, product: MovingTargets) -> None:
+        """Publish the targets, and the interferogram for whoever listens."""
+        header = Header(stamp=Time(sec=product.stamp_ns // 10**9,
+                                   nanosec=product.stamp_ns % 10**9),
+                        frame_id=self.parameters['frame_id'])
+        rows = [(*d.position_m, d.radial_velocity_m_per_s, d.snr_db,
+                 d.radial_velocity_std_m_per_s) for d in product.detections]
+        self._targets.publish(to_message(np.array(rows, float).reshape(-1, 6), header))
+        if self._interferogram.get_subscription_count():
+            self._interferogram.publish(complex_to_message(product.interferogram, header))
+        seconds, self._seconds = self._seconds, 0.0
+        self.health.count('apertures_searched')
+        self.health.count('targets_found', len(product.detections))
+        self.health.count('pulses_missing', len(product.missing))
+        self.health.set('pulses_missing_in_last_aperture', len(product.missing))
+        self.health.set('last_search_seconds', seconds)
+        self.health.set('search_latency_seconds', time.monotonic() - self.received_s)
+        self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work')
+
+    def describe(self, product: MovingTargets) -> str:
+        """Movers of an aperture in words."""
+        missing = describe_counters(product.missing.tolist()) if len(product.missing) else 'none'
+        return (f'aperture {product.aperture}: {len(product.detections)} moving targets, '
+                f'{len(product.counters)} pulses, missing {missing}')
+
+
+class MovingTargetsNode(Stage):
+    """Publishes movers from what comes on `range_profiles`."""
+
+    NAME = 'moving_targets'
+    INPUT = 'range_profiles'
+    STEPS = (MovingTargetsStep,)
+
+
+def main() -> int:
+    """Run the node."""
+    return run(MovingTargetsNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
