@@ -22,6 +22,7 @@ from .settings import Acquisition, Imaging, Machine
 
 CHECKER = 'check_config'  # the section that only the checker reads
 COMMON = '**'
+PIPELINE = 'sar_pipeline'  # has the parameters of all nodes
 # Those of the checker's section: default and, where there is none, its type.
 CHECKER_PARAMETERS = {
     'radar.waveform': 'lfm', 'radar.compressed': False, 'radar.carrier_hz': float,
@@ -134,18 +135,19 @@ def interpret(tree, defaults) -> Configuration:
     known: dict[str, dict] = {}
     for node, values in _sections(defaults):
         known.setdefault(node, {}).update(values)
-    common = known.pop(COMMON, {})
+    common = known.pop(COMMON, {}) | known.pop(PIPELINE, {})
     nodes = {node: {**common, **values} for node, values in known.items()}
     nodes.setdefault(CHECKER, dict(CHECKER_PARAMETERS))
     findings: list[Finding] = []
     described = False
     for node, values in _sections(tree):
         described |= node == CHECKER
-        if node != COMMON and node not in nodes:
+        for_all = node in (COMMON, PIPELINE)
+        if not for_all and node not in nodes:
             findings.append(Finding('error', f'section {node!r} names no node; '
-                                    + _suggest(node, [*nodes, '/**'])))
+                                    + _suggest(node, [*nodes, PIPELINE, '/**'])))
             continue
-        targets = nodes if node == COMMON else {node: nodes[node]}
+        targets = nodes if for_all else {node: nodes[node]}
         for name, value in values.items():
             findings += _set(targets, node, name, value)
     checker = nodes.pop(CHECKER)
@@ -262,12 +264,18 @@ def _set(targets: Mapping[str, dict], section: str, name: str, value) -> Iterato
         kind = default if isinstance(default, type) else type(default)
         if kind is float and type(value) is int:
             value = float(value)
-        if type(value) is not kind or (kind is float and not math.isfinite(value)):
+        if type(value) is not kind or not _is_finite(value):
             words = {float: 'a number such as 1.0e+9', int: 'a whole number', str: 'a text',
-                     bool: 'true or false'}[kind]
+                     bool: 'true or false', list: 'a list of numbers'}[kind]
             yield Finding('error', f'section {section!r}: {name}={value!r}; expected {words}')
             return
         values[name] = value
+
+
+def _is_finite(value) -> bool:
+    if isinstance(value, list):
+        return all(type(v) in (int, float) and math.isfinite(v) for v in value)
+    return not isinstance(value, float) or math.isfinite(value)
 
 
 def _suggest(name: str, names) -> str:

@@ -101,6 +101,27 @@ def test_nested_namespaces_and_the_common_section():
     assert configuration.nodes['pulse_buffer']['pulses_per_aperture'] == 64
 
 
+def test_the_pipeline_has_the_parameters_of_all_nodes():
+    configuration = read('sar_pipeline:\n  ros__parameters: {target_db: -60.0, window: hann}')
+    assert configuration.findings == ()
+    assert configuration.imaging().target_db == -60.0
+    assert configuration.imaging().window == 'hann'
+    [error] = errors('sar_pipeline:\n  ros__parameters: {windo: hann}')
+    assert 'did you mean window?' in error
+
+
+def test_lists_of_numbers():
+    defaults = {'/**/pulse_buffer': {'ros__parameters': {'antenna.tx': [0.0, 0.0, 0.0]}}}
+
+    def found(value):
+        tree = {'/**': {'ros__parameters': {'antenna.tx': value}}}
+        return [f.text for f in interpret(tree, defaults).findings]
+
+    assert found([1, 2.0, 3.0, 4.0, 5.0, 6.0]) == []
+    for value in ([1.0, '2'], [float('inf')], 3.0, '[1.0]'):
+        assert found(value) == [f"section '**': antenna.tx={value!r}; expected a list of numbers"]
+
+
 @pytest.mark.parametrize(('text', 'expected'), [
     ('/**/backprojektion:\n  ros__parameters: {target_db: -60.0}',
      "section 'backprojektion' names no node; did you mean backprojection?"),
