@@ -43,6 +43,8 @@ setup(
             'pulse_buffer = sar_imaging.nodes.pulse_buffer:main',
             'range_compression = sar_imaging.nodes.range_compression:main',
             'backprojection = sar_imaging.nodes.backprojection:main',
+            'sar_pipeline = sar_imaging.nodes.sar_pipeline:main',
+            'moving_targets = sar_imaging.nodes.moving_targets:main',
             'simulate = sar_imaging.tools.simulate:main',
             'check_config = sar_imaging.tools.check_config:main',
             'evaluate = sar_imaging.tools.evaluate:main',

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from std_msgs.msg import Float32MultiArray
 
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 
-from . import multi_array, wire
+from . import float_pairs, multi_array, wire
 
 
 def to_message(block: PulseBlock) -> Float32MultiArray:
@@ -55,6 +57,24 @@ def from_message(msg: Float32MultiArray, *,
                             max_elements=max_elements)
     multi_array.check_times(int(block.stamp_ns.min()), int(block.stamp_ns.max()))
     return block
+
+
+def as_received(block: PulseBlock) -> PulseBlock:
+    """The block as the reader of its message gets it, without making a message.
+
+    A message keeps 48 bits of the radar's parameters and of the phase centres. Whoever hands
+    blocks over directly rounds them likewise, and gets the same image to the last bit.
+    """
+    def rounded(values):
+        return None if values is None else float_pairs.join_double(
+            float_pairs.split_double(values))
+
+    numbers = {f.name: getattr(block.radar, f.name) for f in dataclasses.fields(block.radar)
+               if f.name != 'waveform'}
+    values = rounded(list(numbers.values())).tolist()
+    return dataclasses.replace(
+        block, radar=dataclasses.replace(block.radar, **dict(zip(numbers, values, strict=True))),
+        tx_m=rounded(block.tx_m), rx_m=rounded(block.rx_m))
 
 
 def from_bare_cube(msg: Float32MultiArray, *, radar: RadarParameters, compressed: bool,

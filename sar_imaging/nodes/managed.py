@@ -249,8 +249,7 @@ def run(node_class: type[ManagedNode], args: list[str] | None = None) -> int:
     except ExternalShutdownException:
         pass
     except ConfigurationError as error:
-        get_logger(node_class.NAME).fatal(str(error))
-        return 1
+        return fail(node_class.NAME, error)
     except Exception:
         if rclpy.ok():
             raise  # otherwise rclpy complains about the context that Ctrl-C has just shut down
@@ -261,6 +260,12 @@ def run(node_class: type[ManagedNode], args: list[str] | None = None) -> int:
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def fail(name: str, error: ConfigurationError) -> int:
+    """Log why a node cannot start; returns the exit code."""
+    get_logger(name).fatal(str(error))
+    return 1
 
 
 def _init(args: list[str] | None) -> None:

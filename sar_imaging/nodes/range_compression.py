@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 
+from msg_conversions.pulse_block import as_received
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RANGE_FILTERS, RangeCompressor
 from sar_imaging.signal.windows import WINDOW_NAMES, parse_window
@@ -50,7 +51,7 @@ class RangeCompressionStep(Step):
 
     def process(self, block: PulseBlock) -> list[PulseBlock]:
         """Range profiles of a block."""
-        profiles = self._plan_for(block)(block)
+        profiles = as_received(self._plan_for(block)(block))
         self.health.count('blocks_compressed')
         return [profiles]
 

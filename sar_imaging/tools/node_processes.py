@@ -9,13 +9,14 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 
 import sar_imaging
 
 NODES = ('pulse_buffer', 'range_compression', 'backprojection')
+PIPELINE = ('sar_pipeline',)
 PROFILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 STOP_TIMEOUT_S = 10.0
 TAIL_LINES = 15
@@ -63,6 +64,14 @@ def _alignment_parameters(truth: Mapping) -> dict:
             'pose.range_bias_m': float(alignment['range_bias_m']),
             'antenna.tx': [float(v) for arm in alignment['tx_m'] for v in arm],
             'antenna.rx': [float(v) for arm in alignment['rx_m'] for v in arm]}
+
+
+def pipeline_parameters(parameters: Mapping[str, Mapping]) -> dict[str, dict]:
+    """Parameters of the separate nodes as those of sar_pipeline, which has all of them."""
+    merged: dict = {}
+    for values in parameters.values():
+        merged |= values
+    return dict.fromkeys(PIPELINE, merged)
 
 
 def write_parameters(path: Path, parameters: Mapping[str, Mapping]) -> None:
@@ -131,7 +140,7 @@ class NodeProcesses:
     Parameters
     ----------
     parameters : mapping
-        Parameters by node; the nodes are `NODES`.
+        Parameters by node.
     folder : Path
         Where the parameter file and the log of every node go.
     environment : mapping
@@ -140,11 +149,14 @@ class NodeProcesses:
         Further ROS arguments by node, such as ``['-r', 'pulses:=radar/pulses']``.
     namespace : str
         Namespace of the nodes and their topics, such as ``radar1``; empty for none.
+    nodes : sequence of str
+        Which nodes.
     """
 
     def __init__(self, parameters: Mapping[str, Mapping], folder: Path,
                  environment: Mapping[str, str], *,
-                 arguments: Mapping[str, list[str]] | None = None, namespace: str = ''):
+                 arguments: Mapping[str, list[str]] | None = None, namespace: str = '',
+                 nodes: Sequence[str] = NODES):
         self._folder = Path(folder)
         self._folder.mkdir(parents=True, exist_ok=True)
         self._environment = dict(environment)
@@ -153,12 +165,13 @@ class NodeProcesses:
         self._parameters_file = self._folder / 'parameters.yaml'
         write_parameters(self._parameters_file, parameters)
         self._processes: dict[str, subprocess.Popen] = {}
-        for name in NODES:
+        self._nodes = nodes
+        for name in nodes:
             self.log_file(name).write_bytes(b'')
 
     def __enter__(self) -> NodeProcesses:
         try:
-            for name in NODES:
+            for name in self._nodes:
                 self.start(name)
         except BaseException:
             self.stop_all()

@@ -35,6 +35,17 @@ def test_round_trip_through_serialisation(data, blocks, assert_same_block):
     assert_same_block(pulse_block.from_message(through_cdr(pulse_block.to_message(block))), block)
 
 
+@given(data=st.data())
+def test_a_block_handed_over_directly_is_the_one_sent(data, blocks):
+    block = data.draw(blocks)
+    direct, sent = pulse_block.as_received(block), pulse_block.from_message(
+        pulse_block.to_message(block))
+    assert direct.radar == sent.radar
+    assert direct.matches(sent)
+    for name in ('stamp_ns', 'counter', 'samples', 'tx_m', 'rx_m'):
+        np.testing.assert_array_equal(getattr(direct, name), getattr(sent, name))
+
+
 def test_message_equals_the_arrays_written_to_bags(make_block):
     block = make_block(n_pulses=9).select(slice(7, 1, -2))
     message = pulse_block.to_message(block)

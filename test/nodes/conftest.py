@@ -33,10 +33,12 @@ from sar_imaging.signal.waveforms import lfm_spectrum, n_pulse_samples
 from sar_imaging.tools import bag_io
 from sar_imaging.tools.node_processes import (
     NODES,
+    PIPELINE,
     NodeProcessError,
     NodeProcesses,
     isolated_environment,
     parameters_from_truth,
+    pipeline_parameters,
 )
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -77,9 +79,11 @@ def wait(condition, what, *, describe=lambda: '', work=lambda: time.sleep(0.02))
 class Nodes:
     """Node processes and their logs."""
 
-    def __init__(self, folder, environment, parameters, arguments=(), namespace=''):
+    def __init__(self, folder, environment, parameters, arguments=(), namespace='', names=NODES):
         self._processes = NodeProcesses(parameters, folder, environment, namespace=namespace,
-                                        arguments=dict.fromkeys(NODES, list(arguments)))
+                                        arguments=dict.fromkeys(names, list(arguments)),
+                                        nodes=names)
+        self.names = names
         self.running = set()
 
     def start(self, name):
@@ -116,7 +120,7 @@ class Nodes:
         return self._processes.log_file(name).read_text()
 
     def all_logs(self):
-        return '\n'.join(f'--- {name}\n{self.log(name)}' for name in NODES)
+        return '\n'.join(f'--- {name}\n{self.log(name)}' for name in self.names)
 
     def wait_for_log(self, name, pattern, count=1):
         """Wait until the regular expression was found `count` times in the log of a node."""
@@ -142,13 +146,13 @@ class Observer:
         self._subscribe(MapMetaData, 'map_metadata',
                         QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self._subscribe(DiagnosticArray, '/diagnostics', 100)
-        for name in NODES:
+        for name in (*NODES, *PIPELINE):
             self._subscribe(UInt32, f'{name}/progress', 1000)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
 
     def _subscribe(self, message_type, topic, qos):
-        self.node.create_subscription(message_type, topic, self.messages[topic].append, qos)
+        return self.node.create_subscription(message_type, topic, self.messages[topic].append, qos)
 
     def _subscriber_matched(self, event):
         self.joined = event.total_count
@@ -214,43 +218,43 @@ class Observer:
         self.wait(lambda: any(m.data == counter for m in self.messages[f'{name}/progress']),
                   f'{name} to finish pulse {counter}')
 
-    def status(self, node):
-        """Latest diagnostics of a node, None when there is none yet."""
+    def status(self, node, part='stage'):
+        """Latest diagnostics of a node, or of a part of it; None when there is none yet."""
         reports = [s for array in self.messages['/diagnostics'] for s in array.status
-                   if s.name == f'{node}: stage']
+                   if s.name == f'{node}: {part}']
         return reports[-1] if reports else None
 
-    def counters(self, node):
-        """Latest diagnostics of a node as numbers."""
-        status = self.status(node)
+    def counters(self, node, part='stage'):
+        """Latest diagnostics as numbers."""
+        status = self.status(node, part)
         return {v.key: float(v.value) for v in status.values} if status else {}
 
-    def wait_for_counters(self, node, **expected):
-        """Wait until the node's diagnostics have these values."""
+    def wait_for_counters(self, node, part='stage', **expected):
+        """Wait until the diagnostics have these values."""
         try:
-            self.wait(lambda: expected.items() <= self.counters(node).items(), 'counters')
+            self.wait(lambda: expected.items() <= self.counters(node, part).items(), 'counters')
         except pytest.fail.Exception:
             # Compare once more: the difference is what one wants to see.
-            latest = self.counters(node)
+            latest = self.counters(node, part)
             assert {k: latest.get(k) for k in expected} == expected
             raise
 
 
 class Chain(Nodes):
-    """The three nodes as processes, connected, and an observer."""
+    """The nodes from pulses to images as processes, connected, and an observer."""
 
     def __init__(self, folder, environment, parameters, arguments=(), namespace='',
-                 pulses='pulses'):
-        super().__init__(folder, environment, parameters, arguments, namespace)
+                 pulses='pulses', names=NODES):
+        super().__init__(folder, environment, parameters, arguments, namespace, names)
         self.observer = Observer(namespace, self.all_logs, pulses)
-        for name in NODES:
+        for name in names:
             self.start(name)
 
     def wait_until_connected(self):
         """Wait until each node sees its neighbours."""
-        self.wait_for_log('pulse_buffer', JOINED)
-        self.wait_for_log('range_compression', JOINED)
-        self.wait_for_log('backprojection', 'subscriber on .*image_complex joined')
+        for name in self.names[:-1]:
+            self.wait_for_log(name, JOINED)
+        self.wait_for_log(self.names[-1], 'subscriber on .*image_complex joined')
         self.observer.wait(lambda: self.observer.joined, 'a subscriber of the pulses')
 
     def kill_and_restart(self, name):
@@ -271,21 +275,27 @@ class Chain(Nodes):
         """Ctrl-C for each; every process must end orderly."""
         codes = {name: self.stop(name) for name in sorted(self.running)}
         self.observer.close()
-        assert codes == dict.fromkeys(NODES, 0), self.all_logs()
+        assert codes == dict.fromkeys(self.names, 0), self.all_logs()
         assert 'Traceback' not in self.all_logs()
 
 
 @pytest.fixture
 def make_chain(ros_environment, tmp_path):
-    """Start the three nodes for a recording's truth; ended by Ctrl-C after the test."""
+    """Start the nodes for a recording's truth; ended by Ctrl-C after the test.
+
+    `names` are the nodes; keywords of their names, or of those that a pipeline stands for, are
+    parameters beside those of the truth.
+    """
     chains = []
 
-    def make(truth, *, arguments=(), namespace='', pulses='pulses', **parameters):
+    def make(truth, *, arguments=(), namespace='', pulses='pulses', names=NODES, **parameters):
         values = parameters_from_truth(truth)
         for node, extra in parameters.items():
             values[node] |= extra
+        if names == PIPELINE:
+            values = pipeline_parameters(values)
         chain = Chain(tmp_path / f'nodes{len(chains)}', ros_environment, values, arguments,
-                      namespace, pulses)
+                      namespace, pulses, names)
         chains.append(chain)
         chain.wait_until_connected()
         return chain

@@ -1,0 +1,39 @@
+"""Node sar_pipeline: from pulses to images in one process, arrays handed over directly."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+from .backprojection import BackprojectionStep
+from .managed import fail, run
+from .parameters import ConfigurationError
+from .pipeline_arguments import merged_arguments
+from .pulse_buffer import PulseBufferStep
+from .range_compression import RangeCompressionStep
+from .stage import Stage
+
+
+class SarPipelineNode(Stage):
+    """The steps of the separate nodes in a row, with the same parameters, topics and images."""
+
+    NAME = 'sar_pipeline'
+    INPUT = 'pulses'
+    STEPS = (PulseBufferStep, RangeCompressionStep, BackprojectionStep)
+
+
+def main() -> int:
+    """Run the node; parameter files may have the sections of the separate nodes."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            arguments = merged_arguments(sys.argv, SarPipelineNode.NAME,
+                                         [step.NAME for step in SarPipelineNode.STEPS],
+                                         Path(folder))
+        except ConfigurationError as error:
+            return fail(SarPipelineNode.NAME, error)
+        return run(SarPipelineNode, arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,83 @@
+"""All stages in one process: the images of the separate nodes, to the last bit."""
+
+import numpy as np
+from nav_msgs.msg import OccupancyGrid
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Float32MultiArray
+
+from msg_conversions import pulse_block
+from msg_conversions.images import (
+    complex_from_message,
+    map_metadata_from_message,
+    occupancy,
+    occupancy_from_message,
+)
+from sar_imaging.tools.node_processes import NODES, PIPELINE
+
+LARGEST_ERROR_DB = -80.0  # what backprojection plans for by default
+# Profiles whose sample rate is no number that a message holds exactly.
+COMPRESSION = {'range_compression': {'window': 'hamming', 'oversampling': 1.7}}
+
+
+def test_the_pipeline_gives_the_images_of_the_separate_nodes(make_chain, spotlight):
+    n_images = spotlight.truth['n_pulses'] // spotlight.truth['pulses_per_aperture']
+    received = []
+    for number, names in enumerate((NODES, PIPELINE)):
+        chain = make_chain(spotlight.truth, names=names, namespace=f'radar{number}', **COMPRESSION)
+        chain.observer.send(spotlight.raw)
+        received.append(chain.observer.wait_for('image_complex', n_images))
+    for separate, direct in zip(*received, strict=True):
+        assert direct.header == separate.header
+        np.testing.assert_array_equal(complex_from_message(direct),
+                                      complex_from_message(separate))
+
+
+def test_everything_about_a_pipeline(make_chain, make_observer, spotlight):
+    truth, blocks = spotlight.truth, spotlight.blocks(25)
+    chain = make_chain(truth, names=PIPELINE, backprojection={'aperture_timeout_s': 3600.0})
+    observer = chain.observer
+    grid = map_metadata_from_message(observer.wait_for('map_metadata', 1)[0])
+    for topic in ('pulse_blocks', 'range_profiles'):
+        assert observer.node.count_publishers(topic) == 1
+
+    # Half an aperture on request; what the buffer holds is part of it.
+    observer.send(blocks[:4])
+    observer.wait_for_progress('sar_pipeline', 99)
+    assert observer.trigger('sar_pipeline/form_image') == (
+        True, 'image of aperture 0: 100 pulses, missing 100..127 (28)')
+    [image] = observer.wait_for('image_complex', 1)
+    error_db = spotlight.error_db(complex_from_message(image), grid, np.arange(100))
+    assert error_db < LARGEST_ERROR_DB
+    assert observer.trigger('sar_pipeline/form_image') == (False, 'no aperture is being filled')
+
+    # Who comes late gets the map of the latest image, and profiles while it listens.
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    observer._subscribe(OccupancyGrid, 'map', latched)
+    [occupancy_grid] = observer.wait_for('map', 1)
+    assert occupancy_grid.header == image.header
+    cells, map_grid = occupancy_from_message(occupancy_grid)
+    assert map_grid == grid
+    np.testing.assert_array_equal(cells, occupancy(np.abs(complex_from_message(image)),
+                                                   free_db=6.0, range_db=24.0))
+    observer._subscribe(Float32MultiArray, 'range_profiles', 50)
+    chain.wait_for_log('sar_pipeline', 'subscriber on .*range_profiles joined')
+    observer.send(blocks[4:])
+    observer.wait_for('image_complex', 2)
+    profiles = [pulse_block.from_message(m) for m in observer.messages['range_profiles']]
+    assert [b.compressed for b in profiles] == [True] * len(profiles)
+    assert np.concatenate([b.counter for b in profiles]).tolist() == list(range(100, 256))
+    observer.wait_for('map', 2)
+
+    # Each stage has its own part in the diagnostics.
+    observer.wait_for_counters('sar_pipeline', blocks_received=len(blocks), blocks_rejected=0,
+                               blocks_dropped=0, apertures_skipped=0, errors=0)
+    observer.wait_for_counters('sar_pipeline', part='pulse_buffer', pulses_received=256,
+                               pulses_emitted=256, pulses_missing=0)
+    observer.wait_for_counters('sar_pipeline', part='range_compression', plans_made=1)
+    observer.wait_for_counters('sar_pipeline', part='backprojection', images_published=2,
+                               pulses_imaged=228, pulses_late=28)
+    assert observer.counters('sar_pipeline')['memory_megabytes'] > 10
+    observer.send([spotlight.pulses.select(slice(0, 10))])
+    observer.wait_for_progress('sar_pipeline', 9)
+    success, message = observer.trigger('sar_pipeline/reset')
+    assert (success, message) == (True, 'dropped 0 pulses that waited and 10 underway')
