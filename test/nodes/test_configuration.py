@@ -1,6 +1,5 @@
 """Configuration, launch and documentation say the same as the nodes' parameter tables."""
 
-import importlib.util
 import re
 
 import pytest
@@ -73,22 +72,6 @@ def test_the_page_of_a_node_describes_every_parameter(pytestconfig, name):
         if choice in expected:
             expected[choice][2] = words
     assert rows == expected
-
-
-def test_the_launch_file_starts_the_three_nodes(pytestconfig):
-    pytest.importorskip('launch_ros', reason='launch files need a ROS installation')
-    path = pytestconfig.rootpath / 'sar_imaging' / 'launch' / 'sar_imaging.launch.py'
-    spec = importlib.util.spec_from_file_location('sar_imaging_launch', path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    from launch.actions import DeclareLaunchArgument
-    from launch_ros.actions import Node
-
-    entities = module.generate_launch_description().entities
-    arguments = {e.name for e in entities if isinstance(e, DeclareLaunchArgument)}
-    executables = [e.node_executable for e in entities if isinstance(e, Node)]
-    assert arguments == {'params_file', 'namespace', 'use_sim_time'}
-    assert executables == list(MODULES)
 
 
 @pytest.mark.parametrize('name', MODULES)

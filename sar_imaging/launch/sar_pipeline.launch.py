@@ -1,0 +1,8 @@
+"""Check the configuration, then start all stages in one process."""
+
+from sar_imaging.tools.launching import describe
+
+
+def generate_launch_description():
+    """Node sar_pipeline."""
+    return describe(pipeline=True)

@@ -1,0 +1,159 @@
+"""Launch files: what they ask for exists, and where launch is installed they are executed."""
+
+import ast
+import importlib.util
+import pathlib
+import py_compile
+import re
+import shlex
+
+import pytest
+import yaml
+
+from sar_imaging.tools import launching
+from sar_imaging.tools.bag_io import TOPIC
+
+ROOT = pathlib.Path(launching.__file__).parents[2]
+FILES = sorted((ROOT / 'sar_imaging' / 'launch').glob('*.launch.py'))
+REPLAY = dict(use_sim_time='false', bag='my bag', rate='2.0', delay='5.0', namespace='')
+
+
+def executables():
+    setup = ast.parse((ROOT / 'setup.py').read_text())
+    [scripts] = [ast.literal_eval(v) for node in ast.walk(setup) if isinstance(node, ast.Dict)
+                 for k, v in zip(node.keys, node.values, strict=True)
+                 if k is not None and getattr(k, 'value', '') == 'console_scripts']
+    return {script.split(' = ')[0] for script in scripts}
+
+
+def strings(path):
+    """Texts of a module, docstrings left out."""
+    tree = ast.parse(path.read_text())
+    documentation = {ast.get_docstring(node, clean=False) for node in ast.walk(tree)
+                     if isinstance(node, (ast.Module, ast.FunctionDef))}
+    return {node.value for node in ast.walk(tree)
+            if isinstance(node, ast.Constant) and isinstance(node.value, str)} - documentation
+
+
+def test_there_is_a_launch_file_for_each_way():
+    assert [p.name for p in FILES] == ['replay.launch.py', 'sar_imaging.launch.py',
+                                       'sar_pipeline.launch.py']
+
+
+@pytest.mark.parametrize('path', FILES, ids=lambda p: p.name)
+def test_launch_files_compile_and_call_what_exists(path, tmp_path):
+    py_compile.compile(str(path), cfile=str(tmp_path / 'compiled'), doraise=True)
+    spec = importlib.util.spec_from_file_location(path.stem.replace('.', '_'), path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert module.describe is launching.describe
+    [call] = [node for node in ast.walk(ast.parse(path.read_text()))
+              if isinstance(node, ast.Call)]
+    accepted = launching.describe.__kwdefaults__ or {}
+    assert {k.arg for k in call.keywords} <= {'pipeline', *accepted}
+
+
+def test_executables_are_those_of_setup():
+    mentioned = {*launching.stage_names('image', pipeline=False),
+                 *launching.stage_names('subapertures', pipeline=False),
+                 *launching.stage_names('image', pipeline=True), 'check_config'}
+    assert 'check_config' in strings(pathlib.Path(launching.__file__))
+    assert mentioned <= executables()
+    for name in mentioned - {'check_config'}:
+        assert (ROOT / 'sar_imaging' / 'nodes' / f'{name}.py').is_file()
+
+
+def test_parameters_are_those_of_the_nodes():
+    tree = yaml.safe_load((launching.CONFIG / 'sar_imaging.yaml').read_text())
+    known = {name for section in tree.values() for name in section['ros__parameters']}
+    set_by_arguments = set(launching.overrides(
+        {'use_sim_time': 'true', 'autostart': 'false', 'mode': 'image'})) - {'use_sim_time'}
+    assert set_by_arguments == {'autostart', 'mode'}
+    assert set_by_arguments <= known
+
+
+def test_files_exist():
+    for value in launching.profile_variable({}).values():
+        assert pathlib.Path(value).is_file()
+    assert launching.profile_variable({launching.PROFILE: 'mine.xml'}) == {}
+    defaults = {name: default for name, default, _ in launching.ARGUMENTS}
+    assert launching.find_config(defaults['config']).name == 'sar_imaging.yaml'
+    assert launching.find_config('drone_uwb').parent == launching.CONFIG
+    with pytest.raises(FileNotFoundError, match='config:=nothing is no file; shipped are'):
+        launching.find_config('nothing')
+
+
+def test_a_path_comes_before_a_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'drone_uwb').write_text('/**:\n  ros__parameters: {}\n')
+    assert launching.find_config('drone_uwb') == pathlib.Path('drone_uwb')
+
+
+@pytest.mark.parametrize(('text', 'argument', 'expected'), [
+    ('/**:\n  ros__parameters: {pulses_per_block: 3}', '', 'image'),
+    ('/**:\n  ros__parameters: {mode: subapertures}', '', 'subapertures'),
+    ('/**:\n  ros__parameters: {mode: subapertures}', 'image', 'image'),
+    ('/**/backprojection:\n  ros__parameters: {mode: subapertures}', '', 'subapertures'),
+    ('/r:\n  backprojection:\n    ros__parameters: {mode: subapertures}', '', 'subapertures'),
+    ('', 'subapertures', 'subapertures'),
+    ('', '', 'image'),
+])
+def test_the_mode_decides_about_the_fusion_node(tmp_path, text, argument, expected):
+    path = tmp_path / 'config.yaml'
+    path.write_text(text)
+    mode = launching.mode_of(path, argument)
+    assert mode == expected
+    fusion = 'afbp_fusion' in launching.stage_names(mode, pipeline=False)
+    assert fusion == (expected == 'subapertures')
+    assert launching.stage_names(mode, pipeline=True) == ('sar_pipeline',)
+
+
+def test_arguments_that_make_no_sense(tmp_path):
+    with pytest.raises(ValueError, match='mode:=fast is unknown; use image or subapertures'):
+        launching.mode_of(tmp_path, 'fast')
+    with pytest.raises(ValueError, match='autostart:=yes; expected true or false'):
+        launching.overrides({'use_sim_time': 'false', 'autostart': 'yes', 'mode': ''})
+
+
+def test_what_is_left_out_stays_as_configured():
+    arguments = {name: default for name, default, _ in launching.ARGUMENTS}
+    assert launching.overrides(arguments) == {'use_sim_time': False}
+
+
+def test_replay_reaches_the_topic_of_the_nodes():
+    plain = ['ros2', 'bag', 'play', 'my bag', '--rate', '2.0', '--delay', '5.0']
+    assert launching.replay_command(REPLAY) == plain
+    assert launching.replay_command(REPLAY | {'use_sim_time': 'true'}) == [*plain, '--clock']
+    moved = launching.replay_command(REPLAY | {'namespace': '/radar1/'})
+    assert moved == [*plain, '--remap', f'{TOPIC}:=/radar1{TOPIC}']
+
+
+@pytest.mark.parametrize('path', FILES, ids=lambda p: p.name)
+def test_launch_files_describe_what_they_start(path):
+    pytest.importorskip('launch_ros', reason='launch files need a ROS installation')
+    from launch import LaunchContext
+    from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction
+
+    spec = importlib.util.spec_from_file_location(path.stem.replace('.', '_'), path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    entities = module.generate_launch_description().entities
+    arguments = {e.name for e in entities if isinstance(e, DeclareLaunchArgument)}
+    table = launching.ARGUMENTS
+    if path.name.startswith('replay'):
+        table += launching.REPLAY_ARGUMENTS
+    assert arguments == {name for name, *_ in table}
+    context = LaunchContext()
+    context.launch_configurations.update({name: default or 'bag' for name, default, _ in table})
+    [function] = [e for e in entities if isinstance(e, OpaqueFunction)]
+    started = function.execute(context)
+    assert any(isinstance(e, ExecuteProcess) for e in started)  # check_config
+
+
+def test_the_installation_page_launches_what_exists():
+    for page in [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]:
+        for line in re.findall(r'^ros2 launch sar_imaging (.+)$', page.read_text(), re.MULTILINE):
+            name, *given = shlex.split(line, comments=True)
+            assert name in {p.name for p in FILES}, page
+            known = {n for n, *_ in (*launching.ARGUMENTS, *launching.REPLAY_ARGUMENTS)}
+            assert {word.split(':=')[0] for word in given} <= known, page
