@@ -120,7 +120,8 @@ def test_share_folder_has_what_launch_needs(install):
     share = install / 'sar_imaging' / 'share'
     marker = share / 'ament_index' / 'resource_index' / 'packages' / 'sar_imaging'
     assert marker.exists() and (share / 'sar_imaging' / 'package.xml').exists()
-    for folder in ('launch', 'config'):
-        expected = {path.name for path in (ROOT / 'sar_imaging' / folder).glob('[!_]*')}
+    for folder in ('launch', 'config', 'resource'):
+        # The marker file of the ament index, which has no suffix, stands above.
+        expected = {path.name for path in (ROOT / 'sar_imaging' / folder).glob('[!_]*.*')}
         assert expected == {path.name for path in (share / 'sar_imaging' / folder).iterdir()}
         assert expected
