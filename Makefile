@@ -21,13 +21,15 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: help demo test lint bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean
+.PHONY: help demo test lint fault-campaign bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo 'make demo    replay bags/spotlight through the ROS 2 nodes into out/demo'
 	@echo 'make test    ruff, then every test, real nodes over real DDS among them'
 	@echo 'make lint    ruff only'
+	@echo 'make fault-campaign'
+	@echo '             twenty rounds of faults at random moments, about half an hour'
 	@echo 'make bags    write the recordings in bags/ again'
 	@echo 'make reproduce-multichannel'
 	@echo '             figures and tables of Rosenberg & Gray into out/multichannel'
@@ -48,6 +50,11 @@ test: lint
 lint: environment
 	@echo 'ruff check ...'
 	@$(RUN) -m ruff check .
+
+# FAULT_SEED and FAULT_ROUNDS choose the random numbers; a failed test's name has its seed.
+fault-campaign: environment
+	@FAULT_SEED=$${FAULT_SEED:-$$(date +%s)} FAULT_ROUNDS=$${FAULT_ROUNDS:-20} \
+	    $(RUN) -m pytest test/nodes/test_fault_campaign.py
 
 # The commands of bags/README.md.
 bags: environment

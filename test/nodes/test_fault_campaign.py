@@ -1,0 +1,345 @@
+"""Faults at random moments while pulses keep coming: the next aperture must be right.
+
+FAULT_ROUNDS repeats every case with other random numbers and FAULT_SEED chooses them;
+`make fault-campaign` does both. A failure names its seed.
+"""
+
+import dataclasses
+import os
+import re
+import signal
+import time
+
+import numpy as np
+import pytest
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float32MultiArray
+
+from msg_conversions.images import complex_from_message, map_metadata_from_message
+from sar_imaging.tools import bag_io
+
+LARGEST_ERROR_DB = -80.0  # what backprojection plans for by default
+# Sums of float32 in another order differ by 1e-6, one missing pulse of 200 makes 5e-3.
+LARGEST_DIFFERENCE = 1e-4
+BLOCK = 25  # pulses in a message
+PACE_S = 0.02  # between messages; an aperture of eight takes a sixth of a second
+MOST_UNDERWAY = 24  # messages; more would be a test of the machine's speed
+DEAF_S = 0.2  # without progress for so long, the radar sends on: a node may be down
+SECOND_NS = 10**9
+FIRST_SEED = int(os.environ.get('FAULT_SEED', '5'))
+SEEDS = range(FIRST_SEED, FIRST_SEED + int(os.environ.get('FAULT_ROUNDS', '1')))
+IMAGE = r'image of aperture (\d+): (\d+) pulses, missing (?:none|.*\((\d+)\));'
+DROPPED = r'\baperture (\d+) dropped: (\d+) of \d+ pulses'
+SKIPPED = r'no pulse came of apertures (\d+)(?:\.\.(\d+))? \(\d+\)'
+
+
+class Flight:
+    """A recording of one aperture, sent again and again as if the radar went on for ever.
+
+    Aperture n has the counters of the recording plus n apertures and is n seconds later, so every
+    complete image has the same pixels and is known by its stamp.
+    """
+
+    def __init__(self, chain, recording):
+        self.chain, self.observer = chain, chain.observer
+        self.blocks = recording.blocks(BLOCK)
+        self.length = recording.truth['pulses_per_aperture']
+        first, last = (int(t) for t in recording.pulses.stamp_ns[[0, -1]])
+        self.first_ns = (first + last) // 2
+        self.aperture = 0
+        self.clock_s = 0  # of the radar, besides one second per aperture
+        self._queue = []
+        self._newest = 0  # counter sent
+        self._due = self._heard = 0.0  # when to send next, when progress came
+        self._n_progress = 0
+        [metadata] = self.observer.wait_for('map_metadata', 1)
+        # The first image is compared with the exact one, the others with the first.
+        self.reference = complex_from_message(
+            self.fly(lambda: self.image_at(self.first_ns), 'the first image'))
+        assert recording.error_db(self.reference, map_metadata_from_message(metadata),
+                                  np.arange(self.length)) < LARGEST_ERROR_DB
+
+    def block(self, index):
+        """One block of the current aperture."""
+        block = self.blocks[index]
+        shift_ns = (self.aperture + self.clock_s) * SECOND_NS
+        return dataclasses.replace(
+            block, counter=block.counter + np.uint32(self.aperture * self.length),
+            stamp_ns=block.stamp_ns + shift_ns)
+
+    @property
+    def stamp_ns(self):
+        """Time of the middle of the current aperture."""
+        return self.first_ns + (self.aperture + self.clock_s) * SECOND_NS
+
+    def next_block(self):
+        """The message to be sent next; the next aperture follows the last one."""
+        if not self._queue:
+            self._queue = list(range(len(self.blocks)))
+        block = self.block(self._queue.pop(0))
+        self._newest = int(block.counter[-1])
+        self.aperture += not self._queue
+        return block
+
+    def send_next(self):
+        """Send the next message."""
+        self.observer.send([self.next_block()])
+
+    def begin_again(self):
+        """The counters begin anew."""
+        self.aperture, self._queue = 0, []
+
+    def fly(self, condition, what):
+        """Send at the radar's pace until a condition holds; returns its value."""
+        def step():
+            now = time.monotonic()
+            if now >= self._due and (self._underway(now) <= MOST_UNDERWAY * BLOCK
+                                     or now > self._heard + DEAF_S):
+                self.send_next()
+                self._due = now + PACE_S
+            return condition()
+
+        return self.observer.wait(step, what)
+
+    def _underway(self, now):
+        """Pulses sent that backprojection has not finished."""
+        progress = self.observer.messages['backprojection/progress']
+        if len(progress) > self._n_progress:
+            self._n_progress, self._heard = len(progress), now
+        return self._newest - progress[-1].data if progress else 0
+
+    def fly_messages(self, count):
+        """Send so many messages at the radar's pace."""
+        sent = iter(range(count))
+        self.fly(lambda: next(sent, None) is None, 'messages to be sent')
+
+    def finish_aperture(self):
+        """Send the rest of the aperture at once."""
+        while self._queue:
+            self.send_next()
+
+    def image_at(self, stamp_ns, since=0):
+        """Message with a stamp among those that came `since`, None when there is none."""
+        for message in self.observer.messages['image_complex'][since:]:
+            stamp = message.header.stamp
+            # Stamps of the recording are rounded to 1 ns, and so is the middle of its ends.
+            if abs(stamp.sec * SECOND_NS + stamp.nanosec - stamp_ns) <= 2:
+                return message
+        return None
+
+    def error(self, message):
+        """Difference of an image from the first one, relative."""
+        image = complex_from_message(message)
+        return np.linalg.norm(image - self.reference) / np.linalg.norm(self.reference)
+
+    def assert_next_aperture_right(self, what):
+        """Send the next whole aperture; its image must come and be right."""
+        self.finish_aperture()
+        since, stamp_ns = len(self.observer.messages['image_complex']), self.stamp_ns
+        image = self.fly(lambda: self.image_at(stamp_ns, since), f'the aperture after {what}')
+        assert self.error(image) < LARGEST_DIFFERENCE, what
+
+
+    def wait_for_complete_image(self, first_aperture, what):
+        """Send until an image of this aperture or a later one is complete; it must be right."""
+        def complete():
+            images = (self.image_at(self.first_ns + n * SECOND_NS)
+                      for n in range(first_aperture, self.aperture + 1))
+            return [i for i in images if i is not None and self.error(i) < LARGEST_DIFFERENCE]
+
+        self.fly(complete, f'a complete aperture after {what}')
+
+
+def told_of(log):
+    """Apertures that backprojection tells about, with the pulses it has or lacks of each."""
+    told = {}
+    for number, n_pulses, n_missing in re.findall(IMAGE, log):
+        told[int(number)] = int(n_pulses), int(n_missing or 0)
+    for number, n_pulses in re.findall(DROPPED, log):
+        told[int(number)] = int(n_pulses), None
+    for first, last in re.findall(SKIPPED, log):
+        told |= {number: (0, None) for number in range(int(first), int(last or first) + 1)}
+    return told
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_nodes_killed_at_random_moments(make_chain, psf, seed):
+    rng = np.random.default_rng(seed)
+    chain = make_chain(psf.truth)
+    flight = Flight(chain, psf)
+    excused = set()
+    for name in rng.permutation(sorted(chain.running)):
+        flight.fly_messages(rng.integers(1, 12))
+        killed_in = flight.aperture
+        chain.kill(name)
+        chain.start(name)
+        # Discovery decides which aperture is the first to reach the new process whole.
+        log = chain.log('backprojection')
+
+        flight.wait_for_complete_image(killed_in + 1, f'kill -9 of {name}')
+        chain.check()  # no other node has ended
+        flight.assert_next_aperture_right(f'the restart of {name}')
+        if name == 'backprojection':  # what it would have told died with it
+            first = min(told_of(chain.log('backprojection')[len(log):]))
+            excused |= set(range(killed_in - 1, first))
+
+    told = told_of(chain.log('backprojection'))
+    assert set(range(max(told) + 1)) - set(told) <= excused
+    assert all(n_missing is None or n_pulses + n_missing == flight.length
+               for n_pulses, n_missing in told.values())
+
+
+# ------------------------------------------------------------------------- a bad stream
+
+def overwrite(flight, rng, change):
+    """Send the next message after `change` was applied to its floats or bytes."""
+    flight.fly_messages(rng.integers(1, 7))
+    cdr = bytearray(bag_io.serialise(flight.next_block()))
+    change(cdr, cdr.index(np.float32(0x534152).tobytes()))  # where the data begin
+    flight.observer.send([bytes(cdr)])
+
+
+def put_float(cdr, at, value):
+    cdr[at:at + 4] = np.float32(value).tobytes()
+
+
+def bits_anywhere(flight, rng):
+    def change(cdr, start):
+        for at in rng.integers(4, len(cdr), 5):
+            cdr[at] ^= 1 << rng.integers(8)
+    overwrite(flight, rng, change)
+
+
+def bits_of_the_layout(flight, rng):
+    def change(cdr, start):
+        cdr[rng.integers(4, start)] ^= 1 << rng.integers(8)
+    overwrite(flight, rng, change)
+
+
+def bits_of_the_header(flight, rng):
+    def change(cdr, start):
+        for at in rng.integers(start, start + 96, 2):
+            cdr[at] ^= 1 << rng.integers(8)
+    overwrite(flight, rng, change)
+
+
+def cut_short(flight, rng):
+    overwrite(flight, rng, lambda cdr, start: cdr.__delitem__(
+        slice(int(rng.integers(start, len(cdr))), None)))
+
+
+def not_a_number(flight, rng):
+    overwrite(flight, rng, lambda cdr, start: put_float(
+        cdr, start + 4 * int(rng.integers(24, (len(cdr) - start) // 4)), np.nan))
+
+
+def epoch_beyond_ros_time(flight, rng):
+    # The highest 16 bits: 2^62 ns, in the year 2116.
+    overwrite(flight, rng, lambda cdr, start: put_float(cdr, start + 4 * 7, 0x4000))
+
+
+def epoch_of_another_day(flight, rng):
+    overwrite(flight, rng, lambda cdr, start: put_float(cdr, start + 4 * 6, 77))
+
+
+def huge_counter(flight, rng):
+    # The higher 16 bits of the first pulse's counter.
+    overwrite(flight, rng, lambda cdr, start: put_float(
+        cdr, start + 4 * 25, rng.integers(2, 60_000)))
+
+
+def energy_without_end(flight, rng):
+    overwrite(flight, rng, lambda cdr, start: put_float(cdr, len(cdr) - 4, 1e30))
+
+
+def burst(flight, rng):
+    """Four apertures at many times the radar's rate."""
+    for _ in range(4 * len(flight.blocks)):
+        flight.send_next()
+
+
+def lost_and_repeated(flight, rng):
+    flight.fly_messages(rng.integers(1, 7))
+    block = flight.next_block()
+    flight.next_block()
+    flight.observer.send([block] * 4)
+
+
+def recording_begins_again(flight, rng):
+    """A player in a loop, cut off within an aperture."""
+    flight.fly_messages(rng.integers(1, 7))
+    flight.begin_again()
+
+
+def radar_restarts(flight, rng):
+    """Counters begin anew and time goes on."""
+    flight.fly_messages(rng.integers(1, 7))
+    flight.clock_s += flight.aperture + 60
+    flight.begin_again()
+
+
+def radar_clock_jumps(flight, rng):
+    """As after the first fix of a satellite receiver, forwards and backwards."""
+    flight.fly_messages(rng.integers(1, 7))
+    flight.clock_s += int(rng.integers(-10_000, 10_000))
+
+
+def silence(flight, rng):
+    """Longer than pulse_buffer holds pulses back."""
+    flight.fly_messages(rng.integers(1, 7))
+    until = time.monotonic() + 0.7
+    flight.observer.wait(lambda: time.monotonic() > until, 'a pause')
+
+
+def wrong_quality_of_service(flight, rng):
+    flight.observer.node.create_publisher(
+        Float32MultiArray, 'pulses', QoSProfile(depth=1,
+                                                reliability=ReliabilityPolicy.BEST_EFFORT))
+
+
+DISTURBANCES = (bits_anywhere, bits_of_the_layout, bits_of_the_header, cut_short, not_a_number,
+                epoch_beyond_ros_time, epoch_of_another_day, huge_counter, energy_without_end,
+                burst, lost_and_repeated, recording_begins_again, radar_restarts,
+                radar_clock_jumps, silence, wrong_quality_of_service)
+REJECTED = (not_a_number, epoch_beyond_ros_time)  # whatever the random numbers are
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_a_bad_stream(make_chain, psf, seed):
+    rng = np.random.default_rng(seed)
+    chain = make_chain(psf.truth)
+    flight = Flight(chain, psf)
+    for disturb in rng.permutation(DISTURBANCES):
+        disturb(flight, rng)
+        # What was sent of this aperture may be spoiled, and its rest be of two.
+        flight.finish_aperture()
+        flight.assert_next_aperture_right(disturb.__name__)
+        chain.check()
+    observer = chain.observer
+    least = {'blocks_rejected': len(REJECTED), 'pulses_missing': BLOCK, 'restarts': 2,
+             'pulses_duplicate': 3 * BLOCK, 'pulses_corrupt': 1, 'qos_incompatible': 1}
+    observer.wait(lambda: all(observer.counters('pulse_buffer').get(key, 0) >= value
+                              for key, value in least.items()), f'reports of {least}')
+    for name in chain.running:
+        assert observer.counters(name)['errors'] == 0, chain.log(name)
+
+
+# ------------------------------------------------------------------------- the end, the beginning
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_ctrl_c_while_imaging_and_late_joiners(make_chain, psf, seed):
+    rng = np.random.default_rng(seed)
+    chain = make_chain(psf.truth)
+    flight = Flight(chain, psf)
+    names = sorted(chain.running)
+    flight.fly_messages(rng.integers(1, 12))
+    for name in rng.permutation(names):
+        flight.fly_messages(rng.integers(0, 5))
+        chain.signal(name, signal.SIGINT)
+    for name in names:
+        assert chain.exit_code(name) == 0, chain.log(name)
+    for name in rng.permutation(names):  # in any order, while pulses come
+        chain.start(name)
+        flight.fly_messages(rng.integers(0, 20))
+    flight.wait_for_complete_image(flight.aperture, 'a new start')
+    flight.assert_next_aperture_right('a new start')
