@@ -57,24 +57,28 @@ def node_memory(imaging: Imaging, n_pixels: int, *, block_bytes: int, profile_bl
     tuple of NodeMemory
     """
     q, w = imaging.queue_depth, imaging.worker_queue_size
-    queues = q + w  # blocks that wait in the middleware and in front of the worker
+
+    def waiting(n_bytes):
+        """Blocks in the middleware and in front of the worker."""
+        return q * n_bytes + min(w * n_bytes, 1e6 * imaging.worker_queue_megabytes)
+
     products = n_pixels * PRODUCT_BYTES * PRODUCTS_KEPT
     image = n_pixels * IMAGE_BYTES
     sizes = {
-        'pulse_buffer': ((queues + q) * block_bytes
+        'pulse_buffer': (waiting(block_bytes) + q * block_bytes
                          + imaging.reorder_window_pulses * pulse_bytes,
                          f'({q} + {w} + {q}) blocks + reorder window'),
-        'range_compression': (queues * block_bytes + q * profile_block_bytes,
+        'range_compression': (waiting(block_bytes) + q * profile_block_bytes,
                               f'({q} + {w}) blocks + {q} blocks of profiles'),
     }
     if imaging.mode == 'image':
         sizes['backprojection'] = (
-            queues * profile_block_bytes + (1 + POLAR_IMAGES) * image + products,
+            waiting(profile_block_bytes) + (1 + POLAR_IMAGES) * image + products,
             f'({q} + {w}) blocks of profiles + {1 + POLAR_IMAGES:g} x 8 B/pixel + '
             f'{PRODUCTS_KEPT} x {PRODUCT_BYTES} B/pixel')
     else:
         sizes['backprojection'] = (
-            queues * profile_block_bytes + aperture_bytes + POLAR_IMAGES * image,
+            waiting(profile_block_bytes) + aperture_bytes + POLAR_IMAGES * image,
             f'({q} + {w}) blocks of profiles + profiles of an aperture + {POLAR_IMAGES:g} x 8 '
             'B/pixel')
         sizes['afbp_fusion'] = (

@@ -107,6 +107,8 @@ class Imaging:
         Of the range compression and the imager.
     queue_depth, worker_queue_size, max_message_elements, max_image_pixels : int
         Limits.
+    worker_queue_megabytes : float
+        Limit, too.
     mode : str
         ``'image'`` or ``'subapertures'``.
     pulses_per_subaperture : int
@@ -128,6 +130,7 @@ class Imaging:
     reorder_window_pulses: int = 128
     queue_depth: int = 50
     worker_queue_size: int = 50
+    worker_queue_megabytes: float = 512.0
     max_message_elements: int = 2**26
     max_image_pixels: int = 2**25
     mode: str = 'image'

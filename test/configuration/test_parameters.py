@@ -1,11 +1,13 @@
 """Parameter files are read as ROS reads them, and what no node would read is an error."""
 
 import dataclasses
+import pathlib
 
 import pytest
 import yaml
 from hypothesis import given, strategies as st
 
+from sar_imaging import nodes
 from sar_imaging.configuration.parameters import (
     CHECKER_PARAMETERS,
     ConfigurationFileError,
@@ -46,6 +48,13 @@ def test_defaults_are_those_of_the_default_file():
     assert imaging.grid == MapGrid.from_size((0.0, 0.0, 0.0), 100.0, 100.0, 0.25)
     assert imaging.pulses_per_aperture == 1024
     assert imaging.window == 'none'
+
+
+def test_every_node_has_a_section():
+    """Without one the checker would refuse its parameters."""
+    folder = pathlib.Path(nodes.__file__).parent
+    executable = {p.stem for p in folder.glob('*.py') if '\ndef main(' in p.read_text()}
+    assert set(read_configuration(default_file()).nodes) == executable - {'sar_pipeline'}
 
 
 def test_radar_and_platform():
