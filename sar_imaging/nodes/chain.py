@@ -16,10 +16,10 @@ class Chain:
     steps : list of Step
         In the order of the work.
     reject : callable
-        Called with an item in words and the ValueError with which a step refused it.
+        Called with an item in words and the error with which a step refused it.
     """
 
-    def __init__(self, steps: list[Step], reject: Callable[[str, ValueError], None]):
+    def __init__(self, steps: list[Step], reject: Callable[[str, Exception], None]):
         self.steps = steps
         self._reject = reject
         self._worked_s: list[float | None] = [None] * len(steps)  # None: nothing is underway
@@ -53,6 +53,16 @@ class Chain:
                 self._worked_s[number] = None
                 self._pass_on(number, step.flush())
 
+    def collect(self) -> None:
+        """Pass on what steps have ready without an item of the input; see `Step.collect`."""
+        for number, step in enumerate(self.steps):
+            self._pass_on(number, step.collect())
+
+    def rest(self) -> None:
+        """Let the steps do what they do while nothing waits; see `Step.rest`."""
+        for step in self.steps:
+            step.rest()
+
     def form_image(self) -> tuple[bool, str]:
         """Finish what is underway in all steps; whether that gave something, and what or why."""
         self._formed = []
@@ -69,13 +79,16 @@ class Chain:
     def discard(self) -> int:
         """Forget what is underway and return its number of pulses."""
         self._worked_s = [None] * len(self.steps)
-        return sum(step.discard() for step in self.steps)
+        dropped = [step.discard() for step in self.steps]
+        # What a step of another input holds was made from pulses that are counted already.
+        return sum(n for n, step in zip(dropped, self.steps, strict=True)
+                   if step.INLET is self.steps[0].INLET)
 
     def _take(self, number: int, item) -> None:
         step = self.steps[number]
         try:
             products = step.process(item)
-        except ValueError as error:
+        except (ValueError, MemoryError) as error:
             self._reject(step.INLET.describe(item), error)
             return
         finally:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -34,8 +34,9 @@ class Parameter:
     ----------
     name : str
         Name as in the configuration file.
-    default : float, int, bool or str
-        Value without configuration; its type is the type of the parameter.
+    default : float, int, bool, str or tuple of floats
+        Value without configuration; its type is the type of the parameter. Lists of numbers are
+        not empty: ROS takes an empty default for one of bytes.
     description : str
         One sentence for people.
     unit : str
@@ -49,7 +50,7 @@ class Parameter:
     """
 
     name: str
-    default: float | int | bool | str
+    default: float | int | bool | str | tuple[float, ...]
     description: str
     unit: str = ''
     minimum: float | None = None
@@ -76,8 +77,8 @@ class Parameter:
 
     def expected(self) -> str:
         """What a value must be, in words."""
-        words = {float: 'a number', int: 'a whole number', str: 'a text',
-                 bool: 'true or false'}[type(self.default)]
+        words = {float: 'a number', int: 'a whole number', str: 'a text', bool: 'true or false',
+                 tuple: 'a list of numbers'}[type(self.default)]
         if self.minimum is not None:
             words += f' from {self.minimum} to {self.maximum}'
         return f'{words} ({self.unit})' if self.unit else words
@@ -93,7 +94,9 @@ class Parameter:
         kind = type(self.default)
         if kind is float and type(value) is int:
             value = float(value)
-        if type(value) is not kind or (kind is float and not math.isfinite(value)):
+        if kind is tuple and isinstance(value, Sequence) and not isinstance(value, str | bytes):
+            value = tuple(float(v) if type(v) is int else v for v in value)
+        if type(value) is not kind or not _is_finite(value):
             raise ConfigurationError(f'parameter {self.name}={value!r}; expected '
                                      f'{self.expected()}')
         if self.minimum is not None and not self.minimum <= value <= self.maximum:
@@ -105,6 +108,13 @@ class Parameter:
             except ValueError as error:
                 raise ConfigurationError(f'parameter {self.name}: {error}') from error
         return value
+
+
+def _is_finite(value) -> bool:
+    """False for numbers that are not, and for lists of anything but finite numbers."""
+    if isinstance(value, tuple):
+        return bool(value) and all(type(v) is float and math.isfinite(v) for v in value)
+    return not isinstance(value, float) or math.isfinite(value)
 
 
 def one_of(*choices: str) -> Callable[[object], None]:

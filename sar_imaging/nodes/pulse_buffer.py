@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Mapping
 
+from rclpy.clock import Clock, ClockType
+
+from msg_conversions.pulse_block import as_received
+from sar_imaging.signal.positioning import Positioner
 from sar_imaging.signal.pulse_buffer import PulseBuffer
 from sar_imaging.signal.pulses import PulseBlock
 
@@ -12,6 +17,7 @@ from .block_output import BlockOutput
 from .health import Health, Part
 from .managed import ManagedNode, run
 from .parameters import ANY_TIME, Parameter
+from .pose_input import BLOCK, PARAMETERS as POSE_PARAMETERS, PoseInput, alignment_from, track_from
 from .stage import Stage
 from .step import Step
 
@@ -22,7 +28,9 @@ PARAMETERS = (
               'pulse that is further behind is missing.', 'pulses', 0, 1_000_000),
     Parameter('flush_timeout_s', 0.5, 'Held pulses are published when no input came for this '
               'long, by the wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME),
+    *POSE_PARAMETERS,
 )
+_WAIT_PERIOD_S = 0.05  # how often the end of a wait for poses is looked for
 
 
 class PulseBufferStep(Step):
@@ -31,8 +39,10 @@ class PulseBufferStep(Step):
     NAME = 'pulse_buffer'
     PARAMETERS = PARAMETERS
     COUNTERS = ('pulses_received', 'pulses_emitted', 'apertures_started',
-                'configuration_changes')
-    FAULTS = ('pulses_missing', 'pulses_duplicate', 'pulses_late', 'pulses_corrupt', 'restarts')
+                'configuration_changes', 'pulses_waiting_for_poses', 'poses_received')
+    FAULTS = ('pulses_missing', 'pulses_duplicate', 'pulses_late', 'pulses_corrupt', 'restarts',
+              'pulses_without_pose', 'pulses_of_another_frame', 'poses_rejected', 'poses_late',
+              'pose_gaps', 'pose_jumps', 'pose_restarts')
     IDLE_PARAMETER = 'flush_timeout_s'
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
@@ -40,17 +50,45 @@ class PulseBufferStep(Step):
         self._buffer = PulseBuffer(
             pulses_per_aperture=parameters['pulses_per_aperture'],
             pulses_per_block=parameters['pulses_per_block'],
-            reorder_window_pulses=parameters['reorder_window_pulses'])
+            reorder_window_pulses=parameters['reorder_window_pulses'],
+            positions_required=parameters['pose.source'] == BLOCK)
+        self._poses = self._positioner = self._timer = None
+        self._woken = False
+        if parameters['pose.source'] != BLOCK:
+            self._poses = PoseInput(parameters, health, self._pose_came)
+            self._positioner = Positioner(
+                track_from(parameters), alignment_from(parameters),
+                pulses_per_aperture=parameters['pulses_per_aperture'],
+                wait_s=parameters['pose.wait_s'],
+                max_waiting_pulses=parameters['pose.max_waiting_pulses'])
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publisher of the blocks; see `Step`."""
         self._output = BlockOutput(node, 'pulse_blocks', self.parameters)
 
+    def activate(self, node: Stage) -> None:
+        """Subscribe to poses where positions come from them; see `Step`."""
+        if self._poses is not None:
+            self._node, self._woken = node, False
+            self._timer = node.create_timer(_WAIT_PERIOD_S, self._look_for_ends,
+                                            clock=Clock(clock_type=ClockType.STEADY_TIME))
+            self._poses.activate(node)
+
+    def deactivate(self, node: Stage) -> None:
+        """Unsubscribe; see `Step`."""
+        if self._poses is not None:
+            self._poses.deactivate()
+            if self._timer is not None:
+                node.destroy_timer(self._timer)
+                self._timer = None
+
     def summary(self) -> str:
         """Settings for the log line at the start."""
-        return (f' -> {self._output.topic}, {self.parameters["pulses_per_block"]} pulses per '
-                f'block, {self.parameters["pulses_per_aperture"]} per aperture, reorder window '
-                f'{self.parameters["reorder_window_pulses"]} pulses')
+        p = self.parameters
+        poses = '' if self._poses is None else f' with positions from {self._poses.topic}'
+        return (f'{poses} -> {self._output.topic}, {p["pulses_per_block"]} pulses per block, '
+                f'{p["pulses_per_aperture"]} per aperture, reorder window '
+                f'{p["reorder_window_pulses"]} pulses')
 
     def process(self, block: PulseBlock) -> list[PulseBlock]:
         """Buffer pulses; returns the blocks that became complete."""
@@ -64,13 +102,18 @@ class PulseBufferStep(Step):
         """All that is held, since the input pauses."""
         return self._emitted(self._buffer.flush())
 
+    def collect(self) -> list[PulseBlock]:
+        """Pulses whose poses came, or whose wait is over."""
+        self._woken = False
+        return self._emitted([])
+
     def skip(self, aperture: int | None) -> list[PulseBlock]:
         """Let go of all that is held, so that the next steps can forget it; see `Step`."""
         return self.flush() if aperture is not None else []
 
     def discard(self) -> int:
         """Begin a new sequence with the next pulse; returns the number of pulses held so far."""
-        return self._buffer.reset()
+        return self._buffer.reset() + (self._positioner.reset() if self._positioner else 0)
 
     def update_counters(self) -> None:
         """Take the buffer's statistics over."""
@@ -79,10 +122,52 @@ class PulseBufferStep(Step):
             self.health.set(f'pulses_{key}', getattr(s, key))
         for key in ('apertures_started', 'configuration_changes', 'restarts'):
             self.health.set(key, getattr(s, key))
+        if self._positioner is not None:
+            self._update_pose_counters()
+
+    def _update_pose_counters(self) -> None:
+        s = self._positioner.statistics
+        for key, value in (
+                ('pulses_emitted', s.positioned), ('pulses_without_pose', s.without_pose),
+                ('pulses_of_another_frame', s.other_frame),
+                ('pulses_waiting_for_poses', self._positioner.waiting_pulses),
+                ('poses_received', s.poses), ('poses_late', s.poses_old),
+                ('poses_rejected', s.poses_corrupt + self._poses.n_other_frame),
+                ('pose_gaps', s.pose_gaps), ('pose_jumps', s.pose_jumps),
+                ('pose_restarts', s.pose_restarts)):
+            self.health.set(key, value)
+        self._poses.check_stall()
 
     def _emitted(self, blocks: list[PulseBlock]) -> list[PulseBlock]:
         self.report(self._buffer.take_events())
-        return blocks
+        if self._positioner is not None:
+            blocks = self._located(blocks)
+        return [as_received(block) for block in blocks]
+
+    def _located(self, blocks: list[PulseBlock]) -> list[PulseBlock]:
+        """The blocks, and those that waited, as far as their poses are decided."""
+        located = []
+        for pose in self._poses.take():
+            located += self._positioner.add_pose(*pose)
+        now = time.monotonic()
+        for block in blocks:
+            located += self._positioner.push(block, now)
+        located += self._positioner.advance(now)
+        self.report(self._positioner.take_events())
+        return located
+
+    def _pose_came(self) -> None:
+        if self._positioner.waiting_pulses:
+            self._wake()
+
+    def _look_for_ends(self) -> None:
+        if self._positioner.waiting_pulses or self._poses.waiting:
+            self._wake()
+
+    def _wake(self) -> None:
+        if not self._woken:  # one call takes all poses that came until then
+            self._woken = True
+            self._node.wake()
 
 
 class PulseBufferNode(Stage):

@@ -109,7 +109,8 @@ class Stage(ManagedNode):
         self._worker = Worker(
             self._work, capacity=p['worker_queue_size'],
             max_bytes=int(1e6 * p['worker_queue_megabytes']), on_error=self._work_failed,
-            on_idle=self._chain.idle, idle_s=self._chain.idle_s, name=self.get_name())
+            on_idle=self._chain.idle, idle_s=self._chain.idle_s, on_rest=self._chain.rest,
+            name=self.get_name())
         self._worker.start()
         self._gate = Gate(self._worker, self._inlet, p['overload'], self._skip)
         for step in self._chain.steps:
@@ -147,6 +148,11 @@ class Stage(ManagedNode):
         if self._worker is not None:
             self._worker.call(work).add_done_callback(self._called)
 
+    def wake(self) -> None:
+        """Have the steps' `collect` called soon; for their callbacks."""
+        if self._chain is not None:
+            self.in_worker(self._chain.collect)
+
     # ------------------------------------------------------------------------- input and work
 
     def _receive(self, message: Float32MultiArray) -> None:
@@ -182,7 +188,7 @@ class Stage(ManagedNode):
         self._chain.work(item, received_s)
         self._progress.publish(UInt32(data=self._inlet.last_counter(item)))
 
-    def _reject(self, which: str, error: ValueError) -> None:
+    def _reject(self, which: str, error: Exception) -> None:
         self.health.count('blocks_rejected')
         self.health.warning(f'rejected {which} of {self.resolve_topic_name(self.INPUT)}: {error}')
 

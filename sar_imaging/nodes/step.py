@@ -15,6 +15,7 @@ from .parameters import Parameter
 
 if TYPE_CHECKING:
     from .managed import ManagedNode
+    from .stage import Stage
 
 
 class Step:
@@ -70,10 +71,10 @@ class Step:
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publishers of the step's products."""
 
-    def activate(self, node: ManagedNode) -> None:
+    def activate(self, node: Stage) -> None:
         """Begin to work: publish what stands already, subscribe to what else is needed."""
 
-    def deactivate(self, node: ManagedNode) -> None:
+    def deactivate(self, node: Stage) -> None:
         """Undo `activate`; safe when that failed halfway."""
 
     def process(self, item) -> list:
@@ -81,16 +82,23 @@ class Step:
 
         Raises
         ------
-        ValueError
-            The item is impossible; it is rejected, counted and logged.
+        ValueError, MemoryError
+            The item is impossible or too large; it is rejected, counted and logged.
         """
         raise NotImplementedError(f'{type(self).__name__} must implement process')
 
     def publish(self, product) -> None:
         """Publish a product for whoever listens."""
 
+    def rest(self) -> None:
+        """Prepare for what will come, while nothing waits."""
+
     def flush(self) -> list:
         """Products of what is underway: the input pauses, or somebody asks."""
+        return []
+
+    def collect(self) -> list:
+        """Products that became complete otherwise than by an item; after `Stage.wake`."""
         return []
 
     def describe(self, product) -> str:

@@ -1,0 +1,262 @@
+"""Poses of the platform from a topic or tf, on their way into the worker's thread."""
+
+from __future__ import annotations
+
+import collections
+import time
+from collections.abc import Callable, Mapping
+
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.time import Time
+
+from sar_imaging.geometry.alignment import Alignment
+from sar_imaging.geometry.poses import CAPACITY, PoseTrack
+
+from .health import Health, Part
+from .managed import QOS_ERRORS, ManagedNode
+from .parameters import ConfigurationError, Parameter, one_of
+
+BLOCK, ODOMETRY, POSE, TF = SOURCES = ('block', 'odometry', 'pose', 'tf')
+_QUEUE_DEPTH = 1000  # poses come in bursts where large messages hold up the middleware
+_TF_PERIOD_S = 0.02
+_MOST_TF_STEPS = 1000  # at once; after a longer pause the rest is a gap
+
+
+def _check_arms(values) -> None:
+    if len(values) % 3:
+        raise ValueError(f'{len(values)} numbers; expected x, y, z of one phase centre for all '
+                         'channels, or of one for each')
+
+
+PARAMETERS = (
+    Parameter('pose.source', BLOCK, 'Where phase centres come from: the pulse blocks, the topic '
+              'odometry, the topic pose, or tf.', check=one_of(*SOURCES)),
+    Parameter('pose.time_offset_s', 0.0, "Clock of the poses minus the radar's.", 's', -1e10,
+              1e10),
+    Parameter('pose.range_bias_m', 0.0, 'Measured half path minus geometric one, such as half '
+              'the delay of the cables.', 'm', -1e6, 1e6),
+    Parameter('pose.max_gap_s', 0.2, 'Longest time between two poses that is interpolated.', 's',
+              0.001, 60.0),
+    Parameter('pose.wait_s', 1.0, 'Longest wait of pulses for their poses, by the wall clock.',
+              's', 0.0, 60.0),
+    Parameter('pose.max_waiting_pulses', 16_384, 'Pulses that may wait for their poses.',
+              'pulses', 1, 10_000_000),
+    Parameter('pose.jump_m', 0.05, 'Departure from the motion so far that no acceleration below '
+              '20 m/s^2 explains and that means a jump of the frame.', 'm', 1e-4, 1e4),
+    Parameter('pose.frame_id', '', 'Frame of the poses; others are dropped. Empty takes that of '
+              'the first one; tf needs it.'),
+    Parameter('pose.child_frame_id', 'base_link', 'Body frame to look up in tf.'),
+    Parameter('pose.tf_rate_hz', 100.0, 'How often tf is sampled.', 'Hz', 1.0, 10_000.0),
+    Parameter('antenna.tx', (0.0, 0.0, 0.0), 'Lever arms: transmit phase centres in the body '
+              'frame of the poses, x, y, z for each channel or once for all.', 'm',
+              check=_check_arms),
+    Parameter('antenna.rx', (0.0, 0.0, 0.0), 'The same of the receive phase centres.', 'm',
+              check=_check_arms),
+)
+
+
+def alignment_from(parameters: Mapping[str, object]) -> Alignment:
+    """Alignment between poses and pulses that the parameters describe."""
+    def arms(name):
+        values = parameters[name]
+        return [values[i:i + 3] for i in range(0, len(values), 3)]
+
+    return Alignment(tx_m=arms('antenna.tx'), rx_m=arms('antenna.rx'),
+                     time_offset_s=parameters['pose.time_offset_s'],
+                     range_bias_m=parameters['pose.range_bias_m'])
+
+
+def track_from(parameters: Mapping[str, object]) -> PoseTrack:
+    """Empty track with the limits of the parameters."""
+    return PoseTrack(max_gap_s=parameters['pose.max_gap_s'], jump_m=parameters['pose.jump_m'])
+
+
+class PoseInput:
+    """Subscription to poses; what came waits here until the worker takes it.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Current values of `PARAMETERS`, `pose.source` not being `block`.
+    health : Health or Part
+        Log.
+    on_pose : callable
+        Called after every pose, in the thread of the callbacks.
+
+    Attributes
+    ----------
+    topic : str
+        Where the poses come from, in words.
+    n_other_frame : int
+        Poses dropped because they were in another frame.
+
+    Raises
+    ------
+    ConfigurationError
+        The source is tf, and it is not installed or no frame is named.
+    """
+
+    def __init__(self, parameters: Mapping[str, object], health: Health | Part,
+                 on_pose: Callable[[], None]):
+        self._parameters, self._health, self._on_pose = parameters, health, on_pose
+        self._source = parameters['pose.source']
+        self._poses: collections.deque = collections.deque(maxlen=CAPACITY)
+        self._frame = parameters['pose.frame_id']
+        self._wrong_frame = ''
+        self._last_s: float | None = None
+        self._stalled = False
+        self._release: list[Callable[[], None]] = []
+        self.topic = self._source
+        self.n_other_frame = 0
+        if self._source == TF:
+            _import_tf()
+            if not self._frame:
+                raise ConfigurationError('parameter pose.frame_id is empty; tf needs the frame '
+                                         'of the images, such as odom')
+            self.topic = f'tf {self._frame} <- {parameters["pose.child_frame_id"]}'
+
+    def activate(self, node: ManagedNode) -> None:
+        """Subscribe."""
+        self._last_s, self._stalled = time.monotonic(), False
+        if self._source == TF:
+            tf = TfSampler(node, self._frame, self._parameters, self._take)
+            self._release.append(tf.close)
+            return
+        message_type = {ODOMETRY: Odometry, POSE: PoseStamped}[self._source]
+        try:
+            subscription = node.create_subscription(
+                message_type, self._source, self._receive,
+                QoSProfile(depth=_QUEUE_DEPTH, reliability=ReliabilityPolicy.RELIABLE),
+                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+                event_callbacks=SubscriptionEventCallbacks(
+                    incompatible_qos=node.report_incompatible_qos))
+        except QOS_ERRORS as error:
+            raise ConfigurationError(f'QoS override of {self._source}: {error}') from error
+        self.topic = subscription.topic_name
+        self._release.append(lambda: node.destroy_subscription(subscription))
+
+    def deactivate(self) -> None:
+        """Unsubscribe and forget the poses that wait."""
+        release, self._release = self._release, []
+        for call in release:
+            call()
+        self._poses.clear()
+
+    def take(self) -> list[tuple[int, tuple, tuple]]:
+        """Time in ns, position in m and quaternion of the poses that came, oldest first."""
+        return [self._poses.popleft() for _ in range(len(self._poses))]
+
+    @property
+    def waiting(self) -> int:
+        """Poses that wait to be taken."""
+        return len(self._poses)
+
+    def check_stall(self) -> None:
+        """Log, once, when no pose comes for `stall_timeout_s`."""
+        if self._last_s is None:
+            return
+        pause = time.monotonic() - self._last_s
+        if pause > self._parameters['stall_timeout_s'] and not self._stalled:
+            self._stalled = True
+            self._health.warning(f'no poses on {self.topic} for {pause:.0f} s; pulses are dropped '
+                                 'meanwhile')
+
+    def _receive(self, message: Odometry | PoseStamped) -> None:
+        pose = message.pose.pose if self._source == ODOMETRY else message.pose
+        frame = message.header.frame_id
+        if self._frame != frame:
+            if self._frame:
+                self._reject(frame)
+                return
+            self._frame = frame
+            self._health.info(f'poses in frame {frame or "without name"}; the images are in it')
+        stamp = message.header.stamp
+        self._take(stamp.sec * 10**9 + stamp.nanosec, pose.position, pose.orientation)
+
+    def _reject(self, frame: str) -> None:
+        self.n_other_frame += 1
+        if frame != self._wrong_frame:
+            self._wrong_frame = frame
+            self._health.warning(f'dropped poses in frame {frame}; expected {self._frame}, see '
+                                 'pose.frame_id')
+
+    def _take(self, stamp_ns: int, p, q) -> None:
+        self._last_s = time.monotonic()
+        if self._stalled:
+            self._stalled = False
+            self._health.info('poses go on')
+        self._poses.append((stamp_ns, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w)))
+        self._on_pose()
+
+
+def _import_tf():
+    try:
+        import tf2_ros
+    except ImportError as error:
+        raise ConfigurationError(
+            'pose.source is tf, but tf2_ros is not installed: it comes with a ROS installation '
+            '(package tf2_ros_py) and not from PyPI; install it there, or set pose.source to '
+            'odometry or pose') from error
+    return tf2_ros
+
+
+class TfSampler:
+    """Transforms of tf, sampled evenly up to the latest time at which the whole chain is known.
+
+    Parameters
+    ----------
+    node : ManagedNode
+        Node to listen with.
+    frame : str
+        Frame of the positions.
+    parameters : mapping
+        Current values of `PARAMETERS`.
+    take : callable
+        Called with time in ns, translation and rotation.
+    """
+
+    def __init__(self, node: ManagedNode, frame: str, parameters: Mapping[str, object], take):
+        tf2_ros = _import_tf()
+        self._frame, self._body = frame, parameters['pose.child_frame_id']
+        self._step_ns = round(1e9 / parameters['pose.tf_rate_hz'])
+        self._take, self._error = take, tf2_ros.TransformException
+        self._buffer = tf2_ros.Buffer(cache_time=Duration(seconds=30))
+        self._listener = tf2_ros.TransformListener(self._buffer, node)
+        self._node, self._last_ns = node, None
+        self._timer = node.create_timer(_TF_PERIOD_S, self._sample,
+                                        clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._node.destroy_timer(self._timer)
+        self._listener.unregister()
+
+    def _sample(self) -> None:
+        try:
+            newest = self._lookup(Time())
+        except self._error:
+            return  # not yet known
+        newest_ns = Time.from_msg(newest.header.stamp).nanoseconds
+        last_ns, self._last_ns = self._last_ns, newest_ns
+        if last_ns is not None and last_ns < newest_ns:
+            first_ns = max(last_ns + self._step_ns,
+                           newest_ns - _MOST_TF_STEPS * self._step_ns)
+            for stamp_ns in range(first_ns, newest_ns, self._step_ns):
+                try:
+                    self._pass_on(stamp_ns, self._lookup(Time(nanoseconds=stamp_ns)))
+                except self._error:
+                    continue  # forgotten already
+        if last_ns != newest_ns:
+            self._pass_on(newest_ns, newest)
+
+    def _lookup(self, moment: Time):
+        return self._buffer.lookup_transform(self._frame, self._body, moment)
+
+    def _pass_on(self, stamp_ns: int, found) -> None:
+        self._take(stamp_ns, found.transform.translation, found.transform.rotation)
