@@ -63,6 +63,8 @@ class LivePlan:
         Of the sub-aperture images and the fused one.
     length : int
         Pulses of a sub-aperture.
+    warnings : tuple of str
+        What may make the error larger than predicted.
 
     Raises
     ------
@@ -90,6 +92,7 @@ class LivePlan:
                                       pulses_per_subaperture=length,
                                       oversampling=cover.oversampling)
         self.fusion = self._stage.fusion_grid
+        self.warnings = self._stage.warnings
         self.length = max(p.stop - p.start for p in self._stage.sampling.pulses)
 
     def __str__(self) -> str:

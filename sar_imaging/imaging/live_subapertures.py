@@ -123,6 +123,7 @@ class LiveSubapertures(ApertureSequence):
         self._ahead: _Target | None = None
         self._previous: AperturePulses | None = None
         self._memory.clear()
+        self._warned = False
 
     def _begin(self, number: int) -> AperturePulses:
         aperture = AperturePulses(number, self._length, self._plan, self._memory)
@@ -209,14 +210,17 @@ class LiveSubapertures(ApertureSequence):
             target.revision += 1
             self.statistics.plans_anew += 1
             self._make_plan(target, slack)
-            if target.refused:
+            if target.refused or target.waits:
                 return []
             if (images := self._form_all(target)) is not None:
                 return images
+        self._wait(target)
+        return []
+
+    def _wait(self, target: _Target) -> None:
         target.waits = True
         self._report('plan', f'the track of aperture {target.first} cannot be foreseen well '
                      f'enough for target_db={self._target_db:g}; its end is awaited')
-        return []
 
     def _form_all(self, target: _Target) -> list[SubapertureImage] | None:
         """Images of all closed sub-apertures; None where one does not suit the plan."""
@@ -264,6 +268,9 @@ class LiveSubapertures(ApertureSequence):
                     raise
                 target.plan = self._plan_for(target, 0, slack)
         except ValueError as error:
+            if target.revision and slack:
+                self._wait(target)
+                return
             target.refused, target.plan, self._cut = True, None, self._wanted_cut
             self._report('aperture', f'aperture {target.first} cannot be imaged by sub-apertures: '
                          f'{error}; use mode image')
@@ -271,7 +278,10 @@ class LiveSubapertures(ApertureSequence):
         finally:
             self.statistics.plans += 1
             self.statistics.plan_seconds = time.perf_counter() - begin
-        if target.revision and target.plan:
+        if target.plan.warnings and not self._warned:
+            self._warned = True
+            self._report('plan', f'aperture {target.first}: {"; ".join(target.plan.warnings)}')
+        if target.revision:
             self._report('plan', f'aperture {target.first} planned anew, its track differs from '
                          f'the one foreseen: {target.plan}')
         if target.plan.length != self._cut:

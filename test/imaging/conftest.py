@@ -19,11 +19,13 @@ class Case:
 
 
 def make_case(range_m, *, channels=1, height_m=0.0, heading_rad=0.0, n=96, spacing_m=0.25,
-              pulses=48, aperture_m=None, n_points=12, seed=1, bend_m=0.0):
+              pulses=48, aperture_m=None, n_points=12, seed=1, bend_m=0.0, track_m=None,
+              extent=0.95):
     """X-band profiles (10 GHz, 300 MHz, sampled at 400 MHz) of random scatterers.
 
     The radar flies along y and looks along +x, all turned by `heading_rad`; receivers stand half
-    a wavelength apart; `bend_m` bows the track outwards in the middle.
+    a wavelength apart; `bend_m` bows the track outwards in the middle, `track_m` (pulses, 3)
+    replaces it. Scatterers fill `extent` times the grid in both directions.
     """
     rng = np.random.default_rng(seed)
     carrier, bandwidth, rate = 10e9, 300e6, 400e6
@@ -33,6 +35,8 @@ def make_case(range_m, *, channels=1, height_m=0.0, heading_rad=0.0, n=96, spaci
     tx[..., 0] = (bend_m * (4 * u ** 2 - 1))[:, None]
     tx[..., 1] = (aperture * u)[:, None]
     tx[..., 2] = height_m
+    if track_m is not None:
+        tx[:] = track_m[:, None]
     rx = tx.copy()
     rx[..., 1] += (np.arange(channels) - channels // 2) * SPEED_OF_LIGHT / carrier / 2
     cos, sin = np.cos(heading_rad), np.sin(heading_rad)
@@ -41,7 +45,7 @@ def make_case(range_m, *, channels=1, height_m=0.0, heading_rad=0.0, n=96, spaci
     ground = np.sqrt(range_m ** 2 - height_m ** 2)
     grid = MapGrid((ground * cos, ground * sin, 0.0), n, n, spacing_m)
     points = np.array(grid.centre_m) + np.c_[
-        (rng.random((n_points, 2)) - 0.5) * 0.95 * n * spacing_m, np.zeros(n_points)]
+        (rng.random((n_points, 2)) - 0.5) * extent * n * spacing_m, np.zeros(n_points)]
 
     def distance(a):
         return np.linalg.norm(a[:, :, None] - points, axis=-1)
