@@ -40,12 +40,12 @@ def lines(table: list[tuple[str, str, str]]) -> list[str]:
 def _geometry_rows(a: Acquisition, imaging: Imaging, d: Derived):
     scene = d.scene
     yield 'wavelength', f'{1e3 * a.radar.wavelength_m:.3g} mm', 'c / f'
-    yield ('range to the scene', f'{scene.range_m:.4g} m',
-           f'{scene.near_m:.4g} to {scene.far_m:.4g} m over grid and aperture')
-    yield ('range window', f'{d.window_m[0]:.4g} .. {d.window_m[1]:.4g} m',
+    yield ('range to the scene', _metres(scene.range_m),
+           f'{_metres(scene.near_m)} to {_metres(scene.far_m)} over grid and aperture')
+    yield ('range window', f'{_metres(d.window_m[0])} to {_metres(d.window_m[1])}',
            f'where {d.n_profile} samples of a profile hold whole responses')
     if is_phase_history(a):
-        yield ('unambiguous depth', f'{d.unambiguous_depth_m:.4g} m', 'N c / 2 B')
+        yield ('unambiguous depth', _metres(d.unambiguous_depth_m), 'N c / 2 B')
     yield ('range resolution', f'{d.range_width_m:.3g} m',
            f'width at -3 dB on the ground, window {imaging.window}; c / (2 B cos psi) = '
            f'{d.range_null_m:.3g} m')
@@ -53,22 +53,22 @@ def _geometry_rows(a: Acquisition, imaging: Imaging, d: Derived):
            f'width at -3 dB; lambda / (4 sin(angle / 2)) = {d.azimuth_null_m:.3g} m')
     yield ('pixel spacing', f'{imaging.grid.spacing_m:g} m',
            f'half of the resolution: {0.5 * min(d.range_null_m, d.azimuth_null_m):.3g} m')
-    yield ('aperture', f'{d.aperture_m:.4g} m',
+    yield ('aperture', _metres(d.aperture_m),
            f'{imaging.pulses_per_aperture} pulses, {d.aperture_s:.3g} s, '
            f'{math.degrees(d.aperture_rad):.3g} degrees seen from the scene')
 
 
 def _pulse_rows(a: Acquisition, d: Derived):
-    yield 'pulse spacing', f'{d.pulse_spacing_m:.4g} m', 'v / PRF'
+    yield 'pulse spacing', _metres(d.pulse_spacing_m), 'v / PRF'
     yield ('scene in direction', f'{d.needed_direction:.3g}',
            'direction cosines of grid' + (' and beam' if a.beamwidth_rad else ''))
     yield ('unambiguous direction', f'{d.unambiguous_direction:.3g}',
-           f'lambda PRF / 2 v; scatterers repeat every {d.ambiguity_m:.4g} m in azimuth')
-    yield ('PRF', f'{a.prf_hz:.6g} Hz',
-           f'{d.least_prf_hz:.4g} Hz (2 v directions / lambda)'
+           f'lambda PRF / 2 v; scatterers repeat every {_metres(d.ambiguity_m)} in azimuth')
+    yield ('PRF', _hertz(a.prf_hz),
+           f'{_hertz(d.least_prf_hz)} (2 v directions / lambda)'
            + ('' if a.compressed or a.radar.waveform != Waveform.LFM else
-              f' to {d.largest_prf_hz:.4g} Hz (recording ends before the next pulse)'))
-    yield 'unambiguous range', f'{d.unambiguous_range_m:.4g} m', 'c / 2 PRF'
+              f' to {_hertz(d.largest_prf_hz)} (recording ends before the next pulse)'))
+    yield 'unambiguous range', _metres(d.unambiguous_range_m), 'c / 2 PRF'
 
 
 def _load_rows(imaging: Imaging, machine: Machine, d: Derived):
@@ -80,3 +80,11 @@ def _load_rows(imaging: Imaging, machine: Machine, d: Derived):
     yield ('exact imaging', f'{d.imaging_s:.3g} s',
            f'pixels x pulses x channels at {machine.rate_per_s / 1e9:.3g} G/s '
            f'({machine.rate_source}); an aperture takes {d.aperture_s:.3g} s')
+
+
+def _metres(value: float) -> str:
+    return f'{value / 1e3:.4g} km' if 1e4 <= value < math.inf else f'{value:.4g} m'
+
+
+def _hertz(value: float) -> str:
+    return f'{value / 1e3:.4g} kHz' if value >= 1e4 else f'{value:.4g} Hz'
