@@ -19,7 +19,7 @@ from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .fusion import SpectrumFusion
 from .fusion_map import form_map
 from .lattice import total_db
-from .polar import cover_map
+from .polar import UNUSED, cover_map
 from .subapertures import SubaperturePlan
 
 _logger = logging.getLogger(__name__)
@@ -84,15 +84,16 @@ class AfbpImager:
             raise ValueError(f'tx_m.shape={tx_m.shape}, rx_m.shape={rx_m.shape}; expected '
                              '(pulses, channels, 3) for both')
         self.grid, self._progress, self._cover = grid, progress, None
-        polar, oversampling = grid, 1.0
+        polar, oversampling, margin = grid, 1.0, 0
         if isinstance(grid, MapGrid):
             self._cover = _cover(grid, tx_m, rx_m, radar, n_samples, target_db)
             polar, oversampling = self._cover.polar, self._cover.oversampling
+            margin = UNUSED
             target_db -= 1.0
         self.subapertures = SubaperturePlan(polar, radar, n_samples, tx_m, rx_m,
                                             target_db=target_db,
                                             pulses_per_subaperture=pulses_per_subaperture,
-                                            oversampling=oversampling)
+                                            oversampling=oversampling, margin=margin)
         self.fusion = SpectrumFusion(self.subapertures.fusion_grid)
         self.predicted_error_db = self.subapertures.predicted_error_db
         if self._cover is not None:

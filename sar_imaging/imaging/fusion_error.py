@@ -15,7 +15,7 @@ import numpy as np
 
 _N_FREQUENCIES = 65  # from -pi to pi per cell
 _N_POSITIONS = 97
-_CELLS = (16, 24, 32, 48, 64, 96, 128, 192, 256)  # lengths that are tabulated
+_CELLS_BETWEEN = 24  # the guards, in a table: errors are those of the edges
 
 
 def edge_taper(n: int, n_guard: float, beta: float) -> np.ndarray:
@@ -72,37 +72,46 @@ def error_table(n: int, n_guard: float, beta: float) -> np.ndarray:
     return np.abs(dirichlet @ coarse - np.exp(1j * np.outer(position, frequency))) ** 2
 
 
-def mean_error(n: int, n_guard: float, beta: float, frequency, position=None) -> float:
+def mean_error(n: int, n_guard: float, beta: float, frequency, position=None,
+               margin: float = 0.0) -> float:
     """Mean squared error of exponentials, relative to their power.
 
     Parameters
     ----------
     n, n_guard, beta :
         As for `error_table`.
-    frequency : array_like
+    frequency : (..., S) array_like
         Frequencies, radians per cell, relative to the middle of the band.
-    position : array_like, optional
-        Where each occurs, 0 to 1 from guard to guard; everywhere if left out.
+    position : (S,) array_like, optional
+        Where they occur, 0 to 1 from guard to guard; everywhere if left out.
+    margin : float
+        Cells beside each guard that need not be right.
 
     Returns
     -------
     float
         2, as if nothing fitted, where a frequency lies beyond the band.
     """
-    frequency = np.abs(np.asarray(frequency, float).ravel())
+    frequency = np.abs(np.asarray(frequency, float))
     if frequency.size == 0 or frequency.max() > np.pi:
         return 2.0
-    # The errors are those of the edges, whose share falls with the length of the grid.
-    cells = max(c for c in _CELLS if c <= n or c == _CELLS[0])
-    cells = max(cells, math.ceil(2 * n_guard) + 2)
-    table = error_table(cells, n_guard, beta) * (cells / n)
-    column = frequency / np.pi * ((_N_FREQUENCIES - 1) / 2) + (_N_FREQUENCIES - 1) / 2
-    upper = np.ceil(column).astype(int)
+    cells = min(n, math.ceil(2 * n_guard) + _CELLS_BETWEEN)
+    between = cells - 2 * n_guard
+    table = error_table(cells, n_guard, beta)
+    upper = np.ceil((frequency / np.pi + 1) * ((_N_FREQUENCIES - 1) / 2)).astype(int)
+    row = np.linspace(0, 1, _N_POSITIONS)
     if position is None:
-        return float(table.mean(axis=0)[upper].mean())
-    row = np.rint(np.asarray(position, float).ravel() * (_N_POSITIONS - 1)).astype(int)
-    near = np.clip(row[:, None] + np.arange(-8, 9), 0, _N_POSITIONS - 1)
-    return float(table[near, upper[:, None]].mean())
+        error = table[:, upper.ravel()].mean(axis=1)
+    else:
+        upper = upper.reshape(-1, upper.shape[-1])
+        places, group = np.unique(np.asarray(position, float), return_inverse=True)
+        by_place = np.stack([table[:, upper[:, group == g].ravel()].mean(axis=1)
+                             for g in range(len(places))])
+        nearest = np.abs(np.subtract.outer(places, row)).argmin(axis=0)
+        error = by_place[nearest, np.arange(_N_POSITIONS)]
+    inside = error[np.abs(row - 0.5) * between <= max(between / 2 - margin, 0.0)]
+    # The edges' share of the grid falls with its length.
+    return float(inside.sum() / _N_POSITIONS * between / max(n - 2 * n_guard - 2 * margin, 1.0))
 
 
 def taper_shape(n_guard: float, oversampling: float) -> float:

@@ -22,6 +22,8 @@ from .resampling import DEGREE, TAPS
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
+# Outermost lines and ranges of a polar grid over a map that reach no pixel, or hardly
+UNUSED = TAPS - 2
 COST_RESAMPLING = 20.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
 
 

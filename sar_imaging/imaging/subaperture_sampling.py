@@ -71,6 +71,8 @@ class Sampling:
         Shape of the taper.
     range_guard : int
         Ranges of each guard.
+    margin : int
+        Outermost lines and ranges of the wanted grid that need not be right.
     error_db : float
         Predicted error of the fusion, dB.
     cost : float
@@ -85,6 +87,7 @@ class Sampling:
     n_guard: float
     beta: float
     range_guard: int
+    margin: int
     error_db: float
     cost: float
 
@@ -130,7 +133,7 @@ def local_bands(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Bands:
 
 
 def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, row_cost: float,
-                    target_db: float) -> Sampling | None:
+                    target_db: float, margin: int = 0) -> Sampling | None:
     """Quickest cut and coarse sampling that meet a target.
 
     Parameters
@@ -147,6 +150,8 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, row_cos
         Relative time of backprojecting one row to one pixel.
     target_db : float
         Wanted error of the fusion, dB.
+    margin : int
+        Outermost lines and ranges of `polar` that need not be right.
 
     Returns
     -------
@@ -164,7 +169,7 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, row_cos
         centre, half = 0.5 * (lo + hi), bands.wavenumber[1] * 0.5 * float((hi - lo).max())
         choices += [(length, oversampling, n_guard,
                      _sampling(polar, bands, pulses, centre, half, n_channels, oversampling,
-                               n_guard, row_cost))
+                               n_guard, row_cost, margin))
                     for oversampling in _OVERSAMPLING for n_guard in _GUARDS]
     failed = []
     for *key, sampling in sorted(choices, key=lambda choice: choice[-1].cost):
@@ -209,7 +214,8 @@ def _slopes(slope, pulses, n_channels):
             np.maximum.reduceat(slope.max(axis=1), first))
 
 
-def _sampling(polar, bands, pulses, centre, half, n_channels, oversampling, n_guard, row_cost):
+def _sampling(polar, bands, pulses, centre, half, n_channels, oversampling, n_guard, row_cost,
+              margin):
     """Grid sizes and cost of one choice."""
     wanted = polar.n_alpha * polar.alpha_spacing
     spacing = min(math.pi / (max(half, 1e-9) * oversampling), wanted)
@@ -227,7 +233,7 @@ def _sampling(polar, bands, pulses, centre, half, n_channels, oversampling, n_gu
     cost = (n_rows * row_cost * coarse + len(pulses) * (_COST_COARSE * coarse + _COST_SUBAPERTURE)
             + _COST_FINE * n_fine * n_range)
     return Sampling(tuple(pulses), centre, n_coarse, n_fine, extent, n_guard, 0.0, range_guard,
-                    0.0, cost)
+                    margin, 0.0, cost)
 
 
 def _with_error(s: Sampling, polar: PolarGrid, bands: Bands, n_channels: int,
@@ -270,9 +276,9 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, centre_m) ->
     offset = bands.slope[rows] - centre_m[:, None]
     frequency = np.abs(np.multiply.outer(bands.wavenumber, offset)) * spacing
     frequency += _ROUNDING * 2 * np.pi / s.n_coarse
-    position = np.broadcast_to(bands.position, frequency.shape)
-    error = mean_error(s.n_coarse, s.n_guard, s.beta, frequency, position)
+    error = mean_error(s.n_coarse, s.n_guard, s.beta, frequency, bands.position,
+                       s.margin * polar.alpha_spacing / spacing)
     # Along range the same happens over a length that grows with the distance from the centre.
     shift = np.abs(s.centre).mean() * spacing / polar.range_spacing_m
     return error + mean_error(int(polar.n_range / max(shift, 1e-9) + 2 * s.n_guard) + 2,
-                              s.n_guard, s.beta, frequency)
+                              s.n_guard, s.beta, frequency, margin=s.margin / max(shift, 1e-9))

@@ -24,6 +24,7 @@ from .subaperture_sampling import Bands, choose_sampling, fusion_error, local_ba
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the paths are bounded
 _ROWS_FOR_PATHS = 512  # enough to bound how paths differ along a line
+_SAMPLING_SLACK = 0.02  # of what is bounded
 LENGTHS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  # pulses to choose from
 
 
@@ -58,10 +59,13 @@ class Limits:
     def contain(self, other: Limits) -> bool:
         """True when what was planned for these limits holds for the other ones, too."""
         def within(a, b):
-            return b[0] <= a[0] and a[1] <= b[1]
+            # The extremes of samples miss the true ones by less than this.
+            slack = _SAMPLING_SLACK * (b[1] - b[0])
+            return b[0] - slack <= a[0] and a[1] <= b[1] + slack
 
         return (within(other.range_m, self.range_m) and within(other.slope, self.slope)
-                and other.slope_m <= self.slope_m and other.half_range <= self.half_range)
+                and within((0.0, other.slope_m), (0.0, self.slope_m))
+                and within((0.0, other.half_range), (0.0, self.half_range)))
 
 
 class SubaperturePlan:
@@ -83,6 +87,8 @@ class SubaperturePlan:
         Length of the sub-apertures; the quickest if left out.
     oversampling : float
         Of `polar`, for `FusionGrid`.
+    margin : int
+        Outermost lines and ranges of `polar` that need not be right.
 
     Attributes
     ----------
@@ -109,7 +115,7 @@ class SubaperturePlan:
 
     def __init__(self, polar: PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
                  target_db: float = -50.0, pulses_per_subaperture: int | None = None,
-                 oversampling: float = 1.0):
+                 oversampling: float = 1.0, margin: int = 0):
         tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
         self.polar, self.radar, self.n_samples = polar, radar, int(n_samples)
         self._n_channels = tx_m.shape[1]
@@ -124,7 +130,8 @@ class SubaperturePlan:
         lengths = (pulses_per_subaperture,) if pulses_per_subaperture else LENGTHS
         self.sampling = choose_sampling(polar, bands, tx_m, rx_m, lengths, lattice.cost,
                                         10 * math.log10(10 ** (target_db / 10)
-                                                        - 10 ** (lattice.predicted_error_db / 10)))
+                                                        - 10 ** (lattice.predicted_error_db / 10)),
+                                        margin)
         if self.sampling is None:
             raise ValueError(
                 f'no sub-apertures of {", ".join(map(str, lengths))} pulses reach '

@@ -35,18 +35,30 @@ def case_fixture(make_case):
     return make_case(1e3, n=128, pulses=128, n_points=40)
 
 
-@pytest.mark.parametrize('target_db', [-50.0, -70.0])
-@pytest.mark.parametrize('options', [
+GEOMETRIES = [
     {'range_m': 100.0}, {'range_m': 1e3}, {'range_m': 5e3}, {'range_m': 5e4},
     {'range_m': 1e3, 'channels': 5}, {'range_m': 5e3, 'channels': 5},
-    {'range_m': 1e3, 'bend_m': 3.0}, {'range_m': 1e3, 'height_m': 500.0, 'heading_rad': 2.5},
-], ids=str)
+    {'range_m': 1e3, 'bend_m': 3.0}, {'range_m': 1e3, 'height_m': 500.0, 'heading_rad': 2.5}]
+
+
+@pytest.mark.parametrize('target_db', [-50.0, -70.0])
+@pytest.mark.parametrize('options', GEOMETRIES, ids=str)
 def test_target_is_met_and_predicted(make_case, options, target_db):
-    case = make_case(n=128, pulses=128, n_points=40, **options)
+    """Clutter reaches beyond the grid, as it does in reality and as the prediction assumes."""
+    case = make_case(n=128, pulses=128, n_points=300, extent=1.5, **options)
     plan = _plan(case.grid, case.block, target_db=target_db)
     error = _error_db(plan(case.block), _exact(case.grid, case.block))
-    # Scatterers reach the edges of the grid, where the fusion errs; the mean may differ a little.
-    assert error <= target_db and error <= plan.predicted_error_db + 3.0
+    # Measured: 0.2 to 3.3 dB better in 13 of 16 cases, 5.6 at most: for a map at an angle to the
+    # track, where the edges of the polar grid lie outside the map.
+    assert error <= target_db and -7.0 <= error - plan.predicted_error_db <= 1.0
+
+
+@pytest.mark.parametrize('options', GEOMETRIES, ids=str)
+def test_target_is_met_for_a_scene_that_ends(make_case, options):
+    case = make_case(n=128, pulses=128, n_points=40, **options)
+    plan = _plan(case.grid, case.block)
+    error = _error_db(plan(case.block), _exact(case.grid, case.block))
+    assert error <= plan.predicted_error_db <= -50.0
 
 
 def test_polar_output(case):
