@@ -34,7 +34,7 @@ class Parameter:
     ----------
     name : str
         Name as in the configuration file.
-    default : float, int, bool, str or tuple of floats
+    default : float, int, bool, str or list of floats
         Value without configuration; its type is the type of the parameter. Lists of numbers are
         not empty: ROS takes an empty default for one of bytes.
     description : str
@@ -50,7 +50,7 @@ class Parameter:
     """
 
     name: str
-    default: float | int | bool | str | tuple[float, ...]
+    default: float | int | bool | str | list[float]
     description: str
     unit: str = ''
     minimum: float | None = None
@@ -78,7 +78,7 @@ class Parameter:
     def expected(self) -> str:
         """What a value must be, in words."""
         words = {float: 'a number', int: 'a whole number', str: 'a text', bool: 'true or false',
-                 tuple: 'a list of numbers'}[type(self.default)]
+                 list: 'a list of numbers'}[type(self.default)]
         if self.minimum is not None:
             words += f' from {self.minimum} to {self.maximum}'
         return f'{words} ({self.unit})' if self.unit else words
@@ -94,8 +94,8 @@ class Parameter:
         kind = type(self.default)
         if kind is float and type(value) is int:
             value = float(value)
-        if kind is tuple and isinstance(value, Sequence) and not isinstance(value, str | bytes):
-            value = tuple(float(v) if type(v) is int else v for v in value)
+        if kind is list and isinstance(value, Sequence) and not isinstance(value, str | bytes):
+            value = [float(v) if type(v) is int else v for v in value]
         if type(value) is not kind or not _is_finite(value):
             raise ConfigurationError(f'parameter {self.name}={value!r}; expected '
                                      f'{self.expected()}')
@@ -112,7 +112,7 @@ class Parameter:
 
 def _is_finite(value) -> bool:
     """False for numbers that are not, and for lists of anything but finite numbers."""
-    if isinstance(value, tuple):
+    if isinstance(value, list):
         return bool(value) and all(type(v) is float and math.isfinite(v) for v in value)
     return not isinstance(value, float) or math.isfinite(value)
 

@@ -53,10 +53,10 @@ PARAMETERS = (
               'the first one; tf needs it.'),
     Parameter('pose.child_frame_id', 'base_link', 'Body frame to look up in tf.'),
     Parameter('pose.tf_rate_hz', 100.0, 'How often tf is sampled.', 'Hz', 1.0, 10_000.0),
-    Parameter('antenna.tx', (0.0, 0.0, 0.0), 'Lever arms: transmit phase centres in the body '
+    Parameter('antenna.tx', [0.0, 0.0, 0.0], 'Lever arms: transmit phase centres in the body '
               'frame of the poses, x, y, z for each channel or once for all.', 'm',
               check=_check_arms),
-    Parameter('antenna.rx', (0.0, 0.0, 0.0), 'The same of the receive phase centres.', 'm',
+    Parameter('antenna.rx', [0.0, 0.0, 0.0], 'The same of the receive phase centres.', 'm',
               check=_check_arms),
 )
 

@@ -33,6 +33,7 @@ STALL_S = 0.25  # without progress for so long, one more message goes out
 FIRST_PROGRESS_S = 30.0  # the same before the first progress: the imager may be compiling
 PUBLISHER_DEPTH = 100
 POSE_DEPTH = 1000  # poses come in bursts between two messages of pulses
+POSES_PER_S = 1000.0  # at most, since nobody tells which were taken
 POSE_TIMEOUT_S = 10.0
 
 
@@ -152,12 +153,13 @@ class Replayer:
         self._seen_progress = False
         start_ns, count = None, 0
         stream = self._with_poses(messages, poses)
-        start_s = time.monotonic()
+        start_s = due_s = time.monotonic()
         for time_ns, cdr, publisher in stream:
             start_ns = time_ns if start_ns is None else start_ns
             if publisher is not self._publisher:
-                if rate is not None:
-                    self._wait_until(start_s + (time_ns - start_ns) / 1e9 / rate)
+                self._wait_until(due_s if rate is None
+                                 else start_s + (time_ns - start_ns) / 1e9 / rate)
+                due_s = time.monotonic() + 1 / POSES_PER_S
                 publisher.publish(cdr)
                 continue
             message = Published(count, _read(cdr), len(cdr), 0.0)

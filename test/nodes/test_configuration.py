@@ -14,7 +14,7 @@ from sar_imaging.nodes.stage import COMMON_PARAMETERS
 
 MODULES = {'pulse_buffer': pulse_buffer, 'range_compression': range_compression,
            'backprojection': backprojection}
-TYPES = {float: 'double', int: 'int', str: 'string', bool: 'bool'}
+TYPES = {float: 'double', int: 'int', str: 'string', bool: 'bool', list: 'double[]'}
 
 
 def table(name):
@@ -67,7 +67,8 @@ def test_the_page_of_a_node_describes_every_parameter(pytestconfig, name):
         expected[p.name] = [TYPES[type(p.default)], default, limits, p.unit, p.changes]
     expected_choices = {'window': 'none, hamming, hann, taylor, kaiser',
                         'range_filter': 'equalised, matched',
-                        'overload': 'drop_apertures, drop_blocks'}
+                        'overload': 'drop_apertures, drop_blocks',
+                        'pose.source': 'block, odometry, pose, tf'}
     for choice, words in expected_choices.items():
         if choice in expected:
             expected[choice][2] = words
