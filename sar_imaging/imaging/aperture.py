@@ -79,6 +79,8 @@ class ApertureImager(ApertureSequence):
         any time through the attribute of this name.
     target_db : float
         Largest error against exact correlation to plan for, dB.
+    height_m : (n_y, n_x) float64, optional
+        Heights of the pixels instead of the plane of the grid, metres; NaN where there is none.
 
     Attributes
     ----------
@@ -92,16 +94,19 @@ class ApertureImager(ApertureSequence):
     """
 
     def __init__(self, grid: MapGrid, *, pulses_per_aperture: int,
-                 min_pulse_fraction: float = 0.5, target_db: float = -80.0):
+                 min_pulse_fraction: float = 0.5, target_db: float = -80.0,
+                 height_m: np.ndarray | None = None):
         super().__init__(pulses_per_aperture, ApertureStatistics())
         if not 0.0 <= min_pulse_fraction <= 1.0:
             raise ValueError(f'min_pulse_fraction={min_pulse_fraction}; expected 0 to 1')
         self.grid = grid
         self.min_pulse_fraction = min_pulse_fraction
         self._target_db = target_db
+        self._height_m = height_m
 
     def _configure(self, block: PulseBlock) -> Backprojector:
-        return Backprojector(self.grid, block.radar, block.n_samples, target_db=self._target_db)
+        return Backprojector(self.grid, block.radar, block.n_samples, target_db=self._target_db,
+                             height_m=self._height_m)
 
     def _begin(self, number: int) -> _ImagedAperture:
         return _ImagedAperture(number, self._length, self._plan)

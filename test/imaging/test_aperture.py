@@ -51,6 +51,16 @@ def run(stage, blocks):
     return [image for block in blocks for image in stage.add(block)]
 
 
+def test_heights_are_those_of_the_pixels():
+    heights = np.linspace(-2.0, 3.0, GRID.n_x * GRID.n_y).reshape(GRID.shape)
+    heights[3, 4] = np.nan
+    [result] = imager(height_m=heights).add(profiles(range(LENGTH)))
+    block = profiles(range(LENGTH))
+    expected = Backprojector(GRID, block.radar, block.n_samples, height_m=heights)(block)
+    np.testing.assert_array_equal(result.image, expected)
+    assert result.image[3, 4] == 0
+
+
 def test_an_aperture_is_imaged_when_its_last_pulse_came():
     stage = imager()
     assert run(stage, [profiles(range(0, 16)), profiles(range(16, 39))]) == []

@@ -1,0 +1,33 @@
+"""Heights of the ground as a parameter of the nodes that image on the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.imaging.terrain import Terrain
+
+from .parameters import ConfigurationError, Parameter
+
+TERRAIN_FILE = Parameter(
+    'terrain.file', '', 'File (.npz) with heights of the ground; empty for the plane '
+    'grid.centre_z.')
+
+
+def terrain_heights(parameters: Mapping[str, object], grid: MapGrid) -> np.ndarray | None:
+    """(n_y, n_x) float64 heights of the pixels in metres, NaN where unknown; None for a plane.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be read or has no height in the grid.
+    """
+    path = parameters[TERRAIN_FILE.name]
+    if not path:
+        return None
+    try:
+        return Terrain.load(path).heights(grid)
+    except ValueError as error:
+        raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: {error}') from error
