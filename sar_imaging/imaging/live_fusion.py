@@ -86,7 +86,7 @@ class _Header:
 class _Fusing:
     """An aperture being fused."""
 
-    def __init__(self, example: SubapertureImage, *, first: bool):
+    def __init__(self, example: SubapertureImage, *, first: bool, every: int):
         self.kind = _kind(example)
         self.grid, self.sequence = example.map_grid, example.sequence
         self.revision = example.revision
@@ -97,6 +97,8 @@ class _Fusing:
         self.newest = -1
         self.aperture = example.aperture
         self.imaged = False  # since the latest sub-aperture came
+        # of the images of a sliding aperture; those of the first half are of the one before
+        self.turn = 0 if first else self.n_window // every
 
     @property
     def sliding(self) -> bool:
@@ -231,7 +233,8 @@ class LiveFusion:
         current = self._open.get(sub.sequence)
         if current is not None and sub.revision > current.revision:
             self._check(sub)
-            self._open[sub.sequence] = _Fusing(sub, first=current.begins_stream)
+            self._open[sub.sequence] = _Fusing(sub, first=current.begins_stream,
+                                               every=self.images_every or 1)
             self.statistics.revisions += 1
             self._report('plan', f'aperture {sub.aperture} is fused anew: its track had been '
                          'foreseen too poorly')
@@ -279,7 +282,7 @@ class LiveFusion:
         overlaps = sub.n_window < sub.n_subapertures and before in self._open
         images = [image for sequence in list(self._open)
                   if not (overlaps and sequence == before) for image in self._close(sequence)]
-        self._open[sub.sequence] = _Fusing(sub, first=not overlaps)
+        self._open[sub.sequence] = _Fusing(sub, first=not overlaps, every=self.images_every or 1)
         self._session, self._newest = sub.session, sub.sequence
         return images
 
@@ -318,8 +321,10 @@ class LiveFusion:
     def _slide(self, fusing: _Fusing, number: int) -> list[FusedImage]:
         """Image of the window, where it belongs to this aperture and not to the one before."""
         first = fusing.n_window - (1 if fusing.begins_stream else 0)
-        if number != fusing.newest or number < first or (number + 1) % (self.images_every or 1):
+        turn = (number + 1) // (self.images_every or 1)
+        if number != fusing.newest or number < first or turn <= fusing.turn:
             return []
+        fusing.turn = turn
         return self._final(fusing)
 
     def _close(self, sequence: int) -> list[FusedImage]:

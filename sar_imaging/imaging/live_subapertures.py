@@ -133,14 +133,15 @@ class LiveSubapertures(ApertureSequence):
         if self._ahead is not None and self._ahead.first == number:
             self._targets.append(self._ahead)
         else:
-            self._targets.append(self._new_target(number))
+            # Numbers that follow each other are of apertures that do.
+            self._targets.append(self._new_target(number, step=1 if follows else 2))
         self._ahead = None
         for target in self._targets:
             target.apertures.append(aperture)
         return aperture
 
-    def _new_target(self, number: int) -> _Target:
-        self._sequence = (self._sequence + 1) & COUNTER_MASK
+    def _new_target(self, number: int, step: int = 1) -> _Target:
+        self._sequence = (self._sequence + step) & COUNTER_MASK
         return _Target(number, self._n_apertures, self._sequence)
 
     def _fill(self, aperture: AperturePulses, block: PulseBlock) -> list[SubapertureImage]:

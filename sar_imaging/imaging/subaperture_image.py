@@ -44,7 +44,8 @@ class SubapertureImage:
     session : int
         Number that a sender draws when it starts, to be told from its predecessor.
     sequence : int
-        Running number of the aperture in the session.
+        Running number of the aperture in the session; one more than that of the aperture right
+        before it, at least two more where others lie between.
     revision : int
         How often the aperture was planned anew because its track had been foreseen too poorly;
         its sub-apertures are then sent again, on another grid, and replace the former ones.
