@@ -50,6 +50,8 @@ setup(
             'evaluate = sar_imaging.tools.evaluate:main',
             'load_gotcha = sar_imaging.tools.load_gotcha:main',
             'load_arcsar = sar_imaging.tools.load_arcsar:main',
+            'load_mimo_60ghz = sar_imaging.tools.load_mimo_60ghz:main',
+            'image_mimo_60ghz = sar_imaging.tools.image_mimo_60ghz:main',
             'image_arcsar = sar_imaging.tools.image_arcsar:main',
             'reproduce_multichannel = sar_imaging.tools.reproduce_multichannel:main',
         ],
