@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
+import math
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -39,7 +40,7 @@ check_config:
 
 def scenario_truth(scenario: Scenario, *, window: str = 'none') -> dict:
     """Truth to store with a recording of the scenario, see `bag_io.make_truth`."""
-    return make_truth(
+    truth = make_truth(
         scenario=scenario.name, description=scenario.description,
         scatterers=[{'name': s.name, 'position_m': list(s.position_m),
                      # Rounded: the last digit of a logarithm differs between machines.
@@ -48,6 +49,12 @@ def scenario_truth(scenario: Scenario, *, window: str = 'none') -> dict:
         n_pulses=scenario.n_pulses, n_channels=scenario.n_channels,
         cut_half_width_m=scenario.cut_half_width_m, radar=scenario.radar,
         compressed=scenario.compressed, notes=scenario.notes, window=window)
+    if scenario.movers:  # time zero of their positions is the middle of the recording
+        truth['movers'] = [{'name': m.name, 'position_m': list(m.position_m),
+                            'velocity_m_per_s': list(m.velocity_m_per_s),
+                            'amplitude_db': round(20 * math.log10(abs(m.amplitude)), 9)}
+                           for m in scenario.movers]
+    return truth
 
 
 def parser() -> argparse.ArgumentParser:

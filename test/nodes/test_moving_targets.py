@@ -29,6 +29,8 @@ def bag(tmp_path_factory):
     scenario = dataclasses.replace(scenario, scatterers=clutter, grid=GRID)
     path = tmp_path_factory.mktemp('bags') / 'moving_targets'
     bag_io.write_bag(path, scenario.blocks(40), scenario_truth(scenario))
+    assert [m['velocity_m_per_s'] for m in bag_io.read_truth(path)['movers']] == [
+        list(m.velocity_m_per_s) for m in scenario.movers]
     return scenario, path
 
 
