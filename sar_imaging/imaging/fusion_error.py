@@ -101,17 +101,21 @@ def mean_error(n: int, n_guard: float, beta: float, frequency, position=None,
     upper = np.ceil((frequency / np.pi + 1) * ((_N_FREQUENCIES - 1) / 2)).astype(int)
     row = np.linspace(0, 1, _N_POSITIONS)
     if position is None:
-        error = table[:, upper.ravel()].mean(axis=1)
+        error = table @ _shares(upper)
     else:
         upper = upper.reshape(-1, upper.shape[-1])
         places, group = np.unique(np.asarray(position, float), return_inverse=True)
-        by_place = np.stack([table[:, upper[:, group == g].ravel()].mean(axis=1)
-                             for g in range(len(places))])
+        by_place = np.stack([table @ _shares(upper[:, group == g]) for g in range(len(places))])
         nearest = np.abs(np.subtract.outer(places, row)).argmin(axis=0)
         error = by_place[nearest, np.arange(_N_POSITIONS)]
     inside = error[np.abs(row - 0.5) * between <= max(between / 2 - margin, 0.0)]
     # The edges' share of the grid falls with its length.
     return float(inside.sum() / _N_POSITIONS * between / max(n - 2 * n_guard - 2 * margin, 1.0))
+
+
+def _shares(column) -> np.ndarray:
+    """How often each column of an error table occurs."""
+    return np.bincount(column.ravel(), minlength=_N_FREQUENCIES) / column.size
 
 
 def taper_shape(n_guard: float, oversampling: float) -> float:

@@ -10,7 +10,7 @@ from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from .lattice import total_db
-from .polar import cover_map
+from .polar import UNUSED, cover_map
 from .subapertures import SubaperturePlan
 
 _ROWS_FOR_COVER = 256
@@ -90,7 +90,7 @@ class LivePlan:
         self._stage = SubaperturePlan(cover.polar, radar, n_samples, tx_m, rx_m,
                                       target_db=self._target_db - margin_db,
                                       pulses_per_subaperture=length,
-                                      oversampling=cover.oversampling)
+                                      oversampling=cover.oversampling, margin=UNUSED)
         self.fusion = self._stage.fusion_grid
         self.warnings = self._stage.warnings
         self.length = max(p.stop - p.start for p in self._stage.sampling.pulses)
