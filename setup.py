@@ -43,6 +43,7 @@ setup(
             'pulse_buffer = sar_imaging.nodes.pulse_buffer:main',
             'range_compression = sar_imaging.nodes.range_compression:main',
             'backprojection = sar_imaging.nodes.backprojection:main',
+            'afbp_fusion = sar_imaging.nodes.afbp_fusion:main',
             'sar_pipeline = sar_imaging.nodes.sar_pipeline:main',
             'moving_targets = sar_imaging.nodes.moving_targets:main',
             'simulate = sar_imaging.tools.simulate:main',

@@ -58,11 +58,6 @@ class Chain:
         for number, step in enumerate(self.steps):
             self._pass_on(number, step.collect())
 
-    def rest(self) -> None:
-        """Let the steps do what they do while nothing waits; see `Step.rest`."""
-        for step in self.steps:
-            step.rest()
-
     def form_image(self) -> tuple[bool, str]:
         """Finish what is underway in all steps; whether that gave something, and what or why."""
         self._formed = []
@@ -94,6 +89,7 @@ class Chain:
         finally:
             self._worked_s[number] = time.monotonic()
         self._pass_on(number, products)
+        step.prepare()
 
     def _pass_on(self, number: int, products: Iterable) -> None:
         last = number == len(self.steps) - 1

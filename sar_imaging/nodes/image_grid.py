@@ -8,6 +8,8 @@ from sar_imaging.geometry.grids import MapGrid
 
 from .parameters import ConfigurationError, Parameter
 
+MAX_IMAGE_PIXELS = Parameter('max_image_pixels', 2**25, 'Larger images are refused.', 'pixels',
+                             1, 2**31 - 1)
 GRID_PARAMETERS = (
     Parameter('grid.centre_x', 0.0, 'Middle of the image, x in the imaging frame.', 'm',
               -1e8, 1e8),
@@ -19,8 +21,7 @@ GRID_PARAMETERS = (
     Parameter('grid.size_y', 100.0, 'Extent of the image along y.', 'm', 0.0, 1e6),
     Parameter('grid.spacing', 0.25, 'Pixel spacing along x and y; at most half the resolution.',
               'm', 1e-4, 1e4),
-    Parameter('max_image_pixels', 2**25, 'Larger images are refused.', 'pixels',
-              1, 2**31 - 1),
+    MAX_IMAGE_PIXELS,
 )
 
 

@@ -7,9 +7,10 @@ import abc
 import numpy as np
 from std_msgs.msg import Float32MultiArray
 
-from msg_conversions import pulse_block
+from msg_conversions import pulse_block, subaperture_image
+from sar_imaging.imaging.subaperture_image import SubapertureImage
 from sar_imaging.signal.pulses import PulseBlock
-from sar_imaging.signal.sequence import describe_range
+from sar_imaging.signal.sequence import COUNTER_MASK, describe_range
 
 
 class Inlet(abc.ABC):
@@ -99,3 +100,37 @@ class PulseBlocks(Inlet):
     def select(self, item: PulseBlock, parts: np.ndarray) -> PulseBlock:
         """Some of the pulses."""
         return item.select(parts)
+
+
+class SubapertureImages(Inlet):
+    """Sub-aperture images, each in one piece."""
+
+    read = staticmethod(subaperture_image.from_message)
+
+    @staticmethod
+    def n_pulses(item: SubapertureImage) -> int:
+        """Number of pulses in an image."""
+        return item.n_pulses
+
+    @staticmethod
+    def last_counter(item: SubapertureImage) -> int:
+        """Counter of the last pulse of a sub-aperture, whether it came or not."""
+        return (item.first_counter + item.n_pulses + item.n_missing - 1) & COUNTER_MASK
+
+    @staticmethod
+    def n_bytes(item: SubapertureImage) -> int:
+        """Memory of the pixels, bytes."""
+        return item.image.nbytes
+
+    @staticmethod
+    def describe(item: SubapertureImage) -> str:
+        """Such as ``sub-aperture 3 of aperture 7``."""
+        return f'sub-aperture {item.number} of aperture {item.aperture}'
+
+    def apertures(self, item: SubapertureImage) -> np.ndarray:
+        """(1,) number of its aperture."""
+        return np.array([item.aperture])
+
+    def extent(self, item: SubapertureImage) -> tuple[float, float]:
+        """Where in its aperture it begins and ends, 0 to 1."""
+        return item.number / item.n_subapertures, (item.number + 1) / item.n_subapertures

@@ -259,6 +259,8 @@ def run(node_class: type[ManagedNode], args: list[str] | None = None) -> int:
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
+        # rclpy has put the default back: another Ctrl-C would look like a crash from here on.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
     return 0
 
 

@@ -6,13 +6,15 @@ import sys
 import tempfile
 from pathlib import Path
 
-from .backprojection import BackprojectionStep
+from .afbp_fusion import FusionStep
+from .backprojection_steps import SUBAPERTURES, BackprojectionStep
 from .managed import fail, run
 from .parameters import ConfigurationError
 from .pipeline_arguments import merged_arguments
 from .pulse_buffer import PulseBufferStep
 from .range_compression import RangeCompressionStep
 from .stage import Stage
+from .step import Step
 
 
 class SarPipelineNode(Stage):
@@ -20,7 +22,11 @@ class SarPipelineNode(Stage):
 
     NAME = 'sar_pipeline'
     INPUT = 'pulses'
-    STEPS = (PulseBufferStep, RangeCompressionStep, BackprojectionStep)
+    STEPS = (PulseBufferStep, RangeCompressionStep, BackprojectionStep, FusionStep)
+
+    def steps(self) -> tuple[type[Step], ...]:
+        """Without fusion where backprojection makes the images itself."""
+        return self.STEPS if self.parameters['mode'] == SUBAPERTURES else self.STEPS[:-1]
 
 
 def main() -> int:

@@ -109,8 +109,7 @@ class Stage(ManagedNode):
         self._worker = Worker(
             self._work, capacity=p['worker_queue_size'],
             max_bytes=int(1e6 * p['worker_queue_megabytes']), on_error=self._work_failed,
-            on_idle=self._chain.idle, idle_s=self._chain.idle_s, on_rest=self._chain.rest,
-            name=self.get_name())
+            on_idle=self._chain.idle, idle_s=self._chain.idle_s, name=self.get_name())
         self._worker.start()
         self._gate = Gate(self._worker, self._inlet, p['overload'], self._skip)
         for step in self._chain.steps:

@@ -90,8 +90,8 @@ class Step:
     def publish(self, product) -> None:
         """Publish a product for whoever listens."""
 
-    def rest(self) -> None:
-        """Prepare for what will come, while nothing waits."""
+    def prepare(self) -> None:
+        """Get ready for the next item, once the products of the last one went on."""
 
     def flush(self) -> list:
         """Products of what is underway: the input pauses, or somebody asks."""

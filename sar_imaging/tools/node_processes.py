@@ -16,6 +16,7 @@ from pathlib import Path
 import sar_imaging
 
 NODES = ('pulse_buffer', 'range_compression', 'backprojection')
+AFBP_NODES = (*NODES, 'afbp_fusion')
 PIPELINE = ('sar_pipeline',)
 PROFILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 STOP_TIMEOUT_S = 10.0
@@ -27,13 +28,15 @@ class NodeProcessError(RuntimeError):
     """A node could not be started or ended by itself; the text has the end of its log."""
 
 
-def parameters_from_truth(truth: Mapping) -> dict[str, dict]:
+def parameters_from_truth(truth: Mapping, mode: str = 'image') -> dict[str, dict]:
     """Parameters of the nodes for a recording.
 
     Parameters
     ----------
     truth : mapping
         Truth of the recording, see `bag_io.make_truth`.
+    mode : str
+        Of backprojection: ``image``, or ``subapertures`` for `AFBP_NODES`.
 
     Returns
     -------
@@ -48,10 +51,11 @@ def parameters_from_truth(truth: Mapping) -> dict[str, dict]:
         'pulse_buffer': pulses | _alignment_parameters(truth),
         'range_compression': {'window': truth.get('window', 'none')},
         'backprojection': pulses | {
-            'grid.centre_x': x, 'grid.centre_y': y, 'grid.centre_z': z,
+            'mode': mode, 'grid.centre_x': x, 'grid.centre_y': y, 'grid.centre_z': z,
             'grid.size_x': (grid['n_x'] - 1) * spacing,
             'grid.size_y': (grid['n_y'] - 1) * spacing, 'grid.spacing': spacing,
             'frame_id': truth['frame']},
+        'afbp_fusion': {'frame_id': truth['frame']},
     }
 
 

@@ -32,6 +32,7 @@ from sar_imaging.signal.spectra import band_spectrum
 from sar_imaging.signal.waveforms import lfm_spectrum, n_pulse_samples
 from sar_imaging.tools import bag_io
 from sar_imaging.tools.node_processes import (
+    AFBP_NODES,
     NODES,
     PIPELINE,
     NodeProcessError,
@@ -146,7 +147,7 @@ class Observer:
         self._subscribe(MapMetaData, 'map_metadata',
                         QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self._subscribe(DiagnosticArray, '/diagnostics', 100)
-        for name in (*NODES, *PIPELINE):
+        for name in (*AFBP_NODES, *PIPELINE):
             self._subscribe(UInt32, f'{name}/progress', 1000)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
@@ -288,8 +289,10 @@ def make_chain(ros_environment, tmp_path):
     """
     chains = []
 
-    def make(truth, *, arguments=(), namespace='', pulses='pulses', names=NODES, **parameters):
-        values = parameters_from_truth(truth)
+    def make(truth, *, arguments=(), namespace='', pulses='pulses', names=NODES, mode=None,
+             **parameters):
+        mode = mode or ('subapertures' if names == AFBP_NODES else 'image')
+        values = parameters_from_truth(truth, mode)
         for node, extra in parameters.items():
             values[node] |= extra
         if names == PIPELINE:

@@ -8,12 +8,13 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float32MultiArray
 
-from sar_imaging.nodes import backprojection, pulse_buffer, range_compression
+from sar_imaging.nodes import afbp_fusion, backprojection, pulse_buffer, range_compression
 from sar_imaging.nodes.managed import AUTOSTART
+from sar_imaging.nodes.sar_pipeline import SarPipelineNode
 from sar_imaging.nodes.stage import COMMON_PARAMETERS
 
 MODULES = {'pulse_buffer': pulse_buffer, 'range_compression': range_compression,
-           'backprojection': backprojection}
+           'backprojection': backprojection, 'afbp_fusion': afbp_fusion}
 TYPES = {float: 'double', int: 'int', str: 'string', bool: 'bool', list: 'double[]'}
 
 
@@ -68,6 +69,7 @@ def test_the_page_of_a_node_describes_every_parameter(pytestconfig, name):
     expected_choices = {'window': 'none, hamming, hann, taylor, kaiser',
                         'range_filter': 'equalised, matched',
                         'overload': 'drop_apertures, drop_blocks',
+                        'mode': 'image, subapertures',
                         'pose.source': 'block, odometry, pose, tf'}
     for choice, words in expected_choices.items():
         if choice in expected:
@@ -86,6 +88,33 @@ def test_diagnostics_have_the_keys_of_the_page(start_node, make_observer, pytest
     assert sorted(documented) == sorted(observer.counters(name))
     assert observer.status(name).level == DiagnosticStatus.OK
     assert observer.status(name).message == 'waiting for input'
+
+
+def test_parameters_of_several_stages_are_the_same_in_each():
+    # In sar_pipeline they are one.
+    assert [step.NAME for step in SarPipelineNode.STEPS] == list(MODULES)
+    common = {p.name: p for p in (*COMMON_PARAMETERS, AUTOSTART)}
+    for step in SarPipelineNode.STEPS:
+        for parameter in step.PARAMETERS:
+            assert common.setdefault(parameter.name, parameter) is parameter
+
+
+def test_diagnostics_of_the_pipeline_are_those_of_its_stages(start_node, make_observer,
+                                                             pytestconfig):
+    start_node('sar_pipeline')
+    observer = make_observer()
+    observer.wait(lambda: observer.status('sar_pipeline'), 'diagnostics')
+    folder = pytestconfig.rootpath / 'docs' / 'nodes'
+
+    def documented(name):
+        section = (folder / f'{name}.md').read_text().split('## Diagnostics')[1].split('## Log')[0]
+        return re.findall(r'^\| `(\w+)`', section, re.MULTILINE)
+
+    of_the_node = documented('sar_pipeline')
+    assert sorted(of_the_node) == sorted(observer.counters('sar_pipeline'))
+    for name in MODULES:
+        keys = [key for key in documented(name) if key not in of_the_node]
+        assert sorted(keys) == sorted(observer.counters('sar_pipeline', name))
 
 
 def test_parameters_are_checked_and_used_while_the_node_runs(start_node, make_observer):

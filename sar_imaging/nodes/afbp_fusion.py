@@ -1,0 +1,167 @@
+"""Node afbp_fusion: sub-aperture images to images, while they arrive and of every aperture."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping
+
+from sar_imaging.imaging.live_fusion import FusedImage, LiveFusion
+from sar_imaging.imaging.live_kernels import compile_live_kernels
+from sar_imaging.imaging.subaperture_image import SubapertureImage
+
+from . import image_products
+from .backprojection_steps import MIN_PULSE_FRACTION
+from .health import Health, Part
+from .image_grid import MAX_IMAGE_PIXELS
+from .image_products import ImageProducts
+from .inlet import SubapertureImages
+from .managed import ManagedNode, run
+from .parameters import ANY_TIME, Parameter
+from .stage import Stage
+from .step import Step
+
+PARAMETERS = (
+    Parameter('images_every', 0, 'Sub-apertures from one image of an aperture underway to the '
+              'next; 0 for none.', 'sub-apertures', 0, 2**31 - 1, changes=ANY_TIME),
+    MIN_PULSE_FRACTION,
+    MAX_IMAGE_PIXELS,
+    Parameter('fusion_timeout_s', 10.0, 'An aperture is closed when no sub-aperture came for this '
+              'long, by the wall clock; longer than aperture_timeout_s of backprojection.', 's',
+              0.01, 3600.0, changes=ANY_TIME),
+    *image_products.PARAMETERS,
+)
+
+
+class FusionStep(Step):
+    """Sub-aperture images to images; see `LiveFusion`."""
+
+    NAME = 'afbp_fusion'
+    INLET = SubapertureImages
+    PARAMETERS = PARAMETERS
+    COUNTERS = ('images_published', 'images_progressive', 'images_final', 'subapertures_fused',
+                'subapertures_skipped', 'pulses_missing_in_last_aperture', 'last_image_seconds',
+                'image_latency_seconds', 'predicted_error_db', 'revisions')
+    FAULTS = ('subapertures_missing', 'subapertures_late', 'subapertures_duplicate',
+              'subapertures_refused', 'pulses_missing', 'apertures_dropped', 'restarts')
+    IDLE_PARAMETER = 'fusion_timeout_s'
+    FORMS_IMAGES = True
+
+    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+        super().__init__(parameters, health)
+        self._fusion = LiveFusion(images_every=parameters['images_every'],
+                                  min_pulse_fraction=parameters['min_pulse_fraction'],
+                                  max_image_pixels=parameters['max_image_pixels'])
+        self._seconds = 0.0  # of work since the last image
+        self._n_window = 0  # sub-apertures of a complete image
+        self._underway = 0  # pulses since the last aperture was closed
+        self._dropped = False  # by the latest flush
+        compile_live_kernels()  # the first image must not wait for it
+
+    def create_outputs(self, node: ManagedNode) -> None:
+        """Create the publishers of the images; see `Step`."""
+        self._products = ImageProducts(node, self.parameters)
+
+    def summary(self) -> str:
+        """Settings for the log line at the start."""
+        every = self.parameters['images_every']
+        return (f' -> {self._products.topic} in frame {self.parameters["frame_id"]}, '
+                + (f'an image every {every} sub-apertures' if every else 'final images only'))
+
+    def process(self, subaperture: SubapertureImage) -> list[FusedImage]:
+        """Fuse a sub-aperture image; returns the images that this made possible."""
+        fused = self._fusion.statistics.fused
+        images = self._follow(self._fusion.add, subaperture)
+        self._underway += subaperture.n_pulses * (self._fusion.statistics.fused - fused)
+        if closed := [image.aperture for image in images if image.final]:
+            # One that began the next aperture is no part of them.
+            self._underway = 0 if subaperture.aperture in closed else subaperture.n_pulses
+        self._n_window = min(subaperture.n_window, subaperture.n_subapertures)
+        return images
+
+    def flush(self) -> list[FusedImage]:
+        """Close the aperture: the input pauses, or somebody asks."""
+        dropped = self._fusion.statistics.apertures_dropped
+        images = self._follow(self._fusion.flush)
+        self._underway = 0
+        self._dropped = self._fusion.statistics.apertures_dropped > dropped
+        return images
+
+    def publish(self, product: FusedImage) -> None:
+        """Publish an image on all its topics."""
+        self._products.publish(product.image, product.grid, product.stamp_ns)
+        seconds, self._seconds = self._seconds, 0.0
+        self.health.count('images_published')
+        self.health.count('images_final' if product.final else 'images_progressive')
+        if product.final:
+            self.health.count('pulses_missing', product.n_missing)
+            self.health.count('subapertures_missing',
+                              max(0, self._n_window - product.n_subapertures))
+            self.health.set('pulses_missing_in_last_aperture', product.n_missing)
+        self.health.set('last_image_seconds', seconds)
+        self.health.set('image_latency_seconds', time.monotonic() - self.received_s)
+        self.health.set('predicted_error_db', product.predicted_error_db)
+        self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, predicted error '
+                         f'{product.predicted_error_db:.0f} dB')
+
+    def describe(self, product: FusedImage) -> str:
+        """An image in words."""
+        kind = 'image' if product.final else 'progressive image'
+        return (f'{kind} of aperture {product.aperture}: {product.n_subapertures} sub-apertures, '
+                f'{product.n_pulses} pulses, {product.n_missing} missing')
+
+    def nothing_formed(self) -> str:
+        """Why the latest `flush` gave nothing."""
+        if self._dropped:
+            return ('the aperture has fewer pulses than '
+                    f'min_pulse_fraction={self.parameters["min_pulse_fraction"]:g} of it '
+                    'and was dropped')
+        return 'no aperture is being fused'
+
+    def skip(self, aperture: int | None) -> list[FusedImage]:
+        """Leave out an aperture; see `Step`."""
+        if aperture is not None:
+            self.health.count('subapertures_skipped', self._fusion.reset())
+        return []
+
+    def discard(self) -> int:
+        """Forget the aperture being fused; returns the number of its pulses."""
+        self._fusion.reset()
+        self.report(self._fusion.take_events())
+        underway, self._underway, self._seconds = self._underway, 0, 0.0
+        return underway
+
+    def update_counters(self) -> None:
+        """Take the statistics of the fusion over."""
+        s = self._fusion.statistics
+        for key in ('fused', 'late', 'duplicate', 'refused'):
+            self.health.set(f'subapertures_{key}', getattr(s, key))
+        for key in ('apertures_dropped', 'restarts', 'revisions'):
+            self.health.set(key, getattr(s, key))
+
+    def _follow(self, work, *arguments) -> list[FusedImage]:
+        self._fusion.images_every = self.parameters['images_every']
+        self._fusion.min_pulse_fraction = self.parameters['min_pulse_fraction']
+        started = time.perf_counter()
+        try:
+            return work(*arguments)
+        finally:
+            self._seconds += time.perf_counter() - started
+            self.report(self._fusion.take_events())
+
+
+class FusionNode(Stage):
+    """Publishes images from what comes on `subaperture_images`."""
+
+    NAME = 'afbp_fusion'
+    INPUT = 'subaperture_images'
+    STEPS = (FusionStep,)
+
+
+def main() -> int:
+    """Run the node."""
+    return run(FusionNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

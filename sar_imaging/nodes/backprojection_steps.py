@@ -1,0 +1,256 @@
+"""Steps of backprojection: range profiles to images, or to sub-aperture images of AFBP."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+from std_msgs.msg import Float32MultiArray
+
+from msg_conversions.subaperture_image import to_message
+from msg_conversions.subaperture_wire import as_received
+from sar_imaging.imaging.aperture import ApertureImage, ApertureImager
+from sar_imaging.imaging.aperture_sequence import ApertureSequence
+from sar_imaging.imaging.backprojection import compile_kernels
+from sar_imaging.imaging.live_kernels import compile_live_kernels
+from sar_imaging.imaging.live_subapertures import LiveSubapertures
+from sar_imaging.imaging.subaperture_image import SubapertureImage
+from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.sequence import describe_counters, describe_range
+
+from . import image_products
+from .health import Health, Part
+from .image_grid import GRID_PARAMETERS, describe_grid, make_grid
+from .image_products import ImageProducts
+from .managed import ManagedNode
+from .parameters import ANY_TIME, ConfigurationError, Parameter, one_of
+from .step import Step, stream_qos
+
+IMAGE, SUBAPERTURES = 'image', 'subapertures'
+MIN_PULSE_FRACTION = Parameter(
+    'min_pulse_fraction', 0.5, 'Share of its pulses that an aperture must have to be imaged.', '',
+    0.0, 1.0, changes=ANY_TIME)
+
+PARAMETERS = (
+    Parameter('mode', IMAGE, f'{IMAGE}: exact images of whole apertures; {SUBAPERTURES}: '
+              'sub-aperture images for afbp_fusion.', check=one_of(IMAGE, SUBAPERTURES)),
+    *GRID_PARAMETERS,
+    Parameter('aperture_timeout_s', 5.0, 'An aperture is closed when no input came for this long, '
+              'by the wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME),
+    MIN_PULSE_FRACTION,
+    Parameter('target_db', -80.0, 'Largest error against exact correlation to plan for in mode '
+              f'{IMAGE}.', 'dB', -100.0, -20.0),
+    Parameter('subapertures.target_db', -60.0, f'The same in mode {SUBAPERTURES}.', 'dB', -85.0,
+              -20.0),
+    Parameter('subapertures.pulses', 0, 'Length of a sub-aperture; 0 for the quickest.', 'pulses',
+              0, 2**31 - 1),
+    Parameter('subapertures.sliding', False, 'Every sub-aperture ends an image of one '
+              "aperture's length."),
+    Parameter('subapertures.follow', False, 'The image moves along with the antenna, on the '
+              'pixels that the grid continues to.'),
+    Parameter('subapertures.follow_ahead', 0.0, 'From the middle of an aperture to that of its '
+              'image, along the direction of flight.', 'm', -1e6, 1e6),
+    Parameter('subapertures.follow_left', 0.0, 'The same to the left of the direction of flight.',
+              'm', -1e6, 1e6),
+    *image_products.PARAMETERS,
+)
+
+
+class BackprojectionStep(Step):
+    """What both modes have in common: pulses are sorted into apertures as they come."""
+
+    NAME = 'backprojection'
+    PARAMETERS = PARAMETERS
+    COUNTERS = ('images_published', 'subapertures_published', 'plans_made', 'plans_anew',
+                'pulses_imaged', 'pulses_missing_in_last_aperture', 'pulses_skipped',
+                'last_image_seconds', 'image_latency_seconds', 'last_plan_seconds',
+                'predicted_error_db')
+    FAULTS = ('pulses_missing', 'pulses_late', 'pulses_duplicate', 'apertures_dropped',
+              'restarts')
+    IDLE_PARAMETER = 'aperture_timeout_s'
+    FORMS_IMAGES = True
+
+    _imager: ApertureSequence
+
+    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+        super().__init__(parameters, health)
+        self._grid = make_grid(parameters)
+        self._seconds = 0.0  # of work since the last product
+        self._dropped = False  # by the latest flush
+
+    @classmethod
+    def create(cls, parameters: Mapping[str, object],
+               health: Health | Part) -> BackprojectionStep:
+        """Step of the mode that the parameters ask for."""
+        kind = ImageStep if parameters['mode'] == IMAGE else SubapertureStep
+        return kind(parameters, health)
+
+    def process(self, block: PulseBlock) -> list:
+        """Add profiles to their aperture; returns the products that became complete."""
+        return self._follow(self._imager.add, block)
+
+    def flush(self) -> list:
+        """Close the aperture: the input pauses, or somebody asks."""
+        dropped = self._imager.statistics.apertures_dropped
+        products = self._follow(self._imager.flush)
+        self._dropped = self._imager.statistics.apertures_dropped > dropped
+        return products
+
+    def nothing_formed(self) -> str:
+        """Why the latest `flush` gave nothing."""
+        return 'the aperture was dropped' if self._dropped else 'no aperture is being filled'
+
+    def skip(self, aperture: int | None) -> list:
+        """Leave out an aperture; see `Step`."""
+        if aperture is not None and self._imager.filling == aperture:
+            self.health.count('pulses_skipped', self.discard())
+        return []
+
+    def discard(self) -> int:
+        """Forget the aperture being filled; returns the number of its pulses."""
+        dropped = self._imager.reset()
+        self.report(self._imager.take_events())
+        self._seconds = 0.0
+        return dropped
+
+    def update_counters(self) -> None:
+        """Take the imager's statistics over."""
+        s = self._imager.statistics
+        for key in ('imaged', 'late', 'duplicate'):
+            self.health.set(f'pulses_{key}', getattr(s, key))
+        self.health.set('apertures_dropped', s.apertures_dropped)
+        self.health.set('restarts', s.restarts)
+
+    def _follow(self, work, *arguments) -> list:
+        started = time.perf_counter()
+        try:
+            return work(*arguments)
+        finally:
+            self._seconds += time.perf_counter() - started
+            self.report(self._imager.take_events())
+
+    def _count_product(self, n_missing: int, predicted_error_db: float) -> float:
+        """Count what both kinds of products have; returns the seconds of work on this one."""
+        seconds, self._seconds = self._seconds, 0.0
+        self.health.count('pulses_missing', n_missing)
+        self.health.set('last_image_seconds', seconds)
+        self.health.set('image_latency_seconds', time.monotonic() - self.received_s)
+        self.health.set('predicted_error_db', predicted_error_db)
+        return seconds
+
+
+class ImageStep(BackprojectionStep):
+    """Range profiles to images; see `ApertureImager`."""
+
+    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+        super().__init__(parameters, health)
+        self._imager = ApertureImager(
+            self._grid, pulses_per_aperture=parameters['pulses_per_aperture'],
+            min_pulse_fraction=parameters['min_pulse_fraction'],
+            target_db=parameters['target_db'])
+        compile_kernels()  # the first image must not wait for it
+
+    def create_outputs(self, node: ManagedNode) -> None:
+        """Create the publishers of the images; see `Step`."""
+        self._products = ImageProducts(node, self.parameters)
+
+    def activate(self, node: ManagedNode) -> None:
+        """Tell where the images will be; see `Step`."""
+        self._products.announce(self._grid, node.get_clock().now().to_msg())
+
+    def summary(self) -> str:
+        """Settings for the log line at the start."""
+        return (f' -> {self._products.topic}, {describe_grid(self._grid)} in frame '
+                f'{self.parameters["frame_id"]}, '
+                f'{self.parameters["pulses_per_aperture"]} pulses per aperture')
+
+    def publish(self, product: ApertureImage) -> None:
+        """Publish an image on all its topics."""
+        self._products.publish(product.image, product.grid, product.stamp_ns)
+        seconds = self._count_product(product.n_missing, product.predicted_error_db)
+        self.health.count('images_published')
+        self.health.set('pulses_missing_in_last_aperture', product.n_missing)
+        self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, predicted error '
+                         f'{product.predicted_error_db:.0f} dB')
+
+    def describe(self, product: ApertureImage) -> str:
+        """An image in words."""
+        missing = describe_counters(product.missing.tolist()) if product.n_missing else 'none'
+        return (f'image of aperture {product.aperture}: {product.n_pulses} pulses, '
+                f'missing {missing}')
+
+    def nothing_formed(self) -> str:
+        """Why the latest `flush` gave nothing."""
+        if self._dropped:
+            return ('the aperture has fewer pulses than '
+                    f'min_pulse_fraction={self.parameters["min_pulse_fraction"]:g} of it '
+                    'and was dropped')
+        return super().nothing_formed()
+
+    def _follow(self, work, *arguments) -> list[ApertureImage]:
+        self._imager.min_pulse_fraction = self.parameters['min_pulse_fraction']
+        return super()._follow(work, *arguments)
+
+
+class SubapertureStep(BackprojectionStep):
+    """Range profiles to sub-aperture images; see `LiveSubapertures`."""
+
+    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+        super().__init__(parameters, health)
+        p = parameters
+        follow_m = ((p['subapertures.follow_ahead'], p['subapertures.follow_left'])
+                    if p['subapertures.follow'] else None)
+        try:
+            self._imager = LiveSubapertures(
+                self._grid, pulses_per_aperture=p['pulses_per_aperture'],
+                pulses_per_subaperture=p['subapertures.pulses'],
+                target_db=p['subapertures.target_db'], sliding=p['subapertures.sliding'],
+                follow_m=follow_m)
+        except ValueError as error:
+            raise ConfigurationError(f'subapertures: {error}') from error
+        compile_live_kernels()  # the first sub-aperture must not wait for it
+
+    def create_outputs(self, node: ManagedNode) -> None:
+        """Create the publisher of the sub-aperture images; see `Step`."""
+        self._output = node.create_output(Float32MultiArray, 'subaperture_images',
+                                          stream_qos(self.parameters))
+
+    def summary(self) -> str:
+        """Settings for the log line at the start."""
+        p = self.parameters
+        slide = ', sliding' if p['subapertures.sliding'] else ''
+        follow = (f', following the antenna {p["subapertures.follow_ahead"]:g} m ahead, '
+                  f'{p["subapertures.follow_left"]:g} m to the left'
+                  if p['subapertures.follow'] else '')
+        return (f' -> {self._output.topic_name} for {describe_grid(self._grid)}{follow}, '
+                f'{p["pulses_per_aperture"]} pulses per aperture{slide}')
+
+    def prepare(self) -> None:
+        """Plan the next aperture before its pulses come; see `Step`."""
+        self._imager.plan_ahead()
+        self.report(self._imager.take_events())
+
+    def publish(self, product: SubapertureImage) -> None:
+        """Publish a sub-aperture image when somebody subscribes."""
+        if self._output.get_subscription_count():
+            self._output.publish(to_message(product))
+        self._count_product(product.n_missing, product.predicted_error_db)
+        self.health.count('subapertures_published')
+
+    def describe(self, product: SubapertureImage) -> str:
+        """A sub-aperture image in words."""
+        last = product.first_counter + product.n_pulses + product.n_missing - 1
+        return (f'sub-aperture {product.number} of aperture {product.aperture}: pulses '
+                f'{describe_range(product.first_counter, last)}, {product.n_missing} missing')
+
+    def update_counters(self) -> None:
+        """Take the statistics over."""
+        super().update_counters()
+        s = self._imager.statistics
+        self.health.set('plans_made', s.plans)
+        self.health.set('plans_anew', s.plans_anew)
+        self.health.set('last_plan_seconds', s.plan_seconds)
+
+    def _follow(self, work, *arguments) -> list[SubapertureImage]:
+        # Rounded as messages round them, so that the pipeline's images are those of the nodes.
+        return [as_received(image) for image in super()._follow(work, *arguments)]

@@ -1,0 +1,136 @@
+"""Sub-aperture images into fusion, as separate processes and as a pipeline, against exact ones."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from msg_conversions import subaperture_image
+from msg_conversions.images import complex_from_message, map_metadata_from_message
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.imaging.live_subapertures import LiveSubapertures
+from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.tools.node_processes import AFBP_NODES, PIPELINE
+
+LARGEST_ERROR_DB = -60.0  # what backprojection plans for by default in this mode
+
+
+def images_in_log(text):
+    """Kind, aperture and pulses of the images that a log tells of, in their order."""
+    found = re.findall(r'(progressive )?image of aperture (\d+): \d+ sub-apertures, (\d+) pulses',
+                       text)
+    return [('progressive' if kind else 'final', int(aperture), int(n_pulses))
+            for kind, aperture, n_pulses in found]
+
+
+def counters_around(recording, header, n_pulses):
+    """Counters of adjoining pulses whose middle is the time of a header."""
+    stamps = recording.pulses.stamp_ns
+    middle = np.interp(header.stamp.sec * 10**9 + header.stamp.nanosec - int(stamps[0]),
+                       stamps - stamps[0], recording.pulses.counter)
+    first = round(middle - (n_pulses - 1) / 2)
+    return np.arange(first, first + n_pulses)
+
+
+def check_images(recording, chain, name, messages):
+    """Images are those that the log tells of, and exact."""
+    grid = map_metadata_from_message(chain.observer.wait_for('map_metadata', 1)[0])
+    told = images_in_log(chain.log(name))
+    for message, (_, _, n_pulses) in zip(messages, told, strict=True):
+        error_db = recording.error_db(complex_from_message(message), grid,
+                                      counters_around(recording, message.header, n_pulses))
+        assert error_db < LARGEST_ERROR_DB
+    return told
+
+
+def test_images_while_pulses_arrive_and_of_whole_apertures(make_chain, spotlight):
+    # Both at once, as two radars on one robot.
+    chains = [make_chain(spotlight.truth, names=names, mode='subapertures',
+                         namespace=f'radar{number}', afbp_fusion={'images_every': 2})
+              for number, names in enumerate((AFBP_NODES, PIPELINE))]
+    for chain in chains:
+        chain.observer.send(spotlight.raw)
+    received = []
+    for number, (chain, name) in enumerate(zip(chains, ('afbp_fusion', 'sar_pipeline'),
+                                               strict=True)):
+        chain.wait_for_log(name, ' image of aperture 1: .* 128 pulses, 0 missing')
+        n_images = len(images_in_log(chain.log(name)))
+        received.append(chain.observer.wait_for('image_complex', n_images))
+        part = 'stage' if name == 'afbp_fusion' else 'afbp_fusion'
+        chain.observer.wait_for_counters(
+            f'radar{number}/{name}', part, images_published=n_images, images_final=2,
+            images_progressive=n_images - 2, subapertures_missing=0, subapertures_late=0,
+            pulses_missing=0, pulses_missing_in_last_aperture=0)
+    told = check_images(spotlight, chains[0], 'afbp_fusion', received[0])
+    assert [t for t in told if t[0] == 'final'] == [('final', 0, 128), ('final', 1, 128)]
+    assert len(told) > 2
+    for separate, direct in zip(*received, strict=True):
+        assert direct.header == separate.header
+        np.testing.assert_array_equal(complex_from_message(direct),
+                                      complex_from_message(separate))
+    figures = chains[1].observer.counters('radar1/sar_pipeline', 'backprojection')
+    assert figures['subapertures_published'] >= 2 * len(told)
+
+
+def test_a_sliding_aperture_gives_an_image_with_every_subaperture(make_chain, spotlight):
+    chain = make_chain(spotlight.truth, names=PIPELINE, mode='subapertures', backprojection={
+        'subapertures.sliding': True, 'subapertures.pulses': 16})
+    chain.observer.send(spotlight.raw)
+    images = chain.observer.wait_for('image_complex', 9)  # pulses 0..127, 16..143, ..., 128..255
+    assert check_images(spotlight, chain, 'sar_pipeline', images) == [
+        ('final', min(number, 1), 128) for number in range(9)]
+
+
+@pytest.fixture(scope='module')
+def two_apertures(psf):
+    """Sub-aperture images of the recording's aperture and of the same one later."""
+    grid, length = psf.truth['grid'], psf.truth['pulses_per_aperture']
+    first = LiveSubapertures(
+        MapGrid(tuple(grid['centre_m']), grid['n_x'], grid['n_y'], grid['spacing_m']),
+        pulses_per_aperture=length, pulses_per_subaperture=50)
+    plan = RangeCompressor.for_block(psf.pulses)
+    images = []
+    for n in range(2):
+        block = dataclasses.replace(psf.pulses, counter=psf.pulses.counter + n * length,
+                                    stamp_ns=psf.pulses.stamp_ns + n * 10**9)
+        images += first.add(plan(block))
+    assert [(i.aperture, i.number) for i in images] == [(n, i) for n in (0, 1) for i in range(4)]
+    return images
+
+
+def test_subapertures_late_twice_in_disorder_and_never(start_node, make_observer, psf,
+                                                       two_apertures):
+    node = start_node('afbp_fusion', {'frame_id': 'odom'})
+    observer = make_observer('subaperture_images')
+    node.wait_for_log('afbp_fusion', 'subscriber on .*image_complex joined')
+    observer.wait(lambda: observer.joined, 'the subscription')
+    assert observer.trigger('afbp_fusion/form_image') == (False, 'no aperture is being fused')
+
+    messages = [subaperture_image.to_message(i) for i in two_apertures]
+    corrupt = subaperture_image.to_message(two_apertures[0])
+    corrupt.data[-1] = float('nan')
+    observer.send_messages([messages[2], messages[0], corrupt, messages[0], messages[3],
+                            messages[1], messages[1]])
+    [image] = observer.wait_for('image_complex', 1)
+    grid = map_metadata_from_message(observer.wait_for('map_metadata', 1)[0])
+    assert image.header.frame_id == 'odom'
+    error_db = psf.error_db(complex_from_message(image), grid, np.arange(200))
+    assert error_db < LARGEST_ERROR_DB
+
+    observer.send_messages([messages[6], messages[4], messages[7]])
+    observer.wait_for_progress('afbp_fusion', 399)
+    assert observer.trigger('afbp_fusion/form_image') == (
+        True, 'image of aperture 1: 3 sub-apertures, 150 pulses, 50 missing')
+    image = observer.wait_for('image_complex', 2)[1]
+    came = np.r_[0:50, 100:200]
+    assert psf.error_db(complex_from_message(image), grid, came) < LARGEST_ERROR_DB
+    observer.send_messages([messages[5]])
+    observer.wait_for_counters(
+        'afbp_fusion', subapertures_fused=7, subapertures_late=2, subapertures_duplicate=1,
+        subapertures_missing=1, pulses_missing=50, blocks_rejected=1, images_final=2, errors=0)
+    assert observer.status('afbp_fusion').level == DiagnosticStatus.WARN
+    assert observer.counters('afbp_fusion')['predicted_error_db'] < LARGEST_ERROR_DB
+    observer.send_messages(messages[:1])
+    assert observer.trigger('afbp_fusion/reset') == (True, 'no pulses were underway')
