@@ -19,6 +19,7 @@ from .subaperture_image import SubapertureImage
 from .track_prediction import predict_track
 
 _LEAST_PULSES = 16  # from which a track is carried on, where nothing came before
+_SHARE_TO_PLAN_AHEAD = 0.75  # of an aperture that must be known
 _MOST_REVISIONS = 3  # after which the whole track is awaited
 
 
@@ -103,11 +104,17 @@ class LiveSubapertures(ApertureSequence):
         super().__init__(pulses_per_aperture, LiveStatistics())
 
     def plan_ahead(self) -> None:
-        """Plan the next aperture while nothing waits, if it was not begun yet."""
-        if self._open is not None or self._previous is None or self._ahead is not None:
+        """Plan the next aperture, where it can be foreseen; call this while nothing waits.
+
+        It can from three quarters of the one before. What is planned ahead does not delay the
+        images of the first sub-apertures.
+        """
+        before = self._open or self._previous
+        if self._ahead is not None or not self._cut or before is None:
             return
-        number = self._previous.number + 1
-        if number * self._length > COUNTER_MASK:
+        share = np.flatnonzero(before.seen)[-1:] + 1 >= _SHARE_TO_PLAN_AHEAD * len(before.seen)
+        number = before.number + 1
+        if not share.any() or number * self._length > COUNTER_MASK:
             return
         target = self._new_target(number)
         self._make_plan(target)
@@ -292,8 +299,8 @@ class LiveSubapertures(ApertureSequence):
 
     def _plan_for(self, target: _Target, cut: int, slack: float) -> LivePlan:
         apertures = {a.number: a for a in target.apertures}
-        if self._previous is not None and self._previous.number < target.first:
-            apertures[self._previous.number] = self._previous
+        apertures |= {a.number: a for a in (self._previous, self._open)
+                      if a is not None and a.number < target.first}
         known = [apertures[number] for number in sorted(apertures)]
         n_pulses = target.n_apertures * self._length
         before, after = extension(n_pulses, cut or 1, slack)

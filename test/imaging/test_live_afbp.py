@@ -346,15 +346,19 @@ def test_profiles_that_end_in_the_guards_are_warned_about_once(fly):
     assert len([text for text in _events(stage, 'plan') if 'profiles end' in text]) == 1
 
 
-def test_plans_ahead_are_used(fly):
+@pytest.mark.parametrize('n_before', [LENGTH, LENGTH - CUT])
+def test_plans_ahead_are_used(fly, n_before):
     case = fly()
     stage = _stage(case, pulses_per_subaperture=CUT)
     stage.plan_ahead()  # nothing is known yet
-    pieces = _pieces(case.block, LENGTH)
-    images = stage.add(pieces[0])
-    stage.plan_ahead()
-    stage.plan_ahead()  # is planned already
+    images = stage.add(case.block.select(slice(0, 2 * CUT)))
+    stage.plan_ahead()  # too little is known
+    assert stage.statistics.plans == 1
+    images += stage.add(case.block.select(slice(2 * CUT, n_before)))
+    for _ in range(2):  # the second time it is planned already
+        stage.plan_ahead()
+        assert stage.statistics.plans == 2
+    images += stage.add(case.block.select(slice(n_before, None)))
     assert stage.statistics.plans == 2
-    images = _fuse(LiveFusion(), images + stage.add(pieces[1]))
-    assert stage.statistics.plans == 2
+    images = _fuse(LiveFusion(), images)
     assert _error_db(images[1].image, _exact(case, slice(LENGTH, None))) <= -60.0
