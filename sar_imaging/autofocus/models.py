@@ -1,0 +1,184 @@
+"""What may be wrong with the geometry: phase centres as a function of unknown parameters.
+
+A `GeometryModel` is any function from a vector of parameters to the phase centres of all pulses,
+with a start and an expected size for each parameter. The functions below add common errors to a
+model: a smooth track error, an offset between two clocks, a bias of the measured range. Anything
+else, such as a lever arm or the radius of a rotating arm, is a function that the user writes.
+
+>>> model = with_track_error(nominal(profiles), degree=5, scale_m=0.05)   # doctest: +SKIP
+>>> radius = GeometryModel(('radius_m',), [0.2], [0.01], on_circle)       # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ..signal.pulses import PulseBlock
+from ..signal.radar import SPEED_OF_LIGHT
+
+
+class Geometry(NamedTuple):
+    """Phase centres of an aperture.
+
+    Attributes
+    ----------
+    tx_m, rx_m : (P, C, 3) float64
+        Transmit and receive phase centres, imaging frame, metres.
+    range_bias_m : float
+        What the measured half path has more than the true one, metres.
+    """
+
+    tx_m: np.ndarray
+    rx_m: np.ndarray
+    range_bias_m: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class GeometryModel:
+    """Phase centres as a function of unknown parameters.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Name and unit of each parameter, such as ``'radius_m'``.
+    start : (Q,) array_like
+        Nominal values.
+    scale : (Q,) array_like
+        Expected size (standard deviation) of the error of each, in its unit. It decides which
+        combinations of parameters are worth estimating and how coarse the search begins.
+    function : callable
+        From (Q,) float64 parameters to a `Geometry`.
+
+    Raises
+    ------
+    ValueError
+        Lengths disagree, a value is not finite, or a scale is not positive.
+    """
+
+    names: Sequence[str]
+    start: np.ndarray
+    scale: np.ndarray
+    function: Callable[[np.ndarray], Geometry]
+
+    def __post_init__(self):
+        object.__setattr__(self, 'names', tuple(self.names))
+        for name in ('start', 'scale'):
+            values = np.array(getattr(self, name), np.float64).reshape(-1)
+            if len(values) != len(self.names) or not np.isfinite(values).all():
+                raise ValueError(f'{name}={values}; expected one finite number for each of '
+                                 f'{self.names}')
+            object.__setattr__(self, name, values)
+        if (self.scale <= 0).any():
+            raise ValueError(f'scale={self.scale}; expected the size of an error, above 0')
+
+    def __call__(self, parameters) -> Geometry:
+        """Phase centres for (Q,) parameters."""
+        return self.function(np.asarray(parameters, np.float64))
+
+    def extended(self, names, start, scale, change) -> GeometryModel:
+        """Model with more parameters.
+
+        Parameters
+        ----------
+        names, start, scale
+            Of the new parameters.
+        change : callable
+            From a `Geometry` and the new parameters to a `Geometry`.
+        """
+        n = len(self.names)
+        return GeometryModel(
+            (*self.names, *names), np.concatenate([self.start, start]),
+            np.concatenate([self.scale, scale]),
+            lambda parameters: change(self.function(parameters[:n]), parameters[n:]))
+
+
+def nominal(block: PulseBlock) -> GeometryModel:
+    """Model without unknowns: the phase centres that came with the pulses.
+
+    Raises
+    ------
+    ValueError
+        The block has no phase centres.
+    """
+    if not block.has_positions:
+        raise ValueError('the block has no phase centres; autofocus corrects positions, it does '
+                         'not invent them')
+    geometry = Geometry(block.tx_m, block.rx_m)
+    return GeometryModel((), [], [], lambda _: geometry)
+
+
+def with_track_error(model: GeometryModel, *, degree: int = 5, scale_m: float = 0.05,
+                     axes: Sequence[Sequence[float]] = np.eye(3)) -> GeometryModel:
+    """Add a smooth displacement: Legendre polynomials of the pulse number.
+
+    Parameters
+    ----------
+    model : GeometryModel
+        To extend.
+    degree : int
+        Of the polynomials, 1 or more; a constant only moves the image and is left out.
+    scale_m : float
+        Expected size of each coefficient, metres.
+    axes : sequence of (3,) floats
+        Directions of the displacement; x, y and z unless told otherwise.
+    """
+    if degree < 1:
+        raise ValueError(f'degree={degree}; expected 1 or more')
+    axes = np.asarray(axes, float).reshape(-1, 3)
+    names = [f'track_{axis}_{power}_m' for axis in range(len(axes))
+             for power in range(1, degree + 1)]
+
+    u = np.linspace(-1.0, 1.0, len(model(model.start).tx_m))
+    basis = np.polynomial.legendre.legvander(u, degree)[:, 1:]
+
+    def change(geometry, coefficients):
+        moved = (basis @ coefficients.reshape(len(axes), degree).T @ axes)[:, None]
+        return geometry._replace(tx_m=geometry.tx_m + moved, rx_m=geometry.rx_m + moved)
+
+    n = len(names)
+    return model.extended(names, np.zeros(n), np.full(n, float(scale_m)), change)
+
+
+def with_time_offset(model: GeometryModel, time_s, *, scale_s: float) -> GeometryModel:
+    """Add an offset between the clocks of pulses and positions.
+
+    Positions belong to the times of the pulses plus the offset. Phase centres between pulses
+    follow a cubic spline; beyond the ends it is continued.
+
+    Parameters
+    ----------
+    model : GeometryModel
+        To extend.
+    time_s : (P,) array_like
+        Ascending times of the pulses, seconds.
+    scale_s : float
+        Expected size of the offset, seconds.
+    """
+    time_s = np.asarray(time_s, float) - float(time_s[0])
+
+    def change(geometry, offset):
+        tx, rx = (CubicSpline(time_s, a)(time_s + offset[0]) for a in geometry[:2])
+        return geometry._replace(tx_m=tx, rx_m=rx)
+
+    return model.extended(['time_offset_s'], [0.0], [scale_s], change)
+
+
+def with_range_bias(model: GeometryModel, *, scale_m: float) -> GeometryModel:
+    """Add a constant that the measured half path has more than the true one, metres."""
+    return model.extended(
+        ['range_bias_m'], [0.0], [scale_m],
+        lambda geometry, bias: geometry._replace(range_bias_m=geometry.range_bias_m + bias[0]))
+
+
+def apply_geometry(block: PulseBlock, geometry: Geometry) -> PulseBlock:
+    """Block with other phase centres, its delays corrected for the range bias."""
+    delay = block.radar.first_sample_delay_s - 2 * geometry.range_bias_m / SPEED_OF_LIGHT
+    radar = block.radar
+    if geometry.range_bias_m:
+        radar = dataclasses.replace(radar, first_sample_delay_s=delay)
+    return dataclasses.replace(block, radar=radar, tx_m=geometry.tx_m, rx_m=geometry.rx_m)
