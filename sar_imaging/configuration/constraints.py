@@ -116,7 +116,7 @@ def _check_window(d: Derived):
 
 
 def _check_pulse_rate(a: Acquisition, d: Derived):
-    if a.prf_hz > d.largest_prf_hz * _ROUNDING:
+    if not a.compressed and a.prf_hz > d.largest_prf_hz * _ROUNDING:
         yield Finding('error', f'prf_hz={a.prf_hz:g}: a recording of {a.n_samples} samples takes '
                       f'longer than the {1e6 / a.prf_hz:.4g} us between pulses; at most '
                       f'{d.largest_prf_hz:.4g} Hz, or record fewer samples')

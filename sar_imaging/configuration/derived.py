@@ -178,7 +178,8 @@ def plan_profiles(acquisition: Acquisition, imaging: Imaging) -> tuple[RadarPara
     """
     plan = RangeCompressor(acquisition.radar, acquisition.n_samples, window=imaging.window,
                            oversampling=imaging.oversampling, range_filter=imaging.range_filter,
-                           compressed=acquisition.compressed)
+                           compressed=acquisition.compressed,
+                           range_window_m=imaging.range_window_m)
     return plan.output_radar, plan.n_output
 
 

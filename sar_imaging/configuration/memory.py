@@ -77,9 +77,10 @@ def node_memory(imaging: Imaging, n_pixels: int, *, block_bytes: int, profile_bl
             f'({q} + {w}) blocks of profiles + {1 + POLAR_IMAGES:g} x 8 B/pixel + '
             f'{PRODUCTS_KEPT} x {PRODUCT_BYTES} B/pixel')
     else:
+        n = 2 if imaging.subaperture_sliding else 1
         sizes['backprojection'] = (
-            waiting(profile_block_bytes) + aperture_bytes + POLAR_IMAGES * image,
-            f'({q} + {w}) blocks of profiles + profiles of an aperture + {POLAR_IMAGES:g} x 8 '
+            waiting(profile_block_bytes) + n * aperture_bytes + POLAR_IMAGES * image,
+            f'({q} + {w}) blocks of profiles + profiles of {n} aperture(s) + {POLAR_IMAGES:g} x 8 '
             'B/pixel')
         sizes['afbp_fusion'] = (
             (1 + SPECTRUM_IMAGES + POLAR_IMAGES) * image + products,

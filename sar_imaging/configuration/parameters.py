@@ -167,11 +167,13 @@ def imaging_from_parameters(values: Mapping) -> Imaging:
     ValueError
         A value makes no sense.
     """
-    names = {f.name for f in dataclasses.fields(Imaging)} & set(values)
+    fields = {f.name: f.name.replace('subaperture_', 'subapertures.')
+              for f in dataclasses.fields(Imaging)}
+    fields = {name: parameter for name, parameter in fields.items() if parameter in values}
     grid = MapGrid.from_size(tuple(values[f'grid.centre_{axis}'] for axis in 'xyz'),
                              values['grid.size_x'], values['grid.size_y'],
                              values['grid.spacing'])
-    return Imaging(grid=grid, **{name: values[name] for name in sorted(names)})
+    return Imaging(grid=grid, **{name: values[parameter] for name, parameter in fields.items()})
 
 
 def _acquisition(v: Mapping) -> Acquisition:

@@ -83,6 +83,7 @@ def _load_rows(imaging: Imaging, machine: Machine, d: Derived):
 
 
 def _metres(value: float) -> str:
+    value = round(value, 9)  # the range of phase zero need not be exactly 0
     return f'{value / 1e3:.4g} km' if 1e4 <= value < math.inf else f'{value:.4g} m'
 
 

@@ -103,16 +103,16 @@ class Imaging:
         As the parameters of these names.
     window, range_filter : str
         Of the range compression.
-    oversampling, target_db : float
-        Of the range compression and the imager.
+    oversampling, near_range, far_range, target_db : float
+        Of the range compression and the imager, metres and dB.
     queue_depth, worker_queue_size, max_message_elements, max_image_pixels : int
         Limits.
     worker_queue_megabytes : float
         Limit, too.
     mode : str
         ``'image'`` or ``'subapertures'``.
-    pulses_per_subaperture : int
-        Length of the sub-apertures; 0 is the quickest.
+    subaperture_target_db, subaperture_pulses, subaperture_sliding
+        Of mode ``'subapertures'``; a length of 0 is the quickest.
 
     Raises
     ------
@@ -125,6 +125,8 @@ class Imaging:
     window: str = 'none'
     range_filter: str = 'equalised'
     oversampling: float = 2.0
+    near_range: float = 0.0
+    far_range: float = 0.0
     target_db: float = -80.0
     pulses_per_block: int = 32
     reorder_window_pulses: int = 128
@@ -134,15 +136,28 @@ class Imaging:
     max_message_elements: int = 2**26
     max_image_pixels: int = 2**25
     mode: str = 'image'
-    pulses_per_subaperture: int = 0
+    subaperture_target_db: float = -60.0
+    subaperture_pulses: int = 0
+    subaperture_sliding: bool = False
 
     def __post_init__(self):
         if self.mode not in MODES:
             raise ValueError(f'mode={self.mode!r} is unknown; use one of {", ".join(MODES)}')
+        if self.far_range and self.far_range <= self.near_range:
+            raise ValueError(f'far_range={self.far_range:g} lies before near_range='
+                             f'{self.near_range:g}')
         for name in ('pulses_per_aperture', 'pulses_per_block', 'queue_depth',
                      'worker_queue_size'):
             if getattr(self, name) < 1:
                 raise ValueError(f'{name}={getattr(self, name)}; expected at least 1')
+
+
+    @property
+    def range_window_m(self) -> tuple[float, float] | None:
+        """Part of the profiles that range compression keeps, metres; None for all."""
+        if not self.near_range and not self.far_range:
+            return None
+        return self.near_range, self.far_range or math.inf
 
 
 @dataclasses.dataclass(frozen=True)

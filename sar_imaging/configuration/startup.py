@@ -75,8 +75,10 @@ def report_block(parameters: Mapping, block: PulseBlock) -> StartupReport:
     """
     try:
         imaging = imaging_from_parameters(parameters)
-        if block.compressed and 'oversampling' not in parameters:
-            imaging = dataclasses.replace(imaging, oversampling=1.0)  # as they come
+        if block.compressed and 'oversampling' not in parameters:  # as they come
+            imaging = dataclasses.replace(imaging, oversampling=1.0)
+        if 'pulses_per_block' not in parameters:
+            imaging = dataclasses.replace(imaging, pulses_per_block=block.n_pulses)
         machine = Machine.this_one()
         acquisition = acquisition_of(block, imaging)
         if acquisition is None:

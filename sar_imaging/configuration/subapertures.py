@@ -53,8 +53,8 @@ def forecast_subapertures(acquisition: Acquisition, imaging: Imaging,
     tx_m = np.broadcast_to(track, rx_m.shape)
     try:
         plan = AfbpImager(imaging.grid, derived.profile_radar, derived.n_profile, tx_m, rx_m,
-                          target_db=max(imaging.target_db, -90.0),
-                          pulses_per_subaperture=imaging.pulses_per_subaperture or None)
+                          target_db=imaging.subaperture_target_db,
+                          pulses_per_subaperture=imaging.subaperture_pulses or None)
     except ValueError as error:
         return SubapertureForecast(0, 0, 0.0, str(error))
     pulses = plan.subapertures.sampling.pulses

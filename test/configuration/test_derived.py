@@ -156,6 +156,16 @@ def test_profiles_are_those_of_range_compression(acquisition, imaging, machine):
     assert (d.profile_radar, d.n_profile) == (compressor.output_radar, compressor.n_output)
 
 
+def test_the_range_window_is_that_of_range_compression(acquisition, machine):
+    d = derive(acquisition, make_imaging(near_range=950.0, far_range=1050.0), machine)
+    compressor = RangeCompressor(acquisition.radar, acquisition.n_samples,
+                                 range_window_m=(950.0, 1050.0))
+    assert d.n_profile == compressor.n_output
+    assert d.window_m[0] <= 950.0 < 1050.0 <= d.window_m[1]
+    with pytest.raises(ValueError, match='far_range=10 lies before near_range=20'):
+        make_imaging(near_range=20.0, far_range=10.0)
+
+
 @given(n=st.integers(1, 64), spacing=numbers(0.0, 5.0))
 def test_an_array_only_lengthens_the_aperture(n, spacing):
     d = [derive(make_acquisition(n_channels=n, channel_spacing_m=s), make_imaging(), MACHINE)

@@ -98,7 +98,7 @@ def test_sub_apertures_are_planned_or_the_reason_is_told():
     assert forecast.reason == ''
     assert (forecast.count - 1) * forecast.pulses < imaging.pulses_per_aperture
     assert forecast.count * forecast.pulses >= imaging.pulses_per_aperture
-    assert forecast.predicted_error_db <= imaging.target_db
+    assert forecast.predicted_error_db <= imaging.subaperture_target_db
     around = dataclasses.replace(imaging, grid=dataclasses.replace(
         imaging.grid, centre_m=(*acquisition.centre_m[:2], 0.0)))
     refused = forecast_subapertures(acquisition, around, derive(acquisition, around, MACHINE))
