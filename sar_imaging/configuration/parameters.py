@@ -35,6 +35,13 @@ CHECKER_PARAMETERS = {
 }
 
 
+_FIELDS = {f.name: f.name.replace('subaperture_', 'subapertures.')
+           for f in dataclasses.fields(Imaging) if f.name != 'grid'}
+# Parameters of the nodes that settings are made of.
+IMAGING_PARAMETERS = (*(f'grid.{name}' for name in ('centre_x', 'centre_y', 'centre_z', 'size_x',
+                                                    'size_y', 'spacing')), *_FIELDS.values())
+
+
 class ConfigurationFileError(ValueError):
     """A parameter file cannot be read; the text says where and why."""
 
@@ -167,9 +174,7 @@ def imaging_from_parameters(values: Mapping) -> Imaging:
     ValueError
         A value makes no sense.
     """
-    fields = {f.name: f.name.replace('subaperture_', 'subapertures.')
-              for f in dataclasses.fields(Imaging)}
-    fields = {name: parameter for name, parameter in fields.items() if parameter in values}
+    fields = {name: parameter for name, parameter in _FIELDS.items() if parameter in values}
     grid = MapGrid.from_size(tuple(values[f'grid.centre_{axis}'] for axis in 'xyz'),
                              values['grid.size_x'], values['grid.size_y'],
                              values['grid.spacing'])

@@ -6,17 +6,24 @@ Two questions, as soon as each can be answered: `report_parameters` when the nod
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Mapping
+from typing import Protocol
 
 import numpy as np
 
 from ..signal.pulses import PulseBlock
 from .constraints import Finding, check, check_settings
 from .derived import derive
-from .parameters import imaging_from_parameters
+from .parameters import IMAGING_PARAMETERS, imaging_from_parameters
 from .report import lines, rows
 from .settings import Acquisition, Imaging, Machine
+
+
+class Parameters(Protocol):
+    """Values by name, such as those of a node; KeyError for a name that it does not have."""
+
+    def __getitem__(self, name: str): ...
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,7 +33,7 @@ class StartupReport:
     Parameters
     ----------
     lines : tuple of str
-        Derived quantities.
+        Derived quantities; empty where they are not known.
     warnings, errors : tuple of str
         What will disappoint, and what makes the configuration impossible.
     """
@@ -36,12 +43,12 @@ class StartupReport:
     errors: tuple[str, ...] = ()
 
 
-def report_parameters(parameters: Mapping) -> StartupReport:
+def report_parameters(parameters: Parameters) -> StartupReport:
     """Check what needs no radar.
 
     Parameters
     ----------
-    parameters : mapping
+    parameters : mapping or ParameterValues
         Parameters of the node by name, those of the grid and `pulses_per_aperture` among them.
 
     Returns
@@ -50,13 +57,14 @@ def report_parameters(parameters: Mapping) -> StartupReport:
         Without lines.
     """
     try:
-        findings = check_settings(imaging_from_parameters(parameters), Machine.this_one())
+        imaging = imaging_from_parameters(_known(parameters))
+        findings = check_settings(imaging, Machine.this_one())
     except ValueError as error:
         return StartupReport(errors=(str(error),))
     return _report((), findings)
 
 
-def report_block(parameters: Mapping, block: PulseBlock) -> StartupReport:
+def report_block(parameters: Parameters, block: PulseBlock) -> StartupReport:
     """Derive and check everything that a first block and the parameters tell.
 
     The track is carried on straight from the block, so what follows from the track is a warning
@@ -64,7 +72,7 @@ def report_block(parameters: Mapping, block: PulseBlock) -> StartupReport:
 
     Parameters
     ----------
-    parameters : mapping
+    parameters : mapping or ParameterValues
         As for `report_parameters`; those of range compression are used where they are given.
     block : PulseBlock
         Pulses or range profiles with phase centres.
@@ -72,7 +80,9 @@ def report_block(parameters: Mapping, block: PulseBlock) -> StartupReport:
     Returns
     -------
     StartupReport
+        Empty when the block is too short to tell pulse rate and track: ask again with the next.
     """
+    parameters = _known(parameters)
     try:
         imaging = imaging_from_parameters(parameters)
         if block.compressed and 'oversampling' not in parameters:  # as they come
@@ -82,8 +92,7 @@ def report_block(parameters: Mapping, block: PulseBlock) -> StartupReport:
         machine = Machine.this_one()
         acquisition = acquisition_of(block, imaging)
         if acquisition is None:
-            return StartupReport(('the first block is too short to tell the pulse rate and the '
-                                  'track; derived quantities are not known',))
+            return StartupReport()
         derived = derive(acquisition, imaging, machine)
     except ValueError as error:
         return StartupReport(errors=(str(error),))
@@ -126,6 +135,15 @@ def acquisition_of(block: PulseBlock, imaging: Imaging) -> Acquisition | None:
         centre_m=tuple(centres[first] + travel * (ahead / counts)),
         velocity_m_per_s=tuple(travel / duration_s),
         channel_spacing_m=float(np.ptp(along)) / max(1, block.n_channels - 1))
+
+
+def _known(parameters: Parameters) -> dict:
+    """Those of interest that there are."""
+    values = {}
+    for name in IMAGING_PARAMETERS:
+        with contextlib.suppress(KeyError):
+            values[name] = parameters[name]
+    return values
 
 
 def _report(text, findings: list[Finding]) -> StartupReport:

@@ -9,6 +9,7 @@ from hypothesis import given, settings, strategies as st
 from sar_imaging.configuration import derive
 from sar_imaging.configuration.parameters import default_file, read_configuration
 from sar_imaging.configuration.startup import (
+    StartupReport,
     acquisition_of,
     report_block,
     report_parameters,
@@ -110,7 +111,4 @@ def test_blocks_that_tell_no_track(car):
     timeless = dataclasses.replace(blocks[0], stamp_ns=np.zeros_like(blocks[0].stamp_ns))
     bare = dataclasses.replace(blocks[0], tx_m=None, rx_m=None)
     for block in (blocks[0].select(slice(0, 1)), still, timeless, bare):
-        report = report_block(parameters, block)
-        assert (report.errors, report.warnings) == ((), ())
-        [line] = report.lines
-        assert 'too short to tell the pulse rate and the track' in line
+        assert report_block(parameters, block) == StartupReport()
