@@ -29,12 +29,15 @@ from sar_imaging.quality import ScattererQuality, measure_scatterer
 
 from .bag_io import BagError, pose_messages, raw_messages
 from .node_processes import (
+    MODES,
     NO_LOG_FILES,
-    NODES,
+    PIPELINE,
     NodeProcessError,
     NodeProcesses,
     isolated_environment,
+    node_names,
     parameters_from_truth,
+    pipeline_parameters,
 )
 from .observer import Observer, ObserverError, ReceivedImage
 from .plots import save_image_png
@@ -61,14 +64,19 @@ class EvaluationError(RuntimeError):
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
     p = argparse.ArgumentParser(
-        prog='evaluate', description='Replay a recording of radar pulses through pulse_buffer, '
-        'range_compression and backprojection over real DDS, wait for the image and measure it.',
+        prog='evaluate', description='Replay a recording of radar pulses through the nodes over '
+        'real DDS, wait for the image and measure it.',
         epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument('bag', type=Path, help='rosbag2 folder with the topic /pulses')
     p.add_argument('--output', type=Path, required=True, metavar='FOLDER',
                    help='folder for the results, made when missing')
     p.add_argument('--launch-nodes', action='store_true',
                    help="start the nodes for this run, with the recording's own grid and aperture")
+    p.add_argument('--mode', choices=MODES, default=MODES[0],
+                   help='of backprojection: exact images, or sub-apertures joined by '
+                        'afbp_fusion (default: %(default)s)')
+    p.add_argument('--pipeline', action='store_true',
+                   help='through sar_pipeline instead of separate nodes')
     p.add_argument('--namespace', type=_namespace, default='', metavar='NAME',
                    help='namespace of the nodes, such as radar1 (default: none)')
     p.add_argument('--aperture', type=int, metavar='N',
@@ -134,9 +142,11 @@ def run(arguments: argparse.Namespace) -> None:
                                       'nodes with; start them yourself, without --launch-nodes')
             environment = isolated_environment()
             os.environ.update(environment)  # for this process, before its middleware starts
+            parameters = parameters_from_truth(recording.truth, arguments.mode)
             nodes = stack.enter_context(NodeProcesses(
-                parameters_from_truth(recording.truth), output / 'log', environment,
-                namespace=arguments.namespace))
+                pipeline_parameters(parameters) if arguments.pipeline else parameters,
+                output / 'log', environment, namespace=arguments.namespace,
+                nodes=node_names(arguments.mode, pipeline=arguments.pipeline)))
             check = nodes.check
         result = _replay(recording, arguments, check)
     grid = _checked_grid(recording, result.grid, result.received, arguments.launch_nodes)
@@ -187,8 +197,10 @@ def _replay(recording: Recording, arguments: argparse.Namespace,
         node = rclpy.create_node('evaluate', namespace=arguments.namespace)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        observer = Observer(node, executor)
-        replayer = Replayer(node, executor, check=check)
+        observer = Observer(node, executor,
+                            node_names(arguments.mode, pipeline=arguments.pipeline))
+        replayer = Replayer(node, executor, check=check, imager=(
+            PIPELINE[0] if arguments.pipeline else 'backprojection'))
         timeout_s = START_TIMEOUT_S if arguments.launch_nodes else arguments.timeout
         print('waiting for the nodes ...', file=sys.stderr)
         observer.wait_for_nodes(timeout_s, check)
@@ -196,14 +208,15 @@ def _replay(recording: Recording, arguments: argparse.Namespace,
         length = observer.pulses_per_aperture(timeout_s, check)
         aperture = _choose_aperture(recording.apertures(length), length, arguments.aperture)
         observer.expect(aperture.first_ns, aperture.last_ns)
-        before = {name: observer.counters(name) for name in NODES}
+        before = {name: observer.counters(name) for name in observer.stages}
         with tqdm(total=recording.n_messages, unit='message', desc='replaying') as bar:
             sent_s = _send(recording, aperture, replayer, arguments.rate, bar)
             _await_image(observer, aperture, arguments.timeout, check, bar)
         now = time.monotonic()
-        for name in NODES:  # the counters that include the last pulse
+        for name in observer.stages:  # the counters that include the last pulse
             observer.status_after(name, now, now + 5.0, check)
-        counters = {name: _difference(before[name], observer.counters(name)) for name in NODES}
+        counters = {name: _difference(before[name], observer.counters(name))
+                    for name in observer.stages}
         return _Result(aperture, length, observer.image, observer.image.received_s - sent_s,
                        observer.grid, counters)
     finally:
@@ -246,7 +259,7 @@ def _await_image(observer: Observer, aperture: Aperture, timeout_s: float,
                  check: Callable[[], None], bar: tqdm) -> None:
     bar.set_description('waiting for the image')
     deadline = time.monotonic() + timeout_s
-    while observer.image is None:
+    while observer.image is None or observer.grid is None:
         if time.monotonic() > deadline:
             others = f', but {observer.n_images} of other apertures' if observer.n_images else ''
             raise EvaluationError(f'no image of aperture {aperture.number} came within '
@@ -287,13 +300,13 @@ def _same(a: MapGrid, b: MapGrid) -> bool:
 def _measure(recording: Recording, result: _Result, grid: MapGrid) -> dict:
     """Contents of quality.json."""
     truth = recording.truth or {}
-    buffer = result.counters['pulse_buffer']
+    buffer, entry = result.counters['pulse_buffer'], next(iter(result.counters))
     scatterers = [_measure_one(recording, result, grid, s) for s in truth.get('scatterers', ())]
     return {
         'scatterers': [q.as_json() for q in scatterers],
         'pulses_received': buffer.get('pulses_received'),
         'pulses_missing': buffer.get('pulses_missing'),
-        'blocks_rejected': buffer.get('blocks_rejected'),
+        'blocks_rejected': result.counters[entry].get('blocks_rejected'),
         'seconds_last_pulse_to_image': round(result.seconds, 4),
         'recording': str(recording.path),
         'aperture': result.aperture.number,
@@ -342,6 +355,9 @@ def _table(quality: dict) -> str:
         lines.append('  '.join([f'{s["name"]:{width}}', *(f'{p:>15}' for p in pairs)]))
         if s['reason']:
             lines.append(f'{"":{width}}    {s["reason"]}')
+    unplaced = quality['nodes']['pulse_buffer'].get('pulses_without_pose')
+    if unplaced:
+        lines.append(f'warning: {unplaced} pulses had no pose in time and are not in the image')
     lines.append(f'pulses received {quality["pulses_received"]}, missing '
                  f'{quality["pulses_missing"]}; blocks rejected {quality["blocks_rejected"]}; '
                  f'last pulse to image {quality["seconds_last_pulse_to_image"]:.2f} s')

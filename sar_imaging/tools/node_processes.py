@@ -18,6 +18,7 @@ import sar_imaging
 NODES = ('pulse_buffer', 'range_compression', 'backprojection')
 AFBP_NODES = (*NODES, 'afbp_fusion')
 PIPELINE = ('sar_pipeline',)
+MODES = ('image', 'subapertures')
 PROFILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 STOP_TIMEOUT_S = 10.0
 TAIL_LINES = 15
@@ -28,6 +29,13 @@ class NodeProcessError(RuntimeError):
     """A node could not be started or ended by itself; the text has the end of its log."""
 
 
+def node_names(mode: str, *, pipeline: bool) -> tuple[str, ...]:
+    """Nodes from pulses to images, in their order, for a mode of backprojection."""
+    if pipeline:
+        return PIPELINE
+    return NODES if mode == MODES[0] else AFBP_NODES
+
+
 def parameters_from_truth(truth: Mapping, mode: str = 'image') -> dict[str, dict]:
     """Parameters of the nodes for a recording.
 
@@ -36,7 +44,7 @@ def parameters_from_truth(truth: Mapping, mode: str = 'image') -> dict[str, dict
     truth : mapping
         Truth of the recording, see `bag_io.make_truth`.
     mode : str
-        Of backprojection: ``image``, or ``subapertures`` for `AFBP_NODES`.
+        Of backprojection, one of `MODES`.
 
     Returns
     -------
@@ -64,7 +72,9 @@ def _alignment_parameters(truth: Mapping) -> dict:
     if 'alignment' not in truth:
         return {}
     alignment = truth['alignment']
-    return {'pose.source': 'odometry', 'pose.time_offset_s': float(alignment['time_offset_s']),
+    # All poses are recorded, and a replay may be faster than a busy machine takes them.
+    return {'pose.source': 'odometry', 'pose.wait_s': 60.0,
+            'pose.time_offset_s': float(alignment['time_offset_s']),
             'pose.range_bias_m': float(alignment['range_bias_m']),
             'antenna.tx': [float(v) for arm in alignment['tx_m'] for v in arm],
             'antenna.rx': [float(v) for arm in alignment['rx_m'] for v in arm]}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections.abc import Sequence
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -17,7 +18,9 @@ from sensor_msgs.msg import Image
 from msg_conversions.images import complex_from_message, map_metadata_from_message
 from sar_imaging.geometry.grids import MapGrid
 
-from .node_processes import NODES
+from .node_processes import AFBP_NODES, PIPELINE
+
+INPUTS = ('pulses', 'pulse_blocks', 'range_profiles', 'subaperture_images')  # of AFBP_NODES
 
 
 class ObserverError(RuntimeError):
@@ -52,6 +55,8 @@ class Observer:
         Node to subscribe from; the observed nodes are in its namespace.
     executor : rclpy.executors.Executor
         Executor of that node, spun here while waiting.
+    nodes : sequence of str
+        The observed nodes, in the order of the work.
 
     Attributes
     ----------
@@ -61,14 +66,16 @@ class Observer:
         All images that came.
     """
 
-    def __init__(self, node: Node, executor: Executor):
+    def __init__(self, node: Node, executor: Executor, nodes: Sequence[str]):
         self._node = node
+        self._nodes = tuple(nodes)
         self._executor = executor
         self._window_ns = (0, 0)
         self._map_metadata: MapMetaData | None = None
         self._status: dict[str, tuple[float, DiagnosticStatus]] = {}
         prefix = node.get_namespace().strip('/')
-        self._names = {f'{prefix}/{name}'.lstrip('/'): name for name in NODES}
+        self._statuses = {f'{prefix}/{name}: {part}'.lstrip('/'): key
+                          for name in nodes for part, key in _parts(name).items()}
         self.image: ReceivedImage | None = None
         self.n_images = 0
         reliable = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
@@ -106,27 +113,23 @@ class Observer:
             raise ObserverError(f'{n} nodes publish image_complex; stop all but one, or choose '
                                 'another ROS_DOMAIN_ID')
         complete_s = time.monotonic()
-        for name in NODES:
+        for name in self._nodes:
             if self.status_after(name, complete_s, deadline, check) is None:
                 raise ObserverError(f'{name} publishes no /diagnostics; check its log')
 
     def _missing(self) -> list[str]:
         """What the evaluation needs and cannot see yet, in words."""
-        links = {'pulses': (0, 'pulse_buffer'), 'pulse_blocks': (1, 'range_compression'),
-                 'range_profiles': (1, 'backprojection')}
         missing = []
-        for topic, (publishers, reader) in links.items():
+        for topic, reader in zip(INPUTS, self._nodes, strict=False):
             if (not self._node.count_subscribers(topic)
-                    or self._node.count_publishers(topic) < publishers):
+                    or (topic != INPUTS[0] and not self._node.count_publishers(topic))):
                 missing.append(f'{reader} on topic {topic}')
         if not self._node.count_publishers('image_complex'):
             missing.append('publisher of image_complex')
-        if self._map_metadata is None:
-            missing.append('map_metadata')
         return missing
 
     def pulses_per_aperture(self, timeout_s: float, check) -> int:
-        """Parameter of the running backprojection node.
+        """Parameter of the running nodes.
 
         Raises
         ------
@@ -134,7 +137,7 @@ class Observer:
             The node does not answer.
         """
         name = 'pulses_per_aperture'
-        client = AsyncParameterClient(self._node, 'backprojection')
+        client = AsyncParameterClient(self._node, self._nodes[0])
         deadline = time.monotonic() + timeout_s
         while not client.services_are_ready() and time.monotonic() < deadline:
             self.spin(check)
@@ -143,13 +146,18 @@ class Observer:
             self.spin(check)
         values = future.result().values if future and future.done() else []
         if not values or values[0].integer_value < 1:
-            raise ObserverError(f'node backprojection does not tell its parameter {name}')
+            raise ObserverError(f'node {self._nodes[0]} does not tell its parameter {name}')
         return values[0].integer_value
 
     @property
-    def grid(self) -> MapGrid:
-        """Grid of the images."""
-        return map_metadata_from_message(self._map_metadata)
+    def stages(self) -> tuple[str, ...]:
+        """Names of all that reports: the nodes, or a pipeline and its stages."""
+        return tuple(self._statuses.values())
+
+    @property
+    def grid(self) -> MapGrid | None:
+        """Grid of the images, None before it came."""
+        return self._map_metadata and map_metadata_from_message(self._map_metadata)
 
     def counters(self, name: str) -> dict[str, int]:
         """Integer counters in the last report of a node."""
@@ -175,7 +183,7 @@ class Observer:
     def report(self) -> str:
         """Last reports of the nodes, for error messages."""
         lines = []
-        for name in NODES:
+        for name in self.stages:
             if name not in self._status:
                 lines.append(f'  {name}: no report')
                 continue
@@ -201,6 +209,12 @@ class Observer:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            name = self._names.get(status.name.split(':')[0])
+            name = self._statuses.get(status.name)
             if name is not None:  # else of another radar, or of something else
                 self._status[name] = (time.monotonic(), status)
+
+
+def _parts(node: str) -> dict[str, str]:
+    """Parts of a node's diagnostics and the names that they are kept by."""
+    parts = {'stage': node}
+    return parts if (node,) != PIPELINE else parts | {name: name for name in AFBP_NODES}

@@ -32,7 +32,7 @@ MAX_BYTES = 8_000_000
 STALL_S = 0.25  # without progress for so long, one more message goes out
 FIRST_PROGRESS_S = 30.0  # the same before the first progress: the imager may be compiling
 PUBLISHER_DEPTH = 100
-POSE_DEPTH = 1000  # poses come in bursts between two messages of pulses
+POSE_DEPTH = 10_000  # poses come in bursts between two messages of pulses
 POSES_PER_S = 1000.0  # at most, since nobody tells which were taken
 POSE_TIMEOUT_S = 10.0
 
@@ -75,15 +75,17 @@ class Replayer:
         keep working.
     check : callable, optional
         Called often while waiting; what it raises ends the replay.
+    imager : str
+        Node whose progress is followed.
 
     Attributes
     ----------
     progress : int or None
-        Counter of the last pulse that backprojection has finished.
+        Counter of the last pulse that the imager has finished.
     """
 
     def __init__(self, node: Node, executor: Executor, *,
-                 check: Callable[[], None] = lambda: None):
+                 check: Callable[[], None] = lambda: None, imager: str = 'backprojection'):
         self._node = node
         self._executor = executor
         self._check = check
@@ -91,7 +93,7 @@ class Replayer:
             Float32MultiArray, 'pulses',
             QoSProfile(depth=PUBLISHER_DEPTH, reliability=ReliabilityPolicy.RELIABLE))
         self._progress = node.create_subscription(
-            UInt32, 'backprojection/progress', self._on_progress,
+            UInt32, f'{imager}/progress', self._on_progress,
             QoSProfile(depth=PUBLISHER_DEPTH, reliability=ReliabilityPolicy.RELIABLE))
         self.progress: int | None = None
         self._flight: collections.deque[Published] = collections.deque()

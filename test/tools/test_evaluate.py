@@ -117,6 +117,24 @@ class TestPointSpreadFunction:
 
 
 @nodes
+@pytest.mark.parametrize(('options', 'image_nodes', 'largest_error_db'), [
+    (['--pipeline'], ['backprojection'], -np.inf),
+    (['--mode', 'subapertures'], ['backprojection', 'afbp_fusion'], -60)])
+def test_other_ways_to_the_image(tmp_path, run, options, image_nodes, largest_error_db):
+    result = evaluate(PSF, '--output', tmp_path, '--launch-nodes', *options)
+    assert result.returncode == 0, result.stderr
+    exact, quality = np.load(run[0] / 'image.npy'), quality_of(tmp_path)
+    assert error_db(np.load(tmp_path / 'image.npy'), exact) <= largest_error_db
+    assert [quality[k] for k in KEYS[1:4]] == [200, 0, 0]
+    assert [n for n in quality['nodes'] if quality['nodes'][n].get('images_published')] == [
+        image_nodes[-1]]
+    assert [quality['nodes'][n]['pulses_missing'] for n in image_nodes] == [0] * len(image_nodes)
+    [s] = quality['scatterers']
+    assert s['islr_range_db'] == pytest.approx(-10.49, abs=0.05)
+    assert s['islr_azimuth_db'] == pytest.approx(-10.53, abs=0.05)
+
+
+@nodes
 def test_first_aperture_of_two_in_real_time(tmp_path):
     result = evaluate(SPOTLIGHT, '--output', tmp_path, '--launch-nodes', '--aperture', 0,
                       '--rate', 4)
