@@ -133,10 +133,10 @@ def main() -> None:
     """Measure and write the results, which grow case by case."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n', 1)[0])
     parser.add_argument('--output', type=pathlib.Path, default=RESULTS)
-    parser.add_argument('--every', type=int, default=1, help='only every n-th case')
+    parser.add_argument('--every', type=int, default=1, metavar='N', help='only every N-th case')
     arguments = parser.parse_args()
     results = {'machine': machine(), 'summary': {}, 'cost': [], 'cases': []}
-    for seed, kind in list(enumerate(tqdm(CASES)))[::arguments.every]:
+    for seed, kind in tqdm(list(enumerate(CASES))[::arguments.every]):
         size = random_size(kind, np.random.default_rng([seed, 7]))
         row = {'seed': seed} | measure(flawed_aperture(kind, size, seed))
         results['cases'].append(row)

@@ -18,7 +18,8 @@ from .residual import absorb, along_sight, estimate_residual
 from .search import search
 
 _logger = logging.getLogger(__name__)
-_FEWEST_POINTS = 4
+_FEWEST_TO_CLAIM = 4  # bright points without which success is not claimed
+_FEWEST_TO_ABSORB = 12
 _APART = 4.0  # bright points stand so many range resolutions apart
 _LEAST_COHERENCE = 0.8  # of points that are focused; 0.92 to 0.97 are usual, 0.6 was wrong
 _VARYING_RAD = 0.03  # smooth phase over the scene from which the model is asked again
@@ -141,8 +142,8 @@ class Autofocus:
                  imager: Callable[[PulseBlock], np.ndarray] | None = None,
                  scale_m: float = 0.05, n_phases: int = 512, n_points: int = 48,
                  margin: float = 0.005, claim_db: float = -22.0):
-        if n_points < _FEWEST_POINTS:
-            raise ValueError(f'n_points={n_points}; expected {_FEWEST_POINTS} or more')
+        if n_points < _FEWEST_TO_CLAIM:
+            raise ValueError(f'n_points={n_points}; expected {_FEWEST_TO_CLAIM} or more')
         if n_phases < 0:
             raise ValueError(f'n_phases={n_phases}; expected 1 or more, or 0 for no residual '
                              'correction')
@@ -178,17 +179,13 @@ class Autofocus:
         if not np.any(image):
             return AutofocusResult(image, block, AutofocusReport(
                 False, False, 'the image is zero everywhere', 0.0, 0.0, 0.0, 0.0))
-        points = bright_points(image, self.grid, block, self._n_points // 3)
-        if len(points) < _FEWEST_POINTS:
-            return self._unchanged(block, image, f'only {len(points)} bright points')
+        points = bright_points(image, self.grid, block, max(self._n_points // 3, 1))
         model = self._model(block)
         found = search(block, model, points)
         geometry = model(found.parameters)
         second = self._imager(apply_geometry(block, geometry))
         points = bright_points(second, self.grid, block, self._n_points)
-        if len(points) < _FEWEST_POINTS:
-            return self._unchanged(block, image, 'the search found nothing sharper')
-        found = search(block, model, points[:self._n_points // 2], found.parameters,
+        found = search(block, model, points[:max(self._n_points // 2, 1)], found.parameters,
                        first_segments=min(2, found.first_segments))
         parameters, geometry, residual = self._finish(block, model, found.parameters, points)
         corrected = apply_geometry(block, geometry)
@@ -208,11 +205,16 @@ class Autofocus:
 
         residual = estimate()
         for _ in range(_MOST_PASSES):
-            if residual.varying_rad < _VARYING_RAD or not len(parameters):
+            if (residual.varying_rad < _VARYING_RAD or not len(parameters)
+                    or len(points) < _FEWEST_TO_ABSORB):
                 break
-            wavenumber = block.radar.wavenumber_rad_per_m
-            parameters = absorb(residual, model, parameters, points, wavenumber)
+            before = parameters, residual
+            parameters = absorb(residual, model, parameters, points,
+                                block.radar.wavenumber_rad_per_m)
             residual = estimate()
+            if residual.error_db >= before[1].error_db:
+                parameters, residual = before
+                break
         geometry = model(parameters)
         if self._n_phases:
             geometry = along_sight(geometry, residual.half_path_m, self.grid.centre_m)
@@ -227,7 +229,8 @@ class Autofocus:
         before, after = contrast(image), contrast(again)
         sharper = after > (1 + self._margin) * before and entropy(again) < entropy(image)
         known = (details['estimated_error_db'] <= self._claim_db
-                 and details['coherence'] >= _LEAST_COHERENCE)
+                 and details['coherence'] >= _LEAST_COHERENCE
+                 and details['n_points'] >= _FEWEST_TO_CLAIM)
         if not sharper:
             small = details['correction_m'] * block.radar.wavenumber_rad_per_m
             focused = known and 20 * math.log10(small + 1e-12) <= self._claim_db
@@ -236,8 +239,9 @@ class Autofocus:
             return self._unchanged(block, image, reason, success=focused, **details)
         reason = 'sharper, points in phase'
         if not known:
-            reason = (f'sharper, but the error may be {details["estimated_error_db"]:.1f} dB and '
-                      f'the coherence of points is {details["coherence"]:.2f}')
+            reason = (f'sharper, but by {details["n_points"]} points the error may be '
+                      f'{details["estimated_error_db"]:.1f} dB and their coherence is '
+                      f'{details["coherence"]:.2f}')
         report = AutofocusReport(True, known, reason, before, after, entropy(image),
                                  entropy(again), **details)
         _logger.info('%s', report)
