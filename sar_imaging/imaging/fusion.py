@@ -124,16 +124,23 @@ class SpectrumFusion:
         self._changed.append(self._contributions.pop(number)[1])
         self._included.discard(number)
 
-    def polar_image(self) -> np.ndarray:
+    def polar_image(self, centre_m: float = 0.0) -> np.ndarray:
         """Image of the sub-apertures that were added so far.
+
+        Parameters
+        ----------
+        centre_m : float
+            Middle of their bands, metres, where that is far from 0: the image is then given at
+            baseband along direction, too.
 
         Returns
         -------
         (n_alpha, n_range) complex64
-            On ``grid.polar``, at range baseband: times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0
-            the first range of ``grid.polar``.
+            On ``grid.polar``, at range baseband: times ``exp(-j 4 pi (r - r_0) / lambda)`` and
+            ``exp(-j 4 pi centre_m (alpha - alpha_0) / lambda)``, r_0 and alpha_0 the first range
+            and direction of ``grid.polar``.
         """
-        return self._to_image(self._fused())
+        return self._to_image(self._fused(), centre_m)
 
     def take_polar_image(self) -> np.ndarray:
         """As `polar_image`, in less memory: the fused spectrum is used up, nothing is included."""
@@ -203,20 +210,21 @@ class SpectrumFusion:
         middle = np.rint(self._wavenumber * (centre_m * self.grid.extent / (2 * math.pi)))
         return middle.astype(np.int64) - self.grid.n_coarse // 2
 
-    def _to_image(self, spectrum, *, overwrite: bool = False) -> np.ndarray:
+    def _to_image(self, spectrum, centre_m=0.0, *, overwrite: bool = False) -> np.ndarray:
         grid, workers = self.grid, numba.get_num_threads()
         polar = grid.polar
         by_alpha = scipy.fft.ifft(spectrum, axis=1, workers=workers, overwrite_x=overwrite)
         image = np.empty((polar.n_alpha, polar.n_range), np.complex64)
         # Guards moved the first range; the carrier is referred to that of the wanted grid.
         cycles = 2 * grid.range_guard * polar.range_spacing_m / grid.wavelength_m
-        scale = np.complex64(grid.n_fine / grid.n_coarse
-                             * np.exp(2j * np.pi * math.fmod(cycles, 1.0)))
+        cycles -= 2 * centre_m / grid.wavelength_m * (polar.alpha - polar.alpha_start)
+        scale = (grid.n_fine / grid.n_coarse * np.exp(2j * np.pi * np.fmod(cycles, 1.0))
+                 ).astype(np.complex64)
         for start in range(0, polar.n_alpha, _LINES_PER_CALL):
             stop = min(start + _LINES_PER_CALL, polar.n_alpha)
             lines = np.zeros((stop - start, self._n_range), np.complex64)
-            _transpose_back(by_alpha, grid.fine_guard + start, self._bins % self._n_range, scale,
-                            lines)
+            _transpose_back(by_alpha, grid.fine_guard + start, self._bins % self._n_range,
+                            scale[start:stop], lines)
             lines = scipy.fft.ifft(lines, axis=1, workers=workers, overwrite_x=True)
             image[start:stop] = lines[:, grid.range_guard:grid.range_guard + polar.n_range]
         return image
@@ -246,14 +254,14 @@ def _transpose_bins(by_range, bins, out):
 
 @njit(parallel=True)
 def _transpose_back(by_alpha, first, bins, scale, out):
-    """``out[a, bins[b]] = scale * by_alpha[b, first + a]``, tile by tile."""
+    """``out[a, bins[b]] = scale[a] * by_alpha[b, first + a]``, tile by tile."""
     n_lines, n_bins = out.shape[0], by_alpha.shape[0]
     for tile in numba.prange((n_bins + _BLOCK - 1) // _BLOCK):
         stop = min((tile + 1) * _BLOCK, n_bins)
         for begin in range(0, n_lines, _BLOCK):
             for a in range(begin, min(begin + _BLOCK, n_lines)):
                 for b in range(tile * _BLOCK, stop):
-                    out[a, bins[b]] = scale * by_alpha[b, first + a]
+                    out[a, bins[b]] = scale[a] * by_alpha[b, first + a]
 
 
 @njit(parallel=True)

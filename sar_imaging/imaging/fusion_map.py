@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..compilation import njit, numba
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from .fusion_grid import FusionGrid
 from .interpolation import design_interpolator
+from .kernels import _cos_cycles, _fraction, _sin_cycles
 from .resampling import DEGREE, TAPS, add_polar_to_map
 
 _EDGE_SAMPLES = 65  # per edge of the map
 
 
-def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid) -> np.ndarray:
+def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid,
+             centre_m: float = 0.0) -> np.ndarray:
     """Interpolate a fused image to a map and put its carrier back.
 
     Parameters
@@ -24,6 +27,8 @@ def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid) -> np.n
         Its grid, oversampled as it says.
     grid : MapGrid
         Map; ``fusion.polar`` covers it.
+    centre_m : float
+        As given to `SpectrumFusion.polar_image`.
 
     Returns
     -------
@@ -36,7 +41,26 @@ def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid) -> np.n
                      np.ascontiguousarray(polar_image.imag), fusion.polar, grid, image,
                      axis=_axis(fusion.polar, grid), wavelength_m=fusion.wavelength_m,
                      along_alpha=interpolator, along_range=interpolator)
+    if centre_m:
+        polar = fusion.polar
+        _restore_carrier(grid.x_m - polar.origin_m[0], grid.y_m - polar.origin_m[1],
+                         polar.height_m ** 2, *polar.track, polar.alpha_start,
+                         2 * centre_m / fusion.wavelength_m, image)
     return image
+
+
+@njit(parallel=True)
+def _restore_carrier(x, y, height2, along_x, along_y, alpha_start, cycles_per_alpha, image):
+    """Put the carrier along direction back."""
+    for row in numba.prange(image.shape[0]):
+        beside2, along = y[row] * y[row] + height2, y[row] * along_y
+        for i in range(image.shape[1]):
+            alpha = (x[i] * along_x + along) / np.sqrt(x[i] * x[i] + beside2)
+            c = _fraction(cycles_per_alpha * (alpha - alpha_start))
+            sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
+            z = image[row, i]
+            image[row, i] = complex(z.real * cosine - z.imag * sine,
+                                    z.real * sine + z.imag * cosine)
 
 
 def covers(polar: PolarGrid, grid: MapGrid) -> bool:

@@ -76,6 +76,7 @@ class _Header:
     n_pulses: int
     n_missing: int
     stamp_ns: int
+    centre_m: float
     error: float
 
     @property
@@ -107,7 +108,8 @@ class _Fusing:
     def add(self, sub: SubapertureImage) -> None:
         self.fusion.add(sub.number, sub.image, sub.centre_m)
         self.headers[sub.number] = _Header(sub.first_counter, sub.n_pulses, sub.n_missing,
-                                           sub.stamp_ns, 10 ** (sub.predicted_error_db / 10))
+                                           sub.stamp_ns, sub.centre_m,
+                                           10 ** (sub.predicted_error_db / 10))
         if sub.number > self.newest:
             self.newest, self.aperture = sub.number, sub.aperture
         self.imaged = False
@@ -148,13 +150,16 @@ class _Fusing:
 
     def image(self, *, final: bool) -> FusedImage:
         n_pulses, n_missing = self.counts(final=final)
-        done = final and not self.sliding
-        polar = self.fusion.take_polar_image() if done else self.fusion.polar_image()
+        centres = [h.centre_m for h in self.headers.values()]
+        # The grid of a sliding aperture is as fine as one of its windows needs.
+        centre_m = 0.5 * (min(centres) + max(centres)) if self.sliding else 0.0
+        polar = (self.fusion.take_polar_image() if final and not self.sliding
+                 else self.fusion.polar_image(centre_m))
         self.imaged = True
         return FusedImage(
-            form_map(polar, self.fusion.grid, self.grid), self.grid, self.stamp_ns(final=final),
-            self.aperture, n_pulses, n_missing, len(self.headers), final,
-            10 * math.log10(np.mean([h.error for h in self.headers.values()])))
+            form_map(polar, self.fusion.grid, self.grid, centre_m), self.grid,
+            self.stamp_ns(final=final), self.aperture, n_pulses, n_missing, len(self.headers),
+            final, 10 * math.log10(np.mean([h.error for h in self.headers.values()])))
 
 
 class LiveFusion:

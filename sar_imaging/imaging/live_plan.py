@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 
 from ..geometry.grids import MapGrid
+from ..geometry.polar import PolarGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from .lattice import total_db
 from .polar import UNUSED, cover_map
+from .resampling import TAPS
+from .subaperture_sampling import local_bands
 from .subapertures import SubaperturePlan
 
 _ROWS_FOR_COVER = 256
+_WINDOWS = 5  # of a track, at which their bands are bounded
 _FUSION_MARGIN_DB = 3.0  # for tracks that are less smooth than foreseen
 _EXTENSION = 0.05  # of the aperture at both ends, for what is foreseen too short
 
@@ -54,6 +59,8 @@ class LivePlan:
         Pulses of a sub-aperture; the quickest if left out.
     slack : float
         Times the usual margin for deviations from the track; 0 for a track that is known.
+    n_window : int
+        Pulses of an image, where that is of any part of the track; 0 for the whole of it.
 
     Attributes
     ----------
@@ -73,7 +80,8 @@ class LivePlan:
     """
 
     def __init__(self, grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
-                 target_db: float, length: int | None = None, slack: float = 1.0):
+                 target_db: float, length: int | None = None, slack: float = 1.0,
+                 n_window: int = 0):
         step = max(1, len(tx_m) // _ROWS_FOR_COVER)
         rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
         cover = cover_map(grid, *rows, radar, n_samples, target_db - 10.0,
@@ -87,7 +95,10 @@ class LivePlan:
         self._target_db = 10 * math.log10(10 ** (target_db / 10)
                                           - 2 * 10 ** (self._resampling_db / 10))
         margin_db = min(slack, 2.0) * _FUSION_MARGIN_DB
-        self._stage = SubaperturePlan(cover.polar, radar, n_samples, tx_m, rx_m,
+        polar = cover.polar
+        if n_window:
+            polar = _for_windows(polar, radar, tx_m, rx_m, n_window, cover.oversampling)
+        self._stage = SubaperturePlan(polar, radar, n_samples, tx_m, rx_m,
                                       target_db=self._target_db - margin_db,
                                       pulses_per_subaperture=length,
                                       oversampling=cover.oversampling, margin=UNUSED)
@@ -146,3 +157,28 @@ class LivePlan:
         image = np.empty(parts.shape[1:], np.complex64)
         image.real, image.imag = parts
         return image
+
+
+def _for_windows(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window: int,
+                 oversampling: float) -> PolarGrid:
+    """A polar grid with as many directions as images of windows of the track need.
+
+    At baseband along direction their band is that of the window, wherever that lies.
+    """
+    step = max(1, len(tx_m) // _ROWS_FOR_COVER)
+    bands = local_bands(polar, tx_m[::step], rx_m[::step], radar)
+    n_channels = tx_m.shape[1]
+    width = min(n_window // step + 2, len(tx_m[::step])) * n_channels
+    half = 0.0
+    for start in np.linspace(0, len(bands.slope) - width, _WINDOWS).astype(int):
+        slope = bands.slope[start:start + width]
+        low, high = slope.min(), slope.max()
+        # the carrier's phase is taken away, what the rest of the band has of it remains
+        rest = 0.5 * np.ptp(bands.wavenumber) * abs(low + high) / 2
+        half = max(half, bands.wavenumber[1] * 0.5 * (high - low) + rest)
+    spacing = max(math.pi / (half * oversampling), polar.alpha_spacing)
+    first = polar.alpha_start + TAPS * polar.alpha_spacing
+    extent = (polar.n_alpha - 2 * TAPS) * polar.alpha_spacing
+    return dataclasses.replace(
+        polar, alpha_start=first - TAPS * spacing, alpha_spacing=spacing,
+        n_alpha=math.ceil(extent / spacing) + 2 * TAPS)

@@ -311,7 +311,8 @@ class LiveSubapertures(ApertureSequence):
               for name in ('tx_m', 'rx_m')),
             np.arange(first - before, first + n_pulses + after))
         return LivePlan(self._map(tx_m, rx_m), self._plan.radar, self._plan.n_samples, tx_m, rx_m,
-                        target_db=self._target_db, length=cut or None, slack=slack)
+                        target_db=self._target_db, length=cut or None, slack=slack,
+                        n_window=self._length if self._n_apertures > 1 else 0)
 
     def _map(self, tx_m, rx_m) -> MapGrid:
         """Map of an aperture with these phase centres."""
