@@ -9,6 +9,7 @@ from std_msgs.msg import Float32MultiArray
 
 from msg_conversions.subaperture_image import to_message
 from msg_conversions.subaperture_wire import as_received
+from sar_imaging.configuration.startup import report_block
 from sar_imaging.imaging.aperture import ApertureImage, ApertureImager
 from sar_imaging.imaging.aperture_sequence import ApertureSequence
 from sar_imaging.imaging.backprojection import compile_kernels
@@ -77,6 +78,8 @@ class BackprojectionStep(Step):
         self._grid = make_grid(parameters)
         self._seconds = 0.0  # of work since the last product
         self._dropped = False  # by the latest flush
+        self._reported_for: tuple | None = None  # radar and shape of the blocks
+        self._refusal = ''  # why these cannot be imaged
 
     @classmethod
     def create(cls, parameters: Mapping[str, object],
@@ -87,7 +90,28 @@ class BackprojectionStep(Step):
 
     def process(self, block: PulseBlock) -> list:
         """Add profiles to their aperture; returns the products that became complete."""
+        self._check(block)
         return self._follow(self._imager.add, block)
+
+    def _check(self, block: PulseBlock) -> None:
+        """Tell, once for each radar, what follows from it, its track and the parameters.
+
+        Raises
+        ------
+        ValueError
+            No useful image can come of it.
+        """
+        key = (block.radar, block.samples.shape[1:])
+        if key != self._reported_for:
+            report = report_block(self.parameters, block)
+            if report.lines:
+                self._reported_for = key  # else the block is too short to tell
+                self.health.info('\n  '.join(('derived quantities:', *report.lines)))
+            for text in report.warnings:
+                self.health.warning(text)
+            self._refusal = '; '.join(report.errors)
+        if self._refusal:
+            raise ValueError(self._refusal)
 
     def flush(self) -> list:
         """Close the aperture: the input pauses, or somebody asks."""

@@ -1,5 +1,7 @@
 """A shipped configuration file, as it is, through the real nodes."""
 
+import re
+
 import pytest
 
 from msg_conversions.images import complex_from_message, map_metadata_from_message
@@ -39,6 +41,12 @@ def test_the_car_images_what_its_configuration_promises(make_chain):
     for quality in qualities:
         assert abs(quality.position_error_range_m) < 0.02 * derived.range_width_m
         assert abs(quality.position_error_azimuth_m) < 0.02 * derived.azimuth_width_m
+    # What the node found out from the first block alone is what the checker derives.
+    log = chain.log('backprojection')
+    assert log.count('derived quantities:') == 1
+    assert re.search(rf'azimuth resolution +{derived.azimuth_width_m:.3g} m', log)
+    warnings = [line for line in log.splitlines() if 'WARN' in line]
+    assert all('input stalled' in line for line in warnings)  # on a busy machine
     for node in derived.memory:
         used = chain.observer.counters(node.node)['memory_megabytes']
         assert used < node.n_bytes / 1e6, node
