@@ -49,6 +49,7 @@ setup(
             'simulate = sar_imaging.tools.simulate:main',
             'check_config = sar_imaging.tools.check_config:main',
             'evaluate = sar_imaging.tools.evaluate:main',
+            'calibrate = sar_imaging.tools.calibrate:main',
             'load_gotcha = sar_imaging.tools.load_gotcha:main',
             'load_arcsar = sar_imaging.tools.load_arcsar:main',
             'load_mimo_60ghz = sar_imaging.tools.load_mimo_60ghz:main',

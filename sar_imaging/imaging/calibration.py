@@ -20,6 +20,7 @@ from .backprojection import Backprojector
 
 COHERENT = 0.5  # share of the strongest component from which channel images count as alike
 _PADDING = 16
+_STANDS_OUT = 10.0  # power of a reflector's peak over the mean power at all ranges
 _ITERATIONS = 300
 _SETTLED_RAD = 1e-3
 _BRIGHT_PIXELS = 8192
@@ -52,7 +53,8 @@ def calibrate_at_reflector(profiles: PulseBlock, position_m, *,
     Raises
     ------
     ValueError
-        There is no pulse, or a channel has its peak at the limit of the search.
+        There is no pulse, the place lies outside the profiles, or a channel has no peak there
+        that stands out by 10 dB.
     """
     radar = profiles.radar
     if profiles.n_pulses == 0:
@@ -61,6 +63,10 @@ def calibrate_at_reflector(profiles: PulseBlock, position_m, *,
     place = np.asarray(position_m, float)
     path_m = (np.linalg.norm(profiles.tx_m - place, axis=-1)
               + np.linalg.norm(profiles.rx_m - place, axis=-1))
+    end_m = radar.range_start_m + (profiles.n_samples - 1) * radar.sample_spacing_m
+    if path_m.min() / 2 < radar.range_start_m or path_m.max() / 2 > end_m:
+        raise ValueError(f'the reflector is {path_m.min() / 2:.2f} to {path_m.max() / 2:.2f} m '
+                         f'away, the profiles cover {radar.range_start_m:.2f} to {end_m:.2f} m')
     cycles = path_m[..., None] / SPEED_OF_LIGHT * frequency
     response = np.mean(spectra * np.exp(2j * np.pi * np.remainder(cycles, 1.0)), axis=0)
     baseband = frequency - radar.carrier_hz
@@ -79,9 +85,10 @@ def _peak_delay(response: np.ndarray, baseband_hz: np.ndarray, limit_s: float) -
     reach = min(int(limit_s / step_s), n // 2 - 1)
     near = np.roll(magnitude, reach)[:2 * reach + 1]
     top = int(near.argmax())
-    if top in (0, 2 * reach):
+    stands_out = near[top] ** 2 > _STANDS_OUT * np.mean(magnitude**2)
+    if top in (0, 2 * reach) or not stands_out:
         raise ValueError(f'a channel has no peak within {limit_s * SPEED_OF_LIGHT / 2:.3f} m of '
-                         'the reflector; check its position, or search farther')
+                         'the reflector that stands out; check its position, or search farther')
     low, middle, high = near[top - 1:top + 2]
     return (top - reach + 0.5 * (low - high) / (low - 2 * middle + high)) * step_s
 
@@ -148,6 +155,8 @@ def balance_channels(profiles: PulseBlock, points_m, *, passes: int = 2) -> Bala
         Range profiles with phase centres.
     points_m : (..., 3) array_like
         Pixels of the scene, half a resolution cell apart or less where it is bright, metres.
+        Azimuth ambiguities of bright scatterers should lie outside: their phases differ from
+        channel to channel.
     passes : int
         Estimates in a row, each with the errors found so far removed.
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Mapping
 
 from msg_conversions.pulse_block import as_received
+from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RANGE_FILTERS, RangeCompressor
 from sar_imaging.signal.windows import WINDOW_NAMES, parse_window
@@ -17,6 +19,14 @@ from .parameters import ANY_TIME, Parameter, one_of
 from .stage import Stage
 from .step import Step
 
+LARGEST_RANGE_M = 1e8
+
+
+def _calibration(path: str) -> ChannelCalibration | None:
+    """Calibration of the file named; raises `CalibrationError` (a ValueError) when it is bad."""
+    return ChannelCalibration.load(path) if path else None
+
+
 PARAMETERS = (
     Parameter('window', 'none', f'Weighting over the band: {", ".join(WINDOW_NAMES)}; also '
               'taylor:NBAR:SIDELOBE_DB and kaiser:BETA.', check=parse_window, changes=ANY_TIME),
@@ -25,6 +35,13 @@ PARAMETERS = (
               check=one_of(*RANGE_FILTERS), changes=ANY_TIME),
     Parameter('oversampling', 2.0, 'Range samples per resolution cell c/2B of the output.',
               'samples per cell', 1.0, 16.0, changes=ANY_TIME),
+    Parameter('near_range', 0.0, 'Profiles begin at this distance (half the two-way path).', 'm',
+              0.0, LARGEST_RANGE_M, changes=ANY_TIME),
+    Parameter('far_range', 0.0, 'Profiles end at this distance; 0.0: where the samples do.', 'm',
+              0.0, LARGEST_RANGE_M, changes=ANY_TIME),
+    Parameter('calibration_file', '', 'YAML file with amplitude, phase and delay of each channel, '
+              'as the tool calibrate writes it; empty: none.', check=_calibration,
+              changes=ANY_TIME),
 )
 
 
@@ -61,11 +78,10 @@ class RangeCompressionStep(Step):
 
     def _plan_for(self, block: PulseBlock) -> RangeCompressor:
         """Plan for blocks like this one; made anew when the radar or a parameter changed."""
-        settings = {name: self.parameters[name] for name in ('window', 'range_filter',
-                                                             'oversampling')}
-        key = (block.radar, block.n_samples, block.compressed, *settings.values())
+        settings = [self.parameters[p.name] for p in PARAMETERS]
+        key = (block.radar, block.n_samples, block.compressed, *settings)
         if key != self._planned_for:
-            self._plan, self._planned_for = RangeCompressor.for_block(block, **settings), key
+            self._plan, self._planned_for = self._planned(block), key
             self.health.count('plans_made')
             radar, output = block.radar, self._plan.output_radar
             self.health.info(
@@ -75,6 +91,14 @@ class RangeCompressionStep(Step):
                 f'{output.sample_spacing_m:.4g} m apart, loss of signal to noise '
                 f'{self._plan.snr_loss_db:.2f} dB')
         return self._plan
+
+    def _planned(self, block: PulseBlock) -> RangeCompressor:
+        settings = {name: self.parameters[name] for name in ('window', 'range_filter',
+                                                             'oversampling')}
+        near, far = self.parameters['near_range'], self.parameters['far_range']
+        return RangeCompressor.for_block(
+            block, **settings, calibration=_calibration(self.parameters['calibration_file']),
+            range_window_m=(near, far or math.inf) if near or far else None)
 
 
 class RangeCompressionNode(Stage):

@@ -61,8 +61,8 @@ class RangeCompressor:
     compressed : bool
         True when the blocks to come are range profiles already.
     range_window_m : (2,) floats, optional
-        Nearest and farthest half-path distance to keep, metres; 16 samples more at each end
-        where there are any. By default everything above.
+        Nearest and farthest half-path distance to keep, metres, the latter possibly infinite;
+        16 samples more at each end where there are any. By default everything above.
     calibration : ChannelCalibration, optional
         Errors of the channels' amplitude, phase and delay to remove.
 
@@ -123,7 +123,7 @@ class RangeCompressor:
         first, last = ((r - radar.range_start_m) / radar.sample_spacing_m
                        for r in range_window_m)
         start = max(0, math.floor(first) - GUARD_SAMPLES)
-        stop = min(n, math.ceil(last) + 1 + GUARD_SAMPLES)
+        stop = min(n, math.ceil(min(last, n)) + 1 + GUARD_SAMPLES)
         if first > n - 1 or last < 0:
             raise ValueError(f'range_window_m={range_window_m} lies outside the profiles, '
                              f'{radar.range_start_m:.2f} to '

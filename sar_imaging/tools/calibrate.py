@@ -1,0 +1,161 @@
+"""Estimate the channel calibration of a radar from a recording and save it as YAML.
+
+Run: python -m sar_imaging.tools.calibrate BAG --reflector 12.0 3.0 0.0 --output channels.yaml
+     python -m sar_imaging.tools.calibrate BAG --output channels.yaml      (over the scene)
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from msg_conversions import WireFormatError
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.imaging.calibration import (
+    balance_channels,
+    calibrate_at_reflector,
+    find_reflector,
+)
+from sar_imaging.signal.calibration import ChannelCalibration
+from sar_imaging.signal.pulses import PulseBlock, concatenate
+from sar_imaging.signal.range_compression import RangeCompressor
+
+from .bag_io import BagError, read_blocks, read_truth
+
+MOST_PIXELS = 200_000  # of the scene to balance over; coarser pixels above
+
+_EPILOG = """\
+The file goes to the parameter calibration_file of range_compression, or into RangeCompressor and
+Backprojector. Phases are in degrees at the carrier, delays in seconds; all are relative to the
+mean of the channels. Exit status: 0 when the file was written, 1 with a reason when not.
+"""
+
+
+class CalibrationFailed(RuntimeError):
+    """A calibration cannot be estimated from this recording."""
+
+
+def calibrate(block: PulseBlock, grid: MapGrid, *, reflector_m=None, find: bool = False,
+              delays: bool = True) -> tuple[ChannelCalibration, str]:
+    """Estimate the errors of the channels of one aperture.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        Raw or compressed pulses with phase centres.
+    grid : MapGrid
+        The scene.
+    reflector_m : (3,) array_like, optional
+        Place of a strong reflector, metres.
+    find : bool
+        Look for the strongest reflector on the grid.
+    delays : bool
+        False leaves delays at zero: right where they are smaller than a tenth of a cell, the
+        scatter of an estimate from a poor scene.
+
+    Returns
+    -------
+    ChannelCalibration
+    str
+        How it was estimated, for people.
+
+    Raises
+    ------
+    CalibrationFailed
+        The block has no phase centres, or one channel.
+    ValueError
+        There is no echo, or none near the place given.
+    """
+    if not block.has_positions:
+        raise CalibrationFailed('the recording has pulses without phase centres; place them first')
+    if block.n_channels < 2:
+        raise CalibrationFailed('the recording has one channel: nothing to calibrate')
+    profiles = RangeCompressor.for_block(block, window='hamming')(block)
+    points = _pixels(grid)
+    if find:
+        reflector_m = find_reflector(profiles, points)
+    if reflector_m is not None:
+        calibration = calibrate_at_reflector(profiles, reflector_m)
+        how = 'reflector at ({:.3f}, {:.3f}, {:.3f}) m'.format(*reflector_m)
+    else:
+        result = balance_channels(profiles, points)
+        calibration = result.calibration
+        how = (f'balanced over the scene by {result.method}, coherence {result.coherence:.2f}, '
+               f'brightest pixel {result.peak_gain_db:+.2f} dB')
+    if not delays:
+        calibration = ChannelCalibration(calibration.amplitude, calibration.phase_rad,
+                                         np.zeros(calibration.n_channels))
+    return calibration, how
+
+
+def _pixels(grid: MapGrid) -> np.ndarray:
+    """(n_y, n_x, 3) positions of the grid, thinned out to `MOST_PIXELS`."""
+    step = max(1, int(np.ceil(np.sqrt(grid.n_x * grid.n_y / MOST_PIXELS))))
+    return grid.points()[::step, ::step]
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command-line parser."""
+    p = argparse.ArgumentParser(
+        prog='calibrate', description='Estimate amplitude, phase and delay of the channels of a '
+        'recording, at a strong reflector or balanced over the scene of its truth.',
+        epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument('bag', type=Path, help='rosbag2 folder with the topic /pulses')
+    p.add_argument('--output', type=Path, required=True, metavar='FILE', help='YAML file to write')
+    source = p.add_mutually_exclusive_group()
+    source.add_argument('--reflector', type=float, nargs=3, metavar=('X', 'Y', 'Z'),
+                        help='place of a strong reflector, metres')
+    source.add_argument('--find-reflector', action='store_true',
+                        help='use the strongest reflector of the scene')
+    p.add_argument('--no-delays', action='store_true', help='amplitudes and phases only')
+    p.add_argument('--aperture', type=int, default=0, metavar='N',
+                   help='number of the aperture to use (default: %(default)s)')
+    return p
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the program; returns its exit status."""
+    arguments = parser().parse_args(argv)
+    try:
+        block, grid = _read(arguments.bag, arguments.aperture)
+        calibration, how = calibrate(block, grid, reflector_m=arguments.reflector,
+                                     find=arguments.find_reflector,
+                                     delays=not arguments.no_delays)
+        calibration.save(arguments.output)
+    except (BagError, CalibrationFailed, OSError, ValueError, WireFormatError) as error:
+        print(f'error: {error}', file=sys.stderr)
+        return 1
+    print(how)
+    cells = calibration.delay_s * block.radar.bandwidth_hz
+    for number, (g, phase, late) in enumerate(zip(
+            calibration.amplitude, np.degrees(calibration.phase_rad), cells, strict=True)):
+        print(f'channel {number}: amplitude {g:.3f}, phase {phase:+.1f} degrees, delay '
+              f'{late:+.3f} resolution cells')
+    print(f'written: {arguments.output}')
+    return 0
+
+
+def _read(bag: Path, aperture: int) -> tuple[PulseBlock, MapGrid]:
+    """Pulses of one aperture of a recording, and the grid of its truth."""
+    truth = read_truth(bag)
+    if truth is None:
+        raise CalibrationFailed(f'{bag} has no truth, so no grid and no aperture to work with')
+    length = truth['pulses_per_aperture']
+    blocks = []
+    for block in read_blocks(bag):
+        inside = block.counter // length == aperture
+        if inside.any():
+            blocks.append(block.select(inside))
+    if not blocks:
+        raise CalibrationFailed(f'{bag} has no pulse of aperture {aperture}')
+    grid = truth['grid']
+    return concatenate(blocks), MapGrid(grid['centre_m'], grid['n_x'], grid['n_y'],
+                                        grid['spacing_m'])
+
+
+if __name__ == '__main__':
+    sys.exit(main())
