@@ -1,5 +1,8 @@
 """Sliding and strip map apertures of live AFBP, against exact backprojection."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -108,6 +111,46 @@ def test_a_gap_of_more_than_an_aperture_begins_anew(case):
     assert images[-1].n_pulses == LENGTH
     assert _error_db(images[-1].image,
                      _exact(case, slice(3 * LENGTH, None), case.grid)) <= -60.0
+
+
+# ------------------------------------------------------------------------------- compiling
+
+def test_nothing_is_left_to_compile():
+    program = """
+import numpy as np
+from sar_imaging.geometry import MapGrid
+from sar_imaging.imaging import fusion, fusion_map, resampling
+from sar_imaging.imaging.live_fusion import LiveFusion
+from sar_imaging.imaging.live_kernels import compile_live_kernels
+from sar_imaging.imaging.live_subapertures import LiveSubapertures
+from sar_imaging.signal import PulseBlock, RadarParameters
+
+def compiled():
+    return {name: len(kernel.signatures) for module in (fusion, fusion_map, resampling)
+            for name, kernel in vars(module).items() if hasattr(kernel, 'signatures')}
+
+compile_live_kernels()
+before = compiled()
+assert all(n for name, n in before.items() if name in ('_apply_taper', '_restore_carrier'))
+n = np.arange(96)
+centres = np.zeros((96, 2, 3))
+centres[..., 1] = n[:, None] * 0.3
+radar = RadarParameters(10e9, 300e6, 400e6, 2 * 985.0 / 3e8)
+block = PulseBlock(radar, True, n, n, np.zeros((96, 2, 80)), centres, centres)
+for sliding in (False, True):
+    first = LiveSubapertures(MapGrid((1000.0, 9.0, 0.0), 40, 48, 0.25), pulses_per_aperture=48,
+                             pulses_per_subaperture=8, sliding=sliding)
+    for writeable in (False, True):
+        second = LiveFusion(images_every=1)
+        for sub in first.add(block):
+            sub.image.flags.writeable = writeable
+            second.add(sub)
+        assert second.statistics.images > 6
+        first.reset()
+assert compiled() == before, (compiled(), before)
+"""
+    run = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
 
 
 # ------------------------------------------------------------------------------- strip map
