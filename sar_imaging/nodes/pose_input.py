@@ -23,7 +23,7 @@ from .managed import QOS_ERRORS, ManagedNode
 from .parameters import ConfigurationError, Parameter, one_of
 
 BLOCK, ODOMETRY, POSE, TF = SOURCES = ('block', 'odometry', 'pose', 'tf')
-_QUEUE_DEPTH = 1000  # poses come in bursts where large messages hold up the middleware
+_QUEUE_DEPTH = 10_000  # poses come in bursts where a machine is busy; each takes 0.7 kB
 _TF_PERIOD_S = 0.02
 _MOST_TF_STEPS = 1000  # at once; after a longer pause the rest is a gap
 

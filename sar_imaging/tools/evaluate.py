@@ -355,7 +355,7 @@ def _table(quality: dict) -> str:
         lines.append('  '.join([f'{s["name"]:{width}}', *(f'{p:>15}' for p in pairs)]))
         if s['reason']:
             lines.append(f'{"":{width}}    {s["reason"]}')
-    unplaced = quality['nodes']['pulse_buffer'].get('pulses_without_pose')
+    unplaced = quality['nodes'].get('pulse_buffer', {}).get('pulses_without_pose')
     if unplaced:
         lines.append(f'warning: {unplaced} pulses had no pose in time and are not in the image')
     lines.append(f'pulses received {quality["pulses_received"]}, missing '

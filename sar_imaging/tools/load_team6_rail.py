@@ -16,10 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
+from sar_imaging.autofocus.alignment_model import aligned, alignment_model
+from sar_imaging.autofocus.autofocus import Autofocus, AutofocusReport
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.signal.uwb import subtract_background
 
 from .bag_io import BagError, check_target, make_truth, write_bag
@@ -34,7 +38,10 @@ MOVING_S = (4.2, 8.1)  # of the radar's clock; before and after, the platform st
 START_NS = 1_700_000_000_000_000_000
 SAMPLE_SCALE = 1e-4  # samples reach 120000, which fit a float32 but make awkward images
 POSES_AROUND_S = 1.0  # kept before the first and after the last pulse
-ALIGNMENTS = ('nominal', 'fitted')
+ALIGNMENTS = ('nominal', 'fitted', 'estimated')
+GRID = MapGrid.from_size((1.75, 1.4, 0.04), 6.5, 8.4, 0.02)
+# What the alignment may be wrong by, for autofocus
+EXPECTED_ERROR = {'time_offset_s': 0.05, 'range_bias_m': 0.2}
 
 _DESCRIPTION = """\
 Convert the team 6 rail recording of the Beaver Works summer institute 2019 to a rosbag2 recording
@@ -134,6 +141,36 @@ def read_reflectors(folder: Path) -> np.ndarray:
     return np.asarray(_load(Path(folder))['reflector_pos_m'], float)
 
 
+def estimate_alignment(block: PulseBlock, poses: RecordedPoses,
+                       start: Alignment) -> tuple[Alignment, AutofocusReport]:
+    """Time offset and range bias from the image alone, beginning with `start`.
+
+    The rail does not turn the platform, so that another lever arm displaces the image and does
+    not change it: no image can tell it, and it stays as it is.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        Raw pulses without positions.
+    poses : RecordedPoses
+        Of the platform.
+    start : Alignment
+        What to begin with.
+
+    Returns
+    -------
+    Alignment, AutofocusReport
+        The alignment is `start` where autofocus did not accept what it found. A parameter whose
+        uncertainty is as large as `EXPECTED_ERROR` has not been determined.
+    """
+    track = poses.track()
+    located = locate(block, track, start)
+    profiles = RangeCompressor.for_block(located)(located)
+    report = Autofocus(GRID, n_phases=0, model=lambda pulses: alignment_model(
+        pulses, track, start, **EXPECTED_ERROR)).process(profiles).report
+    return (aligned(start, report.parameters) if report.accepted else start), report
+
+
 def team6_truth(block: PulseBlock, reflectors_m: np.ndarray, alignment: Alignment,
                 kind: str) -> dict:
     """Truth of the recording: the surveyed reflectors, and the alignment to image with."""
@@ -142,10 +179,17 @@ def team6_truth(block: PulseBlock, reflectors_m: np.ndarray, alignment: Alignmen
         f'capture on another clock, {kind} alignment',
         scatterers=[{'name': f'reflector_{i + 1}', 'position_m': place.tolist(),
                      'amplitude_db': 0.0} for i, place in enumerate(reflectors_m)],
-        grid=MapGrid.from_size((2.0, 1.4, 0.04), 8.0, 9.0, 0.02),
+        grid=GRID,
         pulses_per_aperture=block.n_pulses, n_pulses=block.n_pulses, n_channels=1,
         cut_half_width_m=(1.0, 1.0), radar=block.radar, compressed=False, alignment=alignment,
         notes='Measured, not simulated. MIT licence, Beaver Works Summer Institute UAS-SAR 2019.')
+
+
+def _estimates(report: AutofocusReport) -> str:
+    return ', '.join(
+        f'{name} {value:.4f}' + (' (not determined by the image)'
+                                 if report.uncertainty[name] > 0.5 * EXPECTED_ERROR[name] else '')
+        for name, value in report.parameters.items())
 
 
 def parser() -> argparse.ArgumentParser:
@@ -157,7 +201,8 @@ def parser() -> argparse.ArgumentParser:
                    help='bag folder to make (default: %(default)s)')
     p.add_argument('--alignment', choices=ALIGNMENTS, default='nominal',
                    help='which values of time offset, range bias and lever arm the nodes shall '
-                        'use (default: %(default)s)')
+                        'use: nominal, fitted with the survey, or estimated from the image alone '
+                        '(default: %(default)s)')
     p.add_argument('--force', action='store_true', help='replace an existing bag')
     return p
 
@@ -169,7 +214,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     def write() -> str:
         check_target(arguments.output, overwrite=arguments.force)
         block, poses = read_folder(arguments.folder)
-        alignment = read_alignment(arguments.folder, arguments.alignment)
+        if arguments.alignment == 'estimated':
+            nominal = read_alignment(arguments.folder, 'nominal')
+            alignment, report = estimate_alignment(block, poses, nominal)
+            print(f'{report}; {_estimates(report)}')
+        else:
+            alignment = read_alignment(arguments.folder, arguments.alignment)
         truth = team6_truth(block, read_reflectors(arguments.folder), alignment,
                             arguments.alignment)
         count = write_bag(arguments.output, with_progress(split(block), block.n_pulses), truth,

@@ -112,11 +112,9 @@ class Buffer:
         assert received() == list(expected)
 
 
-@pytest.mark.parametrize(('message_type', 'topic'), [(Odometry, 'odometry'),
-                                                     (PoseStamped, 'pose')])
-def test_missing_odometry_and_a_frame_that_jumps(start_node, make_observer, message_type, topic):
+def test_missing_odometry_and_a_frame_that_jumps(start_node, make_observer):
     observer = make_observer()
-    buffer = Buffer(start_node, observer, message_type, topic, **{'pose.wait_s': 0.3})
+    buffer = Buffer(start_node, observer, **{'pose.wait_s': 0.3})
     buffer.send_poses(0, 1001)
     buffer.send_pulses(0, 600)  # and then nothing for five seconds
     observer.wait_for_counters('pulse_buffer', pulses_without_pose=500, pulses_emitted=100)
@@ -145,12 +143,13 @@ def test_missing_odometry_and_a_frame_that_jumps(start_node, make_observer, mess
         assert text in log
 
 
-def test_without_any_odometry_nothing_stalls(start_node, make_observer):
+def test_without_any_pose_nothing_stalls(start_node, make_observer):
     observer = make_observer()
-    buffer = Buffer(start_node, observer, **{'pose.wait_s': 0.1, 'stall_timeout_s': 0.5})
+    buffer = Buffer(start_node, observer, PoseStamped, 'pose',
+                    **{'pose.wait_s': 0.1, 'stall_timeout_s': 0.5})
     buffer.send_pulses(0, 200)
     observer.wait_for_counters('pulse_buffer', pulses_without_pose=200, blocks_waiting=0)
-    buffer.node.wait_for_log('pulse_buffer', 'no poses on /odometry for')
+    buffer.node.wait_for_log('pulse_buffer', 'no poses on /pose for')
     buffer.send_poses(1900, 3100)
     buffer.send_pulses(200, 300)
     buffer.wait_for_pulses(range(200, 300))
@@ -159,7 +158,7 @@ def test_without_any_odometry_nothing_stalls(start_node, make_observer):
     assert observer.change_state('pulse_buffer', 'deactivate')
     assert observer.change_state('pulse_buffer', 'activate')
     buffer.observer.wait(lambda: observer.joined > 1, 'the subscription of the pulses')
-    buffer.platform = Platform(observer)
+    buffer.platform = Platform(observer, PoseStamped, 'pose')
     buffer.send_poses(2900, 4100)
     buffer.send_pulses(300, 400)
     buffer.wait_for_pulses(range(200, 400))
