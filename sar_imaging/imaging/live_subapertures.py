@@ -20,6 +20,7 @@ from .track_prediction import predict_track
 
 _LEAST_PULSES = 16  # from which a track is carried on, where nothing came before
 _SHARE_TO_PLAN_AHEAD = 0.75  # of an aperture that must be known
+_SAME_LEG = np.cos(np.deg2rad(15.0))
 _MOST_REVISIONS = 3  # after which the whole track is awaited
 
 
@@ -75,7 +76,9 @@ class LiveSubapertures(ApertureSequence):
         polar grids of the two apertures before and after.
     follow_m : (float, float), optional
         The map moves along with the antenna: its middle stays this far ahead and to the left of
-        the middle of the aperture, metres, on the pixels that `grid` continues to.
+        the middle of the aperture, metres, on the pixels that `grid` continues to. Ahead is the
+        direction of the aperture that began the leg; another leg begins where an aperture's
+        differs by 15 degrees.
 
     Attributes
     ----------
@@ -131,6 +134,7 @@ class LiveSubapertures(ApertureSequence):
         self._previous: AperturePulses | None = None
         self._memory.clear()
         self._warned = False
+        self._flight: np.ndarray | None = None  # direction of the leg that a strip follows
 
     def _begin(self, number: int) -> AperturePulses:
         aperture = AperturePulses(number, self._length, self._plan, self._memory)
@@ -319,4 +323,9 @@ class LiveSubapertures(ApertureSequence):
         if self._follow_m is None:
             return self.grid
         middles = 0.5 * (tx_m + rx_m).mean(axis=1)[:, :2]
-        return patch_beside(self.grid, middles, self._follow_m)
+        way = middles[-1] - middles[0]
+        flight = way / max(np.hypot(*way), 1e-12)
+        # A few degrees of weaving would swing distant patches to and fro.
+        if self._flight is None or flight @ self._flight < _SAME_LEG:
+            self._flight = flight
+        return patch_beside(self.grid, middles.mean(axis=0), self._flight, self._follow_m)

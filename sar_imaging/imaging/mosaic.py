@@ -10,27 +10,27 @@ import numpy as np
 from ..geometry.grids import MapGrid
 
 
-def patch_beside(grid: MapGrid, track_m, ahead_left_m: tuple[float, float]) -> MapGrid:
+def patch_beside(grid: MapGrid, middle_m, flight, ahead_left_m: tuple[float, float]) -> MapGrid:
     """Map patch beside an aperture, on the pixels that a grid continues to.
 
     Parameters
     ----------
     grid : MapGrid
         Size, spacing, height and lattice of the patch.
-    track_m : (P, 2) float64
-        Horizontal phase centres of the aperture, metres.
+    middle_m : (2,) float64
+        Middle of the aperture, horizontally, metres.
+    flight : (2,) float64
+        Unit vector along the flight.
     ahead_left_m : (float, float)
-        From the middle of the aperture to that of the patch: ahead along the direction of
-        flight, and to the left of it, metres.
+        From the middle of the aperture to that of the patch: ahead along the flight, and to the
+        left of it, metres.
 
     Returns
     -------
     MapGrid
     """
-    flight = track_m[-1] - track_m[0]
     ahead, left = ahead_left_m
-    u = flight / max(math.hypot(*flight), 1e-12)
-    wanted = track_m.mean(axis=0) + ahead * u + left * np.array([-u[1], u[0]])
+    wanted = middle_m + ahead * flight + left * np.array([-flight[1], flight[0]])
     steps = np.rint((wanted - grid.centre_m[:2]) / grid.spacing_m)
     return dataclasses.replace(grid, centre_m=(
         *(grid.centre_m[:2] + steps * grid.spacing_m), grid.z_m))

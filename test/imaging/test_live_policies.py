@@ -187,13 +187,25 @@ def test_patches_follow_the_platform_and_join_to_a_strip(strip):
                                       result.image[36 - 20:36 + 20, 20 - 10:20 + 10])
 
 
+def test_patches_of_a_leg_do_not_swing_with_the_heading(make_case):
+    """Five degrees to and fro would move patches 600 m away by 100 m; a turn moves them."""
+    u = np.arange(4 * LENGTH)
+    heading = np.deg2rad(np.where(u < 3 * LENGTH, 5 * np.sin(u / 30), 40))
+    track = np.cumsum(0.3 * np.c_[np.sin(heading), np.cos(heading), 0 * u], axis=0)
+    case = make_case(600.0, n=64, pulses=4 * LENGTH, track_m=track)
+    patches = {s.aperture: s for s in _subapertures(case, follow_m=(0.0, -600.0))}
+    offset = [np.subtract(patches[k].map_grid.centre_m,
+                          track[k * LENGTH:(k + 1) * LENGTH].mean(axis=0))[:2] for k in range(4)]
+    assert np.ptp(offset[:3], axis=0).max() <= 4.0  # apertures are foreseen, by less than 14 m
+    assert np.linalg.norm(offset[3] - offset[2]) > 300.0
+
+
 @settings(max_examples=50, deadline=None)
 @given(heading=st.floats(-np.pi, np.pi), ahead=st.floats(-1e4, 1e4), left=st.floats(-1e4, 1e4))
 def test_patches_lie_where_they_should_on_the_lattice(heading, ahead, left):
     grid = MapGrid((3.0, -7.0, 5.0), 10, 21, 0.3)
     u = np.array([np.cos(heading), np.sin(heading)])
-    track = np.array([100.0, 200.0]) + np.outer(np.linspace(-10, 10, 9), u)
-    patch = patch_beside(grid, track, (ahead, left))
+    patch = patch_beside(grid, np.array([100.0, 200.0]), u, (ahead, left))
     wanted = [100.0, 200.0] + ahead * u + left * np.array([-u[1], u[0]])
     assert np.abs(np.subtract(patch.centre_m[:2], wanted)).max() <= 0.15 + 1e-6
     steps = np.subtract(patch.centre_m, grid.centre_m) / 0.3
