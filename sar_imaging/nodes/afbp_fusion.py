@@ -8,6 +8,7 @@ from collections.abc import Mapping
 
 from sar_imaging.imaging.live_fusion import FusedImage, LiveFusion
 from sar_imaging.imaging.live_kernels import compile_live_kernels
+from sar_imaging.imaging.mosaic import StripMosaic
 from sar_imaging.imaging.subaperture_image import SubapertureImage
 
 from . import image_products
@@ -29,6 +30,8 @@ PARAMETERS = (
     Parameter('fusion_timeout_s', 10.0, 'An aperture is closed when no sub-aperture came for this '
               'long, by the wall clock; longer than aperture_timeout_s of backprojection.', 's',
               0.01, 3600.0, changes=ANY_TIME),
+    Parameter('strip_max_pixels', 0, 'Final images are also joined to a strip of at most so many '
+              'pixels; 0 for no strip.', 'pixels', 0, 2**31 - 1),
     *image_products.PARAMETERS,
 )
 
@@ -52,6 +55,8 @@ class FusionStep(Step):
         self._fusion = LiveFusion(images_every=parameters['images_every'],
                                   min_pulse_fraction=parameters['min_pulse_fraction'],
                                   max_image_pixels=parameters['max_image_pixels'])
+        most = parameters['strip_max_pixels']
+        self._strip = StripMosaic(most) if most else None
         self._seconds = 0.0  # of work since the last image
         self._n_window = 0  # sub-apertures of a complete image
         self._underway = 0  # pulses since the last aperture was closed
@@ -61,6 +66,8 @@ class FusionStep(Step):
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publishers of the images; see `Step`."""
         self._products = ImageProducts(node, self.parameters)
+        if self._strip is not None:
+            self._strip_products = ImageProducts(node, self.parameters, 'strip/')
 
     def summary(self) -> str:
         """Settings for the log line at the start."""
@@ -90,6 +97,8 @@ class FusionStep(Step):
     def publish(self, product: FusedImage) -> None:
         """Publish an image on all its topics."""
         self._products.publish(product.image, product.grid, product.stamp_ns)
+        if product.final and self._strip is not None:
+            self._extend_strip(product)
         seconds, self._seconds = self._seconds, 0.0
         self.health.count('images_published')
         self.health.count('images_final' if product.final else 'images_progressive')
@@ -103,6 +112,16 @@ class FusionStep(Step):
         self.health.set('predicted_error_db', product.predicted_error_db)
         self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, predicted error '
                          f'{product.predicted_error_db:.0f} dB')
+
+    def _extend_strip(self, product: FusedImage) -> None:
+        try:
+            self._strip.add(product.image, product.grid)
+        except ValueError as error:
+            self.health.warning(f'a new strip begins: {error}')
+            self._strip.clear()
+            return
+        if self._strip_products.wanted:
+            self._strip_products.publish(*self._strip.form(), product.stamp_ns)
 
     def describe(self, product: FusedImage) -> str:
         """An image in words."""
@@ -128,6 +147,8 @@ class FusionStep(Step):
         """Forget the aperture being fused; returns the number of its pulses."""
         self._fusion.reset()
         self.report(self._fusion.take_events())
+        if self._strip is not None:
+            self._strip.clear()
         underway, self._underway, self._seconds = self._underway, 0, 0.0
         return underway
 

@@ -48,24 +48,32 @@ class ImageProducts:
         Node whose outputs they are.
     parameters : mapping
         Current values of `PARAMETERS`.
+    prefix : str
+        What the names of the topics begin with.
     """
 
-    def __init__(self, node: Stage, parameters: Mapping[str, object]):
+    def __init__(self, node: Stage, parameters: Mapping[str, object], prefix: str = ''):
         self._parameters = parameters
         self._grid: MapGrid | None = None  # that map_metadata tells
         self._unmapped: tuple[np.ndarray, Header] | None = None  # for who asks for a map later
         qos = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
-        self._complex = node.create_output(Image, 'image_complex', qos)
-        self._amplitude = node.create_output(Image, 'image', qos)
-        self._quicklook = node.create_output(Image, 'image_quicklook', qos)
-        self._map_metadata = node.create_output(MapMetaData, 'map_metadata', LATCHED)
-        self._map = node.create_output(OccupancyGrid, 'map', LATCHED,
+        self._complex = node.create_output(Image, f'{prefix}image_complex', qos)
+        self._amplitude = node.create_output(Image, f'{prefix}image', qos)
+        self._quicklook = node.create_output(Image, f'{prefix}image_quicklook', qos)
+        self._map_metadata = node.create_output(MapMetaData, f'{prefix}map_metadata', LATCHED)
+        self._map = node.create_output(OccupancyGrid, f'{prefix}map', LATCHED,
                                        joined=lambda: node.in_worker(self._publish_map))
 
     @property
     def topic(self) -> str:
         """Full name of the topic of the amplitudes."""
         return self._amplitude.topic_name
+
+    @property
+    def wanted(self) -> bool:
+        """Whether somebody subscribes to any of the topics."""
+        return any(p.get_subscription_count() for p in (
+            self._complex, self._amplitude, self._quicklook, self._map_metadata, self._map))
 
     def announce(self, grid: MapGrid, stamp: Time) -> None:
         """Tell where the images will be, when that has changed."""

@@ -45,6 +45,8 @@ from sar_imaging.tools.node_processes import (
 ROOT = Path(__file__).resolve().parents[2]
 SETTLE_S = 0.5
 PATIENCE_S = 90.0  # a deadline for what should take a second: kernels may have to be compiled
+# Several, for maps that move on before they are looked at.
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 JOINED = 'subscriber on .* joined'
 
 
@@ -143,17 +145,17 @@ class Observer:
             Float32MultiArray, pulses, 1000,
             event_callbacks=PublisherEventCallbacks(matched=self._subscriber_matched))
         for topic in ('image', 'image_complex', 'image_quicklook'):
-            self._subscribe(Image, topic, 50)
-        self._subscribe(MapMetaData, 'map_metadata',
-                        QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
-        self._subscribe(DiagnosticArray, '/diagnostics', 100)
+            self.subscribe(Image, topic)
+        self.subscribe(MapMetaData, 'map_metadata', LATCHED)
+        self.subscribe(DiagnosticArray, '/diagnostics', 100)
         for name in (*AFBP_NODES, *PIPELINE):
-            self._subscribe(UInt32, f'{name}/progress', 1000)
+            self.subscribe(UInt32, f'{name}/progress', 1000)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
 
-    def _subscribe(self, message_type, topic, qos):
-        return self.node.create_subscription(message_type, topic, self.messages[topic].append, qos)
+    def subscribe(self, message_type, topic, qos=50):
+        """Collect the messages of a further topic."""
+        self.node.create_subscription(message_type, topic, self.messages[topic].append, qos)
 
     def _subscriber_matched(self, event):
         self.joined = event.total_count

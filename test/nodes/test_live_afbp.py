@@ -6,6 +6,8 @@ import re
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from nav_msgs.msg import MapMetaData
+from sensor_msgs.msg import Image
 
 from msg_conversions import subaperture_image
 from msg_conversions.images import complex_from_message, map_metadata_from_message
@@ -81,6 +83,36 @@ def test_a_sliding_aperture_gives_an_image_with_every_subaperture(make_chain, sp
     images = chain.observer.wait_for('image_complex', 9)  # pulses 0..127, 16..143, ..., 128..255
     assert check_images(spotlight, chain, 'sar_pipeline', images) == [
         ('final', min(number, 1), 128) for number in range(9)]
+
+
+def test_images_that_follow_the_platform_are_joined_to_a_strip(make_chain, spotlight):
+    truth, track = spotlight.truth, spotlight.pulses.phase_centre_m[:, :2]
+    flight = (track[-1] - track[0]) / np.linalg.norm(track[-1] - track[0])
+    to_scene = np.array(truth['grid']['centre_m'])[:2] - track.mean(axis=0)
+    chain = make_chain(truth, names=PIPELINE, mode='subapertures', backprojection={
+        'subapertures.follow': True, 'subapertures.follow_ahead': float(flight @ to_scene),
+        'subapertures.follow_left': float(flight[0] * to_scene[1] - flight[1] * to_scene[0]),
+        'grid.size_x': 20.0, 'grid.size_y': 20.0}, afbp_fusion={'strip_max_pixels': 10**6})
+    observer = chain.observer
+    observer.subscribe(Image, 'strip/image_complex')
+    observer.subscribe(MapMetaData, 'strip/map_metadata')
+    chain.wait_for_log('sar_pipeline', 'subscriber on .*strip/image_complex joined')
+    observer.send(spotlight.raw)
+    strip = complex_from_message(observer.wait_for('strip/image_complex', 2)[1])
+    whole = map_metadata_from_message(observer.wait_for('strip/map_metadata', 2)[1])
+    assert strip.shape == whole.shape
+    patches = [complex_from_message(m) for m in observer.wait_for('image_complex', 2)]
+    grids = [map_metadata_from_message(m) for m in observer.wait_for('map_metadata', 2)]
+    middles = [track[n:n + 128].mean(axis=0) for n in (0, 128)]
+    shift = np.subtract(grids[1].centre_m, grids[0].centre_m)[:2]
+    # The middle of the first aperture, 40 m long, is foreseen from its beginning.
+    np.testing.assert_allclose(shift, middles[1] - middles[0], atol=10.0)
+    for number, (patch, grid) in enumerate(zip(patches, grids, strict=True)):
+        counters = np.arange(128 * number, 128 * (number + 1))
+        assert spotlight.error_db(patch, grid, counters) < LARGEST_ERROR_DB
+        row, column = (round(float(v)) for v in whole.to_pixels(*grid.centre_m[:2]))
+        middle = [v // 2 for v in patch.shape]
+        assert strip[row, column] == patch[middle[0], middle[1]]
 
 
 @pytest.fixture(scope='module')

@@ -51,15 +51,15 @@ def test_everything_about_a_pipeline(make_chain, make_observer, spotlight):
     assert observer.trigger('sar_pipeline/form_image') == (False, 'no aperture is being filled')
 
     # Who comes late gets the map of the latest image, and profiles while it listens.
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    observer._subscribe(OccupancyGrid, 'map', latched)
+    observer.subscribe(OccupancyGrid, 'map', QoSProfile(
+        depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
     [occupancy_grid] = observer.wait_for('map', 1)
     assert occupancy_grid.header == image.header
     cells, map_grid = occupancy_from_message(occupancy_grid)
     assert map_grid == grid
     np.testing.assert_array_equal(cells, occupancy(np.abs(complex_from_message(image)),
                                                    free_db=6.0, range_db=24.0))
-    observer._subscribe(Float32MultiArray, 'range_profiles', 50)
+    observer.subscribe(Float32MultiArray, 'range_profiles')
     chain.wait_for_log('sar_pipeline', 'subscriber on .*range_profiles joined')
     observer.send(blocks[4:])
     observer.wait_for('image_complex', 2)

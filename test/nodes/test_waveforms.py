@@ -47,7 +47,7 @@ def test_every_waveform_is_compressed_as_its_block_says(start_node, make_observe
         'near_range': 15.0, 'far_range': 30.0,
         'calibration_file': str(tmp_path / 'channels.yaml')})
     observer = make_observer('pulse_blocks')
-    observer._subscribe(Float32MultiArray, 'range_profiles', 50)
+    observer.subscribe(Float32MultiArray, 'range_profiles')
     observer.wait(lambda: observer.joined, 'the subscription')
     node.wait_for_log('range_compression', 'subscriber on .*range_profiles joined')
     blocks = list(_blocks())
