@@ -20,6 +20,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from sar_imaging.autofocus.models import Geometry, GeometryModel
+from sar_imaging.autofocus.search import search
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.quality import measure_scatterer
@@ -97,21 +99,25 @@ def radius_sharpness(profiles: PulseBlock, point_m, radii_m=RADII_M) -> np.ndarr
     return np.array(out)
 
 
-def sharpest(radii_m: np.ndarray, sharpness: np.ndarray) -> float:
-    """Radius at the top of the parabola through the three values around the maximum, metres.
+def autofocus_radius(profiles: PulseBlock, point_m, start_m: float = START_RADIUS_M) -> float:
+    """Radius of the arm that autofocus finds from a point, metres.
 
-    Raises
-    ------
-    ValueError
-        The maximum lies at an end: the true radius may lie beyond.
+    Parameters
+    ----------
+    profiles : PulseBlock
+        Range profiles of the half circle; their positions are not used.
+    point_m : (2,) floats
+        Where the point is in the image of the start, to half a metre, metres.
+    start_m : float
+        Radius to start from, metres; expected to be wrong by a centimetre.
     """
-    top = int(np.argmax(sharpness))
-    if top in (0, len(radii_m) - 1):
-        raise ValueError(f'sharpness has its maximum at the last radius tried, {radii_m[top]:.4f} '
-                         'm; try others')
-    low, middle, high = sharpness[top - 1:top + 2]
-    shift = 0.5 * (low - high) / (low - 2 * middle + high)
-    return float(radii_m[top] + shift * (radii_m[top + 1] - radii_m[top]))
+    angle = arm_angles(profiles.n_pulses)
+    seen = np.abs(angle - np.arctan2(point_m[1], point_m[0])) <= np.radians(HALF_BEAM_DEG)
+    unit = arc(profiles.n_pulses, 1.0)[seen]
+    model = GeometryModel(('radius_m',), [start_m], [0.01],
+                          lambda radius: Geometry(radius[0] * unit, radius[0] * unit))
+    found = search(profiles.select(seen), model, [[*point_m, 0.0]])
+    return float(found.parameters[0])
 
 
 def measure_points(image: np.ndarray, grid: MapGrid, profiles: PulseBlock) -> list[dict]:
@@ -175,7 +181,8 @@ def run(file: Path, output: Path) -> dict:
     save_radius_png(output / 'radius.png', curves)
     figures = {
         'points': measure_points(image, grid, profiles),
-        'radius_m': {name: round(sharpest(RADII_M, s), 5) for name, s in curves.items()}}
+        'radius_m': {name: round(autofocus_radius(profiles, place), 5)
+                     for name, place in places.items()}}
     (output / 'figures.json').write_text(json.dumps(figures, indent=2) + '\n')
     return figures
 
@@ -193,7 +200,8 @@ def main(argv: Sequence[str] | None = None) -> int:
               f'{point["irw_range_m"] * 100:.1f} cm in range, '
               f'{point["irw_azimuth_m"] * 100:.1f} cm in azimuth')
     for name, radius_m in figures['radius_m'].items():
-        print(f'radius that focuses {name}: {radius_m * 1e3:.2f} mm')
+        print(f'radius by autofocus of {name}: {radius_m * 1e3:.2f} mm, '
+              f'started at {START_RADIUS_M * 1e3:.0f} mm')
     print(f'written: {arguments.output}')
     return 0
 

@@ -54,13 +54,11 @@ def test_bag_holds_all_ramps_as_one_aperture(tmp_path, capsys):
 def test_simulated_recording_focuses_and_tells_its_radius(tmp_path):
     block = load_arcsar.read_file(_write(tmp_path / 'arc.bin', radius_m=0.2063))
     profiles = RangeCompressor.for_block(block, window='hamming')(block)
-    radii = np.arange(0.203, 0.210, 1e-3)
+    radii = np.array([0.2, 0.203, 0.2063, 0.21])
     for point in load_arcsar.POINTS_M:
-        curve = image_arcsar.radius_sharpness(profiles, point, radii)
-        # The parabola through steps of 1 mm, pulses at 1.1 degrees: measured 0.04 mm.
-        assert image_arcsar.sharpest(radii, curve) == pytest.approx(0.2063, abs=2e-4)
-    with pytest.raises(ValueError, match='maximum at the last radius tried'):
-        image_arcsar.sharpest(radii[:3], curve[:3])
+        # From 0.2 m: measured 9 and 10 um off.
+        assert image_arcsar.autofocus_radius(profiles, point) == pytest.approx(0.2063, abs=3e-5)
+        assert image_arcsar.radius_sharpness(profiles, point, radii).argmax() == 2
 
 
 def test_pulses_go_only_where_the_antenna_looks(tmp_path):
@@ -103,10 +101,12 @@ def test_measured_points_focus_where_they_stand():
 
 @pytest.mark.data
 @needs_data
-def test_measured_radius_focuses_the_first_point():
+def test_measured_radius_comes_out_of_autofocus():
     block = load_arcsar.read_file(MEASURED)
     profiles = RangeCompressor.for_block(block, window='taylor:4:35')(block)
-    radii = np.arange(0.200, 0.2161, 2e-3)
-    curve = image_arcsar.radius_sharpness(profiles, load_arcsar.POINTS_M[0], radii)
-    assert image_arcsar.sharpest(radii, curve) == pytest.approx(0.2105, abs=1e-3)
-    assert curve.max() > 1.5 * curve[0]  # against 20 cm: measured 2.1
+    point = load_arcsar.POINTS_M[0]
+    # From 200 mm; the data's description says 210.5 mm. Measured 210.41 mm.
+    radius_m = image_arcsar.autofocus_radius(profiles, point)
+    assert radius_m == pytest.approx(0.2105, abs=5e-4)
+    start, end = image_arcsar.radius_sharpness(profiles, point, [0.2, radius_m])
+    assert end > 1.8 * start  # measured 2.06
