@@ -63,6 +63,11 @@ class Poses:
     attitude: Rotation
     frame: np.ndarray
 
+    def select(self, index: np.ndarray) -> Poses:
+        """Poses at some of the times."""
+        return Poses(self.status[index], self.position_m[index], self.attitude[index],
+                     self.frame[index])
+
 
 class PoseTrack:
     """Poses in the order of their times; a bounded number of them.

@@ -58,6 +58,8 @@ PARAMETERS = (
               check=_check_arms),
     Parameter('antenna.rx', [0.0, 0.0, 0.0], 'The same of the receive phase centres.', 'm',
               check=_check_arms),
+    Parameter('antenna.offset_s', [0.0], 'When each channel is sent after the stamp of its '
+              'pulse, for transmitters that take turns; one stands for all.', 's'),
 )
 
 

@@ -60,7 +60,8 @@ class PulseBufferStep(Step):
                 track_from(parameters), alignment_from(parameters),
                 pulses_per_aperture=parameters['pulses_per_aperture'],
                 wait_s=parameters['pose.wait_s'],
-                max_waiting_pulses=parameters['pose.max_waiting_pulses'])
+                max_waiting_pulses=parameters['pose.max_waiting_pulses'],
+                channel_offset_s=parameters['antenna.offset_s'])
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publisher of the blocks; see `Step`."""

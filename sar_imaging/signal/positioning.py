@@ -108,6 +108,17 @@ def locate(block: PulseBlock, track: PoseTrack, alignment: Alignment) -> PulseBl
     return with_positions(block, poses, alignment)
 
 
+def _joint_status(turns: list[Poses]) -> np.ndarray:
+    """(P,) status of pulses of which each channel has a pose of its own, all in one frame."""
+    status = turns[0].status.copy()
+    for turn in turns[1:]:
+        status = np.where(status == PoseStatus.READY, turn.status, status)
+        status[(status == PoseStatus.READY) & (turn.frame != turns[0].frame)] = PoseStatus.JUMP
+    for turn in turns:
+        status[turn.status == PoseStatus.WAIT] = PoseStatus.WAIT
+    return status
+
+
 class Positioner:
     """Give pulses their positions as soon as their poses are known.
 
@@ -128,6 +139,9 @@ class Positioner:
         Longest wait for poses, seconds.
     max_waiting_pulses : int
         Bounds the memory.
+    channel_offset_s : (1 or C,) array_like
+        When each channel is sent after the stamp of its pulse, seconds: of radars whose
+        transmitters take turns. One stands for all channels.
 
     Attributes
     ----------
@@ -138,8 +152,10 @@ class Positioner:
     """
 
     def __init__(self, track: PoseTrack, alignment: Alignment, *, pulses_per_aperture: int,
-                 wait_s: float = 1.0, max_waiting_pulses: int = 16_384):
+                 wait_s: float = 1.0, max_waiting_pulses: int = 16_384, channel_offset_s=(0.0,)):
         self.track, self._alignment = track, alignment
+        offset_ns = np.rint(np.asarray(channel_offset_s, float) * 1e9).astype(np.int64)
+        self._offsets_ns, self._turn = np.unique(offset_ns, return_inverse=True)
         self._pulses_per_aperture = pulses_per_aperture
         self._wait_s, self._max_waiting = wait_s, max_waiting_pulses
         self._waiting: collections.deque[tuple[PulseBlock, float]] = collections.deque()
@@ -191,9 +207,12 @@ class Positioner:
         Raises
         ------
         ValueError
-            The lever arms do not fit its channels.
+            The lever arms or the offsets of the channels do not fit its channels.
         """
         self._alignment.check_channels(block.n_channels)
+        if len(self._turn) not in (1, block.n_channels):
+            raise ValueError(f'{len(self._turn)} channel offsets for {block.n_channels} channels; '
+                             'give one for all or one for each')
         self.statistics.received += block.n_pulses
         self._waiting.append((block, now_s))
         self._n_waiting += block.n_pulses
@@ -216,35 +235,45 @@ class Positioner:
         out = []
         while self._waiting:
             block, since = self._waiting[0]
-            poses = self.track.sample(block.stamp_ns + self._alignment.time_offset_ns,
-                                      final=is_final(since))
-            if (poses.status == PoseStatus.WAIT).any():
+            turns = self._sample(block.stamp_ns, is_final(since))
+            status = _joint_status(turns)
+            if (status == PoseStatus.WAIT).any():
                 break
             self._waiting.popleft()
             self._n_waiting -= block.n_pulses
-            out += self._located(block, poses)
+            out += self._located(block, turns, status)
         return out
 
-    def _located(self, block: PulseBlock, poses: Poses) -> list[PulseBlock]:
+    def _sample(self, stamp_ns: np.ndarray, final: bool) -> list[Poses]:
+        """Poses at each of the channels' different times."""
+        stamp_ns = stamp_ns + self._alignment.time_offset_ns
+        return [self.track.sample(stamp_ns + offset, final=final) for offset in self._offsets_ns]
+
+    def _located(self, block: PulseBlock, turns: list[Poses],
+                 status: np.ndarray) -> list[PulseBlock]:
         """The pulses with a pose in the frame of their aperture, as no or one block."""
-        ready = poses.status == PoseStatus.READY
-        for status in np.unique(poses.status[~ready]):
-            self._drop(block.counter[poses.status == status], 'without_pose',
-                       _REASONS[PoseStatus(status)])
+        ready = status == PoseStatus.READY
+        for reason in np.unique(status[~ready]):
+            self._drop(block.counter[status == reason], 'without_pose',
+                       _REASONS[PoseStatus(reason)])
         if not ready.any():
             return []
-        frame = self._frame_of(block, int(poses.frame[ready][0]))
-        kept = ready & (poses.frame == frame)
+        frame = self._frame_of(block, int(turns[0].frame[ready][0]))
+        kept = ready & (turns[0].frame == frame)
         self._drop(block.counter[ready & ~kept], 'other_frame',
                    'the frame of the poses jumped within their aperture')
         if not kept.any():
             return []
         self.statistics.positioned += int(kept.sum())
-        kept_poses = Poses(poses.status[kept], poses.position_m[kept], poses.attitude[kept],
-                           poses.frame[kept])
         if not kept.all():
             block = block.select(kept)
-        return [with_positions(block, kept_poses, self._alignment)]
+        located = [with_positions(block, turn.select(kept), self._alignment) for turn in turns]
+        if len(located) == 1:
+            return located
+        channels = np.arange(block.n_channels)
+        tx_m, rx_m = (np.stack([getattr(part, name) for part in located])[self._turn, :, channels]
+                      .transpose(1, 0, 2) for name in ('tx_m', 'rx_m'))
+        return [dataclasses.replace(located[0], tx_m=tx_m, rx_m=rx_m)]
 
     def _frame_of(self, block: PulseBlock, first_frame: int) -> int:
         """Frame of the block's aperture: that of its first pulse with a pose."""

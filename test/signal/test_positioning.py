@@ -190,6 +190,31 @@ def test_lever_arms_that_do_not_fit_reject_the_block():
     assert positioner.statistics.received == 0
 
 
+def test_channels_that_take_turns_have_places_of_their_own():
+    positioner = make(channel_offset_s=[0.004, 0.0])
+    send_poses(positioner, range(0, 101, 10))
+    assert numbers(positioner.push(pulses(0, 60), 0.0)) == list(range(60))
+    # 75 + 4 ms needs the poses up to 100 ms, 76 + 4 ms the one after; both channels wait.
+    [block] = positioner.push(pulses(60, 76), 0.0)
+    assert positioner.push(pulses(76, 80), 0.0) == []
+    t = np.arange(60, 76) * 1e-3
+    for channel, sent in enumerate((t + 0.004, t)):
+        np.testing.assert_allclose(block.tx_m[:, channel],
+                                   place(sent) + turn(sent).apply([0.5, 0, 0]), atol=1e-9)
+        np.testing.assert_allclose(
+            block.rx_m[:, channel],
+            place(sent) + turn(sent).apply([[0.4, 0.1, 0], [0.4, -0.1, 0]][channel]), atol=1e-9)
+    assert numbers(positioner.advance(1e9)) == [76, 77, 78, 79]
+    positioner.push(pulses(95, 105), 0.0)
+    positioner.advance(1e9)  # the last pose is at 100 ms: 96 + 4 ms is the last that has both
+    assert positioner.statistics.without_pose == 8
+    assert balanced(positioner)
+    with pytest.raises(ValueError, match='2 channel offsets for 3 channels; give one for all'):
+        Positioner(PoseTrack(), Alignment(), pulses_per_aperture=9,
+                   channel_offset_s=[0.0, 0.1]).push(
+            dataclasses.replace(pulses(0, 2), samples=np.zeros((2, 3, 8))), 0.0)
+
+
 def test_a_reset_drops_what_waits():
     positioner = make()
     positioner.push(pulses(0, 30), 0.0)
