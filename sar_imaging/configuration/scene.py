@@ -76,7 +76,7 @@ def see_scene(acquisition: Acquisition, imaging: Imaging) -> Scene:
                         np.clip(track[:, 1], grid.y_m[-1], grid.y_m[0]),
                         np.full(len(track), grid.z_m)], axis=1)
     far = np.linalg.norm(track[:, None] - corners, axis=-1).max()
-    from_middle = edge - centre
+    from_middle = np.concatenate([edge, _straight_ahead(grid, centre, along)]) - centre
     # On the platform itself every direction is as good as another.
     distance = np.maximum(np.linalg.norm(from_middle, axis=1), 1e-9)
     cosines = from_middle @ along / distance
@@ -93,6 +93,16 @@ def see_scene(acquisition: Acquisition, imaging: Imaging) -> Scene:
         far_m=float(far), direction=(float(cosines.min()), float(cosines.max())),
         grazing_cosine=ground, across_cosine=abs(float(cross @ beside_sight)) / max(squint, 1e-9),
         squint_sine=squint, both_sides=bool(beside.min() < 0 < beside.max()))
+
+
+def _straight_ahead(grid, centre, along) -> np.ndarray:
+    """(0 or 1, 3) pixel that the line of flight points at: the extreme direction inside a grid."""
+    height = grid.z_m - centre[2]
+    if abs(along[2]) * 1e9 <= abs(height) or height == 0:
+        return np.empty((0, 3))
+    x, y = centre[:2] + along[:2] * (height / along[2])
+    return np.array([[np.clip(x, grid.x_m[0], grid.x_m[-1]),
+                      np.clip(y, grid.y_m[-1], grid.y_m[0]), grid.z_m]])
 
 
 def _boundary(grid) -> np.ndarray:

@@ -109,6 +109,11 @@ def test_the_scene_is_what_brute_force_sees(setup):
     assert -1 - 1e-9 <= scene.direction[0] <= scene.direction[1] <= 1 + 1e-9
 
 
+def test_a_dive_looks_straight_ahead_within_the_grid():
+    diving = make_acquisition(centre_m=(5.0, 3.0, 40.0), velocity_m_per_s=(0.0, 0.0, -50.0))
+    assert see_scene(diving, make_imaging()).direction[1] == pytest.approx(1.0)
+
+
 def test_both_sides_of_the_track():
     acquisition = make_acquisition(centre_m=(0.0, 0.0, 500.0))
     assert see_scene(acquisition, make_imaging()).both_sides
