@@ -1,5 +1,7 @@
 """All stages in one process: the images of the separate nodes, to the last bit."""
 
+import dataclasses
+
 import numpy as np
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -17,6 +19,12 @@ from sar_imaging.tools.node_processes import NODES, PIPELINE
 LARGEST_ERROR_DB = -80.0  # what backprojection plans for by default
 # Profiles whose sample rate is no number that a message holds exactly.
 COMPRESSION = {'range_compression': {'window': 'hamming', 'oversampling': 1.7}}
+
+
+def later(block, apertures, length):
+    """The same pulses some apertures later."""
+    return dataclasses.replace(block, counter=block.counter + np.uint32(apertures * length),
+                               stamp_ns=block.stamp_ns + apertures * 10**9)
 
 
 def test_the_pipeline_gives_the_images_of_the_separate_nodes(make_chain, spotlight):
@@ -81,3 +89,28 @@ def test_everything_about_a_pipeline(make_chain, make_observer, spotlight):
     observer.wait_for_progress('sar_pipeline', 9)
     success, message = observer.trigger('sar_pipeline/reset')
     assert (success, message) == (True, 'dropped 0 pulses that waited and 10 underway')
+
+
+def test_a_pipeline_that_cannot_keep_up_leaves_out_whole_apertures(make_chain, psf):
+    length, blocks = psf.truth['pulses_per_aperture'], psf.blocks(25)
+    chain = make_chain(psf.truth, names=PIPELINE, backprojection={
+        'grid.spacing': 0.02, 'worker_queue_size': 10, 'queue_depth': 200})
+    observer = chain.observer
+    grid = map_metadata_from_message(observer.wait_for('map_metadata', 1)[0])
+    observer.send([later(b, n, length) for n in range(8) for b in blocks])  # at once
+    observer.wait_for_counters('sar_pipeline', blocks_received=8 * len(blocks), blocks_waiting=0)
+    observer.send([later(b, 8, length) for b in blocks])
+    chain.wait_for_log('sar_pipeline', f'image of aperture 8: {length} pulses, missing none')
+    observer.wait_for_counters('sar_pipeline', blocks_received=9 * len(blocks), messages_lost=0)
+    counters = observer.counters('sar_pipeline')
+    n_images = 9 - int(counters['apertures_skipped'])
+    assert 1 < n_images < 9
+    assert counters['blocks_dropped'] > 0
+    observer.wait_for_counters('sar_pipeline', part='backprojection', images_published=n_images,
+                               pulses_missing=0)
+    log = chain.log('sar_pipeline')
+    assert log.count('is left out: 10 blocks wait already') == 9 - n_images
+    assert log.count(f'{length} pulses, missing none') == n_images
+    for image in observer.wait_for('image_complex', n_images):
+        error_db = psf.error_db(complex_from_message(image), grid, np.arange(length))
+        assert error_db < LARGEST_ERROR_DB
