@@ -117,11 +117,17 @@ class LiveSubapertures(ApertureSequence):
             return
         share = np.flatnonzero(before.seen)[-1:] + 1 >= _SHARE_TO_PLAN_AHEAD * len(before.seen)
         number = before.number + 1
-        if not share.any() or number * self._length > COUNTER_MASK:
+        if not share.any() or number * self._length > COUNTER_MASK or number == self._tried:
             return
-        target = self._new_target(number)
-        self._make_plan(target)
-        self._ahead = None if target.refused else target
+        self._tried = number
+        try:
+            # Another cut has to wait: the aperture being filled is cut like this to its end.
+            plan = self._plan_for(_Target(number, self._n_apertures, 0), self._cut, slack=1.0)
+        except ValueError:
+            return
+        self.statistics.plans += 1
+        self._ahead = self._new_target(number)
+        self._ahead.plan = plan
 
     def _configure(self, block: PulseBlock) -> PulseBlock:
         return block.select(slice(0, 0))
@@ -131,6 +137,7 @@ class LiveSubapertures(ApertureSequence):
         self._cut = self._wanted_cut
         self._targets: list[_Target] = []
         self._ahead: _Target | None = None
+        self._tried: int | None = None  # aperture that was to be planned ahead
         self._previous: AperturePulses | None = None
         self._memory.clear()
         self._warned = False

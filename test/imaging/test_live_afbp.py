@@ -362,3 +362,19 @@ def test_plans_ahead_are_used(fly, n_before):
     assert stage.statistics.plans == 2
     images = _fuse(LiveFusion(), images)
     assert _error_db(images[1].image, _exact(case, slice(LENGTH, None))) <= -60.0
+
+
+def test_planning_ahead_leaves_the_cuts_of_the_aperture_underway(fly):
+    # Every aperture leaps back to where the one before began, so plans ahead are in vain.
+    once = fly('bowed').block.select(slice(0, LENGTH))
+    stage, fusion, images = _stage(fly('bowed')), LiveFusion(), []
+    for number in range(4):
+        block = dataclasses.replace(
+            once, counter=once.counter + np.uint32(number * LENGTH),
+            stamp_ns=once.stamp_ns + number * 10**9)
+        for piece in _pieces(block):
+            for subaperture in stage.add(piece):
+                images += fusion.add(subaperture)  # refuses what was cut otherwise
+            stage.plan_ahead()
+    assert [(image.aperture, image.n_pulses) for image in images] == [
+        (number, LENGTH) for number in range(4)]
