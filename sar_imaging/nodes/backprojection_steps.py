@@ -26,6 +26,7 @@ from .image_products import ImageProducts
 from .managed import ManagedNode
 from .parameters import ANY_TIME, ConfigurationError, Parameter, one_of
 from .step import Step, stream_qos
+from .terrain import TERRAIN_FILE, terrain_heights
 
 IMAGE, SUBAPERTURES = 'image', 'subapertures'
 MIN_PULSE_FRACTION = Parameter(
@@ -36,6 +37,7 @@ PARAMETERS = (
     Parameter('mode', IMAGE, f'{IMAGE}: exact images of whole apertures; {SUBAPERTURES}: '
               'sub-aperture images for afbp_fusion.', check=one_of(IMAGE, SUBAPERTURES)),
     *GRID_PARAMETERS,
+    TERRAIN_FILE,
     Parameter('aperture_timeout_s', 5.0, 'An aperture is closed when no input came for this long, '
               'by the wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME),
     MIN_PULSE_FRACTION,
@@ -171,7 +173,8 @@ class ImageStep(BackprojectionStep):
         self._imager = ApertureImager(
             self._grid, pulses_per_aperture=parameters['pulses_per_aperture'],
             min_pulse_fraction=parameters['min_pulse_fraction'],
-            target_db=parameters['target_db'])
+            target_db=parameters['target_db'],
+            height_m=terrain_heights(parameters, self._grid))
         compile_kernels()  # the first image must not wait for it
 
     def create_outputs(self, node: ManagedNode) -> None:
@@ -222,6 +225,9 @@ class SubapertureStep(BackprojectionStep):
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
         p = parameters
+        if p[TERRAIN_FILE.name]:
+            raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: sub-apertures are fused on '
+                                     f'a plane; use mode {IMAGE} on terrain')
         follow_m = ((p['subapertures.follow_ahead'], p['subapertures.follow_left'])
                     if p['subapertures.follow'] else None)
         try:

@@ -1,0 +1,48 @@
+"""Images on terrain by the node backprojection, and which files it refuses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from msg_conversions.images import complex_from_message
+from sar_imaging.geometry import MapGrid
+from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.terrain import Terrain
+from sar_imaging.tools.node_processes import parameters_from_truth
+
+
+def test_pixels_lie_on_the_heights_of_the_file(start_node, make_observer, psf, tmp_path):
+    grid = MapGrid.from_size(psf.truth['grid']['centre_m'], 6.0, 20.0, 0.25)
+    x, y = grid.x_m[[0, -1]], grid.y_m[[0, 20]]  # the rest of the grid has no height
+    path = tmp_path / 'slope.npz'
+    Terrain(x, y, [[0.0, 30.0], [10.0, 40.0]]).save(path)
+    node = start_node('backprojection', parameters_from_truth(psf.truth)['backprojection'] | {
+        'grid.size_x': 6.0, 'grid.size_y': 20.0, 'grid.spacing': 0.25,
+        'terrain.file': str(path)})
+    observer = make_observer('range_profiles')
+    node.wait_for_log('backprojection', 'subscriber on .*image_complex joined')
+    observer.wait(lambda: observer.joined, 'a subscriber of the profiles')
+    observer.send(psf.raw)
+    image = complex_from_message(observer.wait_for('image_complex', 1)[0])
+    assert node.stop('backprojection') == 0
+
+    block = psf.pulses
+    heights = Terrain.load(path).heights(grid)
+    expected = Backprojector(grid, block.radar, block.n_samples, height_m=heights)(block)
+    # The node adds the pulses block by block: another order of float32 sums.
+    assert np.linalg.norm(image - expected) < 1e-5 * np.linalg.norm(expected)
+    assert image[:21].all() and not image[21:].any()
+
+
+def test_impossible_terrain_is_refused(start_node, tmp_path):
+    for number, (name, values, text) in enumerate((
+            ('absent', {}, 'cannot be read'),
+            ('there', {}, 'none of its known heights lies in the grid'),
+            ('there', {'mode': 'subapertures'}, 'use mode image on terrain'))):
+        path = tmp_path / f'{name}.npz'
+        if name == 'there':
+            Terrain([1e3, 2e3], [0.0, 1.0], np.zeros((2, 2))).save(path)
+        node = start_node('backprojection', {'terrain.file': str(path), **values})
+        assert node.exit_code('backprojection') == 1, number
+        assert text in node.log('backprojection')
+        assert 'parameter terrain.file' in node.log('backprojection')
