@@ -197,9 +197,11 @@ class SpectrumFusion:
         _clear_bands(first, n_coarse, spectrum)
         for number in sorted(self._contributions):
             folded, start = self._contributions[number]
-            shift = (start - first) % n_fine
-            if np.any((shift < n_coarse) | (shift > n_fine - n_coarse)):
-                _add_overlap(folded, start, shift, spectrum)
+            # Bins are proportional to the range wavenumber: extremes lie at its ends.
+            low, high = sorted((int(start[0] - first[0]), int(start[-1] - first[-1])))
+            turn = -((low - n_coarse) // -n_fine) * n_fine  # bands repeat with the grid
+            if turn <= high + n_coarse:
+                _add_overlap(folded, start, (start - first) % n_fine, spectrum)
 
     @property
     def _sizes(self) -> tuple[int, int]:

@@ -98,6 +98,20 @@ def test_subapertures_of_a_window_may_change_places(case, sliding):
     assert fusion.statistics.late == 0
 
 
+@settings(max_examples=25, deadline=None)
+@given(data=st.data(), every=st.integers(0, 3))
+def test_any_choice_in_any_order_is_accounted_for(case, sliding, data, every):
+    """Whatever a network does to messages, each is used once or counted, and memory is bounded."""
+    numbers = data.draw(st.lists(st.integers(0, len(sliding) - 1), max_size=25))
+    fusion = LiveFusion(images_every=every, min_pulse_fraction=0.0)
+    images = _fuse(fusion, [sliding[n] for n in numbers])
+    counts = fusion.statistics
+    assert counts.fused + counts.duplicate + counts.late == len(numbers)
+    assert counts.images == len(images)
+    assert all(0 < i.n_subapertures <= LENGTH // CUT and np.isfinite(i.image).all()
+               and i.n_pulses + i.n_missing <= LENGTH for i in images)
+
+
 def test_a_short_flight_gives_one_image_of_what_came(case):
     images = _fuse(LiveFusion(), _subapertures(case, slice(0, 4 * CUT), sliding=True))
     assert [(i.n_subapertures, i.n_pulses, i.n_missing) for i in images] == [
