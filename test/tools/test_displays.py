@@ -22,10 +22,12 @@ def published_topics():
     topics = {}
     for path in (PACKAGE / 'nodes').glob('*.py'):
         for node in ast.walk(ast.parse(path.read_text())):
-            if (isinstance(node, ast.Call) and getattr(node.func, 'attr', '') == 'create_output'
-                    and isinstance(node.args[1], ast.Constant)):
+            if isinstance(node, ast.Call) and getattr(node.func, 'attr', '') == 'create_output':
                 kind, topic, qos = node.args[:3]
-                topics[f'/{topic.value}'] = (kind.id, getattr(qos, 'id', '') == 'LATCHED')
+                # Of f'{prefix}image' what stands without a prefix.
+                parts = topic.values if isinstance(topic, ast.JoinedStr) else [topic]
+                name = ''.join(p.value for p in parts if isinstance(p, ast.Constant))
+                topics[f'/{name}'] = (kind.id, getattr(qos, 'id', '') == 'LATCHED')
     return topics
 
 
