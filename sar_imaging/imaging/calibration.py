@@ -213,8 +213,9 @@ def _amplitude_and_phase(images, method, array_m) -> tuple[np.ndarray, np.ndarra
     scaled = np.ascontiguousarray(scaled[:, bright], np.complex64)
     weights, pointing = np.ones(len(images), complex), _Pointing(array_m)
     for _ in range(_ITERATIONS):
-        image = weights.astype(np.complex64) @ scaled
-        new = (image * np.square(np.abs(image))).conj() @ scaled.T
+        # einsum: products this small are not worth the threads of a matrix product
+        image = np.einsum('c,cx->x', weights.astype(np.complex64), scaled)
+        new = np.einsum('x,cx->c', (image * np.square(np.abs(image))).conj(), scaled)
         new = pointing.remove(np.exp(-1j * np.angle(new)))
         moved = np.abs(new - weights).max()
         weights = new
@@ -245,7 +246,8 @@ class _Pointing:
     def remove(self, weights: np.ndarray) -> np.ndarray:
         """Phasors without mean phase and without what is linear along the array."""
         for steering in self._steering:
-            weights = weights * steering[int(np.abs(steering @ weights).argmax())]
+            sums = np.einsum('sc,c->s', steering, weights)
+            weights = weights * steering[int(np.abs(sums).argmax())]
         return weights * np.exp(-1j * np.angle(weights.sum()))
 
 
