@@ -39,6 +39,7 @@ def counters_around(recording, header, n_pulses):
 def check_images(recording, chain, name, messages):
     """Images are those that the log tells of, and exact."""
     grid = map_metadata_from_message(chain.observer.wait_for('map_metadata', 1)[0])
+    chain.wait_for_log(name, 'image of aperture', len(messages))  # written after each is sent
     told = images_in_log(chain.log(name))
     for message, (_, _, n_pulses) in zip(messages, told, strict=True):
         error_db = recording.error_db(complex_from_message(message), grid,
