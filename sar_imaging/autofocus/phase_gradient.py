@@ -1,0 +1,191 @@
+"""Phase gradient autofocus of polar images (Wahl, Eichel, Ghiglia & Jakowatz 1994).
+
+In the polar coordinates of its aperture an image of a small scene is a Fourier transform of the
+aperture: the pulse sent at X along the track makes up the angular wavenumber ``-(k_c + kappa) X``
+(Zhang et al., section II). An error of the half path that is the same for the whole scene is then
+a phase of that wavenumber. It is estimated from all range bins together, whatever it looks like,
+and taken out exactly, its motion through range included.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from scipy import fft
+
+from ..geometry.polar import PolarGrid
+from ..quality.measures import contrast
+from ..signal.radar import RadarParameters
+
+_ITERATIONS = 16
+_SHRINK = 0.75  # of the window from one iteration to the next, after the first three
+_WIDE = 3
+_NARROWEST = 12.0  # window in azimuth resolutions
+_DARK_DB = -12.0  # a range bin below this share of the brightest has no scatterer to follow
+
+
+@dataclasses.dataclass(frozen=True)
+class PhaseGradientResult:
+    """What phase gradient autofocus did.
+
+    Attributes
+    ----------
+    image : (n_alpha, n_range) complex64
+        Corrected image where accepted, else the original.
+    accepted : bool
+        True when contrast rose by the margin asked for.
+    contrast_before, contrast_after : float
+        Of the original and of the corrected image, accepted or not.
+    position_m : (U,) float64
+        Positions along the track, ascending, metres from the grid's origin.
+    half_path_m : (U,) float64
+        Change of the half path there that focuses the image, without constant and line, metres;
+        for `residual.along_sight` after interpolation to the pulses.
+    last_step_rad : float
+        Rms phase that the last iteration changed.
+    """
+
+    image: np.ndarray
+    accepted: bool
+    contrast_before: float
+    contrast_after: float
+    position_m: np.ndarray
+    half_path_m: np.ndarray
+    last_step_rad: float
+
+
+class PhaseGradient:
+    """Planned phase gradient autofocus of polar images of one grid.
+
+    Parameters
+    ----------
+    polar : PolarGrid
+        Of the images; its origin in the middle of the aperture, its directions sampled at least
+        1.2 times finer than the aperture resolves.
+    radar : RadarParameters
+        Of the profiles that the images were made of.
+    aperture_m : (float, float)
+        First and last position of the phase centres along the grid's track, metres from its
+        origin.
+    margin : float
+        Relative gain of contrast from which the corrected image is accepted.
+
+    Raises
+    ------
+    ValueError
+        The grid samples directions too coarsely for the aperture.
+    """
+
+    def __init__(self, polar: PolarGrid, radar: RadarParameters,
+                 aperture_m: tuple[float, float], *, margin: float = 0.005):
+        self.polar, self.margin = polar, margin
+        self._wavenumber = radar.wavenumber_rad_per_m
+        self._ends = min(aperture_m), max(aperture_m)
+        needed = 2 * math.pi / self._wavenumber / (1.2 * (self._ends[1] - self._ends[0]))
+        if polar.alpha_spacing > needed:
+            raise ValueError(f'alpha_spacing={polar.alpha_spacing:.3g} is too coarse for an '
+                             f'aperture of {self._ends[1] - self._ends[0]:.1f} m; sample '
+                             f'directions by {needed:.3g} or finer')
+        n = polar.n_alpha
+        # Angular wavenumbers in the order of ascending position along the track
+        self._angular = -2 * np.pi * fft.fftfreq(n, polar.alpha_spacing)
+        order = np.argsort(self._angular)
+        position = self._angular[order] / self._wavenumber
+        inside = (position >= self._ends[0]) & (position <= self._ends[1])
+        self._bins, self.position_m = order[inside], position[inside]
+
+    def __call__(self, image) -> PhaseGradientResult:
+        """Estimate and correct.
+
+        Parameters
+        ----------
+        image : (n_alpha, n_range) complex64
+            With the carrier phase of backprojection, as `AfbpImager` makes it on this grid.
+
+        Returns
+        -------
+        PhaseGradientResult
+
+        Raises
+        ------
+        ValueError
+            The image does not have the shape of the grid.
+        """
+        expected = (self.polar.n_alpha, self.polar.n_range)
+        if np.shape(image) != expected:
+            raise ValueError(f'image.shape={np.shape(image)} does not match the grid; expected '
+                             f'(n_alpha, n_range)={expected}')
+        before = contrast(image)
+        half_path = np.zeros(len(self.position_m))
+        work, step = self._baseband(image, -1), math.inf
+        for width in self._widths():
+            change = self._step(work, width)
+            half_path = _without_line(half_path + change)
+            work = self._baseband(self.correct(image, half_path), -1)
+            step = float(np.sqrt(np.mean(change ** 2))) * self._wavenumber
+        corrected = self.correct(image, half_path)
+        after = contrast(corrected)
+        accepted = after > (1 + self.margin) * before
+        return PhaseGradientResult(corrected if accepted else image, accepted, before, after,
+                                   self.position_m, half_path, step)
+
+    def correct(self, image, half_path_m) -> np.ndarray:
+        """Image whose half paths are changed, each position along the track by its own amount.
+
+        Every range wavenumber is turned by its own phase ``(k_c + kappa) h(X)``, with X the
+        position that its angular wavenumber belongs to.
+
+        Parameters
+        ----------
+        image : (n_alpha, n_range) complex64
+            Image with its carrier phase.
+        half_path_m : (U,) array_like
+            Change of the half path at `position_m`, metres.
+
+        Returns
+        -------
+        (n_alpha, n_range) complex64
+        """
+        spectrum = fft.fft2(self._baseband(image, -1))
+        k = self._wavenumber + 2 * np.pi * fft.fftfreq(self.polar.n_range,
+                                                       self.polar.range_spacing_m)
+        position = self._angular[:, None] / k
+        change = np.interp(position, self.position_m, half_path_m)
+        spectrum *= np.exp(1j * np.remainder(k * change, 2 * np.pi))
+        return self._baseband(fft.ifft2(spectrum), +1).astype(np.complex64)
+
+    def _baseband(self, image, sign: int) -> np.ndarray:
+        """Image times ``exp(sign j k_c (r - r_0))``."""
+        r = self.polar.range_m - self.polar.range_start_m
+        cycles = np.remainder(self._wavenumber / (2 * np.pi) * r, 1.0)
+        return image * np.exp(sign * 2j * np.pi * cycles)
+
+    def _widths(self):
+        """Windows around the brightest pixels, lines: all first, then narrower."""
+        cell = 2 * np.pi / self._wavenumber / (self._ends[1] - self._ends[0])
+        least = math.ceil(_NARROWEST * cell / self.polar.alpha_spacing)
+        n = self.polar.n_alpha
+        for i in range(_ITERATIONS):
+            yield min(n, max(least, round(n * _SHRINK ** max(0, i - _WIDE))))
+
+    def _step(self, work, width: int) -> np.ndarray:
+        """Change of the half path by the phase gradient."""
+        power = np.square(np.abs(work)).max(axis=0)
+        bins = np.flatnonzero(power >= power.max() * 10 ** (_DARK_DB / 10))
+        n = self.polar.n_alpha
+        peaks = np.abs(work[:, bins]).argmax(axis=0)
+        rows = (peaks + np.arange(n)[:, None]) % n  # brightest pixel first
+        centred = np.take_along_axis(work[:, bins], rows, axis=0)
+        centred[width // 2 + 1:n - width // 2] = 0.0
+        aperture = fft.fft(centred, axis=0)[self._bins]
+        gradient = np.sum(np.conj(aperture[:-1]) * aperture[1:], axis=1)
+        phase = np.concatenate([[0.0], np.cumsum(np.angle(gradient))])
+        return -_without_line(phase) / self._wavenumber
+
+
+def _without_line(values) -> np.ndarray:
+    """Values less the straight line that fits them best: it only moves the image."""
+    u = np.arange(len(values))
+    return values - np.polyval(np.polyfit(u, values, 1), u)
