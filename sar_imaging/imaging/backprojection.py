@@ -30,6 +30,7 @@ from .merging import AngularParts
 from .polar_image import add_by_polar
 from .profiles import Profiles
 from .projection import add_to_lines, line_middles, shared_phase
+from .range_window import RangeWindow
 
 
 class Backprojector:
@@ -200,7 +201,8 @@ class Backprojector:
         """Add rows in the quickest way; returns the predicted error."""
         lines = MapLines(self.grid, *rows[1:])
         self._check_reach(lines.range_m)
-        lattice = plan_lattice(lines.paths, 1.0, lines.n_pixels, self.radar, self.n_samples,
+        window = RangeWindow.around(self.radar, self.n_samples, lines.range_m)
+        lattice = plan_lattice(lines.paths, 1.0, lines.n_pixels, self.radar, window.n_samples,
                                self.target_db)
         costs = {'points': point_lattice(self.radar, self.n_samples, self.target_db).cost
                  * len(rows[0])}
@@ -217,11 +219,11 @@ class Backprojector:
             add_by_polar(polar, self.radar, rows, self.grid, image)
             return polar.predicted_error_db
         if self.method == 'lines':
-            return self._add_by_lines(lattice, lines, rows, image)
+            return self._add_by_lines(lattice, window, lines, rows, image)
         return self._add_by_points(ImagePoints.of_map(self.grid), lines.range_m, rows, image)
 
-    def _add_by_lines(self, lattice, lines, rows, image) -> float:
-        profiles = Profiles(self.radar, lattice, lines.range_m)
+    def _add_by_lines(self, lattice, window, lines, rows, image) -> float:
+        profiles = Profiles(self.radar, lattice, window, lines.range_m)
         middles = line_middles(lines.locate, lines.n_lines, lines.n_pixels, lattice.segment)
         add_to_lines(profiles, *rows, middles, lines.layout, shared_phase(profiles,
                                                                           lines.n_pixels),

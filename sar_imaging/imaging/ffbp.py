@@ -35,6 +35,7 @@ from .ffbp_plan import (
 from .kernels import LINES
 from .profiles import Profiles
 from .projection import add_to_lines
+from .range_window import RangeWindow
 
 #: Default samples per reciprocal bandwidth along range and along direction.
 OVERSAMPLING = {'linear': 4.0, 'cubic': 2.5, 'knab8': 1.8}
@@ -154,7 +155,8 @@ class FfbpImager:
         place_grids(self.levels, self._top, edge, edge_step, lattice.spacing,
                     loops.TAPS[self.kernel])
         choose_segments(self.levels, inside, lattice.spacing, radar.wavelength_m)
-        self._profiles = Profiles(radar, lattice, self._reach(tx, rx, lattice.spacing))
+        self._profiles = Profiles(radar, lattice, RangeWindow.whole(radar, self.n_samples),
+                                  self._reach(tx, rx, lattice.spacing))
         longest = max(n.shape[1] for n in self.levels[0].nodes)
         cycles = 2 * (lattice.cell_m - lattice.spacing) / radar.wavelength_m
         self._ramp = np.exp(2j * np.pi * np.fmod(cycles * np.arange(longest), 1.0)

@@ -10,6 +10,7 @@ from ..geometry.grids import MapGrid
 from . import point_kernels
 from .lattice import point_lattice, total_db
 from .profiles import Profiles
+from .range_window import RangeWindow
 
 _ROUNDING_SHARE_DB = 6.0  # rounding inside tiles stays so far below the target
 _SAMPLED_STEPS = 1000  # between neighbours, to find their distance
@@ -102,8 +103,9 @@ class ImagePoints:
         image : (N,) float32
             Real and imaginary parts to add to, in turn; changed in place.
         """
-        lattice = point_lattice(radar, samples.shape[1], target_db)
-        profiles = Profiles(radar, lattice, range_m)
+        window = RangeWindow.around(radar, samples.shape[1], range_m)
+        lattice = point_lattice(radar, window.n_samples, target_db)
+        profiles = Profiles(radar, lattice, window, range_m)
         rounding_db = target_db - _ROUNDING_SHARE_DB
         reach = point_kernels.largest_radius(radar.wavelength_m, rounding_db)
         tile, work = self._tile(reach), point_kernels.work_space()

@@ -175,7 +175,7 @@ def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParamete
     radar : RadarParameters
         Of the compressed profiles.
     n_samples : int
-        Samples of a profile.
+        Samples of a profile, or of the window that is taken of it.
     target_db : float
         Wanted error against time-domain correlation, dB.
     fit_spacing : bool
@@ -247,7 +247,7 @@ def point_lattice(radar: RadarParameters, n_samples: int, target_db: float) -> L
     radar : RadarParameters
         Of the compressed profiles.
     n_samples : int
-        Samples of a profile.
+        Samples of a profile, or of the window that is taken of it.
     target_db : float
         Wanted error against time-domain correlation, dB.
     """

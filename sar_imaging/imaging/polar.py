@@ -16,8 +16,9 @@ from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .interpolation import Interpolator, design_interpolator
-from .lattice import Lattice, Paths, plan_lattice, sample_paths, slope_along, total_db
+from .lattice import Lattice, plan_lattice, sample_paths, slope_along, total_db
 from .merging import AngularParts, plan_parts
+from .range_window import RangeWindow
 from .resampling import DEGREE, TAPS
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
@@ -37,6 +38,8 @@ class PolarPlan:
         Its pixels.
     lattice : Lattice
         How its lines read the profiles.
+    window : RangeWindow
+        Part of the profiles that it needs.
     range_m : (float, float)
         Bounds of the half path over it, metres.
     axis : int
@@ -55,6 +58,7 @@ class PolarPlan:
 
     polar: PolarGrid
     lattice: Lattice
+    window: RangeWindow
     range_m: tuple[float, float]
     axis: int
     along_alpha: Interpolator
@@ -90,18 +94,15 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     cover = cover_map(grid, tx_m, rx_m, radar, n_samples, target_db - 8.0, target_db - 3.0)
     if cover is None:
         return None
-    polar, lattice, paths = cover.polar, cover.lattice, cover.paths
+    polar, lattice = cover.polar, cover.lattice
     if polar.n_range * polar.n_alpha > 3 * grid.n_x * grid.n_y + 100_000:
         return None
     parts = plan_parts(polar, cover.slope_alpha, *cover.wavenumber, cover.oversampling,
                        lattice.cost)
     share = polar.n_range * polar.n_alpha / (grid.n_x * grid.n_y)
     per_pixel = lattice.cost * len(tx_m) if parts is None else parts.cost
-    lo, hi = float(paths.length.min()), float(paths.length.max())
-    # The sampled half paths miss the extremes by what range and direction add between samples.
-    slack = 2 * TAPS * lattice.spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
     errors = [cover.interpolator.error_db] * (2 if parts is None else 3)
-    return PolarPlan(polar, lattice, (lo - slack, hi + slack), cover.axis, cover.interpolator,
+    return PolarPlan(polar, lattice, cover.window, cover.range_m, cover.axis, cover.interpolator,
                      cover.interpolator, parts, radar.wavelength_m,
                      total_db(lattice.predicted_error_db, *errors),
                      per_pixel * share + COST_RESAMPLING)
@@ -117,26 +118,29 @@ class MapCover:
         It reaches `TAPS` pixels beyond the map.
     lattice : Lattice
         How its lines read the profiles.
+    window : RangeWindow
+        Part of the profiles that it needs.
+    range_m : (float, float)
+        Bounds of the half path over it, metres.
     axis : int
         Map axis along which the second pass of the resampling goes.
     oversampling : float
         Along range and direction.
     interpolator : Interpolator
         Of the resampling, for both passes.
-    paths : Paths
-        Half paths from the rows to samples of the map, derivatives by range.
     slope_alpha : (R, S) float64
-        Their derivative by direction, metres.
+        Derivative by direction of the half paths from the rows to samples of the map, metres.
     wavenumber : (2,) floats
         Lowest and highest of the radar's band, rad/m.
     """
 
     polar: PolarGrid
     lattice: Lattice
+    window: RangeWindow
+    range_m: tuple[float, float]
     axis: int
     oversampling: float
     interpolator: Interpolator
-    paths: Paths
     slope_alpha: np.ndarray
     wavenumber: tuple[float, float]
 
@@ -168,15 +172,22 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     paths, half_range, slope_alpha, k = bands
     half_alpha = k[1] * float(np.abs(slope_alpha).max())
     n_line = math.ceil(np.ptp(paths.length) * half_range * oversampling / math.pi)
-    lattice = plan_lattice(paths, math.pi / (half_range * oversampling) * 0.999, n_line, radar,
-                           n_samples, lattice_db, fit_spacing=True)
+    spacing = math.pi / (half_range * oversampling) * 0.999
+    # The sampled half paths miss the extremes by what range and direction add between samples.
+    lo, hi = float(paths.length.min()), float(paths.length.max())
+    slack = 2 * TAPS * spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
+    range_m = lo - slack, hi + slack
+    window = RangeWindow.around(radar, n_samples, range_m)
+    lattice = plan_lattice(paths, spacing, n_line, radar, window.n_samples, lattice_db,
+                           fit_spacing=True)
     if lattice is None:
         return None
     polar = _cover(grid, origin, track, side, lattice.spacing, half_alpha, oversampling)
     if polar is None:
         return None
     interpolator = design_interpolator(oversampling, taps=TAPS, degree=DEGREE)
-    return MapCover(polar, lattice, axis, oversampling, interpolator, paths, slope_alpha, k)
+    return MapCover(polar, lattice, window, range_m, axis, oversampling, interpolator, slope_alpha,
+                    k)
 
 
 def _frame(grid: MapGrid, centres):

@@ -11,6 +11,7 @@ from ..compilation import njit, numba
 from ..signal.radar import RadarParameters
 from .interpolation import N_PLANES, TAPS, polynomial_planes
 from .lattice import ROWS_PER_PASS, Lattice
+from .range_window import RangeWindow
 
 _CHUNK_BYTES = 64 << 20  # coefficients of one pass over the image
 _GUARD = 8  # lattice cells beyond the ranges of the image
@@ -25,15 +26,18 @@ class Profiles:
         Of the profiles.
     lattice : Lattice
         How to resample them.
+    window : RangeWindow
+        What to take of them; `lattice` was planned for as many samples.
     range_m : (float, float)
         Smallest and largest half path of the image, metres.
     """
 
-    def __init__(self, radar: RadarParameters, lattice: Lattice, range_m: tuple[float, float]):
-        self.radar, self.lattice = radar, lattice
+    def __init__(self, radar: RadarParameters, lattice: Lattice, window: RangeWindow,
+                 range_m: tuple[float, float]):
+        self.radar, self.lattice, self._window = radar, lattice, window
         self._buffers: dict[str, np.ndarray] = {}
         self._pad = max(lattice.segment, _GUARD)
-        lo, hi = ((r - radar.range_start_m) / lattice.cell_m for r in range_m)
+        lo, hi = ((r - window.range_start_m) / lattice.cell_m for r in range_m)
         self._first = max(math.floor(lo), 0) - _GUARD - self._pad
         last = min(math.ceil(hi), lattice.n_cells) + _GUARD + self._pad
         self._count = last - self._first
@@ -49,7 +53,7 @@ class Profiles:
 
     def range_at(self, cell: int) -> float:
         """Half path at a cell of the planes, metres."""
-        return self.radar.range_start_m + (self._first + cell) * self.lattice.cell_m
+        return self._window.range_start_m + (self._first + cell) * self.lattice.cell_m
 
     def cycles_at(self, cell: int) -> float:
         """Carrier phase at a cell of the planes, fraction of a cycle."""
@@ -78,8 +82,7 @@ class Profiles:
         lattice, workers = self.lattice, numba.get_num_threads()
         n_rows, n_dense = len(samples), lattice.n_cells * lattice.n_phases
         spectrum = self._buffer('spectrum', (n_rows, lattice.n_padded), np.complex64)
-        spectrum[:, :samples.shape[1]] = samples
-        spectrum[:, samples.shape[1]:] = 0.0
+        self._window.cut(samples, spectrum)
         spectrum = scipy.fft.fft(spectrum, axis=-1, workers=workers, overwrite_x=True)
         padded = self._buffer('padded', (n_rows, n_dense), np.complex64)
         _pad_band(spectrum, self._gain, padded)

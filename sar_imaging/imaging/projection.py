@@ -50,7 +50,9 @@ def add_to_lines(profiles: Profiles, samples, tx_m, rx_m, lines, layout, ramp, i
         Phase centres of the rows, metres.
     lines : (G, S, 12, LINES) float64
         From `line_middles`.
-    layout, ramp, image :
+    ramp : (n_pixels,) complex64
+        Factor of each pixel of a line.
+    layout, image :
         As `kernels.project_lines` describes them.
     """
     lattice = profiles.lattice
@@ -61,6 +63,7 @@ def add_to_lines(profiles: Profiles, samples, tx_m, rx_m, lines, layout, ramp, i
     coefficients = np.empty((tasks, 14, kernels.LINES), np.float32)
     base = np.empty((tasks, kernels.LINES), np.int64)
     index = np.arange(segment, dtype=np.float32) - segment // 2
+    ramp = np.concatenate([ramp.real, ramp.imag])
     for rows in profiles.chunks(len(samples)):
         tx, rx = tx_m[rows], rx_m[rows]
         repeats = np.zeros((len(tx), 2), np.uint8)
@@ -120,12 +123,10 @@ class PolarLines:
 
 
 def shared_phase(profiles: Profiles, n_pixels: int) -> np.ndarray:
-    """(2 * n_pixels,) float32 carrier phase that all lines of an image share."""
+    """(n_pixels,) complex64 carrier phase that all lines of an image share."""
     cycles = profiles.cycles_per_step * profiles.lattice.n_phases * np.arange(n_pixels)
     return _phasor(cycles)
 
 
 def _phasor(cycles) -> np.ndarray:
-    """Cosines, then sines, as `kernels.project_lines` wants them."""
-    angle = 2 * np.pi * np.fmod(cycles, 1.0)
-    return np.concatenate([np.cos(angle), np.sin(angle)]).astype(np.float32)
+    return np.exp(2j * np.pi * np.fmod(cycles, 1.0)).astype(np.complex64)

@@ -20,6 +20,7 @@ from .fusion_grid import FusionGrid
 from .lattice import plan_lattice, sample_paths, total_db
 from .profiles import Profiles
 from .projection import PolarLines
+from .range_window import RangeWindow
 from .subaperture_sampling import Bands, choose_sampling, fusion_error, local_bands
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the paths are bounded
@@ -120,12 +121,8 @@ class SubaperturePlan:
         self.polar, self.radar, self.n_samples = polar, radar, int(n_samples)
         self._n_channels = tx_m.shape[1]
         paths = _paths(polar, tx_m, rx_m)
-        lattice = plan_lattice(paths, polar.range_spacing_m, polar.n_range, radar, n_samples,
-                               min(target_db - 10.0, -50.0))
-        if lattice is None:
-            raise ValueError('the polar grid does not follow the range of this track (too near, '
-                             'or around the antenna); use Backprojector')
-        self.lattice = lattice
+        lattice_db = min(target_db - 10.0, -50.0)
+        lattice = self._plan_lattice(paths, self.n_samples, lattice_db)
         bands = local_bands(polar, tx_m, rx_m, radar)
         lengths = (pulses_per_subaperture,) if pulses_per_subaperture else LENGTHS
         self.sampling = choose_sampling(polar, bands, tx_m, rx_m, lengths, lattice.cost,
@@ -142,14 +139,23 @@ class SubaperturePlan:
                                       s.range_guard, bands.half_range, radar.carrier_hz,
                                       oversampling)
         self.coarse = self.fusion_grid.coarse
-        self.predicted_error_db = total_db(lattice.predicted_error_db, self.sampling.error_db)
         guard = self.sampling.range_guard * polar.range_spacing_m
-        self.warnings = tuple(_cut_warnings(radar, self.n_samples, paths.length, guard))
         slack = 0.5 * np.ptp(paths.length) / (_SAMPLES_PER_SIDE - 1) + 2 * guard
+        range_m = float(paths.length.min() - slack), float(paths.length.max() + slack)
+        window = RangeWindow.around(radar, self.n_samples, range_m)
+        self.lattice = self._plan_lattice(paths, window.n_samples, lattice_db)
+        self.predicted_error_db = total_db(self.lattice.predicted_error_db, self.sampling.error_db)
+        self.warnings = tuple(_cut_warnings(radar, self.n_samples, paths.length, guard))
         self.limits = Limits.of(paths.length, paths.derivatives[0], bands)
-        self._profiles = Profiles(radar, lattice, (float(paths.length.min() - slack),
-                                                   float(paths.length.max() + slack)))
-        self._lines = PolarLines(self.coarse, self._profiles)
+        self._lines = PolarLines(self.coarse, Profiles(radar, self.lattice, window, range_m))
+
+    def _plan_lattice(self, paths, n_samples, target_db):
+        lattice = plan_lattice(paths, self.polar.range_spacing_m, self.polar.n_range, self.radar,
+                               n_samples, target_db)
+        if lattice is None:
+            raise ValueError('the polar grid does not follow the range of this track (too near, '
+                             'or around the antenna); use Backprojector')
+        return lattice
 
     @property
     def n_subapertures(self) -> int:

@@ -1,0 +1,84 @@
+"""Part of range profiles that an image needs: shorter profiles are prepared faster."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+
+import numpy as np
+
+from ..signal.radar import RadarParameters
+from .fusion_error import edge_taper
+
+# Samples beyond the needed ranges, times 1 - bandwidth over sample rate. What the cut changes
+# within them is below -90 dB of the profile there (measured on noise).
+_REACH = 24.0
+_TAPER_SHARE, _TAPER_SHAPE = 0.75, 4.0  # of these samples
+_WORTHWHILE = 0.9  # longer windows are not worth a copy
+
+
+@dataclasses.dataclass(frozen=True)
+class RangeWindow:
+    """Window of a profile, with smooth ends where it cuts.
+
+    Attributes
+    ----------
+    first, n_samples : int
+        First sample and number of samples.
+    range_start_m : float
+        Half path of the first sample, metres.
+    n_rise, n_fall : int
+        Samples over which the window rises at its start and falls at its end; 0 where it ends
+        with the profile.
+    """
+
+    first: int
+    n_samples: int
+    range_start_m: float
+    n_rise: int
+    n_fall: int
+
+    @classmethod
+    def around(cls, radar: RadarParameters, n_samples: int,
+               range_m: tuple[float, float]) -> RangeWindow:
+        """Window for half paths, as far as the profile has them.
+
+        Parameters
+        ----------
+        radar : RadarParameters
+            Of the profiles.
+        n_samples : int
+            Samples of a profile.
+        range_m : (float, float)
+            Smallest and largest half path that is read, metres.
+        """
+        beyond = math.ceil(_REACH / (1 - radar.bandwidth_hz / radar.sample_rate_hz))
+        lo, hi = ((r - radar.range_start_m) / radar.sample_spacing_m for r in range_m)
+        first = min(max(math.floor(lo) - beyond, 0), n_samples)
+        stop = min(max(math.ceil(hi) + beyond, 0), n_samples)
+        if not 2 * beyond <= stop - first <= _WORTHWHILE * n_samples:
+            first, stop = 0, n_samples
+        taper = int(_TAPER_SHARE * beyond)
+        return cls(first, stop - first, radar.range_start_m + first * radar.sample_spacing_m,
+                   taper if first > 0 else 0, taper if stop < n_samples else 0)
+
+    @classmethod
+    def whole(cls, radar: RadarParameters, n_samples: int) -> RangeWindow:
+        """Window that takes all samples."""
+        return cls(0, n_samples, radar.range_start_m, 0, 0)
+
+    def cut(self, samples, out) -> None:
+        """Copy the window of profiles (R, N) to the start of `out` (R, M), zero beyond it."""
+        n = self.n_samples
+        out[:, :n] = samples[:, self.first:self.first + n]
+        out[:, n:] = 0.0
+        if self.n_rise:
+            out[:, :self.n_rise] *= _rise(self.n_rise)
+        if self.n_fall:
+            out[:, n - self.n_fall:n] *= _rise(self.n_fall)[::-1]
+
+
+@functools.lru_cache(maxsize=16)
+def _rise(n: int) -> np.ndarray:
+    return edge_taper(2 * n, n, _TAPER_SHAPE)[:n].astype(np.float32)
