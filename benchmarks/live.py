@@ -137,7 +137,7 @@ def measure_sliding(flight: Flight, folder: pathlib.Path) -> dict:
         last_s = system.sent_s[max(system.sent_s)]
         system.wait(lambda: time.monotonic() > last_s + 5.0, 'the last images')
         log = system.nodes.log_file(system.names[0]).read_text()
-        work_s = [float(s) for s in re.findall(r'image of aperture .*?; ([\d.e+-]+) s of work', log)]
+        work_s = [float(s) for s in re.findall(r'image of .*?; ([\d.e+-]+) s of work', log)]
         result = {'images': len(system.images), 'losses': system.losses(),
                   'fusion_work_ms': milliseconds(work_s[1:]),
                   'last_image_after_last_pulse_ms': round(
