@@ -35,7 +35,6 @@ setup(
         'pyyaml>=6,<7',
         'rosbags>=0.11,<0.12',
         'tqdm>=4.64,<5',
-        'PyYAML>=6.0,<7',
     ],
     extras_require={'test': ['pytest>=7.4,<10', 'hypothesis>=6.80,<7']},
     entry_points={

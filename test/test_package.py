@@ -31,7 +31,6 @@ ROSDEP_KEYS = {
     'tf2_ros': 'tf2_ros_py',
     'tqdm': 'python3-tqdm',
     'yaml': 'python3-yaml',
-    'yaml': 'python3-yaml',
 }
 
 

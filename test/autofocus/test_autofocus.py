@@ -58,7 +58,8 @@ def test_errors_are_corrected_and_success_is_claimed(kind, size, seed):
 
 
 def test_what_cannot_be_corrected_is_not_claimed():
-    # One and a half wavelengths of vibration: the tiles agree on a wrong phase, their peaks give it away.
+    # One and a half wavelengths of vibration: the tiles agree on a wrong phase, which their peaks
+    # give away.
     result, error = run(flawed_aperture('vibration', 1.5, 2))
     assert error > -20.0
     assert not result.report.success
