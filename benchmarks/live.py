@@ -13,6 +13,7 @@ import json
 import os
 import pathlib
 import re
+import signal
 import tempfile
 import time
 
@@ -78,7 +79,7 @@ def run(system: System, messages: list, rate: float) -> dict:
         pass  # counted below
     used = {name: {kind: after[kind] - cpu[name][kind] for kind in after}
             for name, after in system.cpu_s().items()}
-    latency_s = [image.time_s - system.sent_s[n] for n, image in enumerate(system.images)]
+    latency_s = [image.time_s - system.sent_s[image.aperture] for image in system.images]
     n_bytes = sum(len(m.cdr) for m in messages)
     return {'pulses': sum(m.n_pulses for m in messages), 'seconds': round(seconds, 2),
             'pulses_per_s': round(sum(m.n_pulses for m in messages) / seconds, 1),
@@ -110,8 +111,8 @@ def measure_flight(flight: Flight, folder: pathlib.Path) -> dict:
     differences = {setup: [] for setup in SETUPS}
     for number, reference in enumerate(flight.offline_images(grid(SIDES['flight']))):
         for setup, received in images.items():
-            if number < len(received):
-                differences[setup].append(difference_db(received[number], reference))
+            differences[setup] += [difference_db(image, reference) for image in received
+                                   if image.aperture == number]
     for setup, values in differences.items():
         results[setup]['largest_difference_db'] = round(max(values), 1)
     return results
@@ -163,7 +164,7 @@ def measure_rate(flight: Flight, folder: pathlib.Path) -> dict:
             if not sustained:
                 break
             best = {'rate': rate} | result
-        results[f'{setup}, {SIDES[kind]}² pixels'] = best
+        results[f'{setup}, {SIDES[kind]}² pixels'] = best or {'sustained': 'none of the rates'}
     return results
 
 
@@ -212,8 +213,8 @@ def measure_endurance(flight: Flight, folder: pathlib.Path, *, minutes: float, r
         n_whole = len(system.sent_s)
         system.wait(lambda: len(system.images) >= n_whole, 'the last image')
         losses = system.losses()
-        latency = [(i.time_s - begun, i.time_s - system.sent_s[n])
-                   for n, i in enumerate(system.images) if n in system.sent_s]
+        latency = [(i.time_s - begun, i.time_s - system.sent_s[i.aperture])
+                   for i in system.images if i.aperture in system.sent_s]
     half = [s for s in samples if s[0] > seconds / 4]  # after what is allocated once
     times, memory = np.array(half).T
     arrived, waited = np.array(latency).T
@@ -239,7 +240,12 @@ def main() -> None:
     parser.add_argument('--setup', choices=SETUPS, default='sar_pipeline', help='of it')
     parser.add_argument('--bag', type=pathlib.Path, default=pathlib.Path('out/bags/live_flight'))
     parser.add_argument('--output', type=pathlib.Path, default=RESULTS)
+    parser.add_argument('--setups', nargs='+', choices=SETUPS, default=list(SETUPS),
+                        help='of the other parts')
     arguments = parser.parse_args()
+    for setup in set(SETUPS) - {*arguments.setups, arguments.setup}:
+        del SETUPS[setup]
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends the nodes, too
     os.environ.update(isolated_environment())
     flight = Flight(arguments.bag)
     results = json.loads(arguments.output.read_text()) if arguments.output.exists() else {}
@@ -251,7 +257,8 @@ def main() -> None:
                     setup=arguments.setup)
             else:
                 found = PARTS[part](flight, pathlib.Path(folder))
-        results[part] = {'load': round(os.getloadavg()[0], 1), 'results': found}
+        results[part] = {'load': round(os.getloadavg()[0], 1),
+                         'results': results.get(part, {}).get('results', {}) | found}
         results['machine'] = machine() | {'numba_threads': numba.get_num_threads()}
         arguments.output.parent.mkdir(parents=True, exist_ok=True)
         arguments.output.write_text(json.dumps(results, indent=1) + '\n')

@@ -17,9 +17,10 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image
 from std_msgs.msg import Float32MultiArray
 
+from sar_imaging.simulation.scenarios import START_NS
 from sar_imaging.tools.node_processes import NO_LOG_FILES, NodeProcesses
 
-from .live_flight import PULSES_PER_APERTURE, Message
+from .live_flight import PRF_HZ, PULSES_PER_APERTURE, Message
 
 PATIENCE_S = 60.0
 TICKS_PER_S = os.sysconf('SC_CLK_TCK')
@@ -32,7 +33,7 @@ LOSSES = ('pulses_missing', 'pulses_late', 'pulses_corrupt', 'blocks_dropped', '
 class Received:
     """An image that came."""
 
-    stamp_ns: int
+    aperture: int
     time_s: float  # on time.monotonic
     data: bytes
 
@@ -104,8 +105,9 @@ class System:
 
     def _on_image(self, message: Image) -> None:
         stamp = message.header.stamp
-        self.images.append(Received(stamp.sec * 10**9 + stamp.nanosec, time.monotonic(),
-                                    bytes(message.data)))
+        seconds = (stamp.sec * 10**9 + stamp.nanosec - START_NS) / 1e9
+        self.images.append(Received(int(seconds * PRF_HZ) // PULSES_PER_APERTURE,
+                                    time.monotonic(), bytes(message.data)))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
