@@ -23,6 +23,7 @@ _SEEN_RAD = 0.1  # combinations with less phase than this at their expected size
 _WITHIN_SEGMENT_RAD = 1.0  # phase that may remain within the segments of the first level
 _SUBAPERTURES_PER_SEGMENT = 16
 _FEWEST_SUBAPERTURES = 96
+_FARTHEST = 3.0  # change of a combination at one level, in expected errors
 
 
 def sharpness(tiles: Tiles, change_m) -> tuple[float, np.ndarray]:
@@ -185,7 +186,10 @@ def _climb(tiles: Tiles, model: GeometryModel, start, basis):
         value, slope = sharpness(tiles, tiles.half_path_change(model(parameters)))
         return -value / first, -np.einsum('ku,kuz->z', slope, jacobian) / first
 
+    # Trial steps of the line search stay where the model makes sense.
+    reach = _FARTHEST / np.linalg.norm(basis / model.scale[:, None], axis=0)
     found = minimize(cost, np.zeros(basis.shape[1]), jac=True, method='L-BFGS-B',
+                     bounds=np.stack([-reach, reach], axis=1),
                      options={'maxiter': 12 if coarse else 40, 'ftol': 1e-4 if coarse else 1e-9})
     return start + basis @ found.x, found.nfev
 
