@@ -42,6 +42,7 @@ SETUPS = {'separate nodes': (NODES, 'image'), 'sar_pipeline': (PIPELINE, 'image'
           'sar_pipeline, AFBP': (PIPELINE, 'subapertures')}
 SIDES = {'flight': 512, 'latency': 1024, 'transport': 16}  # pixels
 TRIAL_APERTURES = 5
+QUEUE_BLOCKS = 512  # a busy moment of the machine is no loss: half a minute of blocks
 RATES = (1, 1.5, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 LATENCY_LIMIT_S = 2.0  # at a rate that can be sustained the queues stay short
 
@@ -55,6 +56,8 @@ def make_system(setup: str, truth: dict, folder: pathlib.Path, n_side: int | Non
                                   'n_y': n_side, 'spacing_m': map_grid.spacing_m}}
     names, mode = SETUPS[setup]
     parameters = parameters_from_truth(truth, mode)
+    for values in parameters.values():
+        values['worker_queue_size'] = QUEUE_BLOCKS
     if sliding:
         parameters['backprojection']['subapertures.sliding'] = True
     if names == PIPELINE:
