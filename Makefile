@@ -54,7 +54,7 @@ lint: environment
 # FAULT_SEED and FAULT_ROUNDS choose the random numbers; a failed test's name has its seed.
 fault-campaign: environment
 	@FAULT_SEED=$${FAULT_SEED:-$$(date +%s)} FAULT_ROUNDS=$${FAULT_ROUNDS:-20} \
-	    $(RUN) -m pytest test/nodes/test_fault_campaign.py
+	    $(RUN) -m pytest -m campaign test/nodes/test_fault_campaign.py
 
 # The commands of bags/README.md.
 bags: environment

@@ -19,6 +19,8 @@ from msg_conversions.images import complex_from_message, map_metadata_from_messa
 from sar_imaging.tools import bag_io
 from sar_imaging.tools.node_processes import AFBP_NODES, NODES, PIPELINE
 
+pytestmark = pytest.mark.campaign
+
 LARGEST_ERROR_DB = {'image': -80.0, 'subapertures': -60.0}  # what is planned for by default
 # From the first image. Sums of float32 in another order: 1e-6. The plan of AFBP depends on how
 # its track was foreseen, so images differ by their errors. One missing pulse of 200: 5e-3.
