@@ -1,6 +1,7 @@
 """All stages in one process: the images of the separate nodes, to the last bit."""
 
 import dataclasses
+import re
 
 import numpy as np
 from nav_msgs.msg import OccupancyGrid
@@ -109,7 +110,8 @@ def test_a_pipeline_that_cannot_keep_up_leaves_out_whole_apertures(make_chain, p
     observer.wait_for_counters('sar_pipeline', part='backprojection', images_published=n_images,
                                pulses_missing=0)
     log = chain.log('sar_pipeline')
-    assert log.count('is left out: 10 blocks wait already') == 9 - n_images
+    # The worker may take a block between the refusal and its report.
+    assert len(re.findall(r'is left out: \d+ blocks wait already', log)) == 9 - n_images
     assert log.count(f'{length} pulses, missing none') == n_images
     for image in observer.wait_for('image_complex', n_images):
         error_db = psf.error_db(complex_from_message(image), grid, np.arange(length))
