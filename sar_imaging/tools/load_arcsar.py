@@ -20,9 +20,8 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.pulses import PulseBlock
 
-from .bag_io import BagError, check_target, make_truth, write_bag
-from .load_gotcha import split
-from .simulate import run_writing, with_progress
+from .bag_io import BagError, make_truth
+from .load_gotcha import convert
 
 RADIUS_M = 0.2105  # of the antenna's circle, found by focusing
 N_SAMPLES = 256
@@ -122,15 +121,8 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-
-    def write() -> str:
-        check_target(arguments.output, overwrite=arguments.force)
-        block = read_file(arguments.file, radius_m=arguments.radius)
-        count = write_bag(arguments.output, with_progress(split(block), block.n_pulses),
-                          arc_truth(block), overwrite=arguments.force)
-        return f'{arguments.output}: {block.n_pulses} pulses in {count} messages'
-
-    return run_writing(write)
+    return convert(lambda: read_file(arguments.file, radius_m=arguments.radius), arc_truth,
+                   arguments.output, overwrite=arguments.force)
 
 
 if __name__ == '__main__':

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -159,19 +159,36 @@ def split(block: PulseBlock, pulses_per_message: int = PULSES_PER_MESSAGE) -> It
         yield block.select(slice(first, first + pulses_per_message))
 
 
+def convert(read: Callable[[], PulseBlock], truth: Callable[[PulseBlock], dict], output: Path, *,
+            overwrite: bool) -> int:
+    """Write what was measured as a bag; returns the exit status of the program.
+
+    Parameters
+    ----------
+    read : callable
+        Reads the whole measurement; called once the target was checked.
+    truth : callable
+        Truth of the recording, see `bag_io.make_truth`.
+    output : Path
+        Bag folder to make.
+    overwrite : bool
+        Replace an existing bag.
+    """
+    def write() -> str:
+        check_target(output, overwrite=overwrite)
+        block = read()
+        count = write_bag(output, with_progress(split(block), block.n_pulses), truth(block),
+                          overwrite=overwrite)
+        return f'{output}: {block.n_pulses} pulses in {count} messages'
+
+    return run_writing(write)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-
-    def write() -> str:
-        check_target(arguments.output, overwrite=arguments.force)
-        block = read_folder(arguments.folder)
-        blocks = with_progress(split(block), block.n_pulses)
-        count = write_bag(arguments.output, blocks, gotcha_truth(block),
-                          overwrite=arguments.force)
-        return f'{arguments.output}: {block.n_pulses} pulses in {count} messages'
-
-    return run_writing(write)
+    return convert(lambda: read_folder(arguments.folder), gotcha_truth, arguments.output,
+                   overwrite=arguments.force)
 
 
 if __name__ == '__main__':
