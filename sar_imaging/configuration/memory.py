@@ -56,32 +56,34 @@ def node_memory(imaging: Imaging, n_pixels: int, *, block_bytes: int, profile_bl
     -------
     tuple of NodeMemory
     """
-    q, w = imaging.queue_depth, imaging.worker_queue_size
+    q = imaging.queue_depth
 
     def waiting(n_bytes):
-        """Blocks in the middleware and in front of the worker."""
-        return q * n_bytes + min(w * n_bytes, 1e6 * imaging.worker_queue_megabytes)
+        """Most blocks in front of the worker."""
+        return min(imaging.worker_queue_size,
+                   max(1, int(1e6 * imaging.worker_queue_megabytes / n_bytes)))
 
     products = n_pixels * PRODUCT_BYTES * PRODUCTS_KEPT
     image = n_pixels * IMAGE_BYTES
+    w, w_profiles = waiting(block_bytes), waiting(profile_block_bytes)
     sizes = {
-        'pulse_buffer': (waiting(block_bytes) + q * block_bytes
+        'pulse_buffer': ((q + w + q) * block_bytes
                          + imaging.reorder_window_pulses * pulse_bytes,
                          f'({q} + {w} + {q}) blocks + reorder window'),
-        'range_compression': (waiting(block_bytes) + q * profile_block_bytes,
+        'range_compression': ((q + w) * block_bytes + q * profile_block_bytes,
                               f'({q} + {w}) blocks + {q} blocks of profiles'),
     }
     if imaging.mode == 'image':
         sizes['backprojection'] = (
-            waiting(profile_block_bytes) + (1 + POLAR_IMAGES) * image + products,
-            f'({q} + {w}) blocks of profiles + {1 + POLAR_IMAGES:g} x 8 B/pixel + '
+            (q + w_profiles) * profile_block_bytes + (1 + POLAR_IMAGES) * image + products,
+            f'({q} + {w_profiles}) blocks of profiles + {1 + POLAR_IMAGES:g} x 8 B/pixel + '
             f'{PRODUCTS_KEPT} x {PRODUCT_BYTES} B/pixel')
     else:
         n = 2 if imaging.subaperture_sliding else 1
         sizes['backprojection'] = (
-            waiting(profile_block_bytes) + n * aperture_bytes + POLAR_IMAGES * image,
-            f'({q} + {w}) blocks of profiles + profiles of {n} aperture(s) + {POLAR_IMAGES:g} x 8 '
-            'B/pixel')
+            (q + w_profiles) * profile_block_bytes + n * aperture_bytes + POLAR_IMAGES * image,
+            f'({q} + {w_profiles}) blocks of profiles + profiles of {n} aperture(s) + '
+            f'{POLAR_IMAGES:g} x 8 B/pixel')
         sizes['afbp_fusion'] = (
             (1 + SPECTRUM_IMAGES + POLAR_IMAGES) * image + products,
             f'{1 + SPECTRUM_IMAGES + POLAR_IMAGES:g} x 8 B/pixel + {PRODUCTS_KEPT} x '

@@ -131,7 +131,7 @@ class Imaging:
     pulses_per_block: int = 32
     reorder_window_pulses: int = 128
     queue_depth: int = 50
-    worker_queue_size: int = 50
+    worker_queue_size: int = 512
     worker_queue_megabytes: float = 512.0
     max_message_elements: int = 2**26
     max_image_pixels: int = 2**25

@@ -28,7 +28,7 @@ COMMON_PARAMETERS = (
               'pulses', 1, 2**31 - 1),
     Parameter('queue_depth', 50, 'Depth of the reliable queues of the middleware for pulse '
               'blocks, in and out; covers the largest burst.', 'messages', 1, 10_000),
-    Parameter('worker_queue_size', 50, 'Blocks that may wait for the worker thread.', 'blocks',
+    Parameter('worker_queue_size', 512, 'Blocks that may wait for the worker thread.', 'blocks',
               1, 10_000),
     Parameter('worker_queue_megabytes', 512.0, 'Memory that the waiting blocks may take.', 'MB',
               0.1, 1e6),

@@ -24,8 +24,8 @@ from sar_imaging.signal.sequence import counter_distance
 
 from .bag_io import deserialise
 
-# What may be on its way through the nodes: below the depth of their queues (50 messages, and 50
-# blocks of 32 pulses behind pulse_buffer) and of the shared memory segment.
+# What may be on its way through the nodes: below the depth of the middleware's queues (50
+# messages of 32 pulses behind pulse_buffer) and of the shared memory segment.
 MAX_MESSAGES = 40
 MAX_PULSES = 1024
 MAX_BYTES = 8_000_000
