@@ -2,7 +2,7 @@
 
 It sums, for every pixel, ``s_mn(D) exp(+j k_c D)`` over the rows of a block (a row is
 one channel of one pulse; D is half the two-way path). Geometry is float64, samples and
-accumulators float32. The range profile arrives as cubic polynomials per lattice interval
+accumulators float32. The range profile arrives as a polynomial of degree 4 per lattice interval
 (`interpolation`); a position on the lattice is ``v = (D - R0) / step = n + t`` with an integer n,
 and the carrier phase there is ``cycles_per_step * v`` plus a constant, of which only the fraction
 of a cycle is kept, in float64, before it becomes float32.
@@ -13,9 +13,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..compilation import njit, numba
+from .interpolation import LINE_DEGREE
 
 LINES = 32  # image lines whose geometry is computed together
 SINCOS_ERROR_DB = -108.0
+_PLANES = 2 * (LINE_DEGREE + 1)
 
 # exp(j 2 pi c) for |c| <= 1/2 as minimax polynomials in c^2; rms error 4e-6 (sine), 6e-7 (cosine)
 _S1, _S3, _S5, _S7, _S9 = (np.float32(v) for v in (
@@ -78,7 +80,7 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
 
     Parameters
     ----------
-    planes : (R * U * 8 * n,) float32
+    planes : (R * U * 10 * n,) float32
         `interpolation.polynomial_planes`; the first and last `segment` cells are zero.
     shape : tuple of int
         ``(R, U, n)``: rows, lattice positions per cell, cells.
@@ -165,10 +167,10 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
                         cycles_per_step * (n - shared) + cycles_zero)
                     # A segment outside the profile reads padding only.
                     cell = min(max(cell, -1.0 * half), n_cells - 2.0 * segment + half)
-                    base[task, j] = np.int64(phase * 8.0 * n_cells + cell + half)
+                    base[task, j] = np.int64(phase * (1.0 * _PLANES) * n_cells + cell + half)
                 for j in range(LINES):
                     _expand_phasor(coefficients, task, j, turns, half)
-                offset = row * n_phases * 8 * n_cells
+                offset = row * n_phases * _PLANES * n_cells
                 for j in range(count):
                     k0, k1 = coefficients[task, 0, j], coefficients[task, 1, j]
                     k2, k3 = coefficients[task, 2, j], coefficients[task, 3, j]
@@ -180,20 +182,22 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
                     r1 = r0 + p
                     r2 = r1 + p
                     r3 = r2 + p
-                    i0 = r3 + p
+                    r4 = r3 + p
+                    i0 = r4 + p
                     i1 = i0 + p
                     i2 = i1 + p
                     i3 = i2 + p
+                    i4 = i3 + p
                     w = np.uint64((task * LINES + j) * segment)
                     for i in range(length):
                         f = index[i]
                         t = k0 + f * (k1 + f * k2)
                         cosine = k3 + f * (k5 + f * (k7 + f * k9))
                         sine = k4 + f * (k6 + f * (k8 + f * k10))
-                        re = planes[r0 + i] + t * (planes[r1 + i]
-                                                   + t * (planes[r2 + i] + t * planes[r3 + i]))
-                        im = planes[i0 + i] + t * (planes[i1 + i]
-                                                   + t * (planes[i2 + i] + t * planes[i3 + i]))
+                        re = planes[r0 + i] + t * (planes[r1 + i] + t * (
+                            planes[r2 + i] + t * (planes[r3 + i] + t * planes[r4 + i])))
+                        im = planes[i0 + i] + t * (planes[i1 + i] + t * (
+                            planes[i2 + i] + t * (planes[i3 + i] + t * planes[i4 + i])))
                         work_re[w + i] += re * cosine - im * sine
                         work_im[w + i] += re * sine + im * cosine
             for j in range(count):

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.fft
 
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
-from .interpolation import Interpolator, design_interpolator
+from .interpolation import LINE_DEGREE, Interpolator, design_interpolator
 from .kernels import SINCOS_ERROR_DB
 
 ROWS_PER_PASS = 32  # rows that share the reference for the phase along a segment
@@ -216,7 +216,7 @@ def _candidates(slopes, errors, spacing, radar, n_padded, n_cells, cell, phases,
     drift = max(abs(slope * spacing - cell) for slope in slopes) * half
     if oversampling <= 1.25 or drift > 2 * step:
         return
-    interpolator = design_interpolator(oversampling, drift / step)
+    interpolator = design_interpolator(oversampling, drift / step, degree=LINE_DEGREE)
     predicted = total_db(interpolator.error_db, *(
         20 * math.log10(error * (spacing * half) ** power + 1e-12) for power, error in errors))
     if predicted <= target_db:

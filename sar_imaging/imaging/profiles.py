@@ -9,7 +9,7 @@ import scipy.fft
 
 from ..compilation import njit, numba
 from ..signal.radar import RadarParameters
-from .interpolation import N_PLANES, TAPS, polynomial_planes
+from .interpolation import TAPS, polynomial_planes
 from .lattice import ROWS_PER_PASS, Lattice
 from .range_window import RangeWindow
 
@@ -61,7 +61,7 @@ class Profiles:
 
     def chunks(self, n_rows: int):
         """Slices of rows that are added in one pass."""
-        row = N_PLANES * 4 * self.lattice.n_phases * self._count
+        row = 4 * self.lattice.interpolator.n_planes * self.lattice.n_phases * self._count
         step = min(ROWS_PER_PASS, max(numba.get_num_threads(), _CHUNK_BYTES // row))
         return (slice(lo, min(lo + step, n_rows)) for lo in range(0, n_rows, step))
 
@@ -75,8 +75,8 @@ class Profiles:
 
         Returns
         -------
-        (R, U, 8, n) float32
-            Valid until the next call, which writes to the same memory: fresh memory for every
+        (R, U, 2 * (degree + 1), n) float32
+            As `polynomial_planes` makes them. Valid until the next call, which writes to the same memory: fresh memory for every
             few profiles costs as much as filling it.
         """
         lattice, workers = self.lattice, numba.get_num_threads()
@@ -91,8 +91,8 @@ class Profiles:
                              np.float32)
         _split_phases(dense.reshape(-1).view(np.float32), lattice.n_cells, self._first - TAPS,
                       *parts)
-        planes = self._buffer('planes', (n_rows, lattice.n_phases, N_PLANES, self._count),
-                              np.float32)
+        planes = self._buffer('planes', (n_rows, lattice.n_phases, lattice.interpolator.n_planes,
+                                         self._count), np.float32)
         polynomial_planes(*parts, lattice.interpolator.weights, lattice.interpolator.first,
                           planes)
         planes[..., :self._pad], planes[..., self._count - self._pad:] = 0.0, 0.0

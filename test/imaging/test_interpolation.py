@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from sar_imaging.imaging.interpolation import (
-    N_PLANES,
+    LINE_DEGREE,
+    POINT_DEGREE,
     TAPS,
     design_interpolator,
     polynomial_planes,
@@ -14,20 +15,21 @@ from sar_imaging.imaging.interpolation import (
 def _planes(samples, interpolator, phases=1):
     dense = np.pad(samples.reshape(-1, phases).T, ((0, 0), (TAPS, TAPS)))[None]
     real, imag = (np.ascontiguousarray(a, np.float32) for a in (dense.real, dense.imag))
-    out = np.empty((1, phases, N_PLANES, len(samples) // phases), np.float32)
+    out = np.empty((1, phases, interpolator.n_planes, len(samples) // phases), np.float32)
     polynomial_planes(real, imag, interpolator.weights, interpolator.first, out)
     return out[0]
 
 
 def _evaluate(planes, phase, cell, t):
-    c = planes[phase, :4, cell] + 1j * planes[phase, 4:, cell]
-    return np.polynomial.polynomial.polyval(t, c)
+    real, imag = np.split(planes[phase, :, cell], 2)
+    return np.polynomial.polynomial.polyval(t, real + 1j * imag)
 
 
 @pytest.mark.parametrize('oversampling', [1.6, 2.5, 4.0])
 @pytest.mark.parametrize('margin', [0.0, 0.3])
-def test_predicted_error_is_the_measured_one(oversampling, margin):
-    interpolator = design_interpolator(oversampling, margin)
+@pytest.mark.parametrize('degree', [POINT_DEGREE, LINE_DEGREE])
+def test_predicted_error_is_the_measured_one(oversampling, margin, degree):
+    interpolator = design_interpolator(oversampling, margin, degree=degree)
     rng = np.random.default_rng(3)
     error = power = 0.0
     for frequency in rng.uniform(-0.5, 0.5, 40) / oversampling:
