@@ -16,6 +16,7 @@ import scipy.fft
 from ..compilation import njit, numba
 from .fusion_error import edge_taper
 from .fusion_grid import FusionGrid
+from .transform_length import quick_length
 
 _BLOCK = 64  # tile of the transposition
 _LINES_PER_CALL = 256  # of the fused image, bounds the work space
@@ -45,7 +46,7 @@ class SpectrumFusion:
     def __init__(self, grid: FusionGrid, *, keep: bool = False):
         self.grid, self._keep = grid, keep
         coarse = grid.coarse
-        self._n_range = scipy.fft.next_fast_len(coarse.n_range)
+        self._n_range = quick_length(coarse.n_range)
         step = 2 * math.pi / (self._n_range * coarse.range_spacing_m)
         # Tapers widen the band by little more than the inverse of the guards' length.
         margin = 4 * 2 * math.pi / (grid.range_guard * coarse.range_spacing_m)

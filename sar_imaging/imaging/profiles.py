@@ -76,7 +76,8 @@ class Profiles:
         Returns
         -------
         (R, U, 2 * (degree + 1), n) float32
-            As `polynomial_planes` makes them. Valid until the next call, which writes to the same memory: fresh memory for every
+            As `polynomial_planes` makes them. Valid until the next call, which writes to the same
+            memory: fresh memory for every
             few profiles costs as much as filling it.
         """
         lattice, workers = self.lattice, numba.get_num_threads()
