@@ -15,7 +15,6 @@ import scipy.fft
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .fusion_error import mean_error, taper_shape
-from .lattice import slope_along
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 _GAP = 4.0  # times the usual distance between pulses
@@ -25,6 +24,7 @@ _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 _COST_COARSE, _COST_FINE, _COST_SUBAPERTURE = 24.0, 18.0, 1e6
 _LEAST_RANGE_GUARD = 16
 _ROWS_FOR_ERROR = 96
+_NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
 _ROUNDING = 0.25  # of a band's middle to a bin, on average
 
 
@@ -43,12 +43,18 @@ class Bands:
         Lowest and highest of the band, rad/m.
     half_range : float
         Largest frequency along range, relative to the carrier's, rad/m.
+    range_m : (float, float)
+        Smallest and largest half path to the points, metres.
+    by_range : (float, float)
+        Smallest and largest derivative of the half paths by range.
     """
 
     slope: np.ndarray
     position: np.ndarray
     wavenumber: tuple[float, float]
     half_range: float
+    range_m: tuple[float, float]
+    by_range: tuple[float, float]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,16 +126,30 @@ def local_bands(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Bands:
     alpha = polar.alpha[0] + share * (polar.alpha[-1] - polar.alpha[0])
     position, along_range = polar.lines(r, alpha)[:2]
     along_alpha = polar.by_direction(r, alpha)
-    rows = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
-    by_range = slope_along(*rows, position, along_range)
-    if by_range.min() <= 0.1:
+    length, by_range, slope = _half_paths(tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), position,
+                                          along_range, along_alpha)
+    extremes = float(by_range.min()), float(by_range.max())
+    if extremes[0] <= 0.1:
         raise ValueError('range does not grow along the lines of the polar grid; it lies beside '
                          'or behind the track, use Backprojector')
-    slope = slope_along(*rows, position, along_alpha) / by_range
+    slope /= by_range
     half = 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
     k = radar.wavenumber_rad_per_m
-    half_range = half * by_range.max() + (k + half) * np.abs(by_range - 1).max()
-    return Bands(slope, share, (k - half, k + half), float(half_range))
+    half_range = half * extremes[1] + (k + half) * max(1 - extremes[0], extremes[1] - 1)
+    return Bands(slope, share, (k - half, k + half), half_range,
+                 (float(length.min()), float(length.max())), extremes)
+
+
+def _half_paths(tx_m, rx_m, position, *directions) -> np.ndarray:
+    """(1 + D, R, S) half paths from rows to points, and their derivatives along directions."""
+    found = np.zeros((1 + len(directions), len(tx_m), len(position)))
+    for centre in (tx_m, rx_m):
+        offset = [position[:, axis] - centre[:, axis, None] for axis in range(3)]
+        length = np.maximum(np.sqrt(sum(o ** 2 for o in offset)), _NEAREST_M)
+        found[0] += 0.5 * length
+        for total, direction in zip(found[1:], directions, strict=True):
+            total += 0.5 * sum(o * d for o, d in zip(offset, direction.T, strict=True)) / length
+    return found
 
 
 def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, row_cost: float,

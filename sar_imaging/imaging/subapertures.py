@@ -26,6 +26,7 @@ from .subaperture_sampling import Bands, choose_sampling, fusion_error, local_ba
 _SAMPLES_PER_SIDE = 5  # grid positions at which the paths are bounded
 _ROWS_FOR_PATHS = 512  # enough to bound how paths differ along a line
 _SAMPLING_SLACK = 0.02  # of what is bounded
+_DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
 LENGTHS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  # pulses to choose from
 
 
@@ -51,20 +52,28 @@ class Limits:
     half_range: float
 
     @classmethod
-    def of(cls, length, slope, bands: Bands) -> Limits:
-        """Extremes of half paths, of their derivative by range and of local frequencies."""
-        return cls((float(length.min()), float(length.max())),
-                   (float(slope.min()), float(slope.max())),
-                   float(np.abs(bands.slope).max()), bands.half_range)
+    def of(cls, bands: Bands) -> Limits:
+        """Extremes of half paths, of their derivatives and of local frequencies."""
+        return cls(bands.range_m, bands.by_range, float(np.abs(bands.slope).max()),
+                   bands.half_range)
 
-    def contain(self, other: Limits) -> bool:
-        """True when what was planned for these limits holds for the other ones, too."""
-        def within(a, b):
+    def contain(self, other: Limits, slope_slack: float = 0.0) -> bool:
+        """True when what was planned for these limits holds for the other ones, too.
+
+        Parameters
+        ----------
+        other : Limits
+            Those of other phase centres.
+        slope_slack : float
+            By how much the half paths' slopes by range may exceed those planned for.
+        """
+        def within(a, b, least=0.0):
             # The extremes of samples miss the true ones by less than this.
-            slack = _SAMPLING_SLACK * (b[1] - b[0])
+            slack = max(_SAMPLING_SLACK * (b[1] - b[0]), least)
             return b[0] - slack <= a[0] and a[1] <= b[1] + slack
 
-        return (within(other.range_m, self.range_m) and within(other.slope, self.slope)
+        return (within(other.range_m, self.range_m)
+                and within(other.slope, self.slope, slope_slack)
                 and within((0.0, other.slope_m), (0.0, self.slope_m))
                 and within((0.0, other.half_range), (0.0, self.half_range)))
 
@@ -146,7 +155,10 @@ class SubaperturePlan:
         self.lattice = self._plan_lattice(paths, window.n_samples, lattice_db)
         self.predicted_error_db = total_db(self.lattice.predicted_error_db, self.sampling.error_db)
         self.warnings = tuple(_cut_warnings(radar, self.n_samples, paths.length, guard))
-        self.limits = Limits.of(paths.length, paths.derivatives[0], bands)
+        self.limits = Limits.of(bands)
+        # Slopes as far beyond let pixels drift by this over half a segment, seen from the lattice.
+        self._slope_slack = 2 * _DRIFT_SLACK * self.lattice.step_m / (
+            max(self.lattice.segment, 1) * self.lattice.spacing)
         self._lines = PolarLines(self.coarse, Profiles(radar, self.lattice, window, range_m))
 
     def _plan_lattice(self, paths, n_samples, target_db):
@@ -192,8 +204,7 @@ class SubaperturePlan:
             Range does not grow along the lines of the grid.
         """
         bands = local_bands(self.polar, tx_m, rx_m, self.radar)
-        paths = _paths(self.polar, tx_m, rx_m)
-        within = self.limits.contain(Limits.of(paths.length, paths.derivatives[0], bands))
+        within = self.limits.contain(Limits.of(bands), self._slope_slack)
         centre = 0.5 * float(bands.slope.min() + bands.slope.max())
         error = fusion_error(self.sampling, self.polar, bands, slice(None),
                              np.full(len(bands.slope), centre))
