@@ -129,23 +129,41 @@ def summary(rows) -> dict:
     return out
 
 
+def measure_case(seed: int) -> dict:
+    """Row of one of `CASES`."""
+    size = random_size(CASES[seed], np.random.default_rng([seed, 7]))
+    row = {'seed': seed} | measure(flawed_aperture(CASES[seed], size, seed))
+    tqdm.write(json.dumps(row))
+    return row
+
+
 def main() -> None:
     """Measure and write the results, which grow case by case."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n', 1)[0])
     parser.add_argument('--output', type=pathlib.Path, default=RESULTS)
     parser.add_argument('--every', type=int, default=1, metavar='N', help='only every N-th case')
+    parser.add_argument('--again', type=int, nargs='+', metavar='SEED',
+                        help='measure these cases again and leave the other results as they are')
     arguments = parser.parse_args()
-    results = {'machine': machine(), 'summary': {}, 'cost': [], 'cases': []}
-    for seed, kind in tqdm(list(enumerate(CASES))[::arguments.every]):
-        size = random_size(kind, np.random.default_rng([seed, 7]))
-        row = {'seed': seed} | measure(flawed_aperture(kind, size, seed))
-        results['cases'].append(row)
+
+    def write():
         results['summary'] = summary(results['cases'])
-        tqdm.write(json.dumps(row))
         arguments.output.write_text(json.dumps(results, indent=1) + '\n')
+
+    if arguments.again:
+        results = json.loads(arguments.output.read_text())
+        rows = {row['seed']: row for row in results['cases']}
+        rows |= {seed: measure_case(seed) for seed in arguments.again}
+        results['cases'] = [rows[seed] for seed in sorted(rows)]
+        write()
+        return
+    results = {'machine': machine(), 'summary': {}, 'cost': [], 'cases': []}
+    for seed in tqdm(range(0, len(CASES), arguments.every)):
+        results['cases'].append(measure_case(seed))
+        write()
     for size in ((28.0, 512), (126.0, 2048)):
         results['cost'].append(measure_cost(*size))
-        arguments.output.write_text(json.dumps(results, indent=1) + '\n')
+        write()
 
 
 if __name__ == '__main__':

@@ -20,8 +20,11 @@ from .search import search
 _logger = logging.getLogger(__name__)
 _FEWEST_TO_CLAIM = 4  # bright points without which success is not claimed
 _FEWEST_TO_ABSORB = 12
+_FEWEST_PULSES = 32  # below it there is no telling a phase error from the scene
 _APART = 4.0  # bright points stand so many range resolutions apart
-_LEAST_COHERENCE = 0.8  # of points that are focused; 0.92 to 0.97 are usual, 0.6 was wrong
+# Of points that are focused; 0.89 to 0.97 are usual, 0.56 and 0.76 were wrong.
+_LEAST_COHERENCE = 0.8
+_WORST_DB = -14.0  # estimated error of an image that may replace another
 _VARYING_RAD = 0.03  # smooth phase over the scene from which the model is asked again
 _MOST_PASSES = 2
 _PHASES_TO_JUDGE = 128  # where none are to be corrected
@@ -56,6 +59,8 @@ class AutofocusReport:
         Part of each that the image does not determine, in its unit.
     correction_m : float
         Rms change of the half path to the scene's middle, without constant and line, metres.
+    largest_move_m : float
+        Largest displacement of a phase centre, metres.
     n_points : int
         Bright points used.
     """
@@ -72,6 +77,7 @@ class AutofocusReport:
     parameters: dict[str, float] = dataclasses.field(default_factory=dict)
     uncertainty: dict[str, float] = dataclasses.field(default_factory=dict)
     correction_m: float = 0.0
+    largest_move_m: float = 0.0
     n_points: int = 0
 
     def __str__(self) -> str:
@@ -117,8 +123,9 @@ class Autofocus:
     scale_m : float
         Expected size of the track error, metres, for the default model.
     n_phases : int
-        Most phases of the residual correction, each shared by neighbouring pulses; 0 leaves it
-        out.
+        Most phases of the residual correction, each shared by neighbouring pulses. 0 leaves it
+        out: then the unknowns of the model are too few to invent points, and the decision is left
+        to contrast and entropy.
     n_points : int
         Bright points used.
     margin : float
@@ -168,7 +175,8 @@ class Autofocus:
         Returns
         -------
         AutofocusResult
-            Never an image with less contrast than the original.
+            The corrected image only where its contrast is higher by the margin, its entropy
+            lower, its points are in phase and its estimated error is small.
 
         Raises
         ------
@@ -179,6 +187,9 @@ class Autofocus:
         if not np.any(image):
             return AutofocusResult(image, block, AutofocusReport(
                 False, False, 'the image is zero everywhere', 0.0, 0.0, 0.0, 0.0))
+        if block.n_pulses < _FEWEST_PULSES:
+            return self._unchanged(block, image, f'{block.n_pulses} pulses are too few, at least '
+                                   f'{_FEWEST_PULSES} are needed')
         points = bright_points(image, self.grid, block, max(self._n_points // 3, 1))
         model = self._model(block)
         found = search(block, model, points)
@@ -194,7 +205,8 @@ class Autofocus:
             'n_points': len(points),
             'parameters': dict(zip(model.names, parameters.tolist(), strict=True)),
             'uncertainty': dict(zip(model.names, found.uncertainty.tolist(), strict=True)),
-            'correction_m': self._correction(block, geometry)}
+            'correction_m': self._correction(block, geometry),
+            'largest_move_m': _largest_move(block, corrected)}
         return self._decide(block, image, corrected, details)
 
     def _finish(self, block, model, parameters, points):
@@ -228,8 +240,8 @@ class Autofocus:
         again = self._imager(corrected)
         before, after = contrast(image), contrast(again)
         sharper = after > (1 + self._margin) * before and entropy(again) < entropy(image)
-        known = (details['estimated_error_db'] <= self._claim_db
-                 and details['coherence'] >= _LEAST_COHERENCE
+        in_phase = details['coherence'] >= _LEAST_COHERENCE
+        known = (details['estimated_error_db'] <= self._claim_db and in_phase
                  and details['n_points'] >= _FEWEST_TO_CLAIM)
         if not sharper:
             small = details['correction_m'] * block.radar.wavenumber_rad_per_m
@@ -237,11 +249,13 @@ class Autofocus:
             reason = (f'the image was focused already, to {small:.2f} rad' if focused else
                       f'contrast would change from {before:.4g} to {after:.4g} only')
             return self._unchanged(block, image, reason, success=focused, **details)
-        reason = 'sharper, points in phase'
-        if not known:
-            reason = (f'sharper, but by {details["n_points"]} points the error may be '
-                      f'{details["estimated_error_db"]:.1f} dB and their coherence is '
-                      f'{details["coherence"]:.2f}')
+        doubt = (f'by {details["n_points"]} points the error may be '
+                 f'{details["estimated_error_db"]:.1f} dB and their coherence is '
+                 f'{details["coherence"]:.2f}')
+        if self._n_phases and not (in_phase and details['estimated_error_db'] <= _WORST_DB):
+            return self._unchanged(block, image, f'contrast would change from {before:.4g} to '
+                                   f'{after:.4g}, but {doubt}: perhaps ghosts', **details)
+        reason = 'sharper, points in phase' if known else f'sharper, but {doubt}'
         report = AutofocusReport(True, known, reason, before, after, entropy(image),
                                  entropy(again), **details)
         _logger.info('%s', report)
@@ -267,6 +281,11 @@ class Autofocus:
 
     def _backproject(self, block: PulseBlock) -> np.ndarray:
         return Backprojector(self.grid, block.radar, block.n_samples)(block)
+
+
+def _largest_move(block: PulseBlock, corrected: PulseBlock) -> float:
+    return float(max(np.linalg.norm(after - before, axis=-1).max() for before, after in (
+        (block.tx_m, corrected.tx_m), (block.rx_m, corrected.rx_m))))
 
 
 def bright_points(image, grid: MapGrid, block: PulseBlock, n: int) -> np.ndarray:

@@ -113,8 +113,8 @@ def nominal(block: PulseBlock) -> GeometryModel:
 
 
 def with_track_error(model: GeometryModel, *, degree: int = 5, scale_m: float = 0.05,
-                     axes: Sequence[Sequence[float]] = np.eye(3)) -> GeometryModel:
-    """Add a smooth displacement: Legendre polynomials of the pulse number.
+                     axes: Sequence[Sequence[float]] = np.eye(3), time_s=None) -> GeometryModel:
+    """Add a smooth displacement: Legendre polynomials of the pulses' times.
 
     Parameters
     ----------
@@ -126,14 +126,17 @@ def with_track_error(model: GeometryModel, *, degree: int = 5, scale_m: float = 
         Expected size of each coefficient, metres.
     axes : sequence of (3,) floats
         Directions of the displacement; x, y and z unless told otherwise.
+    time_s : (P,) array_like, optional
+        Ascending times of the pulses, seconds; at equal intervals if left out.
     """
     if degree < 1:
         raise ValueError(f'degree={degree}; expected 1 or more')
     axes = np.asarray(axes, float).reshape(-1, 3)
     names = [f'track_{axis}_{power}_m' for axis in range(len(axes))
              for power in range(1, degree + 1)]
-
-    u = np.linspace(-1.0, 1.0, len(model(model.start).tx_m))
+    n_pulses = len(model(model.start).tx_m)
+    time_s = np.arange(n_pulses) if time_s is None else np.asarray(time_s, float)
+    u = np.interp(time_s, time_s[[0, -1]], [-1.0, 1.0])
     basis = np.polynomial.legendre.legvander(u, degree)[:, 1:]
 
     def change(geometry, coefficients):

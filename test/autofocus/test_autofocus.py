@@ -30,6 +30,11 @@ from sar_imaging.tools.load_arcsar import arm_angles, read_file
 ARC = pathlib.Path(__file__).parents[2] / '../shared/data/arcsar_77ghz/Prova_Esterna_7.bin'
 
 
+# Enough pulses for 30 cycles of vibration, and for errors of 10 wavelengths, at a third of the
+# benchmark's cost.
+SMALL = {'n_pulses': 192, 'half_scene_m': 20.0}
+
+
 def run(case):
     """Result of autofocus and the error of its image against the truth's, dB."""
     model = None
@@ -47,31 +52,55 @@ def run(case):
 @pytest.mark.parametrize(('kind', 'size', 'seed'), [
     ('smooth', 0.3, 1), ('smooth', 10.0, 3), ('vibration', 0.2, 2), ('clock', 0.05, 4)])
 def test_errors_are_corrected_and_success_is_claimed(kind, size, seed):
-    result, error = run(flawed_aperture(kind, size, seed))
+    result, error = run(flawed_aperture(kind, size, seed, **SMALL))
     report = result.report
     assert report.accepted
     assert report.success, report.reason
     assert report.contrast_after > report.contrast_before
-    assert error < -20.0  # the limit that a claim stands for; -26 and better measured
+    assert error < -20.0  # the limit that a claim stands for; -25 and better measured
     # what is claimed is what is found: within 7 dB in all cases of the benchmark
     assert abs(report.estimated_error_db - error) < 10.0
 
 
-def test_what_cannot_be_corrected_is_not_claimed():
-    # One and a half wavelengths of vibration: the tiles agree on a wrong phase, which their peaks
-    # give away.
-    result, error = run(flawed_aperture('vibration', 1.5, 2))
-    assert error > -20.0
+def test_sharper_ghosts_do_not_replace_an_image():
+    # Case 41 of the benchmark: the tiles agree on a wrong phase. Contrast rises from 5.1 to 6.5 and
+    # the error against the truth from -1.2 to 0 dB; the coherence of 0.55 gives it away.
+    case = flawed_aperture('vibration', 0.2182, 41)
+    image = Backprojector(case.grid, case.stated.radar, case.stated.n_samples)(case.stated)
+    result = Autofocus(case.grid, scale_m=0.1).process(case.stated, image)
+    assert not result.report.accepted
     assert not result.report.success
-    assert result.report.contrast_after >= result.report.contrast_before
+    assert 'perhaps ghosts' in result.report.reason
+    assert result.image is image
+    assert result.block is case.stated
+
+
+def test_noise_is_not_focused():
+    case = flawed_aperture('smooth', 0.3, 5, **SMALL)
+    rng = np.random.default_rng(0)
+    noise = (rng.standard_normal(case.stated.samples.shape)
+             + 1j * rng.standard_normal(case.stated.samples.shape))
+    report = Autofocus(case.grid, scale_m=0.1).process(
+        dataclasses.replace(case.stated, samples=noise)).report
+    assert not report.accepted  # though its contrast would rise by a tenth
+    assert not report.success
+    assert 'perhaps ghosts' in report.reason
 
 
 def test_focused_image_is_never_made_worse():
-    case = flawed_aperture('smooth', 1e-6, 5)
+    case = flawed_aperture('smooth', 1e-6, 5, **SMALL)
     report = Autofocus(case.grid, scale_m=0.1).process(case.true).report
     assert report.success
     assert not report.accepted
     assert 'focused already' in report.reason
+
+
+def test_few_pulses_are_left_alone():
+    case = flawed_aperture('smooth', 0.3, 5, n_pulses=31, half_scene_m=5.0)
+    result = Autofocus(case.grid).process(case.stated)
+    assert not result.report.accepted
+    assert '31 pulses are too few, at least 32' in result.report.reason
+    assert result.block is case.stated
 
 
 def test_image_of_zeros_is_left_alone():

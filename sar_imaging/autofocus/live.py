@@ -1,0 +1,73 @@
+"""Autofocus as the nodes use it: what may be wrong with the positions, told by two numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from ..imaging.backprojection import Backprojector
+from ..signal.pulses import PulseBlock
+from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .autofocus import Autofocus
+from .models import GeometryModel, nominal, with_time_offset, with_track_error
+
+_N_PULSES, _N_SAMPLES, _RANGE_M = 64, 128, 1000.0
+
+
+def live_autofocus(grid: MapGrid, *, track_error_m: float = 0.0, time_offset_s: float = 0.0,
+                   target_db: float = -80.0) -> Autofocus:
+    """Autofocus of apertures whose track or clock is not known well.
+
+    Whatever smooth track and offset leave is taken for a phase of each pulse, see `Autofocus`.
+
+    Parameters
+    ----------
+    grid : MapGrid
+        Of the images.
+    track_error_m : float
+        Expected size of a smooth error of the track, metres; 0 where there is none.
+    time_offset_s : float
+        Expected size of an offset between the clocks of pulses and positions, seconds; 0 where
+        there is none.
+    target_db : float
+        Largest error of the images against exact correlation to plan for, dB.
+
+    Returns
+    -------
+    Autofocus
+        Its `process` raises ValueError where the times of the pulses do not ascend.
+    """
+    def model(block: PulseBlock) -> GeometryModel:
+        time_s = (block.stamp_ns - block.stamp_ns[0]) * 1e-9
+        if np.any(np.diff(time_s) <= 0):
+            raise ValueError('the times of the pulses do not ascend; autofocus takes errors for '
+                             'functions of time, give every pulse its own')
+        out = nominal(block)
+        if time_offset_s:
+            out = with_time_offset(out, time_s, scale_s=time_offset_s)
+        if track_error_m:
+            out = with_track_error(out, scale_m=track_error_m, time_s=time_s)
+        return out
+
+    def image(block: PulseBlock) -> np.ndarray:
+        return Backprojector(grid, block.radar, block.n_samples, target_db=target_db)(block)
+
+    return Autofocus(grid, model=model, imager=image)
+
+
+def compile_autofocus() -> None:
+    """Compile the kernels, or load them from the cache, before the first aperture is complete.
+
+    A small aperture with one point is focused. Takes some seconds the first time on a machine and
+    well under one after that.
+    """
+    radar = RadarParameters(10e9, 300e6, 600e6, 2 * (_RANGE_M - 16.0) / SPEED_OF_LIGHT)
+    number = np.arange(_N_PULSES)
+    centres = np.zeros((_N_PULSES, 1, 3))
+    centres[:, 0, 0], centres[:, 0, 1] = -_RANGE_M, number - _N_PULSES / 2
+    half_path = np.linalg.norm(centres[:, 0], axis=-1)
+    profile = radar.range_start_m + np.arange(_N_SAMPLES) * radar.sample_spacing_m
+    samples = (np.sinc((profile - half_path[:, None]) / radar.range_resolution_m)
+               * np.exp(-1j * radar.wavenumber_rad_per_m * half_path)[:, None])
+    block = PulseBlock(radar, True, number * 10**7, number, samples[:, None], centres, centres)
+    live_autofocus(MapGrid((0.0, 0.0, 0.0), 32, 32, 0.25), track_error_m=0.01).process(block)
