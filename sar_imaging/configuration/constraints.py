@@ -7,6 +7,7 @@ import math
 
 from ..signal.radar import SPEED_OF_LIGHT
 from .derived import Derived, pulse_duration_s
+from .memory import IMAGE_BYTES, LEAST_IMAGES
 from .settings import Acquisition, Imaging, Machine
 
 LEAST_OVERSAMPLING = 1.25  # of profiles, for the interpolation of backprojection
@@ -77,13 +78,14 @@ def check_settings(imaging: Imaging, machine: Machine) -> list[Finding]:
     if n_pixels > imaging.max_image_pixels:
         findings.append(Finding(
             'error', f'the grid has {grid.n_x} x {grid.n_y} pixels, more than max_image_pixels='
-            f'{imaging.max_image_pixels}; raise grid.spacing, or max_image_pixels if memory '
-            'allows'))
-    if 8 * n_pixels > machine.memory_bytes:
+            f'{imaging.max_image_pixels}; raise grid.spacing={grid.spacing_m:g}, or '
+            'max_image_pixels if memory allows'))
+    n_bytes = LEAST_IMAGES * IMAGE_BYTES * n_pixels
+    if n_bytes > machine.memory_bytes:
         findings.append(Finding(
-            'error', f'an image of {grid.n_x} x {grid.n_y} pixels needs '
-            f'{8 * n_pixels / 1e6:.0f} MB, {machine.memory_bytes / 1e6:.0f} MB are available; '
-            'raise grid.spacing or choose a smaller grid'))
+            'error', f'an image of {grid.n_x} x {grid.n_y} pixels and its message need '
+            f'{n_bytes / 1e6:.0f} MB, {machine.memory_bytes / 1e6:.0f} MB are available; raise '
+            f'grid.spacing={grid.spacing_m:g} or choose a smaller grid'))
     return findings
 
 

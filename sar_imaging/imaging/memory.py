@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import os
-import pathlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
 
-_MEMINFO = pathlib.Path('/proc/meminfo')
+try:
+    import resource
+except ImportError:  # not a Unix system
+    resource = None
+
+_MEMINFO = Path('/proc/meminfo')
+_STATM = Path('/proc/self/statm')
+# Limit, use and reclaimable part of a control group, of version 2 and of version 1.
+_GROUP_FILES = {'': ('memory.max', 'memory.current', 'inactive_file'),
+                'memory': ('memory.limit_in_bytes', 'memory.usage_in_bytes',
+                           'total_inactive_file')}
 
 
 def available_bytes() -> int:
-    """Memory that can be had without swapping, bytes; all of it where the system does not say."""
-    if _MEMINFO.exists():
-        for line in _MEMINFO.read_text().splitlines():
-            name, _, rest = line.partition(':')
-            if name == 'MemAvailable':
-                return 1024 * int(rest.split()[0])
-    return os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')
+    """Memory that this process can have without swapping, bytes.
+
+    The least that the machine, the control groups of the process (those of a container, say) and
+    its own limit (``ulimit -v``) leave; `sys.maxsize` where the system tells nothing.
+    """
+    return max(0, min(_machine_bytes(), container_bytes(), _process_bytes()))
 
 
 def check_memory(n_bytes: int, what: str, remedy: str) -> None:
@@ -39,4 +50,71 @@ def check_memory(n_bytes: int, what: str, remedy: str) -> None:
     """
     free = available_bytes()
     if n_bytes > free:
-        raise MemoryError(f'{what} needs {n_bytes} bytes, {free} are available; {remedy}')
+        raise MemoryError(f'{what} needs {n_bytes / 1e6:.0f} MB, {free / 1e6:.0f} MB are '
+                          f'available; {remedy}')
+
+
+def container_bytes(membership: Path = Path('/proc/self/cgroup'),
+                    mount: Path = Path('/sys/fs/cgroup')) -> int:
+    """Memory that the control groups of this process leave, bytes; `sys.maxsize` without a limit.
+
+    Parameters
+    ----------
+    membership : Path
+        Lists the groups, as ``/proc/self/cgroup`` does.
+    mount : Path
+        Where their files are.
+    """
+    return min((_group_bytes(*group) for group in _groups(membership, mount)),
+               default=sys.maxsize)
+
+
+def _groups(membership: Path, mount: Path) -> Iterator[tuple[Path, tuple[str, str, str]]]:
+    """Folder and files of the groups that may limit memory, and of those that they are in."""
+    try:
+        lines = membership.read_text().splitlines()
+    except OSError:
+        return
+    for line in lines:
+        _, controllers, path = line.split(':', 2)
+        for controller, files in _GROUP_FILES.items():
+            if controller in controllers.split(','):
+                # A container sees its own group at the mount, whatever the path says.
+                parts = Path(path.lstrip('/')).parts
+                for n in range(len(parts) + 1):
+                    yield mount.joinpath(controller, *parts[:n]), files
+
+
+def _group_bytes(group: Path, files: tuple[str, str, str]) -> int:
+    limit, use, reclaimable = files
+    try:
+        most, used = int((group / limit).read_text()), int((group / use).read_text())
+        statistics = (group / 'memory.stat').read_text()
+    except (OSError, ValueError):  # no such group, or 'max'
+        return sys.maxsize
+    for line in statistics.splitlines():
+        name, _, value = line.partition(' ')
+        if name == reclaimable:  # of the page cache
+            used -= int(value)
+    return most - used
+
+
+def _machine_bytes() -> int:
+    if _MEMINFO.exists():
+        for line in _MEMINFO.read_text().splitlines():
+            name, _, rest = line.partition(':')
+            if name == 'MemAvailable':
+                return 1024 * int(rest.split()[0])
+    try:
+        return os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')
+    except (AttributeError, ValueError, OSError):
+        return sys.maxsize
+
+
+def _process_bytes() -> int:
+    if resource is None or not _STATM.exists():
+        return sys.maxsize
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit == resource.RLIM_INFINITY:
+        return sys.maxsize
+    return limit - int(_STATM.read_text().split()[0]) * resource.getpagesize()

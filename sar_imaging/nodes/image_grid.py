@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from sar_imaging.configuration.startup import report_parameters
 from sar_imaging.geometry.grids import MapGrid
 
 from .parameters import ConfigurationError, Parameter
@@ -31,18 +32,13 @@ def make_grid(parameters: Mapping[str, object]) -> MapGrid:
     Raises
     ------
     ConfigurationError
-        It has more pixels than allowed.
+        It has more pixels than allowed, or than fit into memory.
     """
+    if errors := report_parameters(parameters).errors:
+        raise ConfigurationError('; '.join(errors))
     p = parameters
-    spacing = p['grid.spacing']
-    n_pixels = (p['grid.size_x'] / spacing + 1) * (p['grid.size_y'] / spacing + 1)
-    if n_pixels > p['max_image_pixels']:
-        raise ConfigurationError(
-            f'the grid of {p["grid.size_x"]:g} m by {p["grid.size_y"]:g} m has '
-            f'{n_pixels:.3g} pixels, more than max_image_pixels={p["max_image_pixels"]}; '
-            f'raise grid.spacing={spacing:g} or max_image_pixels')
     return MapGrid.from_size((p['grid.centre_x'], p['grid.centre_y'], p['grid.centre_z']),
-                             p['grid.size_x'], p['grid.size_y'], spacing)
+                             p['grid.size_x'], p['grid.size_y'], p['grid.spacing'])
 
 
 def describe_grid(grid: MapGrid) -> str:

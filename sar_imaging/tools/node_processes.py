@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import json
 import os
 import random
+import re
 import signal
 import socket
 import subprocess
@@ -21,6 +24,7 @@ PIPELINE = ('sar_pipeline',)
 MODES = ('image', 'subapertures')
 PROFILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 STOP_TIMEOUT_S = 10.0
+SHARED_MEMORY = Path('/dev/shm')
 TAIL_LINES = 15
 NO_LOG_FILES = ('--ros-args', '--disable-external-lib-logs')  # stderr is kept instead
 
@@ -224,9 +228,7 @@ class NodeProcesses:
 
     def kill(self, name: str) -> None:
         """End a node at once, as a crash does."""
-        process = self._processes.pop(name)
-        process.kill()
-        process.wait()
+        self._kill(self._processes.pop(name))
 
     def stop_all(self) -> None:
         """Stop all nodes that run."""
@@ -244,8 +246,15 @@ class NodeProcesses:
         try:
             return process.wait(STOP_TIMEOUT_S)
         except subprocess.TimeoutExpired:
-            process.kill()
-            return process.wait()
+            return self._kill(process)
+
+    def _kill(self, process: subprocess.Popen) -> int:
+        segments = _held_segments(process.pid)
+        process.kill()
+        status = process.wait()
+        for segment in segments:
+            _remove_segment(segment)
+        return status
 
     def check(self) -> None:
         """Raise `NodeProcessError` when a node has ended by itself."""
@@ -266,3 +275,25 @@ class NodeProcesses:
         """Last lines that a node printed."""
         lines = self.log_file(name).read_text(errors='replace').splitlines()
         return '\n'.join(lines[-TAIL_LINES:])
+
+
+def _held_segments(pid: int) -> list[Path]:
+    """Shared memory of Fast DDS that belongs to a process, found by its open lock files."""
+    segments = []
+    with contextlib.suppress(OSError):  # it has ended by itself
+        for descriptor in Path(f'/proc/{pid}/fd').iterdir():
+            with contextlib.suppress(OSError):
+                target = descriptor.readlink()
+                if target.parent == SHARED_MEMORY and (
+                        name := re.fullmatch(r'(fastrtps_[0-9a-f]{16})_el', target.name)):
+                    segments.append(SHARED_MEMORY / name[1])
+    return segments
+
+
+def _remove_segment(segment: Path) -> None:
+    """Remove what a killed process left behind: 70 MB each with the profile of this package."""
+    lock = segment.with_name(f'{segment.name}_el')
+    with contextlib.suppress(OSError), open(lock) as held:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails while a process lives that has it
+        segment.unlink(missing_ok=True)
+        lock.unlink()

@@ -86,7 +86,8 @@ def test_a_violation_is_found(case):
 
 
 @pytest.mark.parametrize(('memory', 'severity', 'text'), [
-    (1_000_000, 'error', 'an image of 501 x 501 pixels needs 2 MB, 1 MB are available'),
+    (1_000_000, 'error', 'an image of 501 x 501 pixels and its message need 6 MB, 1 MB are '
+     'available'),
     (300_000_000, 'warning', 'the nodes may need .* MB, 300 MB are available; lower queue_depth'),
 ])
 def test_memory(acquisition, imaging, memory, severity, text):

@@ -120,7 +120,7 @@ def test_positions_that_are_not_finite_are_refused(case):
 def test_grid_too_large_for_memory_is_refused(case):
     vast = MapGrid(case.grid.centre_m, 4_000_000, 3_000_000, 1e-5)
     with pytest.raises(MemoryError, match=r'an image of 4000000 x 3000000 pixels needs '
-                       r'96000000000000 bytes, \d+ are available; choose a smaller grid'):
+                       r'96000000 MB, \d+ MB are available; choose a smaller grid'):
         Backprojector(vast, case.block.radar, case.block.n_samples)
 
 

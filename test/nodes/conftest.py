@@ -93,8 +93,11 @@ class Nodes:
         self._processes.start(name)
         self.running.add(name)
 
+    def pid(self, name):
+        return self._processes.pid(name)
+
     def signal(self, name, number):
-        os.kill(self._processes.pid(name), number)
+        os.kill(self.pid(name), number)
 
     def kill(self, name):
         self._processes.kill(name)
@@ -141,6 +144,7 @@ class Observer:
         self.node = rclpy.create_node('observer', context=self._context, namespace=namespace)
         self.messages = collections.defaultdict(list)
         self.joined = 0  # subscribers of the pulses, those that left included
+        self._clients = {}
         self._pulses = self.node.create_publisher(
             Float32MultiArray, pulses, 1000,
             event_callbacks=PublisherEventCallbacks(matched=self._subscriber_matched))
@@ -181,14 +185,14 @@ class Observer:
 
     def call(self, service_type, name, **fields):
         """Response of a service."""
-        client = self.node.create_client(service_type, name)
-        self.wait(client.service_is_ready, f'service {name}')
-        # The server may know this client's requests before its inbox, and would lose the answer.
-        settled = time.monotonic() + SETTLE_S
-        self.wait(lambda: time.monotonic() > settled, f'service {name} to settle')
-        future = client.call_async(service_type.Request(**fields))
+        if name not in self._clients:
+            client = self._clients[name] = self.node.create_client(service_type, name)
+            self.wait(client.service_is_ready, f'service {name}')
+            # The server may know this client's requests before its inbox, and lose the answer.
+            settled = time.monotonic() + SETTLE_S
+            self.wait(lambda: time.monotonic() > settled, f'service {name} to settle')
+        future = self._clients[name].call_async(service_type.Request(**fields))
         self.wait(future.done, f'an answer of {name}')
-        self.node.destroy_client(client)
         return future.result()
 
     def trigger(self, name):
@@ -326,7 +330,7 @@ def make_observer(ros_environment):
 
 @pytest.fixture
 def start_node(ros_environment, tmp_path):
-    """Start a single node; killed after the test if it still runs."""
+    """Start a single node; ended by Ctrl-C after the test if it still runs."""
     started = []
 
     def start(name, parameters=None):
@@ -338,7 +342,7 @@ def start_node(ros_environment, tmp_path):
     yield start
     for node in started:
         for name in sorted(node.running):
-            node.kill(name)
+            assert node.stop(name) == 0, node.log(name)
 
 
 def chirp_band_spectrum(raw):

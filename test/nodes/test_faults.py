@@ -199,7 +199,7 @@ def test_the_end_while_blocks_and_a_service_wait(start_node, make_observer, psf,
     ('pulse_buffer', {'qos_overrides./pulses.subscription.reliability': 'sometimes'},
      'QoS override of pulses'),
     ('range_compression', {'window': 'box'}, "window='box' is unknown; use one of none"),
-    ('backprojection', {'grid.spacing': 0.001}, 'raise grid.spacing=0.001 or max_image_pixels'),
+    ('backprojection', {'grid.spacing': 0.001}, 'raise grid.spacing=0.001, or max_image_pixels'),
     ('backprojection', {'pulses_per_aperture': 1.5},
      'parameter pulses_per_aperture=1.5; expected a whole number'),
 ])

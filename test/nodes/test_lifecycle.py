@@ -32,8 +32,8 @@ def test_a_node_that_waits_for_its_manager(start_node, make_observer):
     assert observer.set_parameter(name, 'max_image_pixels', 1000) == (True, '')
     assert not observer.change_state(name, 'configure')
     assert observer.state(name) == 'unconfigured'
-    node.wait_for_log(name, 'configuration refused: the grid of 20 m by 10 m has .* more than '
-                      'max_image_pixels=1000; raise grid.spacing=0.001')
+    node.wait_for_log(name, 'configuration refused: the grid has 20001 x 10001 pixels, more '
+                      'than max_image_pixels=1000; raise grid.spacing=0.001')
     assert observer.set_parameter(name, 'grid.spacing', 1.0) == (True, '')
     assert observer.change_state(name, 'configure')
     assert observer.state(name) == 'inactive'

@@ -274,10 +274,18 @@ def test_interruption_ends_the_nodes(tmp_path, number, moment):
 @nodes
 def test_processes_can_be_stopped_killed_and_started_again(tmp_path):
     parameters = parameters_from_truth(bag_io.read_truth(PSF))
-    with NodeProcesses(parameters, tmp_path, isolated_environment()) as processes:
+    with NodeProcesses(parameters, tmp_path, isolated_environment(),
+                       nodes=['pulse_buffer']) as processes:
         with pytest.raises(NodeProcessError, match='runs already'):
             processes.start('pulse_buffer')
+        while 'ready' not in processes.log_tail('pulse_buffer'):
+            processes.check()
+            time.sleep(0.05)
+        mapped = Path(f'/proc/{processes.pid("pulse_buffer")}/maps').read_text()
+        segments = {Path(name) for name in re.findall(r'/dev/shm/fastrtps_[0-9a-f]{16}', mapped)}
+        assert sum(s.stat().st_size for s in segments) > 64 * 2**20
         processes.kill('pulse_buffer')
+        assert not [s for s in segments if s.exists()]  # a killed process removes nothing
         processes.check()  # the caller ended it: nothing is wrong
         processes.start('pulse_buffer')
         processes.check()
