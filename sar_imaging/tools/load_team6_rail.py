@@ -109,13 +109,18 @@ def _pulses(data) -> PulseBlock:
         radar, False, _nanoseconds(data['scan_time_s'][moving]), counter, samples))
 
 
-def _poses(data) -> RecordedPoses:
+def _around(data) -> np.ndarray:
+    """(N,) bool, which poses of the file are around the pulses."""
     time_s = data['mocap_time_s']
     pulse_s = data['scan_time_s'][_moving(data)] + float(data['nominal_time_offset_s'])
-    around = ((time_s > pulse_s[0] - POSES_AROUND_S) & (time_s < pulse_s[-1] + POSES_AROUND_S))
+    return (time_s > pulse_s[0] - POSES_AROUND_S) & (time_s < pulse_s[-1] + POSES_AROUND_S)
+
+
+def _poses(data) -> RecordedPoses:
+    around = _around(data)
     position_m = np.asarray(data['mocap_pos_m'], float)[around]
     level = np.tile([0.0, 0.0, 0.0, 1.0], (len(position_m), 1))
-    return RecordedPoses(_nanoseconds(time_s[around]), position_m, level)
+    return RecordedPoses(_nanoseconds(data['mocap_time_s'][around]), position_m, level)
 
 
 def read_alignment(folder: Path, kind: str) -> Alignment:
@@ -139,6 +144,18 @@ def read_alignment(folder: Path, kind: str) -> Alignment:
 def read_reflectors(folder: Path) -> np.ndarray:
     """(2, 3) float64 surveyed positions of the corner reflectors, metres."""
     return np.asarray(_load(Path(folder))['reflector_pos_m'], float)
+
+
+def read_attitudes(folder: Path) -> np.ndarray:
+    """(N, 4) float64 quaternions x, y, z, w at the poses that `read_folder` returns.
+
+    What axes they refer to is not known; imaging does not use them.
+    """
+    data = _load(Path(folder))
+    try:
+        return np.asarray(data['mocap_quat_xyzw_raw'], float)[_around(data)]
+    except KeyError as error:
+        raise BagError(f'{Path(folder) / FILE} is not the team 6 recording: {error}') from error
 
 
 def estimate_alignment(block: PulseBlock, poses: RecordedPoses,
