@@ -13,6 +13,7 @@ from ..signal.sequence import StreamEvent, counter_distance
 from .fusion import SpectrumFusion
 from .fusion_map import covers, form_map
 from .memory import check_memory
+from .subaperture_cut import SubapertureCut
 from .subaperture_image import SubapertureImage
 
 _SESSIONS = 16  # former senders that are remembered
@@ -95,6 +96,7 @@ class _Fusing:
         self.begins_stream = first  # there is no aperture before that it overlaps with
         self.fusion = SpectrumFusion(example.fusion, keep=self.sliding)
         self.headers: dict[int, _Header] = {}
+        self._cut = SubapertureCut(min(self.n_window, self.n_subapertures))
         self.newest = -1
         self.aperture = example.aperture
         self.imaged = False  # since the latest sub-aperture came
@@ -110,6 +112,7 @@ class _Fusing:
         self.headers[sub.number] = _Header(sub.first_counter, sub.n_pulses, sub.n_missing,
                                            sub.stamp_ns, sub.centre_m,
                                            10 ** (sub.predicted_error_db / 10))
+        self._cut.learn(sub)
         if sub.number > self.newest:
             self.newest, self.aperture = sub.number, sub.aperture
         self.imaged = False
@@ -124,29 +127,29 @@ class _Fusing:
     def counts(self, *, final: bool) -> tuple[int, int]:
         """Pulses in the image and missing ones; in those of a closed aperture all that lack."""
         n_pulses = sum(h.n_pulses for h in self.headers.values())
-        numbers = self.headers
-        expected = (min(self.n_window, self.n_subapertures) if final
-                    else max(numbers) - min(numbers) + 1)
-        length = max(h.length for h in self.headers.values())
-        lacking = (expected - len(numbers)) * length
-        return n_pulses, sum(h.n_missing for h in self.headers.values()) + lacking
+        first, last = self._extent(final=final)
+        return n_pulses, max(0, self._cut.start(last + 1) - self._cut.start(first) - n_pulses)
 
     def stamp_ns(self, *, final: bool) -> int:
         """Time of the middle, from the line through the first and last sub-aperture's stamps."""
-        numbers = sorted(self.headers)
-        first, last = self.headers[numbers[0]], self.headers[numbers[-1]]
-        length = max(h.length for h in self.headers.values())
-        # pulses from the middle of the first sub-aperture to that of the last one
-        span = (numbers[-1] - numbers[0]) * length + (last.length - first.length) / 2
-        if not span:
+        low, high = min(self.headers), max(self.headers)
+        first, last = self.headers[low], self.headers[high]
+        begin, end = (self._cut.start(n) + (h.length - 1) / 2
+                      for n, h in ((low, first), (high, last)))
+        if begin == end:
             return first.stamp_ns
-        start, stop = numbers[0] * length, numbers[-1] * length + last.length
-        if final and not self.sliding:
-            start = 0
-            if numbers[-1] < self.n_subapertures - 1:
-                stop = self.n_subapertures * length
-        middle = (start + stop) / 2 - (numbers[0] * length + first.length / 2)
-        return first.stamp_ns + round((last.stamp_ns - first.stamp_ns) * (middle / span))
+        start, stop = self._extent(final=final)
+        middle = (self._cut.start(start) + self._cut.start(stop + 1) - 1) / 2
+        share = (middle - begin) / (end - begin)
+        return first.stamp_ns + round((last.stamp_ns - first.stamp_ns) * share)
+
+    def _extent(self, *, final: bool) -> tuple[int, int]:
+        """First and last sub-aperture that an image is of, whether they came or not."""
+        if not final:
+            return min(self.headers), max(self.headers)
+        if not self.sliding:
+            return 0, self.n_subapertures - 1
+        return max(0, self.newest + 1 - self.n_window), max(self.newest, self.n_window - 1)
 
     def image(self, *, final: bool) -> FusedImage:
         n_pulses, n_missing = self.counts(final=final)

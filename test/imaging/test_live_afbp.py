@@ -207,6 +207,21 @@ def test_subapertures_that_never_come(fly, sent):
     assert fusion.statistics.late == 1 and 'closed before' in _events(fusion, 'late')[0]
 
 
+@pytest.mark.parametrize('lost', [{3}, {0, 3}, {1, 2}, {0, 1, 2}])
+def test_pulses_of_a_shorter_last_subaperture_are_counted_as_they_are(fly, lost):
+    """Apertures of 96 pulses in sub-apertures of 28, 28, 28 and 12."""
+    subapertures = _subapertures(_stage(fly(), pulses_per_subaperture=28), _pieces(fly().block))
+    fusion = LiveFusion(min_pulse_fraction=0.0)
+    images = _fuse(fusion, [s for s in subapertures if s.number not in lost]) + fusion.flush()
+    n_pulses = LENGTH - sum(12 if number == 3 else 28 for number in lost)
+    # Of the first aperture no counter tells how long it is, unless its last pulses came.
+    assert [i.n_pulses + i.n_missing for i in images] == [LENGTH + (16 if 3 in lost else 0),
+                                                          LENGTH]
+    assert {i.n_pulses for i in images} == {n_pulses}
+    if lost == {1, 2}:  # from one sub-aperture alone no line of time is known
+        assert all(abs(i.stamp_ns - (k + 0.5) * LENGTH) <= 1 for k, i in enumerate(images))
+
+
 def test_too_little_for_an_image(sent):
     fusion = LiveFusion(min_pulse_fraction=0.5)
     assert _fuse(fusion, [s for s in sent if s.number < 2]) + fusion.flush() == []
@@ -321,6 +336,22 @@ def test_an_aperture_is_imaged_anew_when_its_track_was_foreseen_badly(make_case)
     assert 'planned anew' in _events(stage, 'plan')[0]
     # What was replaced does not come back.
     assert fusion.add(subapertures[0]) == []
+
+
+def test_a_track_that_sways_a_little_is_planned_once(make_case):
+    """Its slopes differ from those foreseen by more than they spread, and yet by next to nothing.
+
+    Both apertures had been planned anew while that counted.
+    """
+    u = np.arange(2 * LENGTH)
+    case = make_case(1e3, n=64, pulses=2 * LENGTH, n_points=20, track_m=np.c_[
+        0.3 * np.sin(u / 40), 0.3 * u - 30, 300 + 0.2 * np.cos(u / 40)], height_m=300.0)
+    stage = _stage(case, pulses_per_subaperture=CUT)
+    images = _fuse(LiveFusion(), _subapertures(stage, _pieces(case.block)))
+    assert stage.statistics.plans_anew == 0
+    for k, result in enumerate(images):
+        assert _error_db(result.image,
+                         _exact(case, slice(k * LENGTH, (k + 1) * LENGTH))) <= -60.0
 
 
 def test_the_end_of_a_track_that_cannot_be_foreseen_is_awaited(make_case):
