@@ -20,6 +20,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from sar_imaging.autofocus.autofocus import bright_points
 from sar_imaging.autofocus.models import Geometry, GeometryModel
 from sar_imaging.autofocus.search import search
 from sar_imaging.geometry.grids import MapGrid
@@ -36,6 +37,7 @@ HALF_BEAM_DEG = 35.0
 PULSES_PER_STEP = 10  # 4.5 degrees: how finely the beam is cut out
 START_RADIUS_M = 0.20
 RADII_M = START_RADIUS_M + np.arange(-4, 21) * 1e-3
+N_BRIGHT = 12
 FAR_POINT_M = (-0.52, 8.48)  # brightest spot of the extended reflector
 
 
@@ -120,6 +122,31 @@ def autofocus_radius(profiles: PulseBlock, point_m, start_m: float = START_RADIU
     return float(found.parameters[0])
 
 
+def radius_by_direction(profiles: PulseBlock, image: np.ndarray, grid: MapGrid,
+                        n_places: int = N_BRIGHT) -> tuple[np.ndarray, np.ndarray]:
+    """Radius that each of the brightest places asks for, whatever it is.
+
+    Parameters
+    ----------
+    profiles : PulseBlock
+        Range profiles of the half circle.
+    image : (n_y, n_x) complex64
+        Their image, with any radius near the true one.
+    grid : MapGrid
+        Its pixels.
+    n_places : int
+        How many places.
+
+    Returns
+    -------
+    angle_rad, radius_m : (K,) float64
+        Direction of the place from the axis, radians, and radius by autofocus, metres.
+    """
+    places = bright_points(image, grid, profiles, n_places)[:, :2]
+    return (np.arctan2(places[:, 1], places[:, 0]),
+            np.array([autofocus_radius(profiles, place) for place in places]))
+
+
 def measure_points(image: np.ndarray, grid: MapGrid, profiles: PulseBlock) -> list[dict]:
     """Position, widths and sidelobes of the two points, as `evaluate` measures them."""
     # The middle of the pulses that see a point; cuts and baseband depend on it.
@@ -135,19 +162,25 @@ def measure_points(image: np.ndarray, grid: MapGrid, profiles: PulseBlock) -> li
     return out
 
 
-def save_radius_png(path: Path, curves: dict[str, np.ndarray]) -> None:
-    """Draw sharpness over radius, each curve relative to its maximum."""
-    figure = Figure(figsize=(6.5, 4.0), layout='constrained')
+def save_radius_png(path: Path, curves: dict[str, np.ndarray], angle_rad: np.ndarray,
+                    radius_m: np.ndarray) -> None:
+    """Draw sharpness over radius, each relative to its maximum, and radius over direction."""
+    figure = Figure(figsize=(10.0, 4.0), layout='constrained')
     FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
+    left, right = figure.subplots(1, 2)
     for name, sharpness in curves.items():
-        axes.plot(RADII_M * 1e3, sharpness / sharpness.max(), label=name)
-    axes.axvline(RADIUS_M * 1e3, color='0.6', lw=0.8)
-    axes.annotate('with the data: 210.5', (RADIUS_M * 1e3, 0.03), xytext=(4, 0),
+        left.plot(RADII_M * 1e3, sharpness / sharpness.max(), label=name)
+    left.axvline(RADIUS_M * 1e3, color='0.6', lw=0.8)
+    left.annotate('with the data: 210.5', (RADIUS_M * 1e3, 0.03), xytext=(4, 0),
                   textcoords='offset points', fontsize=8, color='0.4')
-    axes.set(xlabel='radius of the arm (mm)', ylabel='sharpness, relative', ylim=(0, 1.05))
-    axes.legend(fontsize=8, loc='lower left')
-    figure.savefig(path, dpi=150)
+    left.set(xlabel='radius of the arm (mm)', ylabel='sharpness, relative', ylim=(0, 1.05))
+    left.legend(fontsize=8, loc='lower left')
+    right.plot(np.degrees(angle_rad), radius_m * 1e3, 'o')
+    right.axhline(RADIUS_M * 1e3, color='0.6', lw=0.8)
+    right.set(xlabel='direction from the axis (degrees)', xlim=(0, 180),
+              ylabel='radius asked for by a bright place (mm)',
+              ylim=(RADII_M[0] * 1e3, RADII_M[-1] * 1e3 + 5))
+    figure.savefig(path, dpi=110)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -178,8 +211,11 @@ def run(file: Path, output: Path) -> dict:
               f'{HALF_BEAM_DEG:g}\N{DEGREE SIGN} of beam')
     places = {'point_1': POINTS_M[0], 'point_2': POINTS_M[1], 'far reflector': FAR_POINT_M}
     curves = {name: radius_sharpness(profiles, place) for name, place in places.items()}
-    save_radius_png(output / 'radius.png', curves)
+    angle_rad, radius_m = radius_by_direction(profiles, image, grid)
+    save_radius_png(output / 'radius.png', curves, angle_rad, radius_m)
     figures = {
+        'bright_places': {'direction_deg': np.degrees(angle_rad).round(1).tolist(),
+                          'radius_m': radius_m.round(5).tolist()},
         'points': measure_points(image, grid, profiles),
         'radius_m': {name: round(autofocus_radius(profiles, place), 5)
                      for name, place in places.items()}}

@@ -59,6 +59,12 @@ def test_simulated_recording_focuses_and_tells_its_radius(tmp_path):
         # From 0.2 m: measured 9 and 10 um off.
         assert image_arcsar.autofocus_radius(profiles, point) == pytest.approx(0.2063, abs=3e-5)
         assert image_arcsar.radius_sharpness(profiles, point, radii).argmax() == 2
+    grid = MapGrid.from_size((0.2, 3.25, 0.0), 3.0, 1.0, 0.02)
+    angle, radius_m = image_arcsar.radius_by_direction(
+        profiles, image_arcsar.image_within_beam(profiles, grid.points()), grid, n_places=2)
+    # The two points stand at 66 and 105 degrees.
+    np.testing.assert_allclose(np.sort(np.degrees(angle)), [65.97, 104.71], atol=0.5)
+    np.testing.assert_allclose(radius_m, 0.2063, atol=3e-5)
 
 
 def test_pulses_go_only_where_the_antenna_looks(tmp_path):
