@@ -80,13 +80,21 @@ class AutofocusReport:
     largest_move_m: float = 0.0
     n_points: int = 0
 
+    @property
+    def verdict(self) -> str:
+        """Whether the image was corrected and is claimed to be focused, in words."""
+        return (f'autofocus {"accepted" if self.accepted else "not applied"}, '
+                f'{"focused" if self.success else "no claim"}')
+
+    @property
+    def details(self) -> str:
+        """Why, and the figures."""
+        return (f'{self.reason}; contrast {self.contrast_before:.3g} -> '
+                f'{self.contrast_after:.3g}, entropy {self.entropy_before:.3f} -> '
+                f'{self.entropy_after:.3f}, estimated error {self.estimated_error_db:.1f} dB')
+
     def __str__(self) -> str:
-        verdict = 'accepted' if self.accepted else 'not applied'
-        claim = 'focused' if self.success else 'no claim'
-        return (f'autofocus {verdict}, {claim}: {self.reason}; contrast '
-                f'{self.contrast_before:.3g} -> {self.contrast_after:.3g}, entropy '
-                f'{self.entropy_before:.3f} -> {self.entropy_after:.3f}, estimated error '
-                f'{self.estimated_error_db:.1f} dB')
+        return f'{self.verdict}: {self.details}'
 
 
 @dataclasses.dataclass(frozen=True)

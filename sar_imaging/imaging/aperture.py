@@ -9,6 +9,7 @@ import numpy as np
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
 from ..signal.sequence import describe_counters
+from .aperture_pulses import AperturePulses
 from .aperture_sequence import Aperture, ApertureSequence, ApertureStatistics
 from .backprojection import Backprojector
 
@@ -33,6 +34,8 @@ class ApertureImage:
         Counters of the pulses that the aperture should have had, ascending.
     predicted_error_db : float
         Expected error of the backprojection against exact correlation, dB.
+    pulses : PulseBlock or None
+        The pulses themselves, where they were to be kept.
     """
 
     image: np.ndarray
@@ -42,6 +45,7 @@ class ApertureImage:
     counters: np.ndarray
     missing: np.ndarray
     predicted_error_db: float
+    pulses: PulseBlock | None = None
 
     @property
     def n_pulses(self) -> int:
@@ -55,12 +59,19 @@ class ApertureImage:
 
 
 class _ImagedAperture(Aperture):
-    """The aperture being filled and its image so far."""
+    """The aperture being filled and its image so far; its pulses, too, with an `example`."""
 
-    def __init__(self, number: int, length: int, plan: Backprojector):
+    def __init__(self, number: int, length: int, plan: Backprojector, example: PulseBlock | None):
         super().__init__(number, length)
         self.plan = plan
         self.image = plan.new_image()
+        self.pulses = None if example is None else AperturePulses(number, length, example, [])
+
+    def add(self, block: PulseBlock) -> None:
+        self.plan.add(block, self.image)
+        if self.pulses is not None:
+            self.pulses.keep(block)
+        self.mark(block)
 
 
 class ApertureImager(ApertureSequence):
@@ -81,6 +92,8 @@ class ApertureImager(ApertureSequence):
         Largest error against exact correlation to plan for, dB.
     height_m : (n_y, n_x) float64, optional
         Heights of the pixels instead of the plane of the grid, metres; NaN where there is none.
+    keep_pulses : bool
+        Keep the pulses of an aperture for its image.
 
     Attributes
     ----------
@@ -95,7 +108,7 @@ class ApertureImager(ApertureSequence):
 
     def __init__(self, grid: MapGrid, *, pulses_per_aperture: int,
                  min_pulse_fraction: float = 0.5, target_db: float = -80.0,
-                 height_m: np.ndarray | None = None):
+                 height_m: np.ndarray | None = None, keep_pulses: bool = False):
         super().__init__(pulses_per_aperture, ApertureStatistics())
         if not 0.0 <= min_pulse_fraction <= 1.0:
             raise ValueError(f'min_pulse_fraction={min_pulse_fraction}; expected 0 to 1')
@@ -103,17 +116,18 @@ class ApertureImager(ApertureSequence):
         self.min_pulse_fraction = min_pulse_fraction
         self._target_db = target_db
         self._height_m = height_m
+        self._keep_pulses = keep_pulses
 
     def _configure(self, block: PulseBlock) -> Backprojector:
         return Backprojector(self.grid, block.radar, block.n_samples, target_db=self._target_db,
                              height_m=self._height_m)
 
     def _begin(self, number: int) -> _ImagedAperture:
-        return _ImagedAperture(number, self._length, self._plan)
+        example = self._example if self._keep_pulses else None
+        return _ImagedAperture(number, self._length, self._plan, example)
 
     def _fill(self, aperture: _ImagedAperture, block: PulseBlock) -> list[ApertureImage]:
-        aperture.plan.add(block, aperture.image)
-        aperture.mark(block)
+        aperture.add(block)
         self.statistics.imaged += block.n_pulses
         return []
 
@@ -129,6 +143,8 @@ class ApertureImager(ApertureSequence):
                          f'missing {describe_counters(missing.tolist())}')
             return []
         self.statistics.images += 1
+        pulses = aperture.pulses
         return [ApertureImage(aperture.image, self.grid, aperture.centre_ns(), aperture.number,
                               counters.astype(np.uint32), missing,
-                              float(aperture.plan.predicted_error_db))]
+                              float(aperture.plan.predicted_error_db),
+                              pulses and pulses.block(slice(0, len(pulses.seen))))]

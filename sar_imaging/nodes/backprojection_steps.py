@@ -19,7 +19,8 @@ from sar_imaging.imaging.subaperture_image import SubapertureImage
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.sequence import describe_counters, describe_range
 
-from . import image_products
+from . import autofocus, image_products
+from .autofocus import FocusedImage, ImageFocus
 from .health import Health, Part
 from .image_grid import GRID_PARAMETERS, describe_grid, make_grid
 from .image_products import ImageProducts
@@ -55,6 +56,7 @@ PARAMETERS = (
               'image, along the direction of flight.', 'm', -1e6, 1e6),
     Parameter('subapertures.follow_left', 0.0, 'The same to the left of the direction of flight.',
               'm', -1e6, 1e6),
+    *autofocus.PARAMETERS,
     *image_products.PARAMETERS,
 )
 
@@ -67,7 +69,7 @@ class BackprojectionStep(Step):
     COUNTERS = ('images_published', 'subapertures_published', 'plans_made', 'plans_anew',
                 'pulses_imaged', 'pulses_missing_in_last_aperture', 'pulses_skipped',
                 'last_image_seconds', 'image_latency_seconds', 'last_plan_seconds',
-                'predicted_error_db')
+                'predicted_error_db', *autofocus.COUNTERS)
     FAULTS = ('pulses_missing', 'pulses_late', 'pulses_duplicate', 'apertures_dropped',
               'restarts')
     IDLE_PARAMETER = 'aperture_timeout_s'
@@ -170,11 +172,13 @@ class ImageStep(BackprojectionStep):
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
+        self._focus = ImageFocus.wanted(parameters, self._grid, health)
         self._imager = ApertureImager(
             self._grid, pulses_per_aperture=parameters['pulses_per_aperture'],
             min_pulse_fraction=parameters['min_pulse_fraction'],
             target_db=parameters['target_db'],
-            height_m=terrain_heights(parameters, self._grid))
+            height_m=terrain_heights(parameters, self._grid),
+            keep_pulses=self._focus is not None)
         compile_kernels()  # the first image must not wait for it
 
     def create_outputs(self, node: ManagedNode) -> None:
@@ -189,7 +193,8 @@ class ImageStep(BackprojectionStep):
         """Settings for the log line at the start."""
         return (f' -> {self._products.topic}, {describe_grid(self._grid)} in frame '
                 f'{self.parameters["frame_id"]}, '
-                f'{self.parameters["pulses_per_aperture"]} pulses per aperture')
+                f'{self.parameters["pulses_per_aperture"]} pulses per aperture'
+                + ('' if self._focus is None else f', {self._focus.summary()}'))
 
     def publish(self, product: ApertureImage) -> None:
         """Publish an image on all its topics."""
@@ -197,14 +202,16 @@ class ImageStep(BackprojectionStep):
         seconds = self._count_product(product.n_missing, product.predicted_error_db)
         self.health.count('images_published')
         self.health.set('pulses_missing_in_last_aperture', product.n_missing)
+        details = f'; {product.details}' if isinstance(product, FocusedImage) else ''
         self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, predicted error '
-                         f'{product.predicted_error_db:.0f} dB')
+                         f'{product.predicted_error_db:.0f} dB{details}')
 
     def describe(self, product: ApertureImage) -> str:
         """An image in words."""
         missing = describe_counters(product.missing.tolist()) if product.n_missing else 'none'
+        verdict = f', {product.verdict}' if isinstance(product, FocusedImage) else ''
         return (f'image of aperture {product.aperture}: {product.n_pulses} pulses, '
-                f'missing {missing}')
+                f'missing {missing}{verdict}')
 
     def nothing_formed(self) -> str:
         """Why the latest `flush` gave nothing."""
@@ -216,7 +223,9 @@ class ImageStep(BackprojectionStep):
 
     def _follow(self, work, *arguments) -> list[ApertureImage]:
         self._imager.min_pulse_fraction = self.parameters['min_pulse_fraction']
-        return super()._follow(work, *arguments)
+        if self._focus is None:
+            return super()._follow(work, *arguments)
+        return super()._follow(lambda: [self._focus(image) for image in work(*arguments)])
 
 
 class SubapertureStep(BackprojectionStep):
@@ -225,6 +234,7 @@ class SubapertureStep(BackprojectionStep):
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
         p = parameters
+        autofocus.refuse(p, f'sub-aperture images come without their pulses; use mode {IMAGE}')
         if p[TERRAIN_FILE.name]:
             raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: sub-apertures are fused on '
                                      f'a plane; use mode {IMAGE} on terrain')

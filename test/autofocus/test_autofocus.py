@@ -63,8 +63,8 @@ def test_errors_are_corrected_and_success_is_claimed(kind, size, seed):
 
 
 def test_sharper_ghosts_do_not_replace_an_image():
-    # Case 41 of the benchmark: the tiles agree on a wrong phase. Contrast rises from 5.1 to 6.5 and
-    # the error against the truth from -1.2 to 0 dB; the coherence of 0.55 gives it away.
+    # Case 41 of the benchmark: the tiles agree on a wrong phase. Contrast rises from 5.1 to 6.5
+    # and the error against the truth from -1.2 to 0 dB; the coherence of 0.55 gives it away.
     case = flawed_aperture('vibration', 0.2182, 41)
     image = Backprojector(case.grid, case.stated.radar, case.stated.n_samples)(case.stated)
     result = Autofocus(case.grid, scale_m=0.1).process(case.stated, image)

@@ -21,7 +21,8 @@ def test_track_and_clock_of_an_aperture_with_a_hole():
     stated, true = case.stated.select(there), case.true.select(there)
     imager = Backprojector(case.grid, stated.radar, stated.n_samples)
     image = imager(stated)
-    result = live_autofocus(case.grid, time_offset_s=0.1, track_error_m=0.02).process(stated, image)
+    autofocus = live_autofocus(case.grid, time_offset_s=0.1, track_error_m=0.02)
+    result = autofocus.process(stated, image)
     report = result.report
     assert report.accepted
     assert report.success, report.reason

@@ -1,0 +1,139 @@
+"""Autofocus of the images that backprojection forms: when it is wanted, and what it did."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Mapping
+
+from sar_imaging.autofocus import AutofocusReport
+from sar_imaging.autofocus.live import compile_autofocus, live_autofocus
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.imaging.aperture import ApertureImage
+
+from .health import Health, Part
+from .parameters import ConfigurationError, Parameter
+from .terrain import TERRAIN_FILE
+
+TRACK_ERROR = Parameter(
+    'autofocus.track_error', 0.0, 'Expected size of a smooth error of the positions that '
+    'autofocus looks for; 0 for none.', 'm', 0.0, 100.0)
+TIME_OFFSET = Parameter(
+    'autofocus.time_offset', 0.0, 'Expected size of an offset between the clocks of pulses and '
+    'positions that autofocus looks for; 0 for none.', 's', 0.0, 100.0)
+PARAMETERS = (TRACK_ERROR, TIME_OFFSET)
+# Of the last aperture, as keys of the diagnostics and fields of the report.
+_FIGURES = {
+    'autofocus_contrast_before': 'contrast_before', 'autofocus_contrast_after': 'contrast_after',
+    'autofocus_entropy_before': 'entropy_before', 'autofocus_entropy_after': 'entropy_after',
+    'autofocus_error_db': 'estimated_error_db', 'autofocus_correction_m': 'correction_m',
+    'autofocus_largest_move_m': 'largest_move_m'}
+COUNTERS = ('autofocus_attempted', 'autofocus_accepted', 'autofocus_claimed', 'autofocus_failed',
+            *_FIGURES, 'autofocus_time_offset_s', 'autofocus_seconds')
+
+
+@dataclasses.dataclass(frozen=True)
+class FocusedImage(ApertureImage):
+    """An image that autofocus was tried on.
+
+    Parameters
+    ----------
+    verdict : str
+        Whether it was corrected, in few words.
+    details : str
+        What was done to it, in figures.
+    """
+
+    verdict: str = ''
+    details: str = ''
+
+
+class ImageFocus:
+    """Tries to focus every image and tells what came of it.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Values of `PARAMETERS`, of the grid and of the imager.
+    grid : MapGrid
+        Of the images.
+    health : Health or Part
+        Counters, with `COUNTERS`, and log.
+
+    Raises
+    ------
+    ConfigurationError
+        Another parameter excludes autofocus.
+    """
+
+    def __init__(self, parameters: Mapping[str, object], grid: MapGrid, health: Health | Part):
+        if parameters[TERRAIN_FILE.name]:
+            refuse(parameters, f'it works on a plane; leave {TERRAIN_FILE.name} empty')
+        self._expected = {p.name: parameters[p.name] for p in PARAMETERS if parameters[p.name]}
+        self._autofocus = live_autofocus(
+            grid, track_error_m=parameters[TRACK_ERROR.name],
+            time_offset_s=parameters[TIME_OFFSET.name], target_db=parameters['target_db'])
+        self._health = health
+        compile_autofocus()  # the first image must not wait for it
+
+    @classmethod
+    def wanted(cls, parameters: Mapping[str, object], grid: MapGrid,
+               health: Health | Part) -> ImageFocus | None:
+        """Autofocus where the parameters expect an error, else None."""
+        return cls(parameters, grid, health) if _is_wanted(parameters) else None
+
+    def summary(self) -> str:
+        """Settings for the log line at the start."""
+        return 'autofocus for ' + ' and '.join(
+            f'{name.split(".")[1].replace("_", " ")}s of {value:g} '
+            f'{"m" if name == TRACK_ERROR.name else "s"}'
+            for name, value in self._expected.items())
+
+    def __call__(self, product: ApertureImage) -> FocusedImage:
+        """The image in focus where that was found, else as it is; its pulses are let go."""
+        fields = {f.name: getattr(product, f.name) for f in dataclasses.fields(ApertureImage)}
+        fields['pulses'] = None
+        self._health.count('autofocus_attempted')
+        began = time.perf_counter()
+        try:
+            result = self._autofocus.process(product.pulses, product.image)
+        except (ValueError, MemoryError) as error:
+            self._health.count('autofocus_failed')
+            self._health.warning(f'autofocus of aperture {product.aperture} failed, the image '
+                                 f'stays as it is: {error}')
+            return FocusedImage(**fields, verdict='autofocus failed', details=str(error))
+        seconds = time.perf_counter() - began
+        report = result.report
+        self._count(report, seconds)
+        fields['image'] = result.image
+        return FocusedImage(
+            **fields, verdict=report.verdict,
+            details=f'{report.details}, largest move {report.largest_move_m:.3g} m, '
+                    f'{seconds:.3g} s')
+
+    def _count(self, report: AutofocusReport, seconds: float) -> None:
+        if report.accepted:
+            self._health.count('autofocus_accepted')
+        if report.success:
+            self._health.count('autofocus_claimed')
+        for key, field in _FIGURES.items():
+            self._health.set(key, float(getattr(report, field)))
+        self._health.set('autofocus_time_offset_s', report.parameters.get('time_offset_s', 0.0))
+        self._health.set('autofocus_seconds', seconds)
+
+
+def refuse(parameters: Mapping[str, object], reason: str) -> None:
+    """Refuse autofocus, where it is wanted.
+
+    Raises
+    ------
+    ConfigurationError
+        With the reason.
+    """
+    if _is_wanted(parameters):
+        names = ', '.join(p.name for p in PARAMETERS if parameters[p.name])
+        raise ConfigurationError(f'autofocus ({names}) is not possible here: {reason}')
+
+
+def _is_wanted(parameters: Mapping[str, object]) -> bool:
+    return any(parameters[p.name] for p in PARAMETERS)

@@ -1,0 +1,120 @@
+"""Autofocus in the nodes: accepted, not needed, refused; and always told."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from std_msgs.msg import Float32MultiArray
+
+from msg_conversions import pulse_block
+from msg_conversions.images import complex_from_message
+from sar_imaging.imaging.aperture import ApertureImager
+from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.nodes.backprojection_steps import PARAMETERS, BackprojectionStep
+from sar_imaging.nodes.parameters import ConfigurationError
+from sar_imaging.nodes.stage import COMMON_PARAMETERS
+from sar_imaging.quality import contrast, error_db
+from sar_imaging.signal.pulses import concatenate
+from sar_imaging.simulation.track_errors import flawed_aperture
+from sar_imaging.tools.node_processes import PIPELINE
+
+LENGTH = 128
+EXPECTED = {'autofocus.track_error': 0.05}
+
+
+def moved(block, offset_m):
+    return dataclasses.replace(block, tx_m=block.tx_m + offset_m, rx_m=block.rx_m + offset_m)
+
+
+@pytest.fixture(scope='module')
+def case():
+    return flawed_aperture('smooth', 1e-6, 2, n_pulses=LENGTH, half_scene_m=12.0)
+
+
+@pytest.fixture(scope='module')
+def offset_m():
+    """(P, 1, 3) smooth error of the positions, 1.7 wavelengths, without a constant and a line."""
+    shapes = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, LENGTH), 3)[:, 2:]
+    return (shapes @ [[0.0, 0.03, 0.02], [0.0, -0.02, 0.03]])[:, None]
+
+
+@pytest.fixture(scope='module')
+def truth(case):
+    grid = case.grid
+    return {'frame': 'map', 'pulses_per_aperture': LENGTH,
+            'grid': {'centre_m': grid.centre_m, 'n_x': grid.n_x, 'n_y': grid.n_y,
+                     'spacing_m': grid.spacing_m}}
+
+
+def test_images_are_focused_and_the_report_tells(make_chain, case, truth, offset_m):
+    rng = np.random.default_rng(0)
+    noise = rng.standard_normal((2, *case.true.samples.shape))
+    apertures = [moved(case.true, offset_m), case.true,
+                 dataclasses.replace(case.true, samples=noise[0] + 1j * noise[1])]
+    later = [dataclasses.replace(
+        block, counter=block.counter + np.uint32(k * LENGTH),
+        stamp_ns=block.stamp_ns + k * 10**10) for k, block in enumerate(apertures)]
+    blocks = [block.select(slice(i, i + 32)) for block in later for i in range(0, LENGTH, 32)]
+    chain = make_chain(truth, names=PIPELINE, namespace='radar0', backprojection=EXPECTED)
+    observer = chain.observer
+    observer.subscribe(Float32MultiArray, 'range_profiles')
+    chain.wait_for_log('sar_pipeline', 'subscriber on .*range_profiles joined')
+    observer.send(blocks)
+    published = [complex_from_message(m) for m in observer.wait_for('image_complex', 3)]
+    profiles = [pulse_block.from_message(m)
+                for m in observer.wait_for('range_profiles', len(blocks))]
+
+    # What the images would be without autofocus, and what the first one should be.
+    imager = ApertureImager(case.grid, pulses_per_aperture=LENGTH)
+    plain = [product.image for block in profiles for product in imager.add(block)]
+    first = concatenate(profiles[:LENGTH // 32])
+    wanted = Backprojector(case.grid, first.radar, first.n_samples)(moved(first, -offset_m))
+
+    def error(image):
+        return error_db(np.vdot(image, wanted) / np.vdot(image, image) * image, wanted)
+
+    assert error(plain[0]) > -1.0
+    assert error(published[0]) < -20.0  # -31 measured
+    # An image that is right already stays, and so does one that noise alone would sharpen.
+    np.testing.assert_array_equal(published[1], plain[1])
+    np.testing.assert_array_equal(published[2], plain[2])
+
+    log = chain.log('sar_pipeline')
+    assert 'autofocus for track errors of 0.05 m' in log
+    for text in ('aperture 0: 128 pulses, missing none, autofocus accepted, focused; ',
+                 'aperture 1: 128 pulses, missing none, autofocus not applied, focused; ',
+                 'aperture 2: 128 pulses, missing none, autofocus not applied, no claim; '):
+        assert text in log
+    observer.wait_for_counters('radar0/sar_pipeline', 'backprojection', images_published=3,
+                               autofocus_attempted=3, autofocus_accepted=1, autofocus_claimed=2,
+                               autofocus_failed=0)
+    last = observer.counters('radar0/sar_pipeline', 'backprojection')
+    assert last['autofocus_contrast_after'] == last['autofocus_contrast_before']
+    assert last['autofocus_contrast_before'] == pytest.approx(contrast(plain[2]), rel=1e-3)
+
+    # The node alone makes the same of the same profiles.
+    alone = make_chain(truth, names=('backprojection',), namespace='radar1',
+                       pulses='range_profiles', backprojection=EXPECTED).observer
+    alone.send_messages(observer.messages['range_profiles'][:LENGTH // 32])
+    [image] = alone.wait_for('image_complex', 1)
+    np.testing.assert_array_equal(complex_from_message(image), published[0])
+    alone.wait_for_counters('radar1/backprojection', autofocus_attempted=1, autofocus_accepted=1,
+                            autofocus_claimed=1)
+    counters = alone.counters('radar1/backprojection')
+    assert counters['autofocus_contrast_before'] == pytest.approx(contrast(plain[0]), rel=1e-3)
+    assert counters['autofocus_contrast_after'] == pytest.approx(contrast(published[0]), rel=1e-3)
+    assert counters['autofocus_error_db'] < -22.0  # what a claim stands for
+    # 0.050 m of error less what no image shows
+    assert counters['autofocus_largest_move_m'] == pytest.approx(0.05, abs=0.01)
+    assert counters['autofocus_seconds'] < counters['last_image_seconds']
+
+
+@pytest.mark.parametrize(('changes', 'reason'), [
+    ({'mode': 'subapertures'}, 'sub-aperture images come without their pulses; use mode image'),
+    ({'terrain.file': 'hill.npz'}, 'it works on a plane; leave terrain.file empty')])
+def test_what_cannot_be_focused_is_refused(changes, reason):
+    parameters = {p.name: p.default for p in (*PARAMETERS, *COMMON_PARAMETERS)}
+    parameters |= {'autofocus.time_offset': 0.1} | changes
+    with pytest.raises(ConfigurationError, match=r'autofocus \(autofocus.time_offset\) is not '
+                       f'possible here: {reason}'):
+        BackprojectionStep.create(parameters, None)
