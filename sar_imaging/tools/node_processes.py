@@ -230,12 +230,11 @@ class NodeProcesses:
         """End a node at once, as a crash does."""
         self._kill(self._processes.pop(name))
 
-    def stop_all(self) -> None:
-        """Stop all nodes that run."""
+    def stop_all(self) -> dict[str, int]:
+        """Stop all nodes that run; returns the exit status of each."""
         for name in self._processes:  # all at once, then wait for each
             self._interrupt(name)
-        for name in list(self._processes):
-            self._wait(name)
+        return {name: self._wait(name) for name in list(self._processes)}
 
     def _interrupt(self, name: str) -> None:
         if self._processes[name].poll() is None:

@@ -6,9 +6,7 @@ import re
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
-import scipy.fft
 
 pytest.importorskip('rclpy', reason='rclpy comes as wheels for Linux on x86-64 only')
 
@@ -26,10 +24,6 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Float32MultiArray, UInt32
 from std_srvs.srv import Trigger
 
-from sar_imaging.imaging.correlation import correlate
-from sar_imaging.signal.pulses import concatenate
-from sar_imaging.signal.spectra import band_spectrum
-from sar_imaging.signal.waveforms import lfm_spectrum, n_pulse_samples
 from sar_imaging.tools import bag_io
 from sar_imaging.tools.node_processes import (
     AFBP_NODES,
@@ -42,7 +36,6 @@ from sar_imaging.tools.node_processes import (
     pipeline_parameters,
 )
 
-ROOT = Path(__file__).resolve().parents[2]
 SETTLE_S = 0.5
 PATIENCE_S = 90.0  # a deadline for what should take a second: kernels may have to be compiled
 # Several, for maps that move on before they are looked at.
@@ -88,6 +81,7 @@ class Nodes:
                                         nodes=names)
         self.names = names
         self.running = set()
+        self._may_end = False
 
     def start(self, name):
         self._processes.start(name)
@@ -97,6 +91,7 @@ class Nodes:
         return self._processes.pid(name)
 
     def signal(self, name, number):
+        self._may_end = True
         os.kill(self.pid(name), number)
 
     def kill(self, name):
@@ -119,8 +114,19 @@ class Nodes:
         self.running.remove(name)
         return self._processes.stop(name)
 
+    def stop_all(self):
+        """End all nodes by Ctrl-C at once and return their exit codes."""
+        self.running.clear()
+        return self._processes.stop_all()
+
     def check(self):
+        """Raise an error when a node has ended by itself."""
         self._processes.check()
+
+    def check_while_waiting(self):
+        """The same, unless a node was sent a signal: what is waited for would never come."""
+        if not self._may_end:
+            self.check()
 
     def log(self, name):
         return self._processes.log_file(name).read_text()
@@ -130,15 +136,18 @@ class Nodes:
 
     def wait_for_log(self, name, pattern, count=1):
         """Wait until the regular expression was found `count` times in the log of a node."""
-        wait(lambda: len(re.findall(pattern, self.log(name))) >= count,
-             f'{count} x {pattern!r} in the log of {name}', describe=self.all_logs)
+        def found():
+            self.check_while_waiting()
+            return len(re.findall(pattern, self.log(name))) >= count
+
+        wait(found, f'{count} x {pattern!r} in the log of {name}', describe=self.all_logs)
 
 
 class Observer:
     """A ROS node in the test's process: sends pulses, collects all that the nodes publish."""
 
-    def __init__(self, namespace, describe, pulses='pulses'):
-        self._describe = describe
+    def __init__(self, namespace, describe, pulses='pulses', check=lambda: None):
+        self._describe, self._check = describe, check
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
         self.node = rclpy.create_node('observer', context=self._context, namespace=namespace)
@@ -180,8 +189,11 @@ class Observer:
 
     def wait(self, condition, what):
         """Receive messages until a condition holds; returns its value."""
-        return wait(condition, what, describe=self._describe,
-                    work=lambda: self._executor.spin_once(timeout_sec=0.1))
+        def receive():
+            self._check()
+            self._executor.spin_once(timeout_sec=0.1)
+
+        return wait(condition, what, describe=self._describe, work=receive)
 
     def call(self, service_type, name, **fields):
         """Response of a service."""
@@ -253,7 +265,7 @@ class Chain(Nodes):
     def __init__(self, folder, environment, parameters, arguments=(), namespace='',
                  pulses='pulses', names=NODES):
         super().__init__(folder, environment, parameters, arguments, namespace, names)
-        self.observer = Observer(namespace, self.all_logs, pulses)
+        self.observer = Observer(namespace, self.all_logs, pulses, self.check_while_waiting)
         for name in names:
             self.start(name)
 
@@ -279,23 +291,23 @@ class Chain(Nodes):
             self.wait_for_log(sender, JOINED, joined[sender] + 1)
 
     def close(self):
-        """Ctrl-C for each; every process must end orderly."""
-        codes = {name: self.stop(name) for name in sorted(self.running)}
+        """Ctrl-C for all; every process must end orderly."""
+        codes = self.stop_all()
         self.observer.close()
         assert codes == dict.fromkeys(self.names, 0), self.all_logs()
         assert 'Traceback' not in self.all_logs()
 
 
 @pytest.fixture
-def make_chain(ros_environment, tmp_path):
-    """Start the nodes for a recording's truth; ended by Ctrl-C after the test.
+def make_chains(ros_environment, tmp_path):
+    """Start chains side by side, each from a mapping of options; ended by Ctrl-C after the test.
 
-    `names` are the nodes; keywords of their names, or of those that a pipeline stands for, are
-    parameters beside those of the truth.
+    `truth` is that of a recording and `names` are the nodes; options of their names, or of those
+    that a pipeline stands for, are parameters beside those of the truth.
     """
     chains = []
 
-    def make(truth, *, arguments=(), namespace='', pulses='pulses', names=NODES, mode=None,
+    def start(truth, *, arguments=(), namespace='', pulses='pulses', names=NODES, mode=None,
              **parameters):
         mode = mode or ('subapertures' if names == AFBP_NODES else 'image')
         values = parameters_from_truth(truth, mode)
@@ -306,12 +318,23 @@ def make_chain(ros_environment, tmp_path):
         chain = Chain(tmp_path / f'nodes{len(chains)}', ros_environment, values, arguments,
                       namespace, pulses, names)
         chains.append(chain)
-        chain.wait_until_connected()
         return chain
+
+    def make(*all_options):
+        made = [start(**options) for options in all_options]
+        for chain in made:
+            chain.wait_until_connected()
+        return made
 
     yield make
     for chain in chains:
         chain.close()
+
+
+@pytest.fixture
+def make_chain(make_chains):
+    """Start one chain, as `make_chains` does."""
+    return lambda truth, **options: make_chains({'truth': truth, **options})[0]
 
 
 @pytest.fixture
@@ -334,7 +357,8 @@ def start_node(ros_environment, tmp_path):
     started = []
 
     def start(name, parameters=None):
-        node = Nodes(tmp_path / 'nodes', ros_environment, {name: parameters} if parameters else {})
+        node = Nodes(tmp_path / f'node{len(started)}', ros_environment,
+                     {name: parameters} if parameters else {})
         started.append(node)
         node.start(name)
         return node
@@ -343,68 +367,3 @@ def start_node(ros_environment, tmp_path):
     for node in started:
         for name in sorted(node.running):
             assert node.stop(name) == 0, node.log(name)
-
-
-def chirp_band_spectrum(raw):
-    """Frequencies and spectra of raw LFM pulses divided by the pulse's own spectrum.
-
-    From the whole record, since the edges of cut range profiles leak over the band: correlating
-    those instead differs by -67 dB in the noise of the spotlight recording.
-    """
-    radar = raw.radar
-    n = scipy.fft.next_fast_len(raw.n_samples + n_pulse_samples(radar))
-    baseband = scipy.fft.fftfreq(n, 1.0 / radar.sample_rate_hz)
-    inside = np.flatnonzero(np.abs(baseband) <= radar.bandwidth_hz / 2)
-    inside = inside[np.argsort(baseband[inside])]
-    baseband = baseband[inside]
-    spectra = scipy.fft.fft(raw.samples.astype(np.complex128), n, axis=-1)[..., inside]
-    spectra /= lfm_spectrum(baseband, radar) * radar.sample_rate_hz * len(baseband)
-    spectra *= np.exp(-2j * np.pi * baseband * radar.first_sample_delay_s)
-    return radar.carrier_hz + baseband, spectra
-
-
-class Recording:
-    """A recording of bags/ with its truth and the exact image of any of its pulses."""
-
-    def __init__(self, name):
-        path = ROOT / 'bags' / name
-        self.truth = bag_io.read_truth(path)
-        self.raw = [cdr for _, cdr in bag_io.raw_messages(path)]
-        self.pulses = concatenate(list(bag_io.read_blocks(path)))
-
-    def blocks(self, n_pulses):
-        """The recorded pulses in blocks of this length."""
-        return [self.pulses.select(slice(i, i + n_pulses))
-                for i in range(0, self.pulses.n_pulses, n_pulses)]
-
-    def correlation(self, counters, points):
-        """(n,) complex128 exact image of recorded pulses at points (n, 3), in float64."""
-        pulses = self.pulses.select(np.isin(self.pulses.counter, counters))
-        spectrum = band_spectrum if pulses.compressed else chirp_band_spectrum
-        return correlate(*spectrum(pulses), pulses.tx_m, pulses.rx_m, points)
-
-    def error_db(self, image, grid, counters):
-        """Error of an image against the exact one of `counters`, over a subset of pixels.
-
-        Half of the pixels are the brightest ones, the others are spread over the image.
-        """
-        flat = image.ravel()
-        chosen = np.union1d(np.argsort(np.abs(flat))[-100:],
-                            np.random.default_rng(7).integers(0, flat.size, 100))
-        exact = self.correlation(counters, grid.points().reshape(-1, 3)[chosen])
-        return 20 * np.log10(np.linalg.norm(flat[chosen] - exact) / np.linalg.norm(exact))
-
-
-@pytest.fixture(scope='session', params=['psf', 'spotlight'])
-def any_recording(request):
-    return Recording(request.param)
-
-
-@pytest.fixture(scope='session')
-def spotlight():
-    return Recording('spotlight')
-
-
-@pytest.fixture(scope='session')
-def psf():
-    return Recording('psf')

@@ -84,17 +84,32 @@ def test_the_page_of_a_node_describes_every_parameter(pytestconfig, name):
     assert rows == expected
 
 
-@pytest.mark.parametrize('name', MODULES)
-def test_diagnostics_have_the_keys_of_the_page(start_node, make_observer, pytestconfig, name):
-    start_node(name)
+@pytest.fixture(scope='module')
+def documented(pytestconfig):
+    """Keys of the diagnostics on the page of a node."""
+    folder = pytestconfig.rootpath / 'docs' / 'nodes'
+
+    def keys(name):
+        section = (folder / f'{name}.md').read_text().split('## Diagnostics')[1].split('## Log')[0]
+        return re.findall(r'^\| `(\w+)`', section, re.MULTILINE)
+
+    return keys
+
+
+def test_diagnostics_have_the_keys_of_the_pages(start_node, make_observer, documented):
+    for name in (*MODULES, 'sar_pipeline'):
+        start_node(name)
     observer = make_observer()
-    observer.wait(lambda: observer.counters(name), f'diagnostics of {name}')
-    page = (pytestconfig.rootpath / 'docs' / 'nodes' / f'{name}.md').read_text()
-    section = page.split('## Diagnostics')[1].split('## Log')[0]
-    documented = re.findall(r'^\| `(\w+)`', section, re.MULTILINE)
-    assert sorted(documented) == sorted(observer.counters(name))
-    assert observer.status(name).level == DiagnosticStatus.OK
-    assert observer.status(name).message == 'waiting for input'
+    for name in (*MODULES, 'sar_pipeline'):
+        observer.wait(lambda n=name: observer.status(n) is not None
+                      and observer.status(n).message == 'waiting for input',
+                      f'diagnostics of {name}')
+        assert observer.status(name).level == DiagnosticStatus.OK
+        assert sorted(documented(name)) == sorted(observer.counters(name))
+    # In the pipeline each stage has those that are its own.
+    for name in MODULES.keys() - {'moving_targets'}:  # which stands beside the pipeline
+        keys = [key for key in documented(name) if key not in documented('sar_pipeline')]
+        assert sorted(keys) == sorted(observer.counters('sar_pipeline', name))
 
 
 def test_parameters_of_several_stages_are_the_same_in_each():
@@ -105,24 +120,6 @@ def test_parameters_of_several_stages_are_the_same_in_each():
     for step in SarPipelineNode.STEPS:
         for parameter in step.PARAMETERS:
             assert common.setdefault(parameter.name, parameter) is parameter
-
-
-def test_diagnostics_of_the_pipeline_are_those_of_its_stages(start_node, make_observer,
-                                                             pytestconfig):
-    start_node('sar_pipeline')
-    observer = make_observer()
-    observer.wait(lambda: observer.status('sar_pipeline'), 'diagnostics')
-    folder = pytestconfig.rootpath / 'docs' / 'nodes'
-
-    def documented(name):
-        section = (folder / f'{name}.md').read_text().split('## Diagnostics')[1].split('## Log')[0]
-        return re.findall(r'^\| `(\w+)`', section, re.MULTILINE)
-
-    of_the_node = documented('sar_pipeline')
-    assert sorted(of_the_node) == sorted(observer.counters('sar_pipeline'))
-    for name in MODULES.keys() - {'moving_targets'}:  # which stands beside the pipeline
-        keys = [key for key in documented(name) if key not in of_the_node]
-        assert sorted(keys) == sorted(observer.counters('sar_pipeline', name))
 
 
 def test_parameters_are_checked_and_used_while_the_node_runs(start_node, make_observer):

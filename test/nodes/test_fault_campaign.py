@@ -13,8 +13,10 @@ import time
 import numpy as np
 import pytest
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float32MultiArray
 
+from msg_conversions import WireFormatError, pulse_block
 from msg_conversions.images import complex_from_message, map_metadata_from_message
 from sar_imaging.tools import bag_io
 from sar_imaging.tools.node_processes import AFBP_NODES, NODES, PIPELINE
@@ -32,16 +34,19 @@ DEAF_S = 0.5  # between messages while more are underway: a node may be down
 SECOND_NS = 10**9
 FIRST_SEED = int(os.environ.get('FAULT_SEED', '5'))
 SEEDS = range(FIRST_SEED, FIRST_SEED + int(os.environ.get('FAULT_ROUNDS', '1')))
+DAMAGED_SHARE, DAMAGED_BYTES = 0.01, 5  # of messages, and of the bytes of one
 IMAGE = (r'image of aperture (\d+): (?:\d+ sub-apertures, )?(\d+) pulses, '
          r'(?:(\d+) missing|missing (?:none|.*\((\d+)\)))')
 DROPPED = r'\baperture (\d+) dropped: (\d+) of \d+ pulses'
+
+
+SKIPPED = r'no pulse came of apertures (\d+)(?:\.\.(\d+))? \(\d+\)'
 
 
 def with_setups(*setups):
     """Decorator: the test is run with these nodes, in these modes of backprojection."""
     return pytest.mark.parametrize(('names', 'mode'), setups,
                                    ids=[f'{names[-1]}-{mode}' for names, mode in setups])
-SKIPPED = r'no pulse came of apertures (\d+)(?:\.\.(\d+))? \(\d+\)'
 
 
 class Flight:
@@ -61,6 +66,8 @@ class Flight:
         self.first_ns = (first + last) // 2
         self.aperture = 0
         self.clock_s = 0  # of the radar, besides one second per aperture
+        self.damage = bytes  # of a serialised message, on its way
+        self.n_sent = 0
         self._queue = []
         self._newest = 0  # counter sent
         self._sent_s = 0.0
@@ -90,12 +97,13 @@ class Flight:
             self._queue = list(range(len(self.blocks)))
         block = self.block(self._queue.pop(0))
         self._newest = int(block.counter[-1])
+        self.n_sent += 1
         self.aperture += not self._queue
         return block
 
     def send_next(self):
         """Send the next message."""
-        self.observer.send([self.next_block()])
+        self.observer.send([self.damage(bag_io.serialise(self.next_block()))])
 
     def begin_again(self):
         """The counters begin anew."""
@@ -118,9 +126,9 @@ class Flight:
         return self._newest - progress[-1].data if progress else self._newest
 
     def fly_messages(self, count):
-        """Send so many messages at the radar's pace."""
-        sent = iter(range(count))
-        self.fly(lambda: next(sent, None) is None, 'messages to be sent')
+        """Send so many messages, and at least one, at the radar's pace."""
+        last = self.n_sent + count
+        self.fly(lambda: self.n_sent >= last, 'messages to be sent')
 
     def finish_aperture(self):
         """Send the rest of the aperture at once."""
@@ -147,7 +155,6 @@ class Flight:
         since, stamp_ns = len(self.observer.messages['image_complex']), self.stamp_ns
         image = self.fly(lambda: self.image_at(stamp_ns, since), f'the aperture after {what}')
         assert self.error(image) < self.largest_difference, what
-
 
     def wait_for_complete_image(self, first_aperture, what):
         """Send until an image of this aperture or a later one is right; returns its number."""
@@ -344,9 +351,42 @@ def test_a_bad_stream(make_chain, psf, names, mode, seed):
         assert observer.counters(name)['errors'] == 0, chain.log(name)
 
 
+@with_setups((NODES, 'image'), (PIPELINE, 'subapertures'))
+@pytest.mark.parametrize('seed', SEEDS)
+def test_one_percent_of_the_messages_damaged(make_chain, psf, names, mode, seed):
+    rng = np.random.default_rng(seed)
+    chain = make_chain(psf.truth, names=names, mode=mode)
+    flight = Flight(chain, psf, mode)
+    rejected = []
+
+    def damage(cdr):
+        if rng.random() >= DAMAGED_SHARE:
+            return cdr
+        damaged = bytearray(cdr)
+        for at in rng.integers(4, len(cdr), DAMAGED_BYTES):
+            damaged[at] = rng.integers(256)
+        try:
+            message = deserialize_message(bytes(damaged), Float32MultiArray)
+            pulse_block.from_message(message)
+        except WireFormatError as error:
+            rejected.append(str(error))
+        except Exception:  # what the middleware drops fails in many ways
+            pass
+        return bytes(damaged)
+
+    flight.damage = damage
+    flight.fly_messages(1000)
+    flight.damage = bytes
+    flight.assert_next_aperture_right('damaged messages')
+    chain.check()
+    chain.observer.wait_for_counters(names[0], blocks_rejected=len(rejected))
+    for name in chain.running:
+        assert chain.observer.counters(name)['errors'] == 0, chain.log(name)
+
+
 # ------------------------------------------------------------------------- the end, the beginning
 
-@with_setups((AFBP_NODES, 'subapertures'))
+@with_setups((AFBP_NODES, 'subapertures'), (PIPELINE, 'image'))
 @pytest.mark.parametrize('seed', SEEDS)
 def test_ctrl_c_while_imaging_and_late_joiners(make_chain, psf, names, mode, seed):
     rng = np.random.default_rng(seed)

@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 
 from msg_conversions.images import complex_from_message, map_metadata_from_message
 from sar_imaging.tools import bag_io
-from sar_imaging.tools.node_processes import parameters_from_truth
+from sar_imaging.tools.node_processes import NODES, parameters_from_truth
 
 LARGEST_ERROR_DB = -80.0  # what backprojection plans for by default
 
@@ -44,13 +44,6 @@ def with_huge_sample(raw, row):
     samples = block.samples.copy()
     samples[row, 2, 100] = 1e30
     return bag_io.serialise(dataclasses.replace(block, samples=samples))
-
-
-def later(block, apertures, length):
-    """The same pulses some apertures later."""
-    shift = apertures * length
-    return dataclasses.replace(block, counter=block.counter + np.uint32(shift),
-                               stamp_ns=block.stamp_ns + apertures * 10**9)
 
 
 def test_lost_repeated_swapped_and_broken_blocks(make_chain, spotlight):
@@ -107,8 +100,8 @@ def test_any_node_killed_and_restarted_while_the_others_live_on(make_chain, psf)
     grid = map_metadata_from_message(observer.wait_for('map_metadata', 1)[0])
 
     for number, name in enumerate(('pulse_buffer', 'range_compression', 'backprojection')):
-        disturbed = [later(b, 2 * number, length) for b in blocks]
-        whole = [later(b, 2 * number + 1, length) for b in blocks]
+        disturbed = psf.later(blocks, 2 * number)
+        whole = psf.later(blocks, 2 * number + 1)
         half = len(blocks) // 2
         observer.send(disturbed[:half])
         last = int(disturbed[half - 1].counter[-1])
@@ -155,14 +148,15 @@ def test_a_full_queue_is_counted_and_logged(make_chain, spotlight):
     chain.wait_for_log('range_compression', 'dropped pulses .* wait already')
 
 
-@pytest.mark.parametrize('name', ['pulse_buffer', 'range_compression', 'backprojection'])
-def test_ctrl_c_ends_a_node_orderly_even_twice(start_node, name):
-    node = start_node(name)
-    node.wait_for_log(name, 'ready: ')
-    node.signal(name, signal.SIGINT)
-    node.signal(name, signal.SIGINT)  # as `ros2 launch` forwards it
-    assert node.exit_code(name) == 0, node.log(name)
-    assert 'Traceback' not in node.log(name)
+def test_ctrl_c_ends_a_node_orderly_even_twice(start_node):
+    nodes = {name: start_node(name) for name in NODES}
+    for name, node in nodes.items():
+        node.wait_for_log(name, 'ready: ')
+        node.signal(name, signal.SIGINT)
+        node.signal(name, signal.SIGINT)  # as `ros2 launch` forwards it
+    for name, node in nodes.items():
+        assert node.exit_code(name) == 0, node.log(name)
+        assert 'Traceback' not in node.log(name)
 
 
 @pytest.mark.parametrize('deactivated', [False, True])
@@ -174,7 +168,7 @@ def test_the_end_while_blocks_and_a_service_wait(start_node, make_observer, psf,
     observer.wait(lambda: observer.joined, 'the subscription')
     client = observer.node.create_client(Trigger, 'backprojection/form_image')
     observer.wait(client.service_is_ready, 'the service')
-    observer.send([later(b, n, 200) for n in range(4) for b in psf.blocks(25)])
+    observer.send([b for n in range(4) for b in psf.later(psf.blocks(25), n)])
     observer.wait_for('backprojection/progress', 1)
     answer = client.call_async(Trigger.Request())
     observer.wait_for('backprojection/progress', len(observer.messages['backprojection/progress'])
@@ -191,7 +185,7 @@ def test_the_end_while_blocks_and_a_service_wait(start_node, make_observer, psf,
     assert 'Traceback' not in node.log('backprojection')
 
 
-@pytest.mark.parametrize(('name', 'parameters', 'message'), [
+IMPOSSIBLE = [
     ('pulse_buffer', {'pulses_per_block': 0},
      'parameter pulses_per_block=0; expected a whole number from 1 to 65536 (pulses)'),
     ('pulse_buffer', {'flush_timeout_s': 'soon'},
@@ -202,15 +196,17 @@ def test_the_end_while_blocks_and_a_service_wait(start_node, make_observer, psf,
     ('backprojection', {'grid.spacing': 0.001}, 'raise grid.spacing=0.001, or max_image_pixels'),
     ('backprojection', {'pulses_per_aperture': 1.5},
      'parameter pulses_per_aperture=1.5; expected a whole number'),
-])
-def test_an_impossible_parameter_ends_the_node_with_one_clear_line(start_node, name, parameters,
-                                                                   message):
-    node = start_node(name, parameters)
-    assert node.exit_code(name) == 1
-    [line] = node.log(name).splitlines()
-    assert '[ERROR]' in line
-    assert f'[{name}]: ' in line
-    assert message in line
+]
+
+
+def test_an_impossible_parameter_ends_the_node_with_one_clear_line(start_node):
+    nodes = [start_node(name, parameters) for name, parameters, _ in IMPOSSIBLE]
+    for node, (name, _, message) in zip(nodes, IMPOSSIBLE, strict=True):
+        assert node.exit_code(name) == 1
+        [line] = node.log(name).splitlines()
+        assert '[ERROR]' in line
+        assert f'[{name}]: ' in line
+        assert message in line
 
 
 def test_a_whole_number_is_accepted_for_a_double(start_node):

@@ -1,21 +1,12 @@
 """Life cycle, services, simulated time, several radars: how the nodes are operated."""
 
-import dataclasses
-
 import numpy as np
-import pytest
 from rosgraph_msgs.msg import Clock
 
 from msg_conversions.images import complex_from_message, map_metadata_from_message
 
 LARGEST_ERROR_DB = -80.0  # what backprojection plans for by default
 GRID = {'grid.size_x': 20.0, 'grid.size_y': 10.0}
-
-
-def later(block, apertures, length):
-    """The same pulses some apertures later."""
-    return dataclasses.replace(block, counter=block.counter + np.uint32(apertures * length),
-                               stamp_ns=block.stamp_ns + apertures * 10**9)
 
 
 def test_a_node_that_waits_for_its_manager(start_node, make_observer):
@@ -70,21 +61,24 @@ def test_a_node_that_waits_for_its_manager(start_node, make_observer):
     assert 'Traceback' not in node.log(name)
 
 
-@pytest.mark.parametrize(('name', 'parameter', 'impossible', 'reason', 'possible'), [
-    ('range_compression', 'window', 'box', "window: window='box' is unknown", 'hamming'),
-    ('range_compression', 'oversampling', 'two', "oversampling='two'; expected a number", 2),
-    ('pulse_buffer', 'pulses_per_block', 0, 'pulses_per_block=0; expected a whole number', 16)])
-def test_a_wrong_value_at_the_start_can_be_corrected(start_node, make_observer, name, parameter,
-                                                     impossible, reason, possible):
-    node = start_node(name, {'autostart': False, parameter: impossible})
+def test_wrong_values_at_the_start_can_be_corrected(start_node, make_observer):
+    wrong = {'pulse_buffer': [('pulses_per_block', 0, '=0; expected a whole number', 16)],
+             'range_compression': [('oversampling', 'two', "='two'; expected a number", 2),
+                                   ('window', 'box', ": window='box' is unknown", 'hamming')]}
+    nodes = {name: start_node(name, {'autostart': False} | {p: value for p, value, *_ in values})
+             for name, values in wrong.items()}
     observer = make_observer()
-    assert not observer.change_state(name, 'configure')
-    assert f'configuration refused: parameter {reason}' in node.log(name)
-    assert observer.set_parameter(name, parameter, possible) == (True, '')
-    assert observer.change_state(name, 'configure')
-    assert observer.change_state(name, 'activate')
-    node.wait_for_log(name, 'ready: ')
-    assert not observer.set_parameter(name, parameter, impossible)[0]
+    for name, values in wrong.items():
+        for parameter, _, reason, possible in values:
+            assert not observer.change_state(name, 'configure')
+            assert (f'configuration refused: parameter {parameter}{reason}'
+                    in nodes[name].log(name))
+            assert observer.set_parameter(name, parameter, possible) == (True, '')
+        assert observer.change_state(name, 'configure')
+        assert observer.change_state(name, 'activate')
+        nodes[name].wait_for_log(name, 'ready: ')
+        for parameter, impossible, *_ in values:
+            assert not observer.set_parameter(name, parameter, impossible)[0]
 
 
 def test_a_node_deactivated_within_an_aperture_images_the_next_one(make_chain, psf):
@@ -105,7 +99,7 @@ def test_a_node_deactivated_within_an_aperture_images_the_next_one(make_chain, p
     assert observer.change_state('backprojection', 'activate')
     chain.wait_for_log('backprojection', 'publisher on /range_profiles joined', 2)
     chain.wait_for_log('range_compression', 'subscriber on .* joined', 2)
-    observer.send([later(b, 1, length) for b in blocks])
+    observer.send(psf.later(blocks, 1))
     [image] = observer.wait_for('image_complex', 1)
     chain.wait_for_log('backprojection', f'aperture 1: {length} pulses, missing none')
     grid = map_metadata_from_message(metadata)
@@ -143,19 +137,19 @@ def test_images_on_request_and_reset(make_chain, spotlight):
     assert 'fewer pulses than min_pulse_fraction=0.5' in message
 
     assert observer.set_parameter('pulse_buffer', 'flush_timeout_s', 3600.0) == (True, '')
-    observer.send([later(spotlight.pulses.select(slice(0, 100)), 2, 128)])
+    observer.send(spotlight.later([spotlight.pulses.select(slice(0, 100))], 2))
     observer.wait_for_progress('pulse_buffer', 355)
     assert observer.trigger('pulse_buffer/reset') == (
         True, 'dropped 0 pulses that waited and 100 underway')
     observer.wait_for_counters('pulse_buffer', pulses_discarded=100)
     assert observer.set_parameter('pulse_buffer', 'flush_timeout_s', 0.01) == (True, '')
-    observer.send([later(spotlight.pulses.select(slice(0, 80)), 3, 128)])
+    observer.send(spotlight.later([spotlight.pulses.select(slice(0, 80))], 3))
     observer.wait_for_progress('backprojection', 463)
     assert observer.trigger('backprojection/reset') == (
         True, 'dropped 0 pulses that waited and 80 underway')
     assert observer.trigger('range_compression/reset') == (True, 'no pulses were underway')
 
-    observer.send([later(b, 4, 128) for b in blocks])
+    observer.send(spotlight.later(blocks, 4))
     images = observer.wait_for('image_complex', 3)
     for image, first in zip(images[-2:], (0, 128), strict=True):
         error_db = spotlight.error_db(
@@ -167,11 +161,12 @@ def test_images_on_request_and_reset(make_chain, spotlight):
                                pulses_discarded=80, pulses_late=0)
 
 
-def test_two_radars_side_by_side(make_chain, psf, spotlight):
+def test_two_radars_side_by_side(make_chains, psf, spotlight):
     # The second one's pulses come on a topic of somebody else's choice.
-    chains = [make_chain(psf.truth, namespace='radar1'),
-              make_chain(spotlight.truth, namespace='radar2', pulses='/antenna/pulses',
-                         arguments=['-r', 'pulses:=/antenna/pulses'])]
+    chains = make_chains(
+        {'truth': psf.truth, 'namespace': 'radar1'},
+        {'truth': spotlight.truth, 'namespace': 'radar2', 'pulses': '/antenna/pulses',
+         'arguments': ['-r', 'pulses:=/antenna/pulses']})
     recordings = psf, spotlight
     for a, b in zip(psf.raw, spotlight.raw, strict=False):
         chains[0].observer.send([a])

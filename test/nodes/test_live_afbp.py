@@ -48,11 +48,12 @@ def check_images(recording, chain, name, messages):
     return told
 
 
-def test_images_while_pulses_arrive_and_of_whole_apertures(make_chain, spotlight):
+def test_images_while_pulses_arrive_and_of_whole_apertures(make_chains, spotlight):
     # Both at once, as two radars on one robot; the recording loops.
-    chains = [make_chain(spotlight.truth, names=names, mode='subapertures',
-                         namespace=f'radar{number}', afbp_fusion={'images_every': 2})
-              for number, names in enumerate((AFBP_NODES, PIPELINE))]
+    chains = make_chains(*(
+        {'truth': spotlight.truth, 'names': names, 'mode': 'subapertures',
+         'namespace': f'radar{number}', 'afbp_fusion': {'images_every': 2}}
+        for number, names in enumerate((AFBP_NODES, PIPELINE))))
     for chain in chains:
         chain.observer.send(2 * spotlight.raw)
     received = []

@@ -4,7 +4,6 @@ import dataclasses
 import importlib.util
 
 import numpy as np
-import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
@@ -14,8 +13,10 @@ from msg_conversions.images import complex_from_message, map_metadata_from_messa
 from msg_conversions.pulse_block import from_message
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
+from sar_imaging.tools.node_processes import NODES, PIPELINE
 
 OFFSET_NS = 1_000_003_700_000  # the poses' clock is ahead
+TF = importlib.util.find_spec('tf2_ros') is not None
 QUARTER_LEFT = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))  # body x is the frame's y
 
 
@@ -42,29 +43,61 @@ class Platform:
         self._publisher.publish(message)
 
 
-def test_late_odometry_makes_the_image_of_the_true_track(make_chain, psf):
+def test_odometry_that_comes_late_or_not_at_all_for_five_seconds(make_chains, psf):
     pulses = psf.pulses
     # The recording flies straight on: 0 to 0.3 s, reference point in the middle channel.
     seconds = (pulses.stamp_ns - pulses.stamp_ns[0]) * 1e-9
     track = np.polynomial.polynomial.polyfit(seconds, pulses.tx_m[:, 0], 1)
     arms = (pulses.rx_m - pulses.tx_m[:, :1])[0][:, [1, 0, 2]] * [1, -1, 1]  # into the body
-    chain = make_chain(psf.truth, pulse_buffer={
-        'pose.source': 'odometry', 'pose.time_offset_s': OFFSET_NS * 1e-9, 'pose.wait_s': 60.0,
-        'antenna.rx': arms.ravel().tolist()})
-    platform = Platform(chain.observer)
-    chain.observer.send([without_positions(b) for b in psf.blocks(25)])
-    chain.observer.wait_for_counters('pulse_buffer', pulses_waiting_for_poses=200,
-                                     pulses_emitted=0)
-    for t in np.arange(-0.05, 0.36, 0.01):
-        platform.send(pulses.stamp_ns[0] + OFFSET_NS + round(t * 1e9), track[0] + t * track[1],
-                      QUARTER_LEFT, frame='map')
-    [image] = chain.observer.wait_for('image_complex', 1)
-    grid = map_metadata_from_message(chain.observer.wait_for('map_metadata', 1)[0])
-    # The recorded track is rounded to 2^-20 m, 0.3 um from the line: -76 dB at this wavelength.
-    assert psf.error_db(complex_from_message(image), grid, np.arange(200)) < -70.0
-    chain.observer.wait_for_counters('pulse_buffer', pulses_waiting_for_poses=0,
-                                     pulses_emitted=200, pulses_without_pose=0, pose_gaps=0,
-                                     pose_jumps=0, poses_received=41)
+    # The platform begins its track anew with every aperture, one a second.
+    chains = make_chains(*({
+        'truth': psf.truth, 'names': names, 'namespace': f'radar{number}', 'pulse_buffer': {
+            'pose.source': 'odometry', 'pose.time_offset_s': OFFSET_NS * 1e-9,
+            'pose.wait_s': 3.0, 'pose.jump_m': 1e4, 'antenna.rx': arms.ravel().tolist()}}
+        for number, names in enumerate((NODES, PIPELINE))))
+    observers = [chain.observer for chain in chains]
+    platforms = [Platform(observer) for observer in observers]
+    buffers = [('radar0/pulse_buffer', 'stage'), ('radar1/sar_pipeline', 'pulse_buffer')]
+
+    def send_pulses(first, stop):
+        for observer in observers:
+            observer.send([without_positions(b) for n in range(first, stop)
+                           for b in psf.later(psf.blocks(25), n)])
+
+    def send_poses(aperture):
+        for platform in platforms:
+            for t in np.arange(-0.05, 0.36, 0.01):
+                platform.send(pulses.stamp_ns[0] + OFFSET_NS + round((aperture + t) * 1e9),
+                              track[0] + t * track[1], QUARTER_LEFT, frame='map')
+
+    def wait_for_counters(**expected):
+        for observer, buffer in zip(observers, buffers, strict=True):
+            observer.wait_for_counters(*buffer, **expected)
+
+    def check_image(number):
+        for observer in observers:
+            image = observer.wait_for('image_complex', number)[-1]
+            grid = map_metadata_from_message(observer.wait_for('map_metadata', 1)[0])
+            # The recorded track is rounded to 2^-20 m, 0.3 um from the line: -76 dB at this
+            # wavelength.
+            assert psf.error_db(complex_from_message(image), grid, np.arange(200)) < -70.0
+
+    send_pulses(0, 1)
+    wait_for_counters(pulses_waiting_for_poses=200, pulses_emitted=0)
+    send_poses(0)
+    check_image(1)
+    wait_for_counters(pulses_waiting_for_poses=0, pulses_emitted=200, pulses_without_pose=0,
+                      pose_gaps=0, pose_jumps=0, poses_received=41)
+    send_pulses(1, 6)
+    wait_for_counters(pulses_without_pose=1000, pulses_emitted=200)
+    for observer, buffer in zip(observers, buffers, strict=True):
+        assert observer.status(*buffer).level == DiagnosticStatus.WARN
+    send_pulses(6, 7)
+    send_poses(6)
+    check_image(2)
+    wait_for_counters(pulses_emitted=400, pulses_without_pose=1000, pose_gaps=1, pose_jumps=0)
+    for chain in chains:
+        assert 'no pose came in time' in chain.log(chain.names[0])
 
 
 RADAR = RadarParameters(10e9, 600e6, 720e6, 1e-6)
@@ -165,22 +198,22 @@ def test_without_any_pose_nothing_stalls(start_node, make_observer):
     assert 'Traceback' not in buffer.node.log('pulse_buffer')
 
 
-@pytest.mark.parametrize(('parameters', 'message'), [
+IMPOSSIBLE = [
     ({'pose.source': 'gps'}, "parameter pose.source: 'gps' is unknown; use one of block, "
      'odometry, pose, tf'),
     ({'antenna.tx': [0.0, 1.0]}, 'parameter antenna.tx: 2 numbers; expected x, y, z of one'),
     ({'antenna.rx': 'left'}, "parameter antenna.rx='left'; expected a list of numbers (m)"),
-    pytest.param(
-        {'pose.source': 'tf', 'pose.frame_id': 'odom'},
-        'tf2_ros is not installed: it comes with a ROS installation',
-        marks=pytest.mark.skipif(importlib.util.find_spec('tf2_ros') is not None,
-                                 reason='tf2_ros is installed here')),
-])
-def test_an_impossible_source_ends_the_node_with_one_clear_line(start_node, parameters, message):
-    node = start_node('pulse_buffer', parameters)
-    assert node.exit_code('pulse_buffer') == 1
-    [line] = node.log('pulse_buffer').splitlines()
-    assert message in line
+    ({'pose.source': 'tf'}, 'parameter pose.frame_id is empty; tf needs the frame of the images'
+     if TF else 'tf2_ros is not installed: it comes with a ROS installation'),
+]
+
+
+def test_an_impossible_source_ends_the_node_with_one_clear_line(start_node):
+    nodes = [start_node('pulse_buffer', parameters) for parameters, _ in IMPOSSIBLE]
+    for node, (_, message) in zip(nodes, IMPOSSIBLE, strict=True):
+        assert node.exit_code('pulse_buffer') == 1
+        [line] = node.log('pulse_buffer').splitlines()
+        assert message in line
 
 
 def test_lever_arms_that_do_not_fit_reject_blocks_with_the_reason(start_node, make_observer):

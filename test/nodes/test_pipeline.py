@@ -1,6 +1,5 @@
 """All stages in one process: the images of the separate nodes, to the last bit."""
 
-import dataclasses
 import re
 
 import numpy as np
@@ -22,19 +21,14 @@ LARGEST_ERROR_DB = -80.0  # what backprojection plans for by default
 COMPRESSION = {'range_compression': {'window': 'hamming', 'oversampling': 1.7}}
 
 
-def later(block, apertures, length):
-    """The same pulses some apertures later."""
-    return dataclasses.replace(block, counter=block.counter + np.uint32(apertures * length),
-                               stamp_ns=block.stamp_ns + apertures * 10**9)
-
-
-def test_the_pipeline_gives_the_images_of_the_separate_nodes(make_chain, spotlight):
+def test_the_pipeline_gives_the_images_of_the_separate_nodes(make_chains, spotlight):
     n_images = spotlight.truth['n_pulses'] // spotlight.truth['pulses_per_aperture']
-    received = []
-    for number, names in enumerate((NODES, PIPELINE)):
-        chain = make_chain(spotlight.truth, names=names, namespace=f'radar{number}', **COMPRESSION)
+    chains = make_chains(*(
+        {'truth': spotlight.truth, 'names': names, 'namespace': f'radar{number}', **COMPRESSION}
+        for number, names in enumerate((NODES, PIPELINE))))
+    for chain in chains:
         chain.observer.send(spotlight.raw)
-        received.append(chain.observer.wait_for('image_complex', n_images))
+    received = [chain.observer.wait_for('image_complex', n_images) for chain in chains]
     for separate, direct in zip(*received, strict=True):
         assert direct.header == separate.header
         np.testing.assert_array_equal(complex_from_message(direct),
@@ -98,9 +92,9 @@ def test_a_pipeline_that_cannot_keep_up_leaves_out_whole_apertures(make_chain, p
         'grid.spacing': 0.02, 'worker_queue_size': 10, 'queue_depth': 200})
     observer = chain.observer
     grid = map_metadata_from_message(observer.wait_for('map_metadata', 1)[0])
-    observer.send([later(b, n, length) for n in range(8) for b in blocks])  # at once
+    observer.send([b for n in range(8) for b in psf.later(blocks, n)])  # at once
     observer.wait_for_counters('sar_pipeline', blocks_received=8 * len(blocks), blocks_waiting=0)
-    observer.send([later(b, 8, length) for b in blocks])
+    observer.send(psf.later(blocks, 8))
     chain.wait_for_log('sar_pipeline', f'image of aperture 8: {length} pulses, missing none')
     observer.wait_for_counters('sar_pipeline', blocks_received=9 * len(blocks), messages_lost=0)
     counters = observer.counters('sar_pipeline')
