@@ -7,6 +7,7 @@ the sub-aperture images, from which follow the lines that each needs and the err
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -22,6 +23,7 @@ _OVERSAMPLING = (1.25, 1.4, 1.6, 1.8, 2.0, 2.3, 2.7, 3.2)
 _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 # Time of a coarse and a fine pixel in the fusion; a pixel and row of the kernel is 1 (measured)
 _COST_COARSE, _COST_FINE, _COST_SUBAPERTURE = 24.0, 18.0, 1e6
+_AHEAD = (4, 2, 1, 0)  # choices to look ahead in both
 _LEAST_RANGE_GUARD = 16
 _ROWS_FOR_ERROR = 96
 _NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
@@ -187,19 +189,32 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, row_cos
         pulses = cut_pulses(middles, length)
         lo, hi = _slopes(bands.slope, pulses, n_channels)
         centre, half = 0.5 * (lo + hi), bands.wavenumber[1] * 0.5 * float((hi - lo).max())
-        choices += [(length, oversampling, n_guard,
-                     _sampling(polar, bands, pulses, centre, half, n_channels, oversampling,
-                               n_guard, row_cost, margin))
-                    for oversampling in _OVERSAMPLING for n_guard in _GUARDS]
-    failed = []
-    for *key, sampling in sorted(choices, key=lambda choice: choice[-1].cost):
-        # What fails with wider guards and finer sampling fails with less.
-        if any(key[0] == f[0] and key[1] <= f[1] and key[2] <= f[2] for f in failed):
-            continue
-        found = _with_error(sampling, polar, bands, n_channels, key[1])
-        if found.error_db <= target_db:
-            return found
-        failed.append(key)
+        choices += [((length, i, j), _sampling(polar, bands, pulses, centre, half, n_channels,
+                                               oversampling, n_guard, row_cost, margin))
+                    for i, oversampling in enumerate(_OVERSAMPLING)
+                    for j, n_guard in enumerate(_GUARDS)]
+
+    @functools.cache
+    def complete(key):
+        return _with_error(samplings[key], polar, bands, n_channels, _OVERSAMPLING[key[1]])
+
+    samplings, fine, failed = dict(choices), set(), set()
+    n_i, n_j = len(_OVERSAMPLING), len(_GUARDS)
+    for key, _ in sorted(choices, key=lambda choice: choice[1].cost):
+        # What fails with wider guards and finer sampling fails with less: most choices fall with
+        # a few others far ahead.
+        for ahead in _AHEAD:
+            length, i, j = key[0], min(key[1] + ahead, n_i - 1), min(key[2] + ahead, n_j - 1)
+            if key in failed:
+                break
+            if ahead and (length, i, j) in fine:
+                continue
+            if complete((length, i, j)).error_db <= target_db:
+                fine |= {(length, a, b) for a in range(i, n_i) for b in range(j, n_j)}
+            else:
+                failed |= {(length, a, b) for a in range(i + 1) for b in range(j + 1)}
+        if key not in failed:
+            return complete(key)
     return None
 
 
