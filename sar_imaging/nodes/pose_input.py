@@ -8,12 +8,9 @@ from collections.abc import Callable, Mapping
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
-from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.time import Time
 
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.poses import CAPACITY, PoseTrack
@@ -21,11 +18,10 @@ from sar_imaging.geometry.poses import CAPACITY, PoseTrack
 from .health import Health, Part
 from .managed import QOS_ERRORS, ManagedNode
 from .parameters import ConfigurationError, Parameter, one_of
+from .tf_input import TfSampler, import_tf, read_lever_arms, split_frames
 
 BLOCK, ODOMETRY, POSE, TF = SOURCES = ('block', 'odometry', 'pose', 'tf')
 _QUEUE_DEPTH = 10_000  # poses come in bursts where a machine is busy; each takes 0.7 kB
-_TF_PERIOD_S = 0.02
-_MOST_TF_STEPS = 1000  # at once; after a longer pause the rest is a gap
 
 
 def _check_arms(values) -> None:
@@ -58,14 +54,35 @@ PARAMETERS = (
               check=_check_arms),
     Parameter('antenna.rx', [0.0, 0.0, 0.0], 'The same of the receive phase centres.', 'm',
               check=_check_arms),
+    Parameter('antenna.tx_frames', '', 'Frames of tf whose origins are the transmit phase '
+              'centres, with commas between, one for all channels or one for each; they replace '
+              'antenna.tx.', check=split_frames),
+    Parameter('antenna.rx_frames', '', 'The same of the receive phase centres.',
+              check=split_frames),
     Parameter('antenna.offset_s', [0.0], 'When each channel is sent after the stamp of its '
               'pulse, for transmitters that take turns; one stands for all.', 's'),
 )
 
 
-def alignment_from(parameters: Mapping[str, object]) -> Alignment:
-    """Alignment between poses and pulses that the parameters describe."""
+def alignment_from(parameters: Mapping[str, object], node: ManagedNode) -> Alignment:
+    """Alignment between poses and pulses that the parameters describe.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Current values of `PARAMETERS`.
+    node : ManagedNode
+        To listen to tf with, where frames of tf are named.
+
+    Raises
+    ------
+    ConfigurationError
+        Frames are named, and tf is not installed or does not know them.
+    """
     def arms(name):
+        frames = split_frames(parameters[f'{name}_frames'])
+        if frames:
+            return read_lever_arms(node, parameters['pose.child_frame_id'], frames)
         values = parameters[name]
         return [values[i:i + 3] for i in range(0, len(values), 3)]
 
@@ -117,7 +134,7 @@ class PoseInput:
         self.topic = self._source
         self.n_other_frame = 0
         if self._source == TF:
-            _import_tf()
+            import_tf('pose.source is tf', 'set pose.source to odometry or pose')
             if not self._frame:
                 raise ConfigurationError('parameter pose.frame_id is empty; tf needs the frame '
                                          'of the images, such as odom')
@@ -195,70 +212,3 @@ class PoseInput:
             self._health.info('poses go on')
         self._poses.append((stamp_ns, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w)))
         self._on_pose()
-
-
-def _import_tf():
-    try:
-        import tf2_ros
-    except ImportError as error:
-        raise ConfigurationError(
-            'pose.source is tf, but tf2_ros is not installed: it comes with a ROS installation '
-            '(package tf2_ros_py) and not from PyPI; install it there, or set pose.source to '
-            'odometry or pose') from error
-    return tf2_ros
-
-
-class TfSampler:
-    """Transforms of tf, sampled evenly up to the latest time at which the whole chain is known.
-
-    Parameters
-    ----------
-    node : ManagedNode
-        Node to listen with.
-    frame : str
-        Frame of the positions.
-    parameters : mapping
-        Current values of `PARAMETERS`.
-    take : callable
-        Called with time in ns, translation and rotation.
-    """
-
-    def __init__(self, node: ManagedNode, frame: str, parameters: Mapping[str, object], take):
-        tf2_ros = _import_tf()
-        self._frame, self._body = frame, parameters['pose.child_frame_id']
-        self._step_ns = round(1e9 / parameters['pose.tf_rate_hz'])
-        self._take, self._error = take, tf2_ros.TransformException
-        self._buffer = tf2_ros.Buffer(cache_time=Duration(seconds=30))
-        self._listener = tf2_ros.TransformListener(self._buffer, node)
-        self._node, self._last_ns = node, None
-        self._timer = node.create_timer(_TF_PERIOD_S, self._sample,
-                                        clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-    def close(self) -> None:
-        """Listen no more."""
-        self._node.destroy_timer(self._timer)
-        self._listener.unregister()
-
-    def _sample(self) -> None:
-        try:
-            newest = self._lookup(Time())
-        except self._error:
-            return  # not yet known
-        newest_ns = Time.from_msg(newest.header.stamp).nanoseconds
-        last_ns, self._last_ns = self._last_ns, newest_ns
-        if last_ns is not None and last_ns < newest_ns:
-            first_ns = max(last_ns + self._step_ns,
-                           newest_ns - _MOST_TF_STEPS * self._step_ns)
-            for stamp_ns in range(first_ns, newest_ns, self._step_ns):
-                try:
-                    self._pass_on(stamp_ns, self._lookup(Time(nanoseconds=stamp_ns)))
-                except self._error:
-                    continue  # forgotten already
-        if last_ns != newest_ns:
-            self._pass_on(newest_ns, newest)
-
-    def _lookup(self, moment: Time):
-        return self._buffer.lookup_transform(self._frame, self._body, moment)
-
-    def _pass_on(self, stamp_ns: int, found) -> None:
-        self._take(stamp_ns, found.transform.translation, found.transform.rotation)

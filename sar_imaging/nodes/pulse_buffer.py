@@ -56,16 +56,17 @@ class PulseBufferStep(Step):
         self._woken = False
         if parameters['pose.source'] != BLOCK:
             self._poses = PoseInput(parameters, health, self._pose_came)
-            self._positioner = Positioner(
-                track_from(parameters), alignment_from(parameters),
-                pulses_per_aperture=parameters['pulses_per_aperture'],
-                wait_s=parameters['pose.wait_s'],
-                max_waiting_pulses=parameters['pose.max_waiting_pulses'],
-                channel_offset_s=parameters['antenna.offset_s'])
 
     def create_outputs(self, node: ManagedNode) -> None:
-        """Create the publisher of the blocks; see `Step`."""
-        self._output = BlockOutput(node, 'pulse_blocks', self.parameters)
+        """Create the publisher of the blocks, and read lever arms from tf; see `Step`."""
+        p = self.parameters
+        self._output = BlockOutput(node, 'pulse_blocks', p)
+        if self._poses is not None:
+            self._positioner = Positioner(
+                track_from(p), alignment_from(p, node),
+                pulses_per_aperture=p['pulses_per_aperture'], wait_s=p['pose.wait_s'],
+                max_waiting_pulses=p['pose.max_waiting_pulses'],
+                channel_offset_s=p['antenna.offset_s'])
 
     def activate(self, node: Stage) -> None:
         """Subscribe to poses where positions come from them; see `Step`."""

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Mapping
 
 from msg_conversions.pulse_block import as_received
+from sar_imaging.signal.background import BackgroundFilter
 from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RANGE_FILTERS, RangeCompressor
@@ -42,6 +43,9 @@ PARAMETERS = (
     Parameter('calibration_file', '', 'YAML file with amplitude, phase and delay of each channel, '
               'as the tool calibrate writes it; empty: none.', check=_calibration,
               changes=ANY_TIME),
+    Parameter('background_s', 0.0, 'Time constant of the moving average over the pulses that is '
+              'subtracted as static background, such as the direct path; 0.0: none.', 's', 0.0,
+              86_400.0, changes=ANY_TIME),
 )
 
 
@@ -56,6 +60,7 @@ class RangeCompressionStep(Step):
         super().__init__(parameters, health)
         self._plan: RangeCompressor | None = None
         self._planned_for: tuple | None = None
+        self._background: BackgroundFilter | None = None
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publisher of the profiles; see `Step`."""
@@ -63,12 +68,14 @@ class RangeCompressionStep(Step):
 
     def summary(self) -> str:
         """Settings for the log line at the start."""
+        seconds = self.parameters['background_s']
+        background = f', background averaged over {seconds:g} s subtracted' if seconds else ''
         return (f' -> {self._output.topic}, window {self.parameters["window"]}, '
-                f'{self.parameters["oversampling"]:g} samples per resolution cell')
+                f'{self.parameters["oversampling"]:g} samples per resolution cell{background}')
 
     def process(self, block: PulseBlock) -> list[PulseBlock]:
         """Range profiles of a block."""
-        profiles = as_received(self._plan_for(block)(block))
+        profiles = as_received(self._plan_for(block)(self._without_background(block)))
         self.health.count('blocks_compressed')
         return [profiles]
 
@@ -76,9 +83,23 @@ class RangeCompressionStep(Step):
         """Publish profiles."""
         self._output.publish(product)
 
+    def discard(self) -> int:
+        """Forget the background; nothing else is underway."""
+        self._background = None
+        return 0
+
+    def _without_background(self, block: PulseBlock) -> PulseBlock:
+        time_constant_s = self.parameters['background_s']
+        if not time_constant_s:
+            self._background = None
+            return block
+        if self._background is None or self._background.time_constant_s != time_constant_s:
+            self._background = BackgroundFilter(time_constant_s)
+        return self._background(block)
+
     def _plan_for(self, block: PulseBlock) -> RangeCompressor:
         """Plan for blocks like this one; made anew when the radar or a parameter changed."""
-        settings = [self.parameters[p.name] for p in PARAMETERS]
+        settings = [self.parameters[p.name] for p in PARAMETERS if p.name != 'background_s']
         key = (block.radar, block.n_samples, block.compressed, *settings)
         if key != self._planned_for:
             self._plan, self._planned_for = self._planned(block), key

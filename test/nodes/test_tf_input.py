@@ -1,0 +1,41 @@
+"""Lever arms from tf: the names of the frames, and what is said where tf2_ros is missing."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import pytest
+
+from sar_imaging.nodes.parameters import ConfigurationError
+from sar_imaging.nodes.tf_input import import_tf, split_frames
+
+needs_no_tf = pytest.mark.skipif(importlib.util.find_spec('tf2_ros') is not None,
+                                 reason='tf2_ros is installed here')
+
+
+def test_frames_are_names_with_commas_between():
+    assert split_frames('') == split_frames('  ') == []
+    assert split_frames('antenna') == ['antenna']
+    assert split_frames('radar/tx_1, radar/tx_2') == ['radar/tx_1', 'radar/tx_2']
+    for names in (',', 'a,,b', 'a,'):
+        with pytest.raises(ValueError, match='has an empty name; expected frames such as'):
+            split_frames(names)
+
+
+@needs_no_tf
+def test_what_asks_for_tf_is_said_where_it_is_missing():
+    with pytest.raises(ConfigurationError, match='arms named, but tf2_ros is not installed: it '
+                       'comes with a ROS installation .* or set antenna.tx'):
+        import_tf('arms named', 'set antenna.tx')
+
+
+@needs_no_tf
+def test_antenna_frames_without_tf_end_the_node_with_one_clear_line(start_node):
+    nodes = [start_node('pulse_buffer', {'pose.source': 'odometry', 'antenna.rx_frames': frames})
+             for frames in ('rx_1, rx_2', 'rx_1,,rx_2')]
+    for node, message in zip(nodes, (
+            'antenna frames rx_1, rx_2 are named, but tf2_ros is not installed',
+            'parameter antenna.rx_frames: '), strict=True):
+        assert node.exit_code('pulse_buffer') == 1
+        [line] = node.log('pulse_buffer').splitlines()
+        assert message in line
