@@ -16,7 +16,6 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT
@@ -162,6 +161,9 @@ def with_time_offset(model: GeometryModel, time_s, *, scale_s: float) -> Geometr
     scale_s : float
         Expected size of the offset, seconds.
     """
+    # scipy.interpolate takes its time to import, which a node without autofocus need not wait for
+    from scipy.interpolate import CubicSpline
+
     time_s = np.asarray(time_s, float) - float(time_s[0])
 
     def change(geometry, offset):

@@ -12,7 +12,6 @@ import dataclasses
 import logging
 
 import numpy as np
-from scipy.optimize import minimize
 
 from ..signal.pulses import PulseBlock
 from .models import GeometryModel
@@ -177,6 +176,9 @@ def _visible(tiles: Tiles, model: GeometryModel, parameters):
 
 
 def _climb(tiles: Tiles, model: GeometryModel, start, basis):
+    # scipy.optimize takes its time to import, which a node without autofocus need not wait for
+    from scipy.optimize import minimize
+
     first, _ = sharpness(tiles, tiles.half_path_change(model(start)))
     jacobian = differentiate(tiles, model, start) @ basis
     coarse = tiles.n_segments > 1

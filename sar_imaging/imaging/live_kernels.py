@@ -8,30 +8,53 @@ from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .live_fusion import LiveFusion
+from .live_plan import LivePlan
 from .live_subapertures import LiveSubapertures
+from .subaperture_image import SubapertureImage
 
 _N_PULSES, _N_SAMPLES, _RANGE_M = 64, 128, 1000.0
 _CUT = 8  # short enough for a window to slide
+_TARGET_DB = -50.0
+_GRID = MapGrid((0.0, 0.0, 0.0), 32, 32, 0.25)
 
 
-def compile_live_kernels() -> None:
-    """Compile the kernels of both stages, or load them from the cache.
+def compile_subaperture_kernels() -> None:
+    """Compile the kernels of the first stage, or load them from the cache.
 
-    A small aperture is imaged, then one that slides on. Takes some seconds the first time on a
-    machine and well under one after that.
+    A small aperture is imaged. Takes some seconds the first time on a machine and well under one
+    after that.
     """
+    stage = LiveSubapertures(_GRID, pulses_per_aperture=_N_PULSES, pulses_per_subaperture=_CUT,
+                             target_db=_TARGET_DB)
+    stage.add(_block().select(slice(0, _N_PULSES)))
+
+
+def compile_fusion_kernels() -> None:
+    """The same for the second stage: an aperture is fused, then one that slides on."""
+    block, n_parts = _block(), _N_PULSES // _CUT
+    for sliding in (False, True):
+        plan = LivePlan(_GRID, block.radar, _N_SAMPLES, block.tx_m, block.rx_m,
+                        target_db=_TARGET_DB, length=_CUT, slack=0.0,
+                        n_window=_N_PULSES if sliding else 0)
+        image = np.zeros((plan.fusion.n_coarse, plan.fusion.coarse.n_range), np.complex64)
+        image.flags.writeable = sliding  # images of messages are not
+        fusion = LiveFusion()
+        for number in range(n_parts + 2 if sliding else n_parts):
+            first = number * _CUT
+            part = slice(first, first + _CUT)
+            centre_m, error_db = plan.check(block.tx_m[part], block.rx_m[part])
+            fusion.add(SubapertureImage(
+                image, plan.fusion, centre_m, _GRID, block.radar.bandwidth_hz, 0, 0, 0,
+                number // n_parts, number, 2 * n_parts if sliding else n_parts, n_parts, first,
+                _CUT, 0, first, error_db))
+
+
+def _block() -> PulseBlock:
+    """Silent profiles of an aperture and two more sub-apertures."""
     radar = RadarParameters(10e9, 300e6, 600e6, 2 * (_RANGE_M - 16.0) / SPEED_OF_LIGHT)
     numbers = np.arange(_N_PULSES + 2 * _CUT)
     centres = np.zeros((len(numbers), 1, 3))
     centres[:, 0, 0] = -_RANGE_M
     centres[:, 0, 1] = numbers - _N_PULSES / 2
     samples = np.zeros((len(numbers), 1, _N_SAMPLES), np.complex64)
-    block = PulseBlock(radar, True, numbers, numbers, samples, centres, centres)
-    for sliding in (False, True):
-        first = LiveSubapertures(MapGrid((0.0, 0.0, 0.0), 32, 32, 0.25),
-                                 pulses_per_aperture=_N_PULSES, pulses_per_subaperture=_CUT,
-                                 target_db=-50.0, sliding=sliding)
-        second = LiveFusion()
-        for image in first.add(block):
-            image.image.flags.writeable = sliding  # images of messages are not
-            second.add(image)
+    return PulseBlock(radar, True, numbers, numbers, samples, centres, centres)

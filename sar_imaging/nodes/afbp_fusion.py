@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping
 
 from sar_imaging.imaging.live_fusion import FusedImage, LiveFusion
-from sar_imaging.imaging.live_kernels import compile_live_kernels
+from sar_imaging.imaging.live_kernels import compile_fusion_kernels
 from sar_imaging.imaging.mosaic import StripMosaic
 from sar_imaging.imaging.subaperture_image import SubapertureImage
 
@@ -61,7 +61,7 @@ class FusionStep(Step):
         self._n_window = 0  # sub-apertures of a complete image
         self._underway = 0  # pulses since the last aperture was closed
         self._dropped = False  # by the latest flush
-        compile_live_kernels()  # the first image must not wait for it
+        compile_fusion_kernels()  # the first image must not wait for it
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publishers of the images; see `Step`."""

@@ -13,7 +13,7 @@ from sar_imaging.configuration.startup import report_block
 from sar_imaging.imaging.aperture import ApertureImage, ApertureImager
 from sar_imaging.imaging.aperture_sequence import ApertureSequence
 from sar_imaging.imaging.backprojection import compile_kernels
-from sar_imaging.imaging.live_kernels import compile_live_kernels
+from sar_imaging.imaging.live_kernels import compile_subaperture_kernels
 from sar_imaging.imaging.live_subapertures import LiveSubapertures
 from sar_imaging.imaging.subaperture_image import SubapertureImage
 from sar_imaging.signal.pulses import PulseBlock
@@ -248,7 +248,7 @@ class SubapertureStep(BackprojectionStep):
                 follow_m=follow_m)
         except ValueError as error:
             raise ConfigurationError(f'subapertures: {error}') from error
-        compile_live_kernels()  # the first sub-aperture must not wait for it
+        compile_subaperture_kernels()  # the first sub-aperture must not wait for it
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publisher of the sub-aperture images; see `Step`."""

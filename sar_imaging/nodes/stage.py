@@ -14,6 +14,7 @@ from std_srvs.srv import Trigger
 
 from msg_conversions import WireFormatError
 from msg_conversions.wire import DEFAULT_MAX_ELEMENTS
+from sar_imaging.compilation import announced
 
 from .chain import Chain
 from .health import Rates
@@ -97,10 +98,15 @@ class Stage(ManagedNode):
         self.outputs.append(self._progress)
         steps = self.steps()
         self._inlet = steps[0].INLET(self.parameters['pulses_per_aperture'])
-        self._chain = Chain([step.create(self.parameters, self._healths[step]) for step in steps],
-                            reject=self._reject)
+        with announced(self._tell_of_compilation):
+            self._chain = Chain([step.create(self.parameters, self._healths[step])
+                                 for step in steps], reject=self._reject)
         for step in self._chain.steps:
             step.create_outputs(self)
+
+    def _tell_of_compilation(self) -> None:
+        self.health.info('compiling kernels: at the first start on a machine this takes up to a '
+                         'minute or two, later starts load them')
 
     def activate(self) -> None:
         """Subscribe and begin to work; see `ManagedNode.activate`."""

@@ -133,17 +133,22 @@ def test_nothing_is_left_to_compile():
     program = """
 import numpy as np
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging import fusion, fusion_map, resampling
+from sar_imaging.imaging import fusion, fusion_map, interpolation, kernels, profiles, resampling
 from sar_imaging.imaging.live_fusion import LiveFusion
-from sar_imaging.imaging.live_kernels import compile_live_kernels
+from sar_imaging.imaging.live_kernels import (compile_fusion_kernels,
+                                              compile_subaperture_kernels)
 from sar_imaging.imaging.live_subapertures import LiveSubapertures
 from sar_imaging.signal import PulseBlock, RadarParameters
 
 def compiled():
-    return {name: len(kernel.signatures) for module in (fusion, fusion_map, resampling)
+    return {name: len(kernel.signatures)
+            for module in (fusion, fusion_map, resampling, interpolation, kernels, profiles)
             for name, kernel in vars(module).items() if hasattr(kernel, 'signatures')}
 
-compile_live_kernels()
+compile_subaperture_kernels()
+first_stage = compiled()
+assert first_stage['project_lines'] and not first_stage['_apply_taper']
+compile_fusion_kernels()
 before = compiled()
 assert all(n for name, n in before.items() if name in ('_apply_taper', '_restore_carrier'))
 n = np.arange(96)
