@@ -20,6 +20,7 @@ from .fusion import SpectrumFusion
 from .fusion_map import form_map
 from .lattice import total_db
 from .polar import UNUSED, cover_map
+from .range_band import RangeBand
 from .subapertures import SubaperturePlan
 
 _logger = logging.getLogger(__name__)
@@ -34,15 +35,22 @@ class AfbpImager:
     grid : MapGrid or PolarGrid
         Where the pixels are. The origin of a polar grid should lie in the middle of the aperture.
     radar : RadarParameters
-        Of the compressed profiles.
+        Of the compressed profiles, or of the phase histories.
     n_samples : int
-        Samples of a profile.
+        Samples of a profile, or frequencies of a pulse.
     tx_m, rx_m : (P, C, 3) array_like
         Phase centres of the whole aperture, metres; multichannel paths are exact.
     target_db : float
         Wanted error against exact backprojection, dB.
     pulses_per_subaperture : int, optional
         Length of the sub-apertures; the quickest if left out.
+    compressed : bool
+        False when the blocks to come are stepped-frequency phase histories, which are then
+        imaged without range compression before: quicker, unless the scene is much shorter than
+        the unambiguous range.
+    weighting : str
+        Spectral weighting of phase histories, see `sar_imaging.signal.windows`; profiles have
+        theirs.
     progress : bool
         Show a progress bar on standard error.
 
@@ -76,7 +84,7 @@ class AfbpImager:
 
     def __init__(self, grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m,
                  rx_m, *, target_db: float = -50.0, pulses_per_subaperture: int | None = None,
-                 progress: bool = False):
+                 compressed: bool = True, weighting: str = 'none', progress: bool = False):
         if not -90.0 <= target_db <= -20.0:
             raise ValueError(f'target_db={target_db}; expected -90 to -20 dB')
         tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
@@ -85,15 +93,19 @@ class AfbpImager:
                              '(pulses, channels, 3) for both')
         self.grid, self._progress, self._cover = grid, progress, None
         polar, oversampling, margin = grid, 1.0, 0
+        if compressed and weighting != 'none':
+            raise ValueError(f'weighting={weighting!r} is for phase histories (compressed=False); '
+                             'profiles are weighted by range compression')
+        band = None if compressed else RangeBand(radar, n_samples, weighting)
         if isinstance(grid, MapGrid):
-            self._cover = _cover(grid, tx_m, rx_m, radar, n_samples, target_db)
+            self._cover = _cover(grid, tx_m, rx_m, radar, n_samples, target_db, band)
             polar, oversampling = self._cover.polar, self._cover.oversampling
             margin = UNUSED
             target_db -= 1.0
         self.subapertures = SubaperturePlan(polar, radar, n_samples, tx_m, rx_m,
                                             target_db=target_db,
                                             pulses_per_subaperture=pulses_per_subaperture,
-                                            oversampling=oversampling, margin=margin)
+                                            oversampling=oversampling, margin=margin, band=band)
         self.fusion = SpectrumFusion(self.subapertures.fusion_grid)
         self.predicted_error_db = self.subapertures.predicted_error_db
         if self._cover is not None:
@@ -113,7 +125,8 @@ class AfbpImager:
         Parameters
         ----------
         block : PulseBlock
-            Range profiles of the pulses that were planned for, in their order.
+            Range profiles, or phase histories, of the pulses that were planned for, in their
+            order.
 
         Returns
         -------
@@ -155,11 +168,11 @@ class AfbpImager:
         return form_map(polar_image, plan.fusion_grid, self.grid)
 
 
-def _cover(grid, tx_m, rx_m, radar, n_samples, target_db):
+def _cover(grid, tx_m, rx_m, radar, n_samples, target_db, band):
     step = max(1, len(tx_m) // _ROWS_FOR_COVER)
     rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
-    cover = cover_map(grid, *rows, radar, n_samples, target_db - 10.0,
-                      min(target_db - 10.0, -50.0))
+    cover = cover_map(grid, *rows, radar if band is None else band.radar, n_samples,
+                      target_db - 10.0, min(target_db - 10.0, -50.0), band)
     if cover is None:
         raise ValueError('the map is too small, too near, around or beside the aperture for a '
                          'polar image; use Backprojector')

@@ -223,7 +223,7 @@ class Backprojector:
         return self._add_by_points(ImagePoints.of_map(self.grid), lines.range_m, rows, image)
 
     def _add_by_lines(self, lattice, window, lines, rows, image) -> float:
-        profiles = Profiles(self.radar, lattice, window, lines.range_m)
+        profiles = Profiles(window, lattice, lines.range_m)
         middles = line_middles(lines.locate, lines.n_lines, lines.n_pixels, lattice.segment)
         add_to_lines(profiles, *rows, middles, lines.layout, shared_phase(profiles,
                                                                           lines.n_pixels),

@@ -155,7 +155,7 @@ class FfbpImager:
         place_grids(self.levels, self._top, edge, edge_step, lattice.spacing,
                     loops.TAPS[self.kernel])
         choose_segments(self.levels, inside, lattice.spacing, radar.wavelength_m)
-        self._profiles = Profiles(radar, lattice, RangeWindow.whole(radar, self.n_samples),
+        self._profiles = Profiles(RangeWindow.whole(radar, self.n_samples), lattice,
                                   self._reach(tx, rx, lattice.spacing))
         longest = max(n.shape[1] for n in self.levels[0].nodes)
         cycles = 2 * (lattice.cell_m - lattice.spacing) / radar.wavelength_m

@@ -105,7 +105,7 @@ class ImagePoints:
         """
         window = RangeWindow.around(radar, samples.shape[1], range_m)
         lattice = point_lattice(radar, window.n_samples, target_db)
-        profiles = Profiles(radar, lattice, window, range_m)
+        profiles = Profiles(window, lattice, range_m)
         rounding_db = target_db - _ROUNDING_SHARE_DB
         reach = point_kernels.largest_radius(radar.wavelength_m, rounding_db)
         tile, work = self._tile(reach), point_kernels.work_space()

@@ -12,18 +12,20 @@ import dataclasses
 import math
 
 import numpy as np
-import scipy.fft
 
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .interpolation import LINE_DEGREE, Interpolator, design_interpolator
 from .kernels import SINCOS_ERROR_DB
+from .transform_length import cost_per_sample, smooth_lengths
 
 ROWS_PER_PASS = 32  # rows that share the reference for the phase along a segment
-_SEGMENTS = (128, 64, 32, 16, 8)
+_SEGMENTS = (256, 128, 64, 32, 16, 8)
 _MAX_PHASES = 8
 _ACCUMULATION_ERROR_DB = -112.0  # float32 sums
 _ROWS_FOR_ERRORS = 64  # enough for averages over the rows
 _NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
+_LONGER, _FINER, _FEW = 1.1, 1.03, 3  # padded length, cells, and cells around the best
+_COST_TRANSFORM = 0.012  # of a pass of the transform, in shares of the whole
 # Of a segment, and of a pixel of the routine for arbitrary points, in pixels of the kernel
 _COST_SEGMENT, _COST_POINT = 30.0, 5.0  # (measured)
 
@@ -160,8 +162,8 @@ class Lattice:
 
 
 def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParameters,
-                 n_samples: int, target_db: float, *, fit_spacing: bool = False
-                 ) -> Lattice | None:
+                 n_samples: int, target_db: float, *, fit_spacing: bool = False,
+                 periodic: bool = False) -> Lattice | None:
     """Choose lattice, segment and interpolator for an error target.
 
     Parameters
@@ -180,6 +182,8 @@ def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParamete
         Wanted error against time-domain correlation, dB.
     fit_spacing : bool
         The image may take the pixel spacing that fits the lattice, near `spacing`.
+    periodic : bool
+        The samples are a period, which no zeros may extend.
 
     Returns
     -------
@@ -197,7 +201,7 @@ def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParamete
     found = []
     for phases in range(1, _MAX_PHASES + 1):
         n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, phases,
-                                          finer=fit_spacing)
+                                          finer=fit_spacing, periodic=periodic)
         cell = n_padded * radar.sample_spacing_m / n_cells
         if fit_spacing:
             spacing = cell / middle
@@ -272,26 +276,23 @@ def _rms(values):
     return math.sqrt(np.mean(np.square(np.abs(values).max(axis=1))))
 
 
-def _commensurate(n_samples, spacing_m, pitch, phases, *, finer=False):
+def _commensurate(n_samples, spacing_m, pitch, phases, *, finer=False, periodic=False):
     """Padded length and number of cells, quick to transform, nearest to the pitch.
 
     With `finer` the cells may be smaller than the pitch, not larger, which leaves room for
-    lengths whose transform is fast.
+    lengths whose transform is quick. Periodic samples are not padded.
     """
-    best, length = None, n_samples
-    for _ in range(24):
-        length = scipy.fft.next_fast_len(length)
+    best = None
+    for length in [n_samples] if periodic else smooth_lengths(n_samples, _LONGER):
         ideal = length * spacing_m / pitch
-        candidates = {math.floor(ideal), math.ceil(ideal)} - {0}
+        near = _FEW if periodic else 0  # one length has to do
+        candidates = range(max(math.floor(ideal) - near, 1), math.ceil(ideal) + near + 1)
         if finer:
-            fast = scipy.fft.next_fast_len(math.ceil(ideal) * phases)
-            while fast % phases:
-                fast = scipy.fft.next_fast_len(fast + 1)
-            candidates = {fast // phases}
+            candidates = [n // phases for n in smooth_lengths(
+                math.ceil(ideal) * phases, _FINER) if n % phases == 0] or candidates
         for cells in candidates:
-            slow = scipy.fft.next_fast_len(cells * phases) != cells * phases
-            cost = abs(cells / ideal - 1) + 2e-3 * slow + 1e-3 * (length / n_samples - 1)
+            cost = (abs(cells / ideal - 1) + 1e-3 * (length / n_samples - 1)
+                    + (_COST_TRANSFORM if finer else 1e-4) * cost_per_sample(cells * phases))
             if best is None or cost < best[0]:
                 best = (cost, length, cells)
-        length += 1
     return best[1:]

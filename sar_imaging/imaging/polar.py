@@ -18,6 +18,7 @@ from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .interpolation import Interpolator, design_interpolator
 from .lattice import Lattice, plan_lattice, sample_paths, slope_along, total_db
 from .merging import AngularParts, plan_parts
+from .range_band import RangeBand
 from .range_window import RangeWindow
 from .resampling import DEGREE, TAPS
 
@@ -118,8 +119,8 @@ class MapCover:
         It reaches `TAPS` pixels beyond the map.
     lattice : Lattice
         How its lines read the profiles.
-    window : RangeWindow
-        Part of the profiles that it needs.
+    window : RangeWindow or RangeBand
+        What it needs of the profiles.
     range_m : (float, float)
         Bounds of the half path over it, metres.
     axis : int
@@ -136,7 +137,7 @@ class MapCover:
 
     polar: PolarGrid
     lattice: Lattice
-    window: RangeWindow
+    window: RangeWindow | RangeBand
     range_m: tuple[float, float]
     axis: int
     oversampling: float
@@ -146,7 +147,8 @@ class MapCover:
 
 
 def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
-              resampling_db: float, lattice_db: float) -> MapCover | None:
+              resampling_db: float, lattice_db: float,
+              band: RangeBand | None = None) -> MapCover | None:
     """Cover a map by a polar grid around the aperture.
 
     Parameters
@@ -155,6 +157,8 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         As for `plan_polar`.
     resampling_db, lattice_db : float
         Wanted errors of each pass of the interpolation to the map and of the backprojection, dB.
+    band : RangeBand, optional
+        Phase histories instead of profiles; `radar` is its own.
 
     Returns
     -------
@@ -177,9 +181,9 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     lo, hi = float(paths.length.min()), float(paths.length.max())
     slack = 2 * TAPS * spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
     range_m = lo - slack, hi + slack
-    window = RangeWindow.around(radar, n_samples, range_m)
+    window = band or RangeWindow.around(radar, n_samples, range_m)
     lattice = plan_lattice(paths, spacing, n_line, radar, window.n_samples, lattice_db,
-                           fit_spacing=True)
+                           fit_spacing=True, periodic=window.periodic)
     if lattice is None:
         return None
     polar = _cover(grid, origin, track, side, lattice.spacing, half_alpha, oversampling)

@@ -29,7 +29,7 @@ def add_by_polar(plan: PolarPlan, radar: RadarParameters, rows, grid: MapGrid, i
         Map, changed in place; contiguous in C order.
     """
     polar = plan.polar
-    profiles = Profiles(radar, plan.lattice, plan.window, plan.range_m)
+    profiles = Profiles(plan.window, plan.lattice, plan.range_m)
     total = np.zeros((2, polar.n_alpha, polar.n_range), np.float32)
     if plan.parts is None:
         PolarLines(polar, profiles).add(*rows, total)

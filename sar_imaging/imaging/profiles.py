@@ -11,6 +11,7 @@ from ..compilation import njit, numba
 from ..signal.radar import RadarParameters
 from .interpolation import TAPS, polynomial_planes
 from .lattice import ROWS_PER_PASS, Lattice
+from .range_band import RangeBand
 from .range_window import RangeWindow
 
 _CHUNK_BYTES = 64 << 20  # coefficients of one pass over the image
@@ -22,29 +23,33 @@ class Profiles:
 
     Parameters
     ----------
+    source : RangeWindow or RangeBand
+        What the profiles are made of; `lattice` was planned for as many samples.
+    lattice : Lattice
+        How to resample them.
+    range_m : (float, float)
+        Smallest and largest half path of the image, metres.
+
+    Attributes
+    ----------
     radar : RadarParameters
         Of the profiles.
     lattice : Lattice
-        How to resample them.
-    window : RangeWindow
-        What to take of them; `lattice` was planned for as many samples.
-    range_m : (float, float)
-        Smallest and largest half path of the image, metres.
+        As given.
     """
 
-    def __init__(self, radar: RadarParameters, lattice: Lattice, window: RangeWindow,
+    def __init__(self, source: RangeWindow | RangeBand, lattice: Lattice,
                  range_m: tuple[float, float]):
-        self.radar, self.lattice, self._window = radar, lattice, window
+        self.radar: RadarParameters = source.radar
+        self.lattice, self._source = lattice, source
         self._buffers: dict[str, np.ndarray] = {}
         self._pad = max(lattice.segment, _GUARD)
-        lo, hi = ((r - window.range_start_m) / lattice.cell_m for r in range_m)
-        self._first = max(math.floor(lo), 0) - _GUARD - self._pad
-        last = min(math.ceil(hi), lattice.n_cells) + _GUARD + self._pad
-        self._count = last - self._first
-        # The inverse transform divides by its own length.
-        self._gain = np.float32(lattice.n_cells * lattice.n_phases / lattice.n_padded
-                                ) * _band_taper(lattice.n_padded,
-                                                radar.sample_rate_hz / radar.bandwidth_hz)
+        lo, hi = ((r - source.range_start_m) / lattice.cell_m for r in range_m)
+        if not source.periodic:
+            lo, hi = max(lo, 0), min(hi, lattice.n_cells)
+        self._first = math.floor(lo) - _GUARD - self._pad
+        self._count = math.ceil(hi) + _GUARD + self._pad - self._first
+        self._gain = source.gain(lattice.n_padded)
 
     @property
     def cycles_per_step(self) -> float:
@@ -53,7 +58,7 @@ class Profiles:
 
     def range_at(self, cell: int) -> float:
         """Half path at a cell of the planes, metres."""
-        return self._window.range_start_m + (self._first + cell) * self.lattice.cell_m
+        return self._source.range_start_m + (self._first + cell) * self.lattice.cell_m
 
     def cycles_at(self, cell: int) -> float:
         """Carrier phase at a cell of the planes, fraction of a cycle."""
@@ -71,7 +76,7 @@ class Profiles:
         Parameters
         ----------
         samples : (R, N) complex64
-            Profiles.
+            Profiles, or phase histories.
 
         Returns
         -------
@@ -80,18 +85,18 @@ class Profiles:
             memory: fresh memory for every
             few profiles costs as much as filling it.
         """
-        lattice, workers = self.lattice, numba.get_num_threads()
-        n_rows, n_dense = len(samples), lattice.n_cells * lattice.n_phases
-        spectrum = self._buffer('spectrum', (n_rows, lattice.n_padded), np.complex64)
-        self._window.cut(samples, spectrum)
-        spectrum = scipy.fft.fft(spectrum, axis=-1, workers=workers, overwrite_x=True)
-        padded = self._buffer('padded', (n_rows, n_dense), np.complex64)
-        _pad_band(spectrum, self._gain, padded)
-        dense = scipy.fft.ifft(padded, axis=-1, workers=workers, overwrite_x=True)
-        parts = self._buffer('parts', (2, n_rows, lattice.n_phases, self._count + 2 * TAPS),
-                             np.float32)
-        _split_phases(dense.reshape(-1).view(np.float32), lattice.n_cells, self._first - TAPS,
-                      *parts)
+        lattice, n_rows = self.lattice, len(samples)
+        spectrum = self._source.spectrum(samples, lattice.n_padded, self._buffer)
+        padded = self._buffer('padded', (n_rows, lattice.n_cells * lattice.n_phases),
+                              np.complex64)
+        _pad_band(spectrum, self._source.zero, self._gain, padded)
+        dense = scipy.fft.ifft(padded, axis=-1, workers=numba.get_num_threads(),
+                               overwrite_x=True, norm='forward')
+        length, first = self._count + 2 * TAPS, self._first - TAPS
+        parts = self._buffer('parts', (2, n_rows, lattice.n_phases, length), np.float32)
+        inside = (0, length) if self._source.periodic else (
+            min(max(-first, 0), length), max(min(lattice.n_cells - first, length), 0))
+        _split_phases(dense.reshape(-1).view(np.float32), lattice.n_cells, first, *inside, *parts)
         planes = self._buffer('planes', (n_rows, lattice.n_phases, lattice.interpolator.n_planes,
                                          self._count), np.float32)
         polynomial_planes(*parts, lattice.interpolator.weights, lattice.interpolator.first,
@@ -108,45 +113,47 @@ class Profiles:
 
 
 @njit(parallel=True)
-def _pad_band(spectrum, gain, out):
-    """Spectra times the gain, with zeros between positive and negative frequencies or cropped."""
+def _pad_band(spectrum, zero, gain, out):
+    """Spectra times the gain, with zeros between positive and negative frequencies or cropped.
+
+    Positive frequencies of the spectrum start at bin `zero`, negative ones end before it.
+    """
     n, n_out = spectrum.shape[1], out.shape[1]
     keep = min(n, n_out)
     upper, lower = (keep + 1) // 2, keep // 2
+    first = (zero - lower) % n
     for row in numba.prange(spectrum.shape[0]):
         for k in range(upper):
-            out[row, k] = spectrum[row, k] * gain[k]
+            out[row, k] = spectrum[row, zero + k] * gain[zero + k]
         for k in range(upper, n_out - lower):
             out[row, k] = 0.0
         for k in range(lower):
-            out[row, n_out - lower + k] = spectrum[row, n - lower + k] * gain[n - lower + k]
+            out[row, n_out - lower + k] = spectrum[row, first + k] * gain[first + k]
 
 
 @njit(parallel=True)
-def _split_phases(dense, n_cells, first, real, imag):
-    """Real and imaginary part of the cells from `first`, phase by phase; 0 outside."""
+def _split_phases(dense, n_cells, first, start, stop, real, imag):
+    """Real and imaginary part of cells, phase by phase; 0 before `start` and from `stop` on.
+
+    Cells are counted from `first` of the dense profile, which repeats.
+    """
     n_rows, n_phases, length = real.shape
-    start, stop = min(max(-first, 0), length), max(min(n_cells - first, length), 0)
     step = np.uint64(2 * n_phases)
     for row in numba.prange(n_rows):
         for phase in range(n_phases):
             for i in range(start):
                 real[row, phase, i] = 0.0
                 imag[row, phase, i] = 0.0
-            source = np.uint64(2 * ((row * n_cells + first + start) * n_phases + phase))
-            for i in range(stop - start):
-                real[row, phase, start + i] = dense[source + np.uint64(i) * step]
-                imag[row, phase, start + i] = dense[source + np.uint64(i) * step + np.uint64(1)]
-            for i in range(stop, length):
+            done = start
+            while done < stop:
+                cell = (first + done) % n_cells
+                source = np.uint64(2 * ((row * n_cells + cell) * n_phases + phase))
+                some = min(stop - done, n_cells - cell)
+                for i in range(some):
+                    real[row, phase, done + i] = dense[source + np.uint64(i) * step]
+                    imag[row, phase, done + i] = dense[source + np.uint64(i) * step
+                                                       + np.uint64(1)]
+                done += some
+            for i in range(max(start, stop), length):
                 real[row, phase, i] = 0.0
                 imag[row, phase, i] = 0.0
-
-
-def _band_taper(n: int, oversampling: float) -> np.ndarray:
-    """(n,) float32 gain by frequency: 1 in the band, smoothly to 0 at half the sample rate.
-
-    Without it the ends of a profile, where sidelobes are cut off, would ring far inside.
-    """
-    beyond = 2 * np.abs(scipy.fft.fftfreq(n)) * oversampling - 1
-    return np.cos(0.5 * np.pi * np.clip(beyond / (oversampling - 1), 0, 1)
-                  ).astype(np.float32) ** 2

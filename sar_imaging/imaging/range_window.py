@@ -7,7 +7,9 @@ import functools
 import math
 
 import numpy as np
+import scipy.fft
 
+from ..compilation import numba
 from ..signal.radar import RadarParameters
 from .fusion_error import edge_taper
 
@@ -24,6 +26,8 @@ class RangeWindow:
 
     Attributes
     ----------
+    radar : RadarParameters
+        Of the profiles.
     first, n_samples : int
         First sample and number of samples.
     range_start_m : float
@@ -33,11 +37,14 @@ class RangeWindow:
         with the profile.
     """
 
+    radar: RadarParameters
     first: int
     n_samples: int
     range_start_m: float
     n_rise: int
     n_fall: int
+    periodic = False
+    zero = 0  # bin of the carrier in `spectrum`
 
     @classmethod
     def around(cls, radar: RadarParameters, n_samples: int,
@@ -60,13 +67,14 @@ class RangeWindow:
         if not 2 * beyond <= stop - first <= _WORTHWHILE * n_samples:
             first, stop = 0, n_samples
         taper = int(_TAPER_SHARE * beyond)
-        return cls(first, stop - first, radar.range_start_m + first * radar.sample_spacing_m,
+        return cls(radar, first, stop - first,
+                   radar.range_start_m + first * radar.sample_spacing_m,
                    taper if first > 0 else 0, taper if stop < n_samples else 0)
 
     @classmethod
     def whole(cls, radar: RadarParameters, n_samples: int) -> RangeWindow:
         """Window that takes all samples."""
-        return cls(0, n_samples, radar.range_start_m, 0, 0)
+        return cls(radar, 0, n_samples, radar.range_start_m, 0, 0)
 
     def cut(self, samples, out) -> None:
         """Copy the window of profiles (R, N) to the start of `out` (R, M), zero beyond it."""
@@ -77,6 +85,27 @@ class RangeWindow:
             out[:, :self.n_rise] *= _rise(self.n_rise)
         if self.n_fall:
             out[:, n - self.n_fall:n] *= _rise(self.n_fall)[::-1]
+
+
+    def gain(self, n_padded: int) -> np.ndarray:
+        """(n_padded,) complex64 factor of each bin of `spectrum` on the way back to ranges.
+
+        Without its taper outside the band the ends of a profile, where sidelobes are cut off,
+        would ring far inside.
+        """
+        oversampling = self.radar.sample_rate_hz / self.radar.bandwidth_hz
+        beyond = 2 * np.abs(scipy.fft.fftfreq(n_padded)) * oversampling - 1
+        taper = np.cos(0.5 * np.pi * np.clip(beyond / (oversampling - 1), 0, 1)) ** 2
+        return (taper / n_padded).astype(np.complex64)
+
+    def spectrum(self, samples: np.ndarray, n_padded: int, buffer) -> np.ndarray:
+        """(R, n_padded) complex64 spectra of the window of profiles (R, N).
+
+        ``buffer(name, shape, dtype)`` gives the memory for it.
+        """
+        padded = buffer('spectrum', (len(samples), n_padded), np.complex64)
+        self.cut(samples, padded)
+        return scipy.fft.fft(padded, axis=-1, workers=numba.get_num_threads(), overwrite_x=True)
 
 
 @functools.lru_cache(maxsize=16)

@@ -16,6 +16,7 @@ import scipy.fft
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .fusion_error import mean_error, taper_shape
+from .transform_length import quick_length
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 _GAP = 4.0  # times the usual distance between pulses
@@ -257,7 +258,7 @@ def _sampling(polar, bands, pulses, centre, half, n_channels, oversampling, n_gu
     least = wanted + (2 * n_guard + 1) * spacing
     n_coarse = scipy.fft.next_fast_len(math.ceil(least / spacing))
     # Fine lines are those of the wanted grid. Bands beyond their spectrum fold, as they should.
-    n_fine = scipy.fft.next_fast_len(math.ceil(n_coarse * spacing / polar.alpha_spacing))
+    n_fine = quick_length(math.ceil(n_coarse * spacing / polar.alpha_spacing))
     extent = n_fine * polar.alpha_spacing
     spacing = extent / n_coarse
     range_guard = max(_LEAST_RANGE_GUARD, math.ceil(

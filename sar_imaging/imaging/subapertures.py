@@ -20,6 +20,7 @@ from .fusion_grid import FusionGrid
 from .lattice import plan_lattice, sample_paths, total_db
 from .profiles import Profiles
 from .projection import PolarLines
+from .range_band import RangeBand
 from .range_window import RangeWindow
 from .subaperture_sampling import Bands, choose_sampling, fusion_error, local_bands
 
@@ -86,9 +87,9 @@ class SubaperturePlan:
     polar : PolarGrid
         Where the fused image is wanted.
     radar : RadarParameters
-        Of the compressed profiles.
+        Of the compressed profiles, or of the phase histories.
     n_samples : int
-        Samples of a profile.
+        Samples of a profile, or frequencies of a pulse.
     tx_m, rx_m : (P, C, 3) array_like
         Phase centres of the whole aperture, metres, in the order of the pulses.
     target_db : float
@@ -99,11 +100,15 @@ class SubaperturePlan:
         Of `polar`, for `FusionGrid`.
     margin : int
         Outermost lines and ranges of `polar` that need not be right.
+    band : RangeBand, optional
+        Takes phase histories as they came, in place of profiles.
 
     Attributes
     ----------
     polar : PolarGrid
         As given.
+    radar : RadarParameters
+        Of the profiles.
     coarse : PolarGrid
         Of the sub-aperture images; it reaches beyond `polar` by the guards.
     sampling : Sampling
@@ -125,9 +130,12 @@ class SubaperturePlan:
 
     def __init__(self, polar: PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
                  target_db: float = -50.0, pulses_per_subaperture: int | None = None,
-                 oversampling: float = 1.0, margin: int = 0):
+                 oversampling: float = 1.0, margin: int = 0,
+                 band: RangeBand | None = None):
         tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
-        self.polar, self.radar, self.n_samples = polar, radar, int(n_samples)
+        self.polar, self.n_samples = polar, int(n_samples)
+        self._given, self._band = radar, band
+        self.radar = radar = radar if band is None else band.radar
         self._n_channels = tx_m.shape[1]
         paths = _paths(polar, tx_m, rx_m)
         lattice_db = min(target_db - 10.0, -50.0)
@@ -151,23 +159,41 @@ class SubaperturePlan:
         guard = self.sampling.range_guard * polar.range_spacing_m
         slack = 0.5 * np.ptp(paths.length) / (_SAMPLES_PER_SIDE - 1) + 2 * guard
         range_m = float(paths.length.min() - slack), float(paths.length.max() + slack)
-        window = RangeWindow.around(radar, self.n_samples, range_m)
+        window = band or RangeWindow.around(radar, self.n_samples, range_m)
         self.lattice = self._plan_lattice(paths, window.n_samples, lattice_db)
         self.predicted_error_db = total_db(self.lattice.predicted_error_db, self.sampling.error_db)
-        self.warnings = tuple(_cut_warnings(radar, self.n_samples, paths.length, guard))
+        self.warnings = tuple(self._cut_warnings(paths.length, guard))
         self.limits = Limits.of(bands)
         # Slopes as far beyond let pixels drift by this over half a segment, seen from the lattice.
         self._slope_slack = 2 * _DRIFT_SLACK * self.lattice.step_m / (
             max(self.lattice.segment, 1) * self.lattice.spacing)
-        self._lines = PolarLines(self.coarse, Profiles(radar, self.lattice, window, range_m))
+        self._lines = PolarLines(self.coarse, Profiles(window, self.lattice, range_m))
 
     def _plan_lattice(self, paths, n_samples, target_db):
         lattice = plan_lattice(paths, self.polar.range_spacing_m, self.polar.n_range, self.radar,
-                               n_samples, target_db)
+                               n_samples, target_db, periodic=self._band is not None)
         if lattice is None:
             raise ValueError('the polar grid does not follow the range of this track (too near, '
                              'or around the antenna); use Backprojector')
         return lattice
+
+    def _cut_warnings(self, length, guard_m: float):
+        """Profiles that end within the guards, where the taper should find whole responses."""
+        if self._band is None:
+            start = self.radar.range_start_m
+            stop = start + self.n_samples * self.radar.sample_spacing_m
+        else:  # they repeat, which does no harm in the guards
+            start, guard_m = self._band.range_start_m, 0.0
+            stop = start + self._band.period_m
+        short = max(start - length.min(), length.max() - stop) + guard_m
+        if short > 0 and self._band is None:
+            yield (f'the profiles end {short:.1f} m short of the guards, {guard_m:.1f} m wide, '
+                   'around the near and far edge; scatterers cut off there raise the error above '
+                   'the prediction: keep more of the profiles, or take longer sub-apertures')
+        elif short > 0:
+            yield (f'the scene reaches {short:.1f} m beyond the {stop - start:.1f} m that the '
+                   f'{self.n_samples} frequencies tell apart around the reference delay; what '
+                   'lies there appears in its place as well')
 
     @property
     def n_subapertures(self) -> int:
@@ -219,7 +245,7 @@ class SubaperturePlan:
         number : int
             Which sub-aperture; its nominal pulses are ``sampling.pulses[number]``.
         block : PulseBlock
-            Its range profiles with phase centres.
+            Its range profiles, or its phase histories, with phase centres.
 
         Returns
         -------
@@ -232,7 +258,7 @@ class SubaperturePlan:
         ValueError
             The block does not match the plan, or there is no such sub-aperture.
         """
-        check_profiles(block, self.radar, self.n_samples)
+        check_profiles(block, self._given, self.n_samples, compressed=self._band is None)
         if not 0 <= number < self.n_subapertures:
             raise ValueError(f'number={number}; the plan has sub-apertures 0 to '
                              f'{self.n_subapertures - 1}')
@@ -240,17 +266,6 @@ class SubaperturePlan:
         self._lines.add(block.samples.reshape(-1, self.n_samples), block.tx_m.reshape(-1, 3),
                         block.rx_m.reshape(-1, 3), parts)
         return parts
-
-
-def _cut_warnings(radar: RadarParameters, n_samples: int, length, guard_m: float):
-    """Profiles that end within the guards, where the taper should find whole responses."""
-    start = radar.range_start_m
-    stop = start + n_samples * radar.sample_spacing_m
-    short = max(start - length.min(), length.max() - stop) + guard_m
-    if short > 0:
-        yield (f'the profiles end {short:.1f} m short of the guards, {guard_m:.1f} m wide, around '
-               'the near and far edge; scatterers cut off there raise the error above the '
-               'prediction: keep more of the profiles, or take longer sub-apertures')
 
 
 def _paths(polar: PolarGrid, tx_m, rx_m):

@@ -137,16 +137,20 @@ def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
                                samples=join('samples'), **positions)
 
 
-def check_profiles(block: PulseBlock, radar: RadarParameters, n_samples: int) -> None:
+def check_profiles(block: PulseBlock, radar: RadarParameters, n_samples: int, *,
+                   compressed: bool = True) -> None:
     """Check that a block holds what an imager was planned for.
 
     Raises
     ------
     ValueError
-        The pulses are raw, have no phase centres, or are of another radar or length.
+        The pulses are raw where profiles are expected or the other way round, have no phase
+        centres, or are of another radar or length.
     """
-    if not block.compressed:
+    if compressed and not block.compressed:
         raise ValueError('the block holds raw pulses; apply range compression first')
+    if block.compressed and not compressed:
+        raise ValueError('the block holds range profiles; this plan is for raw pulses')
     if not block.has_positions:
         raise ValueError('the block has no phase centres; backprojection needs the transmit '
                          'and receive position of every pulse and channel')

@@ -55,7 +55,7 @@ def test_polynomials_agree_with_those_of_the_whole_profile():
     values = []
     for window in (RangeWindow.around(radar, N, NEEDED), RangeWindow.whole(radar, N)):
         lattice = point_lattice(radar, window.n_samples, -90.0)
-        profiles = Profiles(radar, lattice, window, NEEDED)
+        profiles = Profiles(window, lattice, NEEDED)
         planes = profiles.planes(samples)[:, 0]
         place = np.linspace(1510.0, 1990.0, 500)
         v = (place - profiles.range_at(0)) / lattice.step_m

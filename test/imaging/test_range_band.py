@@ -1,0 +1,89 @@
+"""AFBP from phase histories, without range compression before, against float64 correlation."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from sar_imaging.geometry import MapGrid
+from sar_imaging.imaging.afbp import AfbpImager
+from sar_imaging.imaging.range_band import RangeBand
+from sar_imaging.imaging.verification import measure_error
+from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters, Waveform
+from sar_imaging.signal.range_compression import RangeCompressor
+
+RANGE_M = 3e3
+
+
+def _block(n_frequencies, *, channels=1, pulses=192, n_side=96):
+    """Phase history of random scatterers on a map of 48 m, referred to its middle."""
+    rng = np.random.default_rng(4)
+    reference_s = 2 * RANGE_M / SPEED_OF_LIGHT
+    radar = RadarParameters(10e9, 300e6, 300e6, reference_s,
+                            waveform=Waveform.STEPPED_FREQUENCY)
+    tx = np.zeros((pulses, channels, 3))
+    tx[..., 0] = -RANGE_M
+    tx[..., 1] = 90.0 * np.linspace(-0.5, 0.5, pulses)[:, None]
+    rx = tx.copy()
+    rx[..., 1] += 0.015 * np.arange(channels)
+    points = np.c_[(rng.random((40, 2)) - 0.5) * 0.5 * n_side, np.zeros(40)]
+    delay_s = sum(np.linalg.norm(a[:, :, None] - points, axis=-1)
+                  for a in (tx, rx)) / SPEED_OF_LIGHT - reference_s
+    frequency = 10e9 + (np.arange(n_frequencies) - (n_frequencies - 1) / 2) * 300e6 / n_frequencies
+    samples = np.exp(-2j * np.pi * np.multiply.outer(delay_s, frequency)).sum(axis=2)
+    return PulseBlock(radar, False, np.arange(pulses), np.arange(pulses),
+                      samples, tx, rx), MapGrid((0.0, 0.0, 0.0), n_side, n_side, 0.5)
+
+
+def _plan(block, grid, **options):
+    return AfbpImager(grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+                      compressed=False, **options)
+
+
+@pytest.mark.parametrize('target_db', [-50.0, -70.0])
+@pytest.mark.parametrize(('n_frequencies', 'channels'), [(256, 1), (255, 1), (128, 1), (256, 5)])
+def test_target_is_met(n_frequencies, channels, target_db):
+    """With 128 frequencies the period, 64 m, ends within the guards."""
+    block, grid = _block(n_frequencies, channels=channels)
+    plan = _plan(block, grid, target_db=target_db)
+    error = measure_error(plan(block), grid, block, fit_scale=True)
+    assert max(error.error_db, error.brightest_error_db) <= target_db
+    assert not plan.warnings
+
+
+def test_it_is_the_image_of_compressed_profiles():
+    block, grid = _block(256)
+    profiles = RangeCompressor.for_block(block, window='hamming')(block)
+    other = AfbpImager(grid, profiles.radar, profiles.n_samples, profiles.tx_m, profiles.rx_m,
+                       target_db=-70.0)(profiles)
+    image = _plan(block, grid, weighting='hamming', target_db=-70.0)(block)
+    # Both are within -70 dB of the exact image, and each its own way off it.
+    difference = np.sum(np.abs(image - other) ** 2) / np.sum(np.abs(other) ** 2)
+    assert 10 * np.log10(difference) <= -67.0
+
+
+def test_scenes_beyond_the_unambiguous_range_are_warned_about():
+    block, grid = _block(64)
+    plan = _plan(block, grid)
+    assert any('64 frequencies tell apart' in warning for warning in plan.warnings)
+
+
+def test_the_carrier_is_a_frequency_of_the_pulse():
+    for n_frequencies in (8, 9):
+        band = RangeBand(_block(n_frequencies)[0].radar, n_frequencies)
+        frequency = 10e9 + (np.arange(n_frequencies) - (n_frequencies - 1) / 2) * (
+            300e6 / n_frequencies)
+        assert frequency[band.zero] == pytest.approx(band.radar.carrier_hz, rel=1e-12)
+
+
+def test_what_does_not_fit_is_refused():
+    block, grid = _block(256)
+    with pytest.raises(ValueError, match='apply range compression'):
+        RangeBand(dataclasses.replace(block.radar, waveform=Waveform.LFM, pulse_length_s=1e-6,
+                                      chirp_rate_hz_per_s=3e14), 256)
+    profiles = RangeCompressor.for_block(block)(block)
+    with pytest.raises(ValueError, match='plan is for raw pulses'):
+        _plan(block, grid)(profiles)
+    with pytest.raises(ValueError, match='is for phase histories'):
+        AfbpImager(grid, profiles.radar, profiles.n_samples, profiles.tx_m, profiles.rx_m,
+                   weighting='hamming')
