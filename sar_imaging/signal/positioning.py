@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import collections
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from ..geometry.alignment import Alignment
 from ..geometry.poses import Poses, PoseStatus, PoseTrack, PoseVerdict
 from .pulses import PulseBlock
 from .radar import SPEED_OF_LIGHT, RadarParameters
-from .sequence import COUNTER_MASK, StreamEvent, counter_distance, describe_counters
+from .sequence import COUNTER_MASK, EventSource, counter_distance, describe_counters
 
 _REASONS = {
     PoseStatus.GAP: 'the poses around them are further apart than max_gap_s',
@@ -108,6 +109,29 @@ def locate(block: PulseBlock, track: PoseTrack, alignment: Alignment) -> PulseBl
     return with_positions(block, poses, alignment)
 
 
+def join_turns(located: Sequence[PulseBlock], turn: np.ndarray) -> PulseBlock:
+    """Block whose channels have the phase centres of their own times.
+
+    Parameters
+    ----------
+    located : sequence of PulseBlock
+        The same pulses of C channels with positions at T times.
+    turn : (1 or C,) int64
+        Which of them counts for each channel; one for all.
+
+    Returns
+    -------
+    PulseBlock
+        The first one with other phase centres.
+    """
+    if len(located) == 1:
+        return located[0]
+    channels = np.arange(located[0].n_channels)
+    tx_m, rx_m = (np.stack([getattr(block, name) for block in located])[turn, :, channels]
+                  .transpose(1, 0, 2) for name in ('tx_m', 'rx_m'))
+    return dataclasses.replace(located[0], tx_m=tx_m, rx_m=rx_m)
+
+
 def _joint_status(turns: list[Poses]) -> np.ndarray:
     """(P,) status of pulses of which each channel has a pose of its own, all in one frame."""
     status = turns[0].status.copy()
@@ -119,7 +143,7 @@ def _joint_status(turns: list[Poses]) -> np.ndarray:
     return status
 
 
-class Positioner:
+class Positioner(EventSource):
     """Give pulses their positions as soon as their poses are known.
 
     Blocks wait, in order, until all their pulses are decided, at most `wait_s` and in total at
@@ -153,6 +177,7 @@ class Positioner:
 
     def __init__(self, track: PoseTrack, alignment: Alignment, *, pulses_per_aperture: int,
                  wait_s: float = 1.0, max_waiting_pulses: int = 16_384, channel_offset_s=(0.0,)):
+        super().__init__()
         self.track, self._alignment = track, alignment
         offset_ns = np.rint(np.asarray(channel_offset_s, float) * 1e9).astype(np.int64)
         self._offsets_ns, self._turn = np.unique(offset_ns, return_inverse=True)
@@ -160,7 +185,6 @@ class Positioner:
         self._wait_s, self._max_waiting = wait_s, max_waiting_pulses
         self._waiting: collections.deque[tuple[PulseBlock, float]] = collections.deque()
         self._n_waiting = 0
-        self._events: list[StreamEvent] = []
         self._last_verdict = PoseVerdict.TAKEN
         self._aperture: tuple[int, int] | None = None  # number and frame
         self._last_counter = 0
@@ -170,11 +194,6 @@ class Positioner:
     def waiting_pulses(self) -> int:
         """Pulses that wait for their poses."""
         return self._n_waiting
-
-    def take_events(self) -> list[StreamEvent]:
-        """Events since the last call, oldest first."""
-        events, self._events = self._events, []
-        return events
 
     def add_pose(self, stamp_ns: int, position_m, quaternion) -> list[PulseBlock]:
         """Take a pose; see `PoseTrack.add`.
@@ -268,12 +287,7 @@ class Positioner:
         if not kept.all():
             block = block.select(kept)
         located = [with_positions(block, turn.select(kept), self._alignment) for turn in turns]
-        if len(located) == 1:
-            return located
-        channels = np.arange(block.n_channels)
-        tx_m, rx_m = (np.stack([getattr(part, name) for part in located])[self._turn, :, channels]
-                      .transpose(1, 0, 2) for name in ('tx_m', 'rx_m'))
-        return [dataclasses.replace(located[0], tx_m=tx_m, rx_m=rx_m)]
+        return [join_turns(located, self._turn)]
 
     def _frame_of(self, block: PulseBlock, first_frame: int) -> int:
         """Frame of the block's aperture: that of its first pulse with a pose."""
@@ -321,6 +335,3 @@ class Positioner:
                          'a new track begins')
         elif before is None:
             self._report('start', 'poses begin')
-
-    def _report(self, kind: str, text: str) -> None:
-        self._events.append(StreamEvent(kind, text))

@@ -10,8 +10,8 @@ import numpy as np
 from .pulses import PulseBlock, concatenate
 from .sequence import (
     COUNTER_MASK,
+    EventSource,
     RestartDetector,
-    StreamEvent,
     Verdict,
     counter_distance,
     describe_counters,
@@ -37,7 +37,7 @@ class BufferStatistics:
     apertures_started: int = 0
 
 
-class PulseBuffer:
+class PulseBuffer(EventSource):
     """Turn blocks as a radar delivers them into ordered blocks within apertures.
 
     Pulses with the same ``counter // pulses_per_aperture`` belong to one aperture. Blocks are cut
@@ -78,12 +78,12 @@ class PulseBuffer:
         if reorder_window_pulses < 0:
             raise ValueError(f'reorder_window_pulses={reorder_window_pulses} is negative; '
                              'pass 0 for pulses that always come in order')
+        super().__init__()
         self._pulses_per_aperture = pulses_per_aperture
         self._pulses_per_block = pulses_per_block
         self._window = reorder_window_pulses
         self._positions_required = positions_required
         self._detector = RestartDetector(reorder_window_pulses)
-        self._events: list[StreamEvent] = []
         self._example: PulseBlock | None = None
         self.statistics = BufferStatistics()
         self._begin_sequence()
@@ -104,11 +104,6 @@ class PulseBuffer:
     def held_pulses(self) -> int:
         """Number of pulses received and not yet emitted."""
         return len(self._pending) + len(self._rows) + self._detector.held_pulses
-
-    def take_events(self) -> list[StreamEvent]:
-        """Events since the last call, oldest first."""
-        events, self._events = self._events, []
-        return events
 
     def push(self, block: PulseBlock) -> list[PulseBlock]:
         """Add pulses and return the blocks that became complete.
@@ -307,6 +302,3 @@ class PulseBuffer:
             setattr(self.statistics, kind, getattr(self.statistics, kind) + len(counters))
             numbers = [c & COUNTER_MASK for c in sorted(counters)]
             self._report(kind, f'{text}: {describe_counters(numbers)}')
-
-    def _report(self, kind: str, text: str) -> None:
-        self._events.append(StreamEvent(kind, text))

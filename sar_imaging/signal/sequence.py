@@ -1,4 +1,4 @@
-"""Pulse counters: 32 bit wrap-around, ranges as text, and telling a restart from a late pulse."""
+"""Pulse counters: wrap-around, ranges as text, a restart or a late pulse; events to be logged."""
 
 from __future__ import annotations
 
@@ -27,6 +27,21 @@ class StreamEvent:
 
     kind: str
     text: str
+
+
+class EventSource:
+    """What has something to tell about its stream: events wait here until they are taken."""
+
+    def __init__(self):
+        self._events: list[StreamEvent] = []
+
+    def take_events(self) -> list[StreamEvent]:
+        """Events since the last call, oldest first."""
+        events, self._events = self._events, []
+        return events
+
+    def _report(self, kind: str, text: str) -> None:
+        self._events.append(StreamEvent(kind, text))
 
 
 def counter_distance(counter, reference) -> np.ndarray:

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..geometry.alignment import Alignment
 from ..geometry.poses import PoseTrack
-from .positioning import locate
+from .positioning import join_turns, locate
 from .pulses import PulseBlock
 
 
@@ -96,15 +96,11 @@ def locate_channels(block: PulseBlock, track: PoseTrack, alignment: Alignment,
         The schedule or the lever arms do not fit the channels, or a turn has no pose.
     """
     schedule.check_channels(block.n_channels)
-    shape = (block.n_pulses, block.n_channels, 3)
-    tx_m, rx_m = np.empty(shape), np.empty(shape)
-    located = block
-    for offset_s in np.unique(schedule.offset_s):
-        sent_ns = block.stamp_ns + np.int64(round(offset_s * 1e9))
-        located = locate(dataclasses.replace(block, stamp_ns=sent_ns), track, alignment)
-        turn = schedule.offset_s == offset_s
-        tx_m[:, turn], rx_m[:, turn] = located.tx_m[:, turn], located.rx_m[:, turn]
-    return dataclasses.replace(located, stamp_ns=block.stamp_ns, tx_m=tx_m, rx_m=rx_m)
+    offsets_ns, turn = np.unique(np.rint(schedule.offset_s * 1e9).astype(np.int64),
+                                 return_inverse=True)
+    located = [locate(dataclasses.replace(block, stamp_ns=block.stamp_ns + offset_ns), track,
+                      alignment) for offset_ns in offsets_ns]
+    return dataclasses.replace(join_turns(located, turn), stamp_ns=block.stamp_ns)
 
 
 def move_channels(block: PulseBlock, velocity_m_per_s, schedule: TdmSchedule) -> PulseBlock:
