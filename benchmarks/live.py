@@ -1,8 +1,10 @@
 """The live system: losses, latency, sustained rates, processor time, endurance, start-up.
 
-Run from the repository root: ``python -m benchmarks.live`` (about ten minutes), and
-``python -m benchmarks.live --parts endurance`` (ten minutes more). Real processes over real DDS,
-pulses of a simulated flight sent in real time or faster. Linux only.
+Run from the repository root: ``python -m benchmarks.live`` (about twelve minutes), then
+``python -m benchmarks.live --parts endurance`` (ten minutes more) and, for the tables of
+docs/live_performance.md, ``python -m benchmarks.tables``. Real processes over real DDS, pulses of
+a simulated flight sent in real time or faster. Results are written one by one; one that fails is
+written as failed. Linux only.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import re
 import signal
 import tempfile
 import time
+import traceback
 
 import numba
 import numpy as np
@@ -30,8 +33,8 @@ from sar_imaging.tools.node_processes import (
     pipeline_parameters,
 )
 
-from .live_flight import PRF_HZ, PULSES_PER_APERTURE, Flight, grid
-from .live_system import System, difference_db
+from .live_flight import PRF_HZ, PULSES_PER_APERTURE, PULSES_PER_MESSAGE, Flight, grid
+from .live_system import Fed, System, difference_db
 from .machine import machine
 
 STARTUP_BAG = pathlib.Path(__file__).parents[1] / 'bags' / 'spotlight'
@@ -40,161 +43,192 @@ RESULTS = pathlib.Path(__file__).parent / 'results' / 'live.json'
 SETUPS = {'separate nodes': (NODES, 'image'), 'sar_pipeline': (PIPELINE, 'image'),
           'separate nodes, AFBP': (AFBP_NODES, 'subapertures'),
           'sar_pipeline, AFBP': (PIPELINE, 'subapertures')}
-SIDES = {'flight': 512, 'latency': 1024, 'transport': 16}  # pixels
-TRIAL_APERTURES = 5
-QUEUE_BLOCKS = 512  # a busy moment of the machine is no loss: half a minute of blocks
-RATES = (1, 1.5, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
-LATENCY_LIMIT_S = 2.0  # at a rate that can be sustained the queues stay short
+SIDES = {'flight': 512, 'million': 1024, 'transport': 16}  # pixels
+IMAGES_EVERY = 8  # sub-apertures from one progressive image to the next
+STARTUP_TRIES = 3  # the first fills the caches
+FLIGHT_APERTURES, SHORT_APERTURES = 15, 3
+RATES = (1.5, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+TRIAL_S = 6.0  # of each rate; what waits at its end would have grown to the limit of latency
+LATENCY_LIMIT_S = 0.75
+PATIENCE_S = 20.0
 
 
 def make_system(setup: str, truth: dict, folder: pathlib.Path, n_side: int | None = None,
-                *, sliding: bool = False) -> System:
-    """System for a recording's truth, or for the flight's scene with so many pixels."""
+                *, keep: bool = False, **options) -> System:
+    """System for a recording's truth, or for the flight's scene with so many pixels.
+
+    Options are parameters of backprojection and fusion.
+    """
     if n_side:
         map_grid = grid(n_side)
         truth = truth | {'grid': {'centre_m': list(map_grid.centre_m), 'n_x': n_side,
                                   'n_y': n_side, 'spacing_m': map_grid.spacing_m}}
     names, mode = SETUPS[setup]
     parameters = parameters_from_truth(truth, mode)
-    for values in parameters.values():
-        values['worker_queue_size'] = QUEUE_BLOCKS
-    if sliding:
-        parameters['backprojection']['subapertures.sliding'] = True
+    for name, value in options.items():
+        node = 'backprojection' if name.startswith('subapertures.') else 'afbp_fusion'
+        parameters[node][name] = value
     if names == PIPELINE:
         parameters = pipeline_parameters(parameters)
-    return System(names, parameters, folder)
+    return System(names, parameters, folder, keep=keep)
 
 
-def whole_apertures(flight: Flight, n_apertures: int):
-    """Messages of so many apertures from the beginning."""
-    return itertools.takewhile(lambda m: m.first < n_apertures * PULSES_PER_APERTURE,
-                               flight.messages())
+def apertures(messages, n_apertures: int):
+    """Messages of the next so many apertures."""
+    return itertools.islice(messages, n_apertures * PULSES_PER_APERTURE // PULSES_PER_MESSAGE)
 
 
-def run(system: System, messages: list, rate: float) -> dict:
-    """Feed messages, wait for all images; what came of it."""
-    n_apertures = sum(m.n_pulses for m in messages) // PULSES_PER_APERTURE
+def run(system: System, messages, n_apertures: int, rate: float) -> dict:
+    """Feed whole apertures, wait for all images; what came of it."""
     cpu = system.cpu_s()
-    seconds = system.feed(messages, rate)
+    fed = system.feed(apertures(messages, n_apertures), rate)
+    wait_for_images(system, n_apertures)
+    delays = [system.delay_s(image, (image.aperture + 1) * PULSES_PER_APERTURE - 1)
+              for image in system.images]
+    return describe(system, fed, cpu) | {
+        'images': len(system.images), 'expected_images': n_apertures,
+        'latency_ms': milliseconds(delays)}
+
+
+def wait_for_images(system: System, n_images: int) -> None:
+    """Wait for so many images since feeding began, and not for ever."""
     try:
-        system.wait(lambda: len(system.images) >= n_apertures, 'images', patience_s=20.0)
+        system.wait(lambda: len(system.images) >= n_images, 'images', patience_s=PATIENCE_S)
     except TimeoutError:
-        pass  # counted below
-    used = {name: {kind: after[kind] - cpu[name][kind] for kind in after}
+        pass  # counted by the caller
+
+
+def describe(system: System, fed: Fed, cpu_before: dict) -> dict:
+    """What all parts tell of a run."""
+    used = {name: {kind: after[kind] - cpu_before[name][kind] for kind in after}
             for name, after in system.cpu_s().items()}
-    latency_s = [image.time_s - system.sent_s[image.aperture] for image in system.images]
-    n_bytes = sum(len(m.cdr) for m in messages)
-    return {'pulses': sum(m.n_pulses for m in messages), 'seconds': round(seconds, 2),
-            'pulses_per_s': round(sum(m.n_pulses for m in messages) / seconds, 1),
-            'megabytes_per_s': round(n_bytes / 1e6 / seconds, 2),
-            'images': len(system.images), 'expected_images': n_apertures,
+    return {'pulses': fed.n_pulses, 'seconds': round(fed.seconds, 2),
+            'pulses_per_s': round(fed.n_pulses / fed.seconds, 1),
+            'megabytes_per_s': round(fed.n_bytes / 1e6 / fed.seconds, 2),
             'losses': system.losses(),
-            'latency_ms': milliseconds(latency_s),
-            'processors': {name: {kind: round(value / seconds, 3) for kind, value in u.items()}
-                           for name, u in used.items()},
-            'memory_mb': {n: round(v, 1) for n, v in system.memory_mb().items()}}
+            'processors': {kind: round(sum(u[kind] for u in used.values()) / fed.seconds, 3)
+                           for kind in ('transport', 'work')},
+            'memory_mb': round(sum(system.memory_mb().values()), 1)}
 
 
-def milliseconds(seconds: list[float]) -> dict[str, float]:
-    if not seconds:
+def milliseconds(seconds: list[float | None]) -> dict[str, float]:
+    """Median and largest."""
+    known = [s for s in seconds if s is not None]
+    if not known:
         return {}
-    return {'median': round(1e3 * float(np.median(seconds)), 1),
-            'max': round(1e3 * max(seconds), 1)}
+    return {'median': round(1e3 * float(np.median(known)), 1),
+            'max': round(1e3 * max(known), 1)}
 
 
-def measure_flight(flight: Flight, folder: pathlib.Path) -> dict:
-    """The whole flight in real time through each setup, and its images against offline ones."""
-    messages = list(flight.messages())
-    results, images = {}, {}
-    for setup in SETUPS:
-        with make_system(setup, flight.truth, folder / setup, SIDES['flight']) as system:
-            results[setup] = run(system, messages, rate=1.0)
-            images[setup] = system.images
-        print(setup, results[setup], flush=True)
-    differences = {setup: [] for setup in SETUPS}
-    for number, reference in enumerate(flight.offline_images(grid(SIDES['flight']))):
-        for setup, received in images.items():
-            differences[setup] += [difference_db(image, reference) for image in received
-                                   if image.aperture == number]
-    for setup, values in differences.items():
-        results[setup]['largest_difference_db'] = round(max(values), 1)
-    return results
-
-
-def measure_latency(flight: Flight, folder: pathlib.Path) -> dict:
-    """A scene of a million pixels in real time."""
-    messages = list(whole_apertures(flight, 4))
-    results = {}
-    for setup in SETUPS:
-        with make_system(setup, flight.truth, folder / setup, SIDES['latency']) as system:
-            results[setup] = run(system, messages, rate=1.0)
-        print(setup, results[setup], flush=True)
-    return results
-
-
-def measure_sliding(flight: Flight, folder: pathlib.Path) -> dict:
-    """An image with every sub-aperture: work and delay of an update."""
-    messages = list(whole_apertures(flight, 4))
-    setup = 'sar_pipeline, AFBP'
-    with make_system(setup, flight.truth, folder, SIDES['flight'], sliding=True) as system:
-        system.feed(messages, rate=1.0)
-        last_s = system.sent_s[max(system.sent_s)]
-        system.wait(lambda: time.monotonic() > last_s + 5.0, 'the last images')
-        log = system.nodes.log_file(system.names[0]).read_text()
-        work_s = [float(s) for s in re.findall(r'image of .*?; ([\d.e+-]+) s of work', log)]
-        result = {'images': len(system.images), 'losses': system.losses(),
-                  'fusion_work_ms': milliseconds(work_s[1:]),
-                  'last_image_after_last_pulse_ms': round(
-                      1e3 * (system.images[-1].time_s - last_s), 1)}
-    print('sliding', result, flush=True)
-    return {setup: result}
-
-
-def measure_rate(flight: Flight, folder: pathlib.Path) -> dict:
-    """Largest of `RATES` times real time without loss and without growing queues."""
-    messages = list(whole_apertures(flight, TRIAL_APERTURES))
-    results = {}
-    for kind, setup in itertools.product(('flight', 'transport'), SETUPS):
-        best = None
-        for rate in RATES:
-            with make_system(setup, flight.truth, folder / f'{setup}{rate}',
-                             SIDES[kind]) as system:
-                result = run(system, messages, rate)
-            sustained = (not result['losses'] and result['images'] == TRIAL_APERTURES
-                         and result['latency_ms']['max'] < 1e3 * LATENCY_LIMIT_S
-                         and result['pulses_per_s'] > 0.9 * rate * PRF_HZ)
-            print(kind, setup, rate, sustained, result, flush=True)
-            if not sustained:
-                break
-            best = {'rate': rate} | result
-        results[f'{setup}, {SIDES[kind]}² pixels'] = best or {'sustained': 'none of the rates'}
-    return results
-
-
-def measure_startup(flight: Flight, folder: pathlib.Path) -> dict:
+def measure_startup(setup: str, flight: Flight, folder: pathlib.Path) -> dict:
     """Seconds from starting the processes to the first image of bags/spotlight, caches warm."""
     truth = bag_io.read_truth(STARTUP_BAG)
     messages = [cdr for _, cdr in bag_io.raw_messages(STARTUP_BAG)]
-    results = {}
-    for setup in SETUPS:
-        tries = []
-        for _ in range(4):  # the first fills the caches
-            with make_system(setup, truth, folder / setup) as system:
-                connected_s = time.monotonic() - system.started_s
-                for cdr in messages:
-                    system.publish(cdr)
-                system.wait(lambda s=system: s.images, 'the first image')
-                tries.append((system.images[0].time_s - system.started_s, connected_s))
-        best = min(tries[1:])
-        results[setup] = {'first_image_s': round(best[0], 2), 'connected_s': round(best[1], 2)}
-        print(setup, results[setup], flush=True)
-    return results
+    tries = []
+    for number in range(STARTUP_TRIES):
+        with make_system(setup, truth, folder / str(number)) as system:
+            connected_s = time.monotonic() - system.started_s
+            for cdr in messages:
+                system.publish(cdr)
+            system.wait(lambda s=system: s.images, 'the first image')
+            tries.append((system.images[0].time_s - system.started_s, connected_s))
+    best = min(tries[1:] or tries)
+    return {'first_image_s': round(best[0], 2), 'connected_s': round(best[1], 2)}
 
 
-def measure_endurance(flight: Flight, folder: pathlib.Path, *, minutes: float, rate: float,
-                      setup: str) -> dict:
+def measure_flight(setup: str, flight: Flight, folder: pathlib.Path) -> dict:
+    """The whole flight in real time, and its images against exact ones formed offline."""
+    side = SIDES['flight']
+    with make_system(setup, flight.truth, folder, side, keep=True) as system:
+        result = run(system, flight.messages(), FLIGHT_APERTURES, rate=1.0)
+        images = list(system.images)
+    references = flight.offline_images(grid(side))
+    differences = [difference_db(i, references[i.aperture]) for i in images]
+    return result | {'largest_difference_db': round(max(differences), 1) if images else None}
+
+
+def measure_million(setup: str, flight: Flight, folder: pathlib.Path) -> dict:
+    """A scene of a million pixels in real time."""
+    with make_system(setup, flight.truth, folder, SIDES['million']) as system:
+        return run(system, flight.messages(), SHORT_APERTURES, rate=1.0)
+
+
+def measure_progressive(setup: str, flight: Flight, folder: pathlib.Path) -> dict:
+    """Images of a million pixels while an aperture arrives: latency of each and of the last."""
+    with make_system(setup, flight.truth, folder, SIDES['million'],
+                     images_every=IMAGES_EVERY) as system:
+        cpu = system.cpu_s()
+        fed = system.feed(apertures(flight.messages(), SHORT_APERTURES), rate=1.0)
+        settle(system)
+        last = [i.last_so_far for i in system.images]
+        delays = [system.delay_s(*pair) for pair in zip(system.images, last, strict=True)]
+        final = [(n + 1) % PULSES_PER_APERTURE == 0 for n in last]
+        return describe(system, fed, cpu) | {
+            'images': len(system.images),
+            'progressive_latency_ms': milliseconds(
+                [d for d, is_final in zip(delays, final, strict=True) if not is_final]),
+            'final_latency_ms': milliseconds(
+                [d for d, is_final in zip(delays, final, strict=True) if is_final])}
+
+
+def measure_sliding(setup: str, flight: Flight, folder: pathlib.Path) -> dict:
+    """An image of a million pixels with every sub-aperture: latency and work of an update."""
+    with make_system(setup, flight.truth, folder, SIDES['million'],
+                     **{'subapertures.sliding': True}) as system:
+        cpu = system.cpu_s()
+        fed = system.feed(apertures(flight.messages(), SHORT_APERTURES), rate=1.0)
+        settle(system)
+        log = system.nodes.log_file(system.names[-1]).read_text()
+        work_s = [float(s) for s in re.findall(r'image of .*?; ([\d.e+-]+) s of work', log)]
+        result = describe(system, fed, cpu)
+        n_images = len(system.images)
+        return result | {
+            'images': n_images,
+            'latency_ms': milliseconds([system.delay_s(i, i.last_of_window)
+                                        for i in system.images]),
+            'fusion_work_ms': milliseconds(work_s[1:]),
+            'processor_ms_per_update': round(
+                1e3 * result['processors']['work'] * fed.seconds / max(n_images, 1), 1)}
+
+
+def settle(system: System) -> None:
+    """Wait until no image came for some seconds."""
+    def quiet():
+        newest = system.images[-1].time_s if system.images else 0.0
+        return time.monotonic() > max(newest, system.last_sent_s) + 2.0
+
+    system.wait(quiet, 'the last images')
+
+
+def measure_rate(setup: str, flight: Flight, folder: pathlib.Path, kind: str = 'flight') -> dict:
+    """Largest of `RATES` times real time without loss and without growing queues."""
+    best: dict = {'rate': None}
+    messages = flight.endless()
+    with make_system(setup, flight.truth, folder, SIDES[kind]) as system:
+        run(system, messages, 1, rate=1.0)  # the first image takes its plan
+        for rate in RATES:
+            n_apertures = max(2, round(TRIAL_S * rate * PRF_HZ / PULSES_PER_APERTURE))
+            result = run(system, messages, n_apertures, rate)
+            sustained = (not result['losses'] and result['images'] == n_apertures
+                         and result['latency_ms']['max'] < 1e3 * LATENCY_LIMIT_S
+                         and result['pulses_per_s'] > 0.9 * rate * PRF_HZ)
+            print(f'  {setup}, {kind}: {rate} times real time', sustained, result, flush=True)
+            if not sustained:
+                return best | {'not_sustained': {'rate': rate} | result}
+            best = {'rate': rate} | result
+    return best
+
+
+def measure_transport(setup: str, flight: Flight, folder: pathlib.Path) -> dict:
+    """The same with hardly any pixels: what transport alone allows."""
+    return measure_rate(setup, flight, folder, 'transport')
+
+
+def measure_endurance(setup: str, flight: Flight, folder: pathlib.Path, *, minutes: float,
+                      rate: float) -> dict:
     """The flight again and again: memory and latency against time."""
-    samples = []
+    samples: list[tuple[float, float]] = []
+    n_apertures = int(60 * minutes * rate * PRF_HZ / PULSES_PER_APERTURE)
     with make_system(setup, flight.truth, folder, SIDES['flight']) as system:
         begun = time.monotonic()
 
@@ -203,69 +237,104 @@ def measure_endurance(flight: Flight, folder: pathlib.Path, *, minutes: float, r
             if not samples or now > samples[-1][0] + 2.0:
                 samples.append((now, sum(system.memory_mb().values())))
 
-        def messages():
-            for loop in itertools.count():
-                for message in flight.messages(loop):
-                    offset = loop * flight.truth['n_pulses'] / PRF_HZ
-                    if (message.time_s + offset) / rate > 60 * minutes:
-                        return
-                    yield type(message)(message.time_s + offset, message.cdr, message.first,
-                                        message.n_pulses)
-
-        seconds = system.feed(messages(), rate, sample)
-        n_whole = len(system.sent_s)
-        system.wait(lambda: len(system.images) >= n_whole, 'the last image')
-        losses = system.losses()
-        latency = [(i.time_s - begun, i.time_s - system.sent_s[i.aperture])
-                   for i in system.images if i.aperture in system.sent_s]
-    half = [s for s in samples if s[0] > seconds / 4]  # after what is allocated once
-    times, memory = np.array(half).T
-    arrived, waited = np.array(latency).T
-    slope = np.polyfit(times / 60, memory, 1)[0]
-    return {'setup': setup, 'rate': rate, 'minutes': round(seconds / 60, 2),
-            'pulses_per_s': round(rate * PRF_HZ, 1), 'images': len(latency), 'losses': losses,
-            'memory_mb': {'first': round(memory[0], 1), 'last': round(memory[-1], 1),
-                          'slope_mb_per_minute': round(float(slope), 3)},
-            'latency_ms': milliseconds(waited.tolist()) | {
-                'growth_per_minute': round(1e3 * float(np.polyfit(arrived / 60, waited, 1)[0]),
-                                           3)}}
+        cpu = system.cpu_s()
+        fed = system.feed(apertures(flight.endless(), n_apertures), rate, sample)
+        wait_for_images(system, n_apertures)
+        delays = [(i.time_s - begun,
+                   system.delay_s(i, (i.aperture + 1) * PULSES_PER_APERTURE - 1))
+                  for i in system.images]
+        result = describe(system, fed, cpu)
+    later = [s for s in samples if s[0] > fed.seconds / 4]  # after what is allocated once
+    times, memory = np.array(later).T
+    arrived, waited = np.array([d for d in delays if d[1] is not None]).T
+    return result | {
+        'rate': rate, 'minutes': round(fed.seconds / 60, 2), 'images': len(delays),
+        'expected_images': n_apertures,
+        'memory_mb': {'first': round(memory[0], 1), 'last': round(memory[-1], 1),
+                      'slope_mb_per_minute': round(slope_per_minute(times, memory), 3)},
+        'latency_ms': milliseconds(waited.tolist()) | {
+            'growth_per_minute': round(1e3 * slope_per_minute(arrived, waited), 3)}}
 
 
-PARTS = {'startup': measure_startup, 'flight': measure_flight, 'latency': measure_latency,
-         'sliding': measure_sliding, 'rate': measure_rate}
+def slope_per_minute(seconds, values) -> float:
+    """Of the straight line through values."""
+    return float(np.polyfit(seconds / 60, values, 1)[0])
+
+
+_AFBP = [name for name, (_, mode) in SETUPS.items() if mode == 'subapertures']
+_EXACT = [name for name in SETUPS if name not in _AFBP]
+# What to call for which setups; the most wanted first.
+PARTS = {'startup': (measure_startup, [*SETUPS]), 'flight': (measure_flight, [*SETUPS]),
+         'million': (measure_million, [*SETUPS]),
+         'sliding': (measure_sliding, ['sar_pipeline, AFBP']),
+         'progressive': (measure_progressive, _AFBP), 'rate': (measure_rate, [*SETUPS]),
+         'transport': (measure_transport, _EXACT)}
+
+
+class Results:
+    """What was measured, written to a file with every result."""
+
+    def __init__(self, path: pathlib.Path):
+        self._path = path
+        self.values = json.loads(path.read_text()) if path.exists() else {}
+
+    def add(self, part: str, setup: str, result: dict) -> None:
+        """Replace a result."""
+        self.values.setdefault(part, {})[setup] = result | {'load': round(os.getloadavg()[0], 1)}
+        self.values['machine'] = machine() | {'numba_threads': numba.get_num_threads()}
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        self._path.write_text(json.dumps(self.values, indent=1) + '\n')
+
+    def sustained_rate(self, setup: str) -> float:
+        """Largest rate that was sustained; raises ValueError where none is known."""
+        rate = self.values.get('rate', {}).get(setup, {}).get('rate')
+        if rate is None:
+            raise ValueError(f'{self._path} has no sustained rate of {setup}; measure it with '
+                             '--parts rate, or give --rate')
+        return rate
+
+
+def measure(part: str, setup: str, flight: Flight, arguments: argparse.Namespace,
+            results: Results) -> dict:
+    """One result; a failure is one, too."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            if part == 'endurance':
+                return measure_endurance(
+                    setup, flight, pathlib.Path(folder), minutes=arguments.minutes,
+                    rate=arguments.rate or results.sustained_rate(setup))
+            return PARTS[part][0](setup, flight, pathlib.Path(folder))
+        except Exception as error:  # the other results are worth having
+            traceback.print_exc()
+            return {'failed': f'{type(error).__name__}: {error}'}
 
 
 def main() -> None:
+    """Measure what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--parts', nargs='+', choices=[*PARTS, 'endurance'], default=list(PARTS))
+    parser.add_argument('--setups', nargs='+', choices=SETUPS,
+                        help='only these; sar_pipeline for endurance')
     parser.add_argument('--minutes', type=float, default=10.0, help='of the endurance run')
-    parser.add_argument('--rate', type=float, default=2.0, help='of it, times real time')
-    parser.add_argument('--setup', choices=SETUPS, default='sar_pipeline', help='of it')
+    parser.add_argument('--rate', type=float,
+                        help='of it, times real time; the largest sustained if left out')
     parser.add_argument('--bag', type=pathlib.Path, default=pathlib.Path('out/bags/live_flight'))
     parser.add_argument('--output', type=pathlib.Path, default=RESULTS)
-    parser.add_argument('--setups', nargs='+', choices=SETUPS, default=list(SETUPS),
-                        help='of the other parts')
     arguments = parser.parse_args()
-    for setup in set(SETUPS) - {*arguments.setups, arguments.setup}:
-        del SETUPS[setup]
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends the nodes, too
     os.environ.update(isolated_environment())
     flight = Flight(arguments.bag)
-    results = json.loads(arguments.output.read_text()) if arguments.output.exists() else {}
+    results = Results(arguments.output)
     for part in arguments.parts:
-        with tempfile.TemporaryDirectory() as folder:
-            if part == 'endurance':
-                found = measure_endurance(
-                    flight, pathlib.Path(folder), minutes=arguments.minutes, rate=arguments.rate,
-                    setup=arguments.setup)
-            else:
-                found = PARTS[part](flight, pathlib.Path(folder))
-        results[part] = {'load': round(os.getloadavg()[0], 1),
-                         'results': results.get(part, {}).get('results', {}) | found}
-        results['machine'] = machine() | {'numba_threads': numba.get_num_threads()}
-        arguments.output.parent.mkdir(parents=True, exist_ok=True)
-        arguments.output.write_text(json.dumps(results, indent=1) + '\n')
-    print(json.dumps(results, indent=1))
+        if part == 'endurance':
+            setups = arguments.setups or ['sar_pipeline']
+        else:
+            setups = [s for s in PARTS[part][1] if s in (arguments.setups or SETUPS)]
+        for setup in setups:
+            begun = time.monotonic()
+            result = measure(part, setup, flight, arguments, results)
+            results.add(part, setup, result)
+            print(f'{part}, {setup} ({time.monotonic() - begun:.0f} s):', result, flush=True)
 
 
 if __name__ == '__main__':

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+import itertools
 import pathlib
 from collections.abc import Iterator
 
@@ -96,8 +98,18 @@ class Flight:
             yield Message((int(block.stamp_ns[-1]) - start_ns) / 1e9, bag_io.serialise(block),
                           int(block.counter[0]), block.n_pulses)
 
-    def offline_images(self, map_grid: MapGrid) -> Iterator[np.ndarray]:
+    def endless(self) -> Iterator[Message]:
+        """Its messages again and again; counters and times go on."""
+        for loop in itertools.count():
+            for message in self.messages(loop):
+                yield dataclasses.replace(message, time_s=message.time_s + loop * SECONDS)
+
+    @functools.lru_cache(maxsize=1)  # noqa: B019 there is one flight
+    def offline_images(self, map_grid: MapGrid) -> list[np.ndarray]:
         """The exact images of its whole apertures, complex64."""
+        return list(self._form_images(map_grid))
+
+    def _form_images(self, map_grid: MapGrid) -> Iterator[np.ndarray]:
         plan = compressor = image = None
         for block in self.blocks():
             if plan is None:

@@ -20,7 +20,7 @@ from std_msgs.msg import Float32MultiArray
 from sar_imaging.simulation.scenarios import START_NS
 from sar_imaging.tools.node_processes import NO_LOG_FILES, NodeProcesses
 
-from .live_flight import PRF_HZ, PULSES_PER_APERTURE, Message
+from .live_flight import PRF_HZ, PULSES_PER_APERTURE, PULSES_PER_MESSAGE, Message
 
 PATIENCE_S = 60.0
 TICKS_PER_S = os.sysconf('SC_CLK_TCK')
@@ -33,9 +33,34 @@ LOSSES = ('pulses_missing', 'pulses_late', 'pulses_corrupt', 'blocks_dropped', '
 class Received:
     """An image that came."""
 
-    aperture: int
+    middle: float  # of its pulses: counter
     time_s: float  # on time.monotonic
-    data: bytes
+    data: bytes  # empty where images are not kept
+
+    @property
+    def aperture(self) -> int:
+        """Number of the aperture that the middle belongs to."""
+        return int(self.middle) // PULSES_PER_APERTURE
+
+    @property
+    def last_so_far(self) -> int:
+        """Last pulse of an image of its aperture so far."""
+        first = self.aperture * PULSES_PER_APERTURE
+        return round(2 * self.middle - first)
+
+    @property
+    def last_of_window(self) -> int:
+        """Last pulse of an image as long as an aperture, wherever it begins."""
+        return round(self.middle + (PULSES_PER_APERTURE - 1) / 2)
+
+
+@dataclasses.dataclass(frozen=True)
+class Fed:
+    """What was sent."""
+
+    seconds: float
+    n_pulses: int
+    n_bytes: int
 
 
 class System:
@@ -49,16 +74,20 @@ class System:
         Their parameters.
     folder : Path
         For their logs.
+    keep : bool
+        Keep the pixels of the images.
     """
 
-    def __init__(self, names: tuple[str, ...], parameters: dict, folder: pathlib.Path):
+    def __init__(self, names: tuple[str, ...], parameters: dict, folder: pathlib.Path, *,
+                 keep: bool = False):
         self.names = names
         self._parameters = parameters
         self._folder = folder
+        self._keep = keep
         self._stack = contextlib.ExitStack()
         self.images: list[Received] = []
         self.status: dict[str, dict[str, float]] = {}
-        self.sent_s: dict[int, float] = {}  # when the last message of an aperture was sent
+        self._sent_s: dict[int, float] = {}  # when each message was sent, by its number
 
     def __enter__(self) -> System:
         self.started_s = time.monotonic()
@@ -106,8 +135,8 @@ class System:
     def _on_image(self, message: Image) -> None:
         stamp = message.header.stamp
         seconds = (stamp.sec * 10**9 + stamp.nanosec - START_NS) / 1e9
-        self.images.append(Received(int(seconds * PRF_HZ) // PULSES_PER_APERTURE,
-                                    time.monotonic(), bytes(message.data)))
+        self.images.append(Received(seconds * PRF_HZ, time.monotonic(),
+                                    bytes(message.data) if self._keep else b''))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -118,22 +147,33 @@ class System:
         self._publisher.publish(cdr)
 
     def feed(self, messages: Iterable[Message], rate: float,
-             every_message: Callable[[], object] = lambda: None) -> float:
-        """Send messages at `rate` times real time; returns the seconds that it took."""
-        begun = time.monotonic()
-        first_s = None
+             every_message: Callable[[], object] = lambda: None) -> Fed:
+        """Send messages at `rate` times real time; what was sent before is forgotten."""
+        self._sent_s.clear()
+        self.images.clear()
+        begun, first_s, n_pulses, n_bytes = time.monotonic(), None, 0, 0
         for message in messages:
             first_s = message.time_s if first_s is None else first_s
             due = begun + (message.time_s - first_s) / rate
             while (remaining := due - time.monotonic()) > 0:
                 self._executor.spin_once(timeout_sec=remaining)
+            self._executor.spin_once(timeout_sec=0)
             self.publish(message.cdr)
-            aperture, position = divmod(message.first + message.n_pulses, PULSES_PER_APERTURE)
-            if position == 0:
-                self.sent_s[aperture - 1] = time.monotonic()
+            self._sent_s[message.first // PULSES_PER_MESSAGE] = time.monotonic()
+            n_pulses, n_bytes = n_pulses + message.n_pulses, n_bytes + len(message.cdr)
             every_message()
         self.nodes.check()
-        return time.monotonic() - begun
+        return Fed(time.monotonic() - begun, n_pulses, n_bytes)
+
+    def delay_s(self, image: Received, last: int) -> float | None:
+        """Seconds from sending a pulse to an image; None where it was not sent."""
+        sent_s = self._sent_s.get(last // PULSES_PER_MESSAGE)
+        return None if sent_s is None else image.time_s - sent_s
+
+    @property
+    def last_sent_s(self) -> float:
+        """When the last message was sent."""
+        return max(self._sent_s.values())
 
     def losses(self) -> dict[str, int]:
         """What the nodes report as lost, after a fresh report of each."""
