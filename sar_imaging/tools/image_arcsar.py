@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,9 +28,9 @@ from sar_imaging.quality import measure_scatterer
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
 
-from .bag_io import BagError
 from .load_arcsar import POINTS_M, RADIUS_M, arc, arm_angles, read_file
 from .plots import save_image_png
+from .reproduction import run_and_report
 
 HALF_BEAM_DEG = 35.0
 PULSES_PER_STEP = 10  # 4.5 degrees: how finely the beam is cut out
@@ -190,13 +189,13 @@ def parser() -> argparse.ArgumentParser:
         'arm (Prova_Esterna_7.bin), measure its two points and the radius of the arm.')
     p.add_argument('file', type=Path, help='Prova_Esterna_7.bin')
     p.add_argument('--output', type=Path, default=Path('out/arcsar'), metavar='FOLDER',
-                   help='folder for image.npy, image.png, radius.png and figures.json '
+                   help='folder for image.npy, image.png, radius.png and results.json '
                         '(default: %(default)s)')
     return p
 
 
 def run(file: Path, output: Path) -> dict:
-    """Image, measure, draw; returns the contents of figures.json."""
+    """Image, measure, draw; returns the contents of results.json."""
     block = read_file(file)
     profiles = RangeCompressor.for_block(block, window='taylor:4:35')(block)
     grid = MapGrid.from_size((0.0, 5.0, 0.0), 12.0, 10.0, 0.02)
@@ -213,33 +212,29 @@ def run(file: Path, output: Path) -> dict:
     curves = {name: radius_sharpness(profiles, place) for name, place in places.items()}
     angle_rad, radius_m = radius_by_direction(profiles, image, grid)
     save_radius_png(output / 'radius.png', curves, angle_rad, radius_m)
-    figures = {
+    return {
         'bright_places': {'direction_deg': np.degrees(angle_rad).round(1).tolist(),
                           'radius_m': radius_m.round(5).tolist()},
         'points': measure_points(image, grid, profiles),
         'radius_m': {name: round(autofocus_radius(profiles, place), 5)
                      for name, place in places.items()}}
-    (output / 'figures.json').write_text(json.dumps(figures, indent=2) + '\n')
-    return figures
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    try:
-        figures = run(arguments.file, arguments.output)
-    except (BagError, OSError, ValueError) as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
-    for point in figures['points']:
-        print(f'{point["name"]}: ({point["peak_x_m"]:.3f}, {point["peak_y_m"]:.3f}) m, width '
+    return run_and_report(arguments.output, lambda: run(arguments.file, arguments.output), summary)
+
+
+def summary(figures: dict) -> str:
+    """One line for each point and for each radius."""
+    points = [f'{point["name"]}: ({point["peak_x_m"]:.3f}, {point["peak_y_m"]:.3f}) m, width '
               f'{point["irw_range_m"] * 100:.1f} cm in range, '
-              f'{point["irw_azimuth_m"] * 100:.1f} cm in azimuth')
-    for name, radius_m in figures['radius_m'].items():
-        print(f'radius by autofocus of {name}: {radius_m * 1e3:.2f} mm, '
-              f'started at {START_RADIUS_M * 1e3:.0f} mm')
-    print(f'written: {arguments.output}')
-    return 0
+              f'{point["irw_azimuth_m"] * 100:.1f} cm in azimuth' for point in figures['points']]
+    radii = [f'radius by autofocus of {name}: {radius_m * 1e3:.2f} mm, '
+             f'started at {START_RADIUS_M * 1e3:.0f} mm'
+             for name, radius_m in figures['radius_m'].items()]
+    return '\n'.join([*points, *radii])
 
 
 if __name__ == '__main__':

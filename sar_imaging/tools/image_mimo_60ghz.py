@@ -10,7 +10,6 @@ adds; uncalibrated against calibrated, what the balancing does.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,8 +24,8 @@ from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
 
-from .bag_io import BagError
 from .load_mimo_60ghz import read_file
+from .reproduction import decibels, run_and_report
 
 AZIMUTH_DEG = np.arange(-60.0, 60.1, 1.0)
 ELEVATION_DEG = np.arange(-24.0, 20.1, 1.0)
@@ -118,14 +117,14 @@ def save_volumes_png(path: Path, volumes: dict[str, np.ndarray]) -> None:
     sides = (AZIMUTH_DEG[0], AZIMUTH_DEG[-1])
     for row, (name, volume) in zip(axes, volumes.items(), strict=True):
         magnitude = np.abs(volume)
-        level = _decibels(magnitude.max(axis=1))
+        level = decibels(magnitude.max(axis=1))
         drawn = row[0].imshow(level.T, extent=(*sides, RANGE_M[0], RANGE_M[-1]), **scale)
         row[0].set(title=f'{name}: from above', xlabel='azimuth (\N{DEGREE SIGN})',
                    ylabel='distance (m)')
         for place, (object_name, (azimuth_deg, range_m)) in zip(row[1:], OBJECTS.items(),
                                                                 strict=True):
             r = (RANGE_M >= range_m[0] - 1e-9) & (RANGE_M <= range_m[1] + 1e-9)
-            level = _decibels(magnitude[:, :, r].max(axis=2))
+            level = decibels(magnitude[:, :, r].max(axis=2))
             place.imshow(level.T, extent=(*sides, ELEVATION_DEG[0], ELEVATION_DEG[-1]), **scale)
             place.set(title=f'{object_name}, {range_m[0]:g} to {range_m[1]:g} m',
                       xlabel='azimuth (\N{DEGREE SIGN})', ylabel='elevation (\N{DEGREE SIGN})')
@@ -139,13 +138,8 @@ def save_volumes_png(path: Path, volumes: dict[str, np.ndarray]) -> None:
     figure.savefig(path, dpi=110)
 
 
-def _decibels(magnitude: np.ndarray) -> np.ndarray:
-    floor = 10 ** (-DYNAMIC_RANGE_DB / 20)
-    return 20 * np.log10(np.maximum(magnitude / magnitude.max(), floor))
-
-
 def run(file: Path, output: Path) -> dict:
-    """Calibrate, image, measure, draw; returns the contents of figures.json."""
+    """Calibrate, image, measure, draw into a folder; returns the contents of results.json."""
     profiles = range_profiles(read_file(file))
     balanced = balance(profiles)
     found = balanced.calibration
@@ -166,7 +160,6 @@ def run(file: Path, output: Path) -> dict:
             'amplitude': found.amplitude.round(3).tolist(),
             'phase_deg': np.degrees(found.phase_rad).round(1).tolist(),
             'delay_cells': (found.delay_s * profiles.radar.bandwidth_hz).round(3).tolist()}}
-    (output / 'figures.json').write_text(json.dumps(figures, indent=2) + '\n')
     return figures
 
 
@@ -177,7 +170,7 @@ def parser() -> argparse.ArgumentParser:
         '(mimo_chair.npz) in three dimensions with one channel, eight, and eight calibrated.')
     p.add_argument('file', type=Path, help='mimo_chair.npz')
     p.add_argument('--output', type=Path, default=Path('out/mimo_60ghz'), metavar='FOLDER',
-                   help='folder for volume.png, volume.npy, calibration.yaml and figures.json '
+                   help='folder for volume.png, volume.npy, calibration.yaml and results.json '
                         '(default: %(default)s)')
     return p
 
@@ -185,20 +178,21 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    try:
-        figures = run(arguments.file, arguments.output)
-    except (BagError, OSError) as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
+    return run_and_report(arguments.output, lambda: run(arguments.file, arguments.output), summary)
+
+
+def summary(figures: dict) -> str:
+    """One line for each object in each image."""
+    lines = []
     for name, objects in figures['images'].items():
         for object_name, found in objects.items():
             peak, azimuth = found['strongest'], found['azimuth']
-            print(f'{name:18} {object_name:8} strongest at {peak["azimuth_deg"]:+.0f}, '
-                  f'{peak["elevation_deg"]:+.0f} degrees, {peak["range_m"]:.2f} m; azimuth '
-                  f'{azimuth["middle_deg"]:+.1f} +- {azimuth["spread_deg"]:.1f} degrees; '
-                  f'{found["contrast_db"]:+.1f} dB above the rest of its distance')
-    print(f'written: {arguments.output}')
-    return 0
+            lines.append(
+                f'{name:18} {object_name:8} strongest at {peak["azimuth_deg"]:+.0f}, '
+                f'{peak["elevation_deg"]:+.0f} degrees, {peak["range_m"]:.2f} m; azimuth '
+                f'{azimuth["middle_deg"]:+.1f} +- {azimuth["spread_deg"]:.1f} degrees; '
+                f'{found["contrast_db"]:+.1f} dB above the rest of its distance')
+    return '\n'.join(lines)
 
 
 if __name__ == '__main__':

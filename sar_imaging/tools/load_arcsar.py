@@ -21,7 +21,7 @@ from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.pulses import PulseBlock
 
 from .bag_io import BagError, make_truth
-from .load_gotcha import convert
+from .writing import convert
 
 RADIUS_M = 0.2105  # of the antenna's circle, found by focusing
 N_SAMPLES = 256

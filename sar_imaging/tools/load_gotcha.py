@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +22,10 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 
-from .bag_io import BagError, check_target, make_truth, write_bag
-from .simulate import run_writing, with_progress
+from .bag_io import BagError, make_truth
+from .writing import convert
 
 NOMINAL_PRF_HZ = 100.0  # the files hold no times; one pulse per 1.06 m then means 106 m/s
-PULSES_PER_MESSAGE = 32
 START_NS = 1_700_000_000_000_000_000
 FLOAT32_ROUNDING_M = 0.002  # positions and r0 are float32 numbers around 10 km
 
@@ -151,37 +150,6 @@ def parser() -> argparse.ArgumentParser:
                    help='bag folder to make (default: %(default)s)')
     p.add_argument('--force', action='store_true', help='replace an existing bag')
     return p
-
-
-def split(block: PulseBlock, pulses_per_message: int = PULSES_PER_MESSAGE) -> Iterator[PulseBlock]:
-    """Cut a block into blocks for one message each."""
-    for first in range(0, block.n_pulses, pulses_per_message):
-        yield block.select(slice(first, first + pulses_per_message))
-
-
-def convert(read: Callable[[], PulseBlock], truth: Callable[[PulseBlock], dict], output: Path, *,
-            overwrite: bool) -> int:
-    """Write what was measured as a bag; returns the exit status of the program.
-
-    Parameters
-    ----------
-    read : callable
-        Reads the whole measurement; called once the target was checked.
-    truth : callable
-        Truth of the recording, see `bag_io.make_truth`.
-    output : Path
-        Bag folder to make.
-    overwrite : bool
-        Replace an existing bag.
-    """
-    def write() -> str:
-        check_target(output, overwrite=overwrite)
-        block = read()
-        count = write_bag(output, with_progress(split(block), block.n_pulses), truth(block),
-                          overwrite=overwrite)
-        return f'{output}: {block.n_pulses} pulses in {count} messages'
-
-    return run_writing(write)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -21,7 +21,7 @@ from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.pulses import PulseBlock
 
 from .bag_io import BagError, make_truth
-from .load_gotcha import convert
+from .writing import convert
 
 N_RECEIVERS, N_TRANSMITTERS = 4, 2
 TX_PITCH_M = 0.010  # between the two transmitters in use

@@ -27,9 +27,8 @@ from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.signal.uwb import subtract_background
 
 from .bag_io import BagError, check_target, make_truth, write_bag
-from .load_gotcha import split
 from .recorded_poses import RecordedPoses
-from .simulate import run_writing, with_progress
+from .writing import run_writing, split, with_progress
 
 FILE = 'team6_rail_trial6.npz'
 CARRIER_HZ = 3.95e9

@@ -19,7 +19,7 @@ from sar_imaging.simulation.scenarios import SCENARIOS
 
 from . import multichannel_figures as figures, multichannel_measurements as measure
 from .multichannel_measurements import COMPARISON_RATIO, PATCH_M, PLACEMENTS, RATES_HZ
-from .reproduction import run_reproduction
+from .reproduction import run_and_report
 
 SPACING_M = 0.05  # of the pixels of images
 PAPER = {
@@ -58,7 +58,7 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    return run_reproduction(
+    return run_and_report(
         arguments.output, lambda: reproduce(arguments.output, arguments.quick), summary)
 
 
@@ -68,7 +68,7 @@ def reproduce(folder: Path, quick: bool) -> dict:
     Parameters
     ----------
     folder : path
-        Existing folder for the PNG files.
+        Folder for the PNG files.
     quick : bool
         Coarser images and fewer ratios.
 
@@ -77,6 +77,7 @@ def reproduce(folder: Path, quick: bool) -> dict:
     dict
         JSON-compatible.
     """
+    folder.mkdir(parents=True, exist_ok=True)
     ratio = measure.ratios(quick)
     spacing = 4 * SPACING_M if quick else SPACING_M
     steps = len(RATES_HZ) * (2 * len(ratio) + len(measure.IMAGERS) + 7) + 4

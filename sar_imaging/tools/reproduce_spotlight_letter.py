@@ -30,7 +30,7 @@ from sar_imaging.simulation.spotlight_letter import (
 from . import letter_figures as figures, letter_imagers as imagers, letter_measurements as measure
 from .letter_recording import Recording
 from .letter_spectra import measure_spectra
-from .reproduction import run_reproduction
+from .reproduction import run_and_report
 
 SCENE_SPACING_M = 0.12  # of the pixels of the whole scene
 CHECKED_PIXELS, CHECKED_BRIGHTEST = 48, 16  # correlated to tell the error of a whole scene
@@ -69,7 +69,7 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    return run_reproduction(
+    return run_and_report(
         arguments.output,
         lambda: reproduce(arguments.output, spotlight_letter(arguments.size)), summary)
 
@@ -80,7 +80,7 @@ def reproduce(folder: Path, experiment: SpotlightExperiment) -> dict:
     Parameters
     ----------
     folder : path
-        Existing folder for the PNG files and, meanwhile, the phase history.
+        Folder for the PNG files and, meanwhile, the phase history.
     experiment : SpotlightExperiment
         What to simulate.
 
@@ -89,6 +89,7 @@ def reproduce(folder: Path, experiment: SpotlightExperiment) -> dict:
     dict
         JSON-compatible.
     """
+    folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=folder) as file:
         shape = (experiment.n_pulses, experiment.n_samples)
         phase_history = np.memmap(file, np.complex64, 'w+', shape=shape)

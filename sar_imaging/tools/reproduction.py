@@ -1,4 +1,4 @@
-"""What the programs that reproduce a paper share: their end, and the look of their figures."""
+"""What the programs that make figures share: their end, and the look of the figures."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
+from .bag_io import BagError
 
-def run_reproduction(folder: Path, reproduce: Callable[[], dict],
-                     summary: Callable[[dict], str]) -> int:
-    """Reproduce a paper, write results.json and print a summary.
+
+def run_and_report(folder: Path, run: Callable[[], dict], summary: Callable[[dict], str]) -> int:
+    """Run an experiment, write results.json and print a summary.
 
     Parameters
     ----------
     folder : path
-        For the figures and results.json; created if need be.
-    reproduce : callable
-        Writes the figures and returns what goes into results.json.
+        For the figures and results.json.
+    run : callable
+        Makes the folder, writes the figures into it and returns what goes into results.json.
     summary : callable
         Text for people from that.
 
@@ -29,10 +30,9 @@ def run_reproduction(folder: Path, reproduce: Callable[[], dict],
         Exit status of the program.
     """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        results = reproduce()
+        results = run()
         (folder / 'results.json').write_text(json.dumps(results, indent=1) + '\n')
-    except OSError as error:
+    except (BagError, OSError) as error:
         print(f'error: {error}', file=sys.stderr)
         return 1
     except KeyboardInterrupt:

@@ -6,22 +6,18 @@ Run: python -m sar_imaging.tools.simulate psf --output bags/psf
 from __future__ import annotations
 
 import argparse
-import contextlib
 import dataclasses
 import math
-import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from tqdm import tqdm
-
 from sar_imaging.configuration.parameters import ConfigurationFileError, read_configuration
-from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.simulation.configured import configured_scenario
 from sar_imaging.simulation.scenarios import SCENARIOS, Scenario
 
-from .bag_io import BagError, check_target, make_truth, write_bag
+from .bag_io import check_target, make_truth, write_bag
+from .writing import run_writing, with_progress
 
 _EPILOG = """\
 The recording is a rosbag2 folder (mcap) with the topic /pulses. The same command gives the same
@@ -154,41 +150,6 @@ def _write(scenario: Scenario, arguments: argparse.Namespace, *, window: str = '
                       overwrite=arguments.force)
     return (f'{output}: {scenario.n_pulses} pulses of {scenario.n_channels} channels in {count} '
             f'messages, {len(scenario.scatterers)} scatterers')
-
-
-def with_progress(blocks: Iterator[PulseBlock], n_pulses: int) -> Iterator[PulseBlock]:
-    """Pass blocks on and show on a terminal how many of `n_pulses` have passed."""
-    with tqdm(total=n_pulses, unit='pulse', disable=None) as bar:
-        for block in blocks:
-            yield block
-            bar.update(block.n_pulses)
-
-
-def run_writing(write) -> int:
-    """Run `write`, print what it returns; 0, or 1 with a reason, or 130 when interrupted."""
-    with _terminate_as_interrupt():
-        try:
-            print(write())
-        except (BagError, ConfigurationFileError, OSError) as error:
-            print(f'error: {error}', file=sys.stderr)
-            return 1
-        except KeyboardInterrupt:
-            print('interrupted; nothing was written', file=sys.stderr)
-            return 130
-    return 0
-
-
-@contextlib.contextmanager
-def _terminate_as_interrupt() -> Iterator[None]:
-    """Let SIGTERM clean up as Ctrl-C does."""
-    def interrupt(signum, frame):
-        raise KeyboardInterrupt
-
-    previous = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, previous)
 
 
 if __name__ == '__main__':
