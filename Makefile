@@ -29,7 +29,7 @@ help:
 	@echo 'make test    ruff, then every test, real nodes over real DDS among them'
 	@echo 'make lint    ruff only'
 	@echo 'make fault-campaign'
-	@echo '             twenty rounds of faults at random moments, about half an hour'
+	@echo '             twenty rounds of faults at random moments, an hour or two; FAULT_ROUNDS=2 for few'
 	@echo 'make bags    write the recordings in bags/ again'
 	@echo 'make reproduce-multichannel'
 	@echo '             figures and tables of Rosenberg & Gray into out/multichannel'

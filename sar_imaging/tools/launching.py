@@ -6,16 +6,16 @@
 from __future__ import annotations
 
 import importlib.resources
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
 import yaml
 
+from .node_processes import MODES, PROFILE, node_names
+
 CONFIG = Path(str(importlib.resources.files('sar_imaging') / 'config'))
-PROFILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
-STAGES = ('pulse_buffer', 'range_compression', 'backprojection')
-FUSION = 'afbp_fusion'
-PIPELINE = 'sar_pipeline'
+RECORDED_TOPICS = ('/pulses', '/odometry')
 # Name, default, description.
 ARGUMENTS = (
     ('config', 'sar_imaging', 'Parameter file, or name of a shipped one such as airborne_x_band'),
@@ -30,7 +30,6 @@ REPLAY_ARGUMENTS = (
     ('delay', '5.0', 'Seconds that the nodes have to get ready before the first pulse'),
     ('pipeline', 'false', 'All stages in one process'),
 )
-MODES = ('', 'image', 'subapertures')
 
 
 def find_config(name: str) -> Path:
@@ -56,9 +55,9 @@ def mode_of(config: Path, mode: str) -> str:
     ValueError
         The mode asked for is unknown.
     """
-    if mode not in MODES:
-        raise ValueError(f'mode:={mode} is unknown; use image or subapertures')
-    return mode or _configured_mode(yaml.safe_load(config.read_text())) or 'image'
+    if mode not in ('', *MODES):
+        raise ValueError(f'mode:={mode} is unknown; use {" or ".join(MODES)}')
+    return mode or _configured_mode(yaml.safe_load(config.read_text())) or MODES[0]
 
 
 def _configured_mode(tree) -> str:
@@ -70,13 +69,6 @@ def _configured_mode(tree) -> str:
         else:
             mode = _configured_mode(value) or mode
     return mode
-
-
-def stage_names(mode: str, *, pipeline: bool) -> tuple[str, ...]:
-    """Executables to start."""
-    if pipeline:
-        return (PIPELINE,)
-    return (*STAGES, FUSION) if mode == 'subapertures' else STAGES
 
 
 def overrides(arguments: Mapping[str, str]) -> dict:
@@ -117,7 +109,7 @@ def replay_command(arguments: Mapping[str, str]) -> list[str]:
         command.append('--clock')
     namespace = arguments['namespace'].strip('/')
     if namespace:
-        command += ['--remap', f'/pulses:=/{namespace}/pulses']
+        command += ['--remap', *(f'{topic}:=/{namespace}{topic}' for topic in RECORDED_TOPICS)]
     return command
 
 
@@ -147,8 +139,6 @@ def describe(*, pipeline: bool, replay: bool = False):
 
 def _start(context, names, pipeline, replay):
     """Actions for the arguments of a running launch."""
-    import os
-
     from launch.actions import (
         ExecuteProcess,
         RegisterEventHandler,
@@ -166,7 +156,7 @@ def _start(context, names, pipeline, replay):
     parameters = [str(config), overrides(arguments)]
     actions = [Node(package='sar_imaging', executable=name, name=name, output='screen',
                     namespace=arguments['namespace'], parameters=parameters)
-               for name in stage_names(mode_of(config, arguments['mode']), pipeline=pipeline)]
+               for name in node_names(mode_of(config, arguments['mode']), pipeline=pipeline)]
     if replay:
         actions.append(ExecuteProcess(cmd=replay_command(arguments), output='screen'))
     check = ExecuteProcess(

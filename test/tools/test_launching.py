@@ -12,6 +12,7 @@ import yaml
 
 from sar_imaging.tools import launching
 from sar_imaging.tools.bag_io import TOPIC
+from sar_imaging.tools.recorded_poses import ODOMETRY_TOPIC
 
 ROOT = pathlib.Path(launching.__file__).parents[2]
 FILES = sorted((ROOT / 'sar_imaging' / 'launch').glob('*.launch.py'))
@@ -54,9 +55,9 @@ def test_launch_files_compile_and_call_what_exists(path, tmp_path):
 
 
 def test_executables_are_those_of_setup():
-    mentioned = {*launching.stage_names('image', pipeline=False),
-                 *launching.stage_names('subapertures', pipeline=False),
-                 *launching.stage_names('image', pipeline=True), 'check_config'}
+    mentioned = {*launching.node_names('image', pipeline=False),
+                 *launching.node_names('subapertures', pipeline=False),
+                 *launching.node_names('image', pipeline=True), 'check_config'}
     assert 'check_config' in strings(pathlib.Path(launching.__file__))
     assert mentioned <= executables()
     for name in mentioned - {'check_config'}:
@@ -103,9 +104,9 @@ def test_the_mode_decides_about_the_fusion_node(tmp_path, text, argument, expect
     path.write_text(text)
     mode = launching.mode_of(path, argument)
     assert mode == expected
-    fusion = 'afbp_fusion' in launching.stage_names(mode, pipeline=False)
+    fusion = 'afbp_fusion' in launching.node_names(mode, pipeline=False)
     assert fusion == (expected == 'subapertures')
-    assert launching.stage_names(mode, pipeline=True) == ('sar_pipeline',)
+    assert launching.node_names(mode, pipeline=True) == ('sar_pipeline',)
 
 
 def test_arguments_that_make_no_sense(tmp_path):
@@ -120,12 +121,13 @@ def test_what_is_left_out_stays_as_configured():
     assert launching.overrides(arguments) == {'use_sim_time': False}
 
 
-def test_replay_reaches_the_topic_of_the_nodes():
+def test_replay_reaches_the_topics_of_the_nodes():
     plain = ['ros2', 'bag', 'play', 'my bag', '--rate', '2.0', '--delay', '5.0']
     assert launching.replay_command(REPLAY) == plain
     assert launching.replay_command(REPLAY | {'use_sim_time': 'true'}) == [*plain, '--clock']
     moved = launching.replay_command(REPLAY | {'namespace': '/radar1/'})
-    assert moved == [*plain, '--remap', f'{TOPIC}:=/radar1{TOPIC}']
+    assert moved == [*plain, '--remap', f'{TOPIC}:=/radar1{TOPIC}',
+                     f'{ODOMETRY_TOPIC}:=/radar1{ODOMETRY_TOPIC}']
 
 
 @pytest.mark.parametrize('path', FILES, ids=lambda p: p.name)
