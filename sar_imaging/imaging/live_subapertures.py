@@ -106,6 +106,21 @@ class LiveSubapertures(ApertureSequence):
         self._memory: list[np.ndarray] = []
         super().__init__(pulses_per_aperture, LiveStatistics())
 
+    def catch_up(self) -> list[SubapertureImage]:
+        """Images that can wait until others were made use of; call this once they were.
+
+        Of a sliding aperture a sub-aperture's image on the older polar grid ends a window, that
+        on the newer one is needed no sooner than the next aperture. What is called next returns
+        them where this was not called.
+        """
+        waiting, self._waiting = self._waiting, []
+        images = [image for target, revision, aperture, number in waiting
+                  # a plan that was made anew has imaged what came before
+                  if target.revision == revision
+                  for image in self._image(target, aperture, number)]
+        self.statistics.images += len(images)
+        return images
+
     def plan_ahead(self) -> None:
         """Plan the next aperture, where it can be foreseen; call this while nothing waits.
 
@@ -136,6 +151,8 @@ class LiveSubapertures(ApertureSequence):
         super()._begin_sequence()
         self._cut = self._wanted_cut
         self._targets: list[_Target] = []
+        # Images that can wait: target, its revision, aperture and number of the sub-aperture.
+        self._waiting: list[tuple[_Target, int, AperturePulses, int]] = []
         self._ahead: _Target | None = None
         self._tried: int | None = None  # aperture that was to be planned ahead
         self._previous: AperturePulses | None = None
@@ -163,16 +180,17 @@ class LiveSubapertures(ApertureSequence):
         return _Target(number, self._n_apertures, self._sequence)
 
     def _fill(self, aperture: AperturePulses, block: PulseBlock) -> list[SubapertureImage]:
+        results = self.catch_up()
         late = aperture.position(block) < aperture.next
         if late.any():
             self._count_late(block.select(late))
             block = block.select(~late)
         aperture.keep(block)
         self.statistics.imaged += block.n_pulses
-        return self._advance(aperture, closing=False)
+        return results + self._advance(aperture, closing=False)
 
     def _finish(self, aperture: AperturePulses) -> list[SubapertureImage]:
-        results = self._advance(aperture, closing=True)
+        results = self._advance(aperture, closing=True) + self.catch_up()
         for target in self._targets:
             ends = aperture.number == target.first + target.n_apertures - 1
             if target.waits and ends:
@@ -203,8 +221,9 @@ class LiveSubapertures(ApertureSequence):
                 break
             aperture.next = part.stop
             if aperture.seen[part].any():
-                for target in self._targets:
-                    results += self._image(target, aperture, number - 1)
+                results += self._image(self._targets[0], aperture, number - 1)
+                self._waiting += [(target, target.revision, aperture, number - 1)
+                                  for target in self._targets[1:]]
             # Another plan may have cut the aperture anew.
             number = min(number, aperture.next // self._cut)
         self.statistics.images += len(results)

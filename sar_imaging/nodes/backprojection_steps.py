@@ -265,10 +265,12 @@ class SubapertureStep(BackprojectionStep):
         return (f' -> {self._output.topic_name} for {describe_grid(self._grid)}{follow}, '
                 f'{p["pulses_per_aperture"]} pulses per aperture{slide}')
 
-    def prepare(self) -> None:
-        """Plan the next aperture before its pulses come; see `Step`."""
+    def prepare(self) -> list[SubapertureImage]:
+        """What could wait; then plan the next aperture before its pulses come; see `Step`."""
+        images = self._follow(self._imager.catch_up)
         self._imager.plan_ahead()
         self.report(self._imager.take_events())
+        return images
 
     def publish(self, product: SubapertureImage) -> None:
         """Publish a sub-aperture image when somebody subscribes."""

@@ -89,7 +89,7 @@ class Chain:
         finally:
             self._worked_s[number] = time.monotonic()
         self._pass_on(number, products)
-        step.prepare()
+        self._pass_on(number, step.prepare())
 
     def _pass_on(self, number: int, products: Iterable) -> None:
         last = number == len(self.steps) - 1

@@ -90,8 +90,15 @@ class Step:
     def publish(self, product) -> None:
         """Publish a product for whoever listens."""
 
-    def prepare(self) -> None:
-        """Get ready for the next item, once the products of the last one went on."""
+    def prepare(self) -> list:
+        """Get ready for the next item, once the products of the last one went on.
+
+        Returns
+        -------
+        list
+            Products that could wait until then.
+        """
+        return []
 
     def flush(self) -> list:
         """Products of what is underway: the input pauses, or somebody asks."""

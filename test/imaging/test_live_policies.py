@@ -76,6 +76,26 @@ def test_a_window_is_the_same_whatever_came_before_it(case, sliding):
     np.testing.assert_array_equal(images[-1].image, last.image)
 
 
+def test_what_ends_a_window_comes_first(case, sliding):
+    """The image on the newer polar grid is made once the older one's went on, or with the next."""
+    stage = LiveSubapertures(case.grid, pulses_per_aperture=LENGTH, pulses_per_subaperture=CUT,
+                             sliding=True)
+    at_once, later = [], []
+    for i in range(0, case.block.n_pulses, CUT):
+        at_once.append(stage.add(case.block.select(slice(i, i + CUT))))
+        later.append(stage.catch_up())
+        assert stage.catch_up() == []
+    # The last sub-aperture of an aperture closes it, and the first aperture has one grid.
+    assert [len(some) for some in at_once] == [1] * 6 + [1, 1, 1, 1, 1, 2] * 3
+    assert [len(some) for some in later] == [0] * 6 + [1, 1, 1, 1, 1, 0] * 3
+    assert all(two[0].sequence == one[0].sequence + 1
+               for one, two in zip(at_once, later, strict=True) if two)
+    images = _fuse(LiveFusion(), [s for pair in zip(at_once, later, strict=True)
+                                  for some in pair for s in some])
+    for one, other in zip(images, _fuse(LiveFusion(), sliding), strict=True):
+        np.testing.assert_array_equal(one.image, other.image)
+
+
 def test_a_window_with_missing_subapertures(case, sliding):
     lost = 9 * CUT  # first counter
     images = _fuse(LiveFusion(images_every=2), [s for s in sliding if s.first_counter != lost])
