@@ -49,7 +49,7 @@ class Profiles:
             lo, hi = max(lo, 0), min(hi, lattice.n_cells)
         self._first = math.floor(lo) - _GUARD - self._pad
         self._count = math.ceil(hi) + _GUARD + self._pad - self._first
-        self._gain = source.gain(lattice.n_padded)
+        self._gain = np.repeat(source.gain(lattice.n_padded), 2)  # of real and imaginary part
 
     @property
     def cycles_per_step(self) -> float:
@@ -62,7 +62,8 @@ class Profiles:
 
     def cycles_at(self, cell: int) -> float:
         """Carrier phase at a cell of the planes, fraction of a cycle."""
-        return math.fmod(2 * self.range_at(cell) / self.radar.wavelength_m, 1.0)
+        path_m = self.range_at(cell) - self._source.phase_range_m
+        return math.fmod(2 * path_m / self.radar.wavelength_m, 1.0)
 
     def chunks(self, n_rows: int):
         """Slices of rows that are added in one pass."""
@@ -89,10 +90,12 @@ class Profiles:
         spectrum = self._source.spectrum(samples, lattice.n_padded, self._buffer)
         padded = self._buffer('padded', (n_rows, lattice.n_cells * lattice.n_phases),
                               np.complex64)
-        _pad_band(spectrum, self._source.zero, self._gain, padded)
+        _pad_band(spectrum.reshape(-1).view(np.float32), spectrum.shape, self._source.zero,
+                  self._gain, padded.reshape(-1).view(np.float32), padded.shape[1])
         dense = scipy.fft.ifft(padded, axis=-1, workers=numba.get_num_threads(),
                                overwrite_x=True, norm='forward')
-        length, first = self._count + 2 * TAPS, self._first - TAPS
+        length = self._count - 2 * self._pad + 2 * TAPS
+        first = self._first + self._pad - TAPS
         parts = self._buffer('parts', (2, n_rows, lattice.n_phases, length), np.float32)
         inside = (0, length) if self._source.periodic else (
             min(max(-first, 0), length), max(min(lattice.n_cells - first, length), 0))
@@ -100,8 +103,7 @@ class Profiles:
         planes = self._buffer('planes', (n_rows, lattice.n_phases, lattice.interpolator.n_planes,
                                          self._count), np.float32)
         polynomial_planes(*parts, lattice.interpolator.weights, lattice.interpolator.first,
-                          planes)
-        planes[..., :self._pad], planes[..., self._count - self._pad:] = 0.0, 0.0
+                          self._pad, planes)
         return planes
 
     def _buffer(self, name: str, shape, dtype) -> np.ndarray:
@@ -113,22 +115,27 @@ class Profiles:
 
 
 @njit(parallel=True)
-def _pad_band(spectrum, zero, gain, out):
+def _pad_band(spectrum, shape, zero, gain, out, n_out):
     """Spectra times the gain, with zeros between positive and negative frequencies or cropped.
 
-    Positive frequencies of the spectrum start at bin `zero`, negative ones end before it.
+    Real and imaginary parts come in turn. Positive frequencies start at bin `zero` of the
+    spectra, negative ones end before it. Written for the compiler, see `kernels`.
     """
-    n, n_out = spectrum.shape[1], out.shape[1]
+    n_rows, n = shape
     keep = min(n, n_out)
-    upper, lower = (keep + 1) // 2, keep // 2
-    first = (zero - lower) % n
-    for row in numba.prange(spectrum.shape[0]):
+    upper, lower = np.uint64(2 * ((keep + 1) // 2)), np.uint64(2 * (keep // 2))
+    positive, negative = np.uint64(2 * zero), np.uint64(2 * ((zero - keep // 2) % n))
+    for row in numba.prange(n_rows):
+        to, source = np.uint64(row * 2 * n_out), np.uint64(row * 2 * n)
         for k in range(upper):
-            out[row, k] = spectrum[row, zero + k] * gain[zero + k]
-        for k in range(upper, n_out - lower):
-            out[row, k] = 0.0
+            out[to + k] = spectrum[source + positive + k] * gain[positive + k]
+        to += upper
+        between = np.uint64(2 * (n_out - keep))
+        for k in range(between):
+            out[to + k] = 0.0
+        to += between
         for k in range(lower):
-            out[row, n_out - lower + k] = spectrum[row, first + k] * gain[first + k]
+            out[to + k] = spectrum[source + negative + k] * gain[negative + k]
 
 
 @njit(parallel=True)

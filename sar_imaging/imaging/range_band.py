@@ -35,6 +35,8 @@ class RangeBand:
         Number of frequencies, and which of them is the carrier.
     range_start_m : float
         Where the period around the reference delay starts, metres of half path.
+    phase_range_m : float
+        Half path at which the carrier phase of the profiles is zero: the reference.
     period_m : float
         Unambiguous range, metres.
 
@@ -56,16 +58,15 @@ class RangeBand:
             radar, sample_rate_hz=radar.bandwidth_hz,
             carrier_hz=radar.carrier_hz + (self.zero - (n_samples - 1) / 2) * step_hz)
         self.period_m = SPEED_OF_LIGHT / (2 * step_hz)
+        self.phase_range_m = radar.range_start_m
         self.range_start_m = radar.range_start_m - self.period_m / 2
         weights = window_weights(weighting, n_samples)
-        # Samples are referred to the reference delay; the profile starts half a period before.
-        cycles = (-0.5 * (np.arange(n_samples) - self.zero)
-                  - self.radar.carrier_hz * radar.first_sample_delay_s)
-        self._gain = (weights / weights.sum() * np.exp(2j * np.pi * np.fmod(cycles, 1.0))
-                      ).astype(np.complex64)
+        # The profile starts half a period before the reference: half a cycle from bin to bin.
+        sign = 1 - 2 * ((np.arange(n_samples) - self.zero) % 2)
+        self._gain = (sign * weights / weights.sum()).astype(np.float32)
 
     def gain(self, n_padded: int) -> np.ndarray:
-        """(K,) complex64 factor of each frequency; `n_padded` is K."""
+        """(K,) float32 factor of each frequency; `n_padded` is K."""
         return self._gain
 
     def spectrum(self, samples: np.ndarray, n_padded: int, buffer) -> np.ndarray:

@@ -44,6 +44,7 @@ class RangeWindow:
     n_rise: int
     n_fall: int
     periodic = False
+    phase_range_m = 0.0  # where the carrier phase of the profiles is zero
     zero = 0  # bin of the carrier in `spectrum`
 
     @classmethod
@@ -88,7 +89,7 @@ class RangeWindow:
 
 
     def gain(self, n_padded: int) -> np.ndarray:
-        """(n_padded,) complex64 factor of each bin of `spectrum` on the way back to ranges.
+        """(n_padded,) float32 factor of each bin of `spectrum` on the way back to ranges.
 
         Without its taper outside the band the ends of a profile, where sidelobes are cut off,
         would ring far inside.
@@ -96,7 +97,7 @@ class RangeWindow:
         oversampling = self.radar.sample_rate_hz / self.radar.bandwidth_hz
         beyond = 2 * np.abs(scipy.fft.fftfreq(n_padded)) * oversampling - 1
         taper = np.cos(0.5 * np.pi * np.clip(beyond / (oversampling - 1), 0, 1)) ** 2
-        return (taper / n_padded).astype(np.complex64)
+        return (taper / n_padded).astype(np.float32)
 
     def spectrum(self, samples: np.ndarray, n_padded: int, buffer) -> np.ndarray:
         """(R, n_padded) complex64 spectra of the window of profiles (R, N).

@@ -25,6 +25,7 @@ from .range_window import RangeWindow
 from .subaperture_sampling import Bands, choose_sampling, fusion_error, local_bands
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the paths are bounded
+_SAMPLES_PER_EDGE = 33
 _ROWS_FOR_PATHS = 512  # enough to bound how paths differ along a line
 _SAMPLING_SLACK = 0.02  # of what is bounded
 _DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
@@ -157,8 +158,7 @@ class SubaperturePlan:
                                       oversampling)
         self.coarse = self.fusion_grid.coarse
         guard = self.sampling.range_guard * polar.range_spacing_m
-        slack = 0.5 * np.ptp(paths.length) / (_SAMPLES_PER_SIDE - 1) + 2 * guard
-        range_m = float(paths.length.min() - slack), float(paths.length.max() + slack)
+        range_m = _bounds(self.coarse, tx_m, rx_m)
         window = band or RangeWindow.around(radar, self.n_samples, range_m)
         self.lattice = self._plan_lattice(paths, window.n_samples, lattice_db)
         self.predicted_error_db = total_db(self.lattice.predicted_error_db, self.sampling.error_db)
@@ -268,13 +268,22 @@ class SubaperturePlan:
         return parts
 
 
-def _paths(polar: PolarGrid, tx_m, rx_m):
-    """Half paths at samples of the grid, for some rows."""
-    n = _SAMPLES_PER_SIDE
+def _paths(polar: PolarGrid, tx_m, rx_m, n_range=_SAMPLES_PER_SIDE, n_alpha=_SAMPLES_PER_SIDE):
+    """Half paths at samples of the grid, direction by direction, for some rows."""
     r, alpha = (v.ravel() for v in np.meshgrid(
-        np.linspace(polar.range_m[0], polar.range_m[-1], n),
-        np.linspace(polar.alpha[0], polar.alpha[-1], n)))
+        np.linspace(polar.range_m[0], polar.range_m[-1], n_range),
+        np.linspace(polar.alpha[0], polar.alpha[-1], n_alpha)))
     tx, rx = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
     # neighbouring rows in groups, since they are added together
     step = max(1, len(tx) // _ROWS_FOR_PATHS)
     return sample_paths(tx[::step], rx[::step], polar.lines(r, alpha))
+
+
+def _bounds(polar: PolarGrid, tx_m, rx_m) -> tuple[float, float]:
+    """Smallest and largest half path to a grid along whose lines they grow, metres."""
+    length = _paths(polar, tx_m, rx_m, n_range=2, n_alpha=_SAMPLES_PER_EDGE).length
+    near, far = length[:, ::2], length[:, 1::2]
+    # what rows and directions between the samples may add
+    slack = [sum(np.abs(np.diff(edge, axis=axis)).max(initial=0.0) for axis in (0, 1))
+             for edge in (near, far)]
+    return float(near.min() - slack[0]), float(far.max() + slack[1])
