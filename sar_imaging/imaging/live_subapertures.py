@@ -211,7 +211,8 @@ class LiveSubapertures(ApertureSequence):
         if not self._cut:
             if newest + 1 < _LEAST_PULSES and self._previous is None and not closing:
                 return []
-            self._make_plan(self._targets[-1])  # chooses the cut, unless the geometry is refused
+            if not self._targets[-1].refused:
+                self._make_plan(self._targets[-1])  # chooses the cut, unless it refuses
         results, number = [], 0
         while self._cut and (part := aperture.part(number, self._cut)) is not None:
             number += 1
