@@ -36,6 +36,9 @@ from sar_imaging.tools.node_processes import (
     pipeline_parameters,
 )
 
+# Of every node; `form_image` of those that form images.
+SERVICES = {'change_state': ChangeState, 'get_state': GetState, 'set_parameters': SetParameters,
+            'reset': Trigger}
 SETTLE_S = 0.5
 PATIENCE_S = 90.0  # a deadline for what should take a second: kernels may have to be compiled
 # Several, for maps that move on before they are looked at.
@@ -153,7 +156,7 @@ class Observer:
         self.node = rclpy.create_node('observer', context=self._context, namespace=namespace)
         self.messages = collections.defaultdict(list)
         self.joined = 0  # subscribers of the pulses, those that left included
-        self._clients = {}
+        self._clients = collections.defaultdict(dict)  # by node
         self._pulses = self.node.create_publisher(
             Float32MultiArray, pulses, 1000,
             event_callbacks=PublisherEventCallbacks(matched=self._subscriber_matched))
@@ -195,35 +198,37 @@ class Observer:
 
         return wait(condition, what, describe=self._describe, work=receive)
 
-    def call(self, service_type, name, **fields):
-        """Response of a service."""
-        if name not in self._clients:
-            client = self._clients[name] = self.node.create_client(service_type, name)
-            self.wait(client.service_is_ready, f'service {name}')
-            # The server may know this client's requests before its inbox, and lose the answer.
+    def call(self, node, service, **fields):
+        """Response of a service of a node."""
+        clients = self._clients[node]
+        if not clients:
+            for name, kind in (SERVICES | {'form_image': Trigger}).items():
+                clients[name] = self.node.create_client(kind, f'{node}/{name}')
+            needed = [clients[name] for name in {*SERVICES, service}]
+            self.wait(lambda: all(c.service_is_ready() for c in needed), f'services of {node}')
+            # The server may know a client's requests before its inbox, and lose the answer.
             settled = time.monotonic() + SETTLE_S
-            self.wait(lambda: time.monotonic() > settled, f'service {name} to settle')
-        future = self._clients[name].call_async(service_type.Request(**fields))
-        self.wait(future.done, f'an answer of {name}')
+            self.wait(lambda: time.monotonic() > settled, f'services of {node} to settle')
+        future = clients[service].call_async(clients[service].srv_type.Request(**fields))
+        self.wait(future.done, f'an answer of {node}/{service}')
         return future.result()
 
     def trigger(self, name):
         """Success and message of a service of type Trigger."""
-        answer = self.call(Trigger, name)
+        answer = self.call(*name.rsplit('/', 1))
         return answer.success, answer.message
 
     def change_state(self, node, transition):
         """Success of a life cycle transition, given by its label."""
-        return self.call(ChangeState, f'{node}/change_state',
-                         transition=Transition(label=transition)).success
+        return self.call(node, 'change_state', transition=Transition(label=transition)).success
 
     def state(self, node):
         """Label of a node's life cycle state."""
-        return self.call(GetState, f'{node}/get_state').current_state.label
+        return self.call(node, 'get_state').current_state.label
 
     def set_parameter(self, node, name, value):
         """Success and reason of setting a parameter."""
-        [result] = self.call(SetParameters, f'{node}/set_parameters', parameters=[
+        [result] = self.call(node, 'set_parameters', parameters=[
             Parameter(name, value=value).to_parameter_msg()]).results
         return result.successful, result.reason
 

@@ -5,7 +5,6 @@ import pathlib
 import resource
 
 import numpy as np
-import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_conversions import subaperture_image
@@ -27,35 +26,36 @@ def limit_memory(pid):
     resource.prlimit(pid, resource.RLIMIT_AS, (limit, limit))
 
 
-@pytest.mark.parametrize(('name', 'mode'), [('backprojection', 'image'),
-                                            ('sar_pipeline', 'subapertures')])
-def test_a_grid_larger_than_memory_refuses_the_configuration(start_node, make_observer, psf,
-                                                             name, mode):
-    parameters = parameters_from_truth(psf.truth, mode)
-    parameters |= pipeline_parameters(parameters)
-    node = start_node(name, parameters[name] | {
+def test_a_grid_larger_than_memory_refuses_the_configuration(start_node, make_observer, psf):
+    modes = {'backprojection': 'image', 'sar_pipeline': 'subapertures'}
+    parameters = parameters_from_truth(psf.truth, modes['backprojection'])
+    parameters |= pipeline_parameters(parameters_from_truth(psf.truth, modes['sar_pipeline']))
+    nodes = {name: start_node(name, parameters[name] | {
         'autostart': False, 'max_image_pixels': 2**31 - 1, 'grid.spacing': FINE_M})
-    observer = make_observer('range_profiles' if name == 'backprojection' else 'pulses')
-    observer.wait(lambda: observer.status(name), 'diagnostics')
-    limit_memory(node.pid(name))
-    assert not observer.change_state(name, 'configure')
-    node.wait_for_log(name, r'configuration refused: an image of \d+ x \d+ pixels and its message '
-                      rf'need \d+ MB, \d+ MB are available; raise grid\.spacing={FINE_M} or '
-                      'choose a smaller grid')
-    assert observer.state(name) == 'unconfigured'
+        for name in modes}
+    for (name, node), pulses in zip(nodes.items(), ('range_profiles', 'pulses'), strict=True):
+        observer = make_observer(pulses)
+        observer.wait(lambda o=observer, n=name: o.status(n), 'diagnostics')
+        limit_memory(node.pid(name))
+        assert not observer.change_state(name, 'configure')
+        node.wait_for_log(name, r'configuration refused: an image of \d+ x \d+ pixels and its '
+                          r'message need \d+ MB, \d+ MB are available; raise '
+                          rf'grid\.spacing={FINE_M} or choose a smaller grid')
+        assert observer.state(name) == 'unconfigured'
 
-    spacing = parameters['backprojection']['grid.spacing']
-    assert observer.set_parameter(name, 'grid.spacing', spacing) == (True, '')
-    assert observer.change_state(name, 'configure')
-    assert observer.change_state(name, 'activate')
-    node.wait_for_log(name, 'subscriber on .*image_complex joined')
-    observer.wait(lambda: observer.joined, 'a subscriber of the pulses')
-    observer.send(psf.raw)
-    [image] = observer.wait_for('image_complex', 1)
-    grid = map_metadata_from_message(observer.wait_for('map_metadata', 1)[0])
-    error_db = psf.error_db(complex_from_message(image), grid, np.arange(200))
-    assert error_db < LARGEST_ERROR_DB[mode]
-    assert observer.counters(name)['errors'] == 0
+        spacing = psf.truth['grid']['spacing_m']
+        assert observer.set_parameter(name, 'grid.spacing', spacing) == (True, '')
+        assert observer.change_state(name, 'configure')
+        assert observer.change_state(name, 'activate')
+        node.wait_for_log(name, 'subscriber on .*image_complex joined')
+        observer.wait(lambda o=observer: o.joined, 'a subscriber of the pulses')
+        observer.send(psf.raw)
+        [image] = observer.wait_for('image_complex', 1)
+        grid = map_metadata_from_message(observer.wait_for('map_metadata', 1)[0])
+        error_db = psf.error_db(complex_from_message(image), grid, np.arange(200))
+        assert error_db < LARGEST_ERROR_DB[modes[name]]
+        assert observer.counters(name)['errors'] == 0
+        assert node.stop(name) == 0
 
 
 def test_subapertures_of_a_map_larger_than_memory_are_refused(start_node, make_observer, psf):

@@ -35,14 +35,13 @@ def test_pixels_lie_on_the_heights_of_the_file(start_node, make_observer, psf, t
 
 
 def test_impossible_terrain_is_refused(start_node, tmp_path):
-    for number, (name, values, text) in enumerate((
-            ('absent', {}, 'cannot be read'),
-            ('there', {}, 'none of its known heights lies in the grid'),
-            ('there', {'mode': 'subapertures'}, 'use mode image on terrain'))):
-        path = tmp_path / f'{name}.npz'
-        if name == 'there':
-            Terrain([1e3, 2e3], [0.0, 1.0], np.zeros((2, 2))).save(path)
-        node = start_node('backprojection', {'terrain.file': str(path), **values})
-        assert node.exit_code('backprojection') == 1, number
+    Terrain([1e3, 2e3], [0.0, 1.0], np.zeros((2, 2))).save(tmp_path / 'there.npz')
+    cases = (('absent', {}, 'cannot be read'),
+             ('there', {}, 'none of its known heights lies in the grid'),
+             ('there', {'mode': 'subapertures'}, 'use mode image on terrain'))
+    nodes = [start_node('backprojection', values | {'terrain.file': str(tmp_path / f'{name}.npz')})
+             for name, values, _ in cases]
+    for node, (_, _, text) in zip(nodes, cases, strict=True):
+        assert node.exit_code('backprojection') == 1
         assert text in node.log('backprojection')
         assert 'parameter terrain.file' in node.log('backprojection')
