@@ -7,6 +7,7 @@ them, to a polar grid or to a map.
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 
 import numpy as np
@@ -51,6 +52,8 @@ class AfbpImager:
     weighting : str
         Spectral weighting of phase histories, see `sar_imaging.signal.windows`; profiles have
         theirs.
+    pulse_weights : (P,) array_like, optional
+        Window over the aperture.
     progress : bool
         Show a progress bar on standard error.
 
@@ -84,7 +87,8 @@ class AfbpImager:
 
     def __init__(self, grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m,
                  rx_m, *, target_db: float = -50.0, pulses_per_subaperture: int | None = None,
-                 compressed: bool = True, weighting: str = 'none', progress: bool = False):
+                 compressed: bool = True, weighting: str = 'none', pulse_weights=None,
+                 progress: bool = False):
         if not -90.0 <= target_db <= -20.0:
             raise ValueError(f'target_db={target_db}; expected -90 to -20 dB')
         tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
@@ -92,6 +96,7 @@ class AfbpImager:
             raise ValueError(f'tx_m.shape={tx_m.shape}, rx_m.shape={rx_m.shape}; expected '
                              '(pulses, channels, 3) for both')
         self.grid, self._progress, self._cover = grid, progress, None
+        self._pulse_weights = _checked_weights(pulse_weights, len(tx_m))
         polar, oversampling, margin = grid, 1.0, 0
         if compressed and weighting != 'none':
             raise ValueError(f'weighting={weighting!r} is for phase histories (compressed=False); '
@@ -145,8 +150,15 @@ class AfbpImager:
         self.fusion.clear()
         for number, some in enumerate(tqdm(s.pulses, desc='sub-apertures',
                                            unit='sub-aperture', disable=not self._progress)):
-            self.fusion.add(number, stage.image(number, block.select(some)), s.centre[number])
+            self.fusion.add(number, stage.image(number, self._weighted(block.select(some), some)),
+                            s.centre[number])
         return self.form(self.fusion.take_polar_image())
+
+    def _weighted(self, block: PulseBlock, pulses: slice) -> PulseBlock:
+        if self._pulse_weights is None:
+            return block
+        weights = self._pulse_weights[pulses, None, None]
+        return dataclasses.replace(block, samples=block.samples * weights)
 
     def form(self, polar_image: np.ndarray) -> np.ndarray:
         """Image on the grid from the fused polar image at range baseband.
@@ -166,6 +178,16 @@ class AfbpImager:
             cycles = np.fmod(2 * (plan.polar.range_m - plan.polar.range_start_m) / wavelength, 1.0)
             return polar_image * np.exp(2j * np.pi * cycles).astype(np.complex64)
         return form_map(polar_image, plan.fusion_grid, self.grid)
+
+
+def _checked_weights(weights, n_pulses: int) -> np.ndarray | None:
+    if weights is None:
+        return None
+    weights = np.asarray(weights, np.float32)
+    if weights.shape != (n_pulses,) or not np.isfinite(weights).all():
+        raise ValueError(f'pulse_weights.shape={weights.shape}; expected {n_pulses} finite '
+                         'numbers, one for each pulse')
+    return weights
 
 
 def _cover(grid, tx_m, rx_m, radar, n_samples, target_db, band):

@@ -17,6 +17,8 @@ from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.ffbp import FfbpImager
 from sar_imaging.signal.pulses import PulseBlock
 
+from .letter_recording import Recording
+
 EXACT = 'exact BP'
 
 _STATUS, _CLEAR = Path('/proc/self/status'), Path('/proc/self/clear_refs')
@@ -34,14 +36,18 @@ class Formed:
         Wall clock by stage.
     predicted_error_db : float or None
         What the imager predicts, dB; FFBP does not.
+    pulses_per_subaperture : int or None
+        Where the imager chose it.
     """
 
     image: np.ndarray
     seconds: dict[str, float]
     predicted_error_db: float | None
+    pulses_per_subaperture: int | None = None
 
 
 Imager = Callable[[MapGrid, PulseBlock], Formed]
+SceneImager = Callable[[MapGrid, Recording], Formed]
 
 
 def _exact(grid: MapGrid, block: PulseBlock) -> Formed:
@@ -65,17 +71,40 @@ def _ffbp(kernel: str, oversampling: float, pulses: int) -> Imager:
     return form
 
 
-def _afbp(pulses: int) -> Imager:
-    def form(grid: MapGrid, block: PulseBlock) -> Formed:
+def _afbp(pulses: int | None) -> Imager:
+    return lambda grid, block: _form_by_afbp(grid, block, pulses_per_subaperture=pulses)
+
+
+def _form_by_afbp(grid: MapGrid, block: PulseBlock, **options) -> Formed:
+    start = time.perf_counter()
+    plan = AfbpImager(grid, block.radar, block.n_samples, block.tx_m, block.rx_m, **options)
+    seconds = {'planning': time.perf_counter() - start}
+    _timed(plan.subapertures, {'image': 'stage 1'}, seconds)
+    _timed(plan.fusion, {'add': 'fusion', 'take_polar_image': 'fusion'}, seconds)
+    _timed(plan, {'form': 'resampling'}, seconds)
+    image = plan(block)
+    lengths = [p.stop - p.start for p in plan.subapertures.sampling.pulses]
+    return Formed(image, seconds, plan.predicted_error_db, max(lengths))
+
+
+def _whole_afbp(pulses: int | None) -> SceneImager:
+    """AFBP of the phase history as recorded."""
+    def form(grid: MapGrid, recording: Recording) -> Formed:
+        return _form_by_afbp(grid, recording.raw(slice(None)), pulses_per_subaperture=pulses,
+                             compressed=False, weighting=recording.window,
+                             pulse_weights=recording.pulse_weights)
+
+    return form
+
+
+def _whole_ffbp(kernel: str, oversampling: float, pulses: int) -> SceneImager:
+    def form(grid: MapGrid, recording: Recording) -> Formed:
         start = time.perf_counter()
-        plan = AfbpImager(grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
-                          pulses_per_subaperture=pulses)
-        seconds = {'planning': time.perf_counter() - start}
-        _timed(plan.subapertures, {'image': 'stage 1'}, seconds)
-        _timed(plan.fusion, {'add': 'fusion', 'take_polar_image': 'fusion'}, seconds)
-        _timed(plan, {'form': 'resampling'}, seconds)
-        image = plan(block)
-        return Formed(image, seconds, plan.predicted_error_db)
+        profiles = recording.profiles()
+        compression_s = time.perf_counter() - start
+        formed = _ffbp(kernel, oversampling, pulses)(grid, profiles)
+        return dataclasses.replace(
+            formed, seconds={'range compression': compression_s} | formed.seconds)
 
     return form
 
@@ -109,9 +138,9 @@ def ffbp_name(kernel: str, oversampling: float, pulses: int) -> str:
     return f'FFBP {kernel} x{oversampling:g}, {pulses} pulses'
 
 
-def afbp_name(pulses: int) -> str:
-    """Name of AFBP in `IMAGERS`."""
-    return f'AFBP, {pulses} pulses'
+def afbp_name(pulses: int | None) -> str:
+    """Name of AFBP in `IMAGERS`; None where it chooses the length of its sub-apertures."""
+    return f'AFBP, {pulses} pulses' if pulses else 'AFBP, its own choice'
 
 
 #: Imagers by name: ``imager(grid, profiles)`` gives `Formed`.
@@ -125,9 +154,11 @@ COMPARED = (ffbp_name(*FFBP_VARIANTS[0], PULSES[0]), afbp_name(PULSES[0]))
 #: Names of those whose azimuth cuts are drawn.
 CUTS = (EXACT, *(ffbp_name(*FFBP_VARIANTS[0], n) for n in PULSES),
         *(ffbp_name(*v, PULSES[0]) for v in FFBP_VARIANTS[2:]), *map(afbp_name, PULSES))
-#: Names of those that image the whole scene.
-WHOLE_SCENE = (ffbp_name(*FFBP_VARIANTS[0], PULSES[0]),
-               *(ffbp_name(*FFBP_VARIANTS[-1], n) for n in PULSES), *map(afbp_name, PULSES))
+#: Imagers of the whole scene by name: ``imager(grid, recording)`` gives `Formed`.
+WHOLE_SCENE: dict[str, SceneImager] = {
+    ffbp_name(*v, n): _whole_ffbp(*v, n)
+    for v, n in ((FFBP_VARIANTS[0], PULSES[0]), *((FFBP_VARIANTS[-1], n) for n in PULSES))
+} | {afbp_name(n): _whole_afbp(n) for n in (*PULSES, None)}
 
 
 @dataclasses.dataclass

@@ -62,6 +62,17 @@ def test_it_is_the_image_of_compressed_profiles():
     assert 10 * np.log10(difference) <= -67.0
 
 
+def test_pulses_are_weighted():
+    block, grid = _block(256)
+    weights = np.hamming(block.n_pulses)
+    weighted = dataclasses.replace(block, samples=block.samples * weights[:, None, None])
+    image = _plan(block, grid, pulse_weights=weights)(block)
+    np.testing.assert_allclose(image, _plan(block, grid)(weighted), rtol=1e-4,
+                               atol=1e-5 * np.abs(image).max())
+    with pytest.raises(ValueError, match='192 finite numbers'):
+        _plan(block, grid, pulse_weights=weights[1:])
+
+
 def test_scenes_beyond_the_unambiguous_range_are_warned_about():
     block, grid = _block(64)
     plan = _plan(block, grid)

@@ -23,6 +23,7 @@ FFBP_LINEAR = imagers.ffbp_name('linear', 1.3, 16)
 FFBP_KNAB = imagers.ffbp_name('knab8', 1.8, 16)
 AFBP = imagers.afbp_name(16)
 SOME = (imagers.EXACT, FFBP_LINEAR, FFBP_KNAB, AFBP)
+WHOLE = (FFBP_LINEAR, AFBP, imagers.afbp_name(None))
 
 
 @pytest.fixture(scope='module')
@@ -156,7 +157,7 @@ def test_command_writes_figures_and_numbers(tmp_path, experiment, monkeypatch, c
     monkeypatch.setattr(reproduce_spotlight_letter, 'spotlight_letter', lambda size: experiment)
     monkeypatch.setattr(reproduce_spotlight_letter, 'SCENE_SPACING_M', 0.5)
     monkeypatch.setattr(imagers, 'IMAGERS', {n: imagers.IMAGERS[n] for n in SOME})
-    monkeypatch.setattr(imagers, 'WHOLE_SCENE', SOME[1:])
+    monkeypatch.setattr(imagers, 'WHOLE_SCENE', {n: imagers.WHOLE_SCENE[n] for n in WHOLE})
     monkeypatch.setattr(letter_figures, 'CUTS', SOME)
     monkeypatch.setattr(letter_figures, 'DPI', 40)
     monkeypatch.setattr(reproduce_spotlight_letter, 'CHECKED_PIXELS', 8)
@@ -168,7 +169,7 @@ def test_command_writes_figures_and_numbers(tmp_path, experiment, monkeypatch, c
     assert all((folder / n).read_bytes().startswith(b'\x89PNG') for n in names)
     results = json.loads((folder / 'results.json').read_text())
     assert set(results['points']) == set(SOME)
-    assert set(results['scene']['imagers']) == set(SOME[1:])
+    assert set(results['scene']['imagers']) == set(WHOLE)
     for found in results['scene']['imagers'].values():
         assert found['peak_memory_gb'] > 0.05  # at least the interpreter
     assert 'whole scene' in capsys.readouterr().out
