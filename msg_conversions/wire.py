@@ -149,9 +149,10 @@ def from_array(data, dims: Dims, data_offset: int, *,
     """
     shape = LAYOUT.check_dims(dims, max_elements)
     if data_offset == 0:
-        raise WireFormatError('data_offset=0: a bare cube of samples without block header; read '
-                              'it with from_bare_cube, which takes times and radar parameters '
-                              'from the caller')
+        raise WireFormatError('data_offset=0: a bare cube of samples without block header, which '
+                              'no node can image; read it with from_bare_cube, which takes '
+                              'times, counters and radar parameters from the caller, and send '
+                              'what to_message makes of the block')
     if data_offset < HEADER_LENGTH:
         raise WireFormatError(f'data_offset={data_offset}; expected 0 for a bare cube or at least '
                               f'the {HEADER_LENGTH} floats of a block header; see '
