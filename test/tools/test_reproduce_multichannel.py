@@ -70,6 +70,7 @@ def test_table_3_is_table_2_evaluated():
 def test_command_writes_figures_and_numbers(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(measure, 'ratios', lambda quick: [20, 74, 75, 76])
     monkeypatch.setattr(measure, 'SHOWN_RATIOS', (20,))
+    monkeypatch.setattr(reproduce_multichannel, 'SPACING_M', 0.2)  # of --quick, a quarter
     folder = tmp_path / 'new' / 'folder'
     assert reproduce_multichannel.main(['--quick', '--output', str(folder)]) == 0
     names = {f'figure_{n}.png' for n in ('05', '06', '07', '08', '09', '09_bumps', '10', '11')}
