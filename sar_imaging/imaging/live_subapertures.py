@@ -209,7 +209,10 @@ class LiveSubapertures(ApertureSequence):
         """Image the sub-apertures that became complete."""
         newest = int(np.flatnonzero(aperture.seen)[-1]) if aperture.seen.any() else -1
         if not self._cut:
-            if newest + 1 < _LEAST_PULSES and self._previous is None and not closing:
+            # A map that follows lies where the middle of the aperture is foreseen.
+            least = len(aperture.seen) // 2 if self._follow_m else 0
+            if (newest + 1 < max(least, _LEAST_PULSES) and self._previous is None
+                    and not closing):
                 return []
             if not self._targets[-1].refused:
                 self._make_plan(self._targets[-1])  # chooses the cut, unless it refuses
