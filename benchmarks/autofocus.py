@@ -11,12 +11,16 @@ offset with the same), never its size. Every corrected image is compared with th
 true positions after the whole estimated track was moved rigidly, which no image shows, and after
 multiplication by the complex number that suits best.
 
+Phase gradient autofocus of fused AFBP images, as in node afbp_fusion, is measured on a few of
+these errors and on noise alone (`--phase-gradient` for that part alone).
+
 The cost is processor time over that of one exact image, of all threads, for images of two sizes.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import pathlib
 import time
@@ -25,8 +29,12 @@ import numpy as np
 from tqdm import tqdm
 
 from sar_imaging.autofocus.autofocus import Autofocus
-from sar_imaging.autofocus.models import nominal, with_time_offset
+from sar_imaging.autofocus.models import Geometry, nominal, with_time_offset
+from sar_imaging.autofocus.phase_gradient import PhaseGradient
+from sar_imaging.autofocus.residual import along_sight
 from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.live_fusion import LiveFusion
+from sar_imaging.imaging.live_subapertures import LiveSubapertures
 from sar_imaging.quality import error_db, measure_scatterer
 from sar_imaging.simulation.track_errors import (
     FlawedAperture,
@@ -39,6 +47,11 @@ from .machine import machine
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'autofocus.json'
 CASES = ('smooth',) * 40 + ('vibration',) * 30 + ('clock',) * 30
+# Kind, size and seed; a size of 0 without an error.
+PHASE_GRADIENT_CASES = (
+    ('smooth', 0.0, 5), ('smooth', 0.1, 7), ('smooth', 0.3, 1), ('smooth', 2.0, 3),
+    ('smooth', 8.0, 4), ('vibration', 0.05, 2), ('vibration', 0.2, 2), ('vibration', 0.2182, 41),
+    ('vibration', 0.28, 56), ('clock', 0.02, 4), ('noise', 0.0, 5))
 WANTED_DB, WANTED_IRW = -20.0, 0.05
 
 
@@ -83,6 +96,39 @@ def measure(case: FlawedAperture) -> dict:
         'coherence': round(report.coherence, 3),
         'irw_change': [round(float(c), 4) for c in change],
         'contrast': [round(report.contrast_before, 2), round(report.contrast_after, 2)]}
+
+
+def measure_phase_gradient(kind: str, size: float, seed: int) -> dict:
+    """Phase gradient autofocus of the fused image of one aperture, and what is true."""
+    case = flawed_aperture('smooth' if kind == 'noise' else kind, size or 1e-6, seed)
+    block, found = case.stated, []
+    if kind == 'noise':
+        noise = np.random.default_rng(seed).standard_normal((2, *block.samples.shape))
+        block = dataclasses.replace(block, samples=noise[0] + 1j * noise[1])
+
+    def focus(polar_image, grid, ends_m):
+        result = PhaseGradient(grid.polar, grid, ends_m).at_baseband(polar_image)
+        found.append((result, grid.polar.origin_m[0]))
+        return result.image, None
+
+    first, second = LiveSubapertures(case.grid, pulses_per_aperture=block.n_pulses), LiveFusion()
+    second.focus = focus
+    for subaperture in first.add(block):
+        second.add(subaperture)
+    [(result, middle_m)] = found
+    half_path = np.interp(block.tx_m[:, 0, 0] - middle_m, result.position_m, result.half_path_m)
+    moved = along_sight(Geometry(block.tx_m, block.rx_m), half_path, case.grid.centre_m)
+    corrected = dataclasses.replace(block, tx_m=moved.tx_m, rx_m=moved.rx_m)
+    imager = Backprojector(case.grid, block.radar, block.n_samples)
+    wanted = imager(case.true)
+    before, after = (round(fitted_error_db(imager(moved_rigidly(
+        some, case.true, case.points_m)), wanted), 1) for some in (case.stated, corrected))
+    row = {'kind': kind, 'size': size, 'seed': seed, 'accepted': result.accepted,
+           'contrast': [round(result.contrast_before, 2), round(result.contrast_after, 2)],
+           'error_before_db': before, 'error_corrected_db': after,
+           'estimated_error_db': round(result.error_db, 1)}
+    tqdm.write(json.dumps(row))
+    return row
 
 
 def fitted_error_db(image, wanted) -> float:
@@ -144,12 +190,19 @@ def main() -> None:
     parser.add_argument('--every', type=int, default=1, metavar='N', help='only every N-th case')
     parser.add_argument('--again', type=int, nargs='+', metavar='SEED',
                         help='measure these cases again and leave the other results as they are')
+    parser.add_argument('--phase-gradient', action='store_true',
+                        help='measure phase gradient autofocus alone, and leave the other results')
     arguments = parser.parse_args()
 
     def write():
         results['summary'] = summary(results['cases'])
         arguments.output.write_text(json.dumps(results, indent=1) + '\n')
 
+    if arguments.phase_gradient:
+        results = json.loads(arguments.output.read_text())
+        results['phase_gradient'] = [measure_phase_gradient(*c) for c in PHASE_GRADIENT_CASES]
+        write()
+        return
     if arguments.again:
         results = json.loads(arguments.output.read_text())
         rows = {row['seed']: row for row in results['cases']}
@@ -164,6 +217,8 @@ def main() -> None:
     for size in ((28.0, 512), (126.0, 2048)):
         results['cost'].append(measure_cost(*size))
         write()
+    results['phase_gradient'] = [measure_phase_gradient(*c) for c in PHASE_GRADIENT_CASES]
+    write()
 
 
 if __name__ == '__main__':

@@ -16,6 +16,7 @@ import numpy as np
 from scipy import fft
 
 from ..geometry.polar import PolarGrid
+from ..imaging.fusion_grid import FusionGrid
 from ..quality.measures import contrast
 from ..signal.radar import RadarParameters
 
@@ -23,6 +24,8 @@ _ITERATIONS = 16
 _SHRINK = 0.75  # of the window from one iteration to the next, after the first three
 _WIDE = 3
 _NARROWEST = 12.0  # window in azimuth resolutions
+_PARTS = 16  # intervals of range that are dealt out to two halves of the image
+_WORST_DB = -10.0  # estimated error of an image that may replace another
 _DARK_DB = -12.0  # a range bin below this share of the brightest has no scatterer to follow
 
 
@@ -35,7 +38,8 @@ class PhaseGradientResult:
     image : (n_alpha, n_range) complex64
         Corrected image where accepted, else the original.
     accepted : bool
-        True when contrast rose by the margin asked for.
+        True when contrast rose by the margin asked for, and the error is estimated at -10 dB or
+        better.
     contrast_before, contrast_after : float
         Of the original and of the corrected image, accepted or not.
     position_m : (U,) float64
@@ -45,6 +49,9 @@ class PhaseGradientResult:
         for `residual.along_sight` after interpolation to the pulses.
     last_step_rad : float
         Rms phase that the last iteration changed.
+    error_db : float
+        Estimated error of the corrected image, from what two halves of its range bins say
+        differently, dB. Errors that differ over the scene are no part of it.
     """
 
     image: np.ndarray
@@ -54,6 +61,7 @@ class PhaseGradientResult:
     position_m: np.ndarray
     half_path_m: np.ndarray
     last_step_rad: float
+    error_db: float
 
 
 class PhaseGradient:
@@ -64,8 +72,8 @@ class PhaseGradient:
     polar : PolarGrid
         Of the images; its origin in the middle of the aperture, its directions sampled at least
         1.2 times finer than the aperture resolves.
-    radar : RadarParameters
-        Of the profiles that the images were made of.
+    radar : RadarParameters or FusionGrid
+        Of the profiles that the images were made of, or of their fusion.
     aperture_m : (float, float)
         First and last position of the phase centres along the grid's track, metres from its
         origin.
@@ -78,7 +86,7 @@ class PhaseGradient:
         The grid samples directions too coarsely for the aperture.
     """
 
-    def __init__(self, polar: PolarGrid, radar: RadarParameters,
+    def __init__(self, polar: PolarGrid, radar: RadarParameters | FusionGrid,
                  aperture_m: tuple[float, float], *, margin: float = 0.005):
         self.polar, self.margin = polar, margin
         self._wavenumber = radar.wavenumber_rad_per_m
@@ -118,18 +126,21 @@ class PhaseGradient:
             raise ValueError(f'image.shape={np.shape(image)} does not match the grid; expected '
                              f'(n_alpha, n_range)={expected}')
         before = contrast(image)
-        half_path = np.zeros(len(self.position_m))
-        work, step = self._baseband(image, -1), math.inf
-        for width in self._widths():
-            change = self._step(work, width)
-            half_path = _without_line(half_path + change)
-            work = self._baseband(self.correct(image, half_path), -1)
-            step = float(np.sqrt(np.mean(change ** 2))) * self._wavenumber
+        half_path, step = self._estimate(image)
         corrected = self.correct(image, half_path)
         after = contrast(corrected)
-        accepted = after > (1 + self.margin) * before
+        error_db = self._error_db(image)
+        accepted = after > (1 + self.margin) * before and error_db <= _WORST_DB
         return PhaseGradientResult(corrected if accepted else image, accepted, before, after,
-                                   self.position_m, half_path, step)
+                                   self.position_m, half_path, step, error_db)
+
+    def at_baseband(self, image) -> PhaseGradientResult:
+        """The same for an image at range baseband, as `SpectrumFusion` makes it."""
+        result = self(self._baseband(image, +1).astype(np.complex64))
+        if not result.accepted:
+            return dataclasses.replace(result, image=image)
+        return dataclasses.replace(
+            result, image=self._baseband(result.image, -1).astype(np.complex64))
 
     def correct(self, image, half_path_m) -> np.ndarray:
         """Image whose half paths are changed, each position along the track by its own amount.
@@ -169,6 +180,24 @@ class PhaseGradient:
         n = self.polar.n_alpha
         for i in range(_ITERATIONS):
             yield min(n, max(least, round(n * _SHRINK ** max(0, i - _WIDE))))
+
+    def _estimate(self, image) -> tuple[np.ndarray, float]:
+        """Change of the half path, metres, and rms phase of the last iteration, radians."""
+        half_path, step = np.zeros(len(self.position_m)), math.inf
+        work = self._baseband(image, -1)
+        for width in self._widths():
+            change = self._step(work, width)
+            half_path = _without_line(half_path + change)
+            work = self._baseband(self.correct(image, half_path), -1)
+            step = float(np.sqrt(np.mean(change ** 2))) * self._wavenumber
+        return half_path, step
+
+    def _error_db(self, image) -> float:
+        """Error of an estimate, from those of two halves of the ranges alone."""
+        half = np.arange(self.polar.n_range) * _PARTS // self.polar.n_range % 2
+        one, other = (self._estimate(np.where(half == h, image, 0))[0] for h in (0, 1))
+        rad = self._wavenumber * float(np.sqrt(np.mean((one - other) ** 2))) / 2
+        return 20 * math.log10(rad + 1e-12)
 
     def _step(self, work, width: int) -> np.ndarray:
         """Change of the half path by the phase gradient."""

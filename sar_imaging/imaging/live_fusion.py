@@ -5,18 +5,21 @@ from __future__ import annotations
 import collections
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 
 from ..geometry.grids import MapGrid
 from ..signal.sequence import StreamEvent, counter_distance
 from .fusion import SpectrumFusion
+from .fusion_grid import FusionGrid
 from .fusion_map import covers, form_map
 from .memory import check_memory
 from .subaperture_cut import SubapertureCut
 from .subaperture_image import SubapertureImage
 
 _SESSIONS = 16  # former senders that are remembered
+Focus = Callable[[np.ndarray, FusionGrid, tuple[float, float]], tuple[np.ndarray, object]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,6 +45,8 @@ class FusedImage:
         The aperture is closed; False for an image of what came so far.
     predicted_error_db : float
         Expected error against exact correlation, dB.
+    focus : object
+        What `LiveFusion.focus` has to tell; None where it was not called.
     """
 
     image: np.ndarray
@@ -53,6 +58,7 @@ class FusedImage:
     n_subapertures: int
     final: bool
     predicted_error_db: float
+    focus: object | None = None
 
 
 @dataclasses.dataclass
@@ -151,18 +157,29 @@ class _Fusing:
             return 0, self.n_subapertures - 1
         return max(0, self.newest + 1 - self.n_window), max(self.newest, self.n_window - 1)
 
-    def image(self, *, final: bool) -> FusedImage:
+    def image(self, *, final: bool, focus: Focus | None = None) -> FusedImage:
         n_pulses, n_missing = self.counts(final=final)
         centres = [h.centre_m for h in self.headers.values()]
         # The grid of a sliding aperture is as fine as one of its windows needs.
         centre_m = 0.5 * (min(centres) + max(centres)) if self.sliding else 0.0
         polar = (self.fusion.take_polar_image() if final and not self.sliding
                  else self.fusion.polar_image(centre_m))
-        self.imaged = True
+        self.imaged, told = True, None
+        if focus is not None and not self.sliding:
+            polar, told = focus(polar, self.fusion.grid, self._ends_m())
         return FusedImage(
             form_map(polar, self.fusion.grid, self.grid, centre_m), self.grid,
             self.stamp_ns(final=final), self.aperture, n_pulses, n_missing, len(self.headers),
-            final, 10 * math.log10(np.mean([h.error for h in self.headers.values()])))
+            final, 10 * math.log10(np.mean([h.error for h in self.headers.values()])),
+            told)
+
+    def _ends_m(self) -> tuple[float, float]:
+        """Ends of the aperture along its track, metres from the middle."""
+        first, last = (self.headers[n] for n in (min(self.headers), max(self.headers)))
+        pulses = last.first_counter - first.first_counter + (last.length - first.length) / 2
+        step = (last.centre_m - first.centre_m) / max(pulses, 1.0)
+        ends = first.centre_m - step * first.length / 2, last.centre_m + step * last.length / 2
+        return min(ends), max(ends)
 
 
 class LiveFusion:
@@ -195,6 +212,10 @@ class LiveFusion:
     ----------
     statistics : FusionStatistics
         What happened so far.
+    focus : callable or None
+        Called with the fused polar image, at range baseband, of every final image of an aperture
+        that does not slide, its `FusionGrid`, and the ends of the aperture in metres along the
+        track; returns the polar image to use, and what to tell in `FusedImage.focus`.
 
     Raises
     ------
@@ -211,6 +232,7 @@ class LiveFusion:
         self.images_every = images_every
         self.min_pulse_fraction = min_pulse_fraction
         self.statistics = FusionStatistics()
+        self.focus: Focus | None = None
         self._max_image_pixels = max_image_pixels
         self._events: list[StreamEvent] = []
         self._session: int | None = None
@@ -352,7 +374,7 @@ class LiveFusion:
                          f'min_pulse_fraction={self.min_pulse_fraction:g}')
             return []
         self.statistics.images += 1
-        return [fusing.image(final=True)]
+        return [fusing.image(final=True, focus=self.focus)]
 
     def _drop_late(self, sub: SubapertureImage) -> list[FusedImage]:
         self.statistics.late += 1

@@ -11,7 +11,8 @@ from sar_imaging.imaging.live_kernels import compile_fusion_kernels
 from sar_imaging.imaging.mosaic import StripMosaic
 from sar_imaging.imaging.subaperture_image import SubapertureImage
 
-from . import image_products
+from . import autofocus, image_products
+from .autofocus import PHASE_GRADIENT, Note, PolarFocus
 from .backprojection_steps import MIN_PULSE_FRACTION
 from .health import Health, Part
 from .image_grid import MAX_IMAGE_PIXELS
@@ -32,6 +33,7 @@ PARAMETERS = (
               0.01, 3600.0, changes=ANY_TIME),
     Parameter('strip_max_pixels', 0, 'Final images are also joined to a strip of at most so many '
               'pixels; 0 for no strip.', 'pixels', 0, 2**31 - 1),
+    PHASE_GRADIENT,
     *image_products.PARAMETERS,
 )
 
@@ -44,7 +46,8 @@ class FusionStep(Step):
     PARAMETERS = PARAMETERS
     COUNTERS = ('images_published', 'images_progressive', 'images_final', 'subapertures_fused',
                 'subapertures_skipped', 'pulses_missing_in_last_aperture', 'last_image_seconds',
-                'image_latency_seconds', 'predicted_error_db', 'revisions')
+                'image_latency_seconds', 'predicted_error_db', 'revisions',
+                *autofocus.FUSION_COUNTERS)
     FAULTS = ('subapertures_missing', 'subapertures_late', 'subapertures_duplicate',
               'subapertures_refused', 'pulses_missing', 'apertures_dropped', 'restarts')
     IDLE_PARAMETER = 'fusion_timeout_s'
@@ -55,6 +58,8 @@ class FusionStep(Step):
         self._fusion = LiveFusion(images_every=parameters['images_every'],
                                   min_pulse_fraction=parameters['min_pulse_fraction'],
                                   max_image_pixels=parameters['max_image_pixels'])
+        if parameters[PHASE_GRADIENT.name]:
+            self._fusion.focus = PolarFocus(health)
         most = parameters['strip_max_pixels']
         self._strip = StripMosaic(most) if most else None
         self._seconds = 0.0  # of work since the last image
@@ -110,8 +115,10 @@ class FusionStep(Step):
         self.health.set('last_image_seconds', seconds)
         self.health.set('image_latency_seconds', time.monotonic() - self.received_s)
         self.health.set('predicted_error_db', product.predicted_error_db)
+        note = self._note(product)
         self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, predicted error '
-                         f'{product.predicted_error_db:.0f} dB')
+                         f'{product.predicted_error_db:.0f} dB'
+                         + (f'; {note.details}' if note else ''))
 
     def _extend_strip(self, product: FusedImage) -> None:
         try:
@@ -126,8 +133,16 @@ class FusionStep(Step):
     def describe(self, product: FusedImage) -> str:
         """An image in words."""
         kind = 'image' if product.final else 'progressive image'
+        note = self._note(product)
         return (f'{kind} of aperture {product.aperture}: {product.n_subapertures} sub-apertures, '
-                f'{product.n_pulses} pulses, {product.n_missing} missing')
+                f'{product.n_pulses} pulses, {product.n_missing} missing'
+                + (f', {note.verdict}' if note else ''))
+
+    def _note(self, product: FusedImage) -> Note | None:
+        """What to tell about autofocus, if it was wanted."""
+        if self._fusion.focus is None or isinstance(product.focus, Note):
+            return product.focus
+        return Note('autofocus not tried', 'final images of apertures that do not slide have it')
 
     def nothing_formed(self) -> str:
         """Why the latest `flush` gave nothing."""

@@ -1,15 +1,20 @@
-"""Autofocus of the images that backprojection forms: when it is wanted, and what it did."""
+"""Autofocus of the images that the nodes form: when it is wanted, and what it did."""
 
 from __future__ import annotations
 
 import dataclasses
 import time
 from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
 
 from sar_imaging.autofocus import AutofocusReport
 from sar_imaging.autofocus.live import compile_autofocus, live_autofocus
+from sar_imaging.autofocus.phase_gradient import PhaseGradient
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.aperture import ApertureImage
+from sar_imaging.imaging.fusion_grid import FusionGrid
 
 from .health import Health, Part
 from .parameters import ConfigurationError, Parameter
@@ -21,6 +26,9 @@ TRACK_ERROR = Parameter(
 TIME_OFFSET = Parameter(
     'autofocus.time_offset', 0.0, 'Expected size of an offset between the clocks of pulses and '
     'positions that autofocus looks for; 0 for none.', 's', 0.0, 100.0)
+PHASE_GRADIENT = Parameter(
+    'autofocus.phase_gradient', False, 'Look for errors of the positions that are a phase of each '
+    'pulse, the same for the whole scene.')
 PARAMETERS = (TRACK_ERROR, TIME_OFFSET)
 # Of the last aperture, as keys of the diagnostics and fields of the report.
 _FIGURES = {
@@ -28,6 +36,9 @@ _FIGURES = {
     'autofocus_entropy_before': 'entropy_before', 'autofocus_entropy_after': 'entropy_after',
     'autofocus_error_db': 'estimated_error_db', 'autofocus_correction_m': 'correction_m',
     'autofocus_largest_move_m': 'largest_move_m'}
+FUSION_COUNTERS = ('autofocus_attempted', 'autofocus_accepted', 'autofocus_failed',
+                   'autofocus_contrast_before', 'autofocus_contrast_after', 'autofocus_error_db',
+                   'autofocus_correction_m', 'autofocus_seconds')
 COUNTERS = ('autofocus_attempted', 'autofocus_accepted', 'autofocus_claimed', 'autofocus_failed',
             *_FIGURES, 'autofocus_time_offset_s', 'autofocus_seconds')
 
@@ -120,6 +131,54 @@ class ImageFocus:
             self._health.set(key, float(getattr(report, field)))
         self._health.set('autofocus_time_offset_s', report.parameters.get('time_offset_s', 0.0))
         self._health.set('autofocus_seconds', seconds)
+
+
+class Note(NamedTuple):
+    """Whether an image was corrected, in few words, and what was done to it, in figures."""
+
+    verdict: str
+    details: str
+
+
+class PolarFocus:
+    """Tries to focus fused polar images; see `LiveFusion.focus`.
+
+    Parameters
+    ----------
+    health : Health or Part
+        Counters, with `FUSION_COUNTERS`, and log.
+    """
+
+    def __init__(self, health: Health | Part):
+        self._health = health
+
+    def __call__(self, polar: np.ndarray, grid: FusionGrid, ends_m: tuple[float, float]
+                 ) -> tuple[np.ndarray, Note]:
+        """The polar image in focus where that was found, else as it is, and what to tell."""
+        health = self._health
+        health.count('autofocus_attempted')
+        began = time.perf_counter()
+        try:
+            result = PhaseGradient(grid.polar, grid, ends_m).at_baseband(polar)
+        except (ValueError, MemoryError) as error:
+            health.count('autofocus_failed')
+            health.warning(f'autofocus failed, the image stays as it is: {error}')
+            return polar, Note('autofocus failed', str(error))
+        seconds = time.perf_counter() - began
+        health.count('autofocus_accepted', int(result.accepted))
+        after = result.contrast_after if result.accepted else result.contrast_before
+        correction_m = float(np.std(result.half_path_m))
+        for key, value in (('contrast_before', result.contrast_before), ('contrast_after', after),
+                           ('error_db', result.error_db), ('correction_m', correction_m),
+                           ('seconds', seconds)):
+            health.set(f'autofocus_{key}', float(value))
+        found = (f'contrast {result.contrast_before:.3g} -> {after:.3g}' if result.accepted else
+                 f'contrast would change from {result.contrast_before:.4g} to '
+                 f'{result.contrast_after:.4g}')
+        return result.image, Note(
+            f'autofocus {"accepted" if result.accepted else "not applied"}, no claim',
+            f'{found}, estimated error {result.error_db:.1f} dB, correction '
+            f'{correction_m:.3g} m rms, {seconds:.3g} s')
 
 
 def refuse(parameters: Mapping[str, object], reason: str) -> None:

@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 
 from .afbp_fusion import FusionStep
+from .autofocus import PHASE_GRADIENT
 from .backprojection_steps import SUBAPERTURES, BackprojectionStep
 from .managed import fail, run
 from .parameters import ConfigurationError
@@ -26,6 +27,12 @@ class SarPipelineNode(Stage):
 
     def steps(self) -> tuple[type[Step], ...]:
         """Without fusion where backprojection makes the images itself."""
+        p, name = self.parameters, PHASE_GRADIENT.name
+        if p[name] and (p['mode'] != SUBAPERTURES or p['subapertures.sliding']):
+            raise ConfigurationError(
+                f'{name} is not possible here: it works on fused images of apertures that do not '
+                f'slide; set mode {SUBAPERTURES} without sliding, or use autofocus.track_error in '
+                'mode image')
         return self.STEPS if self.parameters['mode'] == SUBAPERTURES else self.STEPS[:-1]
 
 

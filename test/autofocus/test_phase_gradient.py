@@ -59,6 +59,7 @@ def test_known_phase_is_found(spotlight, error):
     found = plan(image)
     assert found.accepted
     assert found.contrast_after > 1.5 * found.contrast_before
+    assert found.error_db < -15.0
     # A line over the aperture displaces the image, which no image shows: taken from the truth.
     true = np.interp(plan.position_m, block.tx_m[:, 0, 0],
                      -phase / block.radar.wavenumber_rad_per_m)
@@ -75,6 +76,17 @@ def test_focused_image_stays(spotlight):
     found = PhaseGradient(polar, block.radar, (-HALF_APERTURE_M, HALF_APERTURE_M),
                           margin=0.05)(image)
     assert not found.accepted
+    assert found.image is image
+
+
+def test_noise_is_not_focused(spotlight):
+    block, polar, imager = spotlight
+    noise = np.random.default_rng(0).standard_normal((2, *block.samples.shape))
+    image = imager(dataclasses.replace(block, samples=noise[0] + 1j * noise[1]))
+    found = PhaseGradient(polar, block.radar, (-HALF_APERTURE_M, HALF_APERTURE_M))(image)
+    assert found.contrast_after > 1.005 * found.contrast_before  # it would be sharper,
+    assert not found.accepted
+    assert found.error_db > 0.0  # but half of the ranges says something else than the other half
     assert found.image is image
 
 

@@ -1,6 +1,7 @@
 """Autofocus in the nodes: accepted, not needed, refused; and always told."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -8,10 +9,14 @@ from std_msgs.msg import Float32MultiArray
 
 from msg_conversions import pulse_block
 from msg_conversions.images import complex_from_message
+from msg_conversions.subaperture_wire import as_received
 from sar_imaging.imaging.aperture import ApertureImager
 from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.live_fusion import LiveFusion
+from sar_imaging.imaging.live_subapertures import LiveSubapertures
 from sar_imaging.nodes.backprojection_steps import PARAMETERS, BackprojectionStep
 from sar_imaging.nodes.parameters import ConfigurationError
+from sar_imaging.nodes.sar_pipeline import SarPipelineNode
 from sar_imaging.nodes.stage import COMMON_PARAMETERS
 from sar_imaging.quality import contrast, error_db
 from sar_imaging.signal.pulses import concatenate
@@ -109,8 +114,59 @@ def test_images_are_focused_and_the_report_tells(make_chain, case, truth, offset
     assert counters['autofocus_seconds'] < counters['last_image_seconds']
 
 
+def test_fused_images_are_focused_and_the_report_tells(make_chain, case, truth, offset_m):
+    offset_m = 0.3 * offset_m  # half a wavelength: the same phase for the whole scene
+    noise = np.random.default_rng(0).standard_normal((2, *case.true.samples.shape))
+    second = dataclasses.replace(
+        case.true, samples=noise[0] + 1j * noise[1], counter=case.true.counter + np.uint32(LENGTH),
+        stamp_ns=case.true.stamp_ns + 10**10)
+    blocks = [block.select(slice(i, i + 32)) for block in (moved(case.true, offset_m), second)
+              for i in range(0, LENGTH, 32)]
+    chain = make_chain(truth, names=PIPELINE, mode='subapertures',
+                       afbp_fusion={'autofocus.phase_gradient': True})
+    observer = chain.observer
+    observer.subscribe(Float32MultiArray, 'range_profiles')
+    chain.wait_for_log('sar_pipeline', 'subscriber on .*range_profiles joined')
+    observer.send(blocks)
+    published = [complex_from_message(m) for m in observer.wait_for('image_complex', 2)]
+    profiles = [pulse_block.from_message(m)
+                for m in observer.wait_for('range_profiles', len(blocks))]
+
+    subapertures, fusion = LiveSubapertures(case.grid, pulses_per_aperture=LENGTH), LiveFusion()
+    plain = []
+    for block in profiles:
+        plain += [fused.image for sub in subapertures.add(block)
+                  for fused in fusion.add(as_received(sub))]
+        subapertures.plan_ahead()  # as the node does between two blocks
+    first = concatenate(profiles[:LENGTH // 32])
+    wanted = Backprojector(case.grid, first.radar, first.n_samples)(moved(first, -offset_m))
+
+    def error(image):
+        return error_db(np.vdot(image, wanted) / np.vdot(image, image) * image, wanted)
+
+    assert error(plain[0]) > -3.0
+    assert error(published[0]) < -20.0  # -23.7 measured
+    np.testing.assert_array_equal(published[1], plain[1])
+    observer.wait_for_counters('sar_pipeline', 'afbp_fusion', images_final=2,
+                               autofocus_attempted=2, autofocus_accepted=1, autofocus_failed=0)
+    log = chain.log('sar_pipeline')
+    assert re.search('image of aperture 0: .*autofocus accepted, no claim; .*contrast .* -> ', log)
+    assert re.search('image of aperture 1: .*autofocus not applied, no claim; ', log)
+
+
+@pytest.mark.parametrize('changes', [
+    {'mode': 'image'}, {'mode': 'subapertures', 'subapertures.sliding': True}])
+def test_phase_gradient_needs_whole_fused_images(changes):
+    class Node:
+        parameters = {'subapertures.sliding': False, 'autofocus.phase_gradient': True} | changes
+
+    with pytest.raises(ConfigurationError, match='set mode subapertures without sliding, or use'):
+        SarPipelineNode.steps(Node)
+
+
 @pytest.mark.parametrize(('changes', 'reason'), [
-    ({'mode': 'subapertures'}, 'sub-aperture images come without their pulses; use mode image'),
+    ({'mode': 'subapertures'}, 'sub-aperture images come without their pulses; use '
+     'autofocus.phase_gradient of afbp_fusion, or mode image'),
     ({'terrain.file': 'hill.npz'}, 'it works on a plane; leave terrain.file empty')])
 def test_what_cannot_be_focused_is_refused(changes, reason):
     parameters = {p.name: p.default for p in (*PARAMETERS, *COMMON_PARAMETERS)}
