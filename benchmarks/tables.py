@@ -65,6 +65,50 @@ def afbp(results: dict) -> str:
         table('pixels', 'fused spectrum MiB', 'peak MiB', 'ratio', rows=memory)])
 
 
+def live(results: dict) -> str:
+    """The live system: a table of each part of `benchmarks.live`."""
+    def rows(part, *columns):
+        return [[name, row['failed']] if 'failed' in row else
+                [name, *(_entry(row, column) for column in columns)]
+                for name, row in results.get(part, {}).items()]
+
+    run = ('pulses_per_s', 'megabytes_per_s', 'images', 'losses', 'latency_ms',
+           'processors.transport', 'processors.work', 'memory_mb')
+    heads = ('', 'pulses/s', 'MB/s', 'images', 'losses', 'latency ms', 'transport', 'work', 'MB')
+    tables = {
+        'startup': table('', 'first image s', 'connected s', rows=rows(
+            'startup', 'first_image_s', 'connected_s')),
+        'flight': table(*heads, 'difference dB', rows=rows(
+            'flight', *run, 'largest_difference_db')),
+        'million': table(*heads, rows=rows('million', *run)),
+        'progressive': table('', 'images', 'losses', 'progressive ms', 'final ms', rows=rows(
+            'progressive', 'images', 'losses', 'progressive_latency_ms', 'final_latency_ms')),
+        'sliding': table('', 'images', 'losses', 'latency ms', 'fusion ms', 'processor ms',
+                         rows=rows('sliding', 'images', 'losses', 'latency_ms', 'fusion_work_ms',
+                                   'processor_ms_per_update')),
+        'endurance': table('', 'times real time', 'pulses/s', 'minutes', 'images', 'losses',
+                           'latency ms', 'growth ms/min', 'memory MB', 'growth MB/min',
+                           rows=rows('endurance', 'rate', 'pulses_per_s', 'minutes', 'images',
+                                     'losses', 'latency_ms', 'latency_ms.growth_per_minute',
+                                     'memory_mb.last', 'memory_mb.slope_mb_per_minute'))}
+    tables |= {part: table(heads[0], 'times real time', *heads[1:], rows=rows(part, 'rate', *run))
+               for part in ('rate', 'transport')}
+    loads = [row['load'] for part in tables for row in results.get(part, {}).values()]
+    return '\n\n'.join([f'Load of the machine: {min(loads)} to {max(loads)}.',
+                        *(f'### {part}\n\n{tables[part]}' for part in tables if part in results)])
+
+
+def _entry(row: dict, column: str):
+    """Value of a column of a table; ``a.b`` is within a group."""
+    for key in column.split('.'):
+        row = row.get(key, '') if isinstance(row, dict) else ''
+    if column == 'losses':
+        return ', '.join(f'{n} {key}' for key, n in row.items()) or 'none'
+    if isinstance(row, dict):
+        return f'{row["median"]} (at most {row["max"]})' if row else ''
+    return row
+
+
 def _errors(row: dict, prefix: str = '') -> str:
     """Error over the image, and of the brightest pixels in brackets."""
     return f'{row[prefix + "error_db"]} ({row[prefix + "brightest_error_db"]})'
@@ -75,7 +119,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--results', type=pathlib.Path, default=RESULTS)
     folder = parser.parse_args().results
-    for name, describe in (('backprojection', backprojection), ('afbp', afbp)):
+    for name, describe in (('backprojection', backprojection), ('afbp', afbp),
+                           ('live', live)):
         path = folder / f'{name}.json'
         if path.exists():
             print(f'## {name}\n\n{describe(json.loads(path.read_text()))}\n')
