@@ -28,6 +28,7 @@ from sar_imaging.quality import measure_scatterer
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
 
+from .bag_io import BagError
 from .load_arcsar import POINTS_M, RADIUS_M, arc, arm_angles, read_file
 from .plots import save_image_png
 from .reproduction import run_and_report
@@ -223,7 +224,8 @@ def run(file: Path, output: Path) -> dict:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    return run_and_report(arguments.output, lambda: run(arguments.file, arguments.output), summary)
+    return run_and_report(arguments.output, lambda: run(arguments.file, arguments.output), summary,
+                          errors=(BagError,))
 
 
 def summary(figures: dict) -> str:

@@ -24,6 +24,7 @@ from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
 
+from .bag_io import BagError
 from .load_mimo_60ghz import read_file
 from .reproduction import decibels, run_and_report
 
@@ -178,7 +179,8 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    return run_and_report(arguments.output, lambda: run(arguments.file, arguments.output), summary)
+    return run_and_report(arguments.output, lambda: run(arguments.file, arguments.output), summary,
+                          errors=(BagError,))
 
 
 def summary(figures: dict) -> str:

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from .bag_io import BagError
 
-
-def run_and_report(folder: Path, run: Callable[[], dict], summary: Callable[[dict], str]) -> int:
+def run_and_report(folder: Path, run: Callable[[], dict], summary: Callable[[dict], str], *,
+                   errors: tuple[type[Exception], ...] = ()) -> int:
     """Run an experiment, write results.json and print a summary.
 
     Parameters
@@ -23,6 +22,8 @@ def run_and_report(folder: Path, run: Callable[[], dict], summary: Callable[[dic
         Makes the folder, writes the figures into it and returns what goes into results.json.
     summary : callable
         Text for people from that.
+    errors : tuple of type
+        What `run` may raise, besides OSError, whose text is enough for people.
 
     Returns
     -------
@@ -32,7 +33,7 @@ def run_and_report(folder: Path, run: Callable[[], dict], summary: Callable[[dic
     try:
         results = run()
         (folder / 'results.json').write_text(json.dumps(results, indent=1) + '\n')
-    except (BagError, OSError) as error:
+    except (OSError, *errors) as error:
         print(f'error: {error}', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
