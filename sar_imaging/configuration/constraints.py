@@ -86,6 +86,12 @@ def check_settings(imaging: Imaging, machine: Machine) -> list[Finding]:
             'error', f'an image of {grid.n_x} x {grid.n_y} pixels and its message need '
             f'{n_bytes / 1e6:.0f} MB, {machine.memory_bytes / 1e6:.0f} MB are available; raise '
             f'grid.spacing={grid.spacing_m:g} or choose a smaller grid'))
+    if imaging.autofocus and imaging.mode != 'image':
+        findings.append(Finding(
+            'error', f'autofocus.track_error={imaging.autofocus_track_error:g} and '
+            f'autofocus.time_offset={imaging.autofocus_time_offset:g} are of no use in mode: '
+            f'{imaging.mode}, where images come without their pulses; set both to 0.0 and use '
+            'autofocus.phase_gradient of afbp_fusion, or mode: image'))
     return findings
 
 

@@ -75,10 +75,12 @@ def node_memory(imaging: Imaging, n_pixels: int, *, block_bytes: int, profile_bl
                               f'({q} + {w}) blocks + {q} blocks of profiles'),
     }
     if imaging.mode == 'image':
+        kept = aperture_bytes if imaging.autofocus else 0
+        images = 1 + POLAR_IMAGES + (2 if imaging.autofocus else 0)
         sizes['backprojection'] = (
-            (q + w_profiles) * profile_block_bytes + (1 + POLAR_IMAGES) * image + products,
-            f'({q} + {w_profiles}) blocks of profiles + {1 + POLAR_IMAGES:g} x 8 B/pixel + '
-            f'{PRODUCTS_KEPT} x {PRODUCT_BYTES} B/pixel')
+            (q + w_profiles) * profile_block_bytes + kept + images * image + products,
+            f'({q} + {w_profiles}) blocks of profiles'
+            + (' + profiles of 1 aperture' if kept else '') + f' + {images:g} x 8 B/pixel + {PRODUCTS_KEPT} x {PRODUCT_BYTES} B/pixel')
     else:
         n = 2 if imaging.subaperture_sliding else 1
         sizes['backprojection'] = (

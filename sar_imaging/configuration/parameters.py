@@ -35,7 +35,8 @@ CHECKER_PARAMETERS = {
 }
 
 
-_FIELDS = {f.name: f.name.replace('subaperture_', 'subapertures.')
+_FIELDS = {f.name: re.sub('^autofocus_', 'autofocus.',
+                          re.sub('^subaperture_', 'subapertures.', f.name))
            for f in dataclasses.fields(Imaging) if f.name != 'grid'}
 # Parameters of the nodes that settings are made of.
 IMAGING_PARAMETERS = (*(f'grid.{name}' for name in ('centre_x', 'centre_y', 'centre_z', 'size_x',

@@ -113,6 +113,8 @@ class Imaging:
         ``'image'`` or ``'subapertures'``.
     subaperture_target_db, subaperture_pulses, subaperture_sliding
         Of mode ``'subapertures'``; a length of 0 is the quickest.
+    autofocus_track_error, autofocus_time_offset : float
+        What autofocus of mode ``'image'`` looks for, metres and seconds; 0 for none.
 
     Raises
     ------
@@ -139,6 +141,8 @@ class Imaging:
     subaperture_target_db: float = -60.0
     subaperture_pulses: int = 0
     subaperture_sliding: bool = False
+    autofocus_track_error: float = 0.0
+    autofocus_time_offset: float = 0.0
 
     def __post_init__(self):
         if self.mode not in MODES:
@@ -151,6 +155,11 @@ class Imaging:
             if getattr(self, name) < 1:
                 raise ValueError(f'{name}={getattr(self, name)}; expected at least 1')
 
+
+    @property
+    def autofocus(self) -> bool:
+        """True when whole apertures are to be focused."""
+        return bool(self.autofocus_track_error or self.autofocus_time_offset)
 
     @property
     def range_window_m(self) -> tuple[float, float] | None:

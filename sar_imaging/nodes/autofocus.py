@@ -78,9 +78,11 @@ class ImageFocus:
     """
 
     def __init__(self, parameters: Mapping[str, object], grid: MapGrid, health: Health | Part):
-        if parameters[TERRAIN_FILE.name]:
-            refuse(parameters, f'it works on a plane; leave {TERRAIN_FILE.name} empty')
         self._expected = {p.name: parameters[p.name] for p in PARAMETERS if parameters[p.name]}
+        if parameters[TERRAIN_FILE.name]:
+            raise ConfigurationError(
+                f'autofocus ({", ".join(self._expected)}) is not possible here: it works on a '
+                f'plane; leave {TERRAIN_FILE.name} empty')
         self._autofocus = live_autofocus(
             grid, track_error_m=parameters[TRACK_ERROR.name],
             time_offset_s=parameters[TIME_OFFSET.name], target_db=parameters['target_db'])
@@ -179,19 +181,6 @@ class PolarFocus:
             f'autofocus {"accepted" if result.accepted else "not applied"}, no claim',
             f'{found}, estimated error {result.error_db:.1f} dB, correction '
             f'{correction_m:.3g} m rms, {seconds:.3g} s')
-
-
-def refuse(parameters: Mapping[str, object], reason: str) -> None:
-    """Refuse autofocus, where it is wanted.
-
-    Raises
-    ------
-    ConfigurationError
-        With the reason.
-    """
-    if _is_wanted(parameters):
-        names = ', '.join(p.name for p in PARAMETERS if parameters[p.name])
-        raise ConfigurationError(f'autofocus ({names}) is not possible here: {reason}')
 
 
 def _is_wanted(parameters: Mapping[str, object]) -> bool:

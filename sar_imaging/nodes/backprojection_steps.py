@@ -234,8 +234,6 @@ class SubapertureStep(BackprojectionStep):
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
         p = parameters
-        autofocus.refuse(p, 'sub-aperture images come without their pulses; use '
-                         f'{autofocus.PHASE_GRADIENT.name} of afbp_fusion, or mode {IMAGE}')
         if p[TERRAIN_FILE.name]:
             raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: sub-apertures are fused on '
                                      f'a plane; use mode {IMAGE} on terrain')

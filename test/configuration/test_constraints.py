@@ -32,6 +32,9 @@ CASES = {
     'oversampling': ('error', r'range profiles have 1 samples per resolution cell; '
                      'backprojection needs 1.25: raise oversampling',
                      {}, {'oversampling': 1.0}),
+    'autofocus': ('error', 'autofocus.track_error=0.1 and autofocus.time_offset=0 are of no use '
+                  'in mode: subapertures',
+                  {}, {'mode': 'subapertures', 'autofocus_track_error': 0.1}),
     'pixels': ('error', 'the grid has 501 x 501 pixels, more than max_image_pixels=1000; raise '
                'grid.spacing', {}, {'max_image_pixels': 1000}),
     'scene too far': ('error', r'the scene lies .* nothing of it was recorded; move the range '

@@ -215,3 +215,16 @@ def test_a_reset_drops_the_aperture_being_filled():
     assert_image_of(result, profiles(range(0, LENGTH)))
     assert (stage.statistics.late, stage.statistics.restarts) == (0, 0)
     assert stage.reset() == 0
+
+
+def test_pulses_are_kept_when_asked_for():
+    stage = imager(keep_pulses=True)
+    there = [5, 6, 7, *range(0, 5), *range(20, LENGTH)]
+    [product] = stage.add(profiles(there))
+    expected = profiles(sorted(there))
+    np.testing.assert_array_equal(product.pulses.counter, expected.counter)
+    np.testing.assert_array_equal(product.pulses.stamp_ns, expected.stamp_ns)
+    np.testing.assert_array_equal(product.pulses.samples, expected.samples)
+    np.testing.assert_array_equal(product.pulses.tx_m, expected.tx_m)
+    [product] = imager().add(profiles(there))
+    assert product.pulses is None

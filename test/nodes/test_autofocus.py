@@ -165,12 +165,12 @@ def test_phase_gradient_needs_whole_fused_images(changes):
 
 
 @pytest.mark.parametrize(('changes', 'reason'), [
-    ({'mode': 'subapertures'}, 'sub-aperture images come without their pulses; use '
-     'autofocus.phase_gradient of afbp_fusion, or mode image'),
-    ({'terrain.file': 'hill.npz'}, 'it works on a plane; leave terrain.file empty')])
+    ({'mode': 'subapertures'}, 'autofocus.time_offset=0.1 are of no use in mode: subapertures, '
+     'where images come without their pulses; .* use autofocus.phase_gradient of afbp_fusion'),
+    ({'terrain.file': 'hill.npz'}, r'autofocus \(autofocus.time_offset\) is not possible here: '
+     'it works on a plane; leave terrain.file empty')])
 def test_what_cannot_be_focused_is_refused(changes, reason):
     parameters = {p.name: p.default for p in (*PARAMETERS, *COMMON_PARAMETERS)}
     parameters |= {'autofocus.time_offset': 0.1} | changes
-    with pytest.raises(ConfigurationError, match=r'autofocus \(autofocus.time_offset\) is not '
-                       f'possible here: {reason}'):
+    with pytest.raises(ConfigurationError, match=reason):
         BackprojectionStep.create(parameters, None)
