@@ -167,4 +167,5 @@ def test_subapertures_late_twice_in_disorder_and_never(start_node, make_observer
     assert observer.status('afbp_fusion').level == DiagnosticStatus.WARN
     assert observer.counters('afbp_fusion')['predicted_error_db'] < LARGEST_ERROR_DB
     observer.send_messages(messages[:1])
+    observer.wait_for_counters('afbp_fusion', subapertures_late=3)  # it waits no more
     assert observer.trigger('afbp_fusion/reset') == (True, 'no pulses were underway')
