@@ -80,7 +80,8 @@ def node_memory(imaging: Imaging, n_pixels: int, *, block_bytes: int, profile_bl
         sizes['backprojection'] = (
             (q + w_profiles) * profile_block_bytes + kept + images * image + products,
             f'({q} + {w_profiles}) blocks of profiles'
-            + (' + profiles of 1 aperture' if kept else '') + f' + {images:g} x 8 B/pixel + {PRODUCTS_KEPT} x {PRODUCT_BYTES} B/pixel')
+            + (' + profiles of 1 aperture' if kept else '')
+            + f' + {images:g} x 8 B/pixel + {PRODUCTS_KEPT} x {PRODUCT_BYTES} B/pixel')
     else:
         n = 2 if imaging.subaperture_sliding else 1
         sizes['backprojection'] = (
