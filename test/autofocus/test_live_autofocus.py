@@ -16,8 +16,8 @@ from sar_imaging.simulation.track_errors import flawed_aperture, moved_rigidly
 
 
 def test_track_and_clock_of_an_aperture_with_a_hole():
-    case = flawed_aperture('clock', 0.05, 4, n_pulses=192, half_scene_m=20.0)
-    there = np.r_[0:60, 100:192]
+    case = flawed_aperture('clock', 0.05, 4, n_pulses=128, half_scene_m=14.0)
+    there = np.r_[0:40, 65:128]
     stated, true = case.stated.select(there), case.true.select(there)
     imager = Backprojector(case.grid, stated.radar, stated.n_samples)
     image = imager(stated)
