@@ -40,10 +40,14 @@ def events(stage, kind):
 
 
 def assert_image_of(result, block):
-    """Same image as of the block at once; float32 sums in another order differ by 1e-6."""
+    """Same image as of the block at once.
+
+    Float32 sums in another order differ by 1e-6; parts of the block may be read through other
+    polynomials, which differ by 1.5e-5 where the error of the image is 4.6e-5.
+    """
     expected = Backprojector(GRID, block.radar, block.n_samples)(block)
     error = np.linalg.norm(result.image - expected) / np.linalg.norm(expected)
-    assert error < 1e-5
+    assert error < 3e-5
     np.testing.assert_array_equal(result.counters, np.sort(block.counter))
 
 
