@@ -46,7 +46,7 @@ SETUPS = {'separate nodes': (NODES, 'image'), 'sar_pipeline': (PIPELINE, 'image'
 SIDES = {'flight': 512, 'million': 1024, 'transport': 16}  # pixels
 IMAGES_EVERY = 8  # sub-apertures from one progressive image to the next
 STARTUP_TRIES = 3  # the first fills the caches
-FLIGHT_APERTURES, SHORT_APERTURES = 15, 3
+FLIGHT_APERTURES, SLIDING_APERTURES, SHORT_APERTURES = 15, 6, 3
 RATES = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 TRIAL_S = 6.0  # of each rate; what waits at its end would have grown to the limit of latency
 LATENCY_LIMIT_S = 0.75
@@ -176,7 +176,7 @@ def measure_sliding(setup: str, flight: Flight, folder: pathlib.Path) -> dict:
     with make_system(setup, flight.truth, folder, SIDES['million'],
                      **{'subapertures.sliding': True}) as system:
         cpu = system.cpu_s()
-        fed = system.feed(apertures(flight.messages(), SHORT_APERTURES), rate=1.0)
+        fed = system.feed(apertures(flight.messages(), SLIDING_APERTURES), rate=1.0)
         settle(system)
         log = system.nodes.log_file(system.names[-1]).read_text()
         work_s = [float(s) for s in re.findall(r'image of .*?; ([\d.e+-]+) s of work', log)]
