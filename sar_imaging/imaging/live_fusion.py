@@ -265,6 +265,8 @@ class LiveFusion:
             self._check(sub)
             self._open[sub.sequence] = _Fusing(sub, first=current.begins_stream,
                                                every=self.images_every or 1)
+            # Windows that were imaged are not imaged again.
+            self._open[sub.sequence].turn = current.turn
             self.statistics.revisions += 1
             self._report('plan', f'aperture {sub.aperture} is fused anew: its track had been '
                          'foreseen too poorly')

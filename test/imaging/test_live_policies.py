@@ -1,5 +1,6 @@
 """Sliding and strip map apertures of live AFBP, against exact backprojection."""
 
+import dataclasses
 import subprocess
 import sys
 
@@ -94,6 +95,18 @@ def test_what_ends_a_window_comes_first(case, sliding):
                                   for some in pair for s in some])
     for one, other in zip(images, _fuse(LiveFusion(), sliding), strict=True):
         np.testing.assert_array_equal(one.image, other.image)
+
+
+def test_windows_are_not_imaged_again_when_their_aperture_is_planned_anew(sliding):
+    first = [s for s in sliding if s.sequence == sliding[0].sequence]
+    fusion = LiveFusion()
+    before = [i for s in first[:8] for i in fusion.add(s)]
+    after = [i for s in first[:10]
+             for i in fusion.add(dataclasses.replace(s, revision=s.revision + 1))]
+    assert fusion.statistics.revisions == 1
+    stamps = [i.stamp_ns for i in before + after]
+    assert len(before) == 3 and len(after) == 2 and sorted(set(stamps)) == stamps
+    assert {i.n_subapertures for i in before + after} == {6}
 
 
 def test_a_window_with_missing_subapertures(case, sliding):
