@@ -83,8 +83,7 @@ class Profiles:
         -------
         (R, U, 2 * (degree + 1), n) float32
             As `polynomial_planes` makes them. Valid until the next call, which writes to the same
-            memory: fresh memory for every
-            few profiles costs as much as filling it.
+            memory: fresh memory for every few profiles costs as much as filling it.
         """
         lattice, n_rows = self.lattice, len(samples)
         spectrum = self._source.spectrum(samples, lattice.n_padded, self._buffer)
