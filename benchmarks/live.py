@@ -43,6 +43,7 @@ RESULTS = pathlib.Path(__file__).parent / 'results' / 'live.json'
 SETUPS = {'separate nodes': (NODES, 'image'), 'sar_pipeline': (PIPELINE, 'image'),
           'separate nodes, AFBP': (AFBP_NODES, 'subapertures'),
           'sar_pipeline, AFBP': (PIPELINE, 'subapertures')}
+_NODE_OF = {'subapertures.': 'backprojection', 'pulses_per_block': 'pulse_buffer'}
 SIDES = {'flight': 512, 'million': 1024, 'transport': 16}  # pixels
 IMAGES_EVERY = 8  # sub-apertures from one progressive image to the next
 STARTUP_TRIES = 3  # the first fills the caches
@@ -54,10 +55,10 @@ PATIENCE_S = 20.0
 
 
 def make_system(setup: str, truth: dict, folder: pathlib.Path, n_side: int | None = None,
-                *, keep: bool = False, **options) -> System:
+                *, keep: bool = False, topic: str = 'image_complex', **options) -> System:
     """System for a recording's truth, or for the flight's scene with so many pixels.
 
-    Options are parameters of backprojection and fusion.
+    Options are parameters of buffer, backprojection and fusion.
     """
     if n_side:
         map_grid = grid(n_side)
@@ -66,11 +67,12 @@ def make_system(setup: str, truth: dict, folder: pathlib.Path, n_side: int | Non
     names, mode = SETUPS[setup]
     parameters = parameters_from_truth(truth, mode)
     for name, value in options.items():
-        node = 'backprojection' if name.startswith('subapertures.') else 'afbp_fusion'
+        node = next((node for start, node in _NODE_OF.items() if name.startswith(start)),
+                    'afbp_fusion')
         parameters[node][name] = value
     if names == PIPELINE:
         parameters = pipeline_parameters(parameters)
-    return System(names, parameters, folder, keep=keep)
+    return System(names, parameters, folder, keep=keep, topic=topic)
 
 
 def apertures(messages, n_apertures: int):
@@ -172,9 +174,20 @@ def measure_progressive(setup: str, flight: Flight, folder: pathlib.Path) -> dic
 
 
 def measure_sliding(setup: str, flight: Flight, folder: pathlib.Path) -> dict:
-    """An image of a million pixels with every sub-aperture: latency and work of an update."""
-    with make_system(setup, flight.truth, folder, SIDES['million'],
-                     **{'subapertures.sliding': True}) as system:
+    """An image of a million pixels with every sub-aperture: latency and work of an update.
+
+    Received as the grey values that a viewer takes, and as complex values.
+    """
+    complex_values = slide(setup, flight, folder / 'complex', 'image_complex')
+    return slide(setup, flight, folder / 'grey', 'image_quicklook') | {
+        'complex_latency_ms': complex_values['latency_ms']}
+
+
+def slide(setup: str, flight: Flight, folder: pathlib.Path, topic: str) -> dict:
+    """A sliding aperture in real time, its images received on one topic."""
+    # Longer blocks would hold the last pulses of a window back.
+    with make_system(setup, flight.truth, folder, SIDES['million'], topic=topic, **{
+            'subapertures.sliding': True, 'pulses_per_block': PULSES_PER_MESSAGE}) as system:
         cpu = system.cpu_s()
         fed = system.feed(apertures(flight.messages(), SLIDING_APERTURES), rate=1.0)
         settle(system)

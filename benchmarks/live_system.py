@@ -76,11 +76,13 @@ class System:
         For their logs.
     keep : bool
         Keep the pixels of the images.
+    topic : str
+        Which images to receive.
     """
 
     def __init__(self, names: tuple[str, ...], parameters: dict, folder: pathlib.Path, *,
-                 keep: bool = False):
-        self.names = names
+                 keep: bool = False, topic: str = 'image_complex'):
+        self.names, self._topic = names, topic
         self._parameters = parameters
         self._folder = folder
         self._keep = keep
@@ -104,7 +106,7 @@ class System:
         self._publisher = node.create_publisher(
             Float32MultiArray, 'pulses',
             QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE))
-        node.create_subscription(Image, 'image_complex', self._on_image, 50)
+        node.create_subscription(Image, self._topic, self._on_image, 50)
         node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 50)
         try:
             self.wait(self._connected, 'the nodes to be connected')
@@ -120,7 +122,7 @@ class System:
         logs = [self.nodes.log_file(name).read_text() for name in self.names]
         return (self._publisher.get_subscription_count() > 0
                 and all('subscriber on ' in log for log in logs[:-1])
-                and 'subscriber on /image_complex joined' in logs[-1])
+                and f'subscriber on /{self._topic} joined' in logs[-1])
 
     def wait(self, condition: Callable[[], object], what: str, patience_s=PATIENCE_S) -> bool:
         """Spin until a condition holds; raises TimeoutError."""

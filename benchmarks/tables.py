@@ -83,8 +83,10 @@ def live(results: dict) -> str:
         'million': table(*heads, rows=rows('million', *run)),
         'progressive': table('', 'images', 'losses', 'progressive ms', 'final ms', rows=rows(
             'progressive', 'images', 'losses', 'progressive_latency_ms', 'final_latency_ms')),
-        'sliding': table('', 'images', 'losses', 'latency ms', 'fusion ms', 'processor ms',
-                         rows=rows('sliding', 'images', 'losses', 'latency_ms', 'fusion_work_ms',
+        'sliding': table('', 'images', 'losses', 'latency ms', 'of complex images ms', 'fusion ms',
+                         'processor ms',
+                         rows=rows('sliding', 'images', 'losses', 'latency_ms',
+                                   'complex_latency_ms', 'fusion_work_ms',
                                    'processor_ms_per_update')),
         'endurance': table('', 'times real time', 'pulses/s', 'minutes', 'images', 'losses',
                            'latency ms', 'growth ms/min', 'memory MB', 'growth MB/min',
