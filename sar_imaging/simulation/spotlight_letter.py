@@ -18,7 +18,6 @@ from .scene import Scatterer, positions_and_amplitudes
 
 CARRIER_HZ = 10e9  # "X band"
 BANDWIDTH_HZ = 1.16e9
-FLIGHT_S = 7.8
 REFERENCE_RANGE_M = 10_500.0  # closest approach to the middle of the scene
 RESOLUTION_M = 0.15  # nominal; in azimuth wavelength R / 2 L
 SCENE_M = (1600.0, 1240.0)  # range, azimuth
