@@ -10,8 +10,8 @@ import numpy as np
 from ..signal.pulses import PulseBlock
 from ..signal.sequence import (
     COUNTER_MASK,
+    EventSource,
     RestartDetector,
-    StreamEvent,
     counter_distance,
     describe_counters,
     describe_range,
@@ -80,7 +80,7 @@ class Aperture:
         return start + round((end - start) * ((middle - first) / (last - first)))
 
 
-class ApertureSequence:
+class ApertureSequence(EventSource):
     """Sort arriving pulses into apertures and say when these begin and end.
 
     Pulses with the same ``counter // pulses_per_aperture`` belong to one aperture. It is closed
@@ -112,12 +112,12 @@ class ApertureSequence:
     def __init__(self, pulses_per_aperture: int, statistics: ApertureStatistics):
         if pulses_per_aperture < 1:
             raise ValueError(f'pulses_per_aperture={pulses_per_aperture}; expected at least one')
+        super().__init__()
         self.statistics = statistics
         self._length = pulses_per_aperture
         self._plan: Any = None
         self._example: PulseBlock | None = None
         self._detector = RestartDetector(window=0)
-        self._events: list[StreamEvent] = []
         self._begin_sequence()
 
     def _configure(self, block: PulseBlock) -> Any:
@@ -145,11 +145,6 @@ class ApertureSequence:
     def filling(self) -> int | None:
         """Number of the aperture being filled, None when there is none."""
         return None if self._open is None else self._open.number
-
-    def take_events(self) -> list[StreamEvent]:
-        """Events since the last call, oldest first."""
-        events, self._events = self._events, []
-        return events
 
     def add(self, block: PulseBlock) -> list:
         """Add range profiles and return what became complete.
@@ -281,6 +276,3 @@ class ApertureSequence:
             late, self._late = self._late, []
             self._report('late', 'dropped pulses of an aperture that was closed before: '
                          f'{describe_counters(sorted(late))}')
-
-    def _report(self, kind: str, text: str) -> None:
-        self._events.append(StreamEvent(kind, text))

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..geometry.grids import MapGrid
-from ..signal.sequence import StreamEvent, counter_distance
+from ..signal.sequence import EventSource, counter_distance
 from .fusion import SpectrumFusion
 from .fusion_grid import FusionGrid
 from .fusion_map import covers, form_map
@@ -182,7 +182,7 @@ class _Fusing:
         return min(ends), max(ends)
 
 
-class LiveFusion:
+class LiveFusion(EventSource):
     """Fuse sub-aperture images while they arrive, and return images of their apertures.
 
     The images say themselves which aperture they belong to, on which grid they are, on which map
@@ -229,21 +229,16 @@ class LiveFusion:
             raise ValueError(f'images_every={images_every}; expected 0 or more')
         if not 0.0 <= min_pulse_fraction <= 1.0:
             raise ValueError(f'min_pulse_fraction={min_pulse_fraction}; expected 0 to 1')
+        super().__init__()
         self.images_every = images_every
         self.min_pulse_fraction = min_pulse_fraction
         self.statistics = FusionStatistics()
         self.focus: Focus | None = None
         self._max_image_pixels = max_image_pixels
-        self._events: list[StreamEvent] = []
         self._session: int | None = None
         self._former: collections.deque[int] = collections.deque(maxlen=_SESSIONS)
         self._open: dict[int, _Fusing] = {}  # by sequence
         self._newest: int | None = None  # sequence
-
-    def take_events(self) -> list[StreamEvent]:
-        """Events since the last call, oldest first."""
-        events, self._events = self._events, []
-        return events
 
     def add(self, sub: SubapertureImage) -> list[FusedImage]:
         """Add a sub-aperture image and return the images that this made possible.
@@ -383,9 +378,6 @@ class LiveFusion:
         self._report('late', f'dropped sub-aperture {sub.number} of aperture {sub.aperture}: '
                      'closed before, or planned anew since')
         return []
-
-    def _report(self, kind: str, text: str) -> None:
-        self._events.append(StreamEvent(kind, text))
 
 
 def _kind(sub: SubapertureImage) -> tuple:

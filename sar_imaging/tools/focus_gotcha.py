@@ -26,6 +26,7 @@ from sar_imaging.signal.range_compression import RangeCompressor
 
 from .bag_io import BagError
 from .load_gotcha import read_folder
+from .reproduction import run_and_report
 
 GRID = MapGrid.from_size((0.0, 0.0, 0.0), 100.0, 100.0, 0.1)
 REFLECTOR_M = (-15.60, 21.60, 0.0)
@@ -138,6 +139,14 @@ def draw(path: Path, images: dict[str, np.ndarray], grid: MapGrid) -> None:
     figure.savefig(path, dpi=100)
 
 
+def run(folder: Path, output: Path) -> dict:
+    """Compare, draw; returns the contents of results.json."""
+    figures, images = compare(read_profiles(folder))
+    output.mkdir(parents=True, exist_ok=True)
+    draw(output / 'focus_gotcha.png', images, GRID)
+    return figures
+
+
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
     p = argparse.ArgumentParser(
@@ -145,23 +154,15 @@ def parser() -> argparse.ArgumentParser:
         'with wrong ones, and after autofocus of the latter; figures and a picture.')
     p.add_argument('folder', type=Path, help='folder with the .mat files of one pass')
     p.add_argument('--output', type=Path, default=Path('out/focus_gotcha'), metavar='FOLDER',
-                   help='folder for figures.json and focus_gotcha.png (default: %(default)s)')
+                   help='folder for results.json and focus_gotcha.png (default: %(default)s)')
     return p
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    try:
-        figures, images = compare(read_profiles(arguments.folder))
-        arguments.output.mkdir(parents=True, exist_ok=True)
-        (arguments.output / 'figures.json').write_text(json.dumps(figures, indent=2) + '\n')
-        draw(arguments.output / 'focus_gotcha.png', images, GRID)
-    except (BagError, OSError) as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
-    print(json.dumps(figures, indent=2))
-    return 0
+    return run_and_report(arguments.output, lambda: run(arguments.folder, arguments.output),
+                          lambda results: json.dumps(results, indent=2), errors=(BagError,))
 
 
 if __name__ == '__main__':

@@ -1,6 +1,6 @@
 """What the focus of the team 6 reflectors tells about time offset, range bias and lever arm.
 
-Run: python -m sar_imaging.tools.team6_sensitivity FOLDER --output out/team6
+Run: python -m sar_imaging.tools.team6_sensitivity FOLDER --output out/team6_sensitivity
 
 Images both reflectors with many time offsets and range biases and the nominal lever arm, and
 compares how sharp they are with how far from the survey. The survey says where to look and judges
@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -35,6 +36,7 @@ from sar_imaging.signal.range_compression import RangeCompressor
 from .bag_io import BagError
 from .load_team6_rail import read_alignment, read_attitudes, read_folder, read_reflectors
 from .recorded_poses import RecordedPoses
+from .reproduction import run_and_report
 
 TIME_OFFSETS_S = np.arange(9.26, 9.3001, 0.01)
 RANGE_BIASES_M = np.arange(0.0, 1.0001, 0.1)
@@ -215,7 +217,7 @@ def draw(path: Path, level_db: np.ndarray, error_m: np.ndarray, marks: dict[str,
 
 
 def run(folder: Path, output: Path) -> dict:
-    """Scan, judge, draw; returns the contents of sensitivity.json."""
+    """Scan, judge, draw; returns the contents of results.json."""
     block, poses = read_folder(folder)
     track, survey_m = poses.track(), read_reflectors(folder)
     start = read_alignment(folder, 'nominal')
@@ -234,15 +236,20 @@ def run(folder: Path, output: Path) -> dict:
         'least_largest_error_m': float(error_m.max(axis=-1).min()),
         'level_db': {f'{bias:.1f}': row.tolist()
                      for bias, row in zip(RANGE_BIASES_M, level_db, strict=True)},
-        'bounds_level': bounds(block, track, best, places_m, (*names, *LEVER_NAMES)),
-        'bounds_turning': bounds(block, turning, best, places_m, (*names, *LEVER_NAMES)),
-        'bounds_without_lever': bounds(block, track, best, places_m, names)}
+        'bounds_level': _finite(bounds(block, track, best, places_m, (*names, *LEVER_NAMES))),
+        'bounds_turning': _finite(bounds(block, turning, best, places_m,
+                                         (*names, *LEVER_NAMES))),
+        'bounds_without_lever': _finite(bounds(block, track, best, places_m, names))}
     output.mkdir(parents=True, exist_ok=True)
-    (output / 'sensitivity.json').write_text(json.dumps(result, indent=2) + '\n')
     draw(output / 'team6_sensitivity.png', level_db, error_m[t],
          {'nominal': start.range_bias_m,
           'fitted to the survey': read_alignment(folder, 'fitted').range_bias_m})
     return result
+
+
+def _finite(values: dict[str, float]) -> dict[str, float | None]:
+    """JSON knows no infinity: None stands for it."""
+    return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
 
 def parser() -> argparse.ArgumentParser:
@@ -252,8 +259,8 @@ def parser() -> argparse.ArgumentParser:
         'time offset and range bias: how sharp, how far from the survey, and how well their '
         'echoes can tell the alignment.')
     p.add_argument('folder', type=Path, help='folder with the recording')
-    p.add_argument('--output', type=Path, default=Path('out/team6'), metavar='FOLDER',
-                   help='folder for team6_sensitivity.png and sensitivity.json '
+    p.add_argument('--output', type=Path, default=Path('out/team6_sensitivity'), metavar='FOLDER',
+                   help='folder for team6_sensitivity.png and results.json '
                         '(default: %(default)s)')
     return p
 
@@ -261,13 +268,9 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    try:
-        result = run(arguments.folder, arguments.output)
-    except (BagError, OSError, ValueError) as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
-    print(json.dumps(result, indent=2))
-    return 0
+    return run_and_report(arguments.output, lambda: run(arguments.folder, arguments.output),
+                          lambda results: json.dumps(results, indent=2),
+                          errors=(BagError, ValueError))
 
 
 if __name__ == '__main__':

@@ -302,19 +302,6 @@ def test_messages_and_objects_give_the_same_bits(sent):
         np.testing.assert_array_equal(one.image, other.image)
 
 
-@pytest.mark.parametrize('options', [
-    {'pulses_per_aperture': 0}, {'pulses_per_subaperture': LENGTH + 1}, {'target_db': -95.0}])
-def test_impossible_options_are_refused(fly, options):
-    with pytest.raises(ValueError, match=next(iter(options))):
-        _stage(fly(), **options)
-
-
-@pytest.mark.parametrize('options', [{'images_every': -1}, {'min_pulse_fraction': 1.5}])
-def test_impossible_options_of_the_fusion_are_refused(options):
-    with pytest.raises(ValueError, match=next(iter(options))):
-        LiveFusion(**options)
-
-
 # ------------------------------------------------------------------------------- planning
 
 def test_an_aperture_is_imaged_anew_when_its_track_was_foreseen_badly(make_case):

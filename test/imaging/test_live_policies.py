@@ -292,3 +292,18 @@ def test_patches_of_another_lattice_are_refused(grid):
         StripMosaic(max_pixels=15).add(np.zeros((4, 4), np.complex64), grid)
     with pytest.raises(ValueError, match='max_pixels=0'):
         StripMosaic(max_pixels=0)
+
+
+# ------------------------------------------------------------------------------- options
+
+@pytest.mark.parametrize('options', [
+    {'pulses_per_aperture': 0}, {'pulses_per_subaperture': LENGTH + 1}, {'target_db': -95.0}])
+def test_impossible_options_are_refused(case, options):
+    with pytest.raises(ValueError, match=next(iter(options))):
+        LiveSubapertures(case.grid, **{'pulses_per_aperture': LENGTH} | options)
+
+
+@pytest.mark.parametrize('options', [{'images_every': -1}, {'min_pulse_fraction': 1.5}])
+def test_impossible_options_of_the_fusion_are_refused(options):
+    with pytest.raises(ValueError, match=next(iter(options))):
+        LiveFusion(**options)

@@ -38,15 +38,14 @@ DAMAGED_SHARE, DAMAGED_BYTES = 0.01, 5  # of messages, and of the bytes of one
 IMAGE = (r'image of aperture (\d+): (?:\d+ sub-apertures, )?(\d+) pulses, '
          r'(?:(\d+) missing|missing (?:none|.*\((\d+)\)))')
 DROPPED = r'\baperture (\d+) dropped: (\d+) of \d+ pulses'
-
-
 SKIPPED = r'no pulse came of apertures (\d+)(?:\.\.(\d+))? \(\d+\)'
 
 
 def with_setups(*setups):
-    """Decorator: the test is run with these nodes, in these modes of backprojection."""
-    return pytest.mark.parametrize(('names', 'mode'), setups,
-                                   ids=[f'{names[-1]}-{mode}' for names, mode in setups])
+    """Decorator: the test flies with these nodes, in these modes of backprojection."""
+    return pytest.mark.parametrize(('names', 'mode', 'seed'), [
+        pytest.param(names, mode, seed, id=f'{names[-1]}-{mode}-{seed}')
+        for names, mode in setups for seed in SEEDS])
 
 
 class Flight:
@@ -167,6 +166,16 @@ class Flight:
         return self.fly(complete, f'a complete aperture after {what}')[0]
 
 
+@pytest.fixture(name='rng')
+def rng_fixture(seed):
+    return np.random.default_rng(seed)
+
+
+@pytest.fixture(name='flight')
+def flight_fixture(make_chain, psf, names, mode):
+    return Flight(make_chain(psf.truth, names=names, mode=mode), psf, mode)
+
+
 def told_of(log):
     """Apertures that the imager tells about, with the pulses it has or lacks of each."""
     told = {}
@@ -180,11 +189,8 @@ def told_of(log):
 
 
 @with_setups((AFBP_NODES, 'subapertures'), (PIPELINE, 'image'))
-@pytest.mark.parametrize('seed', SEEDS)
-def test_nodes_killed_at_random_moments(make_chain, psf, names, mode, seed):
-    rng = np.random.default_rng(seed)
-    chain = make_chain(psf.truth, names=names, mode=mode)
-    flight = Flight(chain, psf, mode)
+def test_nodes_killed_at_random_moments(flight, rng, names, mode):
+    chain = flight.chain
     excused = set()
     imaging = [name for name in names if name in (*AFBP_NODES[2:], *PIPELINE)]
 
@@ -326,18 +332,14 @@ REJECTED = (not_a_number, epoch_beyond_ros_time)  # whatever the random numbers 
 
 
 @with_setups((NODES, 'image'), (PIPELINE, 'subapertures'))
-@pytest.mark.parametrize('seed', SEEDS)
-def test_a_bad_stream(make_chain, psf, names, mode, seed):
-    rng = np.random.default_rng(seed)
-    chain = make_chain(psf.truth, names=names, mode=mode)
-    flight = Flight(chain, psf, mode)
+def test_a_bad_stream(flight, rng, names):
     for disturb in rng.permutation(DISTURBANCES):
         disturb(flight, rng)
         # What was sent of this aperture may be spoiled, and its rest be of two.
         flight.finish_aperture()
         flight.assert_next_aperture_right(disturb.__name__)
-        chain.check()
-    observer, first = chain.observer, names[0]
+        flight.chain.check()
+    observer, first = flight.observer, names[0]
     part = 'stage' if first == 'pulse_buffer' else 'pulse_buffer'
 
     def counters():
@@ -347,16 +349,12 @@ def test_a_bad_stream(make_chain, psf, names, mode, seed):
              'pulses_duplicate': 3 * BLOCK, 'pulses_corrupt': 1, 'qos_incompatible': 1}
     observer.wait(lambda: all(counters().get(key, 0) >= value for key, value in least.items()),
                   f'reports of {least}')
-    for name in chain.running:
-        assert observer.counters(name)['errors'] == 0, chain.log(name)
+    for name in flight.chain.running:
+        assert observer.counters(name)['errors'] == 0, flight.chain.log(name)
 
 
 @with_setups((NODES, 'image'), (PIPELINE, 'subapertures'))
-@pytest.mark.parametrize('seed', SEEDS)
-def test_one_percent_of_the_messages_damaged(make_chain, psf, names, mode, seed):
-    rng = np.random.default_rng(seed)
-    chain = make_chain(psf.truth, names=names, mode=mode)
-    flight = Flight(chain, psf, mode)
+def test_one_percent_of_the_messages_damaged(flight, rng, names):
     rejected = []
 
     def damage(cdr):
@@ -378,29 +376,25 @@ def test_one_percent_of_the_messages_damaged(make_chain, psf, names, mode, seed)
     flight.fly_messages(1000)
     flight.damage = bytes
     flight.assert_next_aperture_right('damaged messages')
-    chain.check()
-    chain.observer.wait_for_counters(names[0], blocks_rejected=len(rejected))
-    for name in chain.running:
-        assert chain.observer.counters(name)['errors'] == 0, chain.log(name)
+    flight.chain.check()
+    flight.observer.wait_for_counters(names[0], blocks_rejected=len(rejected))
+    for name in flight.chain.running:
+        assert flight.observer.counters(name)['errors'] == 0, flight.chain.log(name)
 
 
 # ------------------------------------------------------------------------- the end, the beginning
 
 @with_setups((AFBP_NODES, 'subapertures'), (PIPELINE, 'image'))
-@pytest.mark.parametrize('seed', SEEDS)
-def test_ctrl_c_while_imaging_and_late_joiners(make_chain, psf, names, mode, seed):
-    rng = np.random.default_rng(seed)
-    chain = make_chain(psf.truth, names=names, mode=mode)
-    flight = Flight(chain, psf, mode)
-    names = sorted(chain.running)
+def test_ctrl_c_while_imaging_and_late_joiners(flight, rng):
+    names = sorted(flight.chain.running)
     flight.fly_messages(rng.integers(1, 12))
     for name in rng.permutation(names):
         flight.fly_messages(rng.integers(0, 5))
-        chain.signal(name, signal.SIGINT)
+        flight.chain.signal(name, signal.SIGINT)
     for name in names:
-        assert chain.exit_code(name) == 0, chain.log(name)
+        assert flight.chain.exit_code(name) == 0, flight.chain.log(name)
     for name in rng.permutation(names):  # in any order, while pulses come
-        chain.start(name)
+        flight.chain.start(name)
         flight.fly_messages(rng.integers(0, 20))
     flight.wait_for_complete_image(flight.aperture, 'a new start')
     flight.assert_next_aperture_right('a new start')
