@@ -18,16 +18,16 @@ from .errors import WireFormatError
 from .layout import DEFAULT_MAX_ELEMENTS, Dims, Layout, as_floats, check_finite, check_magic
 
 MAGIC = 0x534149  # 'SAI' in ASCII, exact in a float32
-VERSION = 2
+VERSION = 3
 LAYOUT = Layout(('angle', 'range'), content='pixels', unit='image')
 
-# Header of version 2; its even length keeps the pixels 8-byte aligned.
+# Header of version 3; its even length keeps the pixels 8-byte aligned.
 HEADER_LENGTH = 88
 SIDE = 3
 STAMP = slice(4, 8)
-LIMBS = slice(8, 40)  # COUNTS, then the sizes
+LIMBS = slice(8, 42)  # COUNTS, then the sizes
 SIZES = ('n_alpha', 'n_range', 'n_fine', 'range_guard', 'n_x', 'n_y')
-NUMBERS = slice(40, 84)
+NUMBERS = slice(42, 86)
 
 
 def to_array(subaperture: SubapertureImage) -> tuple[np.ndarray, list[tuple[str, int, int]], int]:

@@ -15,7 +15,6 @@ from .fusion import SpectrumFusion
 from .fusion_grid import FusionGrid
 from .fusion_map import covers, form_map
 from .memory import check_memory
-from .subaperture_cut import SubapertureCut
 from .subaperture_image import SubapertureImage
 
 _SESSIONS = 16  # former senders that are remembered
@@ -102,7 +101,10 @@ class _Fusing:
         self.begins_stream = first  # there is no aperture before that it overlaps with
         self.fusion = SpectrumFusion(example.fusion, keep=self.sliding)
         self.headers: dict[int, _Header] = {}
-        self._cut = SubapertureCut(min(self.n_window, self.n_subapertures))
+        self._n_parts = min(self.n_window, self.n_subapertures)  # of one aperture
+        self._length, before = example.pulses_per_aperture, self._n_parts - 1
+        is_last = before and example.number % self._n_parts == before
+        self._cut = (self._length - example.length) // before if is_last else example.length
         self.newest = -1
         self.aperture = example.aperture
         self.imaged = False  # since the latest sub-aperture came
@@ -118,7 +120,6 @@ class _Fusing:
         self.headers[sub.number] = _Header(sub.first_counter, sub.n_pulses, sub.n_missing,
                                            sub.stamp_ns, sub.centre_m,
                                            10 ** (sub.predicted_error_db / 10))
-        self._cut.learn(sub)
         if sub.number > self.newest:
             self.newest, self.aperture = sub.number, sub.aperture
         self.imaged = False
@@ -134,20 +135,25 @@ class _Fusing:
         """Pulses in the image and missing ones; in those of a closed aperture all that lack."""
         n_pulses = sum(h.n_pulses for h in self.headers.values())
         first, last = self._extent(final=final)
-        return n_pulses, max(0, self._cut.start(last + 1) - self._cut.start(first) - n_pulses)
+        return n_pulses, max(0, self._start(last + 1) - self._start(first) - n_pulses)
 
     def stamp_ns(self, *, final: bool) -> int:
         """Time of the middle, from the line through the first and last sub-aperture's stamps."""
         low, high = min(self.headers), max(self.headers)
         first, last = self.headers[low], self.headers[high]
-        begin, end = (self._cut.start(n) + (h.length - 1) / 2
+        begin, end = (self._start(n) + (h.length - 1) / 2
                       for n, h in ((low, first), (high, last)))
         if begin == end:
             return first.stamp_ns
         start, stop = self._extent(final=final)
-        middle = (self._cut.start(start) + self._cut.start(stop + 1) - 1) / 2
+        middle = (self._start(start) + self._start(stop + 1) - 1) / 2
         share = (middle - begin) / (end - begin)
         return first.stamp_ns + round((last.stamp_ns - first.stamp_ns) * share)
+
+    def _start(self, number: int) -> int:
+        """First pulse of a sub-aperture, from the first one of sub-aperture 0."""
+        aperture, part = divmod(number, self._n_parts)
+        return aperture * self._length + part * self._cut
 
     def _extent(self, *, final: bool) -> tuple[int, int]:
         """First and last sub-aperture that an image is of, whether they came or not."""
@@ -278,8 +284,9 @@ class LiveFusion(EventSource):
         if _kind(sub) != current.kind:
             self.statistics.refused += 1
             raise ValueError(f'sub-aperture {sub.number} of aperture {sub.aperture} has another '
-                             'grid, map or number of sub-apertures than those before of the same '
-                             'revision; the message is corrupt or two senders share a session')
+                             'grid, map, length or number of sub-apertures than those before of '
+                             'the same revision; the message is corrupt or two senders share a '
+                             'session')
         return self._fuse(sub)
 
     def flush(self) -> list[FusedImage]:
@@ -382,4 +389,5 @@ class LiveFusion(EventSource):
 
 def _kind(sub: SubapertureImage) -> tuple:
     """What all sub-apertures of an aperture agree in."""
-    return (sub.fusion, sub.map_grid, sub.n_subapertures, sub.n_window)
+    return (sub.fusion, sub.map_grid, sub.n_subapertures, sub.n_window,
+            sub.pulses_per_aperture)

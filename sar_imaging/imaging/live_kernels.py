@@ -46,7 +46,7 @@ def compile_fusion_kernels() -> None:
             fusion.add(SubapertureImage(
                 image, plan.fusion, centre_m, _GRID, block.radar.bandwidth_hz, 0, 0, 0,
                 number // n_parts, number, 2 * n_parts if sliding else n_parts, n_parts, first,
-                _CUT, 0, first, error_db))
+                _CUT, 0, _N_PULSES, first, error_db))
 
 
 def _block() -> PulseBlock:

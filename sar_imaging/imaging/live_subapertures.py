@@ -290,8 +290,8 @@ class LiveSubapertures(ApertureSequence):
             target.plan.image(block), target.plan.fusion, band[0], target.plan.grid,
             block.radar.bandwidth_hz, self._session, target.sequence, target.revision,
             aperture.number, before + number, sum(counts), counts[0], aperture.first + part.start,
-            block.n_pulses, part.stop - part.start - block.n_pulses, aperture.centre_ns(part),
-            band[1])
+            block.n_pulses, part.stop - part.start - block.n_pulses,
+            len(target.apertures[0].seen), aperture.centre_ns(part), band[1])
 
     def _count_parts(self, number: int) -> int:
         """Sub-apertures of an aperture."""

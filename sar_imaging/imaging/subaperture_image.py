@@ -14,7 +14,7 @@ from .fusion_grid import FusionGrid
 
 #: Names of the fields that count something, unsigned with 32 bits.
 COUNTS = ('session', 'sequence', 'revision', 'aperture', 'number', 'n_subapertures', 'n_window',
-          'first_counter', 'n_pulses', 'n_missing')
+          'first_counter', 'n_pulses', 'n_missing', 'pulses_per_aperture')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,6 +59,8 @@ class SubapertureImage:
         Counter of the sub-aperture's first pulse, whether it came or not.
     n_pulses, n_missing : int
         Pulses in the image and pulses that it lacks; together the sub-aperture's length.
+    pulses_per_aperture : int
+        Length of an aperture; its sub-apertures are equally long, but for a shorter last one.
     stamp_ns : int
         Time of the middle of the sub-aperture, nanoseconds since the epoch of the pulses' clock.
     predicted_error_db : float
@@ -85,6 +87,7 @@ class SubapertureImage:
     first_counter: int
     n_pulses: int
     n_missing: int
+    pulses_per_aperture: int
     stamp_ns: int
     predicted_error_db: float
 
@@ -109,9 +112,10 @@ class SubapertureImage:
         if not 1 <= self.n_window <= self.n_subapertures:
             raise ValueError(f'n_window={self.n_window} of n_subapertures={self.n_subapertures}; '
                              'expected at least one and at most all')
-        if not 1 <= self.n_pulses <= COUNTER_MASK - self.n_missing:
+        if not 1 <= self.n_pulses <= self.pulses_per_aperture - self.n_missing:
             raise ValueError(f'n_pulses={self.n_pulses}, n_missing={self.n_missing}; expected at '
-                             f'least one pulse, and at most {COUNTER_MASK} together')
+                             f'least one pulse, and at most pulses_per_aperture='
+                             f'{self.pulses_per_aperture} together')
         if not -2**63 <= self.stamp_ns < 2**63:
             raise ValueError(f'stamp_ns={self.stamp_ns} exceeds 64 bits; expected nanoseconds')
 
@@ -119,3 +123,8 @@ class SubapertureImage:
     def grid(self) -> PolarGrid:
         """Where the pixels are, in the imaging frame."""
         return self.fusion.coarse
+
+    @property
+    def length(self) -> int:
+        """Pulses of the sub-aperture, whether they came or not."""
+        return self.n_pulses + self.n_missing

@@ -280,7 +280,7 @@ class SubapertureStep(BackprojectionStep):
 
     def describe(self, product: SubapertureImage) -> str:
         """A sub-aperture image in words."""
-        last = product.first_counter + product.n_pulses + product.n_missing - 1
+        last = product.first_counter + product.length - 1
         return (f'sub-aperture {product.number} of aperture {product.aperture}: pulses '
                 f'{describe_range(product.first_counter, last)}, {product.n_missing} missing')
 

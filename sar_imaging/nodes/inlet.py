@@ -115,7 +115,7 @@ class SubapertureImages(Inlet):
     @staticmethod
     def last_counter(item: SubapertureImage) -> int:
         """Counter of the last pulse of a sub-aperture, whether it came or not."""
-        return (item.first_counter + item.n_pulses + item.n_missing - 1) & COUNTER_MASK
+        return (item.first_counter + item.length - 1) & COUNTER_MASK
 
     @staticmethod
     def n_bytes(item: SubapertureImage) -> int:

@@ -44,8 +44,8 @@ def make_image(fusion=None, **changes):
         'map_grid': MapGrid((4.2e6 + 900, 1.7e5, 4.8e6 - 300), 5, 0x00020003, 0.1),
         'session': 0xDEADBEEF, 'sequence': 0x00070008, 'revision': 2, 'aperture': 0x00010002,
         'number': 3, 'n_subapertures': 5, 'n_window': 4, 'first_counter': 0xFFFF0001,
-        'n_pulses': 60, 'n_missing': 0x00050004, 'stamp_ns': 0x0123_4567_89AB_CDEF,
-        'predicted_error_db': -61.25} | changes)
+        'n_pulses': 60, 'n_missing': 0x00050004, 'pulses_per_aperture': 0x00160015,
+        'stamp_ns': 0x0123_4567_89AB_CDEF, 'predicted_error_db': -61.25} | changes)
 
 
 @st.composite
@@ -80,7 +80,8 @@ def images(draw):
                          elements=finite))
     number = draw(st.integers(0, 2**32 - 2))
     n_subapertures = draw(st.integers(number + 1, 2**32 - 1))
-    n_missing = draw(st.integers(0, 2**32 - 2))
+    pulses_per_aperture = draw(st.integers(1, 2**32 - 1))
+    n_missing = draw(st.integers(0, pulses_per_aperture - 1))
     position = st.floats(-6.4e6, 6.4e6)
     target = MapGrid((draw(position), draw(position), draw(position)),
                      draw(st.integers(1, 2**32 - 1)), draw(st.integers(1, 2**32 - 1)),
@@ -89,7 +90,7 @@ def images(draw):
         iq.view(np.complex64)[..., 0], fusion, draw(st.floats(-1e5, 1e5)), target,
         draw(st.floats(1e3, 1e11)), draw(uint32), draw(uint32), draw(uint32), draw(uint32),
         number, n_subapertures, draw(st.integers(1, n_subapertures)), draw(uint32),
-        draw(st.integers(1, 2**32 - 1 - n_missing)), n_missing,
+        draw(st.integers(1, pulses_per_aperture - n_missing)), n_missing, pulses_per_aperture,
         stamp_ns=draw(st.integers(1 - 2**31 * 10**9, 2**31 * 10**9 - 1)),
         predicted_error_db=draw(st.floats(-300.0, 0.0)))
 
@@ -149,15 +150,16 @@ def test_layout_is_the_documented_one():
     data, dims, offset = wire.to_array(sent)
     assert dims == [('angle', 2, 12), ('range', 3, 6), ('iq', 2, 2)]
     assert offset == 88
-    assert data[:8].tolist() == [5456201, 2, 88, -1, 0xCDEF, 0x89AB, 0x4567, 0x0123]
+    assert data[:8].tolist() == [5456201, 3, 88, -1, 0xCDEF, 0x89AB, 0x4567, 0x0123]
     assert data[8:28].tolist() == [0xBEEF, 0xDEAD, 8, 7, 2, 0, 2, 1, 3, 0, 5, 0, 4, 0, 1, 0xFFFF,
                                    60, 0, 4, 5]
-    assert data[28:40].tolist() == [4, 0, 1, 0, 12, 0, 1, 0, 5, 0, 3, 2]
+    assert data[28:30].tolist() == [0x15, 0x16]
+    assert data[30:42].tolist() == [4, 0, 1, 0, 12, 0, 1, 0, 5, 0, 3, 2]
     polar = sent.fusion.polar
-    assert data[40:84:2].tolist() == [np.float32(value) for value in (
+    assert data[42:86:2].tolist() == [np.float32(value) for value in (
         9.6e9, 5e8, -61.25, *polar.origin_m, *polar.track, polar.z_m, 1500.0, 0.3, -0.05, 1e-4,
         0.25, 1.5, 12.0, 1.25, -3.25, *sent.map_grid.centre_m, 0.1)]
-    assert data[84:88].tolist() == [0, 0, 0, 0]
+    assert data[86:88].tolist() == [0, 0]
     assert data[88:].tobytes() == sent.image.tobytes()
 
 
@@ -193,36 +195,37 @@ MALFORMED = {
     'no header': (lambda d, m, o: (d[o:], m, 0), 'data_offset=0; expected 88: the length'),
     'absurd offset': (lambda d, m, o: (d, m, 2**32 - 1), 'data_offset=4294967295; expected 88'),
     'wrong magic': (edited(0, 5456210), 'magic number 5456201; .* carry sub-aperture images'),
-    'wrong version': (edited(1, 1), 'format version is 1; expected 2'),
+    'wrong version': (edited(1, 2), 'format version is 2; expected 3'),
     'wrong header length': (edited(2, 48), 'header length is 48 floats; expected 88'),
     'no side': (edited(3, 0), r'side \(data\[3\]\) is 0; expected \+1'),
     'fractional side': (edited(3, 0.5), r'side \(data\[3\]\) is 0.5'),
-    'NaN in the header': (edited(60, np.nan), 'header holds 1 numbers that are NaN .* index 60'),
+    'NaN in the header': (edited(62, np.nan), 'header holds 1 numbers that are NaN .* index 62'),
     'infinite reserve': (edited(87, np.inf), 'header holds 1 numbers .* index 87'),
     'fractional stamp': (edited(5, 0.5), r'stamp limbs \(data\[4:8\]\) are .* whole numbers'),
-    'negative count': (edited(9, -1), r'count limbs \(data\[8:40\]\) are .* whole numbers'),
-    'limb too large': (edited(39, 65536), r'count limbs .* 65536.0\]; expected'),
+    'negative count': (edited(9, -1), r'count limbs \(data\[8:42\]\) are .* whole numbers'),
+    'limb too large': (edited(41, 65536), r'count limbs .* 65536.0\]; expected'),
     'no pulses': (edited([24, 25], 0), 'impossible: n_pulses=0, n_missing='),
+    'more pulses than the aperture has': (edited(29, 4), 'at most pulses_per_aperture=262165'),
     'number of another aperture': (edited(16, 5), 'impossible: number=5 of n_subapertures=5'),
     'window longer than the aperture': (edited(20, 6), 'n_window=6 of n_subapertures=5'),
     'no window': (edited(20, 0), 'n_window=0 of n_subapertures=5'),
-    'carrier of zero': (edited([40, 41], 0), 'impossible: carrier_hz=0.0 must be positive'),
-    'negative bandwidth': (edited(42, -5e8), 'impossible: bandwidth_hz=-500000000.0 must be'),
-    'track no unit vector': (edited(52, 0.7), r'impossible: track=.* is no unit vector'),
-    'descending ranges': (edited(60, -0.3), 'expected positive spacings'),
-    'descending angles': (edited(64, -1e-4), 'expected positive spacings'),
-    'ranges above the plane': (edited(58, 10.0), 'impossible: .*range_start_m=.* does not reach'),
-    'angle beyond the track': (edited(62, 1.5), 'impossible: .*range_start_m=.* at alpha=1.5'),
-    'more ranges than pixels': (edited(30, 2), r'image.shape=\(2, 3\) does not match the grid'),
-    'fine grid too small': (edited(32, 4), 'n_fine=4 directions do not hold'),
-    'guards wider than the grid': (edited(66, 1.0), 'do not hold two guards of n_guard=1'),
-    'no range guard': (edited(34, 0), 'range_guard=0; expected at least one'),
-    'negative taper': (edited(68, -1.0), 'beta=-1.0; expected 0 to 700'),
-    'absurd band': (edited(70, 1e6), 'half_range=1e.06 rad/m exceeds the carrier'),
-    'undersampled': (edited(72, 0.5), 'oversampling=0.5; expected 1 or more'),
-    'absurd fine grid': (edited(33, 65535), 'expected at most 2147483648 pixels'),
-    'empty map': (edited(36, 0), 'n_x=0, n_y=131075; expected at least one pixel'),
-    'map without spacing': (edited([82, 83], 0), 'spacing_m=0.0 must be positive'),
+    'carrier of zero': (edited([42, 43], 0), 'impossible: carrier_hz=0.0 must be positive'),
+    'negative bandwidth': (edited(44, -5e8), 'impossible: bandwidth_hz=-500000000.0 must be'),
+    'track no unit vector': (edited(54, 0.7), r'impossible: track=.* is no unit vector'),
+    'descending ranges': (edited(62, -0.3), 'expected positive spacings'),
+    'descending angles': (edited(66, -1e-4), 'expected positive spacings'),
+    'ranges above the plane': (edited(60, 10.0), 'impossible: .*range_start_m=.* does not reach'),
+    'angle beyond the track': (edited(64, 1.5), 'impossible: .*range_start_m=.* at alpha=1.5'),
+    'more ranges than pixels': (edited(32, 2), r'image.shape=\(2, 3\) does not match the grid'),
+    'fine grid too small': (edited(34, 4), 'n_fine=4 directions do not hold'),
+    'guards wider than the grid': (edited(68, 1.0), 'do not hold two guards of n_guard=1'),
+    'no range guard': (edited(36, 0), 'range_guard=0; expected at least one'),
+    'negative taper': (edited(70, -1.0), 'beta=-1.0; expected 0 to 700'),
+    'absurd band': (edited(72, 1e6), 'half_range=1e.06 rad/m exceeds the carrier'),
+    'undersampled': (edited(74, 0.5), 'oversampling=0.5; expected 1 or more'),
+    'absurd fine grid': (edited(35, 65535), 'expected at most 2147483648 pixels'),
+    'empty map': (edited(38, 0), 'n_x=0, n_y=131075; expected at least one pixel'),
+    'map without spacing': (edited([84, 85], 0), 'spacing_m=0.0 must be positive'),
     'NaN pixel': (edited(88, np.nan), 'pixel array holds 1 numbers that are NaN .* its index 0'),
     'doubles': (lambda d, m, o: (d.astype(np.float64), m, o), "has format 'd'"),
 }
@@ -268,7 +271,7 @@ def test_grids_beyond_float32_are_not_written():
     ({'image': np.zeros((3, 2))}, r'image.shape=\(3, 2\) does not match the grid; .*\(2, 3\)'),
     ({'first_counter': 2**32}, 'first_counter=4294967296; expected 0 to 4294967295'),
     ({'aperture': -1}, 'aperture=-1; expected 0 to'),
-    ({'n_missing': 2**32 - 1}, 'at most 4294967295 together'),
+    ({'n_missing': 2**32 - 1}, 'at most pulses_per_aperture=1441813 together'),
     ({'stamp_ns': 2**63}, 'stamp_ns=9223372036854775808 exceeds 64 bits'),
     ({'predicted_error_db': -math.inf}, 'predicted_error_db=-inf must be finite'),
     ({'centre_m': math.nan}, 'centre_m=nan must be finite'),
