@@ -116,9 +116,11 @@ def occupancy(amplitude: np.ndarray, *, free_db: float, range_db: float) -> np.n
     known = amplitude > 0
     out = np.full(amplitude.shape, UNKNOWN, np.int8)
     if known.any():
-        level = 20 * np.log10(np.divide(amplitude[known], np.median(amplitude[known]),
-                                        dtype=np.float64))
-        out[known] = np.rint(np.clip((level - free_db) * (100 / range_db), 0, 100))
+        median = np.median(amplitude[known])
+        for cells, row, some in zip(out, amplitude, known, strict=True):
+            # A whole image in double precision would take more memory than all else.
+            level = 20 * np.log10(np.divide(row[some], median, dtype=np.float64))
+            cells[some] = np.rint(np.clip((level - free_db) * (100 / range_db), 0, 100))
     return out
 
 

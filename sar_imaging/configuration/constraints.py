@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 import math
 
+from ..imaging.memory import PUBLISHED_BYTES
 from ..signal.radar import SPEED_OF_LIGHT
 from .derived import Derived, pulse_duration_s
-from .memory import IMAGE_BYTES, LEAST_IMAGES
 from .settings import Acquisition, Imaging, Machine
 
 LEAST_OVERSAMPLING = 1.25  # of profiles, for the interpolation of backprojection
@@ -80,7 +80,7 @@ def check_settings(imaging: Imaging, machine: Machine) -> list[Finding]:
             'error', f'the grid has {grid.n_x} x {grid.n_y} pixels, more than max_image_pixels='
             f'{imaging.max_image_pixels}; raise grid.spacing={grid.spacing_m:g}, or '
             'max_image_pixels if memory allows'))
-    n_bytes = LEAST_IMAGES * IMAGE_BYTES * n_pixels
+    n_bytes = PUBLISHED_BYTES * n_pixels
     if n_bytes > machine.memory_bytes:
         findings.append(Finding(
             'error', f'an image of {grid.n_x} x {grid.n_y} pixels and its message need '

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 
+from ..imaging.memory import IMAGE_BYTES
 from .settings import Imaging
 
 # Interpreter, libraries and compiled kernels (measured; see docs/configuration.md).
 BASE_BYTES = {'pulse_buffer': 170e6, 'range_compression': 340e6, 'backprojection': 340e6,
               'afbp_fusion': 340e6}
-IMAGE_BYTES = 8  # complex64
-LEAST_IMAGES = 3  # image, its message, the message serialised
 PRODUCT_BYTES = 13  # of a pixel in the messages: complex, amplitude and quicklook
 PRODUCTS_KEPT = 6  # by the middleware (depth 5), and the one being serialised
 POLAR_IMAGES = 2.5  # polar image and its interpolation, relative to the image

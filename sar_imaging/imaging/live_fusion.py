@@ -14,7 +14,7 @@ from ..signal.sequence import EventSource, counter_distance
 from .fusion import SpectrumFusion
 from .fusion_grid import FusionGrid
 from .fusion_map import covers, form_map
-from .memory import check_memory
+from .memory import IMAGE_BYTES, PUBLISHED_BYTES, check_memory
 from .subaperture_image import SubapertureImage
 
 _SESSIONS = 16  # former senders that are remembered
@@ -255,7 +255,8 @@ class LiveFusion(EventSource):
             The map is too large or not within the polar grid, or the sub-aperture contradicts
             others of its aperture; it is not used.
         MemoryError
-            The fused spectrum is larger than the memory that is available.
+            The fused spectrum, and the map with its message, are larger than the memory that is
+            available.
         """
         if sub.session in self._former:
             return self._drop_late(sub)
@@ -332,8 +333,9 @@ class LiveFusion(EventSource):
                                  'message is corrupt')
             copies = 8 if sub.n_window < sub.n_subapertures else 3
             n_pixels = sub.fusion.n_fine * sub.fusion.coarse.n_range
-            check_memory(8 * (copies * n_pixels + grid.n_x * grid.n_y), 'fusing an aperture',
-                         'choose a smaller map')
+            check_memory(copies * IMAGE_BYTES * n_pixels
+                         + PUBLISHED_BYTES * grid.n_x * grid.n_y,
+                         'fusing an aperture', 'choose a smaller map')
         except (ValueError, MemoryError):
             self.statistics.refused += 1
             raise

@@ -12,6 +12,9 @@ try:
 except ImportError:  # not a Unix system
     resource = None
 
+IMAGE_BYTES = 8  # of a pixel, complex64
+PUBLISHED_BYTES = 3 * IMAGE_BYTES  # image, its message, the message serialised
+
 _MEMINFO = Path('/proc/meminfo')
 _STATM = Path('/proc/self/statm')
 # Limit, use and reclaimable part of a control group, of version 2 and of version 1.

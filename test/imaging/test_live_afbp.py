@@ -284,6 +284,15 @@ def test_subapertures_that_contradict_are_refused(sent):
     assert len(_fuse(fusion, sent[1:6])) == 1 and fusion.statistics.refused == 3
 
 
+def test_a_map_whose_messages_do_not_fit_into_memory_is_refused(sent):
+    grid = sent[0].map_grid
+    vast = dataclasses.replace(grid, n_x=400_000, n_y=400_000,
+                               spacing_m=grid.spacing_m * grid.n_x / 400_000)
+    # 24 bytes a pixel: the image, its message, the message serialised; the spectra need 1 MB
+    with pytest.raises(MemoryError, match='needs 38400[0-9]{2} MB, .* choose a smaller map'):
+        LiveFusion(max_image_pixels=2**40).add(dataclasses.replace(sent[0], map_grid=vast))
+
+
 def test_reset_forgets(fly, sent):
     stage, fusion = _stage(fly(), pulses_per_subaperture=CUT), LiveFusion()
     pieces = _pieces(fly().block)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -12,6 +14,7 @@ from std_msgs.msg import Header
 
 from msg_conversions import WireFormatError, images
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.imaging.memory import IMAGE_BYTES, PUBLISHED_BYTES
 
 SHAPES = hnp.array_shapes(min_dims=2, max_dims=2, max_side=5)
 FLOATS = st.floats(width=32, allow_nan=False, allow_infinity=False)
@@ -219,6 +222,27 @@ def test_rotated_maps_are_refused(z, w):
     message.origin.orientation.z, message.origin.orientation.w = z, w
     with pytest.raises(WireFormatError, match=r'orientation=.*; expected \(0, 0, 0, 1\): a north'):
         images.map_metadata_from_message(message)
+
+
+@pytest.mark.parametrize('convert', [
+    images.complex_to_message,
+    lambda image, header: images.amplitude_to_message(np.abs(image), header),
+    lambda image, header: images.quicklook_to_message(np.abs(image), header,
+                                                      dynamic_range_db=60.0),
+    lambda image, header: images.occupancy_to_message(
+        np.abs(image), MapGrid((0.0, 0.0, 0.0), 256, 256, 0.5), header, free_db=6.0,
+        range_db=24.0)], ids=['complex', 'amplitude', 'quicklook', 'occupancy'])
+def test_messages_need_no_more_memory_than_images_are_refused_by(convert):
+    serialization = pytest.importorskip('rclpy.serialization')
+    image = np.ones((256, 256), np.complex64)
+    tracemalloc.start()
+    try:
+        serialization.serialize_message(convert(image, HEADER))
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    # arrays of messages grow with 1/16 in reserve; the rest of a message is some kilobytes
+    assert IMAGE_BYTES + peak / image.size <= PUBLISHED_BYTES + IMAGE_BYTES / 16 + 0.2
 
 
 # ------------------------------------------------------------------------------- occupancy
