@@ -61,11 +61,6 @@ class StripMosaic:
         self._max_pixels = max_pixels
         self._patches: list[_Patch] = []
 
-    @property
-    def n_patches(self) -> int:
-        """Number of patches in the strip."""
-        return len(self._patches)
-
     def add(self, image: np.ndarray, grid: MapGrid) -> None:
         """Add the newest patch.
 

@@ -1,4 +1,4 @@
-"""The transmitted linear frequency modulated (LFM) pulse at baseband, in time and in frequency.
+"""The transmitted linear frequency modulated (LFM) pulse at baseband.
 
 ``s(t) = exp(j pi K (t - T/2)^2)`` for ``0 <= t < T``: the frequency sweeps linearly from
 ``-K T / 2`` to ``+K T / 2`` and is zero in the middle of the pulse. Time runs from the leading
@@ -14,28 +14,6 @@ import numpy as np
 from scipy.special import fresnel
 
 from .radar import RadarParameters
-
-
-def lfm_pulse(time_s, radar: RadarParameters) -> np.ndarray:
-    """Baseband pulse at the times given, zero outside the pulse.
-
-    Parameters
-    ----------
-    time_s : array_like, float64
-        Time since the leading edge, seconds.
-    radar : RadarParameters
-        With pulse length T and chirp rate K (negative for a falling chirp).
-
-    Returns
-    -------
-    array of complex128
-        Samples of unit amplitude inside the pulse, in the shape of `time_s`.
-    """
-    time_s = np.asarray(time_s, float)
-    length = radar.pulse_length_s
-    phase = np.pi * radar.chirp_rate_hz_per_s * (time_s - length / 2) ** 2
-    inside = (time_s >= 0) & (time_s < length)
-    return np.where(inside, np.cos(phase) + 1j * np.sin(phase), 0)
 
 
 def lfm_spectrum(frequency_hz, radar: RadarParameters) -> np.ndarray:
