@@ -239,6 +239,21 @@ def test_patches_follow_the_platform_and_join_to_a_strip(strip):
                                       result.image[36 - 20:36 + 20, 20 - 10:20 + 10])
 
 
+@pytest.mark.parametrize('beyond_m', [0.5, 1.0, 4.0, 10.0])
+def test_a_scatterer_beyond_a_dark_patch_errs_as_if_it_were_inside(make_case, beyond_m):
+    """What a patch lacks in light does not lower the error that its surroundings bring along."""
+    u = np.arange(LENGTH)
+    case = make_case(600.0, n=220, pulses=LENGTH, n_points=1, extent=0.0,
+                     track_m=np.c_[0 * u, (u - (LENGTH - 1) / 2) * 0.3, 0 * u])
+    bright, dark = (type(case)(MapGrid((600.0, y, 0.0), 40, 72, 0.25), case.block, case.points)
+                    for y in (0.0, -9.0 - beyond_m))
+    [result] = _fuse(LiveFusion(), _subapertures(dark))
+    error = np.sum(np.abs(result.image - _exact(dark, slice(None), dark.grid)) ** 2)
+    inside = np.sum(np.abs(_exact(bright, slice(None), bright.grid)) ** 2)
+    # Measured 5 to 10 dB better; of the dark patch's own power it is up to 13 dB more.
+    assert 10 * np.log10(error / inside) <= result.predicted_error_db
+
+
 def test_patches_of_a_leg_do_not_swing_with_the_heading(make_case):
     """Five degrees to and fro would move patches 600 m away by 100 m; a turn moves them."""
     u = np.arange(4 * LENGTH)
