@@ -152,7 +152,7 @@ class AfbpImager:
                                            unit='sub-aperture', disable=not self._progress)):
             self.fusion.add(number, stage.image(number, self._weighted(block.select(some), some)),
                             s.centre[number])
-        return self.form(self.fusion.take_polar_image())
+        return self.form(self.fusion.take_polar_image(planes=True))
 
     def _weighted(self, block: PulseBlock, pulses: slice) -> PulseBlock:
         if self._pulse_weights is None:
@@ -165,8 +165,8 @@ class AfbpImager:
 
         Parameters
         ----------
-        polar_image : (n_alpha, n_range) complex64
-            From `SpectrumFusion.polar_image`.
+        polar_image : (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
+            From `SpectrumFusion`, complex or as real and imaginary part.
 
         Returns
         -------
@@ -176,6 +176,8 @@ class AfbpImager:
         wavelength = plan.radar.wavelength_m
         if self._cover is None:
             cycles = np.fmod(2 * (plan.polar.range_m - plan.polar.range_start_m) / wavelength, 1.0)
+            if not np.iscomplexobj(polar_image):
+                polar_image = polar_image[0] + np.complex64(1j) * polar_image[1]
             return polar_image * np.exp(2j * np.pi * cycles).astype(np.complex64)
         return form_map(polar_image, plan.fusion_grid, self.grid)
 

@@ -9,17 +9,26 @@ spectrum of the full aperture and adding the bands interpolates and sums all ima
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import scipy.fft
 
 from ..compilation import njit, numba
+from .column_transform import LANES, transform_columns
 from .fusion_error import edge_taper
 from .fusion_grid import FusionGrid
 from .transform_length import quick_length
 
-_BLOCK = 64  # tile of the transposition
-_LINES_PER_CALL = 256  # of the fused image, bounds the work space
+_LINES_PER_CALL = 64  # of the fused image; the processors' common cache holds them
+
+
+class _Band(NamedTuple):
+    """Which range wavenumbers of a spectrum the angular ones of a band take."""
+
+    row: int  # first angular wavenumber
+    begin: np.ndarray  # (rows,) int64
+    end: np.ndarray
 
 
 class SpectrumFusion:
@@ -51,14 +60,20 @@ class SpectrumFusion:
         # Tapers widen the band by little more than the inverse of the guards' length.
         margin = 4 * 2 * math.pi / (grid.range_guard * coarse.range_spacing_m)
         most = min(math.ceil((grid.half_range + margin) / step), (self._n_range - 1) // 2)
-        self._bins = np.arange(-most, most + 1)
-        self._wavenumber = grid.wavenumber_rad_per_m + self._bins * step
+        self._wavenumber = grid.wavenumber_rad_per_m + np.arange(-most, most + 1) * step
+        # Turned by this along range, images have the lowest wavenumber at zero.
+        turn = np.exp(2j * np.pi * (most * np.arange(coarse.n_range) % self._n_range)
+                      / self._n_range)
         self._taper = (edge_taper(grid.n_coarse, grid.n_guard, grid.beta).astype(np.float32),
-                       edge_taper(coarse.n_range, grid.range_guard, grid.beta
-                                  ).astype(np.float32))
+                       (edge_taper(coarse.n_range, grid.range_guard, grid.beta) * turn
+                        ).astype(np.complex64))
+        inside = slice(grid.range_guard, grid.range_guard + grid.polar.n_range)
+        self._turn_back = turn[inside].conj().astype(np.complex64)
+        # kept from one sub-aperture to the next: fresh memory takes as long as the work
+        self._lines = np.zeros((grid.n_coarse, _padded(self._n_range)), np.complex64)
         self._spectrum: np.ndarray | None
-        self._contributions: dict[int, tuple[np.ndarray, np.ndarray]]
-        self._changed: list[np.ndarray]  # first bins of bands that came or went
+        self._contributions: dict[int, tuple[np.ndarray, _Band]]
+        self._changed: list[_Band]  # that came or went
         self._included: set[int]
         self.clear()
 
@@ -69,8 +84,8 @@ class SpectrumFusion:
 
     @property
     def spectrum_shape(self) -> tuple[int, int]:
-        """Range and angular wavenumbers of the fused spectrum."""
-        return len(self._bins), self.grid.n_fine
+        """Angular and range wavenumbers of the fused spectrum."""
+        return self.grid.n_fine, len(self._wavenumber)
 
     def add(self, number: int, image: np.ndarray, centre_m: float) -> None:
         """Add a sub-aperture, or replace it where contributions are kept.
@@ -100,15 +115,14 @@ class SpectrumFusion:
         if number in self._included and not self._keep:
             raise ValueError(f'sub-aperture {number} is in the image already; fuse with keep=True '
                              'to replace contributions')
-        folded = self.folded_spectrum(image)
-        first = self._first_bins(centre_m)
+        folded, band = self._folded(image), self._band(centre_m)
         if self._keep:
             if number in self._contributions:
                 self.remove(number)
-            self._contributions[number] = folded, first
-            self._changed.append(first)
+            self._contributions[number] = folded.copy(), band
+            self._changed.append(band)
         else:
-            _add_bands(folded, first, self._whole())
+            _add_band(folded, *band, *self._everything, self._whole())
         self._included.add(number)
 
     def remove(self, number: int) -> None:
@@ -141,11 +155,21 @@ class SpectrumFusion:
             ``exp(-j 4 pi centre_m (alpha - alpha_0) / lambda)``, r_0 and alpha_0 the first range
             and direction of ``grid.polar``.
         """
-        return self._to_image(self._fused(), centre_m)
+        return self._to_image(self._fused().copy(), centre_m)
 
-    def take_polar_image(self) -> np.ndarray:
-        """As `polar_image`, in less memory: the fused spectrum is used up, nothing is included."""
-        image = self._to_image(self._fused(), overwrite=True)
+    def take_polar_image(self, *, planes: bool = False) -> np.ndarray:
+        """As `polar_image`, in less memory: the fused spectrum is used up, nothing is included.
+
+        Parameters
+        ----------
+        planes : bool
+            Real and imaginary part apart, as `form_map` works on them.
+
+        Returns
+        -------
+        (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
+        """
+        image = self._to_image(self._fused(), planes=planes)
         self.clear()
         return image
 
@@ -154,161 +178,140 @@ class SpectrumFusion:
         self._spectrum, self._contributions, self._included = None, {}, set()
         self._changed = []
 
-    def fused_spectrum(self) -> np.ndarray:
-        """(range wavenumbers, angular wavenumbers) complex64 spectrum of what was added so far.
+    def _folded(self, image: np.ndarray) -> np.ndarray:
+        """(n_coarse, range wavenumbers) complex64 spectrum of a sub-aperture image, folded.
 
-        Range wavenumbers ascend around the carrier's; angular ones start with zero, then the
-        positive and the negative ones follow.
+        It lies in memory that the next one takes.
         """
-        return self._fused().copy()
-
-    def folded_spectrum(self, image: np.ndarray) -> np.ndarray:
-        """(range wavenumbers, n_coarse) complex64 spectrum of a sub-aperture image, folded."""
-        workers = numba.get_num_threads()
         parts = (image.real, image.imag) if np.iscomplexobj(image) else image
-        tapered = np.empty(image.shape[-2:], np.complex64)
-        _apply_taper(*parts, *self._taper, tapered)
-        by_range = scipy.fft.fft(tapered, self._n_range, axis=1, workers=workers)
-        folded = np.empty((len(self._bins), tapered.shape[0]), np.complex64)
-        _transpose_bins(by_range, self._bins % self._n_range, folded)
-        return scipy.fft.fft(folded, axis=1, workers=workers, overwrite_x=True)
+        lines = self._lines[:, :self._n_range]
+        _apply_taper(*parts, *self._taper, lines)
+        _in_place(scipy.fft.fft, lines)
+        transform_columns(self._lines, len(self._wavenumber))
+        return self._lines[:, :len(self._wavenumber)]
 
     def _whole(self) -> np.ndarray:
         if self._spectrum is None:
-            self._spectrum = np.zeros(self.spectrum_shape, np.complex64)
+            n_fine, n_bins = self.spectrum_shape
+            self._spectrum = np.zeros((n_fine, _padded(n_bins)), np.complex64)
         return self._spectrum
 
+    @property
+    def _everything(self) -> _Band:
+        n_fine, n_bins = self.spectrum_shape
+        return _Band(0, np.zeros(n_fine, np.int64), np.full(n_fine, n_bins))
+
     def _fused(self) -> np.ndarray:
-        spectrum, n_coarse, n_fine = self._whole(), *self._sizes
+        spectrum, n_coarse, n_fine = self._whole(), self.grid.n_coarse, self.grid.n_fine
         if not self._keep:
             return spectrum
         if n_coarse > n_fine or len(self._changed) * n_coarse > n_fine:
-            spectrum[:] = 0.0
+            self._changed = [self._everything]
+        for band in self._changed:
+            _clear_band(*band, spectrum)
+            # in the order of a sum of all
             for number in sorted(self._contributions):
-                _add_bands(*self._contributions[number], spectrum)
-        else:
-            for first in self._changed:
-                self._sum_again(first, spectrum)
+                folded, other = self._contributions[number]
+                _add_band(folded, *other, *band, spectrum)
         self._changed = []
         return spectrum
 
-    def _sum_again(self, first, spectrum) -> None:
-        """Sum the bands that reach into one that changed, in the order of a sum of all."""
-        n_coarse, n_fine = self._sizes
-        _clear_bands(first, n_coarse, spectrum)
-        for number in sorted(self._contributions):
-            folded, start = self._contributions[number]
-            # Bins are proportional to the range wavenumber: extremes lie at its ends.
-            low, high = sorted((int(start[0] - first[0]), int(start[-1] - first[-1])))
-            turn = -((low - n_coarse) // -n_fine) * n_fine  # bands repeat with the grid
-            if turn <= high + n_coarse:
-                _add_overlap(folded, start, (start - first) % n_fine, spectrum)
-
-    @property
-    def _sizes(self) -> tuple[int, int]:
-        return self.grid.n_coarse, self.grid.n_fine
-
-    def _first_bins(self, centre_m: float) -> np.ndarray:
-        """(range wavenumbers,) int64 where a band begins (Zhang et al., equations 16 and 17)."""
+    def _band(self, centre_m: float) -> _Band:
+        """Where a band lies (Zhang et al., equations 16 and 17)."""
+        n_coarse, n_bins = self.grid.n_coarse, len(self._wavenumber)
         middle = np.rint(self._wavenumber * (centre_m * self.grid.extent / (2 * math.pi)))
-        return middle.astype(np.int64) - self.grid.n_coarse // 2
+        first = middle.astype(np.int64) - n_coarse // 2
+        ascending = first if centre_m >= 0 else first[::-1]
+        row = np.arange(ascending[0], ascending[-1] + n_coarse)
+        begin, end = (np.searchsorted(ascending, r, 'right') for r in (row - n_coarse, row))
+        if centre_m < 0:
+            begin, end = n_bins - end, n_bins - begin
+        return _Band(int(row[0]), begin, end)
 
-    def _to_image(self, spectrum, centre_m=0.0, *, overwrite: bool = False) -> np.ndarray:
-        grid, workers = self.grid, numba.get_num_threads()
+    def _to_image(self, spectrum, centre_m=0.0, *, planes: bool = False) -> np.ndarray:
+        """Image of a spectrum that is used up."""
+        grid, n_bins = self.grid, len(self._wavenumber)
         polar = grid.polar
-        by_alpha = scipy.fft.ifft(spectrum, axis=1, workers=workers, overwrite_x=overwrite)
-        image = np.empty((polar.n_alpha, polar.n_range), np.complex64)
+        lies = transform_columns(spectrum, n_bins, inverse=True)
+        lies = lies[grid.fine_guard:grid.fine_guard + polar.n_alpha]
         # Guards moved the first range; the carrier is referred to that of the wanted grid.
         cycles = 2 * grid.range_guard * polar.range_spacing_m / grid.wavelength_m
         cycles -= 2 * centre_m / grid.wavelength_m * (polar.alpha - polar.alpha_start)
-        scale = (grid.n_fine / grid.n_coarse * np.exp(2j * np.pi * np.fmod(cycles, 1.0))
-                 ).astype(np.complex64)
+        scale = (np.exp(2j * np.pi * np.fmod(cycles, 1.0)) / grid.n_coarse).astype(np.complex64)
+        image = (np.empty((2, polar.n_alpha, polar.n_range), np.float32) if planes
+                 else np.empty((polar.n_alpha, polar.n_range), np.complex64))
+        real, imag = image if planes else (image.real, image.imag)
+        lines = np.empty((_LINES_PER_CALL, self._n_range), np.complex64)
         for start in range(0, polar.n_alpha, _LINES_PER_CALL):
-            stop = min(start + _LINES_PER_CALL, polar.n_alpha)
-            lines = np.zeros((stop - start, self._n_range), np.complex64)
-            _transpose_back(by_alpha, grid.fine_guard + start, self._bins % self._n_range,
-                            scale[start:stop], lines)
-            lines = scipy.fft.ifft(lines, axis=1, workers=workers, overwrite_x=True)
-            image[start:stop] = lines[:, grid.range_guard:grid.range_guard + polar.n_range]
+            some = slice(start, min(start + _LINES_PER_CALL, polar.n_alpha))
+            part = lines[:some.stop - start]
+            _load_lines(spectrum, lies[some], n_bins, part)
+            _in_place(scipy.fft.ifft, part)
+            _store_lines(part, grid.range_guard, scale[some], self._turn_back, real[some],
+                         imag[some])
         return image
+
+
+def _padded(n: int) -> int:
+    return -(-n // LANES) * LANES
+
+
+def _in_place(transform, lines: np.ndarray) -> None:
+    result = transform(lines, axis=1, workers=numba.get_num_threads(), overwrite_x=True)
+    if not np.may_share_memory(result, lines):  # SciPy may, but need not
+        lines[:] = result
 
 
 @njit(parallel=True)
 def _apply_taper(real, imag, along_alpha, along_range, out):
+    n_range = len(along_range)
     for line in numba.prange(real.shape[0]):
         w = along_alpha[line]
-        for i in range(real.shape[1]):
+        for i in range(n_range):
             z = real[line, i] + np.complex64(1j) * imag[line, i]
             out[line, i] = (w * along_range[i]) * z
+        for i in range(n_range, out.shape[1]):
+            out[line, i] = 0.0
 
 
 @njit(parallel=True)
-def _transpose_bins(by_range, bins, out):
-    """``out[b, a] = by_range[a, bins[b]]``, tile by tile."""
-    n_bins, n_lines = out.shape
-    for tile in numba.prange((n_bins + _BLOCK - 1) // _BLOCK):
-        stop = min((tile + 1) * _BLOCK, n_bins)
-        for first in range(0, n_lines, _BLOCK):
-            last = min(first + _BLOCK, n_lines)
-            for b in range(tile * _BLOCK, stop):
-                for a in range(first, last):
-                    out[b, a] = by_range[a, bins[b]]
+def _add_band(folded, row, begin, end, within_row, within_begin, within_end, spectrum):
+    """Row n of the spectrum takes row n mod n_coarse of a folded one, within another band."""
+    n_coarse, n_fine = folded.shape[0], spectrum.shape[0]
+    for k in numba.prange(min(len(begin), n_fine)):  # bands repeat with the grid
+        target = (row + k) % n_fine
+        for n in range(k, len(begin), n_fine):
+            source = (row + n) % n_coarse
+            for m in range((row + n - within_row) % n_fine, len(within_begin), n_fine):
+                first = max(begin[n], within_begin[m])
+                last = min(end[n], within_end[m])
+                for b in range(first, last):
+                    spectrum[target, b] += folded[source, b]
 
 
 @njit(parallel=True)
-def _transpose_back(by_alpha, first, bins, scale, out):
-    """``out[a, bins[b]] = scale[a] * by_alpha[b, first + a]``, tile by tile."""
-    n_lines, n_bins = out.shape[0], by_alpha.shape[0]
-    for tile in numba.prange((n_bins + _BLOCK - 1) // _BLOCK):
-        stop = min((tile + 1) * _BLOCK, n_bins)
-        for begin in range(0, n_lines, _BLOCK):
-            for a in range(begin, min(begin + _BLOCK, n_lines)):
-                for b in range(tile * _BLOCK, stop):
-                    out[a, bins[b]] = scale[a] * by_alpha[b, first + a]
+def _clear_band(row, begin, end, spectrum):
+    n_fine = spectrum.shape[0]
+    for k in numba.prange(min(len(begin), n_fine)):
+        for n in range(k, len(begin), n_fine):
+            for b in range(begin[n], end[n]):
+                spectrum[(row + k) % n_fine, b] = 0.0
 
 
 @njit(parallel=True)
-def _add_bands(folded, start, spectrum):
-    """Bin n of the fine spectrum takes bin n mod n_coarse of the folded one."""
-    n_bins, n_coarse = folded.shape
-    n_fine = spectrum.shape[1]
-    for b in numba.prange(n_bins):
-        source, target = start[b] % n_coarse, start[b] % n_fine
-        left = n_coarse
-        while left > 0:
-            count = min(left, min(n_coarse - source, n_fine - target))
-            for i in range(count):
-                spectrum[b, target + i] += folded[b, source + i]
-            left -= count
-            source, target = (source + count) % n_coarse, (target + count) % n_fine
+def _load_lines(spectrum, rows, n_bins, out):
+    """Rows of a spectrum, each followed by zeros."""
+    for line in numba.prange(out.shape[0]):
+        for b in range(n_bins):
+            out[line, b] = spectrum[rows[line], b]
+        for b in range(n_bins, out.shape[1]):
+            out[line, b] = 0.0
 
 
 @njit(parallel=True)
-def _clear_bands(start, n_coarse, spectrum):
-    """Set the bins of a band to zero."""
-    n_bins, n_fine = spectrum.shape
-    for b in numba.prange(n_bins):
-        target = start[b] % n_fine
-        for i in range(min(n_coarse, n_fine - target)):
-            spectrum[b, target + i] = 0.0
-        for i in range(n_coarse - (n_fine - target)):
-            spectrum[b, i] = 0.0
-
-
-@njit(parallel=True)
-def _add_overlap(folded, start, shift, spectrum):
-    """As `_add_bands`, but only bins that belong to a second band, `shift` bins before."""
-    n_bins, n_coarse = folded.shape
-    n_fine = spectrum.shape[1]
-    for b in numba.prange(n_bins):
-        # its start lies within the second band, its end does where that one begins, or both
-        for part in range(2):
-            skip = part * (n_fine - shift[b])
-            left = n_coarse - part * n_fine - (1 - 2 * part) * shift[b]
-            source, target = (start[b] + skip) % n_coarse, (start[b] + skip) % n_fine
-            while left > 0:
-                count = min(left, min(n_coarse - source, n_fine - target))
-                for i in range(count):
-                    spectrum[b, target + i] += folded[b, source + i]
-                left -= count
-                source, target = (source + count) % n_coarse, (target + count) % n_fine
+def _store_lines(lines, first, scale, turn, real, imag):
+    """Scaled and turned lines, without their guards, as real and imaginary part."""
+    for line in numba.prange(lines.shape[0]):
+        for i in range(len(turn)):
+            z = (scale[line] * turn[i]) * lines[line, first + i]
+            real[line, i], imag[line, i] = z.real, z.imag

@@ -21,8 +21,8 @@ def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid,
 
     Parameters
     ----------
-    polar_image : (n_alpha, n_range) complex64
-        From `SpectrumFusion.polar_image`.
+    polar_image : (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
+        From `SpectrumFusion`, complex or as real and imaginary part; those are not copied.
     fusion : FusionGrid
         Its grid, oversampled as it says.
     grid : MapGrid
@@ -37,8 +37,9 @@ def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid,
     """
     image = np.zeros(grid.shape, np.complex64)
     interpolator = design_interpolator(fusion.oversampling, taps=TAPS, degree=DEGREE)
-    add_polar_to_map(np.ascontiguousarray(polar_image.real),
-                     np.ascontiguousarray(polar_image.imag), fusion.polar, grid, image,
+    if np.iscomplexobj(polar_image):
+        polar_image = np.stack((polar_image.real, polar_image.imag))
+    add_polar_to_map(*polar_image, fusion.polar, grid, image,
                      axis=_axis(fusion.polar, grid), wavelength_m=fusion.wavelength_m,
                      along_alpha=interpolator, along_range=interpolator)
     if centre_m:
