@@ -26,6 +26,8 @@ _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 _COST_COARSE, _COST_FINE, _COST_SUBAPERTURE = 36.0, 18.0, 1e6
 _AHEAD = (4, 2, 1, 0)  # choices to look ahead in both
 _LEAST_RANGE_GUARD = 16
+# Times the root of the ranges: narrower guards widen the tapers' spectrum, and the fused one
+_RANGE_GUARD = 0.5
 _ROWS_FOR_ERROR = 96
 _NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
 _ROUNDING = 0.25  # of a band's middle to a bin, on average
@@ -261,8 +263,9 @@ def _sampling(polar, bands, pulses, centre, half, n_channels, oversampling, n_gu
     n_fine = quick_length(math.ceil(n_coarse * spacing / polar.alpha_spacing))
     extent = n_fine * polar.alpha_spacing
     spacing = extent / n_coarse
-    range_guard = max(_LEAST_RANGE_GUARD, math.ceil(
-        n_guard * spacing * float(np.abs(centre).max()) / polar.range_spacing_m))
+    range_guard = max(_LEAST_RANGE_GUARD, math.ceil(_RANGE_GUARD * math.sqrt(polar.n_range)),
+                      math.ceil(n_guard * spacing * float(np.abs(centre).max())
+                                / polar.range_spacing_m))
     n_range = polar.n_range + 2 * range_guard
     n_rows = sum(p.stop - p.start for p in pulses) * n_channels
     coarse = n_coarse * n_range
