@@ -20,45 +20,46 @@ _LONGEST = 512  # rows that stay in a core's cache
 _TASKS_PER_THREAD = 4
 
 
-def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False) -> np.ndarray:
+def rows_to_transform(n: int) -> np.ndarray:
+    """(n,) int64 row in which `transform_columns` wants each element of a column of n."""
+    near = _near_factor(n)
+    m = np.arange(n)
+    return m % near * (n // near) + m // near
+
+
+def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False) -> None:
     """Transform the first columns of an array in place.
 
     Parameters
     ----------
     data : (n, width) complex64
-        Contiguous in C order, `width` a multiple of `LANES`. The columns that complete a multiple
-        of `LANES` are transformed, too.
+        Contiguous in C order, `width` a multiple of `LANES`, rows in the order of
+        `rows_to_transform`; frequencies 0 to n - 1 replace them in theirs. The columns that
+        complete a multiple of `LANES` are transformed, too.
     n_columns : int
         How many to transform.
     inverse : bool
         Transform with ``exp(+j 2 pi k m / n)`` instead of ``exp(-j 2 pi k m / n)``; neither
         divides by n.
-
-    Returns
-    -------
-    (n,) int64
-        Row in which each frequency k, 0 to n - 1, now lies.
     """
     n, width = data.shape
     if _radices(n) is None:
         transform = scipy.fft.ifft if inverse else scipy.fft.fft
         data[:, :n_columns] = transform(data[:, :n_columns], axis=0,
                                         norm='forward' if inverse else 'backward')
-        return np.arange(n)
+        return
     sign, near = 1 if inverse else -1, _near_factor(n)
     far = n // near
     flat, n_groups = data.reshape(-1).view(np.float32), -(-n_columns // LANES)
     turns = np.exp(sign * 2j * np.pi / n * np.arange(n)).astype(np.complex64).view(np.float32)
     n_tasks = _TASKS_PER_THREAD * numba.get_num_threads()
     work = [np.empty(n_tasks * max(near, far) * LANES, np.float32) for _ in range(4)]
-    # row m = m1 far + m2: over m1, then over m2
-    for length, row_step, n_sets, set_step, turn in ((near, far, far, 1, 1),
-                                                     (far, 1, near, far, 0)):
+    # element m1 + near m2 lies in row m1 far + m2: over m2, then over m1
+    for length, row_step, n_sets, set_step, turn in ((far, 1, near, far, 1),
+                                                     (near, far, far, 1, 0)):
         if length > 1:
             _transform(flat, width, n_groups, length, row_step, n_sets, set_step, turns, turn,
                        *_plan(length, sign), np.empty(n_tasks), *work)
-    k = np.arange(n)
-    return k % near * far + k // near
 
 
 @functools.lru_cache(maxsize=64)
@@ -74,7 +75,7 @@ def _radices(n: int) -> tuple[int, ...] | None:
 
 def _near_factor(n: int) -> int:
     """Factor so that a column is transformed in one or two parts that stay in cache."""
-    if n <= _LONGEST:
+    if n <= _LONGEST or _radices(n) is None:
         return n
     return min((f for f in range(1, n + 1) if n % f == 0), key=lambda f: f + n // f)
 
@@ -142,7 +143,7 @@ def _combine(radix, done, left, weights, first, from_re, from_im, to_re, to_im, 
 def _transform(data, width, n_groups, length, row_step, n_sets, set_step, turns, turn, radices,
                first, weights, tasks, one_re, one_im, other_re, other_im):
     """Rows ``set set_step + n row_step``, set by set, times turns to the power of ``n set``."""
-    n_tasks, n_jobs, n_passes = len(tasks), n_sets * n_groups, len(radices)
+    n_tasks, n_jobs = len(tasks), n_sets * n_groups
     for task in numba.prange(n_tasks):
         base = np.uint64(task * length * LANES)
         for job in range(task * n_jobs // n_tasks, (task + 1) * n_jobs // n_tasks):
@@ -154,17 +155,11 @@ def _transform(data, width, n_groups, length, row_step, n_sets, set_step, turns,
                     one_re[base + at + np.uint64(i)] = data[place + np.uint64(2 * i)]
                     one_im[base + at + np.uint64(i)] = data[place + np.uint64(2 * i + 1)]
             done, left = 1, length
-            for p in range(0, n_passes, 2):
+            for p in range(len(radices)):
                 left //= radices[p]
                 _combine(radices[p], done, left, weights, first[p], one_re, one_im, other_re,
                          other_im, base)
                 done *= radices[p]
-                if p + 1 < n_passes:
-                    left //= radices[p + 1]
-                    _combine(radices[p + 1], done, left, weights, first[p + 1], other_re,
-                             other_im, one_re, one_im, base)
-                    done *= radices[p + 1]
-            if n_passes % 2:
                 for n in range(length * LANES):
                     one_re[base + np.uint64(n)] = other_re[base + np.uint64(n)]
                     one_im[base + np.uint64(n)] = other_im[base + np.uint64(n)]

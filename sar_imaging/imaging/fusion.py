@@ -15,7 +15,7 @@ import numpy as np
 import scipy.fft
 
 from ..compilation import njit, numba
-from .column_transform import LANES, transform_columns
+from .column_transform import LANES, rows_to_transform, transform_columns
 from .fusion_error import edge_taper
 from .fusion_grid import FusionGrid
 from .transform_length import quick_length
@@ -67,11 +67,13 @@ class SpectrumFusion:
         self._taper = (edge_taper(grid.n_coarse, grid.n_guard, grid.beta).astype(np.float32),
                        (edge_taper(coarse.n_range, grid.range_guard, grid.beta) * turn
                         ).astype(np.complex64))
+        self._coarse_rows = rows_to_transform(grid.n_coarse)
+        self._fine_rows = rows_to_transform(grid.n_fine)
         inside = slice(grid.range_guard, grid.range_guard + grid.polar.n_range)
         self._turn_back = turn[inside].conj().astype(np.complex64)
         # kept from one sub-aperture to the next: fresh memory takes as long as the work
         self._lines = np.zeros((grid.n_coarse, _padded(self._n_range)), np.complex64)
-        self._spectrum: np.ndarray | None
+        self._memory: np.ndarray | None  # of the spectrum and, in its place, the image
         self._contributions: dict[int, tuple[np.ndarray, _Band]]
         self._changed: list[_Band]  # that came or went
         self._included: set[int]
@@ -122,7 +124,7 @@ class SpectrumFusion:
             self._contributions[number] = folded.copy(), band
             self._changed.append(band)
         else:
-            _add_band(folded, *band, *self._everything, self._whole())
+            _add_band(folded, *band, *self._everything, self._fine_rows, self._whole())
         self._included.add(number)
 
     def remove(self, number: int) -> None:
@@ -155,7 +157,10 @@ class SpectrumFusion:
             ``exp(-j 4 pi centre_m (alpha - alpha_0) / lambda)``, r_0 and alpha_0 the first range
             and direction of ``grid.polar``.
         """
-        return self._to_image(self._fused().copy(), centre_m)
+        fused = self._fused()
+        memory = np.empty_like(self._memory)
+        self._spectrum(memory)[:] = fused
+        return self._to_image(memory, centre_m)
 
     def take_polar_image(self, *, planes: bool = False) -> np.ndarray:
         """As `polar_image`, in less memory: the fused spectrum is used up, nothing is included.
@@ -169,13 +174,14 @@ class SpectrumFusion:
         -------
         (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
         """
-        image = self._to_image(self._fused(), planes=planes)
+        self._fused()
+        image = self._to_image(self._memory, planes=planes)
         self.clear()
         return image
 
     def clear(self) -> None:
         """Begin another aperture on the same grid: nothing is included any more."""
-        self._spectrum, self._contributions, self._included = None, {}, set()
+        self._memory, self._contributions, self._included = None, {}, set()
         self._changed = []
 
     def _folded(self, image: np.ndarray) -> np.ndarray:
@@ -185,16 +191,25 @@ class SpectrumFusion:
         """
         parts = (image.real, image.imag) if np.iscomplexobj(image) else image
         lines = self._lines[:, :self._n_range]
-        _apply_taper(*parts, *self._taper, lines)
+        _apply_taper(*parts, *self._taper, self._coarse_rows, lines)
         _in_place(scipy.fft.fft, lines)
         transform_columns(self._lines, len(self._wavenumber))
         return self._lines[:, :len(self._wavenumber)]
 
     def _whole(self) -> np.ndarray:
-        if self._spectrum is None:
-            n_fine, n_bins = self.spectrum_shape
-            self._spectrum = np.zeros((n_fine, _padded(n_bins)), np.complex64)
-        return self._spectrum
+        if self._memory is None:
+            polar, (n_fine, n_bins) = self.grid.polar, self.spectrum_shape
+            # Lines of the image may be longer than those of the spectrum that they replace.
+            ahead = max(0, polar.n_alpha * polar.n_range
+                        - (self.grid.fine_guard + polar.n_alpha) * _padded(n_bins))
+            self._memory = np.empty(ahead + n_fine * _padded(n_bins), np.complex64)
+            self._spectrum(self._memory)[:] = 0.0
+        return self._spectrum(self._memory)
+
+    def _spectrum(self, memory: np.ndarray) -> np.ndarray:
+        """(n_fine, range wavenumbers, padded) at the end, rows in the order of their transform."""
+        n_fine, n_bins = self.spectrum_shape
+        return memory[-n_fine * _padded(n_bins):].reshape(n_fine, -1)
 
     @property
     def _everything(self) -> _Band:
@@ -208,11 +223,11 @@ class SpectrumFusion:
         if n_coarse > n_fine or len(self._changed) * n_coarse > n_fine:
             self._changed = [self._everything]
         for band in self._changed:
-            _clear_band(*band, spectrum)
+            _clear_band(*band, self._fine_rows, spectrum)
             # in the order of a sum of all
             for number in sorted(self._contributions):
                 folded, other = self._contributions[number]
-                _add_band(folded, *other, *band, spectrum)
+                _add_band(folded, *other, *band, self._fine_rows, spectrum)
         self._changed = []
         return spectrum
 
@@ -228,28 +243,30 @@ class SpectrumFusion:
             begin, end = n_bins - end, n_bins - begin
         return _Band(int(row[0]), begin, end)
 
-    def _to_image(self, spectrum, centre_m=0.0, *, planes: bool = False) -> np.ndarray:
-        """Image of a spectrum that is used up."""
+    def _to_image(self, memory, centre_m=0.0, *, planes: bool = False) -> np.ndarray:
+        """Image of a spectrum, over which it is written line by line."""
         grid, n_bins = self.grid, len(self._wavenumber)
-        polar = grid.polar
-        lies = transform_columns(spectrum, n_bins, inverse=True)
-        lies = lies[grid.fine_guard:grid.fine_guard + polar.n_alpha]
+        polar, workers = grid.polar, numba.get_num_threads()
+        spectrum = self._spectrum(memory)
+        transform_columns(spectrum, n_bins, inverse=True)
         # Guards moved the first range; the carrier is referred to that of the wanted grid.
         cycles = 2 * grid.range_guard * polar.range_spacing_m / grid.wavelength_m
         cycles -= 2 * centre_m / grid.wavelength_m * (polar.alpha - polar.alpha_start)
         scale = (np.exp(2j * np.pi * np.fmod(cycles, 1.0)) / grid.n_coarse).astype(np.complex64)
-        image = (np.empty((2, polar.n_alpha, polar.n_range), np.float32) if planes
-                 else np.empty((polar.n_alpha, polar.n_range), np.complex64))
-        real, imag = image if planes else (image.real, image.imag)
+        image = memory[:polar.n_alpha * polar.n_range].view(np.float32)
+        image = image.reshape(polar.n_alpha, 2 * polar.n_range)
+        step, apart = (1, polar.n_range) if planes else (2, 1)
         lines = np.empty((_LINES_PER_CALL, self._n_range), np.complex64)
         for start in range(0, polar.n_alpha, _LINES_PER_CALL):
-            some = slice(start, min(start + _LINES_PER_CALL, polar.n_alpha))
-            part = lines[:some.stop - start]
-            _load_lines(spectrum, lies[some], n_bins, part)
-            _in_place(scipy.fft.ifft, part)
-            _store_lines(part, grid.range_guard, scale[some], self._turn_back, real[some],
-                         imag[some])
-        return image
+            stop = min(start + _LINES_PER_CALL, polar.n_alpha)
+            some = lines[:stop - start]
+            _load_lines(spectrum[grid.fine_guard + start:grid.fine_guard + stop], n_bins, some)
+            by_range = scipy.fft.ifft(some, axis=1, workers=workers, overwrite_x=True)
+            _store_lines(by_range, grid.range_guard, scale[start:stop], self._turn_back, step,
+                         apart, image[start:stop])
+        if planes:
+            return image.reshape(polar.n_alpha, 2, polar.n_range).swapaxes(0, 1)
+        return image.view(np.complex64)
 
 
 def _padded(n: int) -> int:
@@ -263,23 +280,24 @@ def _in_place(transform, lines: np.ndarray) -> None:
 
 
 @njit(parallel=True)
-def _apply_taper(real, imag, along_alpha, along_range, out):
+def _apply_taper(real, imag, along_alpha, along_range, rows, out):
     n_range = len(along_range)
     for line in numba.prange(real.shape[0]):
-        w = along_alpha[line]
+        w, row = along_alpha[line], rows[line]
         for i in range(n_range):
             z = real[line, i] + np.complex64(1j) * imag[line, i]
-            out[line, i] = (w * along_range[i]) * z
+            out[row, i] = (w * along_range[i]) * z
         for i in range(n_range, out.shape[1]):
-            out[line, i] = 0.0
+            out[row, i] = 0.0
 
 
 @njit(parallel=True)
-def _add_band(folded, row, begin, end, within_row, within_begin, within_end, spectrum):
-    """Row n of the spectrum takes row n mod n_coarse of a folded one, within another band."""
+def _add_band(folded, row, begin, end, within_row, within_begin, within_end, rows,
+              spectrum):
+    """Bin n of the spectrum takes bin n mod n_coarse of a folded one, within another band."""
     n_coarse, n_fine = folded.shape[0], spectrum.shape[0]
     for k in numba.prange(min(len(begin), n_fine)):  # bands repeat with the grid
-        target = (row + k) % n_fine
+        target = rows[(row + k) % n_fine]
         for n in range(k, len(begin), n_fine):
             source = (row + n) % n_coarse
             for m in range((row + n - within_row) % n_fine, len(within_begin), n_fine):
@@ -290,28 +308,30 @@ def _add_band(folded, row, begin, end, within_row, within_begin, within_end, spe
 
 
 @njit(parallel=True)
-def _clear_band(row, begin, end, spectrum):
+def _clear_band(row, begin, end, rows, spectrum):
     n_fine = spectrum.shape[0]
     for k in numba.prange(min(len(begin), n_fine)):
+        target = rows[(row + k) % n_fine]
         for n in range(k, len(begin), n_fine):
             for b in range(begin[n], end[n]):
-                spectrum[(row + k) % n_fine, b] = 0.0
+                spectrum[target, b] = 0.0
 
 
 @njit(parallel=True)
-def _load_lines(spectrum, rows, n_bins, out):
+def _load_lines(spectrum, n_bins, out):
     """Rows of a spectrum, each followed by zeros."""
     for line in numba.prange(out.shape[0]):
         for b in range(n_bins):
-            out[line, b] = spectrum[rows[line], b]
+            out[line, b] = spectrum[line, b]
         for b in range(n_bins, out.shape[1]):
             out[line, b] = 0.0
 
 
 @njit(parallel=True)
-def _store_lines(lines, first, scale, turn, real, imag):
-    """Scaled and turned lines, without their guards, as real and imaginary part."""
+def _store_lines(lines, first, scale, turn, step, apart, out):
+    """Scaled and turned lines without their guards, imaginary parts `apart` from the real ones."""
     for line in numba.prange(lines.shape[0]):
         for i in range(len(turn)):
             z = (scale[line] * turn[i]) * lines[line, first + i]
-            real[line, i], imag[line, i] = z.real, z.imag
+            out[line, step * i] = z.real
+            out[line, step * i + apart] = z.imag

@@ -32,7 +32,8 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
     Parameters
     ----------
     real, imag : (n_alpha, n_range) float32
-        Image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0 the first range.
+        Image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0 the first range. Lines are contiguous
+        and equally far apart in both.
     polar : PolarGrid
         Its grid; it must reach `TAPS` pixels beyond the map on all sides and have `LANES` ranges
         or more.
@@ -60,13 +61,20 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
     strip = np.zeros((2, n_tasks * length * LANES), np.float32)
     fraction, start = np.empty((2, n_tasks * LANES), np.float32)
     result = np.empty((3, n_tasks * LANES), np.float32)
-    _resample(real.reshape(-1), imag.reshape(-1), real.shape, rows, line, sign, track,
-              polar.height_m, polar.range_start_m, polar.range_spacing_m, polar.alpha_start,
-              polar.alpha_spacing, 2 / wavelength_m, along_alpha.weights.reshape(-1),
-              along_range.weights.reshape(-1), along_alpha.first, steps, offset,
-              image.reshape(-1).view(np.float32), length, np.empty(n_tasks), *strip, fraction,
-              start, *result,
+    _resample(_flat(real), _flat(imag), real.shape, real.strides[0] // real.itemsize, rows, line,
+              sign, track, polar.height_m, polar.range_start_m, polar.range_spacing_m,
+              polar.alpha_start, polar.alpha_spacing, 2 / wavelength_m,
+              along_alpha.weights.reshape(-1), along_range.weights.reshape(-1), along_alpha.first,
+              steps, offset, image.reshape(-1).view(np.float32), length, np.empty(n_tasks), *strip,
+              fraction, start, *result,
               np.empty(2 * n_tasks * LANES * PIXELS, np.float32))
+
+
+def _flat(lines: np.ndarray) -> np.ndarray:
+    """Lines and what lies between them."""
+    width = lines.strides[0] // lines.itemsize
+    n = (len(lines) - 1) * width + lines.shape[1]
+    return np.lib.stride_tricks.as_strided(lines, (n,), (lines.itemsize,))
 
 
 def _offsets(rows, middle: float, polar: PolarGrid) -> np.ndarray:
@@ -88,14 +96,14 @@ def _weight(weights, k, t):
 
 
 @njit(parallel=True)
-def _resample(real, imag, shape, rows, line, sign, track, height, range_start, range_step,
+def _resample(real, imag, shape, apart, rows, line, sign, track, height, range_start, range_step,
               alpha_start, alpha_step, cycles_per_m, weights_alpha, weights_range, first, steps,
               offset, image, length, tasks, strip_re, strip_im, fraction, start, lane_re, lane_im,
               cycles, few):
     """Both passes, strip by strip; like `kernels.project_lines` free of views for the compiler."""
     n_alpha, n_range = shape
     n_rows, n_pixels, n_tasks = len(rows), len(line), len(tasks)
-    n_strips, width = len(offset) // LANES, np.uint64(n_range)
+    n_strips, width = len(offset) // LANES, np.uint64(apart)
     inverse_alpha, inverse_range = 1.0 / alpha_step, 1.0 / range_step
     for task in numba.prange(n_tasks):
         lane = np.uint64(task * LANES)
@@ -123,7 +131,7 @@ def _resample(real, imag, shape, rows, line, sign, track, height, range_start, r
                         lane_im[lane + np.uint64(i)] = 0.0
                     for n in range(low, high + 1):
                         turn = np.float32(n)
-                        source = np.uint64(n * n_range + i0)
+                        source = np.uint64(n * apart + i0)
                         for i in range(LANES):
                             to = lane + np.uint64(i)
                             re, im, t = np.float32(0.0), np.float32(0.0), fraction[to]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sar_imaging.imaging.column_transform import LANES, transform_columns
+from sar_imaging.imaging.column_transform import LANES, rows_to_transform, transform_columns
 
 # all radices, one part and two, factors too large for it
 LENGTHS = (1, 2, 16, 98, 105, 242, 512, 660, 1000, 7, 11, 26, 527)
@@ -15,12 +15,12 @@ def test_columns_are_transformed_in_place(n, inverse):
     rng = np.random.default_rng(n)
     n_columns = 2 * LANES + 5
     data = rng.standard_normal((n, 4 * LANES, 2)).astype(np.float32).view(np.complex64)[..., 0]
-    before = data.copy()
-    lies = transform_columns(data, n_columns, inverse=inverse)
+    before, rows = data.copy(), rows_to_transform(n)
+    data[rows] = before
+    transform_columns(data, n_columns, inverse=inverse)
     exact = before.astype(np.complex128)
     exact = np.fft.ifft(exact, axis=0) * n if inverse else np.fft.fft(exact, axis=0)
-    assert sorted(lies) == list(range(n))
-    error = data[lies, :n_columns] - exact[:, :n_columns]
+    error = data[:, :n_columns] - exact[:, :n_columns]
     # 1.2e-7 measured, as SciPy's in single precision
     assert np.sqrt((np.abs(error) ** 2).mean() / n) <= 4e-7
-    np.testing.assert_array_equal(data[:, 3 * LANES:], before[:, 3 * LANES:])
+    np.testing.assert_array_equal(data[rows, 3 * LANES:], before[:, 3 * LANES:])
