@@ -7,7 +7,6 @@ them, to a polar grid or to a map.
 
 from __future__ import annotations
 
-import dataclasses
 import logging
 
 import numpy as np
@@ -150,15 +149,10 @@ class AfbpImager:
         self.fusion.clear()
         for number, some in enumerate(tqdm(s.pulses, desc='sub-apertures',
                                            unit='sub-aperture', disable=not self._progress)):
-            self.fusion.add(number, stage.image(number, self._weighted(block.select(some), some)),
+            weights = None if self._pulse_weights is None else self._pulse_weights[some]
+            self.fusion.add(number, stage.image(number, block.select(some), weights),
                             s.centre[number])
         return self.form(self.fusion.take_polar_image(planes=True))
-
-    def _weighted(self, block: PulseBlock, pulses: slice) -> PulseBlock:
-        if self._pulse_weights is None:
-            return block
-        weights = self._pulse_weights[pulses, None, None]
-        return dataclasses.replace(block, samples=block.samples * weights)
 
     def form(self, polar_image: np.ndarray) -> np.ndarray:
         """Image on the grid from the fused polar image at range baseband.

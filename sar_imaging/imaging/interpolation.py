@@ -87,16 +87,15 @@ def _design(oversampling, margin, taps, degree):
     f = (1 + x) / (4 * oversampling)
     t = 0.5 + x * (0.5 + margin)
     first = 1 - taps // 2
-    samples = np.exp(2j * np.pi * np.outer(f, np.arange(taps) + first))
+    weight = np.sqrt(fw / 2)
     powers = (t[:, None] - 0.5) ** np.arange(degree + 1)  # centred: better conditioned
-    weight = np.sqrt(fw[:, None] * fw / 4)[..., None]
-    model = np.einsum('fk,tq->ftqk', samples, powers).reshape(f.size, t.size, -1) * weight
-    wanted = np.exp(2j * np.pi * np.outer(f, t)) * weight[..., 0]
-    a, b = (v.reshape(f.size * t.size, -1) for v in (model, wanted))
-    a, b = np.concatenate([a.real, a.imag]), np.concatenate([b.real, b.imag])[:, 0]
-    solution = np.linalg.lstsq(a, b, rcond=1e-13)[0]
-    error = float(np.sum((a @ solution - b) ** 2))
-    centred = solution.reshape(degree + 1, taps)
+    # The model is a product of functions of frequency and of position: one problem after the other
+    samples, wanted = (np.concatenate([np.cos(angle), np.sin(angle)]) * np.tile(weight, 2)[:, None]
+                       for angle in (2 * np.pi * np.outer(f, v)
+                                     for v in (np.arange(taps) + first, t)))
+    by_position = np.linalg.lstsq(samples, wanted, rcond=1e-13)[0]
+    centred = np.linalg.lstsq(powers * weight[:, None], (by_position * weight).T, rcond=1e-13)[0]
+    error = float(np.sum(((samples @ (powers @ centred).T - wanted) * weight) ** 2))
     weights = np.zeros_like(centred)
     for q in range(degree + 1):  # expand (t - 1/2)^q
         for p in range(q + 1):

@@ -5,11 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry.grids import MapGrid
+from ..geometry.polar import PolarGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .beam_plan import plan_beams
+from .beams import BeamLines
+from .lattice import plan_lattice, sample_paths
 from .live_fusion import LiveFusion
 from .live_plan import LivePlan
 from .live_subapertures import LiveSubapertures
+from .range_window import RangeWindow
 from .subaperture_image import SubapertureImage
 
 _N_PULSES, _N_SAMPLES, _RANGE_M = 64, 128, 1000.0
@@ -27,6 +32,19 @@ def compile_subaperture_kernels() -> None:
     stage = LiveSubapertures(_GRID, pulses_per_aperture=_N_PULSES, pulses_per_subaperture=_CUT,
                              target_db=_TARGET_DB)
     stage.add(_block().select(slice(0, _N_PULSES)))
+    _compile_beams(_block().select(slice(0, _CUT)))
+
+
+def _compile_beams(block: PulseBlock) -> None:
+    """Apertures as short as the one above are imaged without."""
+    polar = PolarGrid((-_RANGE_M, 0.0, 0.0), (0.0, 1.0), -1, 0.0, _RANGE_M, 0.25, 32, 0.0, 1e-3, 4)
+    rows = block.tx_m.reshape(-1, 3), block.rx_m.reshape(-1, 3)
+    paths = sample_paths(*rows, polar.lines(polar.range_m[[0, -1]], 0.0))
+    lattice = plan_lattice(paths, 0.25, 32, block.radar, _N_SAMPLES, _TARGET_DB)
+    beams = plan_beams(polar, block.radar, lattice, lattice.n_padded, [rows], _TARGET_DB, 8.0)
+    lines = BeamLines(polar, RangeWindow.whole(block.radar, _N_SAMPLES), lattice, beams,
+                      (_RANGE_M, _RANGE_M + 8.0))
+    lines.add(block.samples.reshape(_CUT, -1), *rows, np.zeros((2, 4, 32), np.float32))
 
 
 def compile_fusion_kernels() -> None:

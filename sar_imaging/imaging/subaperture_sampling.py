@@ -157,7 +157,7 @@ def _half_paths(tx_m, rx_m, position, *directions) -> np.ndarray:
     return found
 
 
-def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, row_cost: float,
+def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, first_stage,
                     target_db: float, margin: int = 0) -> Sampling | None:
     """Quickest cut and coarse sampling that meet a target.
 
@@ -171,8 +171,9 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, row_cos
         Phase centres, metres.
     lengths : sequence of int
         Pulses of a sub-aperture to try.
-    row_cost : float
-        Relative time of backprojecting one row to one pixel.
+    first_stage : callable
+        ``first_stage(pulses, n_coarse, n_range)`` gives the relative time of all sub-aperture
+        images of that size.
     target_db : float
         Wanted error of the fusion, dB.
     margin : int
@@ -192,8 +193,8 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, row_cos
         pulses = cut_pulses(middles, length)
         lo, hi = _slopes(bands.slope, pulses, n_channels)
         centre, half = 0.5 * (lo + hi), bands.wavenumber[1] * 0.5 * float((hi - lo).max())
-        choices += [((length, i, j), _sampling(polar, bands, pulses, centre, half, n_channels,
-                                               oversampling, n_guard, row_cost, margin))
+        choices += [((length, i, j), _sampling(polar, pulses, centre, half,
+                                               oversampling, n_guard, first_stage, margin))
                     for i, oversampling in enumerate(_OVERSAMPLING)
                     for j, n_guard in enumerate(_GUARDS)]
 
@@ -252,8 +253,7 @@ def _slopes(slope, pulses, n_channels):
             np.maximum.reduceat(slope.max(axis=1), first))
 
 
-def _sampling(polar, bands, pulses, centre, half, n_channels, oversampling, n_guard, row_cost,
-              margin):
+def _sampling(polar, pulses, centre, half, oversampling, n_guard, first_stage, margin):
     """Grid sizes and cost of one choice."""
     wanted = polar.n_alpha * polar.alpha_spacing
     spacing = min(math.pi / (max(half, 1e-9) * oversampling), wanted)
@@ -267,9 +267,8 @@ def _sampling(polar, bands, pulses, centre, half, n_channels, oversampling, n_gu
                       math.ceil(n_guard * spacing * float(np.abs(centre).max())
                                 / polar.range_spacing_m))
     n_range = polar.n_range + 2 * range_guard
-    n_rows = sum(p.stop - p.start for p in pulses) * n_channels
-    coarse = n_coarse * n_range
-    cost = (n_rows * row_cost * coarse + len(pulses) * (_COST_COARSE * coarse + _COST_SUBAPERTURE)
+    cost = (first_stage(pulses, n_coarse, n_range)
+            + len(pulses) * (_COST_COARSE * n_coarse * n_range + _COST_SUBAPERTURE)
             + _COST_FINE * n_fine * n_range)
     return Sampling(tuple(pulses), centre, n_coarse, n_fine, extent, n_guard, 0.0, range_guard,
                     margin, 0.0, cost)

@@ -9,6 +9,7 @@ paths are the local frequencies of the image.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -16,18 +17,22 @@ import numpy as np
 from ..geometry.polar import PolarGrid
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
+from .beam_plan import BeamSampling, plan_beams
+from .beams import BeamLines
 from .fusion_grid import FusionGrid
 from .lattice import plan_lattice, sample_paths, total_db
 from .profiles import Profiles
 from .projection import PolarLines
 from .range_band import RangeBand
 from .range_window import RangeWindow
-from .subaperture_sampling import Bands, choose_sampling, fusion_error, local_bands
+from .subaperture_sampling import Bands, choose_sampling, cut_pulses, fusion_error, local_bands
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the paths are bounded
 _SAMPLES_PER_EDGE = 33
 _ROWS_FOR_PATHS = 512  # enough to bound how paths differ along a line
 _SAMPLING_SLACK = 0.02  # of what is bounded
+_PADDING = 32  # samples of windows, for the delays of rows of beams
+_CUTS_FOR_BEAMS = 5  # sub-apertures whose geometry is looked at
 _DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
 LENGTHS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  # pulses to choose from
 
@@ -118,6 +123,9 @@ class SubaperturePlan:
         Geometry that the plan was made for.
     predicted_error_db : float
         Predicted error of the fused polar image against exact backprojection, dB.
+    beams : BeamSampling or None
+        Sampling of the beams that sub-aperture images are made from; None where each pulse is
+        added to them directly.
     fusion_grid : FusionGrid
         What the second stage needs.
     warnings : tuple of str
@@ -143,10 +151,11 @@ class SubaperturePlan:
         lattice = self._plan_lattice(paths, self.n_samples, lattice_db)
         bands = local_bands(polar, tx_m, rx_m, radar)
         lengths = (pulses_per_subaperture,) if pulses_per_subaperture else LENGTHS
-        self.sampling = choose_sampling(polar, bands, tx_m, rx_m, lengths, lattice.cost,
+        self.sampling = choose_sampling(polar, bands, tx_m, rx_m, lengths,
+                                        self._first_stage(lattice, tx_m, rx_m, lattice_db,
+                                                          bands.range_m),
                                         10 * math.log10(10 ** (target_db / 10)
-                                                        - 10 ** (lattice.predicted_error_db / 10)),
-                                        margin)
+                                                        - 10 ** (lattice_db / 10)), margin)
         if self.sampling is None:
             raise ValueError(
                 f'no sub-apertures of {", ".join(map(str, lengths))} pulses reach '
@@ -160,14 +169,57 @@ class SubaperturePlan:
         guard = self.sampling.range_guard * polar.range_spacing_m
         range_m = _bounds(self.coarse, tx_m, rx_m)
         window = band or RangeWindow.around(radar, self.n_samples, range_m)
-        self.lattice = self._plan_lattice(paths, window.n_samples, lattice_db)
-        self.predicted_error_db = total_db(self.lattice.predicted_error_db, self.sampling.error_db)
+        padding = 0 if window.periodic else _PADDING
+        self.lattice = self._plan_lattice(paths, window.n_samples + padding, lattice_db)
+        self.beams = self._choose_beams(tx_m, rx_m, lattice_db, range_m)
+        self._stage_error_db = (self.beams or self.lattice).predicted_error_db
+        self.predicted_error_db = total_db(self._stage_error_db, self.sampling.error_db)
         self.warnings = tuple(self._cut_warnings(paths.length, guard))
         self.limits = Limits.of(bands)
         # Slopes as far beyond let pixels drift by this over half a segment, seen from the lattice.
         self._slope_slack = 2 * _DRIFT_SLACK * self.lattice.step_m / (
             max(self.lattice.segment, 1) * self.lattice.spacing)
-        self._lines = PolarLines(self.coarse, Profiles(window, self.lattice, range_m))
+        self._lines = (PolarLines(self.coarse, Profiles(window, self.lattice, range_m))
+                       if self.beams is None else
+                       BeamLines(self.coarse, window, self.lattice, self.beams, range_m))
+
+    def _first_stage(self, lattice, tx_m, rx_m, target_db, range_m):
+        """Relative time of all sub-aperture images, by the quicker of both ways."""
+        @functools.cache
+        def beams(length):
+            return self._plan_beams(lattice, tx_m, rx_m, cut_pulses(_middles(tx_m, rx_m), length),
+                                    target_db, range_m)
+
+        def cost(pulses, n_coarse, n_range):
+            length = max(p.stop - p.start for p in pulses)
+            return len(pulses) * min(self._costs(lattice, beams(length), length,
+                                                 n_coarse * n_range))
+
+        return cost
+
+    def _costs(self, lattice, beams: BeamSampling | None, length, n_pixels) -> tuple[float, float]:
+        """Relative times of a sub-aperture image: directly, and from beams."""
+        n_rows = length * self._n_channels
+        span = self.polar.n_alpha * self.polar.alpha_spacing
+        return (n_rows * lattice.cost * n_pixels, math.inf if beams is None else beams.cost(
+            n_rows, lattice.n_padded, lattice.n_cells, n_pixels, span))
+
+    def _plan_beams(self, lattice, tx_m, rx_m, pulses, target_db, range_m) -> BeamSampling | None:
+        some = np.linspace(0, len(pulses) - 1, _CUTS_FOR_BEAMS).round().astype(int)
+        cuts = [(tx_m[pulses[i]].reshape(-1, 3), rx_m[pulses[i]].reshape(-1, 3))
+                for i in np.unique(some)]
+        padding_m = math.inf if self._band else _PADDING * self.radar.sample_spacing_m
+        return plan_beams(self.polar, self.radar, lattice, lattice.n_padded, cuts, target_db,
+                          range_m[1] - range_m[0], padding_m)
+
+    def _choose_beams(self, tx_m, rx_m, target_db, range_m) -> BeamSampling | None:
+        """Beams, where they are quicker than adding each pulse directly."""
+        pulses = self.sampling.pulses
+        beams = self._plan_beams(self.lattice, tx_m, rx_m, pulses, target_db, range_m)
+        direct, from_beams = self._costs(self.lattice, beams,
+                                         max(p.stop - p.start for p in pulses),
+                                         self.coarse.n_alpha * self.coarse.n_range)
+        return beams if from_beams < direct else None
 
     def _plan_lattice(self, paths, n_samples, target_db):
         lattice = plan_lattice(paths, self.polar.range_spacing_m, self.polar.n_range, self.radar,
@@ -202,7 +254,9 @@ class SubaperturePlan:
 
     def __str__(self) -> str:
         s, lengths = self.sampling, [p.stop - p.start for p in self.sampling.pulses]
+        way = 'directly' if self.beams is None else 'from beams'
         return (f'{self.n_subapertures} sub-apertures of {min(lengths)} to {max(lengths)} pulses, '
+                f'backprojected {way}, '
                 f'{s.n_coarse} coarse lines each ({2 * s.n_guard:g} of them guards) of '
                 f'{self.coarse.n_range} ranges, fused to {s.n_fine} lines; predicted error '
                 f'{self.predicted_error_db:.1f} dB')
@@ -234,10 +288,10 @@ class SubaperturePlan:
         centre = 0.5 * float(bands.slope.min() + bands.slope.max())
         error = fusion_error(self.sampling, self.polar, bands, slice(None),
                              np.full(len(bands.slope), centre))
-        error_db = total_db(self.lattice.predicted_error_db, 10 * math.log10(error + 1e-16))
+        error_db = total_db(self._stage_error_db, 10 * math.log10(error + 1e-16))
         return centre, error_db, within
 
-    def image(self, number: int, block: PulseBlock) -> np.ndarray:
+    def image(self, number: int, block: PulseBlock, weights=None) -> np.ndarray:
         """Backproject one sub-aperture (Zhang et al., equation 6).
 
         Parameters
@@ -246,6 +300,8 @@ class SubaperturePlan:
             Which sub-aperture; its nominal pulses are ``sampling.pulses[number]``.
         block : PulseBlock
             Its range profiles, or its phase histories, with phase centres.
+        weights : (P,) float32, optional
+            Window over its pulses.
 
         Returns
         -------
@@ -263,9 +319,15 @@ class SubaperturePlan:
             raise ValueError(f'number={number}; the plan has sub-apertures 0 to '
                              f'{self.n_subapertures - 1}')
         parts = np.zeros((2, self.coarse.n_alpha, self.coarse.n_range), np.float32)
+        if weights is not None:
+            weights = np.repeat(weights, self._n_channels)
         self._lines.add(block.samples.reshape(-1, self.n_samples), block.tx_m.reshape(-1, 3),
-                        block.rx_m.reshape(-1, 3), parts)
+                        block.rx_m.reshape(-1, 3), parts, weights)
         return parts
+
+
+def _middles(tx_m, rx_m) -> np.ndarray:
+    return 0.5 * (tx_m + rx_m).mean(axis=1)
 
 
 def _paths(polar: PolarGrid, tx_m, rx_m, n_range=_SAMPLES_PER_SIDE, n_alpha=_SAMPLES_PER_SIDE):

@@ -1,0 +1,346 @@
+"""Compiled loops of sub-aperture images by beams: pulses to beams, beams to image lines.
+
+Like `kernels.project_lines` they take flat arrays and unsigned indices, without views, for the
+compiler's sake.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..compilation import njit, numba
+from .kernels import _cos_cycles, _fraction, _sin_cycles
+
+LANES = 16  # bins or pixels of one vector
+ROWS = 4  # rows added at once
+BINS = 128  # whose samples stay in the cache
+TAPS, DEGREE = 14, 5  # of the interpolation between beams and along range
+
+_u = np.uint64
+
+
+@njit(parallel=True)
+def form_beams(samples, shape, runs, common, gain, shift, carrier, beside, turn_step,
+               phasor_step, cycles_per_bin, group, out, base_re, base_im, turn_re, turn_im, row_re,
+               row_im, phasor_re, phasor_im, sum_re, sum_im):
+    """Sum the rows' spectra for each beam, ``out_m[b] = sum_i S_i[b] exp(j k_b path_im)``.
+
+    The phase is exact for the middle of each group of beams; for the others the part of it that
+    grows from bin to bin is held over a vector of bins.
+
+    Parameters
+    ----------
+    samples : (2 * R * N,) float32
+        Spectra of R rows; real and imaginary parts in turn.
+    shape : tuple of int
+        ``(R, N, M, n)``: rows, bins, beams, bins of a beam's spectrum.
+    runs : (T, 4) int64
+        Bins of each task: the first one in `samples` and in `out`, its number counted from the
+        carrier's, how many.
+    common : (2 * N,) float32
+        Factor of each bin of `samples`, real and imaginary parts in turn.
+    gain : (R,) float32
+        Factor of each row.
+    shift : (G * Q,) float64
+        What a row's path is longer for the middle of a group of beams than the reference's,
+        metres; Q is R rounded up to a multiple of `ROWS`.
+    carrier, beside : (G * Q * group,) float64
+        Phase of a row for a beam at the carrier, and what it grows from bin to bin beyond that of
+        the group's middle, cycles: groups, blocks of `ROWS` rows, beams, rows of the block.
+    turn_step : (2 * G * Q,) float32
+        Phasors of `shift` over a vector of bins, real parts first.
+    phasor_step : (2 * G * Q * group,) float32
+        The same of `beside`.
+    cycles_per_bin : float
+        Growth of the phase per metre of half path.
+    group : int
+        Beams of a group.
+    out : (2 * M * n,) float32
+        Written to.
+    base_re, base_im : (T * BINS * Q,) float32
+        Work space.
+    turn_re, turn_im : (T * G * Q * LANES,) float32
+        Work space.
+    row_re, row_im : (T * Q * LANES,) float32
+        Work space.
+    phasor_re, phasor_im : (T * G * Q * group,) float32
+        Work space.
+    sum_re, sum_im : (T * group * LANES,) float32
+        Work space.
+    """
+    n_rows, n_bins, n_beams, n_out = shape
+    n_blocks = (n_rows + ROWS - 1) // ROWS
+    q = n_blocks * ROWS
+    n_groups = (n_beams + group - 1) // group
+    n_turns, n_phasors = n_groups * q * LANES, n_groups * q * group
+    half = 0.5 * (LANES - 1)
+    for task in numba.prange(len(runs)):
+        first, target, number, left = runs[task, 0], runs[task, 1], runs[task, 2], runs[task, 3]
+        base, rows, sums = task * BINS * q, task * q * LANES, task * group * LANES
+        turn, phasor = task * n_turns, task * n_phasors
+        for k in range(n_groups * q):
+            cycles = cycles_per_bin * shift[k]
+            start = _fraction(number * cycles)
+            to = _u(turn + k * LANES)
+            for i in range(LANES):
+                c = np.float32(_fraction(start + i * cycles))
+                turn_re[to + _u(i)] = _cos_cycles(c * c)
+                turn_im[to + _u(i)] = _sin_cycles(c, c * c)
+        for k in range(_u(n_phasors)):
+            c = np.float32(_fraction(carrier[k] + (number + half) * beside[k]))
+            phasor_re[_u(phasor) + k] = _cos_cycles(c * c)
+            phasor_im[_u(phasor) + k] = _sin_cycles(c, c * c)
+        while left > 0:
+            count = min(left, BINS)
+            n_vectors = (count + LANES - 1) // LANES
+            _load_rows(samples, n_rows, n_bins, first, count, common, gain, q, base_re, base_im,
+                       base)
+            for g in range(n_groups):
+                n_some = min(group, n_beams - g * group)
+                for v in range(n_vectors):
+                    _turn(base_re, base_im, base + v * q * LANES, turn_re, turn_im,
+                          turn + g * q * LANES, turn_step, g * q, n_groups * q, q, row_re, row_im,
+                          rows)
+                    for i in range(_u(n_some * LANES)):
+                        sum_re[_u(sums) + i] = 0.0
+                        sum_im[_u(sums) + i] = 0.0
+                    steps = phasor + g * q * group
+                    _add_rows(row_re, row_im, rows, phasor_re, phasor_im, steps, n_blocks, group,
+                              n_some, sum_re, sum_im, sums)
+                    some = _u(min(LANES, count - v * LANES))
+                    for m in range(n_some):
+                        source = _u(sums + m * LANES)
+                        to = _u(2 * ((g * group + m) * n_out + target + v * LANES))
+                        for i in range(some):
+                            out[to + _u(2) * i] = sum_re[source + i]
+                            out[to + _u(2) * i + _u(1)] = sum_im[source + i]
+                    now, step = _u(steps), _u(g * q * group)
+                    for i in range(_u(q * group)):
+                        cosine, sine = phasor_re[now + i], phasor_im[now + i]
+                        re, im = phasor_step[step + i], phasor_step[_u(n_phasors) + step + i]
+                        phasor_re[now + i] = cosine * re - sine * im
+                        phasor_im[now + i] = cosine * im + sine * re
+            first, target, left = first + count, target + count, left - count
+
+
+@njit(inline='always')
+def _load_rows(samples, n_rows, n_bins, first, count, common, gain, q, base_re, base_im, base):
+    """Some bins of all rows times their factors, vector by vector, zero beyond the last."""
+    for row in range(n_rows):
+        weight = gain[row]
+        source, factor = _u(2 * (row * n_bins + first)), _u(2 * first)
+        for v in range(count // LANES):
+            to = _u(base + (v * q + row) * LANES)
+            for lane in range(LANES):
+                i = _u(lane)
+                re, im = samples[source + _u(2) * i], samples[source + _u(2) * i + _u(1)]
+                cosine = weight * common[factor + _u(2) * i]
+                sine = weight * common[factor + _u(2) * i + _u(1)]
+                base_re[to + i] = re * cosine - im * sine
+                base_im[to + i] = re * sine + im * cosine
+            source += _u(2 * LANES)
+            factor += _u(2 * LANES)
+        v = count // LANES
+        for lane in range((count - v * LANES > 0) * LANES):
+            to = _u(base + (v * q + row) * LANES + lane)
+            base_re[to] = 0.0
+            base_im[to] = 0.0
+            if lane < count - v * LANES:
+                i = _u(2 * lane)
+                re, im = samples[source + i], samples[source + i + _u(1)]
+                cosine, sine = weight * common[factor + i], weight * common[factor + i + _u(1)]
+                base_re[to] = re * cosine - im * sine
+                base_im[to] = re * sine + im * cosine
+    for v in range((count + LANES - 1) // LANES):
+        for i in range((v * q + n_rows) * LANES, (v + 1) * q * LANES):
+            base_re[base + i] = 0.0
+            base_im[base + i] = 0.0
+
+
+@njit(inline='always')
+def _turn(base_re, base_im, base, turn_re, turn_im, turn, step, first, n_steps, n_rows, row_re,
+          row_im, rows):
+    """Rows times the phasors of the group's middle, which then turn to the next bins."""
+    for row in range(n_rows):
+        source, to, now = _u(base + row * LANES), _u(rows + row * LANES), _u(turn + row * LANES)
+        turn_cosine, turn_sine = step[first + row], step[n_steps + first + row]
+        for lane in range(LANES):
+            i = _u(lane)
+            cosine, sine = turn_re[now + i], turn_im[now + i]
+            re, im = base_re[source + i], base_im[source + i]
+            row_re[to + i] = re * cosine - im * sine
+            row_im[to + i] = re * sine + im * cosine
+            turn_re[now + i] = cosine * turn_cosine - sine * turn_sine
+            turn_im[now + i] = cosine * turn_sine + sine * turn_cosine
+
+
+@njit(inline='always')
+def _add_rows(row_re, row_im, rows, phasor_re, phasor_im, steps, n_blocks, group, n_some, sum_re,
+              sum_im, sums):
+    """Add all rows, times their phasors, to each beam of a group, for one vector of bins."""
+    for block in range(n_blocks):
+        s0 = _u(rows + block * ROWS * LANES)
+        s1, s2, s3 = s0 + _u(LANES), s0 + _u(2 * LANES), s0 + _u(3 * LANES)
+        for m in range(n_some):
+            p = _u(steps + (block * group + m) * ROWS)
+            c0, c1, c2, c3 = (phasor_re[p], phasor_re[p + _u(1)], phasor_re[p + _u(2)],
+                              phasor_re[p + _u(3)])
+            d0, d1, d2, d3 = (phasor_im[p], phasor_im[p + _u(1)], phasor_im[p + _u(2)],
+                              phasor_im[p + _u(3)])
+            to = _u(sums + m * LANES)
+            for j in range(LANES):
+                i = _u(j)
+                re = sum_re[to + i]
+                im = sum_im[to + i]
+                re += c0 * row_re[s0 + i] - d0 * row_im[s0 + i]
+                im += c0 * row_im[s0 + i] + d0 * row_re[s0 + i]
+                re += c1 * row_re[s1 + i] - d1 * row_im[s1 + i]
+                im += c1 * row_im[s1 + i] + d1 * row_re[s1 + i]
+                re += c2 * row_re[s2 + i] - d2 * row_im[s2 + i]
+                im += c2 * row_im[s2 + i] + d2 * row_re[s2 + i]
+                re += c3 * row_re[s3 + i] - d3 * row_im[s3 + i]
+                im += c3 * row_im[s3 + i] + d3 * row_re[s3 + i]
+                sum_re[to + i] = re
+                sum_im[to + i] = im
+
+
+@njit(parallel=True)
+def read_beams(beams, shape, lines, centre, track, range_m, direction, cycles_per_m, zero_cycles,
+               curvature, between, along, first, index, index2, image, work, mixed, mixed_re,
+               mixed_im):
+    """Interpolate beams to the lines of a polar image at range baseband, and add them to it.
+
+    Between beams first, then along range; within a segment of a line both positions, and the
+    phase that the line has beyond its range baseband, are polynomials of the pixel number, and
+    the weights are expanded to second order around the middle. Beams have the curvature of one
+    distance; a second derivative by direction, weighted by the difference, gives that of others.
+
+    Parameters
+    ----------
+    beams : (2 * M * n,) float32
+        Beams at range baseband, cells ascending; real and imaginary parts in turn.
+    shape : tuple of int
+        ``(M, n, n_lines, n_pixels)``: beams, cells, lines of the image and their pixels.
+    lines : (S, n_lines, 12) float64
+        Position in the middle of each segment of each line, then its first to third derivative
+        by the pixel number, metres.
+    centre, track : (3,), (2,) float64
+        Phase centre that the beams start from, metres, and the direction of the axis.
+    range_m : (3,) float64
+        Of the first cell, then the spacing of cells and of pixels, metres.
+    direction : (2,) float64
+        Direction cosine of the first beam, and spacing of beams.
+    cycles_per_m, zero_cycles : float
+        Carrier phase per metre of half path, and that of no half path, cycles.
+    curvature : (2,) float64
+        Of the beams, 1/m, and what its differences count between neighbouring beams, m.
+    between, along : (DEGREE + 1, 16) float32
+        Weights of the interpolation between beams and along range; zero beyond `TAPS`.
+    first : int
+        Offset of the first neighbour.
+    index : (segment,) float32
+        Pixel numbers of a segment, counted from its middle; their number is even.
+    index2 : (2 * (segment + TAPS),) float32
+        The same of the cells that a segment reads, each twice.
+    image : (2 * n_lines * n_pixels,) float32
+        Real, then imaginary parts, added to.
+    work : (T * 6 * 16,) float32
+        Work space of T tasks.
+    mixed : (2 * T * 2 * (segment + TAPS),) float32
+        Work space.
+    mixed_re, mixed_im : (T * (segment + TAPS),) float32
+        Work space.
+    """
+    n_beams, n_cells, n_lines, n_pixels = shape
+    segment, n_tasks = len(index), len(work) // 96
+    half, n_mixed = segment // 2, segment + TAPS
+    n_pieces = lines.shape[0] * n_lines
+    apart = _u(2 * n_cells)
+    spacing = cycles_per_m * range_m[2]
+    for task in numba.prange(n_tasks):
+        w = _u(96 * task)
+        mix, part = _u(4 * task * n_mixed), _u(task * n_mixed)
+        bent = mix + _u(2 * n_mixed)
+        # Neighbouring lines read the same part of the beams, so they come in turn.
+        for piece in range(task * n_pieces // n_tasks, (task + 1) * n_pieces // n_tasks):
+            number, line = piece // n_lines, piece % n_lines
+            x = lines[number, line, 0] - centre[0]
+            y = lines[number, line, 1] - centre[1]
+            z = lines[number, line, 2] - centre[2]
+            ex, ey, ez = lines[number, line, 3], lines[number, line, 4], lines[number, line, 5]
+            gx, gy, gz = lines[number, line, 6], lines[number, line, 7], lines[number, line, 8]
+            hx, hy, hz = lines[number, line, 9], lines[number, line, 10], lines[number, line, 11]
+            d = np.sqrt(x * x + y * y + z * z)
+            d1 = (x * ex + y * ey + z * ez) / d
+            d2 = (ex * ex + ey * ey + ez * ez + x * gx + y * gy + z * gz - d1 * d1) / d
+            d3 = (3.0 * (ex * gx + ey * gy + ez * gz) + x * hx + y * hy + z * hz
+                  - 3.0 * d1 * d2) / d
+            s = (x * track[0] + y * track[1]) / d
+            s1 = (ex * track[0] + ey * track[1] - s * d1) / d
+            s2 = (gx * track[0] + gy * track[1] - 2.0 * s1 * d1 - s * d2) / d
+            v = (d - range_m[0]) / range_m[1]
+            cell = np.floor(v)
+            v1 = np.float32(d1 / range_m[1] - 1.0)
+            v2, v3 = np.float32(0.5 * d2 / range_m[1]), np.float32(d3 / range_m[1] / 6.0)
+            within = np.float32(v - cell)
+            u = (s - direction[0]) / direction[1]
+            beam = np.floor(u)
+            u1, u2 = np.float32(s1 / direction[1]), np.float32(0.5 * s2 / direction[1])
+            c0 = np.float32(_fraction(cycles_per_m * d - spacing * (number * segment + half)
+                                      + zero_cycles))
+            c1 = np.float32(cycles_per_m * d1 - spacing)
+            c2, c3 = np.float32(0.5 * cycles_per_m * d2), np.float32(cycles_per_m * d3 / 6.0)
+            bend = np.float32((1.0 - s * s) * (1.0 / d - curvature[0]) * curvature[1])
+            bend1 = np.float32((s * s - 1.0) * d1 / (d * d) * curvature[1])
+            _expand_weights(between, np.float32(u - beam), work, w)
+            _expand_weights(along, within, work, w + _u(48))
+            start = np.int64(min(max(cell - half + first, 0.0), n_cells - n_mixed - 0.0))
+            row = np.int64(min(max(beam + first, 0.0), n_beams - TAPS - 0.0))
+            source = _u(2 * (row * n_cells + start))
+            for i in range(_u(2 * n_mixed)):
+                f = index2[i] - within
+                t = f * (u1 + f * u2)
+                total, second = np.float32(0.0), np.float32(0.0)
+                for tap in range(TAPS):
+                    k = _u(tap)
+                    w2 = work[w + k + _u(32)]
+                    value = beams[source + k * apart + i]
+                    total += (work[w + k] + t * (work[w + k + _u(16)] + t * w2)) * value
+                    second += w2 * value
+                mixed[mix + i] = total
+                mixed[bent + i] = (bend + f * bend1) * second
+            for i in range(_u(n_mixed)):
+                j = _u(2) * i
+                mixed_re[part + i] = mixed[mix + j] - mixed[bent + j + _u(1)]
+                mixed_im[part + i] = mixed[mix + j + _u(1)] + mixed[bent + j]
+            some = _u(min(segment, n_pixels - number * segment))
+            real = _u(line * n_pixels + number * segment)
+            imag = real + _u(n_lines * n_pixels)
+            for i in range(some):
+                f = index[i]
+                t = f * (v1 + f * (v2 + f * v3))
+                re, im = np.float32(0.0), np.float32(0.0)
+                for tap in range(TAPS):
+                    k = _u(tap)
+                    weight = work[w + k + _u(48)] + t * (
+                        work[w + k + _u(64)] + t * work[w + k + _u(80)])
+                    re += weight * mixed_re[part + i + k]
+                    im += weight * mixed_im[part + i + k]
+                c = _fraction(c0 + f * (c1 + f * (c2 + f * c3)))
+                sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
+                image[real + i] += re * cosine - im * sine
+                image[imag + i] += re * sine + im * cosine
+
+
+@njit(inline='always')
+def _expand_weights(weights, t, work, to):
+    """Weights of the taps at t, and their first two orders around it."""
+    for k in range(16):
+        w2, w3, w4, w5 = weights[2, k], weights[3, k], weights[4, k], weights[5, k]
+        i = to + _u(k)
+        work[i] = weights[0, k] + t * (weights[1, k] + t * (w2 + t * (w3 + t * (w4 + t * w5))))
+        work[i + _u(16)] = weights[1, k] + t * (
+            np.float32(2) * w2 + t * (np.float32(3) * w3 + t * (np.float32(4) * w4
+                                                               + t * (np.float32(5) * w5))))
+        work[i + _u(32)] = w2 + t * (
+            np.float32(3) * w3 + t * (np.float32(6) * w4 + t * (np.float32(10) * w5)))

@@ -1,0 +1,249 @@
+"""How many beams a sub-aperture needs, how they are read, and the error of both."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from ..geometry.polar import PolarGrid
+from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .beam_kernels import DEGREE, LANES, TAPS
+from .interpolation import Interpolator, design_interpolator
+from .lattice import Lattice, sample_paths, total_db
+
+_OVERSAMPLING = (1.25, 1.3, 1.35, 1.4, 1.5, 1.6, 1.8, 2.0)  # of beams
+_GROUPS = (16, 8, 4, 2, 1)  # beams whose phases grow alike from bin to bin
+_SEGMENTS = (128, 64, 32, 16)
+_SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
+_ROWS, _DIRECTIONS = 33, 33  # at which paths are compared
+BEYOND = 2  # beams beyond those that interpolation needs, for rounding
+_ARITHMETIC_DB = -80.0  # float32 phasors that turn from bin to bin (measured)
+_STEP = 1e-4  # of the direction cosine, for a derivative
+# Time of a row, bin and beam, of a cell's transform and of a pixel, in pixels and rows of
+# `kernels.project_lines`; what is added to the first by rows of beams, to the last by segments
+_COST_TRIPLE, _COST_CELL, _COST_PIXEL = 0.2, 8.0, 6.0  # (measured)
+_COST_GROUP, _COST_SEGMENT = 3.0, 60.0
+
+
+@dataclasses.dataclass(frozen=True)
+class BeamSampling:
+    """Sampling of a sub-aperture's beams.
+
+    Attributes
+    ----------
+    spread_m : float
+        Largest derivative, by direction, of what a row's path is longer than the reference's.
+    spacing : float
+        Of the beams, in direction cosine.
+    group : int
+        Beams whose phases are taken to grow alike over a vector of bins.
+    segment : int
+        Pixels that share one expansion of the geometry.
+    between, along : Interpolator
+        Between beams and along range.
+    predicted_error_db : float
+        Predicted error of the sub-aperture images against time-domain correlation, dB.
+    """
+
+    spread_m: float
+    spacing: float
+    group: int
+    segment: int
+    between: Interpolator
+    along: Interpolator
+    predicted_error_db: float
+
+    def n_beams(self, span: float) -> int:
+        """Beams over some extent in direction cosine, with those that interpolation needs."""
+        return math.ceil(span / self.spacing) + TAPS + 2 * BEYOND
+
+    def cost(self, n_rows: int, n_bins: int, n_cells: int, n_pixels: int, span: float) -> float:
+        """Relative time of a sub-aperture image, in pixels and rows of `project_lines`."""
+        per_triple = _COST_TRIPLE * (1 + _COST_GROUP / self.group)
+        return (self.n_beams(span) * (n_rows * n_bins * per_triple + n_cells * _COST_CELL)
+                + n_pixels * _COST_PIXEL * (1 + _COST_SEGMENT / self.segment / 4))
+
+
+def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bins: int,
+               subapertures, target_db: float, reach_m: float,
+               padding_m: float = math.inf) -> BeamSampling | None:
+    """Quickest sampling of beams that meets a target.
+
+    Parameters
+    ----------
+    polar : PolarGrid
+        Of the sub-aperture images.
+    radar : RadarParameters
+        Of the profiles.
+    lattice : Lattice
+        Of the profiles; its cells are those of the beams.
+    n_bins : int
+        Bins of a profile's spectrum.
+    subapertures : sequence of ((R, 3), (R, 3)) float64
+        Phase centres of some sub-apertures of the length that is looked at, metres.
+    target_db : float
+        Wanted error of the sub-aperture images, dB.
+    reach_m : float
+        Difference of the largest and the smallest half path, metres.
+    padding_m : float
+        Zeros between the ends of a padded profile, metres of half path: what the rows' delays
+        move beyond one end must not come in at the other. Periodic profiles have no ends.
+
+    Returns
+    -------
+    BeamSampling or None
+        None where no sampling meets the target.
+    """
+    if lattice.cell_m * _OVERSAMPLING[0] > radar.range_resolution_m:
+        return None
+    views = [_view(polar, *centres) for centres in subapertures]
+    if None in views:
+        return None
+    spread = max(view.spread_m for view in views)
+    # The last segment reaches beyond the image.
+    spare = lattice.n_cells - reach_m / lattice.cell_m - 2 * TAPS
+    if 2 * spread > padding_m:
+        return None
+    k = radar.wavenumber_rad_per_m
+    highest = k + 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
+    widest = max(spread, 1e-3 * radar.wavelength_m)
+    bin_rad_per_m = 2 * math.pi / (lattice.n_cells * lattice.cell_m)
+    oversampling_range = radar.range_resolution_m / lattice.cell_m
+    along = design_interpolator(oversampling_range, taps=TAPS, degree=DEGREE)
+    n_rows, span = len(subapertures[0][0]), polar.n_alpha * polar.alpha_spacing
+    geometry = max(view.phase_error(k, radar.bandwidth_hz / radar.carrier_hz) for view in views)
+    best = None
+    for oversampling in _OVERSAMPLING:
+        between = design_interpolator(oversampling, taps=TAPS, degree=DEGREE)
+        if between.error_db > target_db:
+            continue
+        spacing = math.pi / (highest * widest * oversampling)
+        for segment in (v for v in _SEGMENTS if v <= spare):
+            expansion = np.max([view.expansion_errors(
+                segment * polar.range_spacing_m / 2, lattice.cell_m, polar.range_spacing_m,
+                spacing, oversampling_range, oversampling, k) for view in views], axis=0)
+            for group in _GROUPS:
+                # rms over a vector of bins, a group of beams, and rows
+                beside = math.sqrt(np.mean((np.arange(group) - group // 2) ** 2)) * spacing
+                held = bin_rad_per_m * LANES / math.sqrt(12) * beside * spread / math.sqrt(3)
+                error = total_db(between.error_db, along.error_db, _ARITHMETIC_DB, *(
+                    20 * math.log10(e + 1e-12) for e in (geometry, held, *expansion)))
+                found = BeamSampling(widest, spacing, group, segment, between, along, error)
+                cost = found.cost(n_rows, n_bins, lattice.n_cells, polar.n_range * span / spacing,
+                                  span)
+                if error <= target_db and (best is None or cost < best[0]):
+                    best = cost, found
+    return best and best[1]
+
+
+@dataclasses.dataclass(frozen=True)
+class _View:
+    """Geometry of one sub-aperture, seen from its middle."""
+
+    spread_m: float
+    difference: np.ndarray  # (R, S) of half paths from what beams assume, metres
+    bend: np.ndarray  # (R, S) what interpolation between beams makes good to first order, metres
+    range_by_range: np.ndarray  # (4, S) derivatives of the distance along lines
+    direction_by_range: np.ndarray  # (2, S) of the direction cosine
+
+    def phase_error(self, k: float, relative_bandwidth: float) -> float:
+        """Rms over the rows of the largest phase error anywhere, rad."""
+        error = (k * np.abs(self.difference - self.bend)
+                 + np.abs(k * self.bend) * (relative_bandwidth / math.sqrt(12))
+                 + (k * self.bend) ** 2 / 2)
+        return math.sqrt(np.mean(error.max(axis=1) ** 2))
+
+    def expansion_errors(self, half_m, cell_m, pixel_m, spacing, over_range, over_beams, k):
+        """Rms errors of expanding places between cells, between beams, and phases."""
+        drift = self.range_by_range - np.array([[cell_m / pixel_m], [0], [0], [0]])
+        d1, d2, _, d4 = np.abs(drift).max(axis=1)
+        s1, s2 = np.abs(self.direction_by_range).max(axis=1)
+        drifts = ((d1 * half_m + d2 * half_m ** 2 / 2) / cell_m,
+                  (s1 * half_m + s2 * half_m ** 2 / 2) / spacing)
+        return [*(t ** 3 / 6 * (math.pi / over) ** 3 / 7
+                  for t, over in zip(drifts, (over_range, over_beams), strict=True)),
+                k * d4 * half_m ** 4 / 24 / 3]
+
+
+def _view(polar: PolarGrid, tx_m, rx_m) -> _View | None:
+    r, alpha = (v.ravel() for v in np.meshgrid(
+        *(np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (polar.range_m, polar.alpha))))
+    lines = polar.lines(r, alpha)
+    rows = np.unique(np.linspace(0, len(tx_m) - 1, _ROWS).round().astype(int))
+    beams = BeamGeometry.of(polar, tx_m, rx_m)
+    if beams is None:
+        return None
+    middle = sample_paths(beams.centre_m[None], beams.centre_m[None], lines)
+    length, derivatives = middle.length[0], np.array(middle.derivatives)[:, 0]
+    along = np.array([*polar.track, 0.0])
+    direction = (lines[0] - beams.centre_m) @ along / length
+    first = (lines[1] @ along - direction * derivatives[0]) / length
+    second = (lines[2] @ along - 2 * first * derivatives[0] - direction * derivatives[1]) / length
+    paths = sample_paths(tx_m[rows], rx_m[rows], lines[:2]).length
+    centres = tx_m[rows], rx_m[rows]
+    slope = np.diff([beams.extra_path(*centres, direction + d) for d in (-_STEP, _STEP)],
+                    axis=0)[0] / (2 * _STEP)
+    bend = slope ** 2 * (1 - direction ** 2) * (1 / length - 1 / beams.range_m) / 2
+    return _View(beams.spread(*centres),
+                 paths - length - beams.extra_path(*centres, direction), bend, derivatives,
+                 np.stack([first, second]))
+
+
+@dataclasses.dataclass(frozen=True)
+class BeamGeometry:
+    """Polar coordinates around the middle of a sub-aperture, on the plane of a polar grid.
+
+    Attributes
+    ----------
+    polar : PolarGrid
+        Whose plane, track direction and side they share.
+    centre_m : (3,) float64
+        Mean phase centre, metres.
+    range_m : float
+        Distance at which the paths of rows are compared, metres: the harmonic mean of the
+        extremes, from which their curvature differs least.
+    direction : (float, float)
+        Extremes of the direction cosine over the grid.
+    """
+
+    polar: PolarGrid
+    centre_m: np.ndarray
+    range_m: float
+    direction: tuple[float, float]
+
+    @classmethod
+    def of(cls, polar: PolarGrid, tx_m, rx_m) -> BeamGeometry | None:
+        """Coordinates for some rows; None where the plane is too steep below them."""
+        centre = 0.5 * (tx_m + rx_m).mean(axis=0)
+        edge = np.linspace(polar.alpha[0], polar.alpha[-1], _SAMPLES_PER_SIDE)
+        r = np.repeat([polar.range_m[0], polar.range_m[-1]], len(edge))
+        offset = polar.lines(r, np.tile(edge, 2))[0] - centre
+        length = np.linalg.norm(offset, axis=1)
+        direction = offset[:, :2] @ polar.track / length
+        range_m = 2 / (1 / length.min() + 1 / length.max())
+        beams = cls(polar, centre, range_m, (float(direction.min()), float(direction.max())))
+        height = (centre[2] - polar.z_m) / range_m
+        steepest = max(map(abs, beams.direction)) + 0.1 * np.ptp(direction)
+        return beams if steepest ** 2 + height ** 2 < 0.98 else None
+
+    def extra_path(self, tx_m, rx_m, direction) -> np.ndarray:
+        """(R, S) by how much half paths are longer than the distance from the centre, metres."""
+        height = self.centre_m[2] - self.polar.z_m
+        along = self.range_m * np.asarray(direction)
+        across = np.sqrt(np.maximum(self.range_m ** 2 - along ** 2 - height ** 2, 0.0))
+        u, v = self.polar.track, self.polar.across
+        x = [along * u[axis] + across * v[axis] + self.centre_m[axis] for axis in (0, 1)]
+        total = 0.0
+        for centre in (tx_m, rx_m):
+            total = total + 0.5 * np.sqrt((x[0] - centre[:, :1]) ** 2
+                                          + (x[1] - centre[:, 1:2]) ** 2
+                                          + (self.polar.z_m - centre[:, 2:]) ** 2)
+        return total - self.range_m
+
+    def spread(self, tx_m, rx_m) -> float:
+        """Largest derivative of `extra_path` by direction, metres."""
+        directions = np.linspace(*self.direction, _DIRECTIONS)
+        extra = self.extra_path(tx_m, rx_m, directions)
+        return float(np.abs(np.diff(extra, axis=1)).max() / (directions[1] - directions[0]))

@@ -1,0 +1,200 @@
+"""Sub-aperture images by way of beams, where direct backprojection would read each pulse per line.
+
+Seen from its own middle the rows of a short sub-aperture differ by little more than a delay that
+depends on direction alone: a beam is their sum with the delays of one direction, taken exactly,
+bin by bin of the spectrum. A few beams, no more than the sub-aperture can resolve, hold the image;
+the lines of the unified polar grid, whose coordinates bend away from the sub-aperture's own, are
+interpolated from them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy.fft
+
+from ..compilation import numba
+from ..geometry.polar import PolarGrid
+from . import beam_kernels as kernels
+from .beam_plan import BEYOND, BeamGeometry, BeamSampling
+from .lattice import Lattice
+from .range_band import RangeBand
+from .range_window import RangeWindow
+
+_TASKS_PER_THREAD = 4
+_TAPS_STORED = 16  # of the tables of weights
+
+
+class BeamLines:
+    """Lines of a polar grid, filled from the beams of a sub-aperture.
+
+    Parameters
+    ----------
+    polar : PolarGrid
+        Pixels.
+    source : RangeWindow or RangeBand
+        What the profiles are made of.
+    lattice : Lattice
+        Its cells are those of the beams.
+    sampling : BeamSampling
+        From `plan_beams`.
+    range_m : (float, float)
+        Smallest and largest half path to the pixels, metres.
+    """
+
+    def __init__(self, polar: PolarGrid, source: RangeWindow | RangeBand, lattice: Lattice,
+                 sampling: BeamSampling, range_m: tuple[float, float]):
+        self._polar, self._source, self._lattice = polar, source, lattice
+        self._sampling = sampling
+        self._buffers: dict[str, np.ndarray] = {}
+        cells = math.floor((range_m[0] - source.range_start_m) / lattice.cell_m)
+        first = cells - kernels.TAPS
+        self._range_start_m = source.range_start_m + first * lattice.cell_m
+        # Beyond the profile's ends a period repeats, what was recorded does not.
+        self._known = (0, lattice.n_cells) if source.periodic else (
+            min(max(-first, 0), lattice.n_cells), min(max(lattice.n_cells - first, 0),
+                                                      lattice.n_cells))
+        gain = source.gain(lattice.n_padded)
+        self._runs, number = _runs(len(gain), lattice.n_cells, source.zero)
+        self._cycles_per_bin = 1 / (lattice.n_cells * lattice.cell_m)
+        shift = np.fmod(number * (first / lattice.n_cells), 1.0)
+        self._common = (gain * np.exp(2j * np.pi * shift)).astype(np.complex64)
+        self._lines = self._positions()
+
+    def _positions(self) -> np.ndarray:
+        """(S, n_alpha, 12) float64 as `kernels.read_beams` wants them."""
+        polar, segment = self._polar, self._sampling.segment
+        pixel = np.arange(-(-polar.n_range // segment)) * segment + segment // 2
+        step = polar.range_spacing_m
+        derivatives = polar.lines(polar.range_start_m + step * pixel[:, None], polar.alpha)[:4]
+        return np.concatenate([d * step ** order for order, d in enumerate(derivatives)], axis=-1)
+
+    def add(self, samples, tx_m, rx_m, parts, weights=None) -> None:
+        """Add rows to an image at range baseband.
+
+        Parameters
+        ----------
+        samples : (R, N) complex64
+            Profiles, or phase histories, of the rows.
+        tx_m, rx_m : (R, 3) float64
+            Phase centres of the rows, metres.
+        parts : (2, n_alpha, n_range) float32
+            Real and imaginary part of the image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0
+            the first range; changed in place, contiguous.
+        weights : (R,) float32, optional
+            Of the rows.
+
+        Raises
+        ------
+        ValueError
+            The plane is too steep below the rows for their directions to be told apart.
+        """
+        geometry = BeamGeometry.of(self._polar, tx_m, rx_m)
+        if geometry is None:
+            raise ValueError(f'the imaging plane, {self._polar.z_m:g} m high, is too steep below '
+                             f'the phase centres around {tx_m.mean(axis=0).round(2)}; use '
+                             'Backprojector')
+        spacing = self._sampling.spacing * min(
+            1.0, self._sampling.spread_m / max(geometry.spread(tx_m, rx_m), 1e-9))
+        span = (geometry.direction[1] - geometry.direction[0]) / spacing
+        n_beams = math.ceil(span) + kernels.TAPS + 2 * BEYOND
+        start = geometry.direction[0] - (kernels.TAPS // 2 - 1 + BEYOND) * spacing
+        directions = start + spacing * np.arange(n_beams)
+        beams = self._beams(samples, geometry.extra_path(tx_m, rx_m, directions), weights)
+        self._read(beams, geometry, start, spacing, parts)
+
+    def _beams(self, samples, path, weights) -> np.ndarray:
+        """(M, n_cells) complex64 beams at range baseband, valid until the next call."""
+        (n_rows, n_beams), group = path.shape, self._sampling.group
+        n_cells = self._lattice.n_cells
+        spectrum = self._source.spectrum(samples, self._lattice.n_padded, self._buffer)
+        wavelength = self._source.radar.wavelength_m
+        blocks = _blocked(path, group)
+        middle = blocks[:, :, group // 2]
+        beside = self._cycles_per_bin * (blocks - middle[:, :, None])
+        shift = self._cycles_per_bin * middle
+        beams = self._buffer('beams', (n_beams, n_cells), np.complex64)
+        n_tasks, q, lanes = len(self._runs), blocks.shape[1] * kernels.ROWS, kernels.LANES
+        sizes = {'base': kernels.BINS * q, 'turn': shift.size * lanes, 'row': q * lanes,
+                 'phasor': blocks.size, 'sum': group * lanes}
+        work = [self._buffer(f'{name} {part}', (n_tasks * size,), np.float32)
+                for name, size in sizes.items() for part in range(2)]
+        kernels.form_beams(
+            spectrum.reshape(-1).view(np.float32), (n_rows, spectrum.shape[1], n_beams, n_cells),
+            self._runs, self._common.view(np.float32),
+            np.ones(n_rows, np.float32) if weights is None else weights, middle.reshape(-1),
+            np.fmod(2 / wavelength * blocks, 1.0).reshape(-1), beside.reshape(-1),
+            _step_phasors(shift), _step_phasors(beside), self._cycles_per_bin, group,
+            beams.reshape(-1).view(np.float32), *work)
+        n_bins = min(spectrum.shape[1], n_cells)
+        beams[:, (n_bins + 1) // 2:n_cells - n_bins // 2] = 0.0
+        beams = scipy.fft.ifft(beams, axis=1, workers=numba.get_num_threads(), overwrite_x=True,
+                               norm='forward')
+        beams[:, :self._known[0]] = 0.0
+        beams[:, self._known[1]:] = 0.0
+        return beams
+
+    def _read(self, beams, geometry, start, spacing, parts) -> None:
+        polar, sampling, source = self._polar, self._sampling, self._source
+        segment, taps = sampling.segment, kernels.TAPS
+        cycles_per_m = 2 / source.radar.wavelength_m
+        # Half the curvature and twice the weight of the second order cancel.
+        bend = -1 / (2 * np.pi * cycles_per_m * spacing ** 2)
+        index = np.arange(segment, dtype=np.float32) - segment // 2
+        index2 = np.repeat(np.arange(segment + taps, dtype=np.float32)
+                           + (sampling.along.first - segment // 2), 2)
+        n_tasks = _TASKS_PER_THREAD * numba.get_num_threads()
+        work = [np.empty(n_tasks * size, np.float32) for size in (
+            6 * _TAPS_STORED, 4 * (segment + taps), segment + taps, segment + taps)]
+        kernels.read_beams(
+            beams.reshape(-1).view(np.float32), (*beams.shape, *parts.shape[1:]), self._lines,
+            geometry.centre_m, np.array(polar.track),
+            np.array([self._range_start_m, self._lattice.cell_m, polar.range_spacing_m]),
+            np.array([start, spacing]), cycles_per_m, -cycles_per_m * source.phase_range_m,
+            np.array([1 / geometry.range_m, bend]), _table(sampling.between),
+            _table(sampling.along), sampling.along.first, index, index2, parts.reshape(-1), *work)
+
+    def _buffer(self, name: str, shape, dtype) -> np.ndarray:
+        """Memory that calls share, grown when needed."""
+        size = math.prod(shape)
+        if name not in self._buffers or self._buffers[name].size < size:
+            self._buffers[name] = np.empty(size, dtype)
+        return self._buffers[name][:size].reshape(shape)
+
+
+def _runs(n_bins: int, n_cells: int, zero: int):
+    """Bins of each task of `form_beams`, and every bin's number counted from the carrier's."""
+    number = (np.arange(n_bins) - zero + n_bins // 2) % n_bins - n_bins // 2
+    kept = min(n_bins, n_cells)
+    upper, lower = (kept + 1) // 2, kept // 2
+    n_tasks = max(1, _TASKS_PER_THREAD * numba.get_num_threads() // 2)
+    runs = []
+    for first, target, start, count in ((zero, 0, 0, upper), ((zero - lower) % n_bins,
+                                                              n_cells - lower, -lower, lower)):
+        step = -(-count // n_tasks // kernels.LANES) * kernels.LANES or kernels.LANES
+        runs += [(first + i, target + i, start + i, min(step, count - i))
+                 for i in range(0, count, step)]
+    return np.array(runs), number
+
+
+def _blocked(path, group: int) -> np.ndarray:
+    """(G, blocks, group, ROWS) float64 paths in the order in which `form_beams` reads them."""
+    n_rows, n_beams = path.shape
+    n_blocks, n_groups = -(-n_rows // kernels.ROWS), -(-n_beams // group)
+    rows = np.minimum(np.arange(n_blocks * kernels.ROWS), n_rows - 1)
+    beams = np.minimum(np.arange(n_groups * group), n_beams - 1)
+    blocks = path[rows][:, beams].reshape(n_blocks, kernels.ROWS, n_groups, group)
+    return np.ascontiguousarray(blocks.transpose(2, 0, 3, 1))
+
+
+def _step_phasors(cycles) -> np.ndarray:
+    """Phasors over a vector of bins, real parts first, flat."""
+    phasor = np.exp(2j * np.pi * kernels.LANES * cycles).reshape(-1)
+    return np.concatenate([phasor.real, phasor.imag]).astype(np.float32)
+
+
+def _table(interpolator) -> np.ndarray:
+    weights = np.zeros((kernels.DEGREE + 1, _TAPS_STORED), np.float32)
+    weights[:, :kernels.TAPS] = interpolator.weights
+    return weights
