@@ -22,6 +22,7 @@ TAPS, DEGREE = 10, 5
 LANES = 16  # pixels computed together: one vector of float32
 PIXELS = 8  # of a row that are written together
 _TASKS_PER_THREAD = 4
+_CHUNKS = 16  # of LANES ranges: what they take for all rows of a strip stays in cache
 
 
 def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis: int,
@@ -103,17 +104,19 @@ def _resample(real, imag, shape, apart, rows, line, sign, track, height, range_s
     """Both passes, strip by strip; like `kernels.project_lines` free of views for the compiler."""
     n_alpha, n_range = shape
     n_rows, n_pixels, n_tasks = len(rows), len(line), len(tasks)
+    n_chunks = (n_range + LANES - 1) // LANES
     n_strips, width = len(offset) // LANES, np.uint64(apart)
     inverse_alpha, inverse_range = 1.0 / alpha_step, 1.0 / range_step
     for task in numba.prange(n_tasks):
         lane = np.uint64(task * LANES)
         base = np.uint64(task * length * LANES)
         for number in range(task * n_strips // n_tasks, (task + 1) * n_strips // n_tasks):
-            for j in range(LANES):
+            for part in range(((n_chunks + _CHUNKS - 1) // _CHUNKS) * LANES):
+                j, first_chunk = part % LANES, part // LANES * _CHUNKS
                 row = number * LANES + j
                 beside = rows[min(row, n_rows - 1)]
                 beside2 = beside * beside + height * height
-                for chunk in range((n_range + LANES - 1) // LANES):
+                for chunk in range(first_chunk, min(first_chunk + _CHUNKS, n_chunks)):
                     i0 = min(chunk * LANES, n_range - LANES)
                     low, high = n_alpha, -1
                     for i in range(LANES):
