@@ -58,8 +58,8 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
     for length, row_step, n_sets, set_step, turn in ((far, 1, near, far, 1),
                                                      (near, far, far, 1, 0)):
         if length > 1:
-            _transform(flat, width, n_groups, length, row_step, n_sets, set_step, turns, turn,
-                       *_plan(length, sign), np.empty(n_tasks), *work)
+            _transform(flat, LANES, width, n_groups, length, row_step, n_sets, set_step, turns,
+                       turn, *_plan(length, sign), np.empty(n_tasks), *work)
 
 
 @functools.lru_cache(maxsize=64)
@@ -140,9 +140,12 @@ def _combine(radix, done, left, weights, first, from_re, from_im, to_re, to_im, 
 
 
 @njit(parallel=True)
-def _transform(data, width, n_groups, length, row_step, n_sets, set_step, turns, turn, radices,
-               first, weights, tasks, one_re, one_im, other_re, other_im):
-    """Rows ``set set_step + n row_step``, set by set, times turns to the power of ``n set``."""
+def _transform(data, lanes, width, n_groups, length, row_step, n_sets, set_step, turns, turn,
+               radices, first, weights, tasks, one_re, one_im, other_re, other_im):
+    """Rows ``set set_step + n row_step``, set by set, times turns to the power of ``n set``.
+
+    Loops over as many `lanes` as there are, unknown to the compiler, become vectors of pairs.
+    """
     n_tasks, n_jobs = len(tasks), n_sets * n_groups
     for task in numba.prange(n_tasks):
         base = np.uint64(task * length * LANES)
@@ -151,7 +154,7 @@ def _transform(data, width, n_groups, length, row_step, n_sets, set_step, turns,
             corner = 2 * (number * set_step * width + job % n_groups * LANES)
             for n in range(length):
                 place, at = np.uint64(corner + 2 * n * row_step * width), np.uint64(n * LANES)
-                for i in range(LANES):
+                for i in range(lanes):
                     one_re[base + at + np.uint64(i)] = data[place + np.uint64(2 * i)]
                     one_im[base + at + np.uint64(i)] = data[place + np.uint64(2 * i + 1)]
             done, left = 1, length
@@ -167,7 +170,7 @@ def _transform(data, width, n_groups, length, row_step, n_sets, set_step, turns,
                 place, at = np.uint64(corner + 2 * n * row_step * width), np.uint64(n * LANES)
                 power = np.uint64(2 * n * number * turn)
                 re, im = turns[power], turns[power + np.uint64(1)]
-                for i in range(LANES):
+                for i in range(lanes):
                     x, y = one_re[base + at + np.uint64(i)], one_im[base + at + np.uint64(i)]
                     data[place + np.uint64(2 * i)] = x * re - y * im
                     data[place + np.uint64(2 * i + 1)] = x * im + y * re
