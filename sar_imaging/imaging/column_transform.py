@@ -17,6 +17,7 @@ from ..compilation import njit, numba
 LANES = 16  # columns transformed together: one vector of float32
 _RADICES = (4, 2, 3, 5, 7, 11)
 _LONGEST = 512  # rows that stay in a core's cache
+_GROUPS = 8  # of LANES read and written together: longer runs of each row
 _TASKS_PER_THREAD = 4
 
 
@@ -53,7 +54,8 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
     flat, n_groups = data.reshape(-1).view(np.float32), -(-n_columns // LANES)
     turns = np.exp(sign * 2j * np.pi / n * np.arange(n)).astype(np.complex64).view(np.float32)
     n_tasks = _TASKS_PER_THREAD * numba.get_num_threads()
-    work = [np.empty(n_tasks * max(near, far) * LANES, np.float32) for _ in range(4)]
+    work = [np.empty(n_tasks * n * max(near, far) * LANES, np.float32)
+            for n in (_GROUPS, _GROUPS, 1, 1)]
     # element m1 + near m2 lies in row m1 far + m2: over m2, then over m1
     for length, row_step, n_sets, set_step, turn in ((far, 1, near, far, 1),
                                                      (near, far, far, 1, 0)):
@@ -96,13 +98,13 @@ def _plan(length: int, sign: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _combiner(radix: int):
     """Pass of one radix, known to the compiler."""
     @njit(inline='always')
-    def combine(done, left, weights, first, from_re, from_im, to_re, to_im, base):
+    def combine(done, left, weights, first, from_re, from_im, to_re, to_im, base, to):
         """Transforms of length `done`, `radix * left` of them, become `left` longer ones."""
         apart = np.uint64(done * left * LANES)
         for j in range(left):
             for q in range(radix):
                 for k in range(done):
-                    target = base + np.uint64(((j * radix + q) * done + k) * LANES)
+                    target = to + np.uint64(((j * radix + q) * done + k) * LANES)
                     source = base + np.uint64((j * done + k) * LANES)
                     row = np.uint64(first + 2 * (k + done * q) * radix)
                     for i in range(LANES):
@@ -124,19 +126,19 @@ _combine_4, _combine_2, _combine_3, _combine_5, _combine_7, _combine_11 = map(_c
 
 
 @njit(inline='always')
-def _combine(radix, done, left, weights, first, from_re, from_im, to_re, to_im, base):
+def _combine(radix, done, left, weights, first, from_re, from_im, to_re, to_im, base, to):
     if radix == 4:
-        _combine_4(done, left, weights, first, from_re, from_im, to_re, to_im, base)
+        _combine_4(done, left, weights, first, from_re, from_im, to_re, to_im, base, to)
     elif radix == 2:
-        _combine_2(done, left, weights, first, from_re, from_im, to_re, to_im, base)
+        _combine_2(done, left, weights, first, from_re, from_im, to_re, to_im, base, to)
     elif radix == 3:
-        _combine_3(done, left, weights, first, from_re, from_im, to_re, to_im, base)
+        _combine_3(done, left, weights, first, from_re, from_im, to_re, to_im, base, to)
     elif radix == 5:
-        _combine_5(done, left, weights, first, from_re, from_im, to_re, to_im, base)
+        _combine_5(done, left, weights, first, from_re, from_im, to_re, to_im, base, to)
     elif radix == 7:
-        _combine_7(done, left, weights, first, from_re, from_im, to_re, to_im, base)
+        _combine_7(done, left, weights, first, from_re, from_im, to_re, to_im, base, to)
     else:
-        _combine_11(done, left, weights, first, from_re, from_im, to_re, to_im, base)
+        _combine_11(done, left, weights, first, from_re, from_im, to_re, to_im, base, to)
 
 
 @njit(parallel=True)
@@ -146,31 +148,41 @@ def _transform(data, lanes, width, n_groups, length, row_step, n_sets, set_step,
 
     Loops over as many `lanes` as there are, unknown to the compiler, become vectors of pairs.
     """
-    n_tasks, n_jobs = len(tasks), n_sets * n_groups
+    n_tasks, n_blocks = len(tasks), (n_groups + _GROUPS - 1) // _GROUPS
+    n_jobs, size = n_sets * n_blocks, np.uint64(length * LANES)
     for task in numba.prange(n_tasks):
-        base = np.uint64(task * length * LANES)
+        other = np.uint64(task) * size
         for job in range(task * n_jobs // n_tasks, (task + 1) * n_jobs // n_tasks):
-            number = job // n_groups
-            corner = 2 * (number * set_step * width + job % n_groups * LANES)
+            number, group = job // n_blocks, job % n_blocks * _GROUPS
+            n_some = min(_GROUPS, n_groups - group)
+            corner = 2 * (number * set_step * width + group * LANES)
             for n in range(length):
-                place, at = np.uint64(corner + 2 * n * row_step * width), np.uint64(n * LANES)
-                for i in range(lanes):
-                    one_re[base + at + np.uint64(i)] = data[place + np.uint64(2 * i)]
-                    one_im[base + at + np.uint64(i)] = data[place + np.uint64(2 * i + 1)]
-            done, left = 1, length
-            for p in range(len(radices)):
-                left //= radices[p]
-                _combine(radices[p], done, left, weights, first[p], one_re, one_im, other_re,
-                         other_im, base)
-                done *= radices[p]
-                for n in range(length * LANES):
-                    one_re[base + np.uint64(n)] = other_re[base + np.uint64(n)]
-                    one_im[base + np.uint64(n)] = other_im[base + np.uint64(n)]
+                place = np.uint64(corner + 2 * n * row_step * width)
+                for g in range(n_some):
+                    one = np.uint64(task * _GROUPS + g) * size + np.uint64(n * LANES)
+                    for i in range(lanes):
+                        one_re[one + np.uint64(i)] = data[place + np.uint64(2 * i)]
+                        one_im[one + np.uint64(i)] = data[place + np.uint64(2 * i + 1)]
+                    place += np.uint64(2 * LANES)
+            for g in range(n_some):
+                one = np.uint64(task * _GROUPS + g) * size
+                done, left = 1, length
+                for p in range(len(radices)):
+                    left //= radices[p]
+                    _combine(radices[p], done, left, weights, first[p], one_re, one_im, other_re,
+                             other_im, one, other)
+                    done *= radices[p]
+                    for n in range(size):
+                        one_re[one + n] = other_re[other + n]
+                        one_im[one + n] = other_im[other + n]
             for n in range(length):
-                place, at = np.uint64(corner + 2 * n * row_step * width), np.uint64(n * LANES)
+                place = np.uint64(corner + 2 * n * row_step * width)
                 power = np.uint64(2 * n * number * turn)
                 re, im = turns[power], turns[power + np.uint64(1)]
-                for i in range(lanes):
-                    x, y = one_re[base + at + np.uint64(i)], one_im[base + at + np.uint64(i)]
-                    data[place + np.uint64(2 * i)] = x * re - y * im
-                    data[place + np.uint64(2 * i + 1)] = x * im + y * re
+                for g in range(n_some):
+                    one = np.uint64(task * _GROUPS + g) * size + np.uint64(n * LANES)
+                    for i in range(lanes):
+                        x, y = one_re[one + np.uint64(i)], one_im[one + np.uint64(i)]
+                        data[place + np.uint64(2 * i)] = x * re - y * im
+                        data[place + np.uint64(2 * i + 1)] = x * im + y * re
+                    place += np.uint64(2 * LANES)
