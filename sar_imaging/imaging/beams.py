@@ -23,7 +23,6 @@ from .range_band import RangeBand
 from .range_window import RangeWindow
 
 _TASKS_PER_THREAD = 4
-_TAPS_STORED = 16  # of the tables of weights
 
 
 class BeamLines:
@@ -70,8 +69,8 @@ class BeamLines:
         derivatives = polar.lines(polar.range_start_m + step * pixel[:, None], polar.alpha)[:4]
         return np.concatenate([d * step ** order for order, d in enumerate(derivatives)], axis=-1)
 
-    def add(self, samples, tx_m, rx_m, parts, weights=None) -> None:
-        """Add rows to an image at range baseband.
+    def fill(self, samples, tx_m, rx_m, parts, weights=None) -> None:
+        """Image of some rows at range baseband.
 
         Parameters
         ----------
@@ -81,7 +80,7 @@ class BeamLines:
             Phase centres of the rows, metres.
         parts : (2, n_alpha, n_range) float32
             Real and imaginary part of the image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0
-            the first range; changed in place, contiguous.
+            the first range; written to, contiguous.
         weights : (R,) float32, optional
             Of the rows.
 
@@ -137,23 +136,21 @@ class BeamLines:
 
     def _read(self, beams, geometry, start, spacing, parts) -> None:
         polar, sampling, source = self._polar, self._sampling, self._source
-        segment, taps = sampling.segment, kernels.TAPS
+        segment = sampling.segment
         cycles_per_m = 2 / source.radar.wavelength_m
         # Half the curvature and twice the weight of the second order cancel.
         bend = -1 / (2 * np.pi * cycles_per_m * spacing ** 2)
-        index = np.arange(segment, dtype=np.float32) - segment // 2
-        index2 = np.repeat(np.arange(segment + taps, dtype=np.float32)
-                           + (sampling.along.first - segment // 2), 2)
+        index = np.arange(segment + kernels.STORED, dtype=np.float32) - segment // 2
         n_tasks = _TASKS_PER_THREAD * numba.get_num_threads()
         work = [np.empty(n_tasks * size, np.float32) for size in (
-            6 * _TAPS_STORED, 4 * (segment + taps), segment + taps, segment + taps)]
+            6 * kernels.STORED, 6 * len(index), len(index), len(index))]
         kernels.read_beams(
             beams.reshape(-1).view(np.float32), (*beams.shape, *parts.shape[1:]), self._lines,
             geometry.centre_m, np.array(polar.track),
             np.array([self._range_start_m, self._lattice.cell_m, polar.range_spacing_m]),
             np.array([start, spacing]), cycles_per_m, -cycles_per_m * source.phase_range_m,
             np.array([1 / geometry.range_m, bend]), _table(sampling.between),
-            _table(sampling.along), sampling.along.first, index, index2, parts.reshape(-1), *work)
+            _table(sampling.along), sampling.along.first, index, parts.reshape(-1), *work)
 
     def _buffer(self, name: str, shape, dtype) -> np.ndarray:
         """Memory that calls share, grown when needed."""
@@ -195,6 +192,6 @@ def _step_phasors(cycles) -> np.ndarray:
 
 
 def _table(interpolator) -> np.ndarray:
-    weights = np.zeros((kernels.DEGREE + 1, _TAPS_STORED), np.float32)
+    weights = np.zeros((kernels.DEGREE + 1, kernels.STORED), np.float32)
     weights[:, :kernels.TAPS] = interpolator.weights
     return weights

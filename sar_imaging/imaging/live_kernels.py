@@ -44,7 +44,7 @@ def _compile_beams(block: PulseBlock) -> None:
     beams = plan_beams(polar, block.radar, lattice, lattice.n_padded, [rows], _TARGET_DB, 8.0)
     lines = BeamLines(polar, RangeWindow.whole(block.radar, _N_SAMPLES), lattice, beams,
                       (_RANGE_M, _RANGE_M + 8.0))
-    lines.add(block.samples.reshape(_CUT, -1), *rows, np.zeros((2, 4, 32), np.float32))
+    lines.fill(block.samples.reshape(_CUT, -1), *rows, np.zeros((2, 4, 32), np.float32))
 
 
 def compile_fusion_kernels() -> None:

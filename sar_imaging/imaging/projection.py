@@ -103,7 +103,7 @@ class PolarLines:
                                   polar.alpha_start + polar.alpha_spacing * line)
         return [d * polar.range_spacing_m ** order for order, d in enumerate(derivatives[:4])]
 
-    def add(self, samples, tx_m, rx_m, parts, weights=None) -> None:
+    def add(self, samples, tx_m, rx_m, parts) -> None:
         """Add rows to an image at range baseband.
 
         Parameters
@@ -115,15 +115,18 @@ class PolarLines:
         parts : (2, n_alpha, n_range or more) float32
             Real and imaginary part of the image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0
             the first range; changed in place, contiguous. Lines may end in padding.
-        weights : (R,) float32, optional
-            Of the rows.
         """
-        if weights is not None:
-            samples = samples * weights[:, None]
         polar = self._polar
         layout = np.array([polar.n_alpha, 0, parts.shape[-1], 1, parts[0].size])
         add_to_lines(self._profiles, samples, tx_m, rx_m, self._lines, layout, self._ramp,
                      parts.reshape(-1))
+
+    def fill(self, samples, tx_m, rx_m, parts, weights=None) -> None:
+        """Image of rows with weights, (R,) float32; otherwise as `add`."""
+        parts[:] = 0.0
+        if weights is not None:
+            samples = samples * weights[:, None]
+        self.add(samples, tx_m, rx_m, parts)
 
 
 def shared_phase(profiles: Profiles, n_pixels: int) -> np.ndarray:

@@ -318,11 +318,11 @@ class SubaperturePlan:
         if not 0 <= number < self.n_subapertures:
             raise ValueError(f'number={number}; the plan has sub-apertures 0 to '
                              f'{self.n_subapertures - 1}')
-        parts = np.zeros((2, self.coarse.n_alpha, self.coarse.n_range), np.float32)
+        parts = np.empty((2, self.coarse.n_alpha, self.coarse.n_range), np.float32)
         if weights is not None:
             weights = np.repeat(weights, self._n_channels)
-        self._lines.add(block.samples.reshape(-1, self.n_samples), block.tx_m.reshape(-1, 3),
-                        block.rx_m.reshape(-1, 3), parts, weights)
+        self._lines.fill(block.samples.reshape(-1, self.n_samples), block.tx_m.reshape(-1, 3),
+                         block.rx_m.reshape(-1, 3), parts, weights)
         return parts
 
 

@@ -53,9 +53,9 @@ def _stage(grid, block, pulses, target_db):
 
 def _error_db(stage, exact, weights=None):
     polar, (tx, rx) = stage.coarse, _rows(stage.block)
-    parts = np.zeros((2, polar.n_alpha, polar.n_range), np.float32)
+    parts = np.empty((2, polar.n_alpha, polar.n_range), np.float32)
     samples = stage.block.samples.reshape(len(tx), -1)
-    stage.lines.add(samples, tx, rx, parts, weights)
+    stage.lines.fill(samples, tx, rx, parts, weights)
     cycles = 2 * (polar.range_m - polar.range_start_m) * stage.block.radar.carrier_hz
     exact = exact * np.exp(-2j * np.pi * np.fmod(cycles / SPEED_OF_LIGHT, 1.0))
     # in the middle of the grid every row has its profile, whatever the geometry
