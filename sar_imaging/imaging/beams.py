@@ -23,6 +23,7 @@ from .range_band import RangeBand
 from .range_window import RangeWindow
 
 _TASKS_PER_THREAD = 4
+_PAGE, _STRIDE = 512, 40  # complex samples
 
 
 class BeamLines:
@@ -113,14 +114,15 @@ class BeamLines:
         middle = blocks[:, :, group // 2]
         beside = self._cycles_per_bin * (blocks - middle[:, :, None])
         shift = self._cycles_per_bin * middle
-        beams = self._buffer('beams', (n_beams, n_cells), np.complex64)
+        stride = _uncrowded(n_cells)
+        beams = self._buffer('beams', (n_beams, stride), np.complex64)
         n_tasks, q, lanes = len(self._runs), blocks.shape[1] * kernels.ROWS, kernels.LANES
         sizes = {'base': kernels.BINS * q, 'turn': shift.size * lanes, 'row': q * lanes,
                  'phasor': blocks.size, 'sum': group * lanes}
         work = [self._buffer(f'{name} {part}', (n_tasks * size,), np.float32)
                 for name, size in sizes.items() for part in range(2)]
         kernels.form_beams(
-            spectrum.reshape(-1).view(np.float32), (n_rows, spectrum.shape[1], n_beams, n_cells),
+            spectrum.reshape(-1).view(np.float32), (n_rows, spectrum.shape[1], n_beams, stride),
             self._runs, self._common.view(np.float32),
             np.ones(n_rows, np.float32) if weights is None else weights, middle.reshape(-1),
             np.fmod(2 / wavelength * blocks, 1.0).reshape(-1), beside.reshape(-1),
@@ -128,8 +130,8 @@ class BeamLines:
             beams.reshape(-1).view(np.float32), *work)
         n_bins = min(spectrum.shape[1], n_cells)
         beams[:, (n_bins + 1) // 2:n_cells - n_bins // 2] = 0.0
-        beams = scipy.fft.ifft(beams, axis=1, workers=numba.get_num_threads(), overwrite_x=True,
-                               norm='forward')
+        beams[:, :n_cells] = scipy.fft.ifft(beams[:, :n_cells], axis=1, norm='forward',
+                                            workers=numba.get_num_threads(), overwrite_x=True)
         beams[:, :self._known[0]] = 0.0
         beams[:, self._known[1]:] = 0.0
         return beams
@@ -173,6 +175,11 @@ def _runs(n_bins: int, n_cells: int, zero: int):
         runs += [(first + i, target + i, start + i, min(step, count - i))
                  for i in range(0, count, step)]
     return np.array(runs), number
+
+
+def _uncrowded(n_cells: int) -> int:
+    """Cells between beams, so that neighbours do not compete for the same lines of the cache."""
+    return n_cells + (_STRIDE - n_cells) % _PAGE
 
 
 def _blocked(path, group: int) -> np.ndarray:
