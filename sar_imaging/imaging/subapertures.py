@@ -187,8 +187,8 @@ class SubaperturePlan:
         """Relative time of all sub-aperture images, by the quicker of both ways."""
         @functools.cache
         def beams(length):
-            return self._plan_beams(lattice, tx_m, rx_m, cut_pulses(_middles(tx_m, rx_m), length),
-                                    target_db, range_m)
+            return self._plan_beams(self.polar, lattice, tx_m, rx_m,
+                                    cut_pulses(_middles(tx_m, rx_m), length), target_db, range_m)
 
         def cost(pulses, n_coarse, n_range):
             length = max(p.stop - p.start for p in pulses)
@@ -204,18 +204,19 @@ class SubaperturePlan:
         return (n_rows * lattice.cost * n_pixels, math.inf if beams is None else beams.cost(
             n_rows, lattice.n_padded, lattice.n_cells, n_pixels, span))
 
-    def _plan_beams(self, lattice, tx_m, rx_m, pulses, target_db, range_m) -> BeamSampling | None:
+    def _plan_beams(self, grid, lattice, tx_m, rx_m, pulses, target_db, range_m):
+        """Beams for sub-aperture images on a grid, or None."""
         some = np.linspace(0, len(pulses) - 1, _CUTS_FOR_BEAMS).round().astype(int)
         cuts = [(tx_m[pulses[i]].reshape(-1, 3), rx_m[pulses[i]].reshape(-1, 3))
                 for i in np.unique(some)]
         padding_m = math.inf if self._band else _PADDING * self.radar.sample_spacing_m
-        return plan_beams(self.polar, self.radar, lattice, lattice.n_padded, cuts, target_db,
+        return plan_beams(grid, self.radar, lattice, lattice.n_padded, cuts, target_db,
                           range_m[1] - range_m[0], padding_m)
 
     def _choose_beams(self, tx_m, rx_m, target_db, range_m) -> BeamSampling | None:
         """Beams, where they are quicker than adding each pulse directly."""
         pulses = self.sampling.pulses
-        beams = self._plan_beams(self.lattice, tx_m, rx_m, pulses, target_db, range_m)
+        beams = self._plan_beams(self.coarse, self.lattice, tx_m, rx_m, pulses, target_db, range_m)
         direct, from_beams = self._costs(self.lattice, beams,
                                          max(p.stop - p.start for p in pulses),
                                          self.coarse.n_alpha * self.coarse.n_range)
