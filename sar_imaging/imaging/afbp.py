@@ -147,11 +147,12 @@ class AfbpImager:
             raise ValueError(f'block has {block.n_pulses} pulses; the plan is for '
                              f'{s.pulses[-1].stop}')
         self.fusion.clear()
+        parts = None
         for number, some in enumerate(tqdm(s.pulses, desc='sub-apertures',
                                            unit='sub-aperture', disable=not self._progress)):
             weights = None if self._pulse_weights is None else self._pulse_weights[some]
-            self.fusion.add(number, stage.image(number, block.select(some), weights),
-                            s.centre[number])
+            parts = stage.image(number, block.select(some), weights, parts)
+            self.fusion.add(number, parts, s.centre[number])
         return self.form(self.fusion.take_polar_image(planes=True))
 
     def form(self, polar_image: np.ndarray) -> np.ndarray:

@@ -292,7 +292,7 @@ class SubaperturePlan:
         error_db = total_db(self._stage_error_db, 10 * math.log10(error + 1e-16))
         return centre, error_db, within
 
-    def image(self, number: int, block: PulseBlock, weights=None) -> np.ndarray:
+    def image(self, number: int, block: PulseBlock, weights=None, out=None) -> np.ndarray:
         """Backproject one sub-aperture (Zhang et al., equation 6).
 
         Parameters
@@ -303,6 +303,8 @@ class SubaperturePlan:
             Its range profiles, or its phase histories, with phase centres.
         weights : (P,) float32, optional
             Window over its pulses.
+        out : (2, n_alpha, n_range) float32, optional
+            Memory for the image; fresh memory costs time.
 
         Returns
         -------
@@ -319,7 +321,8 @@ class SubaperturePlan:
         if not 0 <= number < self.n_subapertures:
             raise ValueError(f'number={number}; the plan has sub-apertures 0 to '
                              f'{self.n_subapertures - 1}')
-        parts = np.empty((2, self.coarse.n_alpha, self.coarse.n_range), np.float32)
+        shape = (2, self.coarse.n_alpha, self.coarse.n_range)
+        parts = np.empty(shape, np.float32) if out is None else out
         if weights is not None:
             weights = np.repeat(weights, self._n_channels)
         self._lines.fill(block.samples.reshape(-1, self.n_samples), block.tx_m.reshape(-1, 3),
