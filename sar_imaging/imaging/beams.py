@@ -130,8 +130,10 @@ class BeamLines:
             beams.reshape(-1).view(np.float32), *work)
         n_bins = min(spectrum.shape[1], n_cells)
         beams[:, (n_bins + 1) // 2:n_cells - n_bins // 2] = 0.0
-        beams[:, :n_cells] = scipy.fft.ifft(beams[:, :n_cells], axis=1, norm='forward',
-                                            workers=numba.get_num_threads(), overwrite_x=True)
+        ranges = scipy.fft.ifft(beams[:, :n_cells], axis=1, norm='forward', overwrite_x=True,
+                                workers=numba.get_num_threads())
+        if not np.may_share_memory(ranges, beams):  # SciPy may decline to overwrite
+            beams[:, :n_cells] = ranges
         beams[:, :self._known[0]] = 0.0
         beams[:, self._known[1]:] = 0.0
         return beams
