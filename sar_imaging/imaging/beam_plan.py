@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -24,7 +25,7 @@ _STEP = 1e-4  # of the direction cosine, for a derivative
 # Time of a row, bin and beam, of a cell's transform and of a pixel, in pixels and rows of
 # `kernels.project_lines`; what is added to the first by rows of beams, to the last by segments
 _COST_TRIPLE, _COST_CELL, _COST_PIXEL = 0.17, 7.0, 7.5  # (measured)
-_COST_GROUP, _COST_SEGMENT = 3.0, 60.0
+_COST_GROUP, _COST_SEGMENT = 4.0, 60.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,6 +40,8 @@ class BeamSampling:
         Of the beams, in direction cosine.
     group : int
         Beams whose phases are taken to grow alike over a vector of bins.
+    paired : bool
+        Rows on opposite sides of the centre share phasors.
     segment : int
         Pixels that share one expansion of the geometry.
     between, along : Interpolator
@@ -50,6 +53,7 @@ class BeamSampling:
     spread_m: float
     spacing: float
     group: int
+    paired: bool
     segment: int
     between: Interpolator
     along: Interpolator
@@ -61,7 +65,7 @@ class BeamSampling:
 
     def cost(self, n_rows: int, n_bins: int, n_cells: int, n_pixels: int, span: float) -> float:
         """Relative time of a sub-aperture image, in pixels and rows of `project_lines`."""
-        per_triple = _COST_TRIPLE * (1 + _COST_GROUP / self.group)
+        per_triple = _COST_TRIPLE * ((0.5 if self.paired else 1.0) + _COST_GROUP / self.group)
         return (self.n_beams(span) * (n_rows * n_bins * per_triple + n_cells * _COST_CELL)
                 + n_pixels * _COST_PIXEL * (1 + _COST_SEGMENT / self.segment / 4))
 
@@ -102,6 +106,7 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
     if None in views:
         return None
     spread = max(view.spread_m for view in views)
+    uneven = max(view.uneven_m for view in views)
     # The last segment reaches beyond the image.
     spare = lattice.n_cells - reach_m / lattice.cell_m - 2 * TAPS
     if 2 * spread > padding_m:
@@ -124,13 +129,15 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
             expansion = np.max([view.expansion_errors(
                 segment * polar.range_spacing_m / 2, lattice.cell_m, polar.range_spacing_m,
                 spacing, oversampling_range, oversampling, k) for view in views], axis=0)
-            for group in _GROUPS:
-                # rms over a vector of bins, a group of beams, and rows
+            for group, paired in itertools.product(_GROUPS, (True, False)):
+                # rms over a group of beams, and for the former over bins and rows
                 beside = math.sqrt(np.mean((np.arange(group) - group // 2) ** 2)) * spacing
                 held = bin_rad_per_m * LANES / math.sqrt(12) * beside * spread / math.sqrt(3)
+                shared = paired * k * beside * uneven
                 error = total_db(between.error_db, along.error_db, _ARITHMETIC_DB, *(
-                    20 * math.log10(e + 1e-12) for e in (geometry, held, *expansion)))
-                found = BeamSampling(widest, spacing, group, segment, between, along, error)
+                    20 * math.log10(e + 1e-12) for e in (geometry, held, shared, *expansion)))
+                found = BeamSampling(widest, spacing, group, paired, segment, between, along,
+                                     error)
                 cost = found.cost(n_rows, n_bins, lattice.n_cells, polar.n_range * span / spacing,
                                   span)
                 if error <= target_db and (best is None or cost < best[0]):
@@ -143,6 +150,7 @@ class _View:
     """Geometry of one sub-aperture, seen from its middle."""
 
     spread_m: float
+    uneven_m: float  # by which rows on opposite sides of the centre are not opposite, rms
     difference: np.ndarray  # (R, S) of half paths from what beams assume, metres
     bend: np.ndarray  # (R, S) what interpolation between beams makes good to first order, metres
     range_by_range: np.ndarray  # (4, S) derivatives of the distance along lines
@@ -171,7 +179,8 @@ def _view(polar: PolarGrid, tx_m, rx_m) -> _View | None:
     r, alpha = (v.ravel() for v in np.meshgrid(
         *(np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (polar.range_m, polar.alpha))))
     lines = polar.lines(r, alpha)
-    rows = np.unique(np.linspace(0, len(tx_m) - 1, _ROWS).round().astype(int))
+    rows = np.linspace(0, len(tx_m) - 1, _ROWS).round().astype(int)
+    rows = np.unique([rows, len(tx_m) - 1 - rows])  # opposite ones, too
     beams = BeamGeometry.of(polar, tx_m, rx_m)
     if beams is None:
         return None
@@ -186,7 +195,9 @@ def _view(polar: PolarGrid, tx_m, rx_m) -> _View | None:
     slope = np.diff([beams.extra_path(*centres, direction + d) for d in (-_STEP, _STEP)],
                     axis=0)[0] / (2 * _STEP)
     bend = slope ** 2 * (1 - direction ** 2) * (1 / length - 1 / beams.range_m) / 2
-    return _View(beams.spread(*centres),
+    slope = slope[np.argsort(slope.mean(axis=1))]
+    uneven = math.sqrt(np.mean(np.abs(slope + slope[::-1]).max(axis=1) ** 2)) / 2
+    return _View(beams.spread(*centres), uneven,
                  paths - length - beams.extra_path(*centres, direction), bend, derivatives,
                  np.stack([first, second]))
 

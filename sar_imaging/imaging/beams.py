@@ -109,24 +109,24 @@ class BeamLines:
         (n_rows, n_beams), group = path.shape, self._sampling.group
         n_cells = self._lattice.n_cells
         spectrum = self._source.spectrum(samples, self._lattice.n_padded, self._buffer)
-        wavelength = self._source.radar.wavelength_m
-        blocks = _blocked(path, group)
-        middle = blocks[:, :, group // 2]
-        beside = self._cycles_per_bin * (blocks - middle[:, :, None])
-        shift = self._cycles_per_bin * middle
+        rows, middle, beside = _phasors(path, group, self._sampling.paired)
+        per_metre = 2 / self._source.radar.wavelength_m
         stride = _uncrowded(n_cells)
         beams = self._buffer('beams', (n_beams, stride), np.complex64)
-        n_tasks, q, lanes = len(self._runs), blocks.shape[1] * kernels.ROWS, kernels.LANES
-        sizes = {'base': kernels.BINS * q, 'turn': shift.size * lanes, 'row': q * lanes,
-                 'phasor': blocks.size, 'sum': group * lanes}
+        n_tasks, lanes = len(self._runs), kernels.LANES
+        n_phasors = beside.shape[1] * kernels.ROWS
+        sizes = {'base': kernels.BINS * len(rows), 'turn': middle.size * lanes,
+                 'row': 2 * n_phasors * lanes, 'phasor': beside.size, 'sum': group * lanes}
         work = [self._buffer(f'{name} {part}', (n_tasks * size,), np.float32)
                 for name, size in sizes.items() for part in range(2)]
         kernels.form_beams(
-            spectrum.reshape(-1).view(np.float32), (n_rows, spectrum.shape[1], n_beams, stride),
+            spectrum.reshape(-1).view(np.float32), (spectrum.shape[1], n_beams, stride),
             self._runs, self._common.view(np.float32),
-            np.ones(n_rows, np.float32) if weights is None else weights, middle.reshape(-1),
-            np.fmod(2 / wavelength * blocks, 1.0).reshape(-1), beside.reshape(-1),
-            _step_phasors(shift), _step_phasors(beside), self._cycles_per_bin, group,
+            np.ones(n_rows, np.float32) if weights is None else weights, rows,
+            middle.reshape(-1), np.fmod(per_metre * middle, 1.0).reshape(-1), beside.reshape(-1),
+            _step_phasors(self._cycles_per_bin * middle),
+            _step_phasors(self._cycles_per_bin * beside),
+            np.array([per_metre, self._cycles_per_bin]), group,
             beams.reshape(-1).view(np.float32), *work)
         n_bins = min(spectrum.shape[1], n_cells)
         beams[:, (n_bins + 1) // 2:n_cells - n_bins // 2] = 0.0
@@ -184,14 +184,38 @@ def _uncrowded(n_cells: int) -> int:
     return n_cells + (_STRIDE - n_cells) % _PAGE
 
 
-def _blocked(path, group: int) -> np.ndarray:
-    """(G, blocks, group, ROWS) float64 paths in the order in which `form_beams` reads them."""
+def _phasors(path, group: int, paired: bool):
+    """Rows by their phasors, and paths, in the order in which `form_beams` wants them.
+
+    Returns
+    -------
+    rows : (Q or 2 * Q,) int64
+        Row of each phasor, then of its conjugate.
+    middle : (G, len(rows)) float64
+        Paths for the middle of each group of beams, metres.
+    beside : (G, Q / ROWS, group, ROWS) float64
+        What they are longer for each beam of the group, metres.
+    """
     n_rows, n_beams = path.shape
-    n_blocks, n_groups = -(-n_rows // kernels.ROWS), -(-n_beams // group)
-    rows = np.minimum(np.arange(n_blocks * kernels.ROWS), n_rows - 1)
-    beams = np.minimum(np.arange(n_groups * group), n_beams - 1)
-    blocks = path[rows][:, beams].reshape(n_blocks, kernels.ROWS, n_groups, group)
-    return np.ascontiguousarray(blocks.transpose(2, 0, 3, 1))
+    n_groups = -(-n_beams // group)
+    beams = np.minimum(np.arange(n_groups * group), n_beams - 1).reshape(n_groups, group)
+    middle = path[:, beams[:, group // 2]]
+    beside = path[:, beams] - middle[..., None]
+    n_phasors = -(-n_rows // 2) if paired else n_rows
+    rows = np.full((1 + paired, -(-n_phasors // kernels.ROWS) * kernels.ROWS), -1)
+    if paired:
+        order = np.argsort(path[:, -1] - path[:, 0])
+        rows[0, :n_phasors] = order[:n_phasors]
+        rows[1, :n_rows // 2] = order[::-1][:n_rows // 2]
+        other = np.where(rows[1] < 0, rows[0], rows[1])  # none for the middle of an odd number
+        beside = np.where((rows[1] < 0)[:, None, None], beside[rows[0]],
+                          0.5 * (beside[rows[0]] - beside[other]))
+    else:
+        rows[0, :n_phasors] = np.arange(n_rows)
+        beside = beside[rows[0]]
+    blocks = beside.reshape(-1, kernels.ROWS, n_groups, group).transpose(2, 0, 3, 1)
+    rows = rows.reshape(-1)
+    return rows, np.ascontiguousarray(middle[rows].T), np.ascontiguousarray(blocks)
 
 
 def _step_phasors(cycles) -> np.ndarray:
