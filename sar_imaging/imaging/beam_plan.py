@@ -10,7 +10,8 @@ import numpy as np
 
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
-from .beam_kernels import DEGREE, LANES, TAPS
+from .beam_kernels import LANES
+from .beam_reading import DEGREE, TAPS
 from .interpolation import Interpolator, design_interpolator
 from .lattice import Lattice, sample_paths, total_db
 

@@ -17,6 +17,7 @@ import scipy.fft
 from ..compilation import numba
 from ..geometry.polar import PolarGrid
 from . import beam_kernels as kernels
+from . import beam_reading as reading
 from .beam_plan import BEYOND, BeamGeometry, BeamSampling
 from .lattice import Lattice
 from .range_band import RangeBand
@@ -49,7 +50,7 @@ class BeamLines:
         self._sampling = sampling
         self._buffers: dict[str, np.ndarray] = {}
         cells = math.floor((range_m[0] - source.range_start_m) / lattice.cell_m)
-        first = cells - kernels.TAPS
+        first = cells - reading.TAPS
         self._range_start_m = source.range_start_m + first * lattice.cell_m
         # Beyond the profile's ends a period repeats, what was recorded does not.
         self._known = (0, lattice.n_cells) if source.periodic else (
@@ -63,7 +64,7 @@ class BeamLines:
         self._lines = self._positions()
 
     def _positions(self) -> np.ndarray:
-        """(S, n_alpha, 12) float64 as `kernels.read_beams` wants them."""
+        """(S, n_alpha, 12) float64 as `reading.read_beams` wants them."""
         polar, segment = self._polar, self._sampling.segment
         pixel = np.arange(-(-polar.n_range // segment)) * segment + segment // 2
         step = polar.range_spacing_m
@@ -98,8 +99,8 @@ class BeamLines:
         spacing = self._sampling.spacing * min(
             1.0, self._sampling.spread_m / max(geometry.spread(tx_m, rx_m), 1e-9))
         span = (geometry.direction[1] - geometry.direction[0]) / spacing
-        n_beams = math.ceil(span) + kernels.TAPS + 2 * BEYOND
-        start = geometry.direction[0] - (kernels.TAPS // 2 - 1 + BEYOND) * spacing
+        n_beams = math.ceil(span) + reading.TAPS + 2 * BEYOND
+        start = geometry.direction[0] - (reading.TAPS // 2 - 1 + BEYOND) * spacing
         directions = start + spacing * np.arange(n_beams)
         beams = self._beams(samples, geometry.extra_path(tx_m, rx_m, directions), weights)
         self._read(beams, geometry, start, spacing, parts)
@@ -144,11 +145,11 @@ class BeamLines:
         cycles_per_m = 2 / source.radar.wavelength_m
         # Half the curvature and twice the weight of the second order cancel.
         bend = -1 / (2 * np.pi * cycles_per_m * spacing ** 2)
-        index = np.arange(segment + kernels.STORED, dtype=np.float32) - segment // 2
+        index = np.arange(segment + reading.STORED, dtype=np.float32) - segment // 2
         n_tasks = _TASKS_PER_THREAD * numba.get_num_threads()
         work = [np.empty(n_tasks * size, np.float32) for size in (
-            6 * kernels.STORED, 6 * len(index), len(index), len(index))]
-        kernels.read_beams(
+            6 * reading.STORED, 6 * len(index), len(index), len(index))]
+        reading.read_beams(
             beams.reshape(-1).view(np.float32), (*beams.shape, *parts.shape[1:]), self._lines,
             geometry.centre_m, np.array(polar.track),
             np.array([self._range_start_m, self._lattice.cell_m, polar.range_spacing_m]),
@@ -225,6 +226,6 @@ def _step_phasors(cycles) -> np.ndarray:
 
 
 def _table(interpolator) -> np.ndarray:
-    weights = np.zeros((kernels.DEGREE + 1, kernels.STORED), np.float32)
-    weights[:, :kernels.TAPS] = interpolator.weights
+    weights = np.zeros((reading.DEGREE + 1, reading.STORED), np.float32)
+    weights[:, :reading.TAPS] = interpolator.weights
     return weights
