@@ -16,8 +16,7 @@ import scipy.fft
 
 from ..compilation import numba
 from ..geometry.polar import PolarGrid
-from . import beam_kernels as kernels
-from . import beam_reading as reading
+from . import beam_kernels as kernels, beam_reading as reading
 from .beam_plan import BEYOND, BeamGeometry, BeamSampling
 from .lattice import Lattice
 from .range_band import RangeBand
