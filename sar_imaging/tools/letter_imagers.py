@@ -118,10 +118,10 @@ def _timed(plan, stages: dict[str, str], seconds: dict[str, float]):
 
 
 def _stopwatch(step: Callable, stage: str, seconds: dict[str, float]) -> Callable:
-    def call(*arguments):
+    def call(*arguments, **options):
         start = time.perf_counter()
         try:
-            return step(*arguments)
+            return step(*arguments, **options)
         finally:
             seconds[stage] += time.perf_counter() - start
 
@@ -131,6 +131,8 @@ def _stopwatch(step: Callable, stage: str, seconds: dict[str, float]) -> Callabl
 #: Kernel and oversampling of FFBP: the letter states neither.
 FFBP_VARIANTS = (('linear', 1.3), ('linear', 2.0), ('cubic', 2.5), ('knab8', 1.8))
 PULSES = (16, 64)  # per sub-aperture
+#: One that comes as near to exact backprojection as AFBP does, for the whole scene.
+_EXACT_FFBP = ('knab8', 2.4, 16)
 
 
 def ffbp_name(kernel: str, oversampling: float, pulses: int) -> str:
@@ -157,7 +159,8 @@ CUTS = (EXACT, *(ffbp_name(*FFBP_VARIANTS[0], n) for n in PULSES),
 #: Imagers of the whole scene by name: ``imager(grid, recording)`` gives `Formed`.
 WHOLE_SCENE: dict[str, SceneImager] = {
     ffbp_name(*v, n): _whole_ffbp(*v, n)
-    for v, n in ((FFBP_VARIANTS[0], PULSES[0]), *((FFBP_VARIANTS[-1], n) for n in PULSES))
+    for *v, n in ((*FFBP_VARIANTS[0], PULSES[0]), *((*FFBP_VARIANTS[-1], n) for n in PULSES),
+                  _EXACT_FFBP)
 } | {afbp_name(n): _whole_afbp(n) for n in (*PULSES, None)}
 
 
