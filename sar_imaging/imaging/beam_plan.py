@@ -19,8 +19,10 @@ _OVERSAMPLING = (1.25, 1.3, 1.35, 1.4, 1.5, 1.6, 1.8, 2.0)  # of beams
 _GROUPS = (16, 8, 4, 2, 1)  # beams whose phases grow alike from bin to bin
 _SEGMENTS = (128, 64, 32, 16)
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
-_ROWS, _DIRECTIONS = 33, 33  # at which paths are compared
+_ROWS, _DIRECTIONS = 17, 33  # at which paths are compared
 BEYOND = 2  # beams beyond those that interpolation needs, for rounding
+_SLACK = 1.1  # sub-apertures that were not looked at may be as much worse
+_LEAST_UNEVEN = 1e-4  # wavelengths, which matters to no image
 _ARITHMETIC_DB = -80.0  # float32 phasors that turn from bin to bin (measured)
 _STEP = 1e-4  # of the direction cosine, for a derivative
 # Time of a row, bin and beam, of a cell's transform and of a pixel, in pixels and rows of
@@ -41,8 +43,9 @@ class BeamSampling:
         Of the beams, in direction cosine.
     group : int
         Beams whose phases are taken to grow alike over a vector of bins.
-    paired : bool
-        Rows on opposite sides of the centre share phasors.
+    uneven_m : float
+        By how much rows on opposite sides of the centre may fail to be opposite, rms, for them to
+        share phasors; 0 where none do.
     segment : int
         Pixels that share one expansion of the geometry.
     between, along : Interpolator
@@ -54,11 +57,16 @@ class BeamSampling:
     spread_m: float
     spacing: float
     group: int
-    paired: bool
+    uneven_m: float
     segment: int
     between: Interpolator
     along: Interpolator
     predicted_error_db: float
+
+    @property
+    def paired(self) -> bool:
+        """Rows share phasors where they are opposite enough."""
+        return self.uneven_m > 0
 
     def n_beams(self, span: float) -> int:
         """Beams over some extent in direction cosine, with those that interpolation needs."""
@@ -107,7 +115,7 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
     if None in views:
         return None
     spread = max(view.spread_m for view in views)
-    uneven = max(view.uneven_m for view in views)
+    uneven = max(_LEAST_UNEVEN * radar.wavelength_m, *(view.uneven_m for view in views))
     # The last segment reaches beyond the image.
     spare = lattice.n_cells - reach_m / lattice.cell_m - 2 * TAPS
     if 2 * spread > padding_m:
@@ -120,6 +128,8 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
     along = design_interpolator(oversampling_range, taps=TAPS, degree=DEGREE)
     n_rows, span = len(subapertures[0][0]), polar.n_alpha * polar.alpha_spacing
     geometry = max(view.phase_error(k, radar.bandwidth_hz / radar.carrier_hz) for view in views)
+    if 20 * math.log10(geometry + 1e-12) > target_db:
+        return None
     best = None
     for oversampling in _OVERSAMPLING:
         between = design_interpolator(oversampling, taps=TAPS, degree=DEGREE)
@@ -137,8 +147,8 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
                 shared = paired * k * beside * uneven
                 error = total_db(between.error_db, along.error_db, _ARITHMETIC_DB, *(
                     20 * math.log10(e + 1e-12) for e in (geometry, held, shared, *expansion)))
-                found = BeamSampling(widest, spacing, group, paired, segment, between, along,
-                                     error)
+                found = BeamSampling(widest, spacing, group, paired * _SLACK * uneven, segment,
+                                     between, along, error)
                 cost = found.cost(n_rows, n_bins, lattice.n_cells, polar.n_range * span / spacing,
                                   span)
                 if error <= target_db and (best is None or cost < best[0]):
@@ -193,12 +203,9 @@ def _view(polar: PolarGrid, tx_m, rx_m) -> _View | None:
     second = (lines[2] @ along - 2 * first * derivatives[0] - direction * derivatives[1]) / length
     paths = sample_paths(tx_m[rows], rx_m[rows], lines[:2]).length
     centres = tx_m[rows], rx_m[rows]
-    slope = np.diff([beams.extra_path(*centres, direction + d) for d in (-_STEP, _STEP)],
-                    axis=0)[0] / (2 * _STEP)
+    slope = beams.slope(*centres, direction)
     bend = slope ** 2 * (1 - direction ** 2) * (1 / length - 1 / beams.range_m) / 2
-    slope = slope[np.argsort(slope.mean(axis=1))]
-    uneven = math.sqrt(np.mean(np.abs(slope + slope[::-1]).max(axis=1) ** 2)) / 2
-    return _View(beams.spread(*centres), uneven,
+    return _View(beams.spread(*centres), beams.uneven(*centres),
                  paths - length - beams.extra_path(*centres, direction), bend, derivatives,
                  np.stack([first, second]))
 
@@ -253,6 +260,17 @@ class BeamGeometry:
                                           + (x[1] - centre[:, 1:2]) ** 2
                                           + (self.polar.z_m - centre[:, 2:]) ** 2)
         return total - self.range_m
+
+    def slope(self, tx_m, rx_m, direction) -> np.ndarray:
+        """(R, S) derivative of `extra_path` by direction, metres."""
+        before, after = (self.extra_path(tx_m, rx_m, np.asarray(direction) + step)
+                         for step in (-_STEP, _STEP))
+        return (after - before) / (2 * _STEP)
+
+    def uneven(self, tx_m, rx_m) -> float:
+        """By how much rows on opposite sides fail to be opposite, rms, metres of that slope."""
+        slope = np.sort(self.slope(tx_m, rx_m, self.direction), axis=0)
+        return math.sqrt(np.mean(np.abs(slope + slope[::-1]).max(axis=1) ** 2)) / 2
 
     def spread(self, tx_m, rx_m) -> float:
         """Largest derivative of `extra_path` by direction, metres."""

@@ -101,15 +101,16 @@ class BeamLines:
         n_beams = math.ceil(span) + reading.TAPS + 2 * BEYOND
         start = geometry.direction[0] - (reading.TAPS // 2 - 1 + BEYOND) * spacing
         directions = start + spacing * np.arange(n_beams)
-        beams = self._beams(samples, geometry.extra_path(tx_m, rx_m, directions), weights)
+        paired = geometry.uneven(tx_m, rx_m) < self._sampling.uneven_m
+        beams = self._beams(samples, geometry.extra_path(tx_m, rx_m, directions), paired, weights)
         self._read(beams, geometry, start, spacing, parts)
 
-    def _beams(self, samples, path, weights) -> np.ndarray:
+    def _beams(self, samples, path, paired, weights) -> np.ndarray:
         """(M, n_cells) complex64 beams at range baseband, valid until the next call."""
         (n_rows, n_beams), group = path.shape, self._sampling.group
         n_cells = self._lattice.n_cells
         spectrum = self._source.spectrum(samples, self._lattice.n_padded, self._buffer)
-        rows, middle, beside = _phasors(path, group, self._sampling.paired)
+        rows, middle, beside = _phasors(path, group, paired)
         per_metre = 2 / self._source.radar.wavelength_m
         stride = _uncrowded(n_cells)
         beams = self._buffer('beams', (n_beams, stride), np.complex64)

@@ -191,7 +191,7 @@ class SubaperturePlan:
                                     cut_pulses(_middles(tx_m, rx_m), length), target_db, range_m)
 
         def cost(pulses, n_coarse, n_range):
-            length = max(p.stop - p.start for p in pulses)
+            length = pulses[0].stop - pulses[0].start  # all are about as long
             return len(pulses) * min(self._costs(lattice, beams(length), length,
                                                  n_coarse * n_range))
 
