@@ -254,19 +254,19 @@ class SpectrumFusion:
         cycles -= 2 * centre_m / grid.wavelength_m * (polar.alpha - polar.alpha_start)
         scale = (np.exp(2j * np.pi * np.fmod(cycles, 1.0)) / grid.n_coarse).astype(np.complex64)
         image = memory[:polar.n_alpha * polar.n_range].view(np.float32)
-        image = image.reshape(polar.n_alpha, 2 * polar.n_range)
-        step, apart = (1, polar.n_range) if planes else (2, 1)
+        width, turn = 2 * polar.n_range, self._turn_back.view(np.float32)
         lines = np.empty((_LINES_PER_CALL, self._n_range), np.complex64)
         for start in range(0, polar.n_alpha, _LINES_PER_CALL):
             stop = min(start + _LINES_PER_CALL, polar.n_alpha)
             some = lines[:stop - start]
             _load_lines(spectrum[grid.fine_guard + start:grid.fine_guard + stop], n_bins, some)
             by_range = scipy.fft.ifft(some, axis=1, workers=workers, overwrite_x=True)
-            _store_lines(by_range, grid.range_guard, scale[start:stop], self._turn_back, step,
-                         apart, image[start:stop])
+            _store_lines(by_range.reshape(-1).view(np.float32), self._n_range, grid.range_guard,
+                         scale[start:stop].view(np.float32), turn, int(planes),
+                         image[start * width:stop * width])
         if planes:
             return image.reshape(polar.n_alpha, 2, polar.n_range).swapaxes(0, 1)
-        return image.view(np.complex64)
+        return image.view(np.complex64).reshape(polar.n_alpha, polar.n_range)
 
 
 def _padded(n: int) -> int:
@@ -328,10 +328,26 @@ def _load_lines(spectrum, n_bins, out):
 
 
 @njit(parallel=True)
-def _store_lines(lines, first, scale, turn, step, apart, out):
-    """Scaled and turned lines without their guards, imaginary parts `apart` from the real ones."""
-    for line in numba.prange(lines.shape[0]):
-        for i in range(len(turn)):
-            z = (scale[line] * turn[i]) * lines[line, first + i]
-            out[line, step * i] = z.real
-            out[line, step * i + apart] = z.imag
+def _store_lines(lines, n_range, first, scale, turn, planes, out):
+    """Scaled and turned lines without their guards: as planes, or parts in turn.
+
+    All arrays are flat, real and imaginary parts in turn.
+    """
+    n = len(turn) // 2
+    for line in numba.prange(len(scale) // 2):
+        a, b = scale[2 * line], scale[2 * line + 1]
+        source, to = np.uint64(2 * (line * n_range + first)), np.uint64(2 * line * n)
+        if planes:
+            for i in range(np.uint64(n)):
+                even, odd = np.uint64(2) * i, np.uint64(2) * i + np.uint64(1)
+                c, d = a * turn[even] - b * turn[odd], a * turn[odd] + b * turn[even]
+                x, y = lines[source + even], lines[source + odd]
+                out[to + i] = c * x - d * y
+                out[to + np.uint64(n) + i] = c * y + d * x
+        else:
+            for i in range(np.uint64(n)):
+                even, odd = np.uint64(2) * i, np.uint64(2) * i + np.uint64(1)
+                c, d = a * turn[even] - b * turn[odd], a * turn[odd] + b * turn[even]
+                x, y = lines[source + even], lines[source + odd]
+                out[to + even] = c * x - d * y
+                out[to + odd] = c * y + d * x
