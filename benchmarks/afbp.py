@@ -117,7 +117,7 @@ def compare_fastsar(case: Case) -> dict:
         'fastsar': {'plan_s': peer_plan_s, 'predicted_db': round(predicted_db, 1)}}
     for name, call in calls.items():
         row[name] |= described(call(), case, block)
-    seconds = best_seconds(calls, rounds=1 if case.n_side > 4096 else 3)
+    seconds = best_seconds(calls, rounds=2 if case.n_side > 4096 else 3)
     for name, value in seconds.items():
         row[name] |= {'seconds': round(value, 4),
                       'equivalent_rate': round(case.pixel_pulses / value / 1e9, 2)}

@@ -17,9 +17,10 @@ from ..geometry.polar import PolarGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .fusion import SpectrumFusion
+from .fusion_error import EVERYTHING
 from .fusion_map import form_map
 from .lattice import total_db
-from .polar import UNUSED, cover_map
+from .polar import cover_map, map_coverage
 from .range_band import RangeBand
 from .subapertures import SubaperturePlan
 
@@ -96,7 +97,7 @@ class AfbpImager:
                              '(pulses, channels, 3) for both')
         self.grid, self._progress, self._cover = grid, progress, None
         self._pulse_weights = _checked_weights(pulse_weights, len(tx_m))
-        polar, oversampling, margin = grid, 1.0, 0
+        polar, oversampling, coverage = grid, 1.0, EVERYTHING
         if compressed and weighting != 'none':
             raise ValueError(f'weighting={weighting!r} is for phase histories (compressed=False); '
                              'profiles are weighted by range compression')
@@ -104,12 +105,13 @@ class AfbpImager:
         if isinstance(grid, MapGrid):
             self._cover = _cover(grid, tx_m, rx_m, radar, n_samples, target_db, band)
             polar, oversampling = self._cover.polar, self._cover.oversampling
-            margin = UNUSED
+            coverage = map_coverage(polar, grid)
             target_db -= 1.0
         self.subapertures = SubaperturePlan(polar, radar, n_samples, tx_m, rx_m,
                                             target_db=target_db,
                                             pulses_per_subaperture=pulses_per_subaperture,
-                                            oversampling=oversampling, margin=margin, band=band)
+                                            oversampling=oversampling, coverage=coverage,
+                                            band=band)
         self.fusion = SpectrumFusion(self.subapertures.fusion_grid)
         self.predicted_error_db = self.subapertures.predicted_error_db
         if self._cover is not None:

@@ -8,14 +8,35 @@ error of a complex exponential follows from a small computation instead of a for
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 
 import numpy as np
 
-_N_FREQUENCIES = 65  # from -pi to pi per cell
+_N_FREQUENCIES = 129  # from -pi to pi per cell
 _N_POSITIONS = 97
 _CELLS_BETWEEN = 24  # the guards, in a table: errors are those of the edges
+
+
+@dataclasses.dataclass(frozen=True)
+class Coverage:
+    """What of a fused polar image is wanted.
+
+    Attributes
+    ----------
+    margin : int
+        Outermost lines and ranges that are not.
+    along_alpha, along_range : (B,) float64
+        Density of wanted pixels from the first line, or range, to the last, of mean one.
+    """
+
+    margin: int = 0
+    along_alpha: np.ndarray = dataclasses.field(default_factory=lambda: np.ones(1))
+    along_range: np.ndarray = dataclasses.field(default_factory=lambda: np.ones(1))
+
+
+EVERYTHING = Coverage()
 
 
 def edge_taper(n: int, n_guard: float, beta: float) -> np.ndarray:
@@ -73,7 +94,7 @@ def error_table(n: int, n_guard: float, beta: float) -> np.ndarray:
 
 
 def mean_error(n: int, n_guard: float, beta: float, frequency, position=None,
-               margin: float = 0.0) -> float:
+               margin: float = 0.0, density=(1.0,)) -> float:
     """Mean squared error of exponentials, relative to their power.
 
     Parameters
@@ -86,6 +107,8 @@ def mean_error(n: int, n_guard: float, beta: float, frequency, position=None,
         Where they occur, 0 to 1 from guard to guard; everywhere if left out.
     margin : float
         Cells beside each guard that need not be right.
+    density : (B,) array_like
+        Of the cells that should be, from guard to guard and of mean one.
 
     Returns
     -------
@@ -108,9 +131,14 @@ def mean_error(n: int, n_guard: float, beta: float, frequency, position=None,
         by_place = np.stack([table @ _shares(upper[:, group == g]) for g in range(len(places))])
         nearest = np.abs(np.subtract.outer(places, row)).argmin(axis=0)
         error = by_place[nearest, np.arange(_N_POSITIONS)]
-    inside = error[np.abs(row - 0.5) * between <= max(between / 2 - margin, 0.0)]
+    inside = np.abs(row - 0.5) * between <= max(between / 2 - margin, 0.0)
     # The edges' share of the grid falls with its length.
-    return float(inside.sum() / _N_POSITIONS * between / max(n - 2 * n_guard - 2 * margin, 1.0))
+    edge = between / (n - 2 * n_guard)
+    place = np.where(row < 0.5, row * edge, 1 - (1 - row) * edge)
+    share = np.interp(place, (np.arange(len(density)) + 0.5) / len(density), density)
+    # Pixels on a line that is hardly covered are not the average ones of the line: half counts.
+    share = 0.5 + 0.5 * share
+    return float((error * share)[inside].sum() / _N_POSITIONS * edge)
 
 
 def _shares(column) -> np.ndarray:

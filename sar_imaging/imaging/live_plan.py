@@ -12,7 +12,7 @@ from ..geometry.polar import PolarGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from .lattice import total_db
-from .polar import UNUSED, cover_map
+from .polar import cover_map, map_coverage
 from .resampling import TAPS
 from .subaperture_sampling import local_bands
 from .subapertures import SubaperturePlan
@@ -101,7 +101,8 @@ class LivePlan:
         self._stage = SubaperturePlan(polar, radar, n_samples, tx_m, rx_m,
                                       target_db=self._target_db - margin_db,
                                       pulses_per_subaperture=length,
-                                      oversampling=cover.oversampling, margin=UNUSED)
+                                      oversampling=cover.oversampling,
+                                      coverage=map_coverage(polar, grid))
         self.fusion = self._stage.fusion_grid
         self.warnings = self._stage.warnings
         self.length = max(p.stop - p.start for p in self._stage.sampling.pulses)

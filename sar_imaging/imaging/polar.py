@@ -15,6 +15,7 @@ import numpy as np
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .fusion_error import Coverage
 from .interpolation import Interpolator, design_interpolator
 from .lattice import Lattice, plan_lattice, sample_paths, slope_along, total_db
 from .merging import AngularParts, plan_parts
@@ -26,6 +27,7 @@ _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
 # Outermost lines and ranges of a polar grid over a map that reach no pixel, or hardly
 UNUSED = TAPS - 2
+_COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
 COST_RESAMPLING = 20.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
 
 
@@ -192,6 +194,17 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     interpolator = design_interpolator(oversampling, taps=TAPS, degree=DEGREE)
     return MapCover(polar, lattice, window, range_m, axis, oversampling, interpolator, slope_alpha,
                     k)
+
+
+def map_coverage(polar: PolarGrid, grid: MapGrid) -> Coverage:
+    """How densely the pixels of a map fill the lines and the ranges of a polar grid over it."""
+    x, y = (np.linspace(v[0], v[-1], _COVERAGE_SAMPLES) for v in (grid.x_m, grid.y_m))
+    r, alpha = polar.from_map(*(v.ravel() for v in np.meshgrid(x, y)))
+    counts = (np.histogram((v - start) / (n * spacing), _COVERAGE_BINS, (0.0, 1.0))[0]
+              for v, start, n, spacing in (
+                  (alpha, polar.alpha_start, polar.n_alpha, polar.alpha_spacing),
+                  (r, polar.range_start_m, polar.n_range, polar.range_spacing_m)))
+    return Coverage(UNUSED, *(_COVERAGE_BINS * count / len(r) for count in counts))
 
 
 def _frame(grid: MapGrid, centres):

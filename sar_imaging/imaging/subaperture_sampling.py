@@ -15,7 +15,7 @@ import scipy.fft
 
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
-from .fusion_error import mean_error, taper_shape
+from .fusion_error import EVERYTHING, Coverage, mean_error, taper_shape
 from .transform_length import quick_length
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
@@ -82,8 +82,8 @@ class Sampling:
         Shape of the taper.
     range_guard : int
         Ranges of each guard.
-    margin : int
-        Outermost lines and ranges of the wanted grid that need not be right.
+    coverage : Coverage
+        What of the wanted grid must be right.
     error_db : float
         Predicted error of the fusion, dB.
     cost : float
@@ -98,7 +98,7 @@ class Sampling:
     n_guard: float
     beta: float
     range_guard: int
-    margin: int
+    coverage: Coverage
     error_db: float
     cost: float
 
@@ -158,7 +158,7 @@ def _half_paths(tx_m, rx_m, position, *directions) -> np.ndarray:
 
 
 def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, first_stage,
-                    target_db: float, margin: int = 0) -> Sampling | None:
+                    target_db: float, coverage: Coverage = EVERYTHING) -> Sampling | None:
     """Quickest cut and coarse sampling that meet a target.
 
     Parameters
@@ -176,8 +176,8 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, first_s
         images of that size.
     target_db : float
         Wanted error of the fusion, dB.
-    margin : int
-        Outermost lines and ranges of `polar` that need not be right.
+    coverage : Coverage
+        What of `polar` must be right.
 
     Returns
     -------
@@ -194,7 +194,7 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, first_s
         lo, hi = _slopes(bands.slope, pulses, n_channels)
         centre, half = 0.5 * (lo + hi), bands.wavenumber[1] * 0.5 * float((hi - lo).max())
         choices += [((length, i, j), _sampling(polar, pulses, centre, half,
-                                               oversampling, n_guard, first_stage, margin))
+                                               oversampling, n_guard, first_stage, coverage))
                     for i, oversampling in enumerate(_OVERSAMPLING)
                     for j, n_guard in enumerate(_GUARDS)]
 
@@ -253,7 +253,7 @@ def _slopes(slope, pulses, n_channels):
             np.maximum.reduceat(slope.max(axis=1), first))
 
 
-def _sampling(polar, pulses, centre, half, oversampling, n_guard, first_stage, margin):
+def _sampling(polar, pulses, centre, half, oversampling, n_guard, first_stage, coverage):
     """Grid sizes and cost of one choice."""
     wanted = polar.n_alpha * polar.alpha_spacing
     spacing = min(math.pi / (max(half, 1e-9) * oversampling), wanted)
@@ -271,7 +271,7 @@ def _sampling(polar, pulses, centre, half, oversampling, n_guard, first_stage, m
             + len(pulses) * (_COST_COARSE * n_coarse * n_range + _COST_SUBAPERTURE)
             + _COST_FINE * n_fine * n_range)
     return Sampling(tuple(pulses), centre, n_coarse, n_fine, extent, n_guard, 0.0, range_guard,
-                    margin, 0.0, cost)
+                    coverage, 0.0, cost)
 
 
 def _with_error(s: Sampling, polar: PolarGrid, bands: Bands, n_channels: int,
@@ -315,8 +315,11 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, centre_m) ->
     frequency = np.abs(np.multiply.outer(bands.wavenumber, offset)) * spacing
     frequency += _ROUNDING * 2 * np.pi / s.n_coarse
     error = mean_error(s.n_coarse, s.n_guard, s.beta, frequency, bands.position,
-                       s.margin * polar.alpha_spacing / spacing)
+                       s.coverage.margin * polar.alpha_spacing / spacing,
+                       s.coverage.along_alpha)
     # Along range the same happens over a length that grows with the distance from the centre.
     shift = np.abs(s.centre).mean() * spacing / polar.range_spacing_m
     return error + mean_error(int(polar.n_range / max(shift, 1e-9) + 2 * s.n_guard) + 2,
-                              s.n_guard, s.beta, frequency, margin=s.margin / max(shift, 1e-9))
+                              s.n_guard, s.beta, frequency,
+                              margin=s.coverage.margin / max(shift, 1e-9),
+                              density=s.coverage.along_range)

@@ -19,6 +19,7 @@ from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
 from .beam_plan import BeamSampling, plan_beams
 from .beams import BeamLines
+from .fusion_error import EVERYTHING, Coverage
 from .fusion_grid import FusionGrid
 from .lattice import plan_lattice, sample_paths, total_db
 from .profiles import Profiles
@@ -104,8 +105,8 @@ class SubaperturePlan:
         Length of the sub-apertures; the quickest if left out.
     oversampling : float
         Of `polar`, for `FusionGrid`.
-    margin : int
-        Outermost lines and ranges of `polar` that need not be right.
+    coverage : Coverage
+        What of `polar` must be right, see `map_coverage`.
     band : RangeBand, optional
         Takes phase histories as they came, in place of profiles.
 
@@ -139,7 +140,7 @@ class SubaperturePlan:
 
     def __init__(self, polar: PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
                  target_db: float = -50.0, pulses_per_subaperture: int | None = None,
-                 oversampling: float = 1.0, margin: int = 0,
+                 oversampling: float = 1.0, coverage: Coverage = EVERYTHING,
                  band: RangeBand | None = None):
         tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
         self.polar, self.n_samples = polar, int(n_samples)
@@ -155,7 +156,7 @@ class SubaperturePlan:
                                         self._first_stage(lattice, tx_m, rx_m, lattice_db,
                                                           bands.range_m),
                                         10 * math.log10(10 ** (target_db / 10)
-                                                        - 10 ** (lattice_db / 10)), margin)
+                                                        - 10 ** (lattice_db / 10)), coverage)
         if self.sampling is None:
             raise ValueError(
                 f'no sub-apertures of {", ".join(map(str, lengths))} pulses reach '

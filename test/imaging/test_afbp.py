@@ -48,9 +48,8 @@ def test_target_is_met_and_predicted(make_case, options, target_db):
     case = make_case(n=128, pulses=128, n_points=300, extent=1.5, **options)
     plan = _plan(case.grid, case.block, target_db=target_db)
     error = _error_db(plan(case.block), _exact(case.grid, case.block))
-    # Measured: 0.2 to 3.3 dB better in 13 of 16 cases, 5.6 at most: for a map at an angle to the
-    # track, where the edges of the polar grid lie outside the map.
-    assert error <= target_db and -7.0 <= error - plan.predicted_error_db <= 1.0
+    # Measured: 3.2 dB better to 0.4 dB worse in 15 of 16 cases, 4.8 dB better in the other.
+    assert error <= target_db and -6.0 <= error - plan.predicted_error_db <= 1.5
 
 
 @pytest.mark.parametrize('options', GEOMETRIES, ids=str)
@@ -231,7 +230,7 @@ def test_wrong_blocks_and_images_are_named(case):
 
 def test_error_table_is_that_of_fft_interpolation():
     n, factor, n_guard, beta = 32, 4, 4.0, 3.0  # the positions of the table
-    frequency = np.linspace(-np.pi, np.pi, 65)[20]
+    frequency = np.linspace(-np.pi, np.pi, 129)[40]
     coarse = edge_taper(n, n_guard, beta) * np.exp(1j * frequency * np.arange(n))
     spectrum = np.fft.fft(coarse)
     fine = np.zeros(n * factor, complex)
@@ -241,5 +240,5 @@ def test_error_table_is_that_of_fft_interpolation():
     x = np.arange(n * factor) / factor
     inside = (x >= n_guard - 0.5) & (x <= n - n_guard - 0.5)
     error = np.abs(fine - np.exp(1j * frequency * x))[inside] ** 2
-    np.testing.assert_allclose(error_table(n, n_guard, beta)[:, 20], error, rtol=1e-4, atol=1e-10)
+    np.testing.assert_allclose(error_table(n, n_guard, beta)[:, 40], error, rtol=1e-4, atol=1e-10)
     assert mean_error(n, n_guard, beta, [3.3]) == 2.0
