@@ -19,6 +19,10 @@ if config.CPU_FEATURES is None and config.CPU_NAME is None and _features.get('av
 #: Reordering of float operations that keeps NaN and infinity meaningful.
 FASTMATH = {'contract', 'reassoc', 'nsz', 'arcp'}
 
+#: The same without reordered sums. Numba runs a parallel function that it has just compiled
+#: after fewer passes of the optimiser than one from its cache: reordered sums may differ then.
+REPEATABLE = {'contract', 'nsz', 'arcp'}
+
 njit = functools.partial(numba.njit, nogil=True, cache=True, fastmath=FASTMATH)
 """`numba.njit` that releases the GIL, caches on disk and may reassociate sums."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..compilation import njit, numba
+from ..compilation import REPEATABLE, njit, numba
 from .kernels import _cos_cycles, _fraction, _sin_cycles
 
 LANES = 16  # bins of one vector
@@ -18,7 +18,7 @@ BINS = 128  # whose samples stay in the cache
 _u = np.uint64
 
 
-@njit(parallel=True)
+@njit(parallel=True, fastmath=REPEATABLE)
 def form_beams(samples, shape, runs, common, gain, order, shift, carrier, beside, turn_step,
                phasor_step, cycles_per_bin, group, out, base_re, base_im, turn_re, turn_im, row_re,
                row_im, phasor_re, phasor_im, sum_re, sum_im):

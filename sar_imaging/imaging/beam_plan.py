@@ -21,6 +21,7 @@ _SEGMENTS = (128, 64, 32, 16)
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 _ROWS, _DIRECTIONS = 17, 33  # at which paths are compared
 BEYOND = 2  # beams beyond those that interpolation needs, for rounding
+_STEPS = 1.02  # factors between one spread that is planned for and the next
 _SLACK = 1.1  # sub-apertures that were not looked at may be as much worse
 _LEAST_UNEVEN = 1e-4  # wavelengths, which matters to no image
 _ARITHMETIC_DB = -80.0  # float32 phasors that turn from bin to bin (measured)
@@ -122,7 +123,8 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
         return None
     k = radar.wavenumber_rad_per_m
     highest = k + 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
-    widest = max(spread, 1e-3 * radar.wavelength_m)
+    # In steps: plans for nearly the same sub-apertures give the same images to the last bit.
+    widest = _STEPS ** math.ceil(math.log(max(spread, 1e-3 * radar.wavelength_m), _STEPS))
     bin_rad_per_m = 2 * math.pi / (lattice.n_cells * lattice.cell_m)
     oversampling_range = radar.range_resolution_m / lattice.cell_m
     along = design_interpolator(oversampling_range, taps=TAPS, degree=DEGREE)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..compilation import njit, numba
+from ..compilation import REPEATABLE, njit, numba
 from .kernels import _cos_cycles, _fraction, _sin_cycles
 
 TAPS, DEGREE = 14, 5  # of the interpolation between beams and along range
@@ -18,7 +18,7 @@ STORED = 16  # taps of a table of weights
 _u = np.uint64
 
 
-@njit(parallel=True)
+@njit(parallel=True, fastmath=REPEATABLE)
 def read_beams(beams, shape, lines, centre, track, range_m, direction, cycles_per_m, zero_cycles,
                curvature, between, along, first, index, image, work, mixed, mixed_re, mixed_im):
     """Interpolate beams to the lines of a polar image at range baseband.

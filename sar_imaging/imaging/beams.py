@@ -23,6 +23,7 @@ from .range_band import RangeBand
 from .range_window import RangeWindow
 
 _TASKS_PER_THREAD = 4
+_RUNS = 8  # of bins; not by the number of threads, so that results do not depend on it
 _PAGE, _STRIDE = 512, 40  # complex samples
 
 
@@ -170,11 +171,10 @@ def _runs(n_bins: int, n_cells: int, zero: int):
     number = (np.arange(n_bins) - zero + n_bins // 2) % n_bins - n_bins // 2
     kept = min(n_bins, n_cells)
     upper, lower = (kept + 1) // 2, kept // 2
-    n_tasks = max(1, _TASKS_PER_THREAD * numba.get_num_threads() // 2)
     runs = []
     for first, target, start, count in ((zero, 0, 0, upper), ((zero - lower) % n_bins,
                                                               n_cells - lower, -lower, lower)):
-        step = -(-count // n_tasks // kernels.LANES) * kernels.LANES or kernels.LANES
+        step = max(-(-2 * count // _RUNS // kernels.LANES), 1) * kernels.LANES
         runs += [(first + i, target + i, start + i, min(step, count - i))
                  for i in range(0, count, step)]
     return np.array(runs), number

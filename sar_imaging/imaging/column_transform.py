@@ -12,7 +12,7 @@ import functools
 import numpy as np
 import scipy.fft
 
-from ..compilation import njit, numba
+from ..compilation import REPEATABLE, njit, numba
 
 LANES = 16  # columns transformed together: one vector of float32
 _RADICES = (4, 2, 3, 5, 7, 11)
@@ -141,7 +141,7 @@ def _combine(radix, done, left, weights, first, from_re, from_im, to_re, to_im, 
         _combine_11(done, left, weights, first, from_re, from_im, to_re, to_im, base, to)
 
 
-@njit(parallel=True)
+@njit(parallel=True, fastmath=REPEATABLE)
 def _transform(data, lanes, width, n_groups, length, row_step, n_sets, set_step, turns, turn,
                radices, first, weights, tasks, one_re, one_im, other_re, other_im):
     """Rows ``set set_step + n row_step``, set by set, times turns to the power of ``n set``.

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import numba
 import numpy as np
 import pytest
 
@@ -51,11 +52,15 @@ def _stage(grid, block, pulses, target_db):
     return _Stage(part, plan.polar, lines, beams.predicted_error_db)
 
 
-def _error_db(stage, exact, weights=None):
+def _image(stage, weights=None):
     polar, (tx, rx) = stage.coarse, _rows(stage.block)
     parts = np.empty((2, polar.n_alpha, polar.n_range), np.float32)
-    samples = stage.block.samples.reshape(len(tx), -1)
-    stage.lines.fill(samples, tx, rx, parts, weights)
+    stage.lines.fill(stage.block.samples.reshape(len(tx), -1), tx, rx, parts, weights)
+    return parts
+
+
+def _error_db(stage, exact, weights=None):
+    polar, parts = stage.coarse, _image(stage, weights)
     cycles = 2 * (polar.range_m - polar.range_start_m) * stage.block.radar.carrier_hz
     exact = exact * np.exp(-2j * np.pi * np.fmod(cycles / SPEED_OF_LIGHT, 1.0))
     # in the middle of the grid every row has its profile, whatever the geometry
@@ -124,3 +129,13 @@ def test_rows_at_uneven_places(make_case):
     stage = _stage(case.grid, case.block, slice(0, 21), -60.0)
     # Measured: -63.5 dB; -32 dB where they are made to share
     assert _error_db(stage, _exact(stage, stage.block)) <= stage.predicted_error_db + 1.0
+
+
+def test_number_of_threads_changes_nothing(make_case, monkeypatch):
+    case = make_case(1e3, n=96, pulses=96, n_points=50)
+    images = []
+    for n_threads in (1, 2, 7):
+        monkeypatch.setattr(numba, 'get_num_threads', lambda n=n_threads: n)
+        images.append(_image(_stage(case.grid, case.block, slice(20, 31), -60.0)))
+    np.testing.assert_array_equal(images[1], images[0])
+    np.testing.assert_array_equal(images[2], images[0])
