@@ -21,11 +21,11 @@ _SEGMENTS = (128, 64, 32, 16)
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 _ROWS, _DIRECTIONS = 17, 33  # at which paths are compared
 BEYOND = 2  # beams beyond those that interpolation needs, for rounding
-_STEPS = 1.02  # factors between one spread that is planned for and the next
+_SPREAD_STEP = 1.02  # factors between one spread that is planned for and the next
 _SLACK = 1.1  # sub-apertures that were not looked at may be as much worse
 _LEAST_UNEVEN = 1e-4  # wavelengths, which matters to no image
 _ARITHMETIC_DB = -80.0  # float32 phasors that turn from bin to bin (measured)
-_STEP = 1e-4  # of the direction cosine, for a derivative
+_DIRECTION_STEP = 1e-4  # of the direction cosine, for a derivative
 # Time of a row, bin and beam, of a cell's transform and of a pixel, in pixels and rows of
 # `kernels.project_lines`; what is added to the first by rows of beams, to the last by segments
 _COST_TRIPLE, _COST_CELL, _COST_PIXEL = 0.17, 7.0, 7.5  # (measured)
@@ -124,7 +124,8 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
     k = radar.wavenumber_rad_per_m
     highest = k + 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
     # In steps: plans for nearly the same sub-apertures give the same images to the last bit.
-    widest = _STEPS ** math.ceil(math.log(max(spread, 1e-3 * radar.wavelength_m), _STEPS))
+    steps = math.log(max(spread, 1e-3 * radar.wavelength_m), _SPREAD_STEP)
+    widest = _SPREAD_STEP ** math.ceil(steps)
     bin_rad_per_m = 2 * math.pi / (lattice.n_cells * lattice.cell_m)
     oversampling_range = radar.range_resolution_m / lattice.cell_m
     along = design_interpolator(oversampling_range, taps=TAPS, degree=DEGREE)
@@ -266,8 +267,8 @@ class BeamGeometry:
     def slope(self, tx_m, rx_m, direction) -> np.ndarray:
         """(R, S) derivative of `extra_path` by direction, metres."""
         before, after = (self.extra_path(tx_m, rx_m, np.asarray(direction) + step)
-                         for step in (-_STEP, _STEP))
-        return (after - before) / (2 * _STEP)
+                         for step in (-_DIRECTION_STEP, _DIRECTION_STEP))
+        return (after - before) / (2 * _DIRECTION_STEP)
 
     def uneven(self, tx_m, rx_m) -> float:
         """By how much rows on opposite sides fail to be opposite, rms, metres of that slope."""

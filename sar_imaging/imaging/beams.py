@@ -9,6 +9,7 @@ interpolated from them.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -21,6 +22,7 @@ from .beam_plan import BEYOND, BeamGeometry, BeamSampling
 from .lattice import Lattice
 from .range_band import RangeBand
 from .range_window import RangeWindow
+from .work_space import WorkSpace, transform_in_place
 
 _TASKS_PER_THREAD = 4
 _RUNS = 8  # of bins; not by the number of threads, so that results do not depend on it
@@ -48,7 +50,7 @@ class BeamLines:
                  sampling: BeamSampling, range_m: tuple[float, float]):
         self._polar, self._source, self._lattice = polar, source, lattice
         self._sampling = sampling
-        self._buffers: dict[str, np.ndarray] = {}
+        self._buffer = WorkSpace()
         cells = math.floor((range_m[0] - source.range_start_m) / lattice.cell_m)
         first = cells - reading.TAPS
         self._range_start_m = source.range_start_m + first * lattice.cell_m
@@ -96,11 +98,11 @@ class BeamLines:
             raise ValueError(f'the imaging plane, {self._polar.z_m:g} m high, is too steep below '
                              f'the phase centres around {tx_m.mean(axis=0).round(2)}; use '
                              'Backprojector')
-        spacing = self._sampling.spacing * min(
-            1.0, self._sampling.spread_m / max(geometry.spread(tx_m, rx_m), 1e-9))
-        span = (geometry.direction[1] - geometry.direction[0]) / spacing
-        n_beams = math.ceil(span) + reading.TAPS + 2 * BEYOND
-        start = geometry.direction[0] - (reading.TAPS // 2 - 1 + BEYOND) * spacing
+        sampling = dataclasses.replace(self._sampling, spacing=self._sampling.spacing * min(
+            1.0, self._sampling.spread_m / max(geometry.spread(tx_m, rx_m), 1e-9)))
+        spacing, (low, high) = sampling.spacing, geometry.direction
+        n_beams = sampling.n_beams(high - low)
+        start = low - (reading.TAPS // 2 - 1 + BEYOND) * spacing
         directions = start + spacing * np.arange(n_beams)
         paired = geometry.uneven(tx_m, rx_m) < self._sampling.uneven_m
         beams = self._beams(samples, geometry.extra_path(tx_m, rx_m, directions), paired, weights)
@@ -132,10 +134,7 @@ class BeamLines:
             beams.reshape(-1).view(np.float32), *work)
         n_bins = min(spectrum.shape[1], n_cells)
         beams[:, (n_bins + 1) // 2:n_cells - n_bins // 2] = 0.0
-        ranges = scipy.fft.ifft(beams[:, :n_cells], axis=1, norm='forward', overwrite_x=True,
-                                workers=numba.get_num_threads())
-        if not np.may_share_memory(ranges, beams):  # SciPy may decline to overwrite
-            beams[:, :n_cells] = ranges
+        transform_in_place(scipy.fft.ifft, beams[:, :n_cells], norm='forward')
         beams[:, :self._known[0]] = 0.0
         beams[:, self._known[1]:] = 0.0
         return beams
@@ -157,13 +156,6 @@ class BeamLines:
             np.array([start, spacing]), cycles_per_m, -cycles_per_m * source.phase_range_m,
             np.array([1 / geometry.range_m, bend]), _table(sampling.between),
             _table(sampling.along), sampling.along.first, index, parts.reshape(-1), *work)
-
-    def _buffer(self, name: str, shape, dtype) -> np.ndarray:
-        """Memory that calls share, grown when needed."""
-        size = math.prod(shape)
-        if name not in self._buffers or self._buffers[name].size < size:
-            self._buffers[name] = np.empty(size, dtype)
-        return self._buffers[name][:size].reshape(shape)
 
 
 def _runs(n_bins: int, n_cells: int, zero: int):

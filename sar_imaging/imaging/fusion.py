@@ -19,6 +19,7 @@ from .column_transform import LANES, rows_to_transform, transform_columns
 from .fusion_error import edge_taper
 from .fusion_grid import FusionGrid
 from .transform_length import quick_length
+from .work_space import transform_in_place
 
 _LINES_PER_CALL = 64  # of the fused image; the processors' common cache holds them
 
@@ -192,7 +193,7 @@ class SpectrumFusion:
         parts = (image.real, image.imag) if np.iscomplexobj(image) else image
         lines = self._lines[:, :self._n_range]
         _apply_taper(*parts, *self._taper, self._coarse_rows, lines)
-        _in_place(scipy.fft.fft, lines)
+        transform_in_place(scipy.fft.fft, lines)
         transform_columns(self._lines, len(self._wavenumber))
         return self._lines[:, :len(self._wavenumber)]
 
@@ -271,12 +272,6 @@ class SpectrumFusion:
 
 def _padded(n: int) -> int:
     return -(-n // LANES) * LANES
-
-
-def _in_place(transform, lines: np.ndarray) -> None:
-    result = transform(lines, axis=1, workers=numba.get_num_threads(), overwrite_x=True)
-    if not np.may_share_memory(result, lines):  # SciPy may, but need not
-        lines[:] = result
 
 
 @njit(parallel=True)

@@ -13,6 +13,7 @@ from .interpolation import TAPS, polynomial_planes
 from .lattice import ROWS_PER_PASS, Lattice
 from .range_band import RangeBand
 from .range_window import RangeWindow
+from .work_space import WorkSpace
 
 _CHUNK_BYTES = 64 << 20  # coefficients of one pass over the image
 _GUARD = 8  # lattice cells beyond the ranges of the image
@@ -42,7 +43,7 @@ class Profiles:
                  range_m: tuple[float, float]):
         self.radar: RadarParameters = source.radar
         self.lattice, self._source = lattice, source
-        self._buffers: dict[str, np.ndarray] = {}
+        self._buffer = WorkSpace()
         self._pad = max(lattice.segment, _GUARD)
         lo, hi = ((r - source.range_start_m) / lattice.cell_m for r in range_m)
         if not source.periodic:
@@ -104,13 +105,6 @@ class Profiles:
         polynomial_planes(*parts, lattice.interpolator.weights, lattice.interpolator.first,
                           self._pad, planes)
         return planes
-
-    def _buffer(self, name: str, shape, dtype) -> np.ndarray:
-        """Memory that calls share, grown when needed."""
-        size = math.prod(shape)
-        if name not in self._buffers or self._buffers[name].size < size:
-            self._buffers[name] = np.empty(size, dtype)
-        return self._buffers[name][:size].reshape(shape)
 
 
 @njit(parallel=True)

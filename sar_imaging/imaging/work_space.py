@@ -1,0 +1,35 @@
+"""Memory that calls share, and transforms that stay in it.
+
+Fresh memory for every few profiles or images costs as much as filling it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from ..compilation import numba
+
+
+class WorkSpace:
+    """Named buffers, grown when needed and valid until they are asked for again."""
+
+    def __init__(self):
+        self._buffers: dict[str, np.ndarray] = {}
+
+    def __call__(self, name: str, shape: tuple[int, ...], dtype) -> np.ndarray:
+        """Contiguous array of any contents."""
+        size = math.prod(shape)
+        if name not in self._buffers or self._buffers[name].size < size:
+            self._buffers[name] = np.empty(size, dtype)
+        return self._buffers[name][:size].reshape(shape)
+
+
+def transform_in_place(transform: Callable[..., np.ndarray], lines: np.ndarray,
+                       **options) -> None:
+    """Replace lines, (n_lines, n) complex64, by their `scipy.fft.fft` or `scipy.fft.ifft`."""
+    result = transform(lines, axis=1, workers=numba.get_num_threads(), overwrite_x=True, **options)
+    if not np.may_share_memory(result, lines):  # SciPy may, but need not
+        lines[:] = result
