@@ -20,13 +20,14 @@ _u = np.uint64
 
 @njit(parallel=True, fastmath=REPEATABLE)
 def form_beams(samples, shape, runs, common, gain, order, shift, carrier, beside, turn_step,
-               phasor_step, cycles_per_bin, group, out, base_re, base_im, turn_re, turn_im, row_re,
-               row_im, phasor_re, phasor_im, sum_re, sum_im):
+               phasor_step, cycles_per_bin, group, out, base_re, base_im, turn_re, turn_im, rows,
+               phasor_re, phasor_im, sums):
     """Sum the rows' spectra for each beam, ``out_m[b] = sum_i S_i[b] exp(j k_b path_im)``.
 
-    The phase is exact for the middle of each group of beams. For the others the part of it that
-    grows from bin to bin is held over a vector of bins, and rows on opposite sides of the centre
-    may share a phasor, one of them its conjugate.
+    The phase is exact for the middle of each group of beams. On either side of it beams share
+    phasors, one of a couple taking the conjugates: what cosines and sines count is summed apart.
+    Their growth from bin to bin is held over a vector of bins. Rows on opposite sides of the
+    centre may share phasors likewise.
 
     Parameters
     ----------
@@ -41,46 +42,49 @@ def form_beams(samples, shape, runs, common, gain, order, shift, carrier, beside
         Factor of each bin of `samples`, real and imaginary parts in turn.
     gain : (R,) float32
         Factor of each row.
-    order : (2 * Q,) or (Q,) int64
-        Row of each of Q phasors, then of its conjugate if rows share them; -1 for none.
+    order : (Q,) or (2 * Q,) int64
+        Row of each of `ROWS` phasors of a block, then of their conjugates if rows share them, then
+        those of the next block; -1 for none.
     shift : (G * len(order),) float64
         What a row's path is longer for the middle of a group of beams than the reference's,
         metres, in that order.
     carrier : (G * len(order),) float64
         Phase of that at the carrier, cycles.
-    beside : (G * Q * group,) float64
-        What a row's path is longer for a beam than for the group's middle, metres: groups, blocks
-        of `ROWS` phasors, beams, phasors of the block.
+    beside : (G * Q * H,) float64
+        What a row's path is longer for a beam than for the group's middle, metres: groups, blocks,
+        couples of beams from the outermost inwards, phasors of the block. The other beam's is the
+        negative.
     turn_step : (2 * G * len(order),) float32
         Phasors of `shift` over a vector of bins, real parts first.
-    phasor_step : (2 * G * Q * group,) float32
+    phasor_step : (2 * G * Q * H,) float32
         The same of `beside`.
     cycles_per_bin : (2,) float64
         Cycles per metre of half path at the carrier, and what they grow from bin to bin.
     group : int
-        Beams of a group.
+        Beams of a group, of H couples; the middle one of an odd number is a couple's both.
     out : (2 * M * n,) float32
         Written to.
     base_re, base_im : (T * BINS * len(order),) float32
         Work space.
     turn_re, turn_im : (T * G * len(order) * LANES,) float32
         Work space.
-    row_re, row_im : (T * 2 * Q * LANES,) float32
+    rows : (T * ROWS * 4 * LANES,) float32
         Work space.
-    phasor_re, phasor_im : (T * G * Q * group,) float32
+    phasor_re, phasor_im : (T * G * Q * H,) float32
         Work space.
-    sum_re, sum_im : (T * group * LANES,) float32
+    sums : (T * 4 * H * BINS,) float32
         Work space.
     """
     n_bins, n_beams, n_out = shape
-    n_rows, n_groups = len(order), (n_beams + group - 1) // group
+    n_rows, n_groups, half = len(order), (n_beams + group - 1) // group, (group + 1) // 2
     n_turns, n_phasors = n_groups * n_rows * LANES, len(beside)
-    q = n_phasors // (n_groups * group)
-    half = 0.5 * (LANES - 1)
+    n_blocks = n_phasors // (n_groups * half * ROWS)
+    per_block = n_rows // n_blocks
+    middle = 0.5 * (LANES - 1)
     for task in numba.prange(len(runs)):
         first, target, number, left = runs[task, 0], runs[task, 1], runs[task, 2], runs[task, 3]
-        base, rows, sums = task * BINS * n_rows, task * 2 * q * LANES, task * group * LANES
-        turn, phasor = task * n_turns, task * n_phasors
+        base, turn, phasor = task * BINS * n_rows, task * n_turns, task * n_phasors
+        row, total = task * ROWS * 4 * LANES, task * 4 * half * BINS
         for k in range(n_groups * n_rows):
             cycles = cycles_per_bin[1] * shift[k]
             start = _fraction(carrier[k] + number * cycles)
@@ -89,7 +93,7 @@ def form_beams(samples, shape, runs, common, gain, order, shift, carrier, beside
                 c = np.float32(_fraction(start + i * cycles))
                 turn_re[to + _u(i)] = _cos_cycles(c * c)
                 turn_im[to + _u(i)] = _sin_cycles(c, c * c)
-        per_metre = cycles_per_bin[0] + (number + half) * cycles_per_bin[1]
+        per_metre = cycles_per_bin[0] + (number + middle) * cycles_per_bin[1]
         for k in range(_u(n_phasors)):
             c = np.float32(_fraction(per_metre * beside[k]))
             phasor_re[_u(phasor) + k] = _cos_cycles(c * c)
@@ -97,45 +101,46 @@ def form_beams(samples, shape, runs, common, gain, order, shift, carrier, beside
         while left > 0:
             count = min(left, BINS)
             n_vectors = (count + LANES - 1) // LANES
-            _load_rows(samples, n_bins, first, count, common, gain, order, base_re, base_im, base)
+            _load_rows(samples, n_bins, first, count, common, gain, order, per_block, base_re,
+                       base_im, base)
             for g in range(n_groups):
+                for i in range(_u(4 * half * BINS)):
+                    sums[_u(total) + i] = 0.0
+                for b in range(g * n_blocks, (g + 1) * n_blocks):
+                    source = base + (b - g * n_blocks) * per_block * BINS
+                    for v in range(n_vectors):
+                        _turn(base_re, base_im, source + v * per_block * LANES, turn_re, turn_im,
+                              turn + b * per_block * LANES, turn_step, b * per_block,
+                              n_groups * n_rows, per_block, rows, row)
+                        _add_rows(rows, row, phasor_re, phasor_im, phasor + b * half * ROWS, half,
+                                  sums, total + 4 * v * half * LANES)
+                        now, step = _u(phasor + b * half * ROWS), _u(b * half * ROWS)
+                        for i in range(_u(half * ROWS)):
+                            cosine, sine = phasor_re[now + i], phasor_im[now + i]
+                            re, im = phasor_step[step + i], phasor_step[_u(n_phasors) + step + i]
+                            phasor_re[now + i] = cosine * re - sine * im
+                            phasor_im[now + i] = cosine * im + sine * re
                 n_some = min(group, n_beams - g * group)
-                for v in range(n_vectors):
-                    _turn(base_re, base_im, base + v * n_rows * LANES, turn_re, turn_im,
-                          turn + g * n_rows * LANES, turn_step, g * n_rows, n_groups * n_rows, q,
-                          n_rows, row_re, row_im, rows)
-                    for i in range(_u(n_some * LANES)):
-                        sum_re[_u(sums) + i] = 0.0
-                        sum_im[_u(sums) + i] = 0.0
-                    steps = phasor + g * q * group
-                    _add_rows(row_re, row_im, rows, phasor_re, phasor_im, steps, q, group, n_some,
-                              sum_re, sum_im, sums)
-                    some = _u(min(LANES, count - v * LANES))
-                    for m in range(n_some):
-                        source = _u(sums + m * LANES)
-                        to = _u(2 * ((g * group + m) * n_out + target + v * LANES))
-                        for i in range(some):
-                            out[to + _u(2) * i] = sum_re[source + i]
-                            out[to + _u(2) * i + _u(1)] = sum_im[source + i]
-                    now, step = _u(steps), _u(g * q * group)
-                    for i in range(_u(q * group)):
-                        cosine, sine = phasor_re[now + i], phasor_im[now + i]
-                        re, im = phasor_step[step + i], phasor_step[_u(n_phasors) + step + i]
-                        phasor_re[now + i] = cosine * re - sine * im
-                        phasor_im[now + i] = cosine * im + sine * re
+                for m in range(n_some):
+                    source = total + 4 * min(m, n_some - 1 - m) * LANES
+                    side = np.float32(1.0 if 2 * m < n_some else -1.0)
+                    to = 2 * ((g * group + m) * n_out + target)
+                    _put_beam(sums, source, half, count, side, out, to)
             first, target, left = first + count, target + count, left - count
             number += count
 
 
 @njit(inline='always')
-def _load_rows(samples, n_bins, first, count, common, gain, order, base_re, base_im, base):
+def _load_rows(samples, n_bins, first, count, common, gain, order, per_block, base_re, base_im,
+               base):
     """Some bins of all rows times their factors, vector by vector, zero beyond the last."""
-    n_rows, whole = len(order), count // LANES
-    for place in range(n_rows):
+    whole = count // LANES
+    for place in range(len(order)):
         row = order[place]
+        begin = base + place // per_block * per_block * BINS + place % per_block * LANES
         if row < 0:
             for v in range((count + LANES - 1) // LANES):
-                to = _u(base + (v * n_rows + place) * LANES)
+                to = _u(begin + v * per_block * LANES)
                 for lane in range(LANES):
                     base_re[to + _u(lane)] = 0.0
                     base_im[to + _u(lane)] = 0.0
@@ -143,7 +148,7 @@ def _load_rows(samples, n_bins, first, count, common, gain, order, base_re, base
         weight = gain[row]
         source, factor = _u(2 * (row * n_bins + first)), _u(2 * first)
         for v in range(whole):
-            to = _u(base + (v * n_rows + place) * LANES)
+            to = _u(begin + v * per_block * LANES)
             for lane in range(LANES):
                 i = _u(lane)
                 re, im = samples[source + _u(2) * i], samples[source + _u(2) * i + _u(1)]
@@ -154,7 +159,7 @@ def _load_rows(samples, n_bins, first, count, common, gain, order, base_re, base
             source += _u(2 * LANES)
             factor += _u(2 * LANES)
         for lane in range((count > whole * LANES) * LANES):
-            to = _u(base + (whole * n_rows + place) * LANES + lane)
+            to = _u(begin + whole * per_block * LANES + lane)
             base_re[to] = 0.0
             base_im[to] = 0.0
             if lane < count - whole * LANES:
@@ -166,70 +171,74 @@ def _load_rows(samples, n_bins, first, count, common, gain, order, base_re, base
 
 
 @njit(inline='always')
-def _turn(base_re, base_im, base, turn_re, turn_im, turn, step, first, n_steps, n_phasors, n_rows,
-          row_re, row_im, rows):
-    """Rows seen from the group's middle: what a phasor's real and imaginary part count each.
+def _turned(base_re, base_im, source, turn_re, turn_im, now, cosine_step, sine_step):
+    """Sample times its phasor, which moves on by a vector."""
+    cosine, sine = turn_re[now], turn_im[now]
+    x, y = base_re[source], base_im[source]
+    turn_re[now] = cosine * cosine_step - sine * sine_step
+    turn_im[now] = cosine * sine_step + sine * cosine_step
+    return x * cosine - y * sine, x * sine + y * cosine
+
+
+@njit(inline='always')
+def _turn(base_re, base_im, base, turn_re, turn_im, turn, step, first, n_steps, n_rows, rows,
+          row):
+    """A block of rows seen from the group's middle: what a phasor's real and imaginary part count.
 
     A row's phasor multiplies its samples and j times them; where rows share one, their sum and j
     times their difference.
     """
-    for row in range(n_phasors):
-        source, now = _u(base + row * LANES), _u(turn + row * LANES)
-        to = _u(rows + row * 2 * LANES)
-        beside = to + _u(LANES)
-        turn_cosine, turn_sine = step[first + row], step[n_steps + first + row]
-        for lane in range(LANES):
-            i = _u(lane)
-            cosine, sine = turn_re[now + i], turn_im[now + i]
-            x, y = base_re[source + i], base_im[source + i]
-            re, im = x * cosine - y * sine, x * sine + y * cosine
-            row_re[to + i] = re
-            row_im[to + i] = im
-            row_re[beside + i] = -im
-            row_im[beside + i] = re
-            turn_re[now + i] = cosine * turn_cosine - sine * turn_sine
-            turn_im[now + i] = cosine * turn_sine + sine * turn_cosine
-    for row in range(n_phasors, n_rows):
-        source, now = _u(base + row * LANES), _u(turn + row * LANES)
-        to = _u(rows + (row - n_phasors) * 2 * LANES)
-        beside = to + _u(LANES)
-        turn_cosine, turn_sine = step[first + row], step[n_steps + first + row]
-        for lane in range(LANES):
-            i = _u(lane)
-            cosine, sine = turn_re[now + i], turn_im[now + i]
-            x, y = base_re[source + i], base_im[source + i]
-            re, im = x * cosine - y * sine, x * sine + y * cosine
-            row_re[to + i] += re
-            row_im[to + i] += im
-            row_re[beside + i] += im
-            row_im[beside + i] -= re
-            turn_re[now + i] = cosine * turn_cosine - sine * turn_sine
-            turn_im[now + i] = cosine * turn_sine + sine * turn_cosine
+    for k in range(ROWS):
+        source, now, to = _u(base + k * LANES), _u(turn + k * LANES), _u(row + 4 * k * LANES)
+        cosine, sine = step[_u(first + k)], step[_u(n_steps + first + k)]
+        if n_rows == ROWS:
+            for lane in range(LANES):
+                i = _u(lane)
+                re, im = _turned(base_re, base_im, source + i, turn_re, turn_im, now + i, cosine,
+                                 sine)
+                rows[to + i], rows[to + _u(LANES) + i] = re, im
+                rows[to + _u(2 * LANES) + i], rows[to + _u(3 * LANES) + i] = -im, re
+        else:
+            other, then = source + _u(ROWS * LANES), now + _u(ROWS * LANES)
+            c, s = step[_u(first + ROWS + k)], step[_u(n_steps + first + ROWS + k)]
+            for lane in range(LANES):
+                i = _u(lane)
+                re, im = _turned(base_re, base_im, source + i, turn_re, turn_im, now + i, cosine,
+                                 sine)
+                x, y = _turned(base_re, base_im, other + i, turn_re, turn_im, then + i, c, s)
+                rows[to + i], rows[to + _u(LANES) + i] = re + x, im + y
+                rows[to + _u(2 * LANES) + i], rows[to + _u(3 * LANES) + i] = y - im, re - x
 
 
 @njit(inline='always')
-def _add_rows(row_re, row_im, rows, phasor_re, phasor_im, steps, n_phasors, group, n_some, sum_re,
-              sum_im, sums):
-    """Add all rows, times their phasors, to each beam of a group, for one vector of bins."""
-    for block in range(n_phasors // ROWS):
-        s0 = _u(rows + 2 * block * ROWS * LANES)
-        s1, s2, s3 = s0 + _u(LANES), s0 + _u(2 * LANES), s0 + _u(3 * LANES)
-        s4, s5, s6 = s0 + _u(4 * LANES), s0 + _u(5 * LANES), s0 + _u(6 * LANES)
-        s7 = s0 + _u(7 * LANES)
-        for m in range(n_some):
-            p = _u(steps + (block * group + m) * ROWS)
-            c0, c1, c2, c3 = (phasor_re[p], phasor_re[p + _u(1)], phasor_re[p + _u(2)],
-                              phasor_re[p + _u(3)])
-            d0, d1, d2, d3 = (phasor_im[p], phasor_im[p + _u(1)], phasor_im[p + _u(2)],
-                              phasor_im[p + _u(3)])
-            to = _u(sums + m * LANES)
-            for j in range(LANES):
-                i = _u(j)
-                sum_re[to + i] += (c0 * row_re[s0 + i] + d0 * row_re[s1 + i]
-                                   + c1 * row_re[s2 + i] + d1 * row_re[s3 + i]
-                                   + c2 * row_re[s4 + i] + d2 * row_re[s5 + i]
-                                   + c3 * row_re[s6 + i] + d3 * row_re[s7 + i])
-                sum_im[to + i] += (c0 * row_im[s0 + i] + d0 * row_im[s1 + i]
-                                   + c1 * row_im[s2 + i] + d1 * row_im[s3 + i]
-                                   + c2 * row_im[s4 + i] + d2 * row_im[s5 + i]
-                                   + c3 * row_im[s6 + i] + d3 * row_im[s7 + i])
+def _add_rows(rows, row, phasor_re, phasor_im, phasor, half, sums, total):
+    """Add a block of rows, times their phasors, to each couple of beams, for one vector."""
+    s0 = _u(row)
+    s1, s2, s3 = s0 + _u(4 * LANES), s0 + _u(8 * LANES), s0 + _u(12 * LANES)
+    t0, t1, t2, t3 = (s0 + _u(2 * LANES), s1 + _u(2 * LANES), s2 + _u(2 * LANES),
+                      s3 + _u(2 * LANES))
+    for m in range(half):
+        p = _u(phasor + m * ROWS)
+        c0, c1, c2, c3 = (phasor_re[p], phasor_re[p + _u(1)], phasor_re[p + _u(2)],
+                          phasor_re[p + _u(3)])
+        d0, d1, d2, d3 = (phasor_im[p], phasor_im[p + _u(1)], phasor_im[p + _u(2)],
+                          phasor_im[p + _u(3)])
+        even = _u(total + 4 * m * LANES)
+        odd = even + _u(2 * LANES)
+        for j in range(2 * LANES):
+            i = _u(j)
+            sums[even + i] = (sums[even + i] + c0 * rows[s0 + i] + c1 * rows[s1 + i]
+                              + c2 * rows[s2 + i] + c3 * rows[s3 + i])
+            sums[odd + i] = (sums[odd + i] + d0 * rows[t0 + i] + d1 * rows[t1 + i]
+                             + d2 * rows[t2 + i] + d3 * rows[t3 + i])
+
+
+@njit(inline='always')
+def _put_beam(sums, first, half, count, side, out, target):
+    """Write some bins of the beam on one side of the group's middle."""
+    for v in range((count + LANES - 1) // LANES):
+        re, to = _u(first + 4 * v * half * LANES), _u(target + 2 * v * LANES)
+        im, odd = re + _u(LANES), _u(2 * LANES)
+        for i in range(_u(min(LANES, count - v * LANES))):
+            out[to + _u(2) * i] = sums[re + i] + side * sums[re + odd + i]
+            out[to + _u(2) * i + _u(1)] = sums[im + i] + side * sums[im + odd + i]

@@ -25,6 +25,7 @@ _SPREAD_STEP = 1.02  # factors between one spread that is planned for and the ne
 _SLACK = 1.1  # sub-apertures that were not looked at may be as much worse
 _LEAST_UNEVEN = 1e-4  # wavelengths, which matters to no image
 _ARITHMETIC_DB = -80.0  # float32 phasors that turn from bin to bin (measured)
+_MARGIN = 0.1  # of the directions of a grid, beyond them
 _DIRECTION_STEP = 1e-4  # of the direction cosine, for a derivative
 # Time of a row, bin and beam, of a cell's transform and of a pixel, in pixels and rows of
 # `kernels.project_lines`; what is added to the first by rows of beams, to the last by segments
@@ -117,6 +118,7 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
         return None
     spread = max(view.spread_m for view in views)
     uneven = max(_LEAST_UNEVEN * radar.wavelength_m, *(view.uneven_m for view in views))
+    curvature = max(view.curvature_m for view in views)
     # The last segment reaches beyond the image.
     spare = lattice.n_cells - reach_m / lattice.cell_m - 2 * TAPS
     if 2 * spread > padding_m:
@@ -144,12 +146,15 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
                 segment * polar.range_spacing_m / 2, lattice.cell_m, polar.range_spacing_m,
                 spacing, oversampling_range, oversampling, k) for view in views], axis=0)
             for group, paired in itertools.product(_GROUPS, (True, False)):
-                # rms over a group of beams, and for the former over bins and rows
-                beside = math.sqrt(np.mean((np.arange(group) - group // 2) ** 2)) * spacing
+                # rms over a group of beams, and for the first over bins and rows
+                squares = ((np.arange(group) - (group - 1) / 2) * spacing) ** 2
+                beside = math.sqrt(squares.mean())
                 held = bin_rad_per_m * LANES / math.sqrt(12) * beside * spread / math.sqrt(3)
                 shared = paired * k * beside * uneven
+                bent = k * curvature / 2 * squares.std()
+                errors = geometry, held, shared, bent, *expansion
                 error = total_db(between.error_db, along.error_db, _ARITHMETIC_DB, *(
-                    20 * math.log10(e + 1e-12) for e in (geometry, held, shared, *expansion)))
+                    20 * math.log10(e + 1e-12) for e in errors))
                 found = BeamSampling(widest, spacing, group, paired * _SLACK * uneven, segment,
                                      between, along, error)
                 cost = found.cost(n_rows, n_bins, lattice.n_cells, polar.n_range * span / spacing,
@@ -165,6 +170,7 @@ class _View:
 
     spread_m: float
     uneven_m: float  # by which rows on opposite sides of the centre are not opposite, rms
+    curvature_m: float  # second derivative of a row's path by direction, rms
     difference: np.ndarray  # (R, S) of half paths from what beams assume, metres
     bend: np.ndarray  # (R, S) what interpolation between beams makes good to first order, metres
     range_by_range: np.ndarray  # (4, S) derivatives of the distance along lines
@@ -208,7 +214,7 @@ def _view(polar: PolarGrid, tx_m, rx_m) -> _View | None:
     centres = tx_m[rows], rx_m[rows]
     slope = beams.slope(*centres, direction)
     bend = slope ** 2 * (1 - direction ** 2) * (1 / length - 1 / beams.range_m) / 2
-    return _View(beams.spread(*centres), beams.uneven(*centres),
+    return _View(beams.spread(*centres), beams.uneven(*centres), beams.curvature(*centres),
                  paths - length - beams.extra_path(*centres, direction), bend, derivatives,
                  np.stack([first, second]))
 
@@ -247,8 +253,22 @@ class BeamGeometry:
         range_m = 2 / (1 / length.min() + 1 / length.max())
         beams = cls(polar, centre, range_m, (float(direction.min()), float(direction.max())))
         height = (centre[2] - polar.z_m) / range_m
-        steepest = max(map(abs, beams.direction)) + 0.1 * np.ptp(direction)
+        steepest = np.abs(beams.known).max()
         return beams if steepest ** 2 + height ** 2 < 0.98 else None
+
+    @property
+    def known(self) -> np.ndarray:
+        """(2,) float64 extremes of the directions whose paths are those of points on the plane."""
+        low, high = self.direction
+        return np.array([low, high]) + _MARGIN * (high - low) * np.array([-1, 1])
+
+    def beam_path(self, tx_m, rx_m, direction) -> np.ndarray:
+        """`extra_path`, continued straight beyond the known directions, where it may end."""
+        low, high = self.known
+        before, after = self.slope(tx_m, rx_m, self.known).T[..., None]
+        return (self.extra_path(tx_m, rx_m, np.clip(direction, low, high))
+                + before * np.minimum(direction - low, 0.0)
+                + after * np.maximum(direction - high, 0.0))
 
     def extra_path(self, tx_m, rx_m, direction) -> np.ndarray:
         """(R, S) by how much half paths are longer than the distance from the centre, metres."""
@@ -274,6 +294,14 @@ class BeamGeometry:
         """By how much rows on opposite sides fail to be opposite, rms, metres of that slope."""
         slope = np.sort(self.slope(tx_m, rx_m, self.direction), axis=0)
         return math.sqrt(np.mean(np.abs(slope + slope[::-1]).max(axis=1) ** 2)) / 2
+
+    def curvature(self, tx_m, rx_m) -> float:
+        """Second derivative of `extra_path` by direction, rms over the rows, metres."""
+        step = 10 * _DIRECTION_STEP
+        before, here, after = (self.extra_path(tx_m, rx_m, self.known + d)
+                               for d in (-step, 0.0, step))
+        second = np.abs(before - 2 * here + after).max(axis=1) / step ** 2
+        return math.sqrt(np.mean(second ** 2))
 
     def spread(self, tx_m, rx_m) -> float:
         """Largest derivative of `extra_path` by direction, metres."""

@@ -105,7 +105,7 @@ class BeamLines:
         start = low - (reading.TAPS // 2 - 1 + BEYOND) * spacing
         directions = start + spacing * np.arange(n_beams)
         paired = geometry.uneven(tx_m, rx_m) < self._sampling.uneven_m
-        beams = self._beams(samples, geometry.extra_path(tx_m, rx_m, directions), paired, weights)
+        beams = self._beams(samples, geometry.beam_path(tx_m, rx_m, directions), paired, weights)
         self._read(beams, geometry, start, spacing, parts)
 
     def _beams(self, samples, path, paired, weights) -> np.ndarray:
@@ -118,11 +118,11 @@ class BeamLines:
         stride = _uncrowded(n_cells)
         beams = self._buffer('beams', (n_beams, stride), np.complex64)
         n_tasks, lanes = len(self._runs), kernels.LANES
-        n_phasors = beside.shape[1] * kernels.ROWS
-        sizes = {'base': kernels.BINS * len(rows), 'turn': middle.size * lanes,
-                 'row': 2 * n_phasors * lanes, 'phasor': beside.size, 'sum': group * lanes}
-        work = [self._buffer(f'{name} {part}', (n_tasks * size,), np.float32)
-                for name, size in sizes.items() for part in range(2)]
+        sizes = {'base re': kernels.BINS * len(rows), 'base im': kernels.BINS * len(rows),
+                 'turn re': middle.size * lanes, 'turn im': middle.size * lanes,
+                 'rows': 4 * kernels.ROWS * lanes, 'phasor re': beside.size,
+                 'phasor im': beside.size, 'sums': 4 * beside.shape[2] * kernels.BINS}
+        work = [self._buffer(name, (n_tasks * size,), np.float32) for name, size in sizes.items()]
         kernels.form_beams(
             spectrum.reshape(-1).view(np.float32), (spectrum.shape[1], n_beams, stride),
             self._runs, self._common.view(np.float32),
@@ -183,17 +183,20 @@ def _phasors(path, group: int, paired: bool):
     Returns
     -------
     rows : (Q or 2 * Q,) int64
-        Row of each phasor, then of its conjugate.
+        Row of each phasor of a block, then of their conjugates, block by block.
     middle : (G, len(rows)) float64
         Paths for the middle of each group of beams, metres.
-    beside : (G, Q / ROWS, group, ROWS) float64
-        What they are longer for each beam of the group, metres.
+    beside : (G, Q / ROWS, H, ROWS) float64
+        What they are longer for one beam of each couple of the group, metres.
     """
     n_rows, n_beams = path.shape
-    n_groups = -(-n_beams // group)
-    beams = np.minimum(np.arange(n_groups * group), n_beams - 1).reshape(n_groups, group)
-    middle = path[:, beams[:, group // 2]]
-    beside = path[:, beams] - middle[..., None]
+    n_groups, half = -(-n_beams // group), -(-group // 2)
+    first = np.arange(n_groups)[:, None] * group
+    last = np.minimum(first + group, n_beams) - 1
+    beams = np.minimum(first + np.arange(half), (first + last) // 2)
+    upper, lower = path[:, beams], path[:, first + last - beams]
+    middle = 0.5 * (upper + lower).mean(axis=2)
+    beside = 0.5 * (upper - lower)
     n_phasors = -(-n_rows // 2) if paired else n_rows
     rows = np.full((1 + paired, -(-n_phasors // kernels.ROWS) * kernels.ROWS), -1)
     if paired:
@@ -206,8 +209,8 @@ def _phasors(path, group: int, paired: bool):
     else:
         rows[0, :n_phasors] = np.arange(n_rows)
         beside = beside[rows[0]]
-    blocks = beside.reshape(-1, kernels.ROWS, n_groups, group).transpose(2, 0, 3, 1)
-    rows = rows.reshape(-1)
+    blocks = beside.reshape(-1, kernels.ROWS, n_groups, half).transpose(2, 0, 3, 1)
+    rows = rows.reshape(1 + paired, -1, kernels.ROWS).swapaxes(0, 1).reshape(-1)
     return rows, np.ascontiguousarray(middle[rows].T), np.ascontiguousarray(blocks)
 
 

@@ -12,6 +12,8 @@ import numpy as np
 
 from ..compilation import numba
 
+_LINE = 64  # bytes of a line of the cache
+
 
 class WorkSpace:
     """Named buffers, grown when needed and valid until they are asked for again."""
@@ -23,8 +25,15 @@ class WorkSpace:
         """Contiguous array of any contents."""
         size = math.prod(shape)
         if name not in self._buffers or self._buffers[name].size < size:
-            self._buffers[name] = np.empty(size, dtype)
+            self._buffers[name] = _aligned(size, np.dtype(dtype))
         return self._buffers[name][:size].reshape(shape)
+
+
+def _aligned(size: int, dtype: np.dtype) -> np.ndarray:
+    """Uninitialised memory in which no vector of a kernel straddles two lines of the cache."""
+    memory = np.empty(size * dtype.itemsize + _LINE, np.uint8)
+    start = -memory.ctypes.data % _LINE
+    return memory[start:start + size * dtype.itemsize].view(dtype)
 
 
 def transform_in_place(transform: Callable[..., np.ndarray], lines: np.ndarray,
