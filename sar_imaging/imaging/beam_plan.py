@@ -26,6 +26,7 @@ _SLACK = 1.1  # sub-apertures that were not looked at may be as much worse
 _LEAST_UNEVEN = 1e-4  # wavelengths, which matters to no image
 _ARITHMETIC_DB = -80.0  # float32 phasors that turn from bin to bin (measured)
 _MARGIN = 0.1  # of the directions of a grid, beyond them
+_CLEAR = 0.9  # of the largest direction cosine on the plane
 _DIRECTION_STEP = 1e-4  # of the direction cosine, for a derivative
 # Time of a row, bin and beam, of a cell's transform and of a pixel, in pixels and rows of
 # `kernels.project_lines`; what is added to the first by rows of beams, to the last by segments
@@ -253,17 +254,18 @@ class BeamGeometry:
         range_m = 2 / (1 / length.min() + 1 / length.max())
         beams = cls(polar, centre, range_m, (float(direction.min()), float(direction.max())))
         height = (centre[2] - polar.z_m) / range_m
-        steepest = np.abs(beams.known).max()
+        steepest = max(map(abs, beams.direction)) + _MARGIN * np.ptp(direction)
         return beams if steepest ** 2 + height ** 2 < 0.98 else None
 
     @property
     def known(self) -> np.ndarray:
-        """(2,) float64 extremes of the directions whose paths are those of points on the plane."""
-        low, high = self.direction
-        return np.array([low, high]) + _MARGIN * (high - low) * np.array([-1, 1])
+        """(2,) float64 extremes of the directions in which the plane lies well within sight."""
+        (low, high), height = self.direction, (self.centre_m[2] - self.polar.z_m) / self.range_m
+        margin, clear = _MARGIN * (high - low), _CLEAR * math.sqrt(1 - height ** 2)
+        return np.array([min(low - margin, -clear), max(high + margin, clear)])
 
     def beam_path(self, tx_m, rx_m, direction) -> np.ndarray:
-        """`extra_path`, continued straight beyond the known directions, where it may end."""
+        """`extra_path`, continued straight beyond the known directions, where it ends."""
         low, high = self.known
         before, after = self.slope(tx_m, rx_m, self.known).T[..., None]
         return (self.extra_path(tx_m, rx_m, np.clip(direction, low, high))
@@ -298,7 +300,7 @@ class BeamGeometry:
     def curvature(self, tx_m, rx_m) -> float:
         """Second derivative of `extra_path` by direction, rms over the rows, metres."""
         step = 10 * _DIRECTION_STEP
-        before, here, after = (self.extra_path(tx_m, rx_m, self.known + d)
+        before, here, after = (self.extra_path(tx_m, rx_m, np.array(self.direction) + d)
                                for d in (-step, 0.0, step))
         second = np.abs(before - 2 * here + after).max(axis=1) / step ** 2
         return math.sqrt(np.mean(second ** 2))
