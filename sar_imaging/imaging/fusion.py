@@ -191,9 +191,8 @@ class SpectrumFusion:
         It lies in memory that the next one takes.
         """
         parts = (image.real, image.imag) if np.iscomplexobj(image) else image
-        lines = self._lines[:, :self._n_range]
-        _apply_taper(*parts, *self._taper, self._coarse_rows, lines)
-        transform_in_place(scipy.fft.fft, lines)
+        _apply_taper(*parts, *self._taper, self._coarse_rows, self._lines)
+        transform_in_place(scipy.fft.fft, self._lines[:, :self._n_range])
         transform_columns(self._lines, len(self._wavenumber))
         return self._lines[:, :len(self._wavenumber)]
 

@@ -16,7 +16,7 @@ import numpy as np
 
 _N_FREQUENCIES = 129  # from -pi to pi per cell
 _N_POSITIONS = 97
-_CELLS_BETWEEN = 24  # the guards, in a table: errors are those of the edges
+_CELLS_BETWEEN = 48  # the guards, in a table: errors are those of the edges
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,13 +25,10 @@ class Coverage:
 
     Attributes
     ----------
-    margin : int
-        Outermost lines and ranges that are not.
     along_alpha, along_range : (B,) float64
         Density of wanted pixels from the first line, or range, to the last, of mean one.
     """
 
-    margin: int = 0
     along_alpha: np.ndarray = dataclasses.field(default_factory=lambda: np.ones(1))
     along_range: np.ndarray = dataclasses.field(default_factory=lambda: np.ones(1))
 
@@ -94,7 +91,7 @@ def error_table(n: int, n_guard: float, beta: float) -> np.ndarray:
 
 
 def mean_error(n: int, n_guard: float, beta: float, frequency, position=None,
-               margin: float = 0.0, density=(1.0,)) -> float:
+               density=(1.0,)) -> float:
     """Mean squared error of exponentials, relative to their power.
 
     Parameters
@@ -105,8 +102,6 @@ def mean_error(n: int, n_guard: float, beta: float, frequency, position=None,
         Frequencies, radians per cell, relative to the middle of the band.
     position : (S,) array_like, optional
         Where they occur, 0 to 1 from guard to guard; everywhere if left out.
-    margin : float
-        Cells beside each guard that need not be right.
     density : (B,) array_like
         Of the cells that should be, from guard to guard and of mean one.
 
@@ -121,24 +116,21 @@ def mean_error(n: int, n_guard: float, beta: float, frequency, position=None,
     cells = min(n, math.ceil(2 * n_guard) + _CELLS_BETWEEN)
     between = cells - 2 * n_guard
     table = error_table(cells, n_guard, beta)
-    upper = np.ceil((frequency / np.pi + 1) * ((_N_FREQUENCIES - 1) / 2)).astype(int)
+    column = np.rint((frequency / np.pi + 1) * ((_N_FREQUENCIES - 1) / 2)).astype(int)
     row = np.linspace(0, 1, _N_POSITIONS)
     if position is None:
-        error = table @ _shares(upper)
+        error = table @ _shares(column)
     else:
-        upper = upper.reshape(-1, upper.shape[-1])
+        column = column.reshape(-1, column.shape[-1])
         places, group = np.unique(np.asarray(position, float), return_inverse=True)
-        by_place = np.stack([table @ _shares(upper[:, group == g]) for g in range(len(places))])
+        by_place = np.stack([table @ _shares(column[:, group == g]) for g in range(len(places))])
         nearest = np.abs(np.subtract.outer(places, row)).argmin(axis=0)
         error = by_place[nearest, np.arange(_N_POSITIONS)]
-    inside = np.abs(row - 0.5) * between <= max(between / 2 - margin, 0.0)
     # The edges' share of the grid falls with its length.
     edge = between / (n - 2 * n_guard)
     place = np.where(row < 0.5, row * edge, 1 - (1 - row) * edge)
     share = np.interp(place, (np.arange(len(density)) + 0.5) / len(density), density)
-    # Pixels on a line that is hardly covered are not the average ones of the line: half counts.
-    share = 0.5 + 0.5 * share
-    return float((error * share)[inside].sum() / _N_POSITIONS * edge)
+    return float((error * share).sum() / _N_POSITIONS * edge)
 
 
 def _shares(column) -> np.ndarray:

@@ -41,7 +41,7 @@ def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid,
         polar_image = np.stack((polar_image.real, polar_image.imag))
     add_polar_to_map(*polar_image, fusion.polar, grid, image,
                      axis=_axis(fusion.polar, grid), wavelength_m=fusion.wavelength_m,
-                     along_alpha=interpolator, along_range=interpolator)
+                     interpolator=interpolator)
     if centre_m:
         polar = fusion.polar
         _restore_carrier(grid.x_m - polar.origin_m[0], grid.y_m - polar.origin_m[1],

@@ -47,6 +47,14 @@ class Interpolator:
         """Real and imaginary parts of the coefficients of an interval."""
         return 2 * len(self.weights)
 
+    @property
+    def centred(self) -> np.ndarray:
+        """(degree + 1, taps) float32 weights by powers of ``t - 1/2``.
+
+        Taps that mirror each other have the same even ones and opposite odd ones.
+        """
+        return _shifted(self.weights.astype(np.float64), 0.5).astype(np.float32)
+
 
 def design_interpolator(oversampling: float, margin: float = 0.0, *, taps: int = TAPS,
                         degree: int = POINT_DEGREE) -> Interpolator:
@@ -96,11 +104,37 @@ def _design(oversampling, margin, taps, degree):
     by_position = np.linalg.lstsq(samples, wanted, rcond=1e-13)[0]
     centred = np.linalg.lstsq(powers * weight[:, None], (by_position * weight).T, rcond=1e-13)[0]
     error = float(np.sum(((samples @ (powers @ centred).T - wanted) * weight) ** 2))
-    weights = np.zeros_like(centred)
-    for q in range(degree + 1):  # expand (t - 1/2)^q
+    return Interpolator(_shifted(centred, -0.5).astype(np.float32), first, 10 * math.log10(error))
+
+
+def _shifted(weights, shift: float) -> np.ndarray:
+    """Coefficients of p(t + shift) by powers of t, given those of p(t)."""
+    result = np.zeros_like(weights)
+    for q in range(len(weights)):
         for p in range(q + 1):
-            weights[p] += math.comb(q, p) * (-0.5) ** (q - p) * centred[q]
-    return Interpolator(weights.astype(np.float32), first, 10 * math.log10(error))
+            result[p] += math.comb(q, p) * shift ** (q - p) * weights[q]
+    return result
+
+
+def least_oversampling(error_db: float, *, taps: int, degree: int) -> float | None:
+    """Least oversampling, in steps of 0.05, with which an interpolator reaches an error.
+
+    Parameters
+    ----------
+    error_db : float
+        Wanted error of the interpolator, dB.
+    taps, degree : int
+        As for `design_interpolator`.
+
+    Returns
+    -------
+    float or None
+        None where no oversampling below 4 does.
+    """
+    for value in np.arange(1.2, 4.0, 0.05):
+        if design_interpolator(value, taps=taps, degree=degree).error_db <= error_db:
+            return float(value)
+    return None
 
 
 def polynomial_planes(real, imag, weights, first, pad, out):

@@ -84,7 +84,7 @@ class LivePlan:
                  n_window: int = 0):
         step = max(1, len(tx_m) // _ROWS_FOR_COVER)
         rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
-        cover = cover_map(grid, *rows, radar, n_samples, target_db - 10.0,
+        cover = cover_map(grid, *rows, radar, n_samples, target_db - 13.0,
                           min(target_db - 10.0, -50.0))
         if cover is None:
             raise ValueError('the map is too small, too near, around or beside the aperture for '

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..compilation import njit, numba
 from ..geometry.polar import PolarGrid
-from .interpolation import Interpolator, design_interpolator
+from .interpolation import Interpolator, design_interpolator, least_oversampling
 
 TAPS, DEGREE = 10, 5
 # Time of a merged pixel and of one more part; a pixel and row of the kernel is 1 (measured)
@@ -79,7 +79,7 @@ def angular_bands(slope, k_lo: float, k_hi: float, n_parts: int):
     return rows, 0.5 * (lo + hi), 0.5 * (hi - lo)
 
 
-def plan_parts(fine: PolarGrid, slope, k_lo: float, k_hi: float, oversampling: float,
+def plan_parts(fine: PolarGrid, slope, k_lo: float, k_hi: float, interpolation_db: float,
                row_cost: float) -> AngularParts | None:
     """Cut rows into as many parts as make the image quickest.
 
@@ -89,8 +89,8 @@ def plan_parts(fine: PolarGrid, slope, k_lo: float, k_hi: float, oversampling: f
         Grid of the sum.
     slope, k_lo, k_hi :
         As for `angular_bands`.
-    oversampling : float
-        Of the coarse lines along direction.
+    interpolation_db : float
+        Wanted error of the interpolation to the lines of the sum, dB.
     row_cost : float
         Relative time of backprojecting one row to one pixel.
 
@@ -99,6 +99,9 @@ def plan_parts(fine: PolarGrid, slope, k_lo: float, k_hi: float, oversampling: f
     AngularParts or None
         None where cutting gains nothing.
     """
+    oversampling = least_oversampling(interpolation_db, taps=TAPS, degree=DEGREE)
+    if oversampling is None:
+        return None
     interpolator = design_interpolator(oversampling, taps=TAPS, degree=DEGREE)
     best, least = None, row_cost * len(slope)
     n_parts = 2

@@ -16,7 +16,7 @@ from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .fusion_error import Coverage
-from .interpolation import Interpolator, design_interpolator
+from .interpolation import Interpolator, design_interpolator, least_oversampling
 from .lattice import Lattice, plan_lattice, sample_paths, slope_along, total_db
 from .merging import AngularParts, plan_parts
 from .range_band import RangeBand
@@ -25,8 +25,6 @@ from .resampling import DEGREE, TAPS
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
-# Outermost lines and ranges of a polar grid over a map that reach no pixel, or hardly
-UNUSED = TAPS - 2
 _COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
 COST_RESAMPLING = 20.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
 
@@ -47,8 +45,8 @@ class PolarPlan:
         Bounds of the half path over it, metres.
     axis : int
         Map axis along which the second pass of the resampling goes.
-    along_alpha, along_range : Interpolator
-        Interpolators of the resampling.
+    interpolator : Interpolator
+        Of the resampling, for both passes.
     parts : AngularParts or None
         Cut into parts with fewer lines each; None where all rows go straight to `polar`.
     wavelength_m : float
@@ -64,8 +62,7 @@ class PolarPlan:
     window: RangeWindow
     range_m: tuple[float, float]
     axis: int
-    along_alpha: Interpolator
-    along_range: Interpolator
+    interpolator: Interpolator
     parts: AngularParts | None
     wavelength_m: float
     predicted_error_db: float
@@ -94,19 +91,19 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     PolarPlan or None
         None where the map is tiny, too near, all around, or not ahead of the aperture.
     """
-    cover = cover_map(grid, tx_m, rx_m, radar, n_samples, target_db - 8.0, target_db - 3.0)
+    interpolation_db = target_db - 8.0
+    cover = cover_map(grid, tx_m, rx_m, radar, n_samples, interpolation_db, target_db - 3.0)
     if cover is None:
         return None
     polar, lattice = cover.polar, cover.lattice
     if polar.n_range * polar.n_alpha > 3 * grid.n_x * grid.n_y + 100_000:
         return None
-    parts = plan_parts(polar, cover.slope_alpha, *cover.wavenumber, cover.oversampling,
-                       lattice.cost)
+    parts = plan_parts(polar, cover.slope_alpha, *cover.wavenumber, interpolation_db, lattice.cost)
     share = polar.n_range * polar.n_alpha / (grid.n_x * grid.n_y)
     per_pixel = lattice.cost * len(tx_m) if parts is None else parts.cost
-    errors = [cover.interpolator.error_db] * (2 if parts is None else 3)
+    errors = 2 * [cover.interpolator.error_db] + [p.interpolator.error_db for p in [parts] if p]
     return PolarPlan(polar, lattice, cover.window, cover.range_m, cover.axis, cover.interpolator,
-                     cover.interpolator, parts, radar.wavelength_m,
+                     parts, radar.wavelength_m,
                      total_db(lattice.predicted_error_db, *errors),
                      per_pixel * share + COST_RESAMPLING)
 
@@ -168,7 +165,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         None where the map is tiny, too near, all around, or not ahead of the aperture.
     """
     frame = _frame(grid, 0.5 * (tx_m + rx_m))
-    oversampling = _oversampling(resampling_db)
+    oversampling = least_oversampling(resampling_db, taps=TAPS, degree=DEGREE)
     if frame is None or min(grid.shape) < TAPS or oversampling is None:
         return None
     origin, track, side, axis = frame
@@ -204,7 +201,7 @@ def map_coverage(polar: PolarGrid, grid: MapGrid) -> Coverage:
               for v, start, n, spacing in (
                   (alpha, polar.alpha_start, polar.n_alpha, polar.alpha_spacing),
                   (r, polar.range_start_m, polar.n_range, polar.range_spacing_m)))
-    return Coverage(UNUSED, *(_COVERAGE_BINS * count / len(r) for count in counts))
+    return Coverage(*(_COVERAGE_BINS * count / len(r) for count in counts))
 
 
 def _frame(grid: MapGrid, centres):
@@ -230,14 +227,6 @@ def _frame(grid: MapGrid, centres):
     if (offset @ across).min() < 0.1 * distance or ahead.min() < 0.1 * distance:
         return None
     return tuple(origin), tuple(track), side, axis
-
-
-def _oversampling(image_db: float) -> float | None:
-    """Least oversampling with which the resampling interpolators reach an error."""
-    for value in np.arange(1.2, 4.0, 0.1):
-        if design_interpolator(value, taps=TAPS, degree=DEGREE).error_db <= image_db:
-            return float(value)
-    return None
 
 
 def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):

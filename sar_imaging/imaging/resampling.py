@@ -18,7 +18,8 @@ from ..geometry.polar import PolarGrid
 from .interpolation import Interpolator
 from .kernels import _cos_cycles, _fraction, _sin_cycles
 
-TAPS, DEGREE = 10, 5
+TAPS, DEGREE = 14, 5
+HALF = TAPS // 2
 LANES = 16  # pixels computed together: one vector of float32
 PIXELS = 8  # of a row that are written together
 _TASKS_PER_THREAD = 4
@@ -26,8 +27,7 @@ _CHUNKS = 16  # of LANES ranges: what they take for all rows of a strip stays in
 
 
 def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis: int,
-                     wavelength_m: float, along_alpha: Interpolator,
-                     along_range: Interpolator) -> None:
+                     wavelength_m: float, interpolator: Interpolator) -> None:
     """Interpolate a polar image at range baseband and add it to a map image.
 
     Parameters
@@ -46,8 +46,8 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
         Map axis that follows range: 0 when rows of the second pass follow x, 1 for y.
     wavelength_m : float
         At the carrier, metres.
-    along_alpha, along_range : Interpolator
-        With `TAPS` taps and degree `DEGREE`.
+    interpolator : Interpolator
+        Of both passes, with `TAPS` taps and degree `DEGREE`.
     """
     origin = np.array(polar.origin_m)
     line = (grid.x_m, grid.y_m)[axis] - origin[axis]
@@ -65,10 +65,9 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
     _resample(_flat(real), _flat(imag), real.shape, real.strides[0] // real.itemsize, rows, line,
               sign, track, polar.height_m, polar.range_start_m, polar.range_spacing_m,
               polar.alpha_start, polar.alpha_spacing, 2 / wavelength_m,
-              along_alpha.weights.reshape(-1), along_range.weights.reshape(-1), along_alpha.first,
-              steps, offset, image.reshape(-1).view(np.float32), length, np.empty(n_tasks), *strip,
-              fraction, start, *result,
-              np.empty(2 * n_tasks * LANES * PIXELS, np.float32))
+              interpolator.centred[:, :HALF].reshape(-1), interpolator.first, steps, offset,
+              image.reshape(-1).view(np.float32), length, np.empty(n_tasks), *strip, fraction,
+              start, *result, np.empty(2 * n_tasks * LANES * PIXELS, np.float32))
 
 
 def _flat(lines: np.ndarray) -> np.ndarray:
@@ -91,16 +90,18 @@ def _offsets(rows, middle: float, polar: PolarGrid) -> np.ndarray:
 
 
 @njit(inline='always')
-def _weight(weights, k, t):
-    return (weights[k] + t * (weights[TAPS + k] + t * (weights[2 * TAPS + k] + t * (
-        weights[3 * TAPS + k] + t * (weights[4 * TAPS + k] + t * weights[5 * TAPS + k])))))
+def _weights(weights, k, t):
+    """Weights of tap k and of its mirror image, t samples from the middle between them."""
+    t2 = t * t
+    even = weights[k] + t2 * (weights[2 * HALF + k] + t2 * weights[4 * HALF + k])
+    odd = weights[HALF + k] + t2 * (weights[3 * HALF + k] + t2 * weights[5 * HALF + k])
+    return even + t * odd, even - t * odd
 
 
 @njit(parallel=True)
 def _resample(real, imag, shape, apart, rows, line, sign, track, height, range_start, range_step,
-              alpha_start, alpha_step, cycles_per_m, weights_alpha, weights_range, first, steps,
-              offset, image, length, tasks, strip_re, strip_im, fraction, start, lane_re, lane_im,
-              cycles, few):
+              alpha_start, alpha_step, cycles_per_m, weights, first, steps, offset, image, length,
+              tasks, strip_re, strip_im, fraction, start, lane_re, lane_im, cycles, few):
     """Both passes, strip by strip; like `kernels.project_lines` free of views for the compiler."""
     n_alpha, n_range = shape
     n_rows, n_pixels, n_tasks = len(rows), len(line), len(tasks)
@@ -125,7 +126,7 @@ def _resample(real, imag, shape, apart, rows, line, sign, track, height, range_s
                         v = ((ahead * track[0] + beside * track[1]) / r
                              - alpha_start) * inverse_alpha
                         floor = np.floor(v)
-                        fraction[lane + np.uint64(i)] = v - floor
+                        fraction[lane + np.uint64(i)] = v - floor - 0.5
                         n = np.int64(min(max(floor + first, 0.0), n_alpha - TAPS - 0.0))
                         start[lane + np.uint64(i)] = n
                         low, high = min(low, n), max(high, n)
@@ -138,11 +139,12 @@ def _resample(real, imag, shape, apart, rows, line, sign, track, height, range_s
                         for i in range(LANES):
                             to = lane + np.uint64(i)
                             re, im, t = np.float32(0.0), np.float32(0.0), fraction[to]
-                            for k in range(TAPS):
-                                w = _weight(weights_alpha, k, t)
+                            for k in range(HALF):
+                                w, w2 = _weights(weights, k, t)
                                 place = source + np.uint64(k) * width + np.uint64(i)
-                                re += w * real[place]
-                                im += w * imag[place]
+                                mirrored = place + np.uint64(TAPS - 1 - 2 * k) * width
+                                re += w * real[place] + w2 * real[mirrored]
+                                im += w * imag[place] + w2 * imag[mirrored]
                             mask = max(np.float32(1.0) - abs(start[to] - turn), np.float32(0.0))
                             lane_re[to] += mask * re
                             lane_im[to] += mask * im
@@ -161,7 +163,7 @@ def _resample(real, imag, shape, apart, rows, line, sign, track, height, range_s
                         r = np.sqrt(ahead2 + beside * beside)
                         v = (r - range_start) * inverse_range
                         floor = np.floor(v)
-                        fraction[lane + np.uint64(j)] = v - floor
+                        fraction[lane + np.uint64(j)] = v - floor - 0.5
                         n = (np.int64(min(max(floor + first, 0.0), n_range - TAPS - 0.0))
                              + offset[row])
                         start[lane + np.uint64(j)] = n
@@ -176,11 +178,12 @@ def _resample(real, imag, shape, apart, rows, line, sign, track, height, range_s
                         for j in range(LANES):
                             to = lane + np.uint64(j)
                             re, im, t = np.float32(0.0), np.float32(0.0), fraction[to]
-                            for k in range(TAPS):
-                                w = _weight(weights_range, k, t)
+                            for k in range(HALF):
+                                w, w2 = _weights(weights, k, t)
                                 place = source + np.uint64(k * LANES + j)
-                                re += w * strip_re[place]
-                                im += w * strip_im[place]
+                                mirrored = place + np.uint64((TAPS - 1 - 2 * k) * LANES)
+                                re += w * strip_re[place] + w2 * strip_re[mirrored]
+                                im += w * strip_im[place] + w2 * strip_im[mirrored]
                             mask = max(np.float32(1.0) - abs(start[to] - turn), np.float32(0.0))
                             lane_re[to] += mask * re
                             lane_im[to] += mask * im

@@ -27,7 +27,7 @@ _COST_COARSE, _COST_FINE, _COST_SUBAPERTURE = 16.0, 18.0, 1e6
 _AHEAD = (4, 2, 1, 0)  # choices to look ahead in both
 _LEAST_RANGE_GUARD = 16
 # Times the root of the ranges: narrower guards widen the tapers' spectrum, and the fused one
-_RANGE_GUARD = 0.5
+_RANGE_GUARD = 1.2
 _ROWS_FOR_ERROR = 96
 _NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
 _ROUNDING = 0.25  # of a band's middle to a bin, on average
@@ -313,13 +313,12 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, centre_m) ->
     spacing = s.extent / s.n_coarse
     offset = bands.slope[rows] - centre_m[:, None]
     frequency = np.abs(np.multiply.outer(bands.wavenumber, offset)) * spacing
-    frequency += _ROUNDING * 2 * np.pi / s.n_coarse
+    rounding = _ROUNDING * 2 * np.pi / s.n_coarse
+    frequency = np.abs(np.stack([frequency - rounding, frequency + rounding]))
     error = mean_error(s.n_coarse, s.n_guard, s.beta, frequency, bands.position,
-                       s.coverage.margin * polar.alpha_spacing / spacing,
                        s.coverage.along_alpha)
     # Along range the same happens over a length that grows with the distance from the centre.
     shift = np.abs(s.centre).mean() * spacing / polar.range_spacing_m
     return error + mean_error(int(polar.n_range / max(shift, 1e-9) + 2 * s.n_guard) + 2,
                               s.n_guard, s.beta, frequency,
-                              margin=s.coverage.margin / max(shift, 1e-9),
                               density=s.coverage.along_range)

@@ -33,9 +33,12 @@ def _rows(block):
 
 
 def _stage(grid, block, pulses, target_db):
-    """Beams for some pulses of a block, or None, on the grid that AFBP chooses for all."""
+    """Beams for some pulses of a block, or None, on the grid that AFBP chooses for all.
+
+    Sub-apertures are 10 dB better than what is wanted of the image.
+    """
     plan = AfbpImager(grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
-                      pulses_per_subaperture=32).subapertures
+                      target_db=target_db + 10.0, pulses_per_subaperture=32).subapertures
     radar, window = block.radar, RangeWindow.whole(block.radar, block.n_samples)
     part = block.select(pulses)
     r, alpha = (v.ravel() for v in np.meshgrid(plan.polar.range_m[[0, -1]],
