@@ -6,7 +6,7 @@ import pytest
 from sar_imaging.imaging.column_transform import LANES, rows_to_transform, transform_columns
 
 # all radices, one part and two, factors too large for it
-LENGTHS = (1, 2, 16, 98, 105, 242, 512, 660, 1000, 7, 11, 26, 527)
+LENGTHS = (1, 2, 3, 5, 16, 54, 98, 105, 144, 242, 512, 660, 1000, 7, 11, 26, 527)
 
 
 @pytest.mark.parametrize('inverse', [False, True], ids=['forward', 'inverse'])
@@ -21,6 +21,6 @@ def test_columns_are_transformed_in_place(n, inverse):
     exact = before.astype(np.complex128)
     exact = np.fft.ifft(exact, axis=0) * n if inverse else np.fft.fft(exact, axis=0)
     error = data[:, :n_columns] - exact[:, :n_columns]
-    # 1.2e-7 measured, as SciPy's in single precision
+    # 1.8e-7 measured at most, as SciPy's in single precision
     assert np.sqrt((np.abs(error) ** 2).mean() / n) <= 4e-7
     np.testing.assert_array_equal(data[rows, 10 * LANES:], before[:, 10 * LANES:])
