@@ -23,7 +23,7 @@ from ..compilation import REPEATABLE, njit, numba
 LANES = 16  # columns transformed together: one vector of float32
 _RADICES = (2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 15, 16)
 _LONGEST = 512  # rows that stay in a core's cache
-_MOST_GROUPS, _WORK_ROWS = 16, 2560  # of LANES together: longer runs of each row, also in cache
+_MOST_GROUPS, _WORK_ROWS = 8, 2560  # of LANES together: longer runs of each row, also in cache
 _TASKS_PER_THREAD = 4
 _SAMPLE_BYTES, _VECTOR_BYTES = 8, 64
 _GROUP_BYTES = LANES * _SAMPLE_BYTES
