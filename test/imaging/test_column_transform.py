@@ -24,3 +24,10 @@ def test_columns_are_transformed_in_place(n, inverse):
     # 1.8e-7 measured at most, as SciPy's in single precision
     assert np.sqrt((np.abs(error) ** 2).mean() / n) <= 4e-7
     np.testing.assert_array_equal(data[rows, 10 * LANES:], before[:, 10 * LANES:])
+
+
+def test_other_arrays_are_refused():
+    for data in (np.zeros((16, 32)), np.zeros((16, 32), np.complex64)[::2],
+                 np.zeros((16, 24), np.complex64)):
+        with pytest.raises(ValueError, match='contiguous complex64'):
+            transform_columns(data, 16)

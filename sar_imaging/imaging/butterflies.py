@@ -1,0 +1,224 @@
+"""Small Fourier transforms of vectors, written in the language of Numba's compiler (LLVM).
+
+Numba has no vectors. Each function here is a few lines that write LLVM instructions on vectors of
+`LANES` numbers, real and imaginary parts apart; LLVM divides them where a processor's are shorter.
+All take addresses as int64, and samples in memory are complex64.
+"""
+
+from __future__ import annotations
+
+import cmath
+import functools
+import math
+
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
+
+LANES = 16  # transformed together: one vector of float32
+RADICES = (2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 15, 16)
+SAMPLE_BYTES, VECTOR_BYTES = 8, 64
+GROUP_BYTES = LANES * SAMPLE_BYTES
+BLOCK = 8  # rows and columns of a transposition
+
+_INT, _FLOAT = ir.IntType(64), ir.FloatType()
+_VECTOR, _PAIRS = ir.VectorType(_FLOAT, LANES), ir.VectorType(_FLOAT, 2 * LANES)
+_SAMPLES = ir.VectorType(ir.DoubleType(), BLOCK)  # complex64 that are only moved
+
+
+@intrinsic
+def butterfly(typing_context, radix, source, sources, target, targets, turns):
+    """Transform as many groups of `LANES` as the radix says, each turned by one number before.
+
+    Groups are read `source` plus an entry of the int64 table `sources`, and those after them,
+    which are next, fetched into the cache; they are written likewise. `turns` are complex64.
+    """
+    return _for_each_radix(_write_turned_alike)
+
+
+@intrinsic
+def butterfly_of_turned(typing_context, radix, source, sources, target, targets, turns):
+    """As `butterfly`, where each lane has its own turn: LANES real parts, LANES imaginary parts.
+
+    For groups that are in the cache.
+    """
+    return _for_each_radix(_write_turned_apart)
+
+
+@intrinsic
+def transpose(typing_context, source, source_step, target, target_step):
+    """Transpose `BLOCK` x `BLOCK` samples; steps are the bytes from a row to the next."""
+    def generate(context, b, signature, args):
+        source, source_step, target, target_step = args
+
+        def row(place, step, i):
+            return b.inttoptr(b.add(place, b.mul(step, _INT(i))), _SAMPLES.as_pointer())
+
+        rows = [b.load(row(source, source_step, i), align=4) for i in range(BLOCK)]
+        step = 1
+        while step < BLOCK:  # exchange blocks of 1, 2, 4 beside the diagonal
+            for i in (i for i in range(BLOCK) if not i & step):
+                pair = rows[i], rows[i + step]
+                rows[i] = b.shuffle_vector(*pair, _order(
+                    BLOCK + j - step if j & step else j for j in range(BLOCK)))
+                rows[i + step] = b.shuffle_vector(*pair, _order(
+                    BLOCK + j if j & step else j + step for j in range(BLOCK)))
+            step *= 2
+        for i, samples in enumerate(rows):
+            b.store(samples, row(target, target_step, i), align=4)
+        return context.get_dummy_value()
+
+    return types.void(*[types.int64] * 4), generate
+
+
+@intrinsic
+def integer_at(typing_context, address):
+    """The int64 at an address."""
+    def generate(context, b, signature, args):
+        return b.load(b.inttoptr(args[0], _INT.as_pointer()))
+
+    return types.int64(types.int64), generate
+
+
+@intrinsic
+def call(typing_context, function, arguments):
+    """Call the C function at an address with a tuple of int64; it returns another."""
+    def generate(context, b, signature, args):
+        values = [b.extract_value(args[1], i) for i in range(len(arguments))]
+        kind = ir.FunctionType(_INT, [_INT] * len(values))
+        return b.call(b.inttoptr(args[0], kind.as_pointer()), values)
+
+    return types.int64(types.int64, arguments), generate
+
+
+def _for_each_radix(write):
+    def generate(context, b, signature, args):
+        radix, *addresses = args
+        end = b.append_basic_block()
+        switch = b.switch(radix, end)
+        for r in RADICES:
+            block = b.append_basic_block()
+            switch.add_case(_INT(r), block)
+            b.position_at_end(block)
+            write(b, r, *addresses)
+            b.branch(end)
+        b.position_at_end(end)
+        return context.get_dummy_value()
+
+    return types.void(*[types.int64] * 6), generate
+
+
+def _write_turned_alike(b, radix, source, sources, target, targets, turns):
+    def spread(i):
+        turn = _entry(b, turns, _FLOAT, i)
+        one = b.insert_element(_VECTOR(ir.Undefined), turn, ir.IntType(32)(0))
+        return b.shuffle_vector(one, one, _order([0] * LANES))
+
+    for i in range(radix, 2 * radix):
+        _write_prefetch(b, _group(b, source, sources, i))
+    groups = [_product(b, _load(b, _group(b, source, sources, i)),
+                       (spread(2 * i), spread(2 * i + 1))) for i in range(radix)]
+    _write_stores(b, _dft(b, groups), target, targets)
+
+
+def _write_turned_apart(b, radix, source, sources, target, targets, turns):
+    groups = [_product(b, _load(b, _group(b, source, sources, i)),
+                       [_entry(b, turns, _VECTOR, 2 * i + part, 4) for part in (0, 1)])
+              for i in range(radix)]
+    _write_stores(b, _dft(b, groups), target, targets)
+
+
+def _write_stores(b, groups, target, targets):
+    together = _order(n // 2 + n % 2 * LANES for n in range(2 * LANES))
+    for i, (re, im) in enumerate(groups):
+        b.store(b.shuffle_vector(re, im, together), _group(b, target, targets, i), align=4)
+
+
+def _write_prefetch(b, place):
+    kind, flag = ir.IntType(8).as_pointer(), ir.IntType(32)
+    fetch = b.module.declare_intrinsic('llvm.prefetch', [kind], ir.FunctionType(
+        ir.VoidType(), [kind, flag, flag, flag]))
+    for at in range(0, GROUP_BYTES, VECTOR_BYTES):
+        b.call(fetch, [b.gep(b.bitcast(place, kind), [_INT(at)]), flag(0), flag(3), flag(1)])
+
+
+def _entry(b, table, kind, i, align=None):
+    return b.load(b.gep(b.inttoptr(table, kind.as_pointer()), [_INT(i)]), align=align)
+
+
+def _group(b, place, table, i):
+    return b.inttoptr(b.add(place, _entry(b, table, _INT, i)), _PAIRS.as_pointer())
+
+
+def _load(b, group):
+    pairs = b.load(group, align=4)
+    return [b.shuffle_vector(pairs, pairs, _order(range(part, 2 * LANES, 2))) for part in (0, 1)]
+
+
+def _order(lanes):
+    lanes = list(lanes)
+    return ir.VectorType(ir.IntType(32), len(lanes))(lanes)
+
+
+def _dft(b, z):
+    """Fourier transform of pairs of vectors: by factors near the root, or of a prime length."""
+    n = len(z)
+    near = max(f for f in range(1, n) if n % f == 0 and f * f <= n)
+    if near == 1:
+        return _dft_prime(b, z)
+    far = n // near
+    inner = [_dft(b, z[i::far]) for i in range(far)]
+    outer = [_dft(b, [_turned(b, inner[i][k], i * k / n) for i in range(far)])
+             for k in range(near)]
+    return [outer[k % near][k // near] for k in range(n)]
+
+
+def _dft_prime(b, z):
+    """Frequencies k and n - k share the sums and the differences of elements j and n - j."""
+    n = len(z)
+    if n == 2:
+        return [_sum(b, *z), _difference(b, *z)]
+    pairs = [(j, _sum(b, z[j], z[-j]), _difference(b, z[j], z[-j])) for j in range(1, n // 2 + 1)]
+    out = [functools.reduce(functools.partial(_sum, b), [even for _, even, _ in pairs], z[0])]
+    out += [None] * (n - 1)
+    for k in range(1, n // 2 + 1):
+        x, u = z[0], None
+        for j, even, odd in pairs:
+            w = cmath.exp(2j * math.pi * (j * k % n) / n)
+            x = _sum(b, x, _scaled(b, even, w.real))
+            v = _scaled(b, odd, w.imag)
+            u = v if u is None else _sum(b, u, v)
+        u = u[1], b.fneg(u[0])  # times -j
+        out[k], out[n - k] = _sum(b, x, u), _difference(b, x, u)
+    return out
+
+
+def _turned(b, z, cycles):
+    """Times ``exp(-j 2 pi cycles)``."""
+    for _ in range(int(4 * cycles)):
+        z = z[1], b.fneg(z[0])
+    if not (rest := 4 * cycles % 1):
+        return z
+    w = cmath.exp(-0.5j * math.pi * rest)
+    return _product(b, z, (_constant(w.real), _constant(w.imag)))
+
+
+def _product(b, z, w):
+    return (b.fsub(b.fmul(z[0], w[0]), b.fmul(z[1], w[1])),
+            b.fadd(b.fmul(z[0], w[1]), b.fmul(z[1], w[0])))
+
+
+def _scaled(b, z, factor):
+    return tuple(b.fmul(_constant(factor), part) for part in z)
+
+
+def _constant(value):
+    return _VECTOR([value] * LANES)
+
+
+def _sum(b, u, v):
+    return tuple(map(b.fadd, u, v))
+
+
+def _difference(b, u, v):
+    return tuple(map(b.fsub, u, v))

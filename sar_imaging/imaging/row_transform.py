@@ -1,0 +1,166 @@
+"""Fourier transforms of the rows of an array, in place.
+
+A row of n = height x width samples is transformed as a matrix that lies in memory line by line:
+its columns, `LANES` side by side, from the row into work space in a core's cache; then `LANES` of
+its lines at a time, transposed on their way into a panel so that they lie side by side, too. As
+frequency k of the columns and frequency l of the lines make frequency k + height l of the row,
+`LANES` lines leave their frequencies side by side where they belong. Between the two parts element
+m of line k is turned by k m / n cycles. Where lines or columns are not a multiple of `LANES`, the
+last group begins earlier and transforms some of them once more.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+import numpy as np
+import scipy.fft
+
+from ..compilation import REPEATABLE, njit, numba
+from . import vector_passes as passes
+from .butterflies import BLOCK, GROUP_BYTES, LANES, SAMPLE_BYTES, VECTOR_BYTES, transpose
+from .transform_length import quick_length, smooth_lengths
+from .work_space import transform_in_place
+
+_LONGEST = 1 << 17  # samples that stay in a core's cache three times
+_GROUPS = 4  # of columns together
+_LONGER = 1.03  # than needed
+_COST_TRANSPOSITION, _COST_UNALIGNED, _COST_OTHER = 1.0, 0.5, 12.0  # passes over the data
+
+
+class _Plan(NamedTuple):
+    height: int
+    width: int
+    columns: passes.Plan
+    lines: passes.Plan
+    turns: np.ndarray  # between the two: groups of lines, each (width, 2, LANES) float32
+
+
+def transform_rows(data: np.ndarray, *, inverse: bool = False) -> None:
+    """Transform the rows of an array in place.
+
+    Parameters
+    ----------
+    data : (n_rows, n) complex64
+        Samples of a row lie side by side; rows may be any distance apart. Lengths that
+        `row_length` gives are quickest, in `aligned_empty` memory and with rows a multiple of 8
+        samples apart; where a length has too large factors SciPy transforms.
+    inverse : bool
+        Transform with ``exp(+j 2 pi k m / n)`` instead of ``exp(-j 2 pi k m / n)``; neither
+        divides by n.
+
+    Raises
+    ------
+    ValueError
+        The array is not complex64, or samples of a row do not lie side by side.
+    """
+    if data.dtype != np.complex64 or data.strides[1] != SAMPLE_BYTES:
+        raise ValueError('expected complex64, samples of a row side by side; got '
+                         f'{data.dtype}, strides {data.strides}')
+    n_rows, n = data.shape
+    if _shape(n) is None:
+        if inverse:
+            transform_in_place(scipy.fft.ifft, data, norm='forward')
+        else:
+            transform_in_place(scipy.fft.fft, data)
+        return
+    plan, n_tasks = _plan(n, inverse), min(numba.get_num_threads(), n_rows)
+    panel = LANES * max(plan.height * (_GROUPS + 1), plan.width)
+    work = passes.aligned_empty(n_tasks, panel + plan.height * _pitch(plan.width))
+    _transform(passes.compiled(), data.ctypes.data, data.strides[0], n_rows, n_tasks,
+               work.ctypes.data, work.strides[0], panel * SAMPLE_BYTES,
+               (plan.height, plan.width, _pitch(plan.width) * SAMPLE_BYTES),
+               plan.columns.addresses, plan.lines.addresses, plan.turns.ctypes.data)
+
+
+@functools.lru_cache(maxsize=4096)
+def row_length(least: int) -> int:
+    """Length for `transform_rows`, not shorter than `least` and a few percent longer at most.
+
+    The shorter the better, since everything else takes time by the length, too.
+    """
+    lengths = [n for n in smooth_lengths(least, _LONGER) if _shape(n) is not None]
+    return min(lengths, key=lambda n: n * (_COST_OTHER + _cost(*_shape(n))),
+               default=quick_length(least))
+
+
+@functools.lru_cache(maxsize=4096)
+def _shape(n: int) -> tuple[int, int] | None:
+    """Height and width of the matrix; None where SciPy is to transform."""
+    if n > _LONGEST:
+        return None
+    factors = [f for f in range(LANES, n // LANES + 1) if n % f == 0]
+    shapes = [(f, n // f) for f in factors if passes.radices_of(f) and passes.radices_of(n // f)]
+    return min(shapes, key=lambda shape: _cost(*shape), default=None)
+
+
+def _cost(height: int, width: int) -> float:
+    """Time over that of a pass through all samples."""
+    columns, lines = (-(-n // LANES) * LANES / n for n in (width, height))
+    return (columns * len(passes.radices_of(height))
+            + lines * (len(passes.radices_of(width)) + _COST_TRANSPOSITION)
+            + _COST_UNALIGNED * ((height % BLOCK != 0) + (width % BLOCK != 0))
+            + abs(height - width) / (height + width))
+
+
+def _pitch(width: int) -> int:
+    """Samples from a line of the work space to the next: vectors begin alike in each."""
+    return -(-width // BLOCK) * BLOCK
+
+
+@functools.lru_cache(maxsize=32)
+def _plan(n: int, inverse: bool) -> _Plan:
+    height, width = _shape(n)
+    columns = passes.plan(height, inverse, width * SAMPLE_BYTES, (_GROUPS + 1) * GROUP_BYTES,
+                          _pitch(width) * SAMPLE_BYTES)
+    lines = passes.plan(width, inverse, GROUP_BYTES, GROUP_BYTES, height * SAMPLE_BYTES)
+    first = np.minimum(np.arange(0, height, LANES), height - LANES)
+    line = (first[:, None] + np.arange(LANES))[:, None]
+    turn = np.exp((2j if inverse else -2j) * np.pi / n * (line * lines.first[:, None] % n))
+    turns = passes.aligned_empty(turn.size).view(np.float32).reshape(len(first), width, 2, LANES)
+    turns[:, :, 0], turns[:, :, 1] = turn.real, turn.imag
+    return _Plan(height, width, columns, lines, turns)
+
+
+@njit(parallel=True, fastmath=REPEATABLE)
+def _transform(code, data, row_bytes, n_rows, n_tasks, work, task_bytes, panel_bytes, shape,
+               columns, lines, turns):
+    for task in numba.prange(n_tasks):
+        panel = work + task * task_bytes
+        for number in range(task * n_rows // n_tasks, (task + 1) * n_rows // n_tasks):
+            _transform_row(code, data + number * row_bytes, panel, panel + panel_bytes, shape,
+                           columns, lines, turns)
+
+
+@njit
+def _transform_row(code, row, panel, matrix, shape, columns, lines, turns):
+    height, width, line_bytes = shape
+    _transform_columns(code, row, panel, matrix, width, columns)
+    for begin in range(0, height, LANES):
+        line = min(begin, height - LANES)
+        _transpose_lines(matrix + line * line_bytes, line_bytes, panel, width)
+        passes.run(code, panel, panel, row + line * SAMPLE_BYTES, 1, *lines,
+                   turns + begin * width * SAMPLE_BYTES)
+
+
+@njit
+def _transform_columns(code, row, panel, matrix, width, plan):
+    n_groups = width // LANES
+    for group in range(0, n_groups, _GROUPS):
+        shift = group * GROUP_BYTES
+        passes.run(code, row + shift, panel, matrix + shift, min(_GROUPS, n_groups - group),
+                   *plan, 0)
+    if width % LANES:
+        shift = (width - LANES) * SAMPLE_BYTES
+        passes.run(code, row + shift, panel, matrix + shift, 1, *plan, 0)
+
+
+@njit
+def _transpose_lines(lines, line_bytes, panel, width):
+    """LANES lines into a panel in which their elements lie side by side."""
+    for begin in range(0, width, BLOCK):
+        m = min(begin, width - BLOCK)
+        for part in range(LANES // BLOCK):
+            transpose(lines + part * BLOCK * line_bytes + m * SAMPLE_BYTES, line_bytes,
+                      panel + m * GROUP_BYTES + part * VECTOR_BYTES, GROUP_BYTES)
