@@ -12,7 +12,7 @@ import functools
 import math
 
 from llvmlite import ir
-from numba.core import types
+from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 LANES = 16  # transformed together: one vector of float32
@@ -30,18 +30,15 @@ _SAMPLES = ir.VectorType(ir.DoubleType(), BLOCK)  # complex64 that are only move
 def butterfly(typing_context, radix, source, sources, target, targets, turns):
     """Transform as many groups of `LANES` as the radix says, each turned by one number before.
 
-    Groups are read `source` plus an entry of the int64 table `sources`, and those after them,
-    which are next, fetched into the cache; they are written likewise. `turns` are complex64.
+    Groups are read where `source` plus an entry of the int64 table `sources` says, and written
+    likewise; `turns` are complex64.
     """
     return _for_each_radix(_write_turned_alike)
 
 
 @intrinsic
 def butterfly_of_turned(typing_context, radix, source, sources, target, targets, turns):
-    """As `butterfly`, where each lane has its own turn: LANES real parts, LANES imaginary parts.
-
-    For groups that are in the cache.
-    """
+    """As `butterfly`, each lane turned by its own number: LANES real, LANES imaginary parts."""
     return _for_each_radix(_write_turned_apart)
 
 
@@ -69,6 +66,23 @@ def transpose(typing_context, source, source_step, target, target_step):
         return context.get_dummy_value()
 
     return types.void(*[types.int64] * 4), generate
+
+
+@intrinsic
+def fetch(typing_context, place, places, number):
+    """Bring groups into the cache: `place` plus some entries of the int64 table `places`."""
+    def generate(context, b, signature, args):
+        place, places, number = args
+        kind, flag = ir.IntType(8).as_pointer(), ir.IntType(32)
+        prefetch = b.module.declare_intrinsic('llvm.prefetch', [kind], ir.FunctionType(
+            ir.VoidType(), [kind, flag, flag, flag]))
+        with cgutils.for_range(b, number) as loop:
+            group = b.bitcast(_group(b, place, places, loop.index), kind)
+            for at in range(0, GROUP_BYTES, VECTOR_BYTES):
+                b.call(prefetch, [b.gep(group, [_INT(at)]), flag(0), flag(3), flag(1)])
+        return context.get_dummy_value()
+
+    return types.void(*[types.int64] * 3), generate
 
 
 @intrinsic
@@ -114,8 +128,6 @@ def _write_turned_alike(b, radix, source, sources, target, targets, turns):
         one = b.insert_element(_VECTOR(ir.Undefined), turn, ir.IntType(32)(0))
         return b.shuffle_vector(one, one, _order([0] * LANES))
 
-    for i in range(radix, 2 * radix):
-        _write_prefetch(b, _group(b, source, sources, i))
     groups = [_product(b, _load(b, _group(b, source, sources, i)),
                        (spread(2 * i), spread(2 * i + 1))) for i in range(radix)]
     _write_stores(b, _dft(b, groups), target, targets)
@@ -134,16 +146,9 @@ def _write_stores(b, groups, target, targets):
         b.store(b.shuffle_vector(re, im, together), _group(b, target, targets, i), align=4)
 
 
-def _write_prefetch(b, place):
-    kind, flag = ir.IntType(8).as_pointer(), ir.IntType(32)
-    fetch = b.module.declare_intrinsic('llvm.prefetch', [kind], ir.FunctionType(
-        ir.VoidType(), [kind, flag, flag, flag]))
-    for at in range(0, GROUP_BYTES, VECTOR_BYTES):
-        b.call(fetch, [b.gep(b.bitcast(place, kind), [_INT(at)]), flag(0), flag(3), flag(1)])
-
-
 def _entry(b, table, kind, i, align=None):
-    return b.load(b.gep(b.inttoptr(table, kind.as_pointer()), [_INT(i)]), align=align)
+    i = _INT(i) if isinstance(i, int) else i
+    return b.load(b.gep(b.inttoptr(table, kind.as_pointer()), [i]), align=align)
 
 
 def _group(b, place, table, i):

@@ -71,7 +71,7 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
                                                          (near, far, far, 1, far)):
         if length > 1:
             step = row_step * row_bytes
-            plan = passes.plan(length, inverse, step, work_bytes, step, n_turned)
+            plan = passes.plan(length, inverse, step, work_bytes, step, True, n_turned)
             _transform(passes.compiled(), data.ctypes.data, n_groups, groups, n_sets,
                        set_step * row_bytes, len(work), work.ctypes.data, work.strides[0],
                        plan.addresses, n_turned, plan.turns.strides[0])

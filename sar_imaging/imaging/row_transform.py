@@ -24,7 +24,7 @@ from .transform_length import quick_length, smooth_lengths
 from .work_space import transform_in_place
 
 _LONGEST = 1 << 17  # samples that stay in a core's cache three times
-_GROUPS = 4  # of columns together
+_GROUPS = 8  # of columns together
 _LONGER = 1.03  # than needed
 _COST_TRANSPOSITION, _COST_UNALIGNED, _COST_OTHER = 1.0, 0.5, 12.0  # passes over the data
 
@@ -113,8 +113,9 @@ def _pitch(width: int) -> int:
 def _plan(n: int, inverse: bool) -> _Plan:
     height, width = _shape(n)
     columns = passes.plan(height, inverse, width * SAMPLE_BYTES, (_GROUPS + 1) * GROUP_BYTES,
-                          _pitch(width) * SAMPLE_BYTES)
-    lines = passes.plan(width, inverse, GROUP_BYTES, GROUP_BYTES, height * SAMPLE_BYTES)
+                          _pitch(width) * SAMPLE_BYTES, False)
+    lines = passes.plan(width, inverse, GROUP_BYTES, GROUP_BYTES, height * SAMPLE_BYTES,
+                        False)
     first = np.minimum(np.arange(0, height, LANES), height - LANES)
     line = (first[:, None] + np.arange(LANES))[:, None]
     turn = np.exp((2j if inverse else -2j) * np.pi / n * (line * lines.first[:, None] % n))

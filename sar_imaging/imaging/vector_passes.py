@@ -5,9 +5,9 @@ pass reads groups from where they are, the last one leaves them where they are w
 passes they are in memory that stays in a core's cache. Which groups meet, and in which order they
 are left, is all in tables, so that nothing is transposed or reordered by itself. A `Plan` holds:
 
-- `table`, int64: number of passes, length, and the radix of each pass; then, for each pass,
-  `length` places (bytes) of the groups that butterfly after butterfly reads; then likewise those
-  that it writes.
+- `table`, int64: number of passes, length, whether groups are fetched into the cache before the
+  first pass needs them, and the radix of each pass; then, for each pass, `length` places (bytes)
+  of the groups that butterfly after butterfly reads; then likewise those that it writes.
 - `turns`, complex64: by what each group is multiplied before its butterfly, in the same order.
 """
 
@@ -27,7 +27,7 @@ from .butterflies import SAMPLE_BYTES
 class Plan(NamedTuple):
     """How a column of some length is transformed; see the module's text."""
 
-    table: np.ndarray  # (2 + n_passes + ...,) int64
+    table: np.ndarray  # (3 + n_passes + 2 n_passes length + ...,) int64
     turns: np.ndarray  # (n_turned, n_passes, length) complex64
     first: np.ndarray  # (length,) int64 element at each entry of the first pass
 
@@ -57,7 +57,7 @@ def radices_of(n: int) -> tuple[int, ...] | None:
 
 @functools.lru_cache(maxsize=32)
 def plan(length: int, inverse: bool, first_bytes: int, work_bytes: int, last_bytes: int,
-                n_turned: int = 1) -> Plan:
+                fetch: bool, n_turned: int = 1) -> Plan:
     """Tables of a transform, from the bytes between its elements.
 
     Parameters
@@ -69,6 +69,9 @@ def plan(length: int, inverse: bool, first_bytes: int, work_bytes: int, last_byt
     first_bytes, work_bytes, last_bytes : int
         From an element to the next where they are read, between passes, and where frequencies
         are left.
+    fetch : bool
+        Groups are fetched before they are needed: where so few lie side by side that the
+        processor does not do so by itself.
     n_turned : int
         Sets of columns; those of set s are the second part of a longer transform, whose element m
         is turned by s m / (n_turned length) cycles.
@@ -93,9 +96,7 @@ def plan(length: int, inverse: bool, first_bytes: int, work_bytes: int, last_byt
         targets.append(np.moveaxis(target, i, -1)[..., order].ravel())
         turns.append(np.moveaxis(turn, i + 1, -1).reshape(n_turned, length))
         cycles = np.zeros_like(cycles)
-    # groups beyond the last are fetched, too
-    table = np.concatenate([(len(radices), length), radices, *sources, *targets,
-                            np.zeros(max(vectors.RADICES), np.int64)])
+    table = np.concatenate([(len(radices), length, fetch), radices, *sources, *targets])
     return Plan(table, np.stack(turns, axis=1), sources[0] // first_bytes)
 
 
@@ -131,10 +132,11 @@ def run(code, source, work, target, n_groups, plan, turns, turns_apart):
 
 def _passes(source, work, target, n_groups, plan, turns, turns_apart):
     n_passes, length = vectors.integer_at(plan), vectors.integer_at(plan + 8)
+    fetch = vectors.integer_at(plan + 16)
     for p in range(n_passes):
-        radix = vectors.integer_at(plan + 8 * (2 + p))
+        radix = vectors.integer_at(plan + 8 * (3 + p))
         read, write = work if p else source, work if p < n_passes - 1 else target
-        sources = plan + 8 * (2 + n_passes + p * length)
+        sources = plan + 8 * (3 + n_passes + p * length)
         targets = sources + 8 * n_passes * length
         for entry in range(0, length, radix):
             if p == 0 and turns_apart:
@@ -145,6 +147,8 @@ def _passes(source, work, target, n_groups, plan, turns, turns_apart):
             turn = turns + SAMPLE_BYTES * (p * length + entry)
             for group in range(n_groups):
                 shift = vectors.GROUP_BYTES * group
+                if p == 0 and fetch and entry + radix < length:
+                    vectors.fetch(read + shift, sources + 8 * (entry + radix), radix)
                 vectors.butterfly(radix, read + shift, sources + 8 * entry, write + shift,
                                   targets + 8 * entry, turn)
     return 0
