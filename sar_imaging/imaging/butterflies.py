@@ -142,7 +142,7 @@ def _write_turned_apart(b, radix, source, sources, target, targets, turns):
 
 def _write_stores(b, groups, target, targets):
     together = _order(n // 2 + n % 2 * LANES for n in range(2 * LANES))
-    for i, (re, im) in enumerate(groups):
+    for i, (re, im) in groups:
         b.store(b.shuffle_vector(re, im, together), _group(b, target, targets, i), align=4)
 
 
@@ -166,26 +166,32 @@ def _order(lanes):
 
 
 def _dft(b, z):
-    """Fourier transform of pairs of vectors: by factors near the root, or of a prime length."""
+    """Fourier transform of pairs of vectors: by factors near the root, or of a prime length.
+
+    Yields each frequency's number and pair as soon as it is known, so that registers are free.
+    """
     n = len(z)
     near = max(f for f in range(1, n) if n % f == 0 and f * f <= n)
     if near == 1:
-        return _dft_prime(b, z)
+        yield from _dft_prime(b, z)
+        return
     far = n // near
-    inner = [_dft(b, z[i::far]) for i in range(far)]
-    outer = [_dft(b, [_turned(b, inner[i][k], i * k / n) for i in range(far)])
-             for k in range(near)]
-    return [outer[k % near][k // near] for k in range(n)]
+    inner = [dict(_dft(b, z[i::far])) for i in range(far)]
+    for k in range(near):
+        turned = [_turned(b, inner[i][k], i * k / n) for i in range(far)]
+        for m, pair in _dft(b, turned):
+            yield k + near * m, pair
 
 
 def _dft_prime(b, z):
     """Frequencies k and n - k share the sums and the differences of elements j and n - j."""
     n = len(z)
     if n == 2:
-        return [_sum(b, *z), _difference(b, *z)]
+        yield 0, _sum(b, *z)
+        yield 1, _difference(b, *z)
+        return
     pairs = [(j, _sum(b, z[j], z[-j]), _difference(b, z[j], z[-j])) for j in range(1, n // 2 + 1)]
-    out = [functools.reduce(functools.partial(_sum, b), [even for _, even, _ in pairs], z[0])]
-    out += [None] * (n - 1)
+    yield 0, functools.reduce(functools.partial(_sum, b), [even for _, even, _ in pairs], z[0])
     for k in range(1, n // 2 + 1):
         x, u = z[0], None
         for j, even, odd in pairs:
@@ -194,8 +200,8 @@ def _dft_prime(b, z):
             v = _scaled(b, odd, w.imag)
             u = v if u is None else _sum(b, u, v)
         u = u[1], b.fneg(u[0])  # times -j
-        out[k], out[n - k] = _sum(b, x, u), _difference(b, x, u)
-    return out
+        yield k, _sum(b, x, u)
+        yield n - k, _difference(b, x, u)
 
 
 def _turned(b, z, cycles):

@@ -27,7 +27,7 @@ from .butterflies import SAMPLE_BYTES
 class Plan(NamedTuple):
     """How a column of some length is transformed; see the module's text."""
 
-    table: np.ndarray  # (3 + n_passes + 2 n_passes length + ...,) int64
+    table: np.ndarray  # (3 + n_passes + 2 n_passes length,) int64
     turns: np.ndarray  # (n_turned, n_passes, length) complex64
     first: np.ndarray  # (length,) int64 element at each entry of the first pass
 
@@ -57,7 +57,7 @@ def radices_of(n: int) -> tuple[int, ...] | None:
 
 @functools.lru_cache(maxsize=32)
 def plan(length: int, inverse: bool, first_bytes: int, work_bytes: int, last_bytes: int,
-                fetch: bool, n_turned: int = 1) -> Plan:
+         fetch: bool, n_turned: int = 1) -> Plan:
     """Tables of a transform, from the bytes between its elements.
 
     Parameters
