@@ -2,7 +2,8 @@
 
 Numba has no vectors. Each function here is a few lines that write LLVM instructions on vectors of
 `LANES` numbers, real and imaginary parts apart; LLVM divides them where a processor's are shorter.
-All take addresses as int64, and samples in memory are complex64.
+All take addresses as int64, and samples in memory are complex64. Numba's cache only notices
+changes of the file of a function that it compiled: empty it after a change of this one.
 """
 
 from __future__ import annotations

@@ -2,8 +2,9 @@
 
 Libraries transform one column after the other, or a few together. Where many columns lie side by
 side, `LANES` neighbours fill the vectors of the processor, whatever the length: rows are read as
-they lie, nothing is transposed, and each pass combines as many as the registers hold. A column
-longer than a core's cache holds is transformed in two parts, by every so manieth row each.
+they lie, nothing is transposed, and each pass combines as many as the registers hold. Where
+a core's cache does not hold that many rows, the transform has two parts, each of a few sets of
+rows that lie equally far apart.
 """
 
 from __future__ import annotations

@@ -23,10 +23,12 @@ from .butterflies import BLOCK, GROUP_BYTES, LANES, SAMPLE_BYTES, VECTOR_BYTES, 
 from .transform_length import quick_length, smooth_lengths
 from .work_space import transform_in_place
 
-_LONGEST = 1 << 17  # samples that stay in a core's cache three times
-_GROUPS = 8  # of columns together
-_LONGER = 1.03  # than needed
-_COST_TRANSPOSITION, _COST_UNALIGNED, _COST_OTHER = 1.0, 0.5, 12.0  # passes over the data
+_LONGEST = 1 << 17  # work space beyond that does not stay in a core's cache
+_GROUPS = 8  # of columns together: longer runs of memory
+_LONGER = 1.03  # than needed, at most
+# Time over that of a pass through all samples (measured with lengths of 2000 to 30000): more for
+# matrices whose lines or columns are no whole vectors; all else that is done with a row
+_COST_TRANSPOSITION, _COST_UNALIGNED, _COST_OTHER = 1.0, 0.5, 12.0
 
 
 class _Plan(NamedTuple):
@@ -55,7 +57,7 @@ def transform_rows(data: np.ndarray, *, inverse: bool = False) -> None:
     ValueError
         The array is not complex64, or samples of a row do not lie side by side.
     """
-    if data.dtype != np.complex64 or data.strides[1] != SAMPLE_BYTES:
+    if data.dtype != np.complex64 or not data[:1].flags.c_contiguous:
         raise ValueError('expected complex64, samples of a row side by side; got '
                          f'{data.dtype}, strides {data.strides}')
     n_rows, n = data.shape
@@ -96,7 +98,7 @@ def _shape(n: int) -> tuple[int, int] | None:
 
 
 def _cost(height: int, width: int) -> float:
-    """Time over that of a pass through all samples."""
+    """Of a transform, in passes through all samples; little more where the matrix is long."""
     columns, lines = (-(-n // LANES) * LANES / n for n in (width, height))
     return (columns * len(passes.radices_of(height))
             + lines * (len(passes.radices_of(width)) + _COST_TRANSPOSITION)
@@ -114,8 +116,7 @@ def _plan(n: int, inverse: bool) -> _Plan:
     height, width = _shape(n)
     columns = passes.plan(height, inverse, width * SAMPLE_BYTES, (_GROUPS + 1) * GROUP_BYTES,
                           _pitch(width) * SAMPLE_BYTES, False)
-    lines = passes.plan(width, inverse, GROUP_BYTES, GROUP_BYTES, height * SAMPLE_BYTES,
-                        False)
+    lines = passes.plan(width, inverse, GROUP_BYTES, GROUP_BYTES, height * SAMPLE_BYTES, False)
     first = np.minimum(np.arange(0, height, LANES), height - LANES)
     line = (first[:, None] + np.arange(LANES))[:, None]
     turn = np.exp((2j if inverse else -2j) * np.pi / n * (line * lines.first[:, None] % n))
@@ -127,6 +128,7 @@ def _plan(n: int, inverse: bool) -> _Plan:
 @njit(parallel=True, fastmath=REPEATABLE)
 def _transform(code, data, row_bytes, n_rows, n_tasks, work, task_bytes, panel_bytes, shape,
                columns, lines, turns):
+    """All rows, as many at a time as there are tasks."""
     for task in numba.prange(n_tasks):
         panel = work + task * task_bytes
         for number in range(task * n_rows // n_tasks, (task + 1) * n_rows // n_tasks):
@@ -136,6 +138,7 @@ def _transform(code, data, row_bytes, n_rows, n_tasks, work, task_bytes, panel_b
 
 @njit
 def _transform_row(code, row, panel, matrix, shape, columns, lines, turns):
+    """Columns into the matrix, then its lines, by way of the panel, back into the row."""
     height, width, line_bytes = shape
     _transform_columns(code, row, panel, matrix, width, columns)
     for begin in range(0, height, LANES):

@@ -108,8 +108,8 @@ def compiled() -> int:
 
 
 @njit
-def run(code, source, work, target, n_groups, plan, turns, turns_apart):
-    """Transform a few groups that lie side by side, by the address of the plan.
+def run(code, source, work, target, n_groups, table, turns, turns_apart):
+    """Transform a few groups that lie side by side; all arguments are int64.
 
     Numba would compile all butterflies again for each function that calls another, thus `code`.
 
@@ -121,22 +121,22 @@ def run(code, source, work, target, n_groups, plan, turns, turns_apart):
         Where elements are read, kept between passes, and left.
     n_groups : int
         How many times LANES columns.
-    plan, turns : int
-        Tables of a `Plan`, turns those of the set.
+    table, turns : int
+        Addresses of a `Plan`, turns those of the set.
     turns_apart : int
         Turns of the first pass where they differ between columns, for `butterfly_of_turned` and
         one group; else 0.
     """
-    vectors.call(code, (source, work, target, n_groups, plan, turns, turns_apart))
+    vectors.call(code, (source, work, target, n_groups, table, turns, turns_apart))
 
 
-def _passes(source, work, target, n_groups, plan, turns, turns_apart):
-    n_passes, length = vectors.integer_at(plan), vectors.integer_at(plan + 8)
-    fetch = vectors.integer_at(plan + 16)
+def _passes(source, work, target, n_groups, table, turns, turns_apart):
+    n_passes, length = vectors.integer_at(table), vectors.integer_at(table + 8)
+    fetch = vectors.integer_at(table + 16)
     for p in range(n_passes):
-        radix = vectors.integer_at(plan + 8 * (3 + p))
+        radix = vectors.integer_at(table + 8 * (3 + p))
         read, write = work if p else source, work if p < n_passes - 1 else target
-        sources = plan + 8 * (3 + n_passes + p * length)
+        sources = table + 8 * (3 + n_passes + p * length)
         targets = sources + 8 * n_passes * length
         for entry in range(0, length, radix):
             if p == 0 and turns_apart:

@@ -77,3 +77,8 @@ def test_other_arrays_are_refused():
     for data in (np.zeros((4, 256)), np.zeros((256, 4), np.complex64).T):
         with pytest.raises(ValueError, match='samples of a row side by side'):
             transform_rows(data)
+
+
+@pytest.mark.parametrize('n', [256, 1021])
+def test_no_rows(n):
+    transform_rows(np.zeros((0, n), np.complex64))
