@@ -12,6 +12,7 @@ last group begins earlier and transforms some of them once more.
 from __future__ import annotations
 
 import functools
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,6 @@ from .butterflies import BLOCK, GROUP_BYTES, LANES, SAMPLE_BYTES, VECTOR_BYTES, 
 from .transform_length import quick_length, smooth_lengths
 from .work_space import transform_in_place
 
-_LONGEST = 1 << 17  # work space beyond that does not stay in a core's cache
 _GROUPS = 8  # of columns together: longer runs of memory
 _LONGER = 1.03  # than needed, at most
 # Time over that of a pass through all samples (measured with lengths of 2000 to 30000): more for
@@ -90,10 +90,9 @@ def row_length(least: int) -> int:
 @functools.lru_cache(maxsize=4096)
 def _shape(n: int) -> tuple[int, int] | None:
     """Height and width of the matrix; None where SciPy is to transform."""
-    if n > _LONGEST:
-        return None
-    factors = [f for f in range(LANES, n // LANES + 1) if n % f == 0]
-    shapes = [(f, n // f) for f in factors if passes.radices_of(f) and passes.radices_of(n // f)]
+    factors = [f for f in range(LANES, math.isqrt(n) + 1) if n % f == 0]
+    shapes = [shape for f in factors for shape in ((f, n // f), (n // f, f))
+              if all(map(passes.radices_of, shape))]
     return min(shapes, key=lambda shape: _cost(*shape), default=None)
 
 
