@@ -13,7 +13,6 @@ import dataclasses
 import math
 
 import numpy as np
-import scipy.fft
 
 from ..compilation import numba
 from ..geometry.polar import PolarGrid
@@ -22,7 +21,8 @@ from .beam_plan import BEYOND, BeamGeometry, BeamSampling
 from .lattice import Lattice
 from .range_band import RangeBand
 from .range_window import RangeWindow
-from .work_space import WorkSpace, transform_in_place
+from .row_transform import transform_rows
+from .work_space import WorkSpace
 
 _TASKS_PER_THREAD = 4
 _RUNS = 8  # of bins; not by the number of threads, so that results do not depend on it
@@ -134,7 +134,7 @@ class BeamLines:
             beams.reshape(-1).view(np.float32), *work)
         n_bins = min(spectrum.shape[1], n_cells)
         beams[:, (n_bins + 1) // 2:n_cells - n_bins // 2] = 0.0
-        transform_in_place(scipy.fft.ifft, beams[:, :n_cells], norm='forward')
+        transform_rows(beams[:, :n_cells], inverse=True)
         beams[:, :self._known[0]] = 0.0
         beams[:, self._known[1]:] = 0.0
         return beams
@@ -147,8 +147,9 @@ class BeamLines:
         bend = -1 / (2 * np.pi * cycles_per_m * spacing ** 2)
         index = np.arange(segment + reading.STORED, dtype=np.float32) - segment // 2
         n_tasks = _TASKS_PER_THREAD * numba.get_num_threads()
-        work = [np.empty(n_tasks * size, np.float32) for size in (
-            6 * reading.STORED, 6 * len(index), len(index), len(index))]
+        sizes = {'weights': 6 * reading.STORED, 'mixed': 6 * len(index),
+                 'mixed re': len(index), 'mixed im': len(index)}
+        work = [self._buffer(name, (n_tasks * size,), np.float32) for name, size in sizes.items()]
         reading.read_beams(
             beams.reshape(-1).view(np.float32), (*beams.shape, *parts.shape[1:]), self._lines,
             geometry.centre_m, np.array(polar.track),

@@ -12,14 +12,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import scipy.fft
 
 from ..compilation import njit, numba
 from .column_transform import LANES, rows_to_transform, transform_columns
 from .fusion_error import edge_taper
 from .fusion_grid import FusionGrid
-from .transform_length import quick_length
-from .work_space import transform_in_place
+from .row_transform import row_length, transform_rows
+from .vector_passes import aligned_empty
 
 _LINES_PER_CALL = 64  # of the fused image; the processors' common cache holds them
 
@@ -56,7 +55,7 @@ class SpectrumFusion:
     def __init__(self, grid: FusionGrid, *, keep: bool = False):
         self.grid, self._keep = grid, keep
         coarse = grid.coarse
-        self._n_range = quick_length(coarse.n_range)
+        self._n_range = row_length(coarse.n_range)
         step = 2 * math.pi / (self._n_range * coarse.range_spacing_m)
         # Tapers widen the band by little more than the inverse of the guards' length.
         margin = 4 * 2 * math.pi / (grid.range_guard * coarse.range_spacing_m)
@@ -73,7 +72,7 @@ class SpectrumFusion:
         inside = slice(grid.range_guard, grid.range_guard + grid.polar.n_range)
         self._turn_back = turn[inside].conj().astype(np.complex64)
         # kept from one sub-aperture to the next: fresh memory takes as long as the work
-        self._lines = np.zeros((grid.n_coarse, _padded(self._n_range)), np.complex64)
+        self._lines = aligned_empty(grid.n_coarse, _padded(self._n_range))
         self._memory: np.ndarray | None  # of the spectrum and, in its place, the image
         self._contributions: dict[int, tuple[np.ndarray, _Band]]
         self._changed: list[_Band]  # that came or went
@@ -159,7 +158,7 @@ class SpectrumFusion:
             and direction of ``grid.polar``.
         """
         fused = self._fused()
-        memory = np.empty_like(self._memory)
+        memory = aligned_empty(self._memory.size)
         self._spectrum(memory)[:] = fused
         return self._to_image(memory, centre_m)
 
@@ -192,7 +191,7 @@ class SpectrumFusion:
         """
         parts = (image.real, image.imag) if np.iscomplexobj(image) else image
         _apply_taper(*parts, *self._taper, self._coarse_rows, self._lines)
-        transform_in_place(scipy.fft.fft, self._lines[:, :self._n_range])
+        transform_rows(self._lines[:, :self._n_range])
         transform_columns(self._lines, len(self._wavenumber))
         return self._lines[:, :len(self._wavenumber)]
 
@@ -200,9 +199,9 @@ class SpectrumFusion:
         if self._memory is None:
             polar, (n_fine, n_bins) = self.grid.polar, self.spectrum_shape
             # Lines of the image may be longer than those of the spectrum that they replace.
-            ahead = max(0, polar.n_alpha * polar.n_range
-                        - (self.grid.fine_guard + polar.n_alpha) * _padded(n_bins))
-            self._memory = np.empty(ahead + n_fine * _padded(n_bins), np.complex64)
+            ahead = _padded(max(0, polar.n_alpha * polar.n_range
+                                - (self.grid.fine_guard + polar.n_alpha) * _padded(n_bins)))
+            self._memory = aligned_empty(ahead + n_fine * _padded(n_bins))
             self._spectrum(self._memory)[:] = 0.0
         return self._spectrum(self._memory)
 
@@ -246,22 +245,23 @@ class SpectrumFusion:
     def _to_image(self, memory, centre_m=0.0, *, planes: bool = False) -> np.ndarray:
         """Image of a spectrum, over which it is written line by line."""
         grid, n_bins = self.grid, len(self._wavenumber)
-        polar, workers = grid.polar, numba.get_num_threads()
+        polar = grid.polar
         spectrum = self._spectrum(memory)
         transform_columns(spectrum, n_bins, inverse=True)
         # Guards moved the first range; the carrier is referred to that of the wanted grid.
         cycles = 2 * grid.range_guard * polar.range_spacing_m / grid.wavelength_m
         cycles -= 2 * centre_m / grid.wavelength_m * (polar.alpha - polar.alpha_start)
-        scale = (np.exp(2j * np.pi * np.fmod(cycles, 1.0)) / grid.n_coarse).astype(np.complex64)
+        scale = np.exp(2j * np.pi * np.fmod(cycles, 1.0)) / (grid.n_coarse * self._n_range)
+        scale = scale.astype(np.complex64)
         image = memory[:polar.n_alpha * polar.n_range].view(np.float32)
         width, turn = 2 * polar.n_range, self._turn_back.view(np.float32)
-        lines = np.empty((_LINES_PER_CALL, self._n_range), np.complex64)
+        lines = aligned_empty(_LINES_PER_CALL, _padded(self._n_range))
         for start in range(0, polar.n_alpha, _LINES_PER_CALL):
             stop = min(start + _LINES_PER_CALL, polar.n_alpha)
             some = lines[:stop - start]
             _load_lines(spectrum[grid.fine_guard + start:grid.fine_guard + stop], n_bins, some)
-            by_range = scipy.fft.ifft(some, axis=1, workers=workers, overwrite_x=True)
-            _store_lines(by_range.reshape(-1).view(np.float32), self._n_range, grid.range_guard,
+            transform_rows(some[:, :self._n_range], inverse=True)
+            _store_lines(some.reshape(-1).view(np.float32), some.shape[1], grid.range_guard,
                          scale[start:stop].view(np.float32), turn, int(planes),
                          image[start * width:stop * width])
         if planes:

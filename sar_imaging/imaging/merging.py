@@ -16,6 +16,7 @@ import numpy as np
 from ..compilation import njit, numba
 from ..geometry.polar import PolarGrid
 from .interpolation import Interpolator, design_interpolator, least_oversampling
+from .work_space import aligned_empty
 
 TAPS, DEGREE = 10, 5
 # Time of a merged pixel and of one more part; a pixel and row of the kernel is 1 (measured)
@@ -171,7 +172,7 @@ class AngularMerging:
         shape = (2, coarse.n_alpha, width)
         n_parts = len(self._parts.rows)
         at_once = max(1, min(n_parts, _BATCH_BYTES // (4 * math.prod(shape))))
-        images = _aligned((at_once, *shape))
+        images = aligned_empty((at_once, *shape), np.float32)
         for first in range(0, n_parts, at_once):
             numbers = range(first, min(first + at_once, n_parts))
             images[:] = 0.0
@@ -210,14 +211,6 @@ def _in_pairs(weights, start, common) -> np.ndarray:
         some = np.flatnonzero(start - np.repeat(common, 2)[:len(start)] == shift)
         pairs[some, shift:shift + TAPS] = weights[some]
     return pairs.reshape(-1, 2, TAPS + 1)
-
-
-def _aligned(shape) -> np.ndarray:
-    """Float32 memory whose lines begin with a cache line, if they are of its multiples' length."""
-    size = math.prod(shape)
-    memory = np.empty(size + _ALIGNED, np.float32)
-    skip = -memory.ctypes.data // memory.itemsize % _ALIGNED
-    return memory[skip:skip + size].reshape(shape)
 
 
 @njit(parallel=True)

@@ -21,7 +21,7 @@ from .lattice import Lattice, plan_lattice, sample_paths, slope_along, total_db
 from .merging import AngularParts, plan_parts
 from .range_band import RangeBand
 from .range_window import RangeWindow
-from .resampling import DEGREE, TAPS
+from .resampling import DEGREE, LANES, TAPS
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
@@ -273,7 +273,8 @@ def _cover(grid, origin, track, side, spacing, half_alpha, oversampling) -> Pola
     slack = 0.5 * max(np.ptp(x), np.ptp(y)) / (_EDGE_SAMPLES - 1)
     extent = np.ptp(alpha) + 2 * slack / r.min()
     alpha_spacing = min(math.pi / (half_alpha * oversampling), extent) if half_alpha else extent
-    n_range = math.ceil((np.ptp(r) + 2 * slack) / spacing) + 2 * TAPS
+    # whole vectors, so that lines begin alike
+    n_range = -(-math.ceil((np.ptp(r) + 2 * slack) / spacing + 2 * TAPS) // LANES) * LANES
     n_alpha = math.ceil(extent / alpha_spacing) + 2 * TAPS
     try:
         return PolarGrid(origin, track, side, grid.z_m, r.min() - slack - TAPS * spacing,

@@ -17,6 +17,7 @@ from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from .interpolation import Interpolator
 from .kernels import _cos_cycles, _fraction, _sin_cycles
+from .work_space import aligned_empty
 
 TAPS, DEGREE = 14, 5
 HALF = TAPS // 2
@@ -59,15 +60,15 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
     offset = _offsets(rows, line[len(line) // 2], polar)
     length = polar.n_range + TAPS + int(offset.max())
     n_tasks = min(len(offset) // LANES, _TASKS_PER_THREAD * numba.get_num_threads())
-    strip = np.zeros((2, n_tasks * length * LANES), np.float32)
-    fraction, start = np.empty((2, n_tasks * LANES), np.float32)
-    result = np.empty((3, n_tasks * LANES), np.float32)
+    strip = aligned_empty((2, n_tasks * length * LANES), np.float32)
+    strip[:] = 0.0
+    lanes = aligned_empty((5, n_tasks * LANES), np.float32)
     _resample(_flat(real), _flat(imag), real.shape, real.strides[0] // real.itemsize, rows, line,
               sign, track, polar.height_m, polar.range_start_m, polar.range_spacing_m,
               polar.alpha_start, polar.alpha_spacing, 2 / wavelength_m,
               interpolator.centred[:, :HALF].reshape(-1), interpolator.first, steps, offset,
-              image.reshape(-1).view(np.float32), length, np.empty(n_tasks), *strip, fraction,
-              start, *result, np.empty(2 * n_tasks * LANES * PIXELS, np.float32))
+              image.reshape(-1).view(np.float32), length, np.empty(n_tasks), *strip, *lanes,
+              aligned_empty((2 * n_tasks * LANES * PIXELS,), np.float32))
 
 
 def _flat(lines: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 # Time of a coarse and a fine pixel in the fusion; a pixel and row of the kernel is 1 (measured)
 _COST_COARSE, _COST_FINE, _COST_SUBAPERTURE = 16.0, 18.0, 1e6
 _AHEAD = (4, 2, 1, 0)  # choices to look ahead in both
-_LEAST_RANGE_GUARD = 16
+_LEAST_RANGE_GUARD, _GUARD_STEP = 16, 8  # two guards are whole vectors
 # Times the root of the ranges: narrower guards widen the tapers' spectrum, and the fused one
 _RANGE_GUARD = 1.2
 _ROWS_FOR_ERROR = 96
@@ -266,6 +266,7 @@ def _sampling(polar, pulses, centre, half, oversampling, n_guard, first_stage, c
     range_guard = max(_LEAST_RANGE_GUARD, math.ceil(_RANGE_GUARD * math.sqrt(polar.n_range)),
                       math.ceil(n_guard * spacing * float(np.abs(centre).max())
                                 / polar.range_spacing_m))
+    range_guard = -(-range_guard // _GUARD_STEP) * _GUARD_STEP
     n_range = polar.n_range + 2 * range_guard
     cost = (first_stage(pulses, n_coarse, n_range)
             + len(pulses) * (_COST_COARSE * n_coarse * n_range + _COST_SUBAPERTURE)

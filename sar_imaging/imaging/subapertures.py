@@ -27,6 +27,7 @@ from .projection import PolarLines
 from .range_band import RangeBand
 from .range_window import RangeWindow
 from .subaperture_sampling import Bands, choose_sampling, cut_pulses, fusion_error, local_bands
+from .work_space import aligned_empty
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the paths are bounded
 _SAMPLES_PER_EDGE = 33
@@ -323,7 +324,7 @@ class SubaperturePlan:
             raise ValueError(f'number={number}; the plan has sub-apertures 0 to '
                              f'{self.n_subapertures - 1}')
         shape = (2, self.coarse.n_alpha, self.coarse.n_range)
-        parts = np.empty(shape, np.float32) if out is None else out
+        parts = aligned_empty(shape, np.float32) if out is None else out
         if weights is not None:
             weights = np.repeat(weights, self._n_channels)
         self._lines.fill(block.samples.reshape(-1, self.n_samples), block.tx_m.reshape(-1, 3),

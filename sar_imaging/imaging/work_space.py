@@ -25,15 +25,16 @@ class WorkSpace:
         """Contiguous array of any contents."""
         size = math.prod(shape)
         if name not in self._buffers or self._buffers[name].size < size:
-            self._buffers[name] = _aligned(size, np.dtype(dtype))
+            self._buffers[name] = aligned_empty((size,), dtype)
         return self._buffers[name][:size].reshape(shape)
 
 
-def _aligned(size: int, dtype: np.dtype) -> np.ndarray:
-    """Uninitialised memory in which no vector of a kernel straddles two lines of the cache."""
-    memory = np.empty(size * dtype.itemsize + _LINE, np.uint8)
+def aligned_empty(shape: tuple[int, ...], dtype) -> np.ndarray:
+    """Array of any contents in which no vector of a kernel straddles two lines of the cache."""
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    memory = np.empty(size + _LINE, np.uint8)
     start = -memory.ctypes.data % _LINE
-    return memory[start:start + size * dtype.itemsize].view(dtype)
+    return memory[start:start + size].view(dtype).reshape(shape)
 
 
 def transform_in_place(transform: Callable[..., np.ndarray], lines: np.ndarray,
