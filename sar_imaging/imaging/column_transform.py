@@ -17,6 +17,7 @@ import scipy.fft
 from ..compilation import REPEATABLE, njit, numba
 from . import vector_passes as passes
 from .butterflies import GROUP_BYTES, LANES, SAMPLE_BYTES
+from .work_space import aligned_empty
 
 _LONGEST = 512  # rows that stay in a core's cache
 _MOST_GROUPS, _WORK_ROWS = 8, 2560  # of LANES together: longer runs of each row, also in cache
@@ -38,7 +39,8 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
     data : (n, width) complex64
         Contiguous in C order, `width` a multiple of `LANES`, rows in the order of
         `rows_to_transform`; frequencies 0 to n - 1 replace them in theirs. The columns that
-        complete a multiple of `LANES` are transformed, too. Quickest in `aligned_empty` memory.
+        complete a multiple of `LANES` are transformed, too. Memory from `aligned_empty` is
+        quickest.
     n_columns : int
         How many to transform.
     inverse : bool
@@ -65,8 +67,8 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
     groups = min(_MOST_GROUPS, max(1, _WORK_ROWS // longest))
     # one more, since rows at multiples of 4 KiB would displace each other from the cache
     work_bytes = (groups + 1) * GROUP_BYTES
-    work = passes.aligned_empty(_TASKS_PER_THREAD * numba.get_num_threads(),
-                                longest * work_bytes // SAMPLE_BYTES)
+    work = aligned_empty((_TASKS_PER_THREAD * numba.get_num_threads(),
+                          longest * work_bytes // SAMPLE_BYTES), np.complex64)
     # element m1 + near m2 lies in row m1 far + m2: over m2, then over m1
     for length, row_step, n_sets, set_step, n_turned in ((far, 1, near, far, 1),
                                                          (near, far, far, 1, far)):

@@ -18,7 +18,7 @@ from .column_transform import LANES, rows_to_transform, transform_columns
 from .fusion_error import edge_taper
 from .fusion_grid import FusionGrid
 from .row_transform import row_length, transform_rows
-from .vector_passes import aligned_empty
+from .work_space import aligned_empty
 
 _LINES_PER_CALL = 64  # of the fused image; the processors' common cache holds them
 
@@ -72,7 +72,7 @@ class SpectrumFusion:
         inside = slice(grid.range_guard, grid.range_guard + grid.polar.n_range)
         self._turn_back = turn[inside].conj().astype(np.complex64)
         # kept from one sub-aperture to the next: fresh memory takes as long as the work
-        self._lines = aligned_empty(grid.n_coarse, _padded(self._n_range))
+        self._lines = aligned_empty((grid.n_coarse, _padded(self._n_range)), np.complex64)
         self._memory: np.ndarray | None  # of the spectrum and, in its place, the image
         self._contributions: dict[int, tuple[np.ndarray, _Band]]
         self._changed: list[_Band]  # that came or went
@@ -158,7 +158,7 @@ class SpectrumFusion:
             and direction of ``grid.polar``.
         """
         fused = self._fused()
-        memory = aligned_empty(self._memory.size)
+        memory = aligned_empty(self._memory.shape, np.complex64)
         self._spectrum(memory)[:] = fused
         return self._to_image(memory, centre_m)
 
@@ -201,7 +201,7 @@ class SpectrumFusion:
             # Lines of the image may be longer than those of the spectrum that they replace.
             ahead = _padded(max(0, polar.n_alpha * polar.n_range
                                 - (self.grid.fine_guard + polar.n_alpha) * _padded(n_bins)))
-            self._memory = aligned_empty(ahead + n_fine * _padded(n_bins))
+            self._memory = aligned_empty((ahead + n_fine * _padded(n_bins),), np.complex64)
             self._spectrum(self._memory)[:] = 0.0
         return self._spectrum(self._memory)
 
@@ -255,7 +255,7 @@ class SpectrumFusion:
         scale = scale.astype(np.complex64)
         image = memory[:polar.n_alpha * polar.n_range].view(np.float32)
         width, turn = 2 * polar.n_range, self._turn_back.view(np.float32)
-        lines = aligned_empty(_LINES_PER_CALL, _padded(self._n_range))
+        lines = aligned_empty((_LINES_PER_CALL, _padded(self._n_range)), np.complex64)
         for start in range(0, polar.n_alpha, _LINES_PER_CALL):
             stop = min(start + _LINES_PER_CALL, polar.n_alpha)
             some = lines[:stop - start]

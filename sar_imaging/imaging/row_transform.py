@@ -22,7 +22,7 @@ from ..compilation import REPEATABLE, njit, numba
 from . import vector_passes as passes
 from .butterflies import BLOCK, GROUP_BYTES, LANES, SAMPLE_BYTES, VECTOR_BYTES, transpose
 from .transform_length import quick_length, smooth_lengths
-from .work_space import transform_in_place
+from .work_space import aligned_empty, transform_in_place
 
 _GROUPS = 8  # of columns together: longer runs of memory
 _LONGER = 1.03  # than needed, at most
@@ -46,7 +46,7 @@ def transform_rows(data: np.ndarray, *, inverse: bool = False) -> None:
     ----------
     data : (n_rows, n) complex64
         Samples of a row lie side by side; rows may be any distance apart. Lengths that
-        `row_length` gives are quickest, in `aligned_empty` memory and with rows a multiple of 8
+        `row_length` gives are quickest, memory from `aligned_empty`, and rows a multiple of 8
         samples apart; where a length has too large factors SciPy transforms.
     inverse : bool
         Transform with ``exp(+j 2 pi k m / n)`` instead of ``exp(-j 2 pi k m / n)``; neither
@@ -69,7 +69,7 @@ def transform_rows(data: np.ndarray, *, inverse: bool = False) -> None:
         return
     plan, n_tasks = _plan(n, inverse), min(numba.get_num_threads(), n_rows)
     panel = LANES * max(plan.height * (_GROUPS + 1), plan.width)
-    work = passes.aligned_empty(n_tasks, panel + plan.height * _pitch(plan.width))
+    work = aligned_empty((n_tasks, panel + plan.height * _pitch(plan.width)), np.complex64)
     _transform(passes.compiled(), data.ctypes.data, data.strides[0], n_rows, n_tasks,
                work.ctypes.data, work.strides[0], panel * SAMPLE_BYTES,
                (plan.height, plan.width, _pitch(plan.width) * SAMPLE_BYTES),
@@ -119,7 +119,7 @@ def _plan(n: int, inverse: bool) -> _Plan:
     first = np.minimum(np.arange(0, height, LANES), height - LANES)
     line = (first[:, None] + np.arange(LANES))[:, None]
     turn = np.exp((2j if inverse else -2j) * np.pi / n * (line * lines.first[:, None] % n))
-    turns = passes.aligned_empty(turn.size).view(np.float32).reshape(len(first), width, 2, LANES)
+    turns = aligned_empty((len(first), width, 2, LANES), np.float32)
     turns[:, :, 0], turns[:, :, 1] = turn.real, turn.imag
     return _Plan(height, width, columns, lines, turns)
 

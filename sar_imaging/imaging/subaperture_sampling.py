@@ -23,7 +23,7 @@ _GAP = 4.0  # times the usual distance between pulses
 _OVERSAMPLING = (1.25, 1.4, 1.6, 1.8, 2.0, 2.3, 2.7, 3.2)
 _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 # Time of a coarse and a fine pixel in the fusion; a pixel and row of the kernel is 1 (measured)
-_COST_COARSE, _COST_FINE, _COST_SUBAPERTURE = 16.0, 18.0, 1e6
+_COST_COARSE, _COST_FINE, _COST_SUBAPERTURE = 7.0, 8.0, 1e6
 _AHEAD = (4, 2, 1, 0)  # choices to look ahead in both
 _LEAST_RANGE_GUARD, _GUARD_STEP = 16, 8  # two guards are whole vectors
 # Times the root of the ranges: narrower guards widen the tapers' spectrum, and the fused one

@@ -14,7 +14,6 @@ are left, is all in tables, so that nothing is transposed or reordered by itself
 from __future__ import annotations
 
 import functools
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -35,14 +34,6 @@ class Plan(NamedTuple):
     def addresses(self) -> tuple[int, int]:
         """Of the table, and of the turns."""
         return self.table.ctypes.data, self.turns.ctypes.data
-
-
-def aligned_empty(*shape: int) -> np.ndarray:
-    """Complex64 memory that begins where a vector does, which makes transforms quicker."""
-    size, spare = math.prod(shape), vectors.VECTOR_BYTES // SAMPLE_BYTES
-    memory = np.empty(size + spare, np.complex64)
-    first = -memory.ctypes.data // SAMPLE_BYTES % spare
-    return memory[first:first + size].reshape(shape)
 
 
 @functools.lru_cache(maxsize=4096)

@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 
 from sar_imaging.compilation import numba
 from sar_imaging.imaging.row_transform import row_length, transform_rows
-from sar_imaging.imaging.vector_passes import aligned_empty
+from sar_imaging.imaging.work_space import aligned_empty
 
 # multiples of LANES and others, all radices; too short, no two factors, and too large ones
 LENGTHS = (256, 400, 2048, 3000, 9000, 12288, 14406, 15400, 18432, 131220,
@@ -39,7 +39,7 @@ def test_rows_are_transformed_in_place(n, inverse):
        n_rows=st.integers(0, 5), offset=st.integers(0, 9), beyond=st.integers(0, 20),
        inverse=st.booleans())
 def test_nothing_beside_the_rows_changes(n, n_rows, offset, beyond, inverse):
-    memory = aligned_empty(offset + n_rows * (n + beyond) + 20)
+    memory = aligned_empty((offset + n_rows * (n + beyond) + 20,), np.complex64)
     memory[:] = _noise(1, len(memory), n)
     before = memory.copy()
     rows = slice(offset, offset + n_rows * (n + beyond))
