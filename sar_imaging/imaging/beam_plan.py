@@ -21,6 +21,7 @@ _SEGMENTS = (128, 64, 32, 16)
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 _ROWS, _DIRECTIONS = 17, 33  # at which paths are compared
 BEYOND = 2  # beams beyond those that interpolation needs, for rounding
+OUTSIDE = TAPS // 2 - 1 + BEYOND  # beams before the first direction of the grid
 _SPREAD_STEP = 1.02  # factors between one spread that is planned for and the next
 _SLACK = 1.1  # sub-apertures that were not looked at may be as much worse
 _LEAST_UNEVEN = 1e-4  # wavelengths, which matters to no image
@@ -117,15 +118,19 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
     views = [_view(polar, *centres) for centres in subapertures]
     if None in views:
         return None
-    spread = max(view.spread_m for view in views)
     uneven = max(_LEAST_UNEVEN * radar.wavelength_m, *(view.uneven_m for view in views))
     curvature = max(view.curvature_m for view in views)
+    k = radar.wavenumber_rad_per_m
+    highest = k + 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
+    spread = max(view.beams.spread(*view.centres) for view in views)
+    # Beams beside the grid count, too; there are fewer the wider the spread.
+    widest = max(spread, 1e-3 * radar.wavelength_m)
+    beyond = OUTSIDE * math.pi / (highest * widest * _OVERSAMPLING[0])
+    spread = max(view.beams.spread(*view.centres, beyond) for view in views)
     # The last segment reaches beyond the image.
     spare = lattice.n_cells - reach_m / lattice.cell_m - 2 * TAPS
     if 2 * spread > padding_m:
         return None
-    k = radar.wavenumber_rad_per_m
-    highest = k + 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
     # In steps: plans for nearly the same sub-apertures give the same images to the last bit.
     steps = math.log(max(spread, 1e-3 * radar.wavelength_m), _SPREAD_STEP)
     widest = _SPREAD_STEP ** math.ceil(steps)
@@ -169,7 +174,8 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
 class _View:
     """Geometry of one sub-aperture, seen from its middle."""
 
-    spread_m: float
+    beams: BeamGeometry
+    centres: tuple[np.ndarray, np.ndarray]  # phase centres of some rows, metres
     uneven_m: float  # by which rows on opposite sides of the centre are not opposite, rms
     curvature_m: float  # second derivative of a row's path by direction, rms
     difference: np.ndarray  # (R, S) of half paths from what beams assume, metres
@@ -215,7 +221,7 @@ def _view(polar: PolarGrid, tx_m, rx_m) -> _View | None:
     centres = tx_m[rows], rx_m[rows]
     slope = beams.slope(*centres, direction)
     bend = slope ** 2 * (1 - direction ** 2) * (1 / length - 1 / beams.range_m) / 2
-    return _View(beams.spread(*centres), beams.uneven(*centres), beams.curvature(*centres),
+    return _View(beams, centres, beams.uneven(*centres), beams.curvature(*centres),
                  paths - length - beams.extra_path(*centres, direction), bend, derivatives,
                  np.stack([first, second]))
 
@@ -305,8 +311,9 @@ class BeamGeometry:
         second = np.abs(before - 2 * here + after).max(axis=1) / step ** 2
         return math.sqrt(np.mean(second ** 2))
 
-    def spread(self, tx_m, rx_m) -> float:
-        """Largest derivative of `extra_path` by direction, metres."""
-        directions = np.linspace(*self.direction, _DIRECTIONS)
-        extra = self.extra_path(tx_m, rx_m, directions)
-        return float(np.abs(np.diff(extra, axis=1)).max() / (directions[1] - directions[0]))
+    def spread(self, tx_m, rx_m, beyond: float = 0.0) -> float:
+        """Largest derivative of `beam_path` by direction up to so far beyond the grid, metres."""
+        low, high = self.direction
+        directions = np.linspace(low - beyond, high + beyond, _DIRECTIONS)
+        path = self.beam_path(tx_m, rx_m, directions)
+        return float(np.abs(np.diff(path, axis=1)).max() / (directions[1] - directions[0]))

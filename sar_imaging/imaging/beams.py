@@ -17,7 +17,7 @@ import numpy as np
 from ..compilation import numba
 from ..geometry.polar import PolarGrid
 from . import beam_kernels as kernels, beam_reading as reading
-from .beam_plan import BEYOND, BeamGeometry, BeamSampling
+from .beam_plan import OUTSIDE, BeamGeometry, BeamSampling
 from .lattice import Lattice
 from .range_band import RangeBand
 from .range_window import RangeWindow
@@ -98,11 +98,13 @@ class BeamLines:
             raise ValueError(f'the imaging plane, {self._polar.z_m:g} m high, is too steep below '
                              f'the phase centres around {tx_m.mean(axis=0).round(2)}; use '
                              'Backprojector')
-        sampling = dataclasses.replace(self._sampling, spacing=self._sampling.spacing * min(
-            1.0, self._sampling.spread_m / max(geometry.spread(tx_m, rx_m), 1e-9)))
+        sampling = self._sampling
+        spread = geometry.spread(tx_m, rx_m, OUTSIDE * sampling.spacing)
+        sampling = dataclasses.replace(sampling, spacing=sampling.spacing * min(
+            1.0, sampling.spread_m / max(spread, 1e-9)))
         spacing, (low, high) = sampling.spacing, geometry.direction
         n_beams = sampling.n_beams(high - low)
-        start = low - (reading.TAPS // 2 - 1 + BEYOND) * spacing
+        start = low - OUTSIDE * spacing
         directions = start + spacing * np.arange(n_beams)
         paired = geometry.uneven(tx_m, rx_m) < self._sampling.uneven_m
         beams = self._beams(samples, geometry.beam_path(tx_m, rx_m, directions), paired, weights)
