@@ -32,6 +32,12 @@ class Coverage:
     along_alpha: np.ndarray = dataclasses.field(default_factory=lambda: np.ones(1))
     along_range: np.ndarray = dataclasses.field(default_factory=lambda: np.ones(1))
 
+    @property
+    def range_margins(self) -> tuple[float, float]:
+        """Shares of the ranges, the first and the last, that are not wanted."""
+        n, wanted = len(self.along_range), np.flatnonzero(self.along_range)
+        return wanted[0] / n, 1 - (wanted[-1] + 1) / n
+
 
 EVERYTHING = Coverage()
 

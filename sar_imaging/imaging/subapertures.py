@@ -240,7 +240,9 @@ class SubaperturePlan:
         else:  # they repeat, which does no harm in the guards
             start, guard_m = self._band.range_start_m, 0.0
             stop = start + self._band.period_m
-        short = max(start - length.min(), length.max() - stop) + guard_m
+        before, after = (share * self.polar.n_range * self.polar.range_spacing_m
+                         for share in self.sampling.coverage.range_margins)
+        short = max(start - length.min() - before, length.max() - after - stop) + guard_m
         if short > 0 and self._band is None:
             yield (f'the profiles end {short:.1f} m short of the guards, {guard_m:.1f} m wide, '
                    'around the near and far edge; scatterers cut off there raise the error above '
