@@ -21,12 +21,12 @@ import numpy as np
 from ..geometry import MapGrid
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
-from . import polar as polar_plans
+from . import merging, polar as polar_plans
 from .image_points import ImagePoints
+from .interpolation import design_interpolator
 from .lattice import plan_lattice, point_lattice
 from .map_lines import MapLines
 from .memory import check_memory
-from .merging import AngularParts
 from .polar_image import add_by_polar
 from .profiles import Profiles
 from .projection import add_to_lines, line_middles, shared_phase
@@ -290,7 +290,8 @@ def compile_kernels() -> None:
         image = plan(block)
         polar = polar_plans.plan_polar(grid, *rows[1:], radar, block.n_samples, plan.target_db)
         if polar is not None:
-            parts = AngularParts((slice(None),), np.zeros(1), polar.polar, polar.polar,
-                                 polar.along_alpha, 0.0)
+            interpolator = design_interpolator(2.0, taps=merging.TAPS, degree=merging.DEGREE)
+            parts = merging.AngularParts((slice(None),), np.zeros(1), polar.polar, polar.polar,
+                                         interpolator, 0.0)
             for plan in (polar, dataclasses.replace(polar, parts=parts)):
                 add_by_polar(plan, radar, rows, grid, image)

@@ -10,14 +10,17 @@ from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .beam_plan import plan_beams
 from .beams import BeamLines
+from .column_transform import LANES, transform_columns
 from .lattice import plan_lattice, sample_paths
 from .live_fusion import LiveFusion
 from .live_plan import LivePlan
 from .live_subapertures import LiveSubapertures
 from .range_window import RangeWindow
+from .row_transform import transform_rows
 from .subaperture_image import SubapertureImage
 
 _N_PULSES, _N_SAMPLES, _RANGE_M = 64, 128, 1000.0
+_LENGTH = 256  # of a transform; shorter ones are SciPy's
 _CUT = 8  # short enough for a window to slide
 _TARGET_DB = -50.0
 _GRID = MapGrid((0.0, 0.0, 0.0), 32, 32, 0.25)
@@ -32,6 +35,7 @@ def compile_subaperture_kernels() -> None:
     stage = LiveSubapertures(_GRID, pulses_per_aperture=_N_PULSES, pulses_per_subaperture=_CUT,
                              target_db=_TARGET_DB)
     stage.add(_block().select(slice(0, _N_PULSES)))
+    transform_rows(np.zeros((1, _LENGTH), np.complex64))
     _compile_beams(_block().select(slice(0, _CUT)))
 
 
@@ -49,6 +53,8 @@ def _compile_beams(block: PulseBlock) -> None:
 
 def compile_fusion_kernels() -> None:
     """The same for the second stage: an aperture is fused, then one that slides on."""
+    transform_rows(np.zeros((1, _LENGTH), np.complex64))
+    transform_columns(np.zeros((_LENGTH, LANES), np.complex64), LANES)
     block, n_parts = _block(), _N_PULSES // _CUT
     for sliding in (False, True):
         plan = LivePlan(_GRID, block.radar, _N_SAMPLES, block.tx_m, block.rx_m,

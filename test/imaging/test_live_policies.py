@@ -166,7 +166,8 @@ def test_nothing_is_left_to_compile():
     program = """
 import numpy as np
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging import fusion, fusion_map, interpolation, kernels, profiles, resampling
+from sar_imaging.imaging import (beam_kernels, beam_reading, column_transform, fusion, fusion_map,
+                                 interpolation, kernels, profiles, resampling, row_transform)
 from sar_imaging.imaging.live_fusion import LiveFusion
 from sar_imaging.imaging.live_kernels import (compile_fusion_kernels,
                                               compile_subaperture_kernels)
@@ -175,12 +176,14 @@ from sar_imaging.signal import PulseBlock, RadarParameters
 
 def compiled():
     return {name: len(kernel.signatures)
-            for module in (fusion, fusion_map, resampling, interpolation, kernels, profiles)
+            for module in (fusion, fusion_map, resampling, interpolation, kernels, profiles,
+                           beam_kernels, beam_reading, column_transform, row_transform)
             for name, kernel in vars(module).items() if hasattr(kernel, 'signatures')}
 
 compile_subaperture_kernels()
 first_stage = compiled()
-assert first_stage['project_lines'] and not first_stage['_apply_taper']
+assert first_stage['project_lines'] and first_stage['form_beams'] and first_stage['read_beams']
+assert not first_stage['_apply_taper']
 compile_fusion_kernels()
 before = compiled()
 assert all(n for name, n in before.items() if name in ('_apply_taper', '_restore_carrier'))
@@ -199,6 +202,8 @@ for sliding in (False, True):
             second.add(sub)
         assert second.statistics.images > 6
         first.reset()
+row_transform.transform_rows(np.zeros((3, 3000), np.complex64), inverse=True)
+column_transform.transform_columns(np.zeros((3000, 64), np.complex64), 50)
 assert compiled() == before, (compiled(), before)
 """
     run = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
