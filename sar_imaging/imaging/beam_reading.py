@@ -9,18 +9,23 @@ from __future__ import annotations
 import numpy as np
 
 from ..compilation import REPEATABLE, njit, numba
+from .beam_mixing import STORED, TAPS, TILE, fetch, fetch_to_write, mix_beams, mix_cells
 from .kernels import _cos_cycles, _fraction, _sin_cycles
 
-TAPS, DEGREE = 14, 5  # of the interpolation between beams and along range
-HALF = TAPS // 2  # whose weights fit into registers
-STORED = 16  # taps of a table of weights
+DEGREE = 5  # of the interpolation between beams and along range
+ALIGNED = 8  # cells of a line of the cache
 
 _u = np.uint64
 
 
+def mixed_cells(segment: int) -> int:
+    """Cells that a segment is interpolated from, from the beginning of a line of the cache on."""
+    return -(-(segment + TAPS + ALIGNED) // TILE) * TILE
+
+
 @njit(parallel=True, fastmath=REPEATABLE)
 def read_beams(beams, shape, lines, centre, track, range_m, direction, cycles_per_m, zero_cycles,
-               curvature, between, along, first, index, image, work, mixed, mixed_re, mixed_im):
+               curvature, between, along, first, index, image, work):
     """Interpolate beams to the lines of a polar image at range baseband.
 
     Between beams first, then along range; within a segment of a line both positions, and the
@@ -33,7 +38,8 @@ def read_beams(beams, shape, lines, centre, track, range_m, direction, cycles_pe
     beams : (2 * M * n,) float32
         Beams at range baseband, cells ascending; real and imaginary parts in turn.
     shape : tuple of int
-        ``(M, n, n_lines, n_pixels)``: beams, cells, lines of the image and their pixels.
+        ``(M, n, n_lines, n_pixels, segment)``: beams, their cells, lines of the image, their
+        pixels and those of a segment. `TILE` cells are to spare.
     lines : (S, n_lines, 12) float64
         Position in the middle of each segment of each line, then its first to third derivative
         by the pixel number, metres.
@@ -51,27 +57,25 @@ def read_beams(beams, shape, lines, centre, track, range_m, direction, cycles_pe
         Weights of the interpolation between beams and along range; zero beyond `TAPS`.
     first : int
         Offset of the first neighbour.
-    index : (segment + STORED,) float32
+    index : (mixed_cells(segment),) float32
         Pixel numbers of a segment, counted from its middle, and those that follow; segments are
         whole vectors.
     image : (2 * n_lines * n_pixels,) float32
         Real, then imaginary parts; written to.
-    work : (T * 6 * STORED,) float32
+    work : (T * (6 * STORED + 4 * len(index)),) float32
         Work space of T tasks.
-    mixed : (T * 6 * (segment + STORED),) float32
-        Work space.
-    mixed_re, mixed_im : (T * (segment + STORED),) float32
-        Work space.
     """
-    n_beams, n_cells, n_lines, n_pixels = shape
-    n_mixed, n_tasks = len(index), len(work) // (6 * STORED)
-    segment = n_mixed - STORED
+    n_beams, n_cells, n_lines, n_pixels, segment = shape
+    n_mixed = len(index)
+    size = 6 * STORED + 4 * n_mixed
+    n_tasks = len(work) // size
     half, n_pieces = segment // 2, lines.shape[0] * n_lines
-    apart, order = _u(2 * n_cells), _u(2 * n_mixed)
+    apart, part = _u(2 * n_cells), _u(n_mixed)
     spacing = cycles_per_m * range_m[2]
     for task in numba.prange(n_tasks):
-        w = _u(6 * STORED * task)
-        mix, part = _u(6 * task * n_mixed), _u(task * n_mixed)
+        w = _u(size * task)
+        mixed = w + _u(6 * STORED)
+        sums = mixed + _u(2 * n_mixed)
         # Neighbouring lines read the same part of the beams, so they come in turn.
         for piece in range(task * n_pieces // n_tasks, (task + 1) * n_pieces // n_tasks):
             number, line = piece // n_lines, piece % n_lines
@@ -104,36 +108,27 @@ def read_beams(beams, shape, lines, centre, track, range_m, direction, cycles_pe
             bend1 = np.float32((s * s - 1.0) * d1 / (d * d) * curvature[1])
             _expand_weights(between, np.float32(u - beam), work, w)
             _expand_weights(along, np.float32(v - cell), work, w + _u(3 * STORED))
-            start = np.int64(min(max(cell - half + first, 0.0), n_cells - n_mixed - 0.0))
+            place = np.int64(min(max(cell - half + first, 0.0), n_cells - n_mixed - 0.0))
+            # Vectors that straddle two lines of the cache take twice as long to load.
+            start = place // ALIGNED * ALIGNED
             row = np.int64(min(max(beam + first, 0.0), n_beams - TAPS - 0.0))
             source = _u(2 * (row * n_cells + start))
-            for i in range(_u(6 * n_mixed)):
-                mixed[mix + i] = 0.0
-            for side in range(2):
-                tap = _u(side * HALF)
-                _mix_beams(beams, source + tap * apart, apart, work, w + tap, mixed, mix, order)
-            shift = np.float32(first) - np.float32(v - cell)
-            for i in range(_u(n_mixed)):
-                f, j = index[i] + shift, mix + _u(2) * i
-                t, b = f * (u1 + f * u2), bend + f * bend1
-                re, im = mixed[j + _u(2) * order], mixed[j + _u(2) * order + _u(1)]
-                mixed_re[part + i] = mixed[j] + t * (mixed[j + order] + t * re) - b * im
-                mixed_im[part + i] = (mixed[j + _u(1)]
-                                      + t * (mixed[j + order + _u(1)] + t * im) + b * re)
             some = _u(min(segment, n_pixels - number * segment))
-            for i in range(_u(2 * segment)):
-                mixed[mix + i] = 0.0
-            for side in range(2):
-                tap = _u(side * HALF)
-                _mix_cells(mixed_re, mixed_im, part + tap, work, w + _u(3 * STORED) + tap, index,
-                           v1, v2, v3, mixed, mix, _u(segment))
             real = _u(line * n_pixels + number * segment)
             imag = real + _u(n_lines * n_pixels)
+            fetch_to_write(image, real, some)
+            fetch_to_write(image, imag, some)
+            fetch(beams, source + _u(TAPS) * apart, _u(2 * n_mixed))  # for the next line
+            shift = np.float32(first + start - place) - np.float32(v - cell)
+            mix_beams(beams, source, apart, index, part, (shift, u1, u2, bend, bend1), work, w,
+                      mixed)
+            mix_cells(index, _u(segment), (v1, v2, v3), work, w + _u(3 * STORED),
+                      mixed + _u(place - start), sums, part)
             for i in range(some):
                 f = index[i]
                 c = _fraction(c0 + f * (c1 + f * (c2 + f * c3)))
                 sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
-                re, im = mixed[mix + i], mixed[mix + _u(segment) + i]
+                re, im = work[sums + i], work[sums + part + i]
                 image[real + i] = re * cosine - im * sine
                 image[imag + i] = re * sine + im * cosine
 
@@ -150,52 +145,3 @@ def _expand_weights(weights, t, work, to):
                                                                + t * (np.float32(5) * w5))))
         work[i + _u(2 * STORED)] = w2 + t * (
             np.float32(3) * w3 + t * (np.float32(6) * w4 + t * (np.float32(10) * w5)))
-
-
-@njit(inline='always')
-def _mix_beams(beams, source, apart, work, w, out, to, n):
-    """Add half of the beams with the weights of each order, which then stay in registers."""
-    a0, a1, a2, a3, a4, a5, a6 = _weights(work, w)
-    b0, b1, b2, b3, b4, b5, b6 = _weights(work, w + _u(STORED))
-    c0, c1, c2, c3, c4, c5, c6 = _weights(work, w + _u(2 * STORED))
-    s1 = source + apart
-    s2 = s1 + apart
-    s3 = s2 + apart
-    s4 = s3 + apart
-    s5 = s4 + apart
-    s6 = s5 + apart
-    for i in range(n):
-        x0, x1, x2, x3 = beams[source + i], beams[s1 + i], beams[s2 + i], beams[s3 + i]
-        x4, x5, x6 = beams[s4 + i], beams[s5 + i], beams[s6 + i]
-        out[to + i] += (a0 * x0 + a1 * x1 + a2 * x2 + a3 * x3 + a4 * x4 + a5 * x5 + a6 * x6)
-        out[to + n + i] += (b0 * x0 + b1 * x1 + b2 * x2 + b3 * x3 + b4 * x4 + b5 * x5 + b6 * x6)
-        out[to + n + n + i] += (c0 * x0 + c1 * x1 + c2 * x2 + c3 * x3 + c4 * x4 + c5 * x5
-                                + c6 * x6)
-
-
-@njit(inline='always')
-def _mix_cells(real, imag, source, work, w, index, v1, v2, v3, out, to, n):
-    """Add half of the cells around each pixel."""
-    a0, a1, a2, a3, a4, a5, a6 = _weights(work, w)
-    b0, b1, b2, b3, b4, b5, b6 = _weights(work, w + _u(STORED))
-    c0, c1, c2, c3, c4, c5, c6 = _weights(work, w + _u(2 * STORED))
-    s1, s2, s3 = source + _u(1), source + _u(2), source + _u(3)
-    s4, s5, s6 = source + _u(4), source + _u(5), source + _u(6)
-    for i in range(n):
-        f = index[i]
-        t = f * (v1 + f * (v2 + f * v3))
-        w0, w1, w2 = a0 + t * (b0 + t * c0), a1 + t * (b1 + t * c1), a2 + t * (b2 + t * c2)
-        w3, w4, w5 = a3 + t * (b3 + t * c3), a4 + t * (b4 + t * c4), a5 + t * (b5 + t * c5)
-        w6 = a6 + t * (b6 + t * c6)
-        out[to + i] += (w0 * real[source + i] + w1 * real[s1 + i] + w2 * real[s2 + i]
-                        + w3 * real[s3 + i] + w4 * real[s4 + i] + w5 * real[s5 + i]
-                        + w6 * real[s6 + i])
-        out[to + n + i] += (w0 * imag[source + i] + w1 * imag[s1 + i] + w2 * imag[s2 + i]
-                            + w3 * imag[s3 + i] + w4 * imag[s4 + i] + w5 * imag[s5 + i]
-                            + w6 * imag[s6 + i])
-
-
-@njit(inline='always')
-def _weights(work, w):
-    return (work[w], work[w + _u(1)], work[w + _u(2)], work[w + _u(3)], work[w + _u(4)],
-            work[w + _u(5)], work[w + _u(6)])

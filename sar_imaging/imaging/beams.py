@@ -117,7 +117,7 @@ class BeamLines:
         spectrum = self._source.spectrum(samples, self._lattice.n_padded, self._buffer)
         rows, middle, beside = _phasors(path, group, paired)
         per_metre = 2 / self._source.radar.wavelength_m
-        stride = _uncrowded(n_cells)
+        stride = _uncrowded(n_cells + reading.TILE)
         beams = self._buffer('beams', (n_beams, stride), np.complex64)
         n_tasks, lanes = len(self._runs), kernels.LANES
         sizes = {'base re': kernels.BINS * len(rows), 'base im': kernels.BINS * len(rows),
@@ -147,18 +147,16 @@ class BeamLines:
         cycles_per_m = 2 / source.radar.wavelength_m
         # Half the curvature and twice the weight of the second order cancel.
         bend = -1 / (2 * np.pi * cycles_per_m * spacing ** 2)
-        index = np.arange(segment + reading.STORED, dtype=np.float32) - segment // 2
+        index = np.arange(reading.mixed_cells(segment), dtype=np.float32) - segment // 2
         n_tasks = _TASKS_PER_THREAD * numba.get_num_threads()
-        sizes = {'weights': 6 * reading.STORED, 'mixed': 6 * len(index),
-                 'mixed re': len(index), 'mixed im': len(index)}
-        work = [self._buffer(name, (n_tasks * size,), np.float32) for name, size in sizes.items()]
+        work = self._buffer('read', (n_tasks * (6 * reading.STORED + 4 * len(index)),), np.float32)
         reading.read_beams(
-            beams.reshape(-1).view(np.float32), (*beams.shape, *parts.shape[1:]), self._lines,
-            geometry.centre_m, np.array(polar.track),
+            beams.reshape(-1).view(np.float32), (*beams.shape, *parts.shape[1:], segment),
+            self._lines, geometry.centre_m, np.array(polar.track),
             np.array([self._range_start_m, self._lattice.cell_m, polar.range_spacing_m]),
             np.array([start, spacing]), cycles_per_m, -cycles_per_m * source.phase_range_m,
             np.array([1 / geometry.range_m, bend]), _table(sampling.between),
-            _table(sampling.along), sampling.along.first, index, parts.reshape(-1), *work)
+            _table(sampling.along), sampling.along.first, index, parts.reshape(-1), work)
 
 
 def _runs(n_bins: int, n_cells: int, zero: int):

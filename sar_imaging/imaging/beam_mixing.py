@@ -1,0 +1,152 @@
+"""Sums of `beam_reading`, written in the language of Numba's compiler (LLVM) like `butterflies`.
+
+Left to its vectoriser, LLVM keeps too few sums in registers. Arrays are flat float32, places in
+them uint64. Numba's cache only notices changes of the file of a function that it compiled: empty
+it after a change of this one.
+"""
+
+from __future__ import annotations
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+
+LANES = 16  # float32 of a vector
+TAPS = 14  # of the interpolation between beams and along range
+STORED = 16  # taps of a table of weights
+TILE = 2 * LANES  # cells or pixels whose sums stay in registers
+
+_INT, _FLOAT = ir.IntType(64), ir.FloatType()
+_VECTOR = ir.VectorType(_FLOAT, LANES)
+_VECTORS = range(0, TILE, LANES)
+_u = types.uint64
+
+
+@intrinsic
+def mix_beams(typing_context, beams, source, apart, index, size, course, work, weights, target):
+    """Sum of the beams that begin at `source` and so much apart, for some cells in whole tiles.
+
+    Weights of the three orders lie in `work`, which `target` is in, too: real, then imaginary
+    parts. `course` holds the place of the first cell beyond its index, by which polynomials of
+    degree 2 and 1, without and with a constant, give the drift and by how much of the second
+    order the sum is turned.
+    """
+    def generate(context, b, signature, args):
+        beams, source, apart, index, size, course, work, weights, target = _pointers(
+            context, b, signature, args)
+        shift, u1, u2, bend, bend1 = (_spread(b, b.extract_value(course, i)) for i in range(5))
+        with cgutils.for_range_slice(b, _INT(0), size, _INT(TILE), inc=True) as (cell, _):
+            place = b.add(source, b.mul(cell, _INT(2)))
+            sums = [[None] * 3 for _ in range(2 * len(_VECTORS))]
+            for tap in range(TAPS):
+                w = _weights(b, work, weights, tap)
+                for i, orders in enumerate(sums):
+                    x = _load(b, beams, place, i * LANES)
+                    orders[:] = [_plus(b, v, x, w[order]) for order, v in enumerate(orders)]
+                place = b.add(place, apart)
+            for i, at in enumerate(_VECTORS):
+                (re0, im0), (re1, im1), (re2, im2) = (
+                    [b.shuffle_vector(x, y, _order(range(part, 2 * LANES, 2))) for part in (0, 1)]
+                    for x, y in zip(sums[2 * i], sums[2 * i + 1], strict=True))
+                f = b.fadd(_load(b, index, cell, at), shift)
+                t, c = b.fmul(f, _plus(b, u1, f, u2)), b.fneg(_plus(b, bend, f, bend1))
+                re = _plus(b, _plus(b, re0, t, _plus(b, re1, t, re2)), c, im2)
+                im = _plus(b, _plus(b, im0, t, _plus(b, im1, t, im2)), b.fneg(c), re2)
+                _store(b, work, target, b.add(cell, _INT(at)), size, (re, im))
+        return context.get_dummy_value()
+
+    return types.void(beams, _u, _u, index, _u, course, work, _u, _u), generate
+
+
+@intrinsic
+def mix_cells(typing_context, index, size, course, work, weights, source, target, apart):
+    """Sum of the cells from each of some pixels on, in whole tiles.
+
+    Source and target are in `work`: imaginary parts so much apart from the real ones. `course`
+    holds the coefficients, from that of degree 1, of the drift as a polynomial of the index.
+    """
+    def generate(context, b, signature, args):
+        index, size, course, work, weights, source, target, apart = _pointers(
+            context, b, signature, args)
+        v1, v2, v3 = (_spread(b, b.extract_value(course, i)) for i in range(3))
+        with cgutils.for_range_slice(b, _INT(0), size, _INT(TILE), inc=True) as (pixel, _):
+            numbers = [_load(b, index, pixel, at) for at in _VECTORS]
+            drifts = [b.fmul(f, _plus(b, v1, f, _plus(b, v2, f, v3))) for f in numbers]
+            sums = [(None, None)] * len(drifts)
+            real = b.add(source, pixel)
+            imag = b.add(real, apart)
+            for tap in range(TAPS):
+                w0, w1, w2 = _weights(b, work, weights, tap)
+                for i, (at, t) in enumerate(zip(_VECTORS, drifts, strict=True)):
+                    w = _plus(b, w0, t, _plus(b, w1, t, w2))
+                    sums[i] = [_plus(b, v, _load(b, work, part, at + tap), w)
+                               for v, part in zip(sums[i], (real, imag), strict=True)]
+            for at, parts in zip(_VECTORS, sums, strict=True):
+                _store(b, work, target, b.add(pixel, _INT(at)), apart, parts)
+        return context.get_dummy_value()
+
+    return types.void(index, _u, course, work, _u, _u, _u, _u), generate
+
+
+@intrinsic
+def fetch(typing_context, data, place, size):
+    """Bring some numbers into the cache, to be read."""
+    return _fetch(data, 0)
+
+
+@intrinsic
+def fetch_to_write(typing_context, data, place, size):
+    """Bring some numbers into the cache, to be written to."""
+    return _fetch(data, 1)
+
+
+def _fetch(data, write):
+    def generate(context, b, signature, args):
+        data, place, size = _pointers(context, b, signature, args)
+        kind, flag = ir.IntType(8).as_pointer(), ir.IntType(32)
+        prefetch = b.module.declare_intrinsic('llvm.prefetch', [kind], ir.FunctionType(
+            ir.VoidType(), [kind, flag, flag, flag]))
+        with cgutils.for_range_slice(b, _INT(0), size, _INT(LANES), inc=True) as (i, _):
+            address = b.bitcast(b.gep(data, [b.add(place, i)]), kind)
+            b.call(prefetch, [address, flag(write), flag(3), flag(1)])
+        return context.get_dummy_value()
+
+    return types.void(data, _u, _u), generate
+
+
+def _pointers(context, b, signature, args):
+    """The arguments, arrays as pointers to their first element."""
+    return [context.make_array(kind)(context, b, value).data if isinstance(kind, types.Array)
+            else value for kind, value in zip(signature.args, args, strict=True)]
+
+
+def _load(b, data, place, more):
+    place = b.gep(data, [b.add(place, _INT(more))])
+    return b.load(b.bitcast(place, _VECTOR.as_pointer()), align=4)
+
+
+def _store(b, data, target, number, apart, parts):
+    place = b.add(target, number)
+    for part in parts:
+        b.store(part, b.bitcast(b.gep(data, [place]), _VECTOR.as_pointer()), align=4)
+        place = b.add(place, apart)
+
+
+def _weights(b, data, weights, tap):
+    return [_spread(b, b.load(b.gep(data, [b.add(weights, _INT(order * STORED + tap))]), align=4))
+            for order in range(3)]
+
+
+def _spread(b, value):
+    one = b.insert_element(_VECTOR(ir.Undefined), value, ir.IntType(32)(0))
+    return b.shuffle_vector(one, one, _order([0] * LANES))
+
+
+def _order(lanes):
+    lanes = list(lanes)
+    return ir.VectorType(ir.IntType(32), len(lanes))(lanes)
+
+
+def _plus(b, total, x, y):
+    product = b.fmul(x, y)
+    return product if total is None else b.fadd(total, product)
