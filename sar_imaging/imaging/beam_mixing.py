@@ -90,17 +90,7 @@ def mix_cells(typing_context, index, size, course, work, weights, source, target
 
 @intrinsic
 def fetch(typing_context, data, place, size):
-    """Bring some numbers into the cache, to be read."""
-    return _fetch(data, 0)
-
-
-@intrinsic
-def fetch_to_write(typing_context, data, place, size):
-    """Bring some numbers into the cache, to be written to."""
-    return _fetch(data, 1)
-
-
-def _fetch(data, write):
+    """Bring some numbers into the cache."""
     def generate(context, b, signature, args):
         data, place, size = _pointers(context, b, signature, args)
         kind, flag = ir.IntType(8).as_pointer(), ir.IntType(32)
@@ -108,7 +98,7 @@ def _fetch(data, write):
             ir.VoidType(), [kind, flag, flag, flag]))
         with cgutils.for_range_slice(b, _INT(0), size, _INT(LANES), inc=True) as (i, _):
             address = b.bitcast(b.gep(data, [b.add(place, i)]), kind)
-            b.call(prefetch, [address, flag(write), flag(3), flag(1)])
+            b.call(prefetch, [address, flag(0), flag(3), flag(1)])
         return context.get_dummy_value()
 
     return types.void(data, _u, _u), generate

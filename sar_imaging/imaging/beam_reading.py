@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..compilation import REPEATABLE, njit, numba
-from .beam_mixing import STORED, TAPS, TILE, fetch, fetch_to_write, mix_beams, mix_cells
+from .beam_mixing import STORED, TAPS, TILE, fetch, mix_beams, mix_cells
 from .kernels import _cos_cycles, _fraction, _sin_cycles
 
 DEGREE = 5  # of the interpolation between beams and along range
@@ -113,17 +113,15 @@ def read_beams(beams, shape, lines, centre, track, range_m, direction, cycles_pe
             start = place // ALIGNED * ALIGNED
             row = np.int64(min(max(beam + first, 0.0), n_beams - TAPS - 0.0))
             source = _u(2 * (row * n_cells + start))
-            some = _u(min(segment, n_pixels - number * segment))
-            real = _u(line * n_pixels + number * segment)
-            imag = real + _u(n_lines * n_pixels)
-            fetch_to_write(image, real, some)
-            fetch_to_write(image, imag, some)
             fetch(beams, source + _u(TAPS) * apart, _u(2 * n_mixed))  # for the next line
             shift = np.float32(first + start - place) - np.float32(v - cell)
             mix_beams(beams, source, apart, index, part, (shift, u1, u2, bend, bend1), work, w,
                       mixed)
             mix_cells(index, _u(segment), (v1, v2, v3), work, w + _u(3 * STORED),
                       mixed + _u(place - start), sums, part)
+            some = _u(min(segment, n_pixels - number * segment))
+            real = _u(line * n_pixels + number * segment)
+            imag = real + _u(n_lines * n_pixels)
             for i in range(some):
                 f = index[i]
                 c = _fraction(c0 + f * (c1 + f * (c2 + f * c3)))
