@@ -31,8 +31,8 @@ _CLEAR = 0.9  # of the largest direction cosine on the plane
 _DIRECTION_STEP = 1e-4  # of the direction cosine, for a derivative
 # Time of a row, bin and beam, of a cell's transform and of a pixel, in pixels and rows of
 # `kernels.project_lines`; what is added to the first by rows of beams, to the last by segments
-_COST_TRIPLE, _COST_CELL, _COST_PIXEL = 0.085, 3.0, 7.5  # (measured)
-_COST_GROUP, _COST_SEGMENT = 4.0, 60.0
+_COST_TRIPLE, _COST_CELL, _COST_PIXEL = 0.085, 3.0, 3.7  # (measured)
+_COST_GROUP, _COST_SEGMENT = 4.0, 230.0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Compiled loop that interpolates the lines of a polar image from the beams of a sub-aperture.
 
 Like `kernels.project_lines` it takes flat arrays and unsigned indices, without views, for the
-compiler's sake.
+compiler's sake. The sums over beams and over cells are those of `beam_mixing`.
 """
 
 from __future__ import annotations
