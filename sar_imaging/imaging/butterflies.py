@@ -53,16 +53,7 @@ def transpose(typing_context, source, source_step, target, target_step):
             return b.inttoptr(b.add(place, b.mul(step, _INT(i))), _SAMPLES.as_pointer())
 
         rows = [b.load(row(source, source_step, i), align=4) for i in range(BLOCK)]
-        step = 1
-        while step < BLOCK:  # exchange blocks of 1, 2, 4 beside the diagonal
-            for i in (i for i in range(BLOCK) if not i & step):
-                pair = rows[i], rows[i + step]
-                rows[i] = b.shuffle_vector(*pair, _order(
-                    BLOCK + j - step if j & step else j for j in range(BLOCK)))
-                rows[i + step] = b.shuffle_vector(*pair, _order(
-                    BLOCK + j if j & step else j + step for j in range(BLOCK)))
-            step *= 2
-        for i, samples in enumerate(rows):
+        for i, samples in enumerate(transposed(b, rows)):
             b.store(samples, row(target, target_step, i), align=4)
         return context.get_dummy_value()
 
@@ -104,6 +95,21 @@ def call(typing_context, function, arguments):
         return b.call(b.inttoptr(args[0], kind.as_pointer()), values)
 
     return types.int64(types.int64, arguments), generate
+
+
+def transposed(b, rows):
+    """Vectors in which the elements of as many vectors lie transposed."""
+    rows, n = list(rows), len(rows)
+    step = 1
+    while step < n:  # exchange blocks of 1, 2, 4 and so on beside the diagonal
+        for i in (i for i in range(n) if not i & step):
+            pair = rows[i], rows[i + step]
+            rows[i] = b.shuffle_vector(*pair, _order(
+                n + j - step if j & step else j for j in range(n)))
+            rows[i + step] = b.shuffle_vector(*pair, _order(
+                n + j if j & step else j + step for j in range(n)))
+        step *= 2
+    return rows
 
 
 def _for_each_radix(write):

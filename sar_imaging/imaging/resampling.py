@@ -1,30 +1,44 @@
 """Polar image to map, in two passes of one-dimensional interpolation.
 
-A strip of map rows at a time: first along direction, to where each polar range meets a row, then
-along range, to the pixels of the row. Both passes work on the image at range baseband and use the
-least-squares interpolators of `interpolation`, so that the error is known; the carrier
-``exp(j k_c r)`` is put back in float64 at the end. Neither pass gathers: `LANES` neighbours that
-read the same samples are computed together, and where they do not all read the same ones, each
-start of samples that occurs among them takes its turn.
+A part of a strip of map rows at a time: first along direction, to where each polar range meets a
+row, then along range, to the pixels of the row. Both passes work on the image at range baseband
+and use the least-squares interpolators of `interpolation`, so that the error is known; the
+carrier ``exp(j k_c r)`` is put back from float64 at the end. What is between them stays in cache.
+Positions are found for many vectors before the first of them is interpolated, which keeps a
+processor from waiting for one result after the other.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from ..compilation import njit, numba
+from ..compilation import REPEATABLE, njit, numba
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
+from .butterflies import BLOCK, GROUP_BYTES, LANES, SAMPLE_BYTES, VECTOR_BYTES, transpose
 from .interpolation import Interpolator
-from .kernels import _cos_cycles, _fraction, _sin_cycles
+from .resampling_vectors import (
+    DEGREE,
+    HALF,
+    POSITION_BYTES,
+    TAPS,
+    add_samples,
+    interpolate,
+    interpolate_carrier,
+    locate_directions,
+    locate_ranges,
+    transpose_floats,
+)
 from .work_space import aligned_empty
 
-TAPS, DEGREE = 14, 5
-HALF = TAPS // 2
-LANES = 16  # pixels computed together: one vector of float32
-PIXELS = 8  # of a row that are written together
+__all__ = ['DEGREE', 'LANES', 'TAPS', 'add_polar_to_map']
+
 _TASKS_PER_THREAD = 4
-_CHUNKS = 16  # of LANES ranges: what they take for all rows of a strip stays in cache
+FLOAT_BYTES, DOUBLE_BYTES = 4, 8
+_WORK_BYTES = LANES * (POSITION_BYTES + 2 * GROUP_BYTES)
+_PIXELS = 256  # of a row between two passes: what is between them stays in cache
 
 
 def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis: int,
@@ -57,150 +71,130 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
     sign = 1.0 if line.mean() > 0 else -1.0
     track = np.array(polar.track)[[axis, 1 - axis]]
     steps = np.array((grid.n_x, 1) if axis == 0 else (1, grid.n_x))
-    offset = _offsets(rows, line[len(line) // 2], polar)
-    length = polar.n_range + TAPS + int(offset.max())
-    n_tasks = min(len(offset) // LANES, _TASKS_PER_THREAD * numba.get_num_threads())
-    strip = aligned_empty((2, n_tasks * length * LANES), np.float32)
-    strip[:] = 0.0
-    lanes = aligned_empty((5, n_tasks * LANES), np.float32)
-    _resample(_flat(real), _flat(imag), real.shape, real.strides[0] // real.itemsize, rows, line,
-              sign, track, polar.height_m, polar.range_start_m, polar.range_spacing_m,
-              polar.alpha_start, polar.alpha_spacing, 2 / wavelength_m,
-              interpolator.centred[:, :HALF].reshape(-1), interpolator.first, steps, offset,
-              image.reshape(-1).view(np.float32), length, np.empty(n_tasks), *strip, *lanes,
-              aligned_empty((2 * n_tasks * LANES * PIXELS,), np.float32))
+    step, pixel = polar.range_spacing_m, np.ptp(line) / max(len(line) - 1, 1)
+    # ranges of _PIXELS pixels, and one more for each of those that lines are set off by
+    length = LANES * (2 + math.ceil((_PIXELS * pixel / step + TAPS) / LANES))
+    r = polar.range_start_m + step * np.arange(-LANES, polar.n_range + 2 * LANES)
+    r = np.maximum(r, 0.5 * polar.range_start_m)
+    squares, inverses = r ** 2, 1 / r
+    n_tasks = min(-(-len(rows) // LANES), _TASKS_PER_THREAD * numba.get_num_threads())
+    tables = aligned_empty((n_tasks, 3, LANES), np.float64)
+    work = aligned_empty((n_tasks, _WORK_BYTES + 2 * length * VECTOR_BYTES), np.uint8)
+    weights = np.ascontiguousarray(interpolator.centred[:, :HALF])
+    _resample(real.ctypes.data, imag.ctypes.data, real.strides[0], polar.n_range,
+              polar.n_alpha - TAPS - 2.0, squares.ctypes.data, inverses.ctypes.data,
+              rows, line,
+              (sign * track[0] / polar.alpha_spacing, track[1] / polar.alpha_spacing,
+               polar.alpha_start / polar.alpha_spacing - interpolator.first),
+              (polar.range_start_m, 1 / step, 2 / wavelength_m), polar.height_m ** 2,
+              weights.ctypes.data, interpolator.first, image.ctypes.data, steps * SAMPLE_BYTES,
+              tables, work.ctypes.data, work.strides[0], length * VECTOR_BYTES)
 
 
-def _flat(lines: np.ndarray) -> np.ndarray:
-    """Lines and what lies between them."""
-    width = lines.strides[0] // lines.itemsize
-    n = (len(lines) - 1) * width + lines.shape[1]
-    return np.lib.stride_tricks.as_strided(lines, (n,), (lines.itemsize,))
+@njit(parallel=True, fastmath=REPEATABLE)
+def _resample(real, imag, apart, n_range, last, squares, inverses, rows, line, direction, ranges,
+              height2, weights, first, image, steps, tables, work, work_bytes, strip_bytes):
+    """Strip by strip; addresses instead of arrays where vectors are read or written."""
+    n_tasks, n_pixels = len(tables), len(line)
+    n_strips = (len(rows) + LANES - 1) // LANES
+    for task in numba.prange(n_tasks):
+        panel = work + task * work_bytes
+        strip = panel + _WORK_BYTES
+        for number in range(task * n_strips // n_tasks, (task + 1) * n_strips // n_tasks):
+            for j in range(LANES):
+                beside = rows[min(number * LANES + j, len(rows) - 1)]
+                tables[task, 0, j] = beside
+                tables[task, 1, j] = beside * beside + height2
+            for pixel in range(0, n_pixels, _PIXELS):
+                n_some = min(_PIXELS, n_pixels - pixel)
+                n_chunks = _set_off(tables[task], line[pixel] ** 2,
+                                    line[pixel + n_some // 2] ** 2,
+                                    line[pixel + n_some - 1] ** 2, ranges, first)
+                _to_ranges(real, imag, apart, n_range, last, squares, inverses, direction,
+                           weights, tables[task], first, n_chunks, panel, strip, strip_bytes)
+                _to_pixels(line, pixel, n_some, ranges, weights, tables[task],
+                           LANES * n_chunks - TAPS - 1.0, panel, strip, strip_bytes,
+                           image + number * LANES * steps[0], steps,
+                           min(LANES, len(rows) - number * LANES))
 
 
-def _offsets(rows, middle: float, polar: PolarGrid) -> np.ndarray:
-    """(n_strips * LANES,) int64 ranges by which each row of a strip is set off.
+@njit(fastmath=REPEATABLE)
+def _set_off(table, from2, middle2, to2, ranges, first):
+    """Ranges by which each row of a strip is set off, as shifts of its positions in the strip.
 
-    With them the pixels of a column of a strip read nearly the same place.
+    With them the pixels of a column read nearly the same place. Returns how many times LANES
+    places of the strip are read.
     """
-    n = -(-len(rows) // LANES) * LANES
-    padded = rows[np.minimum(np.arange(n), len(rows) - 1)]
-    r = np.sqrt(middle ** 2 + padded ** 2 + polar.height_m ** 2)
-    number = np.floor(r / polar.range_spacing_m).astype(np.int64).reshape(-1, LANES)
-    return (number.max(axis=1, keepdims=True) - number).reshape(-1)
+    start, inverse, _ = ranges
+    most = -np.inf
+    for j in range(LANES):
+        table[2, j] = np.floor(np.sqrt(middle2 + table[1, j]) * inverse)
+        most = max(most, table[2, j])
+    low, high = np.inf, -np.inf
+    for j in range(LANES):
+        table[2, j] = most - table[2, j]
+        for ahead2 in (from2, to2):
+            v = (np.sqrt(ahead2 + table[1, j]) - start) * inverse + table[2, j]
+            low, high = min(low, v), max(high, v)
+    low = np.floor(low) + first
+    for j in range(LANES):
+        table[2, j] += first - low
+    return np.int64(high + first - low + TAPS + 2 + LANES - 1) // LANES
+
+
+@njit(fastmath=REPEATABLE)
+def _to_ranges(real, imag, apart, n_range, last, squares, inverses, direction, weights, table,
+               first, n_chunks, positions, strip, strip_bytes):
+    """Lines of the polar image to where its ranges meet the rows of a strip."""
+    ahead, along, zero = direction
+    panel = positions + LANES * POSITION_BYTES
+    for chunk in range(n_chunks):
+        for j in range(LANES):
+            place = (LANES + _first_range(chunk, first, table[2, j], n_range)) * DOUBLE_BYTES
+            locate_directions(squares + place, inverses + place, table[1, j], ahead,
+                              along * table[0, j], zero, last, positions + j * POSITION_BYTES)
+        for j in range(LANES):
+            shift = _first_range(chunk, first, table[2, j], n_range) * FLOAT_BYTES
+            to = panel + j * VECTOR_BYTES
+            interpolate(real + shift, imag + shift, apart, weights,
+                        positions + j * POSITION_BYTES, to, to + LANES * VECTOR_BYTES)
+        for part in range(2):
+            transpose_floats(panel + part * LANES * VECTOR_BYTES,
+                             strip + part * strip_bytes + chunk * LANES * VECTOR_BYTES)
 
 
 @njit(inline='always')
-def _weights(weights, k, t):
-    """Weights of tap k and of its mirror image, t samples from the middle between them."""
-    t2 = t * t
-    even = weights[k] + t2 * (weights[2 * HALF + k] + t2 * weights[4 * HALF + k])
-    odd = weights[HALF + k] + t2 * (weights[3 * HALF + k] + t2 * weights[5 * HALF + k])
-    return even + t * odd, even - t * odd
+def _first_range(chunk, first, shift, n_range):
+    """Range at a place of a strip; none that is needed where it is far outside the lines."""
+    return min(max(chunk * LANES + first - np.int64(shift), -LANES), n_range)
 
 
-@njit(parallel=True)
-def _resample(real, imag, shape, apart, rows, line, sign, track, height, range_start, range_step,
-              alpha_start, alpha_step, cycles_per_m, weights, first, steps, offset, image, length,
-              tasks, strip_re, strip_im, fraction, start, lane_re, lane_im, cycles, few):
-    """Both passes, strip by strip; like `kernels.project_lines` free of views for the compiler."""
-    n_alpha, n_range = shape
-    n_rows, n_pixels, n_tasks = len(rows), len(line), len(tasks)
-    n_chunks = (n_range + LANES - 1) // LANES
-    n_strips, width = len(offset) // LANES, np.uint64(apart)
-    inverse_alpha, inverse_range = 1.0 / alpha_step, 1.0 / range_step
-    for task in numba.prange(n_tasks):
-        lane = np.uint64(task * LANES)
-        base = np.uint64(task * length * LANES)
-        for number in range(task * n_strips // n_tasks, (task + 1) * n_strips // n_tasks):
-            for part in range(((n_chunks + _CHUNKS - 1) // _CHUNKS) * LANES):
-                j, first_chunk = part % LANES, part // LANES * _CHUNKS
-                row = number * LANES + j
-                beside = rows[min(row, n_rows - 1)]
-                beside2 = beside * beside + height * height
-                for chunk in range(first_chunk, min(first_chunk + _CHUNKS, n_chunks)):
-                    i0 = min(chunk * LANES, n_range - LANES)
-                    low, high = n_alpha, -1
-                    for i in range(LANES):
-                        r = range_start + (i0 + i) * range_step
-                        ahead = sign * np.sqrt(max(r * r - beside2, 0.0))
-                        v = ((ahead * track[0] + beside * track[1]) / r
-                             - alpha_start) * inverse_alpha
-                        floor = np.floor(v)
-                        fraction[lane + np.uint64(i)] = v - floor - 0.5
-                        n = np.int64(min(max(floor + first, 0.0), n_alpha - TAPS - 0.0))
-                        start[lane + np.uint64(i)] = n
-                        low, high = min(low, n), max(high, n)
-                    for i in range(LANES):
-                        lane_re[lane + np.uint64(i)] = 0.0
-                        lane_im[lane + np.uint64(i)] = 0.0
-                    for n in range(low, high + 1):
-                        turn = np.float32(n)
-                        source = np.uint64(n * apart + i0)
-                        for i in range(LANES):
-                            to = lane + np.uint64(i)
-                            re, im, t = np.float32(0.0), np.float32(0.0), fraction[to]
-                            for k in range(HALF):
-                                w, w2 = _weights(weights, k, t)
-                                place = source + np.uint64(k) * width + np.uint64(i)
-                                mirrored = place + np.uint64(TAPS - 1 - 2 * k) * width
-                                re += w * real[place] + w2 * real[mirrored]
-                                im += w * imag[place] + w2 * imag[mirrored]
-                            mask = max(np.float32(1.0) - abs(start[to] - turn), np.float32(0.0))
-                            lane_re[to] += mask * re
-                            lane_im[to] += mask * im
-                    target = base + np.uint64((i0 + offset[row]) * LANES + j)
-                    for i in range(LANES):
-                        strip_re[target + np.uint64(i * LANES)] = lane_re[lane + np.uint64(i)]
-                        strip_im[target + np.uint64(i * LANES)] = lane_im[lane + np.uint64(i)]
-            for first_pixel in range(0, n_pixels, PIXELS):
-                n_some = min(PIXELS, n_pixels - first_pixel)
-                for p in range(n_some):
-                    ahead2 = line[first_pixel + p] * line[first_pixel + p] + height * height
-                    low, high = length, -1
-                    for j in range(LANES):
-                        row = number * LANES + j
-                        beside = rows[min(row, n_rows - 1)]
-                        r = np.sqrt(ahead2 + beside * beside)
-                        v = (r - range_start) * inverse_range
-                        floor = np.floor(v)
-                        fraction[lane + np.uint64(j)] = v - floor - 0.5
-                        n = (np.int64(min(max(floor + first, 0.0), n_range - TAPS - 0.0))
-                             + offset[row])
-                        start[lane + np.uint64(j)] = n
-                        low, high = min(low, n), max(high, n)
-                        cycles[lane + np.uint64(j)] = _fraction(
-                            cycles_per_m * (r - range_start))
-                        lane_re[lane + np.uint64(j)] = 0.0
-                        lane_im[lane + np.uint64(j)] = 0.0
-                    for n in range(low, high + 1):
-                        turn = np.float32(n)
-                        source = base + np.uint64(n * LANES)
-                        for j in range(LANES):
-                            to = lane + np.uint64(j)
-                            re, im, t = np.float32(0.0), np.float32(0.0), fraction[to]
-                            for k in range(HALF):
-                                w, w2 = _weights(weights, k, t)
-                                place = source + np.uint64(k * LANES + j)
-                                mirrored = place + np.uint64((TAPS - 1 - 2 * k) * LANES)
-                                re += w * strip_re[place] + w2 * strip_re[mirrored]
-                                im += w * strip_im[place] + w2 * strip_im[mirrored]
-                            mask = max(np.float32(1.0) - abs(start[to] - turn), np.float32(0.0))
-                            lane_re[to] += mask * re
-                            lane_im[to] += mask * im
-                    for j in range(LANES):
-                        to = lane + np.uint64(j)
-                        c = cycles[to]
-                        sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
-                        re, im = lane_re[to], lane_im[to]
-                        place = np.uint64(2 * ((task * LANES + j) * PIXELS + p))
-                        few[place] = re * cosine - im * sine
-                        few[place + np.uint64(1)] = re * sine + im * cosine
-                # whole cache lines at a time: rows often lie a power of two apart
-                for j in range(min(LANES, n_rows - number * LANES)):
-                    source = np.uint64(2 * (task * LANES + j) * PIXELS)
-                    place = 2 * ((number * LANES + j) * steps[0] + first_pixel * steps[1])
-                    for p in range(n_some):
-                        to = np.uint64(place + 2 * p * steps[1])
-                        image[to] += few[source + np.uint64(2 * p)]
-                        image[to + np.uint64(1)] += few[source + np.uint64(2 * p + 1)]
+@njit(fastmath=REPEATABLE)
+def _to_pixels(line, pixel, n_pixels, ranges, weights, table, last, positions, strip, strip_bytes,
+               image, steps, n_rows):
+    """Ranges of a strip to pixels of its rows."""
+    start, inverse, cycles_per_m = ranges
+    places = table.ctypes.data
+    group = positions + LANES * POSITION_BYTES
+    rows = group + LANES * GROUP_BYTES
+    for begin in range(0, n_pixels, LANES):
+        n_some = min(LANES, n_pixels - begin)
+        for p in range(n_some):
+            ahead = line[pixel + begin + p]
+            locate_ranges(ahead * ahead, places + LANES * DOUBLE_BYTES,
+                          places + 2 * LANES * DOUBLE_BYTES, start, inverse, cycles_per_m, last,
+                          positions + p * POSITION_BYTES)
+        for p in range(n_some):
+            interpolate_carrier(strip, strip + strip_bytes, VECTOR_BYTES, weights,
+                                positions + p * POSITION_BYTES, group + p * GROUP_BYTES)
+        to = image + (pixel + begin) * steps[1]
+        if steps[0] == SAMPLE_BYTES:  # neighbours of a column lie side by side in the map
+            for p in range(n_some):
+                add_samples(group + p * GROUP_BYTES, to + p * steps[1], n_rows)
+            continue
+        for part in range(0, LANES * LANES, LANES * BLOCK):
+            for side in range(0, LANES, BLOCK):
+                transpose(group + (part + side) * SAMPLE_BYTES, GROUP_BYTES,
+                          rows + (side * LANES + part // LANES) * SAMPLE_BYTES, GROUP_BYTES)
+        for j in range(n_rows):
+            add_samples(rows + j * GROUP_BYTES, to + j * steps[0], n_some)

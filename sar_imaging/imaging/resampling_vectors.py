@@ -1,0 +1,266 @@
+"""Vector code of `resampling`, written in the language of Numba's compiler (LLVM).
+
+`LANES` neighbours are interpolated together from samples that begin at different places, without
+gathers: two places in a row take their turn at once, each lane selecting its own samples. All
+functions take addresses as int64. Numba's cache only notices changes of the file of a function
+that it compiled: empty it after a change of this one.
+"""
+
+from __future__ import annotations
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+
+from . import kernels
+from .butterflies import LANES, VECTOR_BYTES, transposed
+
+TAPS, DEGREE = 14, 5
+HALF = TAPS // 2
+POSITION_BYTES = 5 * VECTOR_BYTES
+# of a position: the first of the starts, and of each lane what it is from the middle between two
+# samples, its start relative to the first, and the phasor of its carrier
+_FIRST, _T, _START, _COSINE, _SINE = range(0, POSITION_BYTES, VECTOR_BYTES)
+
+_INT, _DOUBLE = ir.IntType(64), ir.DoubleType()
+_FLOATS, _DOUBLES = ir.VectorType(ir.FloatType(), LANES), ir.VectorType(_DOUBLE, LANES)
+_SAMPLES = ir.VectorType(ir.FloatType(), 2 * LANES)
+_SINES = [getattr(kernels, f'_S{i}') for i in (9, 7, 5, 3, 1)]
+_COSINES = [getattr(kernels, f'_C{i}') for i in (10, 8, 6, 4, 2, 0)]
+
+
+class _Vector:
+    """Vector whose operators write instructions."""
+
+    def __init__(self, b, value):
+        self.b, self.value = b, value
+
+    def _of(self, other):
+        if isinstance(other, _Vector):
+            return other.value
+        return self.value.type([float(other)] * LANES)
+
+    def __add__(self, other):
+        return _Vector(self.b, self.b.fadd(self.value, self._of(other)))
+
+    def __sub__(self, other):
+        return _Vector(self.b, self.b.fsub(self.value, self._of(other)))
+
+    def __mul__(self, other):
+        return _Vector(self.b, self.b.fmul(self.value, self._of(other)))
+
+    def where(self, order, other, a, b):
+        """``a`` where the order holds, else ``b``."""
+        chosen = self.b.fcmp_ordered(order, self.value, self._of(other))
+        return _Vector(self.b, self.b.select(chosen, self._of(a), self._of(b)))
+
+    def call(self, name):
+        """Of an intrinsic function."""
+        kind = self.value.type
+        suffix = f'v{LANES}{"f64" if kind == _DOUBLES else "f32"}'
+        function = self.b.module.declare_intrinsic(f'llvm.{name}.{suffix}', (),
+                                                   ir.FunctionType(kind, [kind]))
+        return _Vector(self.b, self.b.call(function, [self.value]))
+
+    def rounded(self):
+        """As float32."""
+        return _Vector(self.b, self.b.fptrunc(self.value, _FLOATS))
+
+
+@intrinsic
+def locate_directions(typing_context, squares, inverses, beside2, scale, along, zero, last, to):
+    """Where LANES ranges meet a row: ``(scale sqrt(r^2 - beside2) + along) / r - zero``.
+
+    Positions are stored at `to` for `interpolate`; ``r^2`` and ``1 / r`` are float64 at
+    addresses, and starts lie between 1 and `last`.
+    """
+    def generate(context, b, signature, args):
+        squares, inverses, beside2, scale, along, zero, last, to = args
+        ahead2 = _load(b, squares, _DOUBLES) - _spread(b, beside2)
+        ahead = ahead2.where('>', 0.0, ahead2, 0.0).call('sqrt')
+        v = ((ahead * _spread(b, scale) + _spread(b, along)) * _load(b, inverses, _DOUBLES)
+             - _spread(b, zero))
+        _store_positions(b, v, 1.0, _spread(b, last), to)
+        return context.get_dummy_value()
+
+    return types.void(*[types.int64] * 2, *[types.float64] * 5, types.int64), generate
+
+
+@intrinsic
+def locate_ranges(typing_context, ahead2, beside2, shifts, start, inverse, cycles_per_m, last,
+                  to):
+    """Where LANES rows have a pixel: ``(r - start) inverse + shift``, r^2 = ahead2 + beside2.
+
+    Positions and the phasors of the carrier are stored at `to` for `interpolate`; `beside2` and
+    `shifts` are float64 at addresses, and starts lie between 0 and `last`.
+    """
+    def generate(context, b, signature, args):
+        ahead2, beside2, shifts, start, inverse, cycles_per_m, last, to = args
+        r = (_load(b, beside2, _DOUBLES) + _spread(b, ahead2)).call('sqrt') - _spread(b, start)
+        v = r * _spread(b, inverse) + _load(b, shifts, _DOUBLES)
+        _store_positions(b, v, 0.0, _spread(b, last), to)
+        cycles = r * _spread(b, cycles_per_m)
+        c = (cycles - cycles.call('rint')).rounded()
+        _store(b, _polynomial(_COSINES, c * c), to, _COSINE)
+        _store(b, c * _polynomial(_SINES, c * c), to, _SINE)
+        return context.get_dummy_value()
+
+    return types.void(types.float64, *[types.int64] * 2, *[types.float64] * 4,
+                      types.int64), generate
+
+
+@intrinsic
+def interpolate(typing_context, real, imag, step, weights, positions, to_real, to_imag):
+    """Interpolate LANES samples; `step` is the bytes from a tap's samples to the next one's.
+
+    `weights` are those of half the taps, by powers of the distance from the middle.
+    """
+    def generate(context, b, signature, args):
+        real, imag, step, weights, positions, to_real, to_imag = args
+        for to, value in zip((to_real, to_imag),
+                             _interpolated(b, (real, imag), step, weights, positions),
+                             strict=True):
+            _store(b, value, to)
+        return context.get_dummy_value()
+
+    return types.void(*[types.int64] * 7), generate
+
+
+@intrinsic
+def interpolate_carrier(typing_context, real, imag, step, weights, positions, to):
+    """As `interpolate`, times the phasors; real and imaginary parts are stored in turn."""
+    def generate(context, b, signature, args):
+        real, imag, step, weights, positions, to = args
+        cosine, sine = (_load(b, positions, _FLOATS, part) for part in (_COSINE, _SINE))
+        re, im = _interpolated(b, (real, imag), step, weights, positions)
+        parts = (re * cosine - im * sine).value, (re * sine + im * cosine).value
+        together = [n // 2 + n % 2 * LANES for n in range(2 * LANES)]
+        samples = b.shuffle_vector(*parts, ir.VectorType(ir.IntType(32), 2 * LANES)(together))
+        b.store(samples, _pointer(b, to, _SAMPLES), align=4)
+        return context.get_dummy_value()
+
+    return types.void(*[types.int64] * 6), generate
+
+
+@intrinsic
+def transpose_floats(typing_context, source, target):
+    """Transpose LANES x LANES float32 that lie side by side."""
+    def generate(context, b, signature, args):
+        rows = [_load(b, args[0], _FLOATS, i * VECTOR_BYTES).value for i in range(LANES)]
+        for i, row in enumerate(transposed(b, rows)):
+            b.store(row, _pointer(b, args[1], _FLOATS, i * VECTOR_BYTES), align=4)
+        return context.get_dummy_value()
+
+    return types.void(*[types.int64] * 2), generate
+
+
+@intrinsic
+def add_samples(typing_context, source, target, number):
+    """Add `number` complex64 to others; quickest for LANES."""
+    def generate(context, b, signature, args):
+        source, target, number = args
+
+        def add(kind, shift):
+            places = [_pointer(b, b.add(place, shift), kind) for place in (source, target)]
+            b.store(b.fadd(*(b.load(place, align=4) for place in places)), places[1], align=4)
+
+        with b.if_else(b.icmp_signed('==', number, _INT(LANES))) as (whole, part):
+            with whole:
+                add(_SAMPLES, _INT(0))
+            with part, cgutils.for_range(b, b.mul(number, _INT(2))) as loop:
+                add(ir.FloatType(), b.mul(loop.index, _INT(4)))
+        return context.get_dummy_value()
+
+    return types.void(*[types.int64] * 3), generate
+
+
+def _store_positions(b, v, least, last, to):
+    """Lowest start, and relative to it the starts of all lanes and what is left."""
+    v = v.where('>', least, v, least)
+    v = v.where('<', last, v, last)
+    low = v
+    step = LANES // 2
+    while step:
+        order = ir.VectorType(ir.IntType(32), LANES)([i ^ step for i in range(LANES)])
+        other = _Vector(b, b.shuffle_vector(low.value, low.value, order))
+        low = low.where('<', other, low, other)
+        step //= 2
+    low = low.call('floor')
+    v = (v - low).rounded()
+    start = v.call('floor')
+    _store(b, v - start - 0.5, to, _T)
+    _store(b, start, to, _START)
+    b.store(b.fptosi(b.extract_element(low.value, ir.IntType(32)(0)), _INT),
+            _pointer(b, to, _INT, _FIRST))
+
+
+def _interpolated(b, sources, step, weights, positions):
+    """Two starts at a time, until no lane starts later."""
+    t, start = (_load(b, positions, _FLOATS, part) for part in (_T, _START))
+    shift = b.mul(b.load(_pointer(b, positions, _INT, _FIRST)), step)
+    before, zero = b.block, _FLOATS([0.0] * LANES)
+    loop, end = (b.append_basic_block() for _ in range(2))
+    b.branch(loop)
+    b.position_at_end(loop)
+    place, turn = b.phi(_INT), _Vector(b, b.phi(_FLOATS))
+    totals = [_Vector(b, b.phi(_FLOATS)) for _ in sources]
+    sums = _weighted_sums(b, [b.add(source, place) for source in sources], step, weights, t,
+                          b.fcmp_ordered('>', start.value, turn.value))
+    sums = [start.where('>=', turn, *pair) for pair in zip(sums, totals, strict=True)]
+    following = turn + 2.0
+    more = b.bitcast(b.fcmp_ordered('>=', start.value, following.value), ir.IntType(LANES))
+    place.add_incoming(shift, before)
+    place.add_incoming(b.add(place, b.mul(step, _INT(2))), b.block)
+    for phi, value in ((turn, following), *zip(totals, sums, strict=True)):
+        phi.value.add_incoming(zero, before)
+        phi.value.add_incoming(value.value, b.block)
+    b.cbranch(b.icmp_unsigned('!=', more, ir.IntType(LANES)(0)), loop, end)
+    b.position_at_end(end)
+    return sums
+
+
+def _weighted_sums(b, places, step, weights, t, later):
+    """Of the samples from a place on, or of those from the next on where `later`."""
+    def sample(place, k):
+        pair = (_load(b, b.add(place, b.mul(step, _INT(i))), _FLOATS).value for i in (k + 1, k))
+        return _Vector(b, b.select(later, *pair))
+
+    def weight(k, power):
+        return _spread(b, b.load(_pointer(b, weights, ir.FloatType(), 4 * (power * HALF + k))))
+
+    t2, sums = t * t, [None] * len(places)
+    for k in range(HALF):
+        even, odd = (weight(k, i) + t2 * (weight(k, i + 2) + t2 * weight(k, i + 4))
+                     for i in range(2))
+        pair = even + t * odd, even - t * odd
+        for i, place in enumerate(places):
+            for n, w in zip((k, TAPS - 1 - k), pair, strict=True):
+                term = w * sample(place, n)
+                sums[i] = term if sums[i] is None else sums[i] + term
+    return sums
+
+
+def _polynomial(coefficients, x):
+    value = x * coefficients[0] + coefficients[1]
+    for coefficient in coefficients[2:]:
+        value = value * x + coefficient
+    return value
+
+
+def _pointer(b, address, kind, shift=0):
+    return b.inttoptr(b.add(address, _INT(shift)), kind.as_pointer())
+
+
+def _load(b, address, kind, shift=0):
+    return _Vector(b, b.load(_pointer(b, address, kind, shift), align=4))
+
+
+def _store(b, vector, address, shift=0):
+    b.store(vector.value, _pointer(b, address, vector.value.type, shift), align=4)
+
+
+def _spread(b, number):
+    """The same number in all lanes."""
+    kind, first = ir.VectorType(number.type, LANES), ir.IntType(32)
+    one = b.insert_element(kind(ir.Undefined), number, first(0))
+    return _Vector(b, b.shuffle_vector(one, one, ir.VectorType(first, LANES)([0] * LANES)))
