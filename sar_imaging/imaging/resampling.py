@@ -17,14 +17,24 @@ import numpy as np
 from ..compilation import REPEATABLE, njit, numba
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
-from .butterflies import BLOCK, GROUP_BYTES, LANES, SAMPLE_BYTES, VECTOR_BYTES, transpose
+from .butterflies import (
+    BLOCK,
+    GROUP_BYTES,
+    LANES,
+    SAMPLE_BYTES,
+    VECTOR_BYTES,
+    integer_at,
+    transpose,
+)
 from .interpolation import Interpolator
 from .resampling_vectors import (
     DEGREE,
+    FIRST,
     HALF,
     POSITION_BYTES,
     TAPS,
     add_samples,
+    fetch_lines,
     interpolate,
     interpolate_carrier,
     locate_directions,
@@ -38,6 +48,7 @@ __all__ = ['DEGREE', 'LANES', 'TAPS', 'add_polar_to_map']
 _TASKS_PER_THREAD = 4
 FLOAT_BYTES, DOUBLE_BYTES = 4, 8
 _WORK_BYTES = LANES * (POSITION_BYTES + 2 * GROUP_BYTES)
+_MOST_LINES = 64  # fetched before they are needed
 _PIXELS = 256  # of a row between two passes: what is between them stays in cache
 
 
@@ -100,13 +111,14 @@ def _resample(real, imag, apart, n_range, last, squares, inverses, rows, line, d
     for task in numba.prange(n_tasks):
         panel = work + task * work_bytes
         strip = panel + _WORK_BYTES
-        for number in range(task * n_strips // n_tasks, (task + 1) * n_strips // n_tasks):
-            for j in range(LANES):
-                beside = rows[min(number * LANES + j, len(rows) - 1)]
-                tables[task, 0, j] = beside
-                tables[task, 1, j] = beside * beside + height2
-            for pixel in range(0, n_pixels, _PIXELS):
-                n_some = min(_PIXELS, n_pixels - pixel)
+        for pixel in range(0, n_pixels, _PIXELS):
+            n_some = min(_PIXELS, n_pixels - pixel)
+            # strips of the same pixels one after the other share lines of the polar image
+            for number in range(task * n_strips // n_tasks, (task + 1) * n_strips // n_tasks):
+                for j in range(LANES):
+                    beside = rows[min(number * LANES + j, len(rows) - 1)]
+                    tables[task, 0, j] = beside
+                    tables[task, 1, j] = beside * beside + height2
                 n_chunks = _set_off(tables[task], line[pixel] ** 2,
                                     line[pixel + n_some // 2] ** 2,
                                     line[pixel + n_some - 1] ** 2, ranges, first)
@@ -158,9 +170,22 @@ def _to_ranges(real, imag, apart, n_range, last, squares, inverses, direction, w
             to = panel + j * VECTOR_BYTES
             interpolate(real + shift, imag + shift, apart, weights,
                         positions + j * POSITION_BYTES, to, to + LANES * VECTOR_BYTES)
+        first_line = integer_at(positions + FIRST)
+        last_line = integer_at(positions + (LANES - 1) * POSITION_BYTES + FIRST)
+        place, number = _following_lines(first_line, last_line)
+        place = place * apart + _first_range(chunk, first, table[2, 0], n_range) * FLOAT_BYTES
+        fetch_lines(real + place, apart, number)
+        fetch_lines(imag + place, apart, number)
         for part in range(2):
             transpose_floats(panel + part * LANES * VECTOR_BYTES,
                              strip + part * strip_bytes + chunk * LANES * VECTOR_BYTES)
+
+
+@njit(inline='always')
+def _following_lines(first_row, last_row):
+    """First and number of the lines that the next strip begins to read, by two rows' firsts."""
+    number = min((abs(last_row - first_row) * LANES + LANES - 2) // (LANES - 1) + 1, _MOST_LINES)
+    return (last_row + TAPS if last_row >= first_row else last_row - number), number
 
 
 @njit(inline='always')

@@ -20,7 +20,7 @@ HALF = TAPS // 2
 POSITION_BYTES = 5 * VECTOR_BYTES
 # of a position: the first of the starts, and of each lane what it is from the middle between two
 # samples, its start relative to the first, and the phasor of its carrier
-_FIRST, _T, _START, _COSINE, _SINE = range(0, POSITION_BYTES, VECTOR_BYTES)
+FIRST, _T, _START, _COSINE, _SINE = range(0, POSITION_BYTES, VECTOR_BYTES)
 
 _INT, _DOUBLE = ir.IntType(64), ir.DoubleType()
 _FLOATS, _DOUBLES = ir.VectorType(ir.FloatType(), LANES), ir.VectorType(_DOUBLE, LANES)
@@ -155,6 +155,22 @@ def transpose_floats(typing_context, source, target):
 
 
 @intrinsic
+def fetch_lines(typing_context, place, step, number):
+    """Bring a line of the cache from each of some lines of an image into the second cache."""
+    def generate(context, b, signature, args):
+        place, step, number = args
+        kind, flag = ir.IntType(8).as_pointer(), ir.IntType(32)
+        prefetch = b.module.declare_intrinsic('llvm.prefetch', [kind], ir.FunctionType(
+            ir.VoidType(), [kind, flag, flag, flag]))
+        with cgutils.for_range(b, number) as loop:
+            line = _pointer(b, b.add(place, b.mul(step, loop.index)), ir.IntType(8))
+            b.call(prefetch, [line, flag(0), flag(2), flag(1)])
+        return context.get_dummy_value()
+
+    return types.void(*[types.int64] * 3), generate
+
+
+@intrinsic
 def add_samples(typing_context, source, target, number):
     """Add `number` complex64 to others; quickest for LANES."""
     def generate(context, b, signature, args):
@@ -191,13 +207,13 @@ def _store_positions(b, v, least, last, to):
     _store(b, v - start - 0.5, to, _T)
     _store(b, start, to, _START)
     b.store(b.fptosi(b.extract_element(low.value, ir.IntType(32)(0)), _INT),
-            _pointer(b, to, _INT, _FIRST))
+            _pointer(b, to, _INT, FIRST))
 
 
 def _interpolated(b, sources, step, weights, positions):
     """Two starts at a time, until no lane starts later."""
     t, start = (_load(b, positions, _FLOATS, part) for part in (_T, _START))
-    shift = b.mul(b.load(_pointer(b, positions, _INT, _FIRST)), step)
+    shift = b.mul(b.load(_pointer(b, positions, _INT, FIRST)), step)
     before, zero = b.block, _FLOATS([0.0] * LANES)
     loop, end = (b.append_basic_block() for _ in range(2))
     b.branch(loop)
