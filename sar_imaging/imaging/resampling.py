@@ -49,7 +49,7 @@ _TASKS_PER_THREAD = 4
 FLOAT_BYTES, DOUBLE_BYTES = 4, 8
 _WORK_BYTES = LANES * (POSITION_BYTES + 2 * GROUP_BYTES)
 _MOST_LINES = 64  # fetched before they are needed
-_PIXELS = 256  # of a row between two passes: what is between them stays in cache
+_PIXELS = 512  # of a row between two passes: what is between them stays in cache
 
 
 def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis: int,

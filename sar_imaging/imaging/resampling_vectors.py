@@ -117,10 +117,7 @@ def interpolate(typing_context, real, imag, step, weights, positions, to_real, t
     """
     def generate(context, b, signature, args):
         real, imag, step, weights, positions, to_real, to_imag = args
-        for to, value in zip((to_real, to_imag),
-                             _interpolated(b, (real, imag), step, weights, positions),
-                             strict=True):
-            _store(b, value, to)
+        _interpolate(b, (real, imag), step, weights, positions, (to_real, to_imag))
         return context.get_dummy_value()
 
     return types.void(*[types.int64] * 7), generate
@@ -132,7 +129,9 @@ def interpolate_carrier(typing_context, real, imag, step, weights, positions, to
     def generate(context, b, signature, args):
         real, imag, step, weights, positions, to = args
         cosine, sine = (_load(b, positions, _FLOATS, part) for part in (_COSINE, _SINE))
-        re, im = _interpolated(b, (real, imag), step, weights, positions)
+        parts = to, b.add(to, _INT(VECTOR_BYTES))
+        _interpolate(b, (real, imag), step, weights, positions, parts)
+        re, im = (_load(b, part, _FLOATS) for part in parts)
         parts = (re * cosine - im * sine).value, (re * sine + im * cosine).value
         together = [n // 2 + n % 2 * LANES for n in range(2 * LANES)]
         samples = b.shuffle_vector(*parts, ir.VectorType(ir.IntType(32), 2 * LANES)(together))
@@ -210,29 +209,30 @@ def _store_positions(b, v, least, last, to):
             _pointer(b, to, _INT, FIRST))
 
 
-def _interpolated(b, sources, step, weights, positions):
-    """Two starts at a time, until no lane starts later."""
-    t, start = (_load(b, positions, _FLOATS, part) for part in (_T, _START))
+def _interpolate(b, sources, step, weights, positions, targets):
+    """Two starts at a time, until no lane starts later.
+
+    Targets change with each turn, so that LLVM does not keep all weights from turn to turn: there
+    are more than registers, and most vectors need one turn.
+    """
     shift = b.mul(b.load(_pointer(b, positions, _INT, FIRST)), step)
-    before, zero = b.block, _FLOATS([0.0] * LANES)
-    loop, end = (b.append_basic_block() for _ in range(2))
+    before, loop, end = b.block, b.append_basic_block(), b.append_basic_block()
     b.branch(loop)
     b.position_at_end(loop)
     place, turn = b.phi(_INT), _Vector(b, b.phi(_FLOATS))
-    totals = [_Vector(b, b.phi(_FLOATS)) for _ in sources]
+    t, start = (_load(b, positions, _FLOATS, part) for part in (_T, _START))
     sums = _weighted_sums(b, [b.add(source, place) for source in sources], step, weights, t,
                           b.fcmp_ordered('>', start.value, turn.value))
-    sums = [start.where('>=', turn, *pair) for pair in zip(sums, totals, strict=True)]
+    for total, to in zip(sums, targets, strict=True):
+        _store(b, start.where('>=', turn, total, _load(b, to, _FLOATS)), to)
     following = turn + 2.0
     more = b.bitcast(b.fcmp_ordered('>=', start.value, following.value), ir.IntType(LANES))
     place.add_incoming(shift, before)
     place.add_incoming(b.add(place, b.mul(step, _INT(2))), b.block)
-    for phi, value in ((turn, following), *zip(totals, sums, strict=True)):
-        phi.value.add_incoming(zero, before)
-        phi.value.add_incoming(value.value, b.block)
+    turn.value.add_incoming(_FLOATS([0.0] * LANES), before)
+    turn.value.add_incoming(following.value, b.block)
     b.cbranch(b.icmp_unsigned('!=', more, ir.IntType(LANES)(0)), loop, end)
     b.position_at_end(end)
-    return sums
 
 
 def _weighted_sums(b, places, step, weights, t, later):
