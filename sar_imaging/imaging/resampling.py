@@ -83,8 +83,8 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
     track = np.array(polar.track)[[axis, 1 - axis]]
     steps = np.array((grid.n_x, 1) if axis == 0 else (1, grid.n_x))
     step, pixel = polar.range_spacing_m, np.ptp(line) / max(len(line) - 1, 1)
-    # ranges of _PIXELS pixels, and one more for each of those that lines are set off by
-    length = LANES * (2 + math.ceil((_PIXELS * pixel / step + TAPS) / LANES))
+    # ranges that _PIXELS pixels read, begun and ended by whole vectors
+    length = LANES * (3 + math.ceil((_PIXELS * pixel / step + TAPS) / LANES))
     r = polar.range_start_m + step * np.arange(-LANES, polar.n_range + 2 * LANES)
     r = np.maximum(r, 0.5 * polar.range_start_m)
     squares, inverses = r ** 2, 1 / r
@@ -134,8 +134,8 @@ def _resample(real, imag, apart, n_range, last, squares, inverses, rows, line, d
 def _set_off(table, from2, middle2, to2, ranges, first):
     """Ranges by which each row of a strip is set off, as shifts of its positions in the strip.
 
-    With them the pixels of a column read nearly the same place. Returns how many times LANES
-    places of the strip are read.
+    With them the pixels of a column read nearly the same place, and vectors of rows that are not
+    set off are aligned. Returns how many times LANES places of the strip are read.
     """
     start, inverse, _ = ranges
     most = -np.inf
@@ -148,7 +148,7 @@ def _set_off(table, from2, middle2, to2, ranges, first):
         for ahead2 in (from2, to2):
             v = (np.sqrt(ahead2 + table[1, j]) - start) * inverse + table[2, j]
             low, high = min(low, v), max(high, v)
-    low = np.floor(low) + first
+    low = np.floor((low + first) / LANES) * LANES
     for j in range(LANES):
         table[2, j] += first - low
     return np.int64(high + first - low + TAPS + 2 + LANES - 1) // LANES
