@@ -210,36 +210,50 @@ def _store_positions(b, v, least, last, to):
 
 
 def _interpolate(b, sources, step, weights, positions, targets):
-    """Two starts at a time, until no lane starts later.
+    """Two starts at a time, until no lane starts later; most simply where all start alike.
 
     Targets change with each turn, so that LLVM does not keep all weights from turn to turn: there
     are more than registers, and most vectors need one turn.
     """
-    shift = b.mul(b.load(_pointer(b, positions, _INT, FIRST)), step)
-    before, loop, end = b.block, b.append_basic_block(), b.append_basic_block()
-    b.branch(loop)
+    def sums(place, later):
+        t = _load(b, positions, _FLOATS, _T)
+        return _weighted_sums(b, [b.add(source, place) for source in sources], step, weights, t,
+                              later)
+
+    def branch(turn, where_any, where_none):
+        reached = b.bitcast(b.fcmp_ordered('>=', start.value, turn.value), ir.IntType(LANES))
+        b.cbranch(b.icmp_unsigned('!=', reached, ir.IntType(LANES)(0)), where_any, where_none)
+
+    first = b.mul(b.load(_pointer(b, positions, _INT, FIRST)), step)
+    start = _load(b, positions, _FLOATS, _START)
+    before, (alike, loop, end) = b.block, (b.append_basic_block() for _ in range(3))
+    branch(_Vector(b, _FLOATS([1.0] * LANES)), loop, alike)
+    b.position_at_end(alike)
+    for total, to in zip(sums(first, None), targets, strict=True):
+        _store(b, total, to)
+    b.branch(end)
     b.position_at_end(loop)
     place, turn = b.phi(_INT), _Vector(b, b.phi(_FLOATS))
-    t, start = (_load(b, positions, _FLOATS, part) for part in (_T, _START))
-    sums = _weighted_sums(b, [b.add(source, place) for source in sources], step, weights, t,
-                          b.fcmp_ordered('>', start.value, turn.value))
-    for total, to in zip(sums, targets, strict=True):
+    later = b.fcmp_ordered('>', start.value, turn.value)
+    for total, to in zip(sums(place, later), targets, strict=True):
         _store(b, start.where('>=', turn, total, _load(b, to, _FLOATS)), to)
     following = turn + 2.0
-    more = b.bitcast(b.fcmp_ordered('>=', start.value, following.value), ir.IntType(LANES))
-    place.add_incoming(shift, before)
+    place.add_incoming(first, before)
     place.add_incoming(b.add(place, b.mul(step, _INT(2))), b.block)
     turn.value.add_incoming(_FLOATS([0.0] * LANES), before)
     turn.value.add_incoming(following.value, b.block)
-    b.cbranch(b.icmp_unsigned('!=', more, ir.IntType(LANES)(0)), loop, end)
+    branch(following, loop, end)
     b.position_at_end(end)
 
 
 def _weighted_sums(b, places, step, weights, t, later):
-    """Of the samples from a place on, or of those from the next on where `later`."""
+    """Of the samples from a place on, or of those from the next on where `later`, if given."""
     def sample(place, k):
-        pair = (_load(b, b.add(place, b.mul(step, _INT(i))), _FLOATS).value for i in (k + 1, k))
-        return _Vector(b, b.select(later, *pair))
+        here = _load(b, b.add(place, b.mul(step, _INT(k))), _FLOATS)
+        if later is None:
+            return here
+        following = _load(b, b.add(place, b.mul(step, _INT(k + 1))), _FLOATS)
+        return _Vector(b, b.select(later, following.value, here.value))
 
     def weight(k, power):
         return _spread(b, b.load(_pointer(b, weights, ir.FloatType(), 4 * (power * HALF + k))))
