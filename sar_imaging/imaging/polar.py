@@ -26,7 +26,7 @@ from .resampling import DEGREE, LANES, TAPS
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
 _COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
-COST_RESAMPLING = 20.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
+COST_RESAMPLING = 12.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
 
 
 @dataclasses.dataclass(frozen=True)
