@@ -20,7 +20,7 @@ from .fusion_grid import FusionGrid
 from .row_transform import row_length, transform_rows
 from .work_space import aligned_empty
 
-_LINES_PER_CALL = 64  # of the fused image; the processors' common cache holds them
+_LINES_PER_CALL = 32  # of the fused image, transformed while they are in cache
 
 
 class _Band(NamedTuple):
