@@ -152,12 +152,12 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
                 segment * polar.range_spacing_m / 2, lattice.cell_m, polar.range_spacing_m,
                 spacing, oversampling_range, oversampling, k) for view in views], axis=0)
             for group, paired in itertools.product(_GROUPS, (True, False)):
-                # rms over a group of beams, and for the first over bins and rows
-                squares = ((np.arange(group) - (group - 1) / 2) * spacing) ** 2
-                beside = math.sqrt(squares.mean())
+                # over a group of beams: rms distance from the middle, and how its square varies
+                beside = math.sqrt((group ** 2 - 1) / 12) * spacing
+                squares = math.sqrt((group ** 2 - 1) * (group ** 2 - 4) / 180) * spacing ** 2
                 held = bin_rad_per_m * LANES / math.sqrt(12) * beside * spread / math.sqrt(3)
                 shared = paired * k * beside * uneven
-                bent = k * curvature / 2 * squares.std()
+                bent = k * curvature / 2 * squares
                 errors = geometry, held, shared, bent, *expansion
                 error = total_db(between.error_db, along.error_db, _ARITHMETIC_DB, *(
                     20 * math.log10(e + 1e-12) for e in errors))
@@ -180,8 +180,9 @@ class _View:
     curvature_m: float  # second derivative of a row's path by direction, rms
     difference: np.ndarray  # (R, S) of half paths from what beams assume, metres
     bend: np.ndarray  # (R, S) what interpolation between beams makes good to first order, metres
-    range_by_range: np.ndarray  # (4, S) derivatives of the distance along lines
-    direction_by_range: np.ndarray  # (2, S) of the direction cosine
+    # along lines: extremes of the distance's first derivative, magnitudes of its second and fourth
+    # and of the direction cosine's first and second
+    by_range: tuple[tuple[float, float], float, float, float, float]
 
     def phase_error(self, k: float, relative_bandwidth: float) -> float:
         """Rms over the rows of the largest phase error anywhere, rad."""
@@ -192,9 +193,8 @@ class _View:
 
     def expansion_errors(self, half_m, cell_m, pixel_m, spacing, over_range, over_beams, k):
         """Rms errors of expanding places between cells, between beams, and phases."""
-        drift = self.range_by_range - np.array([[cell_m / pixel_m], [0], [0], [0]])
-        d1, d2, _, d4 = np.abs(drift).max(axis=1)
-        s1, s2 = np.abs(self.direction_by_range).max(axis=1)
+        slope, d2, d4, s1, s2 = self.by_range
+        d1 = max(abs(d - cell_m / pixel_m) for d in slope)
         drifts = ((d1 * half_m + d2 * half_m ** 2 / 2) / cell_m,
                   (s1 * half_m + s2 * half_m ** 2 / 2) / spacing)
         return [*(t ** 3 / 6 * (math.pi / over) ** 3 / 7
@@ -222,8 +222,9 @@ def _view(polar: PolarGrid, tx_m, rx_m) -> _View | None:
     slope = beams.slope(*centres, direction)
     bend = slope ** 2 * (1 - direction ** 2) * (1 / length - 1 / beams.range_m) / 2
     return _View(beams, centres, beams.uneven(*centres), beams.curvature(*centres),
-                 paths - length - beams.extra_path(*centres, direction), bend, derivatives,
-                 np.stack([first, second]))
+                 paths - length - beams.extra_path(*centres, direction), bend,
+                 ((derivatives[0].min(), derivatives[0].max()), *(
+                     float(np.abs(d).max()) for d in (*derivatives[[1, 3]], first, second))))
 
 
 @dataclasses.dataclass(frozen=True)

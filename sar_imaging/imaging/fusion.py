@@ -18,7 +18,7 @@ from .column_transform import LANES, rows_to_transform, transform_columns
 from .fusion_error import edge_taper
 from .fusion_grid import FusionGrid
 from .row_transform import row_length, transform_rows
-from .work_space import aligned_empty
+from .work_space import aligned_empty, aligned_zeros
 
 _LINES_PER_CALL = 32  # of the fused image, transformed while they are in cache
 
@@ -201,8 +201,7 @@ class SpectrumFusion:
             # Lines of the image may be longer than those of the spectrum that they replace.
             ahead = _padded(max(0, polar.n_alpha * polar.n_range
                                 - (self.grid.fine_guard + polar.n_alpha) * _padded(n_bins)))
-            self._memory = aligned_empty((ahead + n_fine * _padded(n_bins),), np.complex64)
-            self._spectrum(self._memory)[:] = 0.0
+            self._memory = aligned_zeros((ahead + n_fine * _padded(n_bins),), np.complex64)
         return self._spectrum(self._memory)
 
     def _spectrum(self, memory: np.ndarray) -> np.ndarray:

@@ -242,7 +242,7 @@ def cut_pulses(middles, length: int) -> list[slice]:
     cuts = []
     for start, stop in zip([0, *gaps], [*gaps, len(middles)], strict=True):
         edges = np.linspace(start, stop, math.ceil((stop - start) / length) + 1).round()
-        cuts += [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        cuts += map(slice, *(e.astype(int).tolist() for e in (edges[:-1], edges[1:])))
     return cuts
 
 

@@ -9,7 +9,6 @@ paths are the local frequencies of the image.
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 
 import numpy as np
@@ -26,7 +25,7 @@ from .profiles import Profiles
 from .projection import PolarLines
 from .range_band import RangeBand
 from .range_window import RangeWindow
-from .subaperture_sampling import Bands, choose_sampling, cut_pulses, fusion_error, local_bands
+from .subaperture_sampling import Bands, choose_sampling, fusion_error, local_bands
 from .work_space import aligned_empty
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the paths are bounded
@@ -187,14 +186,14 @@ class SubaperturePlan:
 
     def _first_stage(self, lattice, tx_m, rx_m, target_db, range_m):
         """Relative time of all sub-aperture images, by the quicker of both ways."""
-        @functools.cache
-        def beams(length):
-            return self._plan_beams(self.polar, lattice, tx_m, rx_m,
-                                    cut_pulses(_middles(tx_m, rx_m), length), target_db, range_m)
+        beams: dict[int, BeamSampling | None] = {}
 
         def cost(pulses, n_coarse, n_range):
             length = pulses[0].stop - pulses[0].start  # all are about as long
-            return len(pulses) * min(self._costs(lattice, beams(length), length,
+            if length not in beams:
+                beams[length] = self._plan_beams(self.polar, lattice, tx_m, rx_m, pulses,
+                                                 target_db, range_m)
+            return len(pulses) * min(self._costs(lattice, beams[length], length,
                                                  n_coarse * n_range))
 
         return cost

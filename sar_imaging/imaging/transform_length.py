@@ -27,6 +27,7 @@ def quick_length(least: int) -> int:
     return min(smooth_lengths(least, 1.12), key=lambda length: length * cost_per_sample(length))
 
 
+@functools.lru_cache(maxsize=4096)
 def cost_per_sample(length: int) -> float:
     """Relative time of a transform over its length."""
     cost = 0.0 if length % _CROWDED else _COST_CROWDED

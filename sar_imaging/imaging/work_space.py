@@ -31,8 +31,17 @@ class WorkSpace:
 
 def aligned_empty(shape: tuple[int, ...], dtype) -> np.ndarray:
     """Array of any contents in which no vector of a kernel straddles two lines of the cache."""
+    return _aligned(np.empty, shape, dtype)
+
+
+def aligned_zeros(shape: tuple[int, ...], dtype) -> np.ndarray:
+    """The same of zeros, which are not written before they are needed."""
+    return _aligned(np.zeros, shape, dtype)
+
+
+def _aligned(allocate, shape, dtype) -> np.ndarray:
     size = math.prod(shape) * np.dtype(dtype).itemsize
-    memory = np.empty(size + _LINE, np.uint8)
+    memory = allocate(size + _LINE, np.uint8)
     start = -memory.ctypes.data % _LINE
     return memory[start:start + size].view(dtype).reshape(shape)
 
