@@ -10,7 +10,7 @@ from ..geometry.polar import PolarGrid
 from .fusion_grid import FusionGrid
 from .interpolation import design_interpolator
 from .kernels import _cos_cycles, _fraction, _sin_cycles
-from .resampling import DEGREE, TAPS, add_polar_to_map
+from .resampling import DEGREE, MARGIN, TAPS, add_polar_to_map
 
 _EDGE_SAMPLES = 65  # per edge of the map
 
@@ -78,7 +78,7 @@ def covers(polar: PolarGrid, grid: MapGrid) -> bool:
     if across.min() <= 0 or ahead.min() * ahead.max() <= 0:
         return False
     r, alpha = polar.from_map(*edges)
-    return all(TAPS // 2 <= v.min() and v.max() <= n - 1 - TAPS // 2 for v, n in (
+    return all(MARGIN - 3 <= v.min() and v.max() <= n - MARGIN + 2 for v, n in (
         ((r - polar.range_start_m) / polar.range_spacing_m, polar.n_range),
         ((alpha - polar.alpha_start) / polar.alpha_spacing, polar.n_alpha)))
 

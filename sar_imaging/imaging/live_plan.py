@@ -13,7 +13,7 @@ from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from .lattice import total_db
 from .polar import cover_map, map_coverage
-from .resampling import TAPS
+from .resampling import MARGIN
 from .subaperture_sampling import local_bands
 from .subapertures import SubaperturePlan
 
@@ -178,8 +178,8 @@ def _for_windows(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window:
         rest = 0.5 * np.ptp(bands.wavenumber) * abs(low + high) / 2
         half = max(half, bands.wavenumber[1] * 0.5 * (high - low) + rest)
     spacing = max(math.pi / (half * oversampling), polar.alpha_spacing)
-    first = polar.alpha_start + TAPS * polar.alpha_spacing
-    extent = (polar.n_alpha - 2 * TAPS) * polar.alpha_spacing
+    first = polar.alpha_start + MARGIN * polar.alpha_spacing
+    extent = (polar.n_alpha - 2 * MARGIN) * polar.alpha_spacing
     return dataclasses.replace(
-        polar, alpha_start=first - TAPS * spacing, alpha_spacing=spacing,
-        n_alpha=math.ceil(extent / spacing) + 2 * TAPS)
+        polar, alpha_start=first - MARGIN * spacing, alpha_spacing=spacing,
+        n_alpha=math.ceil(extent / spacing) + 2 * MARGIN)

@@ -21,7 +21,7 @@ from .lattice import Lattice, plan_lattice, sample_paths, slope_along, total_db
 from .merging import AngularParts, plan_parts
 from .range_band import RangeBand
 from .range_window import RangeWindow
-from .resampling import DEGREE, LANES, TAPS
+from .resampling import DEGREE, LANES, MARGIN, TAPS
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
@@ -115,7 +115,7 @@ class MapCover:
     Attributes
     ----------
     polar : PolarGrid
-        It reaches `TAPS` pixels beyond the map.
+        It reaches `MARGIN` pixels beyond the map.
     lattice : Lattice
         How its lines read the profiles.
     window : RangeWindow or RangeBand
@@ -178,7 +178,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     spacing = math.pi / (half_range * oversampling) * 0.999
     # The sampled half paths miss the extremes by what range and direction add between samples.
     lo, hi = float(paths.length.min()), float(paths.length.max())
-    slack = 2 * TAPS * spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
+    slack = 2 * MARGIN * spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
     range_m = lo - slack, hi + slack
     window = band or RangeWindow.around(radar, n_samples, range_m)
     lattice = plan_lattice(paths, spacing, n_line, radar, window.n_samples, lattice_db,
@@ -259,7 +259,7 @@ def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
 
 
 def _cover(grid, origin, track, side, spacing, half_alpha, oversampling) -> PolarGrid | None:
-    """Polar grid that reaches `TAPS` pixels beyond the map."""
+    """Polar grid that reaches `MARGIN` pixels beyond the map."""
     x = np.linspace(grid.x_m[0], grid.x_m[-1], _EDGE_SAMPLES)
     y = np.linspace(grid.y_m[0], grid.y_m[-1], _EDGE_SAMPLES)
     edges = np.concatenate([np.stack(np.broadcast_arrays(x, side_y), axis=-1)
@@ -274,12 +274,12 @@ def _cover(grid, origin, track, side, spacing, half_alpha, oversampling) -> Pola
     extent = np.ptp(alpha) + 2 * slack / r.min()
     alpha_spacing = min(math.pi / (half_alpha * oversampling), extent) if half_alpha else extent
     # whole vectors, so that lines begin alike
-    n_range = -(-math.ceil((np.ptp(r) + 2 * slack) / spacing + 2 * TAPS) // LANES) * LANES
-    n_alpha = math.ceil(extent / alpha_spacing) + 2 * TAPS
+    n_range = -(-math.ceil((np.ptp(r) + 2 * slack) / spacing + 2 * MARGIN) // LANES) * LANES
+    n_alpha = math.ceil(extent / alpha_spacing) + 2 * MARGIN
     try:
-        return PolarGrid(origin, track, side, grid.z_m, r.min() - slack - TAPS * spacing,
+        return PolarGrid(origin, track, side, grid.z_m, r.min() - slack - MARGIN * spacing,
                          spacing, n_range,
-                         alpha.min() - slack / r.min() - TAPS * alpha_spacing, alpha_spacing,
+                         alpha.min() - slack / r.min() - MARGIN * alpha_spacing, alpha_spacing,
                          n_alpha)
     except ValueError:
         return None

@@ -43,8 +43,9 @@ from .resampling_vectors import (
 )
 from .work_space import aligned_empty
 
-__all__ = ['DEGREE', 'LANES', 'TAPS', 'add_polar_to_map']
+__all__ = ['DEGREE', 'LANES', 'MARGIN', 'TAPS', 'add_polar_to_map']
 
+MARGIN = TAPS // 2 + 5  # pixels of a polar grid beyond the map, of which 3 are not read
 _TASKS_PER_THREAD = 4
 FLOAT_BYTES, DOUBLE_BYTES = 4, 8
 _WORK_BYTES = LANES * (POSITION_BYTES + 2 * GROUP_BYTES)
@@ -62,7 +63,7 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
         Image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0 the first range. Lines are contiguous
         and equally far apart in both.
     polar : PolarGrid
-        Its grid; it must reach `TAPS` pixels beyond the map on all sides and have `LANES` ranges
+        Its grid; it must reach `MARGIN` pixels beyond the map on all sides and have `LANES` ranges
         or more.
     grid : MapGrid
         Grid of the map.

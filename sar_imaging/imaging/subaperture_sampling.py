@@ -204,7 +204,9 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, first_s
 
     samplings, fine, failed = dict(choices), set(), set()
     n_i, n_j = len(_OVERSAMPLING), len(_GUARDS)
-    for key, _ in sorted(choices, key=lambda choice: choice[1].cost):
+    for key, found in sorted(choices, key=lambda choice: choice[1].cost):
+        if not _on_plane(polar, found):
+            continue
         # What fails with wider guards and finer sampling fails with less: most choices fall with
         # a few others far ahead.
         for ahead in _AHEAD:
@@ -263,9 +265,11 @@ def _sampling(polar, pulses, centre, half, oversampling, n_guard, first_stage, c
     n_fine = quick_length(math.ceil(n_coarse * spacing / polar.alpha_spacing))
     extent = n_fine * polar.alpha_spacing
     spacing = extent / n_coarse
-    range_guard = max(_LEAST_RANGE_GUARD, math.ceil(_RANGE_GUARD * math.sqrt(polar.n_range)),
-                      math.ceil(n_guard * spacing * float(np.abs(centre).max())
-                                / polar.range_spacing_m))
+    least = max(_LEAST_RANGE_GUARD, math.ceil(n_guard * spacing * float(np.abs(centre).max())
+                                              / polar.range_spacing_m))
+    range_guard = max(least, min(math.ceil(_RANGE_GUARD * math.sqrt(polar.n_range)),
+                                 _ranges_before(polar, (extent - wanted) / 2 + spacing)
+                                 - _GUARD_STEP))
     range_guard = -(-range_guard // _GUARD_STEP) * _GUARD_STEP
     n_range = polar.n_range + 2 * range_guard
     cost = (first_stage(pulses, n_coarse, n_range)
@@ -273,6 +277,21 @@ def _sampling(polar, pulses, centre, half, oversampling, n_guard, first_stage, c
             + _COST_FINE * n_fine * n_range)
     return Sampling(tuple(pulses), centre, n_coarse, n_fine, extent, n_guard, 0.0, range_guard,
                     coverage, 0.0, cost)
+
+
+def _ranges_before(polar: PolarGrid, beyond: float) -> int:
+    """Ranges on the plane before the first one, in all directions up to so far beyond the grid."""
+    steepest = max(abs(polar.alpha[0]), abs(polar.alpha[-1])) + beyond
+    if steepest >= 1:
+        return -1
+    nearest = abs(polar.height_m) / math.sqrt(1 - steepest ** 2)
+    return math.floor((polar.range_start_m - nearest) / polar.range_spacing_m)
+
+
+def _on_plane(polar: PolarGrid, s: Sampling) -> bool:
+    """Whether the coarse grid, which rounding may move by a line, lies on the plane."""
+    beyond = (s.extent - polar.n_alpha * polar.alpha_spacing) / 2 + s.extent / s.n_coarse
+    return s.range_guard < _ranges_before(polar, beyond)
 
 
 def _with_error(s: Sampling, polar: PolarGrid, bands: Bands, n_channels: int,
