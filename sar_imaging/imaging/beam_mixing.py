@@ -11,6 +11,8 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
+from .butterflies import fetch_line
+
 LANES = 16  # float32 of a vector
 TAPS = 14  # of the interpolation between beams and along range
 STORED = 16  # taps of a table of weights
@@ -93,12 +95,8 @@ def fetch(typing_context, data, place, size):
     """Bring some numbers into the cache."""
     def generate(context, b, signature, args):
         data, place, size = _pointers(context, b, signature, args)
-        kind, flag = ir.IntType(8).as_pointer(), ir.IntType(32)
-        prefetch = b.module.declare_intrinsic('llvm.prefetch', [kind], ir.FunctionType(
-            ir.VoidType(), [kind, flag, flag, flag]))
         with cgutils.for_range_slice(b, _INT(0), size, _INT(LANES), inc=True) as (i, _):
-            address = b.bitcast(b.gep(data, [b.add(place, i)]), kind)
-            b.call(prefetch, [address, flag(0), flag(3), flag(1)])
+            fetch_line(b, b.gep(data, [b.add(place, i)]))
         return context.get_dummy_value()
 
     return types.void(data, _u, _u), generate

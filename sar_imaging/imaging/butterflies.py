@@ -65,13 +65,10 @@ def fetch(typing_context, place, places, number):
     """Bring groups into the cache: `place` plus some entries of the int64 table `places`."""
     def generate(context, b, signature, args):
         place, places, number = args
-        kind, flag = ir.IntType(8).as_pointer(), ir.IntType(32)
-        prefetch = b.module.declare_intrinsic('llvm.prefetch', [kind], ir.FunctionType(
-            ir.VoidType(), [kind, flag, flag, flag]))
         with cgutils.for_range(b, number) as loop:
-            group = b.bitcast(_group(b, place, places, loop.index), kind)
+            group = b.bitcast(_group(b, place, places, loop.index), ir.IntType(8).as_pointer())
             for at in range(0, GROUP_BYTES, VECTOR_BYTES):
-                b.call(prefetch, [b.gep(group, [_INT(at)]), flag(0), flag(3), flag(1)])
+                fetch_line(b, b.gep(group, [_INT(at)]))
         return context.get_dummy_value()
 
     return types.void(*[types.int64] * 3), generate
@@ -95,6 +92,14 @@ def call(typing_context, function, arguments):
         return b.call(b.inttoptr(args[0], kind.as_pointer()), values)
 
     return types.int64(types.int64, arguments), generate
+
+
+def fetch_line(b, pointer, locality=3):
+    """Bring a line of the cache into the first cache (locality 3), or the second one (2)."""
+    kind, flag = ir.IntType(8).as_pointer(), ir.IntType(32)
+    prefetch = b.module.declare_intrinsic('llvm.prefetch', [kind], ir.FunctionType(
+        ir.VoidType(), [kind, flag, flag, flag]))
+    b.call(prefetch, [b.bitcast(pointer, kind), flag(0), flag(locality), flag(1)])
 
 
 def transposed(b, rows):

@@ -13,7 +13,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from . import kernels
-from .butterflies import LANES, VECTOR_BYTES, transposed
+from .butterflies import LANES, VECTOR_BYTES, fetch_line, transposed
 
 TAPS, DEGREE = 14, 5
 HALF = TAPS // 2
@@ -158,12 +158,9 @@ def fetch_lines(typing_context, place, step, number):
     """Bring a line of the cache from each of some lines of an image into the second cache."""
     def generate(context, b, signature, args):
         place, step, number = args
-        kind, flag = ir.IntType(8).as_pointer(), ir.IntType(32)
-        prefetch = b.module.declare_intrinsic('llvm.prefetch', [kind], ir.FunctionType(
-            ir.VoidType(), [kind, flag, flag, flag]))
         with cgutils.for_range(b, number) as loop:
             line = _pointer(b, b.add(place, b.mul(step, loop.index)), ir.IntType(8))
-            b.call(prefetch, [line, flag(0), flag(2), flag(1)])
+            fetch_line(b, line, locality=2)
         return context.get_dummy_value()
 
     return types.void(*[types.int64] * 3), generate
