@@ -107,7 +107,7 @@ def measure_phase_gradient(kind: str, size: float, seed: int) -> dict:
         block = dataclasses.replace(block, samples=noise[0] + 1j * noise[1])
 
     def focus(polar_image, grid, ends_m):
-        result = PhaseGradient(grid.polar, grid, ends_m).at_baseband(polar_image)
+        result = PhaseGradient(grid.polar, grid, ends_m).at_baseband(polar_image, grid.between)
         found.append((result, grid.polar.origin_m[0]))
         return result.image, None
 

@@ -17,6 +17,7 @@ from scipy import fft
 
 from ..geometry.polar import PolarGrid
 from ..imaging.fusion_grid import FusionGrid
+from ..imaging.interpolation import Interpolator
 from ..quality.measures import contrast
 from ..signal.radar import RadarParameters
 
@@ -71,7 +72,7 @@ class PhaseGradient:
     ----------
     polar : PolarGrid
         Of the images; its origin in the middle of the aperture, its directions sampled at least
-        1.2 times finer than the aperture resolves.
+        1.1 times finer than the aperture resolves.
     radar : RadarParameters or FusionGrid
         Of the profiles that the images were made of, or of their fusion.
     aperture_m : (float, float)
@@ -91,7 +92,7 @@ class PhaseGradient:
         self.polar, self.margin = polar, margin
         self._wavenumber = radar.wavenumber_rad_per_m
         self._ends = min(aperture_m), max(aperture_m)
-        needed = 2 * math.pi / self._wavenumber / (1.2 * (self._ends[1] - self._ends[0]))
+        needed = 2 * math.pi / self._wavenumber / (1.1 * (self._ends[1] - self._ends[0]))
         if polar.alpha_spacing > needed:
             raise ValueError(f'alpha_spacing={polar.alpha_spacing:.3g} is too coarse for an '
                              f'aperture of {self._ends[1] - self._ends[0]:.1f} m; sample '
@@ -134,13 +135,30 @@ class PhaseGradient:
         return PhaseGradientResult(corrected if accepted else image, accepted, before, after,
                                    self.position_m, half_path, step, error_db)
 
-    def at_baseband(self, image) -> PhaseGradientResult:
-        """The same for an image at range baseband, as `SpectrumFusion` makes it."""
-        result = self(self._baseband(image, +1).astype(np.complex64))
+    def at_baseband(self, image, between: Interpolator | None = None) -> PhaseGradientResult:
+        """The same for an image at range baseband, as `SpectrumFusion` makes it.
+
+        Parameters
+        ----------
+        image : (n_alpha, n_range) complex64
+            Without the carrier phase of backprojection.
+        between : Interpolator, optional
+            Whose gain the image has along direction: `FusionGrid.between`. It would make
+            sidelobes of the aperture's ends, so it is taken out before.
+
+        Returns
+        -------
+        PhaseGradientResult
+            Its image is like the given one.
+        """
+        gain = np.ones(self.polar.n_alpha)
+        if between is not None:
+            gain = between.gain(fft.fftfreq(self.polar.n_alpha))
+        result = self(self._baseband(_weighted(image, 1 / gain), +1).astype(np.complex64))
         if not result.accepted:
             return dataclasses.replace(result, image=image)
-        return dataclasses.replace(
-            result, image=self._baseband(result.image, -1).astype(np.complex64))
+        return dataclasses.replace(result, image=_weighted(
+            self._baseband(result.image, -1), gain).astype(np.complex64))
 
     def correct(self, image, half_path_m) -> np.ndarray:
         """Image whose half paths are changed, each position along the track by its own amount.
@@ -212,6 +230,11 @@ class PhaseGradient:
         gradient = np.sum(np.conj(aperture[:-1]) * aperture[1:], axis=1)
         phase = np.concatenate([[0.0], np.cumsum(np.angle(gradient))])
         return -_without_line(phase) / self._wavenumber
+
+
+def _weighted(image, gain) -> np.ndarray:
+    """Image whose frequencies along direction are multiplied by a gain."""
+    return fft.ifft(fft.fft(image, axis=0) * gain[:, None], axis=0)
 
 
 def _without_line(values) -> np.ndarray:

@@ -97,7 +97,7 @@ class AfbpImager:
                              '(pulses, channels, 3) for both')
         self.grid, self._progress, self._cover = grid, progress, None
         self._pulse_weights = _checked_weights(pulse_weights, len(tx_m))
-        polar, oversampling, coverage = grid, 1.0, EVERYTHING
+        polar, oversampling, coverage = grid, (1.0, 1.0), EVERYTHING
         if compressed and weighting != 'none':
             raise ValueError(f'weighting={weighting!r} is for phase histories (compressed=False); '
                              'profiles are weighted by range compression')
@@ -116,7 +116,7 @@ class AfbpImager:
         self.predicted_error_db = self.subapertures.predicted_error_db
         if self._cover is not None:
             self.predicted_error_db = total_db(self.predicted_error_db,
-                                               *2 * [self._cover.interpolator.error_db])
+                                               self._cover.resampling_db)
         self.warnings = (*self.subapertures.warnings,
                          *_sampling_warnings(polar, radar, tx_m, rx_m))
         for warning in self.warnings:
@@ -193,7 +193,7 @@ def _cover(grid, tx_m, rx_m, radar, n_samples, target_db, band):
     step = max(1, len(tx_m) // _ROWS_FOR_COVER)
     rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
     cover = cover_map(grid, *rows, radar if band is None else band.radar, n_samples,
-                      target_db - 13.0, min(target_db - 10.0, -50.0), band)
+                      target_db - 13.0, min(target_db - 10.0, -50.0), band, corrected=True)
     if cover is None:
         raise ValueError('the map is too small, too near, around or beside the aperture for a '
                          'polar image; use Backprojector')

@@ -31,7 +31,8 @@ def rows_to_transform(n: int) -> np.ndarray:
     return m % near * (n // near) + m // near
 
 
-def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False) -> None:
+def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False,
+                      gain: np.ndarray | None = None) -> None:
     """Transform the first columns of an array in place.
 
     Parameters
@@ -46,6 +47,8 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
     inverse : bool
         Transform with ``exp(+j 2 pi k m / n)`` instead of ``exp(-j 2 pi k m / n)``; neither
         divides by n.
+    gain : (n,) float64, optional
+        By what the elements of a column are multiplied before; takes no time.
 
     Raises
     ------
@@ -58,7 +61,8 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
     n, width = data.shape
     if passes.radices_of(n) is None:
         transform = scipy.fft.ifft if inverse else scipy.fft.fft
-        data[:, :n_columns] = transform(data[:, :n_columns], axis=0,
+        factor = 1.0 if gain is None else gain.astype(np.float32)[:, None]
+        data[:, :n_columns] = transform(data[:, :n_columns] * factor, axis=0,
                                         norm='forward' if inverse else 'backward')
         return
     near, row_bytes = _near_factor(n), width * SAMPLE_BYTES
@@ -75,9 +79,11 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
         if length > 1:
             step = row_step * row_bytes
             plan = passes.plan(length, inverse, step, work_bytes, step, True, n_turned)
+            if gain is not None:  # of rows in the order in which the sets hold them
+                plan, gain = plan.with_gain(gain.reshape(length, -1).T), None
             _transform(passes.compiled(), data.ctypes.data, n_groups, groups, n_sets,
                        set_step * row_bytes, len(work), work.ctypes.data, work.strides[0],
-                       plan.addresses, n_turned, plan.turns.strides[0])
+                       plan.addresses, len(plan.turns), plan.turns.strides[0])
 
 
 @functools.lru_cache(maxsize=4096)

@@ -155,7 +155,8 @@ class SpectrumFusion:
         (n_alpha, n_range) complex64
             On ``grid.polar``, at range baseband: times ``exp(-j 4 pi (r - r_0) / lambda)`` and
             ``exp(-j 4 pi centre_m (alpha - alpha_0) / lambda)``, r_0 and alpha_0 the first range
-            and direction of ``grid.polar``.
+            and direction of ``grid.polar``. Where the grid is for a map, frequencies along
+            direction are multiplied by the gain of ``grid.between``.
         """
         fused = self._fused()
         memory = aligned_empty(self._memory.shape, np.complex64)
@@ -246,7 +247,12 @@ class SpectrumFusion:
         grid, n_bins = self.grid, len(self._wavenumber)
         polar = grid.polar
         spectrum = self._spectrum(memory)
-        transform_columns(spectrum, n_bins, inverse=True)
+        gain = None
+        if grid.between is not None:
+            middle = centre_m * polar.alpha_spacing * 2 / grid.wavelength_m
+            cycles = np.arange(grid.n_fine) / grid.n_fine - middle
+            gain = grid.between.gain(cycles - np.rint(cycles))
+        transform_columns(spectrum, n_bins, inverse=True, gain=gain)
         # Guards moved the first range; the carrier is referred to that of the wanted grid.
         cycles = 2 * grid.range_guard * polar.range_spacing_m / grid.wavelength_m
         cycles -= 2 * centre_m / grid.wavelength_m * (polar.alpha - polar.alpha_start)

@@ -8,6 +8,8 @@ import math
 
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT
+from .interpolation import Interpolator, design_interpolator
+from .resampling import CORRECTED_TAPS, DEGREE
 
 _MAX_PIXELS = 2 ** 31  # of each grid; far beyond any memory, and safe to multiply
 
@@ -36,9 +38,9 @@ class FusionGrid:
         Largest frequency of the images along range, relative to the carrier's, rad/m.
     carrier_hz : float
         Centre frequency of the range profiles, hertz.
-    oversampling : float
-        By how much `polar` is sampled more finely than its image needs, along both axes; what an
-        interpolation of the image is designed for. 1 where nothing is promised.
+    range_oversampling, alpha_oversampling : float
+        By how much `polar` is sampled more finely than its image needs, to be interpolated to a
+        map; both 1 where the image itself is wanted.
 
     Raises
     ------
@@ -54,7 +56,8 @@ class FusionGrid:
     range_guard: int
     half_range: float
     carrier_hz: float
-    oversampling: float = 1.0
+    range_oversampling: float = 1.0
+    alpha_oversampling: float = 1.0
 
     def __post_init__(self):
         _check_polar(self.polar)
@@ -64,8 +67,9 @@ class FusionGrid:
                 raise ValueError(f'{name}={value} must be positive and finite')
         if not 0 <= self.beta <= 700:  # where the Kaiser window overflows
             raise ValueError(f'beta={self.beta}; expected 0 to 700')
-        if not 1.0 <= self.oversampling < math.inf:
-            raise ValueError(f'oversampling={self.oversampling}; expected 1 or more')
+        for name in ('range_oversampling', 'alpha_oversampling'):
+            if not 1.0 <= getattr(self, name) < math.inf:
+                raise ValueError(f'{name}={getattr(self, name)}; expected 1 or more')
         if self.range_guard < 1:
             raise ValueError(f'range_guard={self.range_guard}; expected at least one range')
         if not 2 * self.n_guard < self.n_coarse:
@@ -101,6 +105,14 @@ class FusionGrid:
         except ValueError as error:
             raise ValueError(f'the guards around the polar grid leave the plane: {error}; use '
                              'Backprojector') from error
+
+    @functools.cached_property
+    def between(self) -> Interpolator | None:
+        """Between lines, to a map; the spectrum is corrected for it. None for no map."""
+        if self.alpha_oversampling == 1:
+            return None
+        return design_interpolator(self.alpha_oversampling, taps=CORRECTED_TAPS, degree=DEGREE,
+                                   corrected=True)
 
     @property
     def extent(self) -> float:

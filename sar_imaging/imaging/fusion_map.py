@@ -10,7 +10,7 @@ from ..geometry.polar import PolarGrid
 from .fusion_grid import FusionGrid
 from .interpolation import design_interpolator
 from .kernels import _cos_cycles, _fraction, _sin_cycles
-from .resampling import DEGREE, MARGIN, TAPS, add_polar_to_map
+from .resampling import CORRECTED_TAPS, DEGREE, TAPS, add_polar_to_map, margin
 
 _EDGE_SAMPLES = 65  # per edge of the map
 
@@ -26,7 +26,7 @@ def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid,
     fusion : FusionGrid
         Its grid, oversampled as it says.
     grid : MapGrid
-        Map; ``fusion.polar`` covers it.
+        Map; ``fusion.polar`` covers it, finely enough to be interpolated.
     centre_m : float
         As given to `SpectrumFusion.polar_image`.
 
@@ -34,14 +34,22 @@ def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid,
     -------
     (n_y, n_x) complex64
         ``f(x) = sum_m sum_n s_mn(D_mn(x)) exp(+j k_c D_mn(x))``.
+
+    Raises
+    ------
+    ValueError
+        The grid is not for a map.
     """
+    if fusion.between is None:
+        raise ValueError('the fused image is not sampled finely enough to be interpolated to a '
+                         'map; plan it for a MapGrid')
     image = np.zeros(grid.shape, np.complex64)
-    interpolator = design_interpolator(fusion.oversampling, taps=TAPS, degree=DEGREE)
+    along = design_interpolator(fusion.range_oversampling, taps=TAPS, degree=DEGREE)
     if np.iscomplexobj(polar_image):
         polar_image = np.stack((polar_image.real, polar_image.imag))
     add_polar_to_map(*polar_image, fusion.polar, grid, image,
                      axis=_axis(fusion.polar, grid), wavelength_m=fusion.wavelength_m,
-                     interpolator=interpolator)
+                     between=fusion.between, along=along)
     if centre_m:
         polar = fusion.polar
         _restore_carrier(grid.x_m - polar.origin_m[0], grid.y_m - polar.origin_m[1],
@@ -78,9 +86,9 @@ def covers(polar: PolarGrid, grid: MapGrid) -> bool:
     if across.min() <= 0 or ahead.min() * ahead.max() <= 0:
         return False
     r, alpha = polar.from_map(*edges)
-    return all(MARGIN - 3 <= v.min() and v.max() <= n - MARGIN + 2 for v, n in (
-        ((r - polar.range_start_m) / polar.range_spacing_m, polar.n_range),
-        ((alpha - polar.alpha_start) / polar.alpha_spacing, polar.n_alpha)))
+    return all(margin(taps) - 3 <= v.min() and v.max() <= n - margin(taps) + 2 for v, n, taps in (
+        ((r - polar.range_start_m) / polar.range_spacing_m, polar.n_range, TAPS),
+        ((alpha - polar.alpha_start) / polar.alpha_spacing, polar.n_alpha, CORRECTED_TAPS)))
 
 
 def _axis(polar: PolarGrid, grid: MapGrid) -> int:

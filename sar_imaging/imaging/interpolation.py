@@ -56,6 +56,11 @@ class Interpolator:
         return 2 * len(self.weights)
 
     @property
+    def n_taps(self) -> int:
+        """Number of neighbours."""
+        return self.weights.shape[1]
+
+    @property
     def centred(self) -> np.ndarray:
         """(degree + 1, taps) float32 weights by powers of ``t - 1/2``.
 
@@ -71,17 +76,16 @@ class Interpolator:
         Parameters
         ----------
         frequency : (F,) array_like
-            Cycles per sample; those beyond the band take the gain of its ends.
+            Cycles per sample, -0.5 to 0.5.
 
         Returns
         -------
         (F,) float64
         """
-        frequency = np.clip(np.abs(frequency), 0.0, 0.5 / self.oversampling)
         x, weight = np.polynomial.legendre.leggauss(_NODES)
         t = 0.5 + 0.5 * x
         by_position = self.weights.T @ t ** np.arange(len(self.weights))[:, None]
-        place = np.arange(self.weights.shape[1]) + self.first
+        place = np.arange(self.n_taps) + self.first
         read = np.exp(2j * np.pi * np.outer(frequency, place)) @ by_position
         return _best_gain(read, np.exp(2j * np.pi * np.outer(frequency, t)), weight)
 
@@ -174,9 +178,9 @@ def _shifted(weights, shift: float) -> np.ndarray:
     return result
 
 
-def least_oversampling(error_db: float, *, taps: int, degree: int,
-                       corrected: bool = False) -> float | None:
-    """Least oversampling, in steps of 0.05, with which an interpolator reaches an error.
+def coarsest_interpolator(error_db: float, *, taps: int, degree: int,
+                          corrected: bool = False) -> Interpolator | None:
+    """Interpolator for the coarsest sampling with which it reaches an error.
 
     Parameters
     ----------
@@ -187,13 +191,13 @@ def least_oversampling(error_db: float, *, taps: int, degree: int,
 
     Returns
     -------
-    float or None
+    Interpolator or None
         None where no oversampling below 4 does.
     """
-    for value in np.arange(1.1, 4.0, 0.02):
-        if design_interpolator(value, taps=taps, degree=degree,
-                               corrected=corrected).error_db <= error_db:
-            return float(value)
+    for oversampling in np.arange(1.1, 4.0, 0.02):
+        found = design_interpolator(oversampling, taps=taps, degree=degree, corrected=corrected)
+        if found.error_db <= error_db:
+            return found
     return None
 
 

@@ -13,7 +13,7 @@ from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from .lattice import total_db
 from .polar import cover_map, map_coverage
-from .resampling import MARGIN
+from .resampling import CORRECTED_TAPS, margin
 from .subaperture_sampling import local_bands
 from .subapertures import SubaperturePlan
 
@@ -85,19 +85,20 @@ class LivePlan:
         step = max(1, len(tx_m) // _ROWS_FOR_COVER)
         rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
         cover = cover_map(grid, *rows, radar, n_samples, target_db - 13.0,
-                          min(target_db - 10.0, -50.0))
+                          min(target_db - 10.0, -50.0), corrected=True)
         if cover is None:
             raise ValueError('the map is too small, too near, around or beside the aperture for '
                              'a polar image')
         self.grid, self._known = grid, slack == 0
-        self._resampling_db = cover.interpolator.error_db
+        self._resampling_db = cover.resampling_db
         # the share of the target that the interpolation to the map leaves
         self._target_db = 10 * math.log10(10 ** (target_db / 10)
-                                          - 2 * 10 ** (self._resampling_db / 10))
+                                          - 10 ** (self._resampling_db / 10))
         margin_db = min(slack, 2.0) * _FUSION_MARGIN_DB
         polar = cover.polar
         if n_window:
-            polar = _for_windows(polar, radar, tx_m, rx_m, n_window, cover.oversampling)
+            polar = _for_windows(polar, radar, tx_m, rx_m, n_window,
+                                 cover.between.oversampling)
         self._stage = SubaperturePlan(polar, radar, n_samples, tx_m, rx_m,
                                       target_db=self._target_db - margin_db,
                                       pulses_per_subaperture=length,
@@ -134,7 +135,7 @@ class LivePlan:
             return None
         if not self._known and not (within and error_db <= self._target_db):
             return None
-        return centre_m, total_db(error_db, *2 * [self._resampling_db])
+        return centre_m, total_db(error_db, self._resampling_db)
 
     def image(self, block: PulseBlock) -> np.ndarray:
         """Backproject a sub-aperture.
@@ -178,8 +179,9 @@ def _for_windows(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window:
         rest = 0.5 * np.ptp(bands.wavenumber) * abs(low + high) / 2
         half = max(half, bands.wavenumber[1] * 0.5 * (high - low) + rest)
     spacing = max(math.pi / (half * oversampling), polar.alpha_spacing)
-    first = polar.alpha_start + MARGIN * polar.alpha_spacing
-    extent = (polar.n_alpha - 2 * MARGIN) * polar.alpha_spacing
+    beyond = margin(CORRECTED_TAPS)
+    first = polar.alpha_start + beyond * polar.alpha_spacing
+    extent = (polar.n_alpha - 2 * beyond) * polar.alpha_spacing
     return dataclasses.replace(
-        polar, alpha_start=first - MARGIN * spacing, alpha_spacing=spacing,
-        n_alpha=math.ceil(extent / spacing) + 2 * MARGIN)
+        polar, alpha_start=first - beyond * spacing, alpha_spacing=spacing,
+        n_alpha=math.ceil(extent / spacing) + 2 * beyond)

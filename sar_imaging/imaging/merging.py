@@ -15,7 +15,7 @@ import numpy as np
 
 from ..compilation import njit, numba
 from ..geometry.polar import PolarGrid
-from .interpolation import Interpolator, design_interpolator, least_oversampling
+from .interpolation import Interpolator, coarsest_interpolator
 from .work_space import aligned_empty
 
 TAPS, DEGREE = 10, 5
@@ -100,15 +100,14 @@ def plan_parts(fine: PolarGrid, slope, k_lo: float, k_hi: float, interpolation_d
     AngularParts or None
         None where cutting gains nothing.
     """
-    oversampling = least_oversampling(interpolation_db, taps=TAPS, degree=DEGREE)
-    if oversampling is None:
+    interpolator = coarsest_interpolator(interpolation_db, taps=TAPS, degree=DEGREE)
+    if interpolator is None:
         return None
-    interpolator = design_interpolator(oversampling, taps=TAPS, degree=DEGREE)
     best, least = None, row_cost * len(slope)
     n_parts = 2
     while n_parts * _LEAST_ROWS <= len(slope):
         rows, middle, half = angular_bands(slope, k_lo, k_hi, n_parts)
-        coarse = _coarse_grid(fine, math.pi / (half.max() * oversampling))
+        coarse = _coarse_grid(fine, math.pi / (half.max() * interpolator.oversampling))
         if coarse is not None:
             merging = n_parts * (_COST_PIXEL + _COST_PART / (fine.n_alpha * fine.n_range))
             share = coarse.n_alpha / fine.n_alpha

@@ -16,12 +16,12 @@ from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .fusion_error import Coverage
-from .interpolation import Interpolator, design_interpolator, least_oversampling
+from .interpolation import Interpolator, coarsest_interpolator
 from .lattice import Lattice, plan_lattice, sample_paths, slope_along, total_db
 from .merging import AngularParts, plan_parts
 from .range_band import RangeBand
 from .range_window import RangeWindow
-from .resampling import DEGREE, LANES, MARGIN, TAPS
+from .resampling import CORRECTED_TAPS, DEGREE, LANES, TAPS, margin
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
@@ -45,8 +45,8 @@ class PolarPlan:
         Bounds of the half path over it, metres.
     axis : int
         Map axis along which the second pass of the resampling goes.
-    interpolator : Interpolator
-        Of the resampling, for both passes.
+    between, along : Interpolator
+        Of the resampling: between lines and along them.
     parts : AngularParts or None
         Cut into parts with fewer lines each; None where all rows go straight to `polar`.
     wavelength_m : float
@@ -62,7 +62,8 @@ class PolarPlan:
     window: RangeWindow
     range_m: tuple[float, float]
     axis: int
-    interpolator: Interpolator
+    between: Interpolator
+    along: Interpolator
     parts: AngularParts | None
     wavelength_m: float
     predicted_error_db: float
@@ -101,9 +102,9 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     parts = plan_parts(polar, cover.slope_alpha, *cover.wavenumber, interpolation_db, lattice.cost)
     share = polar.n_range * polar.n_alpha / (grid.n_x * grid.n_y)
     per_pixel = lattice.cost * len(tx_m) if parts is None else parts.cost
-    errors = 2 * [cover.interpolator.error_db] + [p.interpolator.error_db for p in [parts] if p]
-    return PolarPlan(polar, lattice, cover.window, cover.range_m, cover.axis, cover.interpolator,
-                     parts, radar.wavelength_m,
+    errors = [cover.resampling_db] + [p.interpolator.error_db for p in [parts] if p]
+    return PolarPlan(polar, lattice, cover.window, cover.range_m, cover.axis, cover.between,
+                     cover.along, parts, radar.wavelength_m,
                      total_db(lattice.predicted_error_db, *errors),
                      per_pixel * share + COST_RESAMPLING)
 
@@ -115,7 +116,7 @@ class MapCover:
     Attributes
     ----------
     polar : PolarGrid
-        It reaches `MARGIN` pixels beyond the map.
+        It reaches `margin` pixels beyond the map.
     lattice : Lattice
         How its lines read the profiles.
     window : RangeWindow or RangeBand
@@ -124,10 +125,8 @@ class MapCover:
         Bounds of the half path over it, metres.
     axis : int
         Map axis along which the second pass of the resampling goes.
-    oversampling : float
-        Along range and direction.
-    interpolator : Interpolator
-        Of the resampling, for both passes.
+    between, along : Interpolator
+        Of the resampling: between lines and along them.
     slope_alpha : (R, S) float64
         Derivative by direction of the half paths from the rows to samples of the map, metres.
     wavenumber : (2,) floats
@@ -139,15 +138,25 @@ class MapCover:
     window: RangeWindow | RangeBand
     range_m: tuple[float, float]
     axis: int
-    oversampling: float
-    interpolator: Interpolator
+    between: Interpolator
+    along: Interpolator
     slope_alpha: np.ndarray
     wavenumber: tuple[float, float]
+
+    @property
+    def oversampling(self) -> tuple[float, float]:
+        """Along range and direction."""
+        return self.along.oversampling, self.between.oversampling
+
+    @property
+    def resampling_db(self) -> float:
+        """Error of the interpolation to the map, dB."""
+        return total_db(self.along.error_db, self.between.error_db)
 
 
 def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
               resampling_db: float, lattice_db: float,
-              band: RangeBand | None = None) -> MapCover | None:
+              band: RangeBand | None = None, corrected: bool = False) -> MapCover | None:
     """Cover a map by a polar grid around the aperture.
 
     Parameters
@@ -158,6 +167,9 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         Wanted errors of each pass of the interpolation to the map and of the backprojection, dB.
     band : RangeBand, optional
         Phase histories instead of profiles; `radar` is its own.
+    corrected : bool
+        The spectrum of the polar image will be corrected for the interpolation between lines, as
+        that of `SpectrumFusion` is: they may be fewer.
 
     Returns
     -------
@@ -165,8 +177,10 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         None where the map is tiny, too near, all around, or not ahead of the aperture.
     """
     frame = _frame(grid, 0.5 * (tx_m + rx_m))
-    oversampling = least_oversampling(resampling_db, taps=TAPS, degree=DEGREE)
-    if frame is None or min(grid.shape) < TAPS or oversampling is None:
+    between = coarsest_interpolator(resampling_db, taps=CORRECTED_TAPS if corrected else TAPS,
+                                    degree=DEGREE, corrected=corrected)
+    along = coarsest_interpolator(resampling_db, taps=TAPS, degree=DEGREE)
+    if frame is None or min(grid.shape) < TAPS or between is None or along is None:
         return None
     origin, track, side, axis = frame
     bands = _bands(grid, tx_m, rx_m, radar, origin, track, side, axis)
@@ -174,23 +188,21 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         return None
     paths, half_range, slope_alpha, k = bands
     half_alpha = k[1] * float(np.abs(slope_alpha).max())
-    n_line = math.ceil(np.ptp(paths.length) * half_range * oversampling / math.pi)
-    spacing = math.pi / (half_range * oversampling) * 0.999
+    n_line = math.ceil(np.ptp(paths.length) * half_range * along.oversampling / math.pi)
+    spacing = math.pi / (half_range * along.oversampling) * 0.999
     # The sampled half paths miss the extremes by what range and direction add between samples.
     lo, hi = float(paths.length.min()), float(paths.length.max())
-    slack = 2 * MARGIN * spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
+    slack = 2 * margin(TAPS) * spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
     range_m = lo - slack, hi + slack
     window = band or RangeWindow.around(radar, n_samples, range_m)
     lattice = plan_lattice(paths, spacing, n_line, radar, window.n_samples, lattice_db,
                            fit_spacing=True, periodic=window.periodic)
     if lattice is None:
         return None
-    polar = _cover(grid, origin, track, side, lattice.spacing, half_alpha, oversampling)
+    polar = _cover(grid, origin, track, side, lattice.spacing, half_alpha, between)
     if polar is None:
         return None
-    interpolator = design_interpolator(oversampling, taps=TAPS, degree=DEGREE)
-    return MapCover(polar, lattice, window, range_m, axis, oversampling, interpolator, slope_alpha,
-                    k)
+    return MapCover(polar, lattice, window, range_m, axis, between, along, slope_alpha, k)
 
 
 def map_coverage(polar: PolarGrid, grid: MapGrid) -> Coverage:
@@ -258,8 +270,8 @@ def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
     return paths, float(half_range), slope_alpha, (k - 2 * band, k)
 
 
-def _cover(grid, origin, track, side, spacing, half_alpha, oversampling) -> PolarGrid | None:
-    """Polar grid that reaches `MARGIN` pixels beyond the map."""
+def _cover(grid, origin, track, side, spacing, half_alpha, between) -> PolarGrid | None:
+    """Polar grid that reaches `margin` pixels beyond the map."""
     x = np.linspace(grid.x_m[0], grid.x_m[-1], _EDGE_SAMPLES)
     y = np.linspace(grid.y_m[0], grid.y_m[-1], _EDGE_SAMPLES)
     edges = np.concatenate([np.stack(np.broadcast_arrays(x, side_y), axis=-1)
@@ -269,17 +281,20 @@ def _cover(grid, origin, track, side, spacing, half_alpha, oversampling) -> Pola
     dx, dy = edges[:, 0] - origin[0], edges[:, 1] - origin[1]
     r = np.sqrt(dx ** 2 + dy ** 2 + (origin[2] - grid.z_m) ** 2)
     alpha = (dx * track[0] + dy * track[1]) / r
+    before, beside = margin(TAPS), margin(between.n_taps)
     # between two edge samples
     slack = 0.5 * max(np.ptp(x), np.ptp(y)) / (_EDGE_SAMPLES - 1)
     extent = np.ptp(alpha) + 2 * slack / r.min()
-    alpha_spacing = min(math.pi / (half_alpha * oversampling), extent) if half_alpha else extent
+    alpha_spacing = extent
+    if half_alpha:
+        alpha_spacing = min(math.pi / (half_alpha * between.oversampling), extent)
     # whole vectors, so that lines begin alike
-    n_range = -(-math.ceil((np.ptp(r) + 2 * slack) / spacing + 2 * MARGIN) // LANES) * LANES
-    n_alpha = math.ceil(extent / alpha_spacing) + 2 * MARGIN
+    n_range = -(-math.ceil((np.ptp(r) + 2 * slack) / spacing + 2 * before) // LANES) * LANES
+    n_alpha = math.ceil(extent / alpha_spacing) + 2 * beside
     try:
-        return PolarGrid(origin, track, side, grid.z_m, r.min() - slack - MARGIN * spacing,
+        return PolarGrid(origin, track, side, grid.z_m, r.min() - slack - before * spacing,
                          spacing, n_range,
-                         alpha.min() - slack / r.min() - MARGIN * alpha_spacing, alpha_spacing,
+                         alpha.min() - slack / r.min() - beside * alpha_spacing, alpha_spacing,
                          n_alpha)
     except ValueError:
         return None

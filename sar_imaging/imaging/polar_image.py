@@ -38,4 +38,4 @@ def add_by_polar(plan: PolarPlan, radar: RadarParameters, rows, grid: MapGrid, i
         merging.add_all(lambda number, image: lines.add(
             *(a[plan.parts.rows[number]] for a in rows), image), total)
     add_polar_to_map(total[0], total[1], polar, grid, image, axis=plan.axis,
-                     wavelength_m=radar.wavelength_m, interpolator=plan.interpolator)
+                     wavelength_m=radar.wavelength_m, between=plan.between, along=plan.along)

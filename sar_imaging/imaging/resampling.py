@@ -30,9 +30,7 @@ from .interpolation import Interpolator
 from .resampling_vectors import (
     DEGREE,
     FIRST,
-    HALF,
     POSITION_BYTES,
-    TAPS,
     add_samples,
     fetch_lines,
     interpolate,
@@ -43,9 +41,12 @@ from .resampling_vectors import (
 )
 from .work_space import aligned_empty
 
-__all__ = ['DEGREE', 'LANES', 'MARGIN', 'TAPS', 'add_polar_to_map']
+__all__ = ['CORRECTED_TAPS', 'DEGREE', 'LANES', 'TAPS', 'add_polar_to_map', 'margin']
 
-MARGIN = TAPS // 2 + 5  # pixels of a polar grid beyond the map, of which 3 are not read
+# Neighbours that are read, and along direction where the spectrum is corrected for it. Along range
+# it cannot be: along a row of the map direction changes, too, and with it what range must take.
+TAPS, CORRECTED_TAPS = 14, 6
+_NOT_READ = 3  # pixels of the margin
 _TASKS_PER_THREAD = 4
 FLOAT_BYTES, DOUBLE_BYTES = 4, 8
 _WORK_BYTES = LANES * (POSITION_BYTES + 2 * GROUP_BYTES)
@@ -53,8 +54,13 @@ _MOST_LINES = 64  # fetched before they are needed
 _PIXELS = 512  # of a row between two passes: what is between them stays in cache
 
 
+def margin(taps: int) -> int:
+    """Pixels that a polar grid must reach beyond a map on all sides."""
+    return taps // 2 + 2 + _NOT_READ
+
+
 def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis: int,
-                     wavelength_m: float, interpolator: Interpolator) -> None:
+                     wavelength_m: float, between: Interpolator, along: Interpolator) -> None:
     """Interpolate a polar image at range baseband and add it to a map image.
 
     Parameters
@@ -63,7 +69,7 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
         Image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0 the first range. Lines are contiguous
         and equally far apart in both.
     polar : PolarGrid
-        Its grid; it must reach `MARGIN` pixels beyond the map on all sides and have `LANES` ranges
+        Its grid; it must reach `margin` pixels beyond the map on all sides and have `LANES` ranges
         or more.
     grid : MapGrid
         Grid of the map.
@@ -73,8 +79,8 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
         Map axis that follows range: 0 when rows of the second pass follow x, 1 for y.
     wavelength_m : float
         At the carrier, metres.
-    interpolator : Interpolator
-        Of both passes, with `TAPS` taps and degree `DEGREE`.
+    between, along : Interpolator
+        Between lines and along them, of degree `DEGREE`.
     """
     origin = np.array(polar.origin_m)
     line = (grid.x_m, grid.y_m)[axis] - origin[axis]
@@ -85,27 +91,29 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
     steps = np.array((grid.n_x, 1) if axis == 0 else (1, grid.n_x))
     step, pixel = polar.range_spacing_m, np.ptp(line) / max(len(line) - 1, 1)
     # ranges that _PIXELS pixels read, begun and ended by whole vectors
-    length = LANES * (3 + math.ceil((_PIXELS * pixel / step + TAPS) / LANES))
+    length = LANES * (3 + math.ceil((_PIXELS * pixel / step + along.n_taps) / LANES))
     r = polar.range_start_m + step * np.arange(-LANES, polar.n_range + 2 * LANES)
     r = np.maximum(r, 0.5 * polar.range_start_m)
     squares, inverses = r ** 2, 1 / r
     n_tasks = min(-(-len(rows) // LANES), _TASKS_PER_THREAD * numba.get_num_threads())
     tables = aligned_empty((n_tasks, 3, LANES), np.float64)
     work = aligned_empty((n_tasks, _WORK_BYTES + 2 * length * VECTOR_BYTES), np.uint8)
-    weights = np.ascontiguousarray(interpolator.centred[:, :HALF])
+    weights = [np.ascontiguousarray(v.centred[:, :v.n_taps // 2]) for v in (between, along)]
     _resample(real.ctypes.data, imag.ctypes.data, real.strides[0], polar.n_range,
-              polar.n_alpha - TAPS - 2.0, squares.ctypes.data, inverses.ctypes.data,
+              polar.n_alpha - between.n_taps - 2.0, squares.ctypes.data, inverses.ctypes.data,
               rows, line,
               (sign * track[0] / polar.alpha_spacing, track[1] / polar.alpha_spacing,
-               polar.alpha_start / polar.alpha_spacing - interpolator.first),
+               polar.alpha_start / polar.alpha_spacing - between.first),
               (polar.range_start_m, 1 / step, 2 / wavelength_m), polar.height_m ** 2,
-              weights.ctypes.data, interpolator.first, image.ctypes.data, steps * SAMPLE_BYTES,
-              tables, work.ctypes.data, work.strides[0], length * VECTOR_BYTES)
+              weights[0].ctypes.data, (0,) * between.n_taps, weights[1].ctypes.data,
+              (0,) * along.n_taps, along.first, image.ctypes.data, steps * SAMPLE_BYTES, tables,
+              work.ctypes.data, work.strides[0], length * VECTOR_BYTES)
 
 
 @njit(parallel=True, fastmath=REPEATABLE)
 def _resample(real, imag, apart, n_range, last, squares, inverses, rows, line, direction, ranges,
-              height2, weights, first, image, steps, tables, work, work_bytes, strip_bytes):
+              height2, weights_between, taps_between, weights, taps, first, image, steps, tables,
+              work, work_bytes, strip_bytes):
     """Strip by strip; addresses instead of arrays where vectors are read or written."""
     n_tasks, n_pixels = len(tables), len(line)
     n_strips = (len(rows) + LANES - 1) // LANES
@@ -122,17 +130,18 @@ def _resample(real, imag, apart, n_range, last, squares, inverses, rows, line, d
                     tables[task, 1, j] = beside * beside + height2
                 n_chunks = _set_off(tables[task], line[pixel] ** 2,
                                     line[pixel + n_some // 2] ** 2,
-                                    line[pixel + n_some - 1] ** 2, ranges, first)
+                                    line[pixel + n_some - 1] ** 2, ranges, first, len(taps))
                 _to_ranges(real, imag, apart, n_range, last, squares, inverses, direction,
-                           weights, tables[task], first, n_chunks, panel, strip, strip_bytes)
-                _to_pixels(line, pixel, n_some, ranges, weights, tables[task],
-                           LANES * n_chunks - TAPS - 1.0, panel, strip, strip_bytes,
+                           weights_between, taps_between, tables[task], first, n_chunks, panel,
+                           strip, strip_bytes)
+                _to_pixels(line, pixel, n_some, ranges, weights, taps, tables[task],
+                           LANES * n_chunks - len(taps) - 1.0, panel, strip, strip_bytes,
                            image + number * LANES * steps[0], steps,
                            min(LANES, len(rows) - number * LANES))
 
 
 @njit(fastmath=REPEATABLE)
-def _set_off(table, from2, middle2, to2, ranges, first):
+def _set_off(table, from2, middle2, to2, ranges, first, n_taps):
     """Ranges by which each row of a strip is set off, as shifts of its positions in the strip.
 
     With them the pixels of a column read nearly the same place, and vectors of rows that are not
@@ -152,12 +161,12 @@ def _set_off(table, from2, middle2, to2, ranges, first):
     low = np.floor((low + first) / LANES) * LANES
     for j in range(LANES):
         table[2, j] += first - low
-    return np.int64(high + first - low + TAPS + 2 + LANES - 1) // LANES
+    return np.int64(high + first - low + n_taps + 2 + LANES - 1) // LANES
 
 
 @njit(fastmath=REPEATABLE)
-def _to_ranges(real, imag, apart, n_range, last, squares, inverses, direction, weights, table,
-               first, n_chunks, positions, strip, strip_bytes):
+def _to_ranges(real, imag, apart, n_range, last, squares, inverses, direction, weights, taps,
+               table, first, n_chunks, positions, strip, strip_bytes):
     """Lines of the polar image to where its ranges meet the rows of a strip."""
     ahead, along, zero = direction
     panel = positions + LANES * POSITION_BYTES
@@ -169,11 +178,11 @@ def _to_ranges(real, imag, apart, n_range, last, squares, inverses, direction, w
         for j in range(LANES):
             shift = _first_range(chunk, first, table[2, j], n_range) * FLOAT_BYTES
             to = panel + j * VECTOR_BYTES
-            interpolate(real + shift, imag + shift, apart, weights,
+            interpolate(real + shift, imag + shift, apart, weights, taps,
                         positions + j * POSITION_BYTES, to, to + LANES * VECTOR_BYTES)
         first_line = integer_at(positions + FIRST)
         last_line = integer_at(positions + (LANES - 1) * POSITION_BYTES + FIRST)
-        place, number = _following_lines(first_line, last_line)
+        place, number = _following_lines(first_line, last_line, len(taps))
         place = place * apart + _first_range(chunk, first, table[2, 0], n_range) * FLOAT_BYTES
         fetch_lines(real + place, apart, number)
         fetch_lines(imag + place, apart, number)
@@ -183,10 +192,10 @@ def _to_ranges(real, imag, apart, n_range, last, squares, inverses, direction, w
 
 
 @njit(inline='always')
-def _following_lines(first_row, last_row):
+def _following_lines(first_row, last_row, n_taps):
     """First and number of the lines that the next strip begins to read, by two rows' firsts."""
     number = min((abs(last_row - first_row) * LANES + LANES - 2) // (LANES - 1) + 1, _MOST_LINES)
-    return (last_row + TAPS if last_row >= first_row else last_row - number), number
+    return (last_row + n_taps if last_row >= first_row else last_row - number), number
 
 
 @njit(inline='always')
@@ -196,8 +205,8 @@ def _first_range(chunk, first, shift, n_range):
 
 
 @njit(fastmath=REPEATABLE)
-def _to_pixels(line, pixel, n_pixels, ranges, weights, table, last, positions, strip, strip_bytes,
-               image, steps, n_rows):
+def _to_pixels(line, pixel, n_pixels, ranges, weights, taps, table, last, positions, strip,
+               strip_bytes, image, steps, n_rows):
     """Ranges of a strip to pixels of its rows."""
     start, inverse, cycles_per_m = ranges
     places = table.ctypes.data
@@ -211,7 +220,7 @@ def _to_pixels(line, pixel, n_pixels, ranges, weights, table, last, positions, s
                           places + 2 * LANES * DOUBLE_BYTES, start, inverse, cycles_per_m, last,
                           positions + p * POSITION_BYTES)
         for p in range(n_some):
-            interpolate_carrier(strip, strip + strip_bytes, VECTOR_BYTES, weights,
+            interpolate_carrier(strip, strip + strip_bytes, VECTOR_BYTES, weights, taps,
                                 positions + p * POSITION_BYTES, group + p * GROUP_BYTES)
         to = image + (pixel + begin) * steps[1]
         if steps[0] == SAMPLE_BYTES:  # neighbours of a column lie side by side in the map

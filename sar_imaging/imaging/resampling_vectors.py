@@ -2,8 +2,9 @@
 
 `LANES` neighbours are interpolated together from samples that begin at different places, without
 gathers: two places in a row take their turn at once, each lane selecting its own samples. All
-functions take addresses as int64. Numba's cache only notices changes of the file of a function
-that it compiled: empty it after a change of this one.
+functions take addresses as int64; `taps` is a tuple as long as there are neighbours to interpolate
+from, since that much of it is known when code is written. Numba's cache only notices changes of
+the file of a function that it compiled: empty it after a change of this one.
 """
 
 from __future__ import annotations
@@ -15,8 +16,7 @@ from numba.extending import intrinsic
 from . import kernels
 from .butterflies import LANES, VECTOR_BYTES, fetch_line, transposed
 
-TAPS, DEGREE = 14, 5
-HALF = TAPS // 2
+DEGREE = 5
 POSITION_BYTES = 5 * VECTOR_BYTES
 # of a position: the first of the starts, and of each lane what it is from the middle between two
 # samples, its start relative to the first, and the phasor of its carrier
@@ -110,27 +110,27 @@ def locate_ranges(typing_context, ahead2, beside2, shifts, start, inverse, cycle
 
 
 @intrinsic
-def interpolate(typing_context, real, imag, step, weights, positions, to_real, to_imag):
+def interpolate(typing_context, real, imag, step, weights, taps, positions, to_real, to_imag):
     """Interpolate LANES samples; `step` is the bytes from a tap's samples to the next one's.
 
     `weights` are those of half the taps, by powers of the distance from the middle.
     """
     def generate(context, b, signature, args):
-        real, imag, step, weights, positions, to_real, to_imag = args
-        _interpolate(b, (real, imag), step, weights, positions, (to_real, to_imag))
+        real, imag, step, weights, _, positions, to_real, to_imag = args
+        _interpolate(b, (real, imag), step, weights, len(taps), positions, (to_real, to_imag))
         return context.get_dummy_value()
 
-    return types.void(*[types.int64] * 7), generate
+    return types.void(*[types.int64] * 4, taps, *[types.int64] * 3), generate
 
 
 @intrinsic
-def interpolate_carrier(typing_context, real, imag, step, weights, positions, to):
+def interpolate_carrier(typing_context, real, imag, step, weights, taps, positions, to):
     """As `interpolate`, times the phasors; real and imaginary parts are stored in turn."""
     def generate(context, b, signature, args):
-        real, imag, step, weights, positions, to = args
+        real, imag, step, weights, _, positions, to = args
         cosine, sine = (_load(b, positions, _FLOATS, part) for part in (_COSINE, _SINE))
         parts = to, b.add(to, _INT(VECTOR_BYTES))
-        _interpolate(b, (real, imag), step, weights, positions, parts)
+        _interpolate(b, (real, imag), step, weights, len(taps), positions, parts)
         re, im = (_load(b, part, _FLOATS) for part in parts)
         parts = (re * cosine - im * sine).value, (re * sine + im * cosine).value
         together = [n // 2 + n % 2 * LANES for n in range(2 * LANES)]
@@ -138,7 +138,7 @@ def interpolate_carrier(typing_context, real, imag, step, weights, positions, to
         b.store(samples, _pointer(b, to, _SAMPLES), align=4)
         return context.get_dummy_value()
 
-    return types.void(*[types.int64] * 6), generate
+    return types.void(*[types.int64] * 4, taps, *[types.int64] * 2), generate
 
 
 @intrinsic
@@ -206,7 +206,7 @@ def _store_positions(b, v, least, last, to):
             _pointer(b, to, _INT, FIRST))
 
 
-def _interpolate(b, sources, step, weights, positions, targets):
+def _interpolate(b, sources, step, weights, taps, positions, targets):
     """Two starts at a time, until no lane starts later; most simply where all start alike.
 
     Targets change with each turn, so that LLVM does not keep all weights from turn to turn: there
@@ -214,8 +214,8 @@ def _interpolate(b, sources, step, weights, positions, targets):
     """
     def sums(place, later):
         t = _load(b, positions, _FLOATS, _T)
-        return _weighted_sums(b, [b.add(source, place) for source in sources], step, weights, t,
-                              later)
+        return _weighted_sums(b, [b.add(source, place) for source in sources], step, weights,
+                              taps, t, later)
 
     def branch(turn, where_any, where_none):
         reached = b.bitcast(b.fcmp_ordered('>=', start.value, turn.value), ir.IntType(LANES))
@@ -243,7 +243,7 @@ def _interpolate(b, sources, step, weights, positions, targets):
     b.position_at_end(end)
 
 
-def _weighted_sums(b, places, step, weights, t, later):
+def _weighted_sums(b, places, step, weights, taps, t, later):
     """Of the samples from a place on, or of those from the next on where `later`, if given."""
     def sample(place, k):
         here = _load(b, b.add(place, b.mul(step, _INT(k))), _FLOATS)
@@ -253,15 +253,15 @@ def _weighted_sums(b, places, step, weights, t, later):
         return _Vector(b, b.select(later, following.value, here.value))
 
     def weight(k, power):
-        return _spread(b, b.load(_pointer(b, weights, ir.FloatType(), 4 * (power * HALF + k))))
+        return _spread(b, b.load(_pointer(b, weights, ir.FloatType(), 4 * (power * half + k))))
 
-    t2, sums = t * t, [None] * len(places)
-    for k in range(HALF):
+    t2, half, sums = t * t, taps // 2, [None] * len(places)
+    for k in range(half):
         even, odd = (weight(k, i) + t2 * (weight(k, i + 2) + t2 * weight(k, i + 4))
                      for i in range(2))
         pair = even + t * odd, even - t * odd
         for i, place in enumerate(places):
-            for n, w in zip((k, TAPS - 1 - k), pair, strict=True):
+            for n, w in zip((k, taps - 1 - k), pair, strict=True):
                 term = w * sample(place, n)
                 sums[i] = term if sums[i] is None else sums[i] + term
     return sums

@@ -103,8 +103,8 @@ class SubaperturePlan:
         Wanted error of the fused image against exact backprojection, dB.
     pulses_per_subaperture : int, optional
         Length of the sub-apertures; the quickest if left out.
-    oversampling : float
-        Of `polar`, for `FusionGrid`.
+    oversampling : (float, float)
+        Of `polar` along range and direction, for `FusionGrid`.
     coverage : Coverage
         What of `polar` must be right, see `map_coverage`.
     band : RangeBand, optional
@@ -140,7 +140,7 @@ class SubaperturePlan:
 
     def __init__(self, polar: PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
                  target_db: float = -50.0, pulses_per_subaperture: int | None = None,
-                 oversampling: float = 1.0, coverage: Coverage = EVERYTHING,
+                 oversampling: tuple[float, float] = (1.0, 1.0), coverage: Coverage = EVERYTHING,
                  band: RangeBand | None = None):
         tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
         self.polar, self.n_samples = polar, int(n_samples)
@@ -165,7 +165,7 @@ class SubaperturePlan:
         s = self.sampling
         self.fusion_grid = FusionGrid(polar, s.n_coarse, s.n_fine, s.n_guard, s.beta,
                                       s.range_guard, bands.half_range, radar.carrier_hz,
-                                      oversampling)
+                                      *oversampling)
         self.coarse = self.fusion_grid.coarse
         guard = self.sampling.range_guard * polar.range_spacing_m
         range_m = _bounds(self.coarse, tx_m, rx_m)

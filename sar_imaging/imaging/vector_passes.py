@@ -35,6 +35,15 @@ class Plan(NamedTuple):
         """Of the table, and of the turns."""
         return self.table.ctypes.data, self.turns.ctypes.data
 
+    def with_gain(self, gain: np.ndarray) -> Plan:
+        """Elements of each of some sets, (S, length) float64, are multiplied by a gain, too.
+
+        S is a multiple of the sets that are turned.
+        """
+        turns = np.tile(self.turns, (len(gain) // len(self.turns), 1, 1))
+        turns[:, 0] *= gain[:, self.first]
+        return self._replace(turns=turns)
+
 
 @functools.lru_cache(maxsize=4096)
 def radices_of(n: int) -> tuple[int, ...] | None:

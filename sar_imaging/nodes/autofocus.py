@@ -161,7 +161,7 @@ class PolarFocus:
         health.count('autofocus_attempted')
         began = time.perf_counter()
         try:
-            result = PhaseGradient(grid.polar, grid, ends_m).at_baseband(polar)
+            result = PhaseGradient(grid.polar, grid, ends_m).at_baseband(polar, grid.between)
         except (ValueError, MemoryError) as error:
             health.count('autofocus_failed')
             health.warning(f'autofocus failed, the image stays as it is: {error}')

@@ -58,7 +58,8 @@ def test_a_wave_arrives_with_its_carrier(distance_m, height_m, axis, sign, turn)
             numba.set_num_threads(n)
             images.append(np.ones(grid.shape, np.complex64))
             add_polar_to_map(*lines, polar, grid, images[-1], axis=axis,
-                             wavelength_m=WAVELENGTH_M, interpolator=interpolator)
+                             wavelength_m=WAVELENGTH_M, between=interpolator,
+                             along=interpolator)
     finally:
         numba.set_num_threads(threads)
     assert np.array_equal(*images)  # whatever the number of threads

@@ -31,7 +31,7 @@ def make_fusion(**changes):
                       alpha_start=-0.05, alpha_spacing=1e-4, n_alpha=4)
     return FusionGrid(**{'polar': polar, 'n_coarse': 2, 'n_fine': 12, 'n_guard': 0.25,
                          'beta': 1.5, 'range_guard': 1, 'half_range': 12.0, 'carrier_hz': 9.6e9,
-                         'oversampling': 1.25} | changes)
+                         'range_oversampling': 1.25, 'alpha_oversampling': 1.5} | changes)
 
 
 def make_image(fusion=None, **changes):
@@ -68,7 +68,7 @@ def fusions(draw):
     return FusionGrid(
         polar, n_coarse, draw(st.integers(2 * n_alpha + 2, 100)) + 2 * n_alpha, n_guard,
         draw(st.floats(0.0, 50.0)), range_guard, draw(st.floats(1e-3, 400.0)),
-        draw(st.floats(1e10, 1e12)), draw(st.floats(1.0, 4.0)))
+        draw(st.floats(1e10, 1e12)), draw(st.floats(1.0, 4.0)), draw(st.floats(1.0, 4.0)))
 
 
 @st.composite
@@ -102,7 +102,8 @@ def assert_same(received, sent):
         assert getattr(received, name) == getattr(sent, name)
     for name in SIZES:
         assert getattr(received.fusion, name) == getattr(sent.fusion, name)
-    numbers = {'n_guard', 'beta', 'half_range', 'carrier_hz', 'oversampling'}
+    numbers = {'n_guard', 'beta', 'half_range', 'carrier_hz', 'range_oversampling',
+               'alpha_oversampling'}
     for one, other, names in (
             (received, sent, {'bandwidth_hz', 'predicted_error_db', 'centre_m'}),
             (received.fusion, sent.fusion, numbers),
@@ -150,16 +151,15 @@ def test_layout_is_the_documented_one():
     data, dims, offset = wire.to_array(sent)
     assert dims == [('angle', 2, 12), ('range', 3, 6), ('iq', 2, 2)]
     assert offset == 88
-    assert data[:8].tolist() == [5456201, 3, 88, -1, 0xCDEF, 0x89AB, 0x4567, 0x0123]
+    assert data[:8].tolist() == [5456201, 4, 88, -1, 0xCDEF, 0x89AB, 0x4567, 0x0123]
     assert data[8:28].tolist() == [0xBEEF, 0xDEAD, 8, 7, 2, 0, 2, 1, 3, 0, 5, 0, 4, 0, 1, 0xFFFF,
                                    60, 0, 4, 5]
     assert data[28:30].tolist() == [0x15, 0x16]
     assert data[30:42].tolist() == [4, 0, 1, 0, 12, 0, 1, 0, 5, 0, 3, 2]
     polar = sent.fusion.polar
-    assert data[42:86:2].tolist() == [np.float32(value) for value in (
+    assert data[42:88:2].tolist() == [np.float32(value) for value in (
         9.6e9, 5e8, -61.25, *polar.origin_m, *polar.track, polar.z_m, 1500.0, 0.3, -0.05, 1e-4,
-        0.25, 1.5, 12.0, 1.25, -3.25, *sent.map_grid.centre_m, 0.1)]
-    assert data[86:88].tolist() == [0, 0]
+        0.25, 1.5, 12.0, 1.25, -3.25, *sent.map_grid.centre_m, 0.1, 1.5)]
     assert data[88:].tobytes() == sent.image.tobytes()
 
 
@@ -195,12 +195,12 @@ MALFORMED = {
     'no header': (lambda d, m, o: (d[o:], m, 0), 'data_offset=0; expected 88: the length'),
     'absurd offset': (lambda d, m, o: (d, m, 2**32 - 1), 'data_offset=4294967295; expected 88'),
     'wrong magic': (edited(0, 5456210), 'magic number 5456201; .* carry sub-aperture images'),
-    'wrong version': (edited(1, 2), 'format version is 2; expected 3'),
+    'wrong version': (edited(1, 2), 'format version is 2; expected 4'),
     'wrong header length': (edited(2, 48), 'header length is 48 floats; expected 88'),
     'no side': (edited(3, 0), r'side \(data\[3\]\) is 0; expected \+1'),
     'fractional side': (edited(3, 0.5), r'side \(data\[3\]\) is 0.5'),
     'NaN in the header': (edited(62, np.nan), 'header holds 1 numbers that are NaN .* index 62'),
-    'infinite reserve': (edited(87, np.inf), 'header holds 1 numbers .* index 87'),
+    'infinite low part': (edited(87, np.inf), 'header holds 1 numbers .* index 87'),
     'fractional stamp': (edited(5, 0.5), r'stamp limbs \(data\[4:8\]\) are .* whole numbers'),
     'negative count': (edited(9, -1), r'count limbs \(data\[8:42\]\) are .* whole numbers'),
     'limb too large': (edited(41, 65536), r'count limbs .* 65536.0\]; expected'),
@@ -222,7 +222,8 @@ MALFORMED = {
     'no range guard': (edited(36, 0), 'range_guard=0; expected at least one'),
     'negative taper': (edited(70, -1.0), 'beta=-1.0; expected 0 to 700'),
     'absurd band': (edited(72, 1e6), 'half_range=1e.06 rad/m exceeds the carrier'),
-    'undersampled': (edited(74, 0.5), 'oversampling=0.5; expected 1 or more'),
+    'undersampled': (edited(74, 0.5), 'range_oversampling=0.5; expected 1 or more'),
+    'too few lines': (edited(86, 0.5), 'alpha_oversampling=0.5; expected 1 or more'),
     'absurd fine grid': (edited(35, 65535), 'expected at most 2147483648 pixels'),
     'empty map': (edited(38, 0), 'n_x=0, n_y=131075; expected at least one pixel'),
     'map without spacing': (edited([84, 85], 0), 'spacing_m=0.0 must be positive'),
