@@ -26,7 +26,7 @@ HEADER_LENGTH = 88
 SIDE = 3
 STAMP = slice(4, 8)
 LIMBS = slice(8, 42)  # COUNTS, then the sizes
-SIZES = ('n_alpha', 'n_range', 'n_fine', 'range_guard', 'n_x', 'n_y')
+SIZES = ('n_alpha', 'n_range', 'n_fine', 'n_fine_range', 'n_x', 'n_y')
 NUMBERS = slice(42, 88)
 
 
@@ -70,7 +70,7 @@ def preamble(subaperture: SubapertureImage) -> np.ndarray:
     header[:STAMP.start] = MAGIC, VERSION, HEADER_LENGTH, polar.side
     header[STAMP] = float_pairs.split_limbs(subaperture.stamp_ns, 4)
     counts = [getattr(subaperture, name) for name in COUNTS]
-    sizes = (polar.n_alpha, polar.n_range, fusion.n_fine, fusion.range_guard, target.n_x,
+    sizes = (polar.n_alpha, polar.n_range, fusion.n_fine, fusion.n_fine_range, target.n_x,
              target.n_y)
     header[LIMBS] = [limb for n in (*counts, *sizes)
                      for limb in float_pairs.split_limbs(int(n), 2)]
@@ -158,7 +158,7 @@ def _check_header(header: np.ndarray) -> None:
 def _read(header: np.ndarray, image: np.ndarray) -> SubapertureImage:
     low, high = header[LIMBS].reshape(-1, 2).T.astype(np.int64)
     numbers = dict(zip((*COUNTS, *SIZES), (low | high << 16).tolist(), strict=True))
-    n_alpha, n_range, n_fine, range_guard, n_x, n_y = (numbers.pop(name) for name in SIZES)
+    n_alpha, n_range, n_fine, n_fine_range, n_x, n_y = (numbers.pop(name) for name in SIZES)
     (carrier_hz, bandwidth_hz, error_db, *origin_m, u, v, z_m, range_start_m, range_spacing_m,
      alpha_start, alpha_spacing, n_guard, beta, half_range, range_oversampling, centre_m, x, y,
      z, spacing_m, alpha_oversampling) = float_pairs.join_double(
@@ -168,8 +168,9 @@ def _read(header: np.ndarray, image: np.ndarray) -> SubapertureImage:
             origin_m=tuple(origin_m), track=(u, v), side=int(header[SIDE]), z_m=z_m,
             range_start_m=range_start_m, range_spacing_m=range_spacing_m, n_range=n_range,
             alpha_start=alpha_start, alpha_spacing=alpha_spacing, n_alpha=n_alpha)
-        fusion = FusionGrid(polar, image.shape[0], n_fine, n_guard, beta, range_guard, half_range,
-                            carrier_hz, range_oversampling, alpha_oversampling)
+        fusion = FusionGrid(polar, image.shape[0], n_fine, n_guard, beta, image.shape[1],
+                            n_fine_range, half_range, carrier_hz, range_oversampling,
+                            alpha_oversampling)
         return SubapertureImage(
             image, fusion, centre_m, MapGrid((x, y, z), n_x, n_y, spacing_m), bandwidth_hz,
             stamp_ns=float_pairs.join_int64(header[STAMP]), predicted_error_db=error_db,

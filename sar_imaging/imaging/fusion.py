@@ -17,7 +17,8 @@ from ..compilation import njit, numba
 from .column_transform import LANES, rows_to_transform, transform_columns
 from .fusion_error import edge_taper
 from .fusion_grid import FusionGrid
-from .row_transform import row_length, transform_rows
+from .row_transform import transform_rows
+from .subaperture_sampling import taper_band
 from .work_space import aligned_empty, aligned_zeros
 
 _LINES_PER_CALL = 32  # of the fused image, transformed while they are in cache
@@ -55,24 +56,23 @@ class SpectrumFusion:
     def __init__(self, grid: FusionGrid, *, keep: bool = False):
         self.grid, self._keep = grid, keep
         coarse = grid.coarse
-        self._n_range = row_length(coarse.n_range)
-        step = 2 * math.pi / (self._n_range * coarse.range_spacing_m)
-        # Tapers widen the band by little more than the inverse of the guards' length.
-        margin = 4 * 2 * math.pi / (grid.range_guard * coarse.range_spacing_m)
-        most = min(math.ceil((grid.half_range + margin) / step), (self._n_range - 1) // 2)
+        n_coarse, n_fine = grid.n_coarse_range, grid.n_fine_range
+        step = 2 * math.pi / grid.range_extent_m
+        band = grid.half_range + taper_band(grid.range_guard * coarse.range_spacing_m)
+        most = min(math.ceil(band / step), (n_coarse - 1) // 2)
         self._wavenumber = grid.wavenumber_rad_per_m + np.arange(-most, most + 1) * step
         # Turned by this along range, images have the lowest wavenumber at zero.
-        turn = np.exp(2j * np.pi * (most * np.arange(coarse.n_range) % self._n_range)
-                      / self._n_range)
+        turn = np.exp(2j * np.pi * (most * np.arange(n_coarse) % n_coarse) / n_coarse)
         self._taper = (edge_taper(grid.n_coarse, grid.n_guard, grid.beta).astype(np.float32),
-                       (edge_taper(coarse.n_range, grid.range_guard, grid.beta) * turn
+                       (edge_taper(n_coarse, grid.range_guard, grid.beta) * turn
                         ).astype(np.complex64))
         self._coarse_rows = rows_to_transform(grid.n_coarse)
         self._fine_rows = rows_to_transform(grid.n_fine)
-        inside = slice(grid.range_guard, grid.range_guard + grid.polar.n_range)
-        self._turn_back = turn[inside].conj().astype(np.complex64)
+        place = grid.fine_range_guard + np.arange(grid.polar.n_range)
+        self._turn_back = np.exp(-2j * np.pi * (most * place % n_fine) / n_fine
+                                 ).astype(np.complex64)
         # kept from one sub-aperture to the next: fresh memory takes as long as the work
-        self._lines = aligned_empty((grid.n_coarse, _padded(self._n_range)), np.complex64)
+        self._lines = aligned_empty((grid.n_coarse, _padded(n_coarse)), np.complex64)
         self._memory: np.ndarray | None  # of the spectrum and, in its place, the image
         self._contributions: dict[int, tuple[np.ndarray, _Band]]
         self._changed: list[_Band]  # that came or went
@@ -108,7 +108,7 @@ class SpectrumFusion:
             The image has another shape, the centre is not finite, or the sub-aperture is in
             already and contributions are not kept.
         """
-        shape = (self.grid.n_coarse, self.grid.coarse.n_range)
+        shape = self.grid.n_coarse, self.grid.n_coarse_range
         expected = shape if np.iscomplexobj(image) else (2, *shape)
         if image.shape != expected:
             raise ValueError(f'image.shape={image.shape}; expected {expected}')
@@ -192,7 +192,7 @@ class SpectrumFusion:
         """
         parts = (image.real, image.imag) if np.iscomplexobj(image) else image
         _apply_taper(*parts, *self._taper, self._coarse_rows, self._lines)
-        transform_rows(self._lines[:, :self._n_range])
+        transform_rows(self._lines[:, :self.grid.n_coarse_range])
         transform_columns(self._lines, len(self._wavenumber))
         return self._lines[:, :len(self._wavenumber)]
 
@@ -254,19 +254,19 @@ class SpectrumFusion:
             gain = grid.between.gain(cycles - np.rint(cycles))
         transform_columns(spectrum, n_bins, inverse=True, gain=gain)
         # Guards moved the first range; the carrier is referred to that of the wanted grid.
-        cycles = 2 * grid.range_guard * polar.range_spacing_m / grid.wavelength_m
+        cycles = 2 * grid.fine_range_guard * polar.range_spacing_m / grid.wavelength_m
         cycles -= 2 * centre_m / grid.wavelength_m * (polar.alpha - polar.alpha_start)
-        scale = np.exp(2j * np.pi * np.fmod(cycles, 1.0)) / (grid.n_coarse * self._n_range)
+        scale = np.exp(2j * np.pi * np.fmod(cycles, 1.0)) / (grid.n_coarse * grid.n_coarse_range)
         scale = scale.astype(np.complex64)
         image = memory[:polar.n_alpha * polar.n_range].view(np.float32)
         width, turn = 2 * polar.n_range, self._turn_back.view(np.float32)
-        lines = aligned_empty((_LINES_PER_CALL, _padded(self._n_range)), np.complex64)
+        lines = aligned_empty((_LINES_PER_CALL, _padded(grid.n_fine_range)), np.complex64)
         for start in range(0, polar.n_alpha, _LINES_PER_CALL):
             stop = min(start + _LINES_PER_CALL, polar.n_alpha)
             some = lines[:stop - start]
             _load_lines(spectrum[grid.fine_guard + start:grid.fine_guard + stop], n_bins, some)
-            transform_rows(some[:, :self._n_range], inverse=True)
-            _store_lines(some.reshape(-1).view(np.float32), some.shape[1], grid.range_guard,
+            transform_rows(some[:, :grid.n_fine_range], inverse=True)
+            _store_lines(some.reshape(-1).view(np.float32), some.shape[1], grid.fine_range_guard,
                          scale[start:stop].view(np.float32), turn, int(planes),
                          image[start * width:stop * width])
         if planes:

@@ -32,8 +32,9 @@ class FusionGrid:
         Coarse directions of each guard.
     beta : float
         Shape of the taper over the guards.
-    range_guard : int
-        Ranges of each guard.
+    n_coarse_range, n_fine_range : int
+        Ranges of a sub-aperture image, and of the fused one over the same extent, guards
+        included: those of `polar` lie in the middle.
     half_range : float
         Largest frequency of the images along range, relative to the carrier's, rad/m.
     carrier_hz : float
@@ -53,7 +54,8 @@ class FusionGrid:
     n_fine: int
     n_guard: float
     beta: float
-    range_guard: int
+    n_coarse_range: int
+    n_fine_range: int
     half_range: float
     carrier_hz: float
     range_oversampling: float = 1.0
@@ -70,18 +72,21 @@ class FusionGrid:
         for name in ('range_oversampling', 'alpha_oversampling'):
             if not 1.0 <= getattr(self, name) < math.inf:
                 raise ValueError(f'{name}={getattr(self, name)}; expected 1 or more')
-        if self.range_guard < 1:
-            raise ValueError(f'range_guard={self.range_guard}; expected at least one range')
+        if not 0 < self.n_coarse_range <= self.n_fine_range or self.range_guard < 1:
+            raise ValueError(f'n_coarse_range={self.n_coarse_range}, n_fine_range='
+                             f'{self.n_fine_range}; expected at least as many fine ranges as '
+                             f'coarse ones, the {self.polar.n_range} wanted ones and a guard at '
+                             'either end')
         if not 2 * self.n_guard < self.n_coarse:
             raise ValueError(f'n_coarse={self.n_coarse} directions do not hold two guards of '
                              f'n_guard={self.n_guard:g}')
         if self.fine_guard + self.polar.n_alpha > self.n_fine:
             raise ValueError(f'n_fine={self.n_fine} directions do not hold the '
                              f'{self.polar.n_alpha} wanted ones and a guard')
-        n_range = self.polar.n_range + 2 * self.range_guard
-        if n_range * max(self.n_coarse, self.n_fine) > _MAX_PIXELS:
-            raise ValueError(f'{max(self.n_coarse, self.n_fine)} directions x {n_range} ranges; '
-                             f'expected at most {_MAX_PIXELS} pixels')
+        n_alpha = max(self.n_coarse, self.n_fine)
+        if self.n_fine_range * n_alpha > _MAX_PIXELS:
+            raise ValueError(f'{n_alpha} directions x {self.n_fine_range} ranges; expected at '
+                             f'most {_MAX_PIXELS} pixels')
         if self.half_range > 2 * self.wavenumber_rad_per_m:
             raise ValueError(f'half_range={self.half_range:g} rad/m exceeds the carrier itself')
         self.coarse  # noqa: B018 refuses guards that leave the plane
@@ -100,8 +105,9 @@ class FusionGrid:
             return dataclasses.replace(
                 polar, n_alpha=self.n_coarse, alpha_spacing=self.extent / self.n_coarse,
                 alpha_start=polar.alpha_start - self.fine_guard * polar.alpha_spacing,
-                n_range=polar.n_range + 2 * self.range_guard,
-                range_start_m=polar.range_start_m - self.range_guard * polar.range_spacing_m)
+                n_range=self.n_coarse_range,
+                range_spacing_m=self.range_extent_m / self.n_coarse_range,
+                range_start_m=polar.range_start_m - self.fine_range_guard * polar.range_spacing_m)
         except ValueError as error:
             raise ValueError(f'the guards around the polar grid leave the plane: {error}; use '
                              'Backprojector') from error
@@ -123,6 +129,21 @@ class FusionGrid:
     def fine_guard(self) -> int:
         """Fine directions of the guard before the first one of `polar`."""
         return math.ceil(self.n_guard * self.n_fine / self.n_coarse)
+
+    @property
+    def range_extent_m(self) -> float:
+        """Extent of both grids in range, guards included, metres."""
+        return self.n_fine_range * self.polar.range_spacing_m
+
+    @property
+    def fine_range_guard(self) -> int:
+        """Fine ranges of the guard before the first one of `polar`."""
+        return (self.n_fine_range - self.polar.n_range) // 2
+
+    @property
+    def range_guard(self) -> int:
+        """Whole coarse ranges of each guard."""
+        return self.fine_range_guard * self.n_coarse_range // self.n_fine_range
 
     @property
     def wavelength_m(self) -> float:

@@ -332,7 +332,7 @@ class LiveFusion(EventSource):
                 raise ValueError('the polar grid of the sub-aperture does not cover its map; the '
                                  'message is corrupt')
             copies = 8 if sub.n_window < sub.n_subapertures else 3
-            n_pixels = sub.fusion.n_fine * sub.fusion.coarse.n_range
+            n_pixels = sub.fusion.n_fine * sub.fusion.n_fine_range
             check_memory(copies * IMAGE_BYTES * n_pixels
                          + PUBLISHED_BYTES * grid.n_x * grid.n_y,
                          'fusing an aperture', 'choose a smaller map')

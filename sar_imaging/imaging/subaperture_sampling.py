@@ -16,6 +16,7 @@ import scipy.fft
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .fusion_error import EVERYTHING, Coverage, mean_error, taper_shape
+from .row_transform import row_length
 from .transform_length import quick_length
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
@@ -25,7 +26,8 @@ _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 # Time of a coarse and a fine pixel in the fusion; a pixel and row of the kernel is 1 (measured)
 _COST_COARSE, _COST_FINE, _COST_SUBAPERTURE = 7.0, 8.0, 1e6
 _AHEAD = (4, 2, 1, 0)  # choices to look ahead in both
-_LEAST_RANGE_GUARD, _GUARD_STEP = 16, 8  # two guards are whole vectors
+_LEAST_RANGE_GUARD = 16
+_TAPER_LOBES = 4  # times the inverse of the guards' length
 # Times the root of the ranges: narrower guards widen the tapers' spectrum, and the fused one
 _RANGE_GUARD = 1.2
 _ROWS_FOR_ERROR = 96
@@ -80,8 +82,8 @@ class Sampling:
         Coarse lines of each guard.
     beta : float
         Shape of the taper.
-    range_guard : int
-        Ranges of each guard.
+    n_coarse_range, n_fine_range : int
+        Ranges of a sub-aperture image and of the fused one over the same extent, guards included.
     coverage : Coverage
         What of the wanted grid must be right.
     error_db : float
@@ -97,7 +99,8 @@ class Sampling:
     extent: float
     n_guard: float
     beta: float
-    range_guard: int
+    n_coarse_range: int
+    n_fine_range: int
     coverage: Coverage
     error_db: float
     cost: float
@@ -193,7 +196,7 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, first_s
         pulses = cut_pulses(middles, length)
         lo, hi = _slopes(bands.slope, pulses, n_channels)
         centre, half = 0.5 * (lo + hi), bands.wavenumber[1] * 0.5 * float((hi - lo).max())
-        choices += [((length, i, j), _sampling(polar, pulses, centre, half,
+        choices += [((length, i, j), _sampling(polar, bands, pulses, centre, half,
                                                oversampling, n_guard, first_stage, coverage))
                     for i, oversampling in enumerate(_OVERSAMPLING)
                     for j, n_guard in enumerate(_GUARDS)]
@@ -255,7 +258,7 @@ def _slopes(slope, pulses, n_channels):
             np.maximum.reduceat(slope.max(axis=1), first))
 
 
-def _sampling(polar, pulses, centre, half, oversampling, n_guard, first_stage, coverage):
+def _sampling(polar, bands, pulses, centre, half, oversampling, n_guard, first_stage, coverage):
     """Grid sizes and cost of one choice."""
     wanted = polar.n_alpha * polar.alpha_spacing
     spacing = min(math.pi / (max(half, 1e-9) * oversampling), wanted)
@@ -268,15 +271,29 @@ def _sampling(polar, pulses, centre, half, oversampling, n_guard, first_stage, c
     least = max(_LEAST_RANGE_GUARD, math.ceil(n_guard * spacing * float(np.abs(centre).max())
                                               / polar.range_spacing_m))
     range_guard = max(least, min(math.ceil(_RANGE_GUARD * math.sqrt(polar.n_range)),
-                                 _ranges_before(polar, (extent - wanted) / 2 + spacing)
-                                 - _GUARD_STEP))
-    range_guard = -(-range_guard // _GUARD_STEP) * _GUARD_STEP
-    n_range = polar.n_range + 2 * range_guard
-    cost = (first_stage(pulses, n_coarse, n_range)
-            + len(pulses) * (_COST_COARSE * n_coarse * n_range + _COST_SUBAPERTURE)
-            + _COST_FINE * n_fine * n_range)
-    return Sampling(tuple(pulses), centre, n_coarse, n_fine, extent, n_guard, 0.0, range_guard,
-                    coverage, 0.0, cost)
+                                 _ranges_before(polar, (extent - wanted) / 2 + spacing)))
+    n_fine_range = row_length(polar.n_range + 2 * range_guard)
+    n_coarse_range = _coarse_ranges(bands, n_fine_range, polar, range_guard)
+    cost = (first_stage(pulses, n_coarse, n_coarse_range)
+            + len(pulses) * (_COST_COARSE * n_coarse * n_coarse_range + _COST_SUBAPERTURE)
+            + _COST_FINE * n_fine * n_fine_range)
+    return Sampling(tuple(pulses), centre, n_coarse, n_fine, extent, n_guard, 0.0, n_coarse_range,
+                    n_fine_range, coverage, 0.0, cost)
+
+
+def _coarse_ranges(bands: Bands, n_fine_range: int, polar: PolarGrid, range_guard: int) -> int:
+    """Ranges of a sub-aperture image: as many as its band needs, and those of the fused one hold.
+
+    An image that is to be interpolated to a map is sampled more finely.
+    """
+    band = bands.half_range + taper_band(range_guard * polar.range_spacing_m)
+    least = math.ceil(n_fine_range * polar.range_spacing_m * band / math.pi) + 2
+    return min(row_length(least), n_fine_range)
+
+
+def taper_band(guard_m: float) -> float:
+    """By how much tapers over the guards widen a band along range on either side, rad/m."""
+    return _TAPER_LOBES * 2 * math.pi / guard_m
 
 
 def _ranges_before(polar: PolarGrid, beyond: float) -> int:
@@ -291,7 +308,7 @@ def _ranges_before(polar: PolarGrid, beyond: float) -> int:
 def _on_plane(polar: PolarGrid, s: Sampling) -> bool:
     """Whether the coarse grid, which rounding may move by a line, lies on the plane."""
     beyond = (s.extent - polar.n_alpha * polar.alpha_spacing) / 2 + s.extent / s.n_coarse
-    return s.range_guard < _ranges_before(polar, beyond)
+    return (s.n_fine_range - polar.n_range) // 2 < _ranges_before(polar, beyond)
 
 
 def _with_error(s: Sampling, polar: PolarGrid, bands: Bands, n_channels: int,

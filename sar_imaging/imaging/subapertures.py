@@ -34,6 +34,7 @@ _ROWS_FOR_PATHS = 512  # enough to bound how paths differ along a line
 _SAMPLING_SLACK = 0.02  # of what is bounded
 _PADDING = 32  # samples of windows, for the delays of rows of beams
 _CUTS_FOR_BEAMS = 5  # sub-apertures whose geometry is looked at
+_USUAL_OVERSAMPLING = 1.1  # of sub-aperture images along range
 _DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
 LENGTHS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  # pulses to choose from
 
@@ -149,8 +150,9 @@ class SubaperturePlan:
         self._n_channels = tx_m.shape[1]
         paths = _paths(polar, tx_m, rx_m)
         lattice_db = min(target_db - 10.0, -50.0)
-        lattice = self._plan_lattice(paths, self.n_samples, lattice_db)
         bands = local_bands(polar, tx_m, rx_m, radar)
+        spacing = max(polar.range_spacing_m, math.pi / (_USUAL_OVERSAMPLING * bands.half_range))
+        lattice = self._plan_lattice(paths, spacing, self.n_samples, lattice_db)
         lengths = (pulses_per_subaperture,) if pulses_per_subaperture else LENGTHS
         self.sampling = choose_sampling(polar, bands, tx_m, rx_m, lengths,
                                         self._first_stage(lattice, tx_m, rx_m, lattice_db,
@@ -164,14 +166,15 @@ class SubaperturePlan:
                 'scene, or use Backprojector')
         s = self.sampling
         self.fusion_grid = FusionGrid(polar, s.n_coarse, s.n_fine, s.n_guard, s.beta,
-                                      s.range_guard, bands.half_range, radar.carrier_hz,
-                                      *oversampling)
+                                      s.n_coarse_range, s.n_fine_range, bands.half_range,
+                                      radar.carrier_hz, *oversampling)
         self.coarse = self.fusion_grid.coarse
-        guard = self.sampling.range_guard * polar.range_spacing_m
+        guard = self.fusion_grid.fine_range_guard * polar.range_spacing_m
         range_m = _bounds(self.coarse, tx_m, rx_m)
         window = band or RangeWindow.around(radar, self.n_samples, range_m)
         padding = 0 if window.periodic else _PADDING
-        self.lattice = self._plan_lattice(paths, window.n_samples + padding, lattice_db)
+        self.lattice = self._plan_lattice(paths, self.coarse.range_spacing_m,
+                                          window.n_samples + padding, lattice_db)
         self.beams = self._choose_beams(tx_m, rx_m, lattice_db, range_m)
         self._stage_error_db = (self.beams or self.lattice).predicted_error_db
         self.predicted_error_db = total_db(self._stage_error_db, self.sampling.error_db)
@@ -223,9 +226,9 @@ class SubaperturePlan:
                                          self.coarse.n_alpha * self.coarse.n_range)
         return beams if from_beams < direct else None
 
-    def _plan_lattice(self, paths, n_samples, target_db):
-        lattice = plan_lattice(paths, self.polar.range_spacing_m, self.polar.n_range, self.radar,
-                               n_samples, target_db, periodic=self._band is not None)
+    def _plan_lattice(self, paths, spacing, n_samples, target_db):
+        lattice = plan_lattice(paths, spacing, self.polar.n_range, self.radar, n_samples,
+                               target_db, periodic=self._band is not None)
         if lattice is None:
             raise ValueError('the polar grid does not follow the range of this track (too near, '
                              'or around the antenna); use Backprojector')

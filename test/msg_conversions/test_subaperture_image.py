@@ -22,7 +22,7 @@ from sar_imaging.imaging.subaperture_image import COUNTS, SubapertureImage
 
 # A pair keeps 48 bits; below about 1e-30 float32 itself ends at 2**-149.
 PAIR = {'rel': 2**-48, 'abs': 2**-149}
-SIZES = ('n_coarse', 'n_fine', 'range_guard')
+SIZES = ('n_coarse', 'n_fine', 'n_coarse_range', 'n_fine_range')
 
 
 def make_fusion(**changes):
@@ -30,8 +30,8 @@ def make_fusion(**changes):
                       z_m=4.8e6 - 300, range_start_m=1500.0, range_spacing_m=0.3, n_range=1,
                       alpha_start=-0.05, alpha_spacing=1e-4, n_alpha=4)
     return FusionGrid(**{'polar': polar, 'n_coarse': 2, 'n_fine': 12, 'n_guard': 0.25,
-                         'beta': 1.5, 'range_guard': 1, 'half_range': 12.0, 'carrier_hz': 9.6e9,
-                         'range_oversampling': 1.25, 'alpha_oversampling': 1.5} | changes)
+                         'beta': 1.5, 'n_coarse_range': 3, 'n_fine_range': 4, 'half_range': 12.0,
+                         'carrier_hz': 9.6e9, 'range_oversampling': 1.25, 'alpha_oversampling': 1.5} | changes)
 
 
 def make_image(fusion=None, **changes):
@@ -50,7 +50,10 @@ def make_image(fusion=None, **changes):
 
 @st.composite
 def fusions(draw):
-    n_alpha, n_range, n_coarse, range_guard = [draw(st.integers(1, 5)) for _ in range(4)]
+    n_alpha, n_range, n_coarse, n_coarse_range = [draw(st.integers(1, 5)) for _ in range(4)]
+    # guards of a coarse range or more at both ends
+    n_coarse_range += 2
+    n_fine_range = n_coarse_range * (n_range + 2) + draw(st.integers(0, 9))
     n_guard = draw(st.floats(0.01, 0.49)) * n_coarse
     angle = draw(st.floats(-math.pi, math.pi))
     height = draw(st.floats(-1e4, 1e4))
@@ -61,13 +64,13 @@ def fusions(draw):
         origin_m=(draw(position), draw(position), z + height),
         track=(math.cos(angle), math.sin(angle)), side=draw(st.sampled_from((-1, 1))), z_m=z,
         # Beyond the height by more than rounding and any direction of the grids take away.
-        range_start_m=1.0 + 2 * abs(height) + 6 * range_spacing_m + draw(st.floats(0.0, 1e6)),
+        range_start_m=1.0 + 2 * abs(height) + 40 * range_spacing_m + draw(st.floats(0.0, 1e6)),
         range_spacing_m=range_spacing_m, n_range=n_range,
         alpha_start=draw(st.floats(-0.3, 0.3)), alpha_spacing=draw(st.floats(1e-7, 1e-3)),
         n_alpha=n_alpha)
     return FusionGrid(
         polar, n_coarse, draw(st.integers(2 * n_alpha + 2, 100)) + 2 * n_alpha, n_guard,
-        draw(st.floats(0.0, 50.0)), range_guard, draw(st.floats(1e-3, 400.0)),
+        draw(st.floats(0.0, 50.0)), n_coarse_range, n_fine_range, draw(st.floats(1e-3, 400.0)),
         draw(st.floats(1e10, 1e12)), draw(st.floats(1.0, 4.0)), draw(st.floats(1.0, 4.0)))
 
 
@@ -219,7 +222,8 @@ MALFORMED = {
     'more ranges than pixels': (edited(32, 2), r'image.shape=\(2, 3\) does not match the grid'),
     'fine grid too small': (edited(34, 4), 'n_fine=4 directions do not hold'),
     'guards wider than the grid': (edited(68, 1.0), 'do not hold two guards of n_guard=1'),
-    'no range guard': (edited(36, 0), 'range_guard=0; expected at least one'),
+    'no range guard': (edited(36, 3), 'n_coarse_range=3, n_fine_range=3; expected at least'),
+    'coarser than fused': (edited(36, 2), 'n_coarse_range=3, n_fine_range=2; expected at least'),
     'negative taper': (edited(70, -1.0), 'beta=-1.0; expected 0 to 700'),
     'absurd band': (edited(72, 1e6), 'half_range=1e.06 rad/m exceeds the carrier'),
     'undersampled': (edited(74, 0.5), 'range_oversampling=0.5; expected 1 or more'),
@@ -238,7 +242,8 @@ def test_malformed_messages_are_refused(change, text):
         wire.from_array(*change(*wire.to_array(make_image())))
 
 
-LARGE = make_fusion(n_coarse=256, n_fine=1024, range_guard=1024)
+LARGE = make_fusion(n_coarse=256, n_fine=1024, n_coarse_range=2049,
+                    n_fine_range=4096)
 
 
 @pytest.mark.parametrize('change', ['truncated', 'absurd size', 'absurd offset', 'wrong magic',
