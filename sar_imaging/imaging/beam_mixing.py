@@ -14,7 +14,7 @@ from numba.extending import intrinsic
 from .butterflies import fetch_line
 
 LANES = 16  # float32 of a vector
-TAPS = 14  # of the interpolation between beams and along range
+BEAM_TAPS, CELL_TAPS = 14, 8  # of the interpolation between beams and along range
 STORED = 16  # taps of a table of weights
 TILE = 2 * LANES  # cells or pixels whose sums stay in registers
 
@@ -25,69 +25,68 @@ _u = types.uint64
 
 
 @intrinsic
-def mix_beams(typing_context, beams, source, apart, index, size, course, work, weights, target):
-    """Sum of the beams that begin at `source` and so much apart, for some cells in whole tiles.
+def mix_beams(typing_context, beams, source, apart, size, work, weights, target):
+    """Sums of the beams that begin at `source` and so much apart, for some cells in whole tiles.
 
-    Weights of the three orders lie in `work`, which `target` is in, too: real, then imaginary
-    parts. `course` holds the place of the first cell beyond its index, by which polynomials of
-    degree 2 and 1, without and with a constant, give the drift and by how much of the second
-    order the sum is turned.
+    Weights of the three orders lie in `work`, which `target` is in, too: real and imaginary parts
+    of the sum of each order, so many numbers apart.
     """
     def generate(context, b, signature, args):
-        beams, source, apart, index, size, course, work, weights, target = _pointers(
-            context, b, signature, args)
-        shift, u1, u2, bend, bend1 = (_spread(b, b.extract_value(course, i)) for i in range(5))
+        beams, source, apart, size, work, weights, target = _pointers(context, b, signature, args)
         with cgutils.for_range_slice(b, _INT(0), size, _INT(TILE), inc=True) as (cell, _):
             place = b.add(source, b.mul(cell, _INT(2)))
             sums = [[None] * 3 for _ in range(2 * len(_VECTORS))]
-            for tap in range(TAPS):
+            for tap in range(BEAM_TAPS):
                 w = _weights(b, work, weights, tap)
                 for i, orders in enumerate(sums):
                     x = _load(b, beams, place, i * LANES)
                     orders[:] = [_plus(b, v, x, w[order]) for order, v in enumerate(orders)]
                 place = b.add(place, apart)
             for i, at in enumerate(_VECTORS):
-                (re0, im0), (re1, im1), (re2, im2) = (
-                    [b.shuffle_vector(x, y, _order(range(part, 2 * LANES, 2))) for part in (0, 1)]
-                    for x, y in zip(sums[2 * i], sums[2 * i + 1], strict=True))
-                f = b.fadd(_load(b, index, cell, at), shift)
-                t, c = b.fmul(f, _plus(b, u1, f, u2)), b.fneg(_plus(b, bend, f, bend1))
-                re = _plus(b, _plus(b, re0, t, _plus(b, re1, t, re2)), c, im2)
-                im = _plus(b, _plus(b, im0, t, _plus(b, im1, t, im2)), b.fneg(c), re2)
-                _store(b, work, target, b.add(cell, _INT(at)), size, (re, im))
+                parts = [b.shuffle_vector(x, y, _order(range(part, 2 * LANES, 2)))
+                         for x, y in zip(sums[2 * i], sums[2 * i + 1], strict=True)
+                         for part in (0, 1)]
+                _store(b, work, target, b.add(cell, _INT(at)), size, parts)
         return context.get_dummy_value()
 
-    return types.void(beams, _u, _u, index, _u, course, work, _u, _u), generate
+    return types.void(beams, _u, _u, _u, work, _u, _u), generate
 
 
 @intrinsic
-def mix_cells(typing_context, index, size, course, work, weights, source, target, apart):
-    """Sum of the cells from each of some pixels on, in whole tiles.
+def mix_cells(typing_context, index, size, along, across, work, weights, source, target, apart):
+    """Sums of the cells from each of some pixels on, in whole tiles.
 
-    Source and target are in `work`: imaginary parts so much apart from the real ones. `course`
-    holds the coefficients, from that of degree 1, of the drift as a polynomial of the index.
+    Source and target are in `work`: what `mix_beams` left, and real and imaginary part, so much
+    apart each. `along` holds the coefficients, from that of degree 1, of the drift between cells
+    as a polynomial of the index; `across` first the two of the drift between beams, then, from
+    degree 0, the two of that by how much of the second order the sum is turned.
     """
     def generate(context, b, signature, args):
-        index, size, course, work, weights, source, target, apart = _pointers(
+        index, size, along, across, work, weights, source, target, apart = _pointers(
             context, b, signature, args)
-        v1, v2, v3 = (_spread(b, b.extract_value(course, i)) for i in range(3))
+        v1, v2, v3 = (_spread(b, b.extract_value(along, i)) for i in range(3))
+        u1, u2, bend, bend1 = (_spread(b, b.extract_value(across, i)) for i in range(4))
         with cgutils.for_range_slice(b, _INT(0), size, _INT(TILE), inc=True) as (pixel, _):
             numbers = [_load(b, index, pixel, at) for at in _VECTORS]
             drifts = [b.fmul(f, _plus(b, v1, f, _plus(b, v2, f, v3))) for f in numbers]
-            sums = [(None, None)] * len(drifts)
-            real = b.add(source, pixel)
-            imag = b.add(real, apart)
-            for tap in range(TAPS):
+            sums = [[None] * 6 for _ in drifts]
+            places = [b.add(source, pixel)]
+            for _ in range(5):
+                places.append(b.add(places[-1], apart))
+            for tap in range(CELL_TAPS):
                 w0, w1, w2 = _weights(b, work, weights, tap)
                 for i, (at, t) in enumerate(zip(_VECTORS, drifts, strict=True)):
                     w = _plus(b, w0, t, _plus(b, w1, t, w2))
-                    sums[i] = [_plus(b, v, _load(b, work, part, at + tap), w)
-                               for v, part in zip(sums[i], (real, imag), strict=True)]
-            for at, parts in zip(_VECTORS, sums, strict=True):
-                _store(b, work, target, b.add(pixel, _INT(at)), apart, parts)
+                    sums[i] = [_plus(b, v, _load(b, work, place, at + tap), w)
+                               for v, place in zip(sums[i], places, strict=True)]
+            for at, f, (re0, im0, re1, im1, re2, im2) in zip(_VECTORS, numbers, sums, strict=True):
+                t, c = b.fmul(f, _plus(b, u1, f, u2)), _plus(b, bend, f, bend1)
+                re = _plus(b, _plus(b, re0, t, _plus(b, re1, t, re2)), b.fneg(c), im2)
+                im = _plus(b, _plus(b, im0, t, _plus(b, im1, t, im2)), c, re2)
+                _store(b, work, target, b.add(pixel, _INT(at)), apart, (re, im))
         return context.get_dummy_value()
 
-    return types.void(index, _u, course, work, _u, _u, _u, _u), generate
+    return types.void(index, _u, along, across, work, _u, _u, _u, _u), generate
 
 
 @intrinsic

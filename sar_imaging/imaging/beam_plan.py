@@ -11,17 +11,19 @@ import numpy as np
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .beam_kernels import LANES
-from .beam_reading import DEGREE, TAPS
+from .beam_mixing import BEAM_TAPS, CELL_TAPS
+from .beam_reading import DEGREE
 from .interpolation import Interpolator, design_interpolator
 from .lattice import Lattice, sample_paths, total_db
 
 _OVERSAMPLING = (1.25, 1.3, 1.35, 1.4, 1.5, 1.6, 1.8, 2.0)  # of beams
+_LEAST_OVERSAMPLING = 1.1  # of cells: the interpolation could do with no less
 _GROUPS = (16, 8, 4, 2, 1)  # beams whose phases grow alike from bin to bin
 _SEGMENTS = (128, 64, 32, 16)
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 _ROWS, _DIRECTIONS = 17, 33  # at which paths are compared
 BEYOND = 2  # beams beyond those that interpolation needs, for rounding
-OUTSIDE = TAPS // 2 - 1 + BEYOND  # beams before the first direction of the grid
+OUTSIDE = BEAM_TAPS // 2 - 1 + BEYOND  # beams before the first direction of the grid
 _SPREAD_STEP = 1.02  # factors between one spread that is planned for and the next
 _SLACK = 1.1  # sub-apertures that were not looked at may be as much worse
 _LEAST_UNEVEN = 1e-4  # wavelengths, which matters to no image
@@ -74,7 +76,7 @@ class BeamSampling:
 
     def n_beams(self, span: float) -> int:
         """Beams over some extent in direction cosine, with those that interpolation needs."""
-        return math.ceil(span / self.spacing) + TAPS + 2 * BEYOND
+        return math.ceil(span / self.spacing) + BEAM_TAPS + 2 * BEYOND
 
     def cost(self, n_rows: int, n_bins: int, n_cells: int, n_pixels: int, span: float) -> float:
         """Relative time of a sub-aperture image, in pixels and rows of `project_lines`."""
@@ -113,8 +115,10 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
     BeamSampling or None
         None where no sampling meets the target.
     """
-    if lattice.cell_m * _OVERSAMPLING[0] > radar.range_resolution_m:
+    oversampling_range = radar.range_resolution_m / lattice.cell_m
+    if oversampling_range < _LEAST_OVERSAMPLING:
         return None
+    along = design_interpolator(oversampling_range, taps=CELL_TAPS, degree=DEGREE, corrected=True)
     views = [_view(polar, *centres) for centres in subapertures]
     if None in views:
         return None
@@ -128,22 +132,20 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
     beyond = OUTSIDE * math.pi / (highest * widest * _OVERSAMPLING[0])
     spread = max(view.beams.spread(*view.centres, beyond) for view in views)
     # The last segment reaches beyond the image.
-    spare = lattice.n_cells - reach_m / lattice.cell_m - 2 * TAPS
+    spare = lattice.n_cells - reach_m / lattice.cell_m - 2 * CELL_TAPS
     if 2 * spread > padding_m:
         return None
     # In steps: plans for nearly the same sub-apertures give the same images to the last bit.
     steps = math.log(max(spread, 1e-3 * radar.wavelength_m), _SPREAD_STEP)
     widest = _SPREAD_STEP ** math.ceil(steps)
     bin_rad_per_m = 2 * math.pi / (lattice.n_cells * lattice.cell_m)
-    oversampling_range = radar.range_resolution_m / lattice.cell_m
-    along = design_interpolator(oversampling_range, taps=TAPS, degree=DEGREE)
     n_rows, span = len(subapertures[0][0]), polar.n_alpha * polar.alpha_spacing
     geometry = max(view.phase_error(k, radar.bandwidth_hz / radar.carrier_hz) for view in views)
     if 20 * math.log10(geometry + 1e-12) > target_db:
         return None
     best = None
     for oversampling in _OVERSAMPLING:
-        between = design_interpolator(oversampling, taps=TAPS, degree=DEGREE)
+        between = design_interpolator(oversampling, taps=BEAM_TAPS, degree=DEGREE)
         if between.error_db > target_db:
             continue
         spacing = math.pi / (highest * widest * oversampling)

@@ -9,29 +9,38 @@ from __future__ import annotations
 import numpy as np
 
 from ..compilation import REPEATABLE, njit, numba
-from .beam_mixing import STORED, TAPS, TILE, fetch, mix_beams, mix_cells
+from .beam_mixing import BEAM_TAPS, CELL_TAPS, STORED, TILE, fetch, mix_beams, mix_cells
 from .kernels import _cos_cycles, _fraction, _sin_cycles
 
 DEGREE = 5  # of the interpolation between beams and along range
 ALIGNED = 8  # cells of a line of the cache
+_FIRST_BEAM, _FIRST_CELL = 1 - BEAM_TAPS // 2, 1 - CELL_TAPS // 2  # of the neighbours
 
 _u = np.uint64
 
 
 def mixed_cells(segment: int) -> int:
     """Cells that a segment is interpolated from, from the beginning of a line of the cache on."""
-    return -(-(segment + TAPS + ALIGNED) // TILE) * TILE
+    return -(-(segment + CELL_TAPS + ALIGNED) // TILE) * TILE
+
+
+def work_size(segment: int) -> int:
+    """Numbers of the work space of a task."""
+    return 6 * STORED + 8 * mixed_cells(segment)
 
 
 @njit(parallel=True, fastmath=REPEATABLE)
 def read_beams(beams, shape, lines, centre, track, range_m, direction, cycles_per_m, zero_cycles,
-               curvature, between, along, first, index, image, work):
+               curvature, between, along, index, image, work):
     """Interpolate beams to the lines of a polar image at range baseband.
 
     Between beams first, then along range; within a segment of a line both positions, and the
     phase that the line has beyond its range baseband, are polynomials of the pixel number, and
-    the weights are expanded to second order around the middle. Beams have the curvature of one
-    distance; a second derivative by direction, weighted by the difference, gives that of others.
+    the weights are expanded to second order around the middle. The orders of the direction are
+    kept apart until a pixel's own place between beams is known: its cells, mixed each for a place
+    of its own, would have other frequencies than those that their spectrum is corrected for.
+    Beams have the curvature of one distance; a second derivative by direction, weighted by the
+    difference, gives that of others.
 
     Parameters
     ----------
@@ -54,20 +63,18 @@ def read_beams(beams, shape, lines, centre, track, range_m, direction, cycles_pe
     curvature : (2,) float64
         Of the beams, 1/m, and what its differences count between neighbouring beams, m.
     between, along : (DEGREE + 1, STORED) float32
-        Weights of the interpolation between beams and along range; zero beyond `TAPS`.
-    first : int
-        Offset of the first neighbour.
+        Weights of the interpolation between beams and along range; zero beyond their taps.
     index : (mixed_cells(segment),) float32
         Pixel numbers of a segment, counted from its middle, and those that follow; segments are
         whole vectors.
     image : (2 * n_lines * n_pixels,) float32
         Real, then imaginary parts; written to.
-    work : (T * (6 * STORED + 4 * len(index)),) float32
+    work : (T * work_size(segment),) float32
         Work space of T tasks.
     """
     n_beams, n_cells, n_lines, n_pixels, segment = shape
     n_mixed = len(index)
-    size = 6 * STORED + 4 * n_mixed
+    size = 6 * STORED + 8 * n_mixed
     n_tasks = len(work) // size
     half, n_pieces = segment // 2, lines.shape[0] * n_lines
     apart, part = _u(2 * n_cells), _u(n_mixed)
@@ -75,7 +82,7 @@ def read_beams(beams, shape, lines, centre, track, range_m, direction, cycles_pe
     for task in numba.prange(n_tasks):
         w = _u(size * task)
         mixed = w + _u(6 * STORED)
-        sums = mixed + _u(2 * n_mixed)
+        sums = mixed + _u(6 * n_mixed)
         # Neighbouring lines read the same part of the beams, so they come in turn.
         for piece in range(task * n_pieces // n_tasks, (task + 1) * n_pieces // n_tasks):
             number, line = piece // n_lines, piece % n_lines
@@ -108,17 +115,15 @@ def read_beams(beams, shape, lines, centre, track, range_m, direction, cycles_pe
             bend1 = np.float32((s * s - 1.0) * d1 / (d * d) * curvature[1])
             _expand_weights(between, np.float32(u - beam), work, w)
             _expand_weights(along, np.float32(v - cell), work, w + _u(3 * STORED))
-            place = np.int64(min(max(cell - half + first, 0.0), n_cells - n_mixed - 0.0))
+            place = np.int64(min(max(cell - half + _FIRST_CELL, 0.0), n_cells - n_mixed - 0.0))
             # Vectors that straddle two lines of the cache take twice as long to load.
             start = place // ALIGNED * ALIGNED
-            row = np.int64(min(max(beam + first, 0.0), n_beams - TAPS - 0.0))
+            row = np.int64(min(max(beam + _FIRST_BEAM, 0.0), n_beams - BEAM_TAPS - 0.0))
             source = _u(2 * (row * n_cells + start))
-            fetch(beams, source + _u(TAPS) * apart, _u(2 * n_mixed))  # for the next line
-            shift = np.float32(first + start - place) - np.float32(v - cell)
-            mix_beams(beams, source, apart, index, part, (shift, u1, u2, bend, bend1), work, w,
-                      mixed)
-            mix_cells(index, _u(segment), (v1, v2, v3), work, w + _u(3 * STORED),
-                      mixed + _u(place - start), sums, part)
+            fetch(beams, source + _u(BEAM_TAPS) * apart, _u(2 * n_mixed))  # for the next line
+            mix_beams(beams, source, apart, part, work, w, mixed)
+            mix_cells(index, _u(segment), (v1, v2, v3), (u1, u2, bend, bend1), work,
+                      w + _u(3 * STORED), mixed + _u(place - start), sums, part)
             some = _u(min(segment, n_pixels - number * segment))
             real = _u(line * n_pixels + number * segment)
             imag = real + _u(n_lines * n_pixels)

@@ -17,6 +17,7 @@ import numpy as np
 from ..compilation import numba
 from ..geometry.polar import PolarGrid
 from . import beam_kernels as kernels, beam_reading as reading
+from .beam_mixing import CELL_TAPS
 from .beam_plan import OUTSIDE, BeamGeometry, BeamSampling
 from .lattice import Lattice
 from .range_band import RangeBand
@@ -52,7 +53,7 @@ class BeamLines:
         self._sampling = sampling
         self._buffer = WorkSpace()
         cells = math.floor((range_m[0] - source.range_start_m) / lattice.cell_m)
-        first = cells - reading.TAPS
+        first = cells - CELL_TAPS
         self._range_start_m = source.range_start_m + first * lattice.cell_m
         # Beyond the profile's ends a period repeats, what was recorded does not.
         self._known = (0, lattice.n_cells) if source.periodic else (
@@ -60,6 +61,10 @@ class BeamLines:
                                                       lattice.n_cells))
         gain = source.gain(lattice.n_padded)
         self._runs, number = _runs(len(gain), lattice.n_cells, source.zero)
+        # Each bin's share is changed beforehand by what reading the cells takes from it.
+        gain = gain * _gain(sampling.along, number / lattice.n_cells)
+        if lattice.n_cells < len(gain):
+            gain *= _taper(number / lattice.n_cells, 0.5 / sampling.along.oversampling)
         self._cycles_per_bin = 1 / (lattice.n_cells * lattice.cell_m)
         shift = np.fmod(number * (first / lattice.n_cells), 1.0)
         self._common = (gain * np.exp(2j * np.pi * shift)).astype(np.complex64)
@@ -149,14 +154,14 @@ class BeamLines:
         bend = -1 / (2 * np.pi * cycles_per_m * spacing ** 2)
         index = np.arange(reading.mixed_cells(segment), dtype=np.float32) - segment // 2
         n_tasks = _TASKS_PER_THREAD * numba.get_num_threads()
-        work = self._buffer('read', (n_tasks * (6 * reading.STORED + 4 * len(index)),), np.float32)
+        work = self._buffer('read', (n_tasks * reading.work_size(segment),), np.float32)
         reading.read_beams(
             beams.reshape(-1).view(np.float32), (*beams.shape, *parts.shape[1:], segment),
             self._lines, geometry.centre_m, np.array(polar.track),
             np.array([self._range_start_m, self._lattice.cell_m, polar.range_spacing_m]),
             np.array([start, spacing]), cycles_per_m, -cycles_per_m * source.phase_range_m,
             np.array([1 / geometry.range_m, bend]), _table(sampling.between),
-            _table(sampling.along), sampling.along.first, index, parts.reshape(-1), work)
+            _table(sampling.along), index, parts.reshape(-1), work)
 
 
 def _runs(n_bins: int, n_cells: int, zero: int):
@@ -171,6 +176,20 @@ def _runs(n_bins: int, n_cells: int, zero: int):
         runs += [(first + i, target + i, start + i, min(step, count - i))
                  for i in range(0, count, step)]
     return np.array(runs), number
+
+
+def _gain(interpolator, frequency) -> np.ndarray:
+    """Gain that goes on beyond the band: cut ends of profiles would ring at a kink."""
+    return dataclasses.replace(interpolator, oversampling=1.0).gain(frequency)
+
+
+def _taper(frequency, edge: float) -> np.ndarray:
+    """Falls from 1 at the edge of the band to 0 at the highest frequency that cells hold.
+
+    Beyond the band lies what the cut ends of profiles leave, which would ring far inside if it
+    ended at once.
+    """
+    return np.cos(0.5 * np.pi * np.clip((np.abs(frequency) - edge) / (0.5 - edge), 0, 1)) ** 2
 
 
 def _uncrowded(n_cells: int) -> int:
@@ -223,5 +242,5 @@ def _step_phasors(cycles) -> np.ndarray:
 
 def _table(interpolator) -> np.ndarray:
     weights = np.zeros((reading.DEGREE + 1, reading.STORED), np.float32)
-    weights[:, :reading.TAPS] = interpolator.weights
+    weights[:, :interpolator.weights.shape[1]] = interpolator.weights
     return weights

@@ -91,8 +91,23 @@ def test_beams_are_as_exact_as_predicted(make_case, options, target_db):
     # from the end of the aperture, where lines bend most; rows do not fill the last block
     stage = _stage(case.grid, case.block, slice(0, 2 * ROWS + 3), target_db)
     error = _error_db(stage, _exact(stage, stage.block))
-    # Measured: 1 to 4 dB better; 0.4 dB worse to 2 dB better at -75 dB
+    # Measured: 2 to 4 dB better; 1 to 5 dB better at -75 dB
     assert error <= stage.predicted_error_db + 1.0 <= target_db + 1.0
+
+
+@pytest.mark.parametrize('target_db', [-60.0, -75.0])
+def test_profiles_sampled_finer_than_cells(make_case, target_db):
+    """What their cut ends leave beyond the band would ring where the spectrum of cells ends."""
+    case = make_case(1e3, n=96, pulses=96, n_points=100)
+    block, n = case.block, case.block.n_samples
+    spectrum = np.fft.fftshift(np.fft.fft(block.samples), axes=-1)
+    spectrum = np.pad(spectrum, ((0, 0), (0, 0), (n // 2, n // 2)))
+    samples = 2 * np.fft.ifft(np.fft.ifftshift(spectrum, axes=-1))
+    radar = dataclasses.replace(block.radar, sample_rate_hz=2 * block.radar.sample_rate_hz)
+    block = dataclasses.replace(block, radar=radar, samples=samples.astype(np.complex64))
+    stage = _stage(case.grid, block, slice(0, 2 * ROWS + 3), target_db)
+    # Measured: 2.5 dB better than predicted; 2.8 dB worse at -75 dB without the taper
+    assert _error_db(stage, _exact(stage, stage.block)) <= stage.predicted_error_db + 1.0
 
 
 def test_curvature_is_that_of_each_distance(make_case):
