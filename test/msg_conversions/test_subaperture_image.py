@@ -30,8 +30,9 @@ def make_fusion(**changes):
                       z_m=4.8e6 - 300, range_start_m=1500.0, range_spacing_m=0.3, n_range=1,
                       alpha_start=-0.05, alpha_spacing=1e-4, n_alpha=4)
     return FusionGrid(**{'polar': polar, 'n_coarse': 2, 'n_fine': 12, 'n_guard': 0.25,
-                         'beta': 1.5, 'n_coarse_range': 3, 'n_fine_range': 4, 'half_range': 12.0,
-                         'carrier_hz': 9.6e9, 'range_oversampling': 1.25, 'alpha_oversampling': 1.5} | changes)
+                         'beta': 1.5, 'n_coarse_range': 3, 'n_fine_range': 5, 'half_range': 12.0,
+                         'carrier_hz': 9.6e9, 'range_oversampling': 1.25,
+                         'alpha_oversampling': 1.5} | changes)
 
 
 def make_image(fusion=None, **changes):
@@ -158,7 +159,7 @@ def test_layout_is_the_documented_one():
     assert data[8:28].tolist() == [0xBEEF, 0xDEAD, 8, 7, 2, 0, 2, 1, 3, 0, 5, 0, 4, 0, 1, 0xFFFF,
                                    60, 0, 4, 5]
     assert data[28:30].tolist() == [0x15, 0x16]
-    assert data[30:42].tolist() == [4, 0, 1, 0, 12, 0, 1, 0, 5, 0, 3, 2]
+    assert data[30:42].tolist() == [4, 0, 1, 0, 12, 0, 5, 0, 5, 0, 3, 2]
     polar = sent.fusion.polar
     assert data[42:88:2].tolist() == [np.float32(value) for value in (
         9.6e9, 5e8, -61.25, *polar.origin_m, *polar.track, polar.z_m, 1500.0, 0.3, -0.05, 1e-4,
@@ -222,7 +223,7 @@ MALFORMED = {
     'more ranges than pixels': (edited(32, 2), r'image.shape=\(2, 3\) does not match the grid'),
     'fine grid too small': (edited(34, 4), 'n_fine=4 directions do not hold'),
     'guards wider than the grid': (edited(68, 1.0), 'do not hold two guards of n_guard=1'),
-    'no range guard': (edited(36, 3), 'n_coarse_range=3, n_fine_range=3; expected at least'),
+    'no range guard': (edited(36, 4), 'n_coarse_range=3, n_fine_range=4; expected at least'),
     'coarser than fused': (edited(36, 2), 'n_coarse_range=3, n_fine_range=2; expected at least'),
     'negative taper': (edited(70, -1.0), 'beta=-1.0; expected 0 to 700'),
     'absurd band': (edited(72, 1e6), 'half_range=1e.06 rad/m exceeds the carrier'),
