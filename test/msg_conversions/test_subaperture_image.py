@@ -220,7 +220,7 @@ MALFORMED = {
     'descending angles': (edited(66, -1e-4), 'expected positive spacings'),
     'ranges above the plane': (edited(60, 10.0), 'impossible: .*range_start_m=.* does not reach'),
     'angle beyond the track': (edited(64, 1.5), 'impossible: .*range_start_m=.* at alpha=1.5'),
-    'more ranges than pixels': (edited(32, 2), r'image.shape=\(2, 3\) does not match the grid'),
+    'more ranges than pixels': (edited(32, 3), 'n_fine_range=5; .* the 3 wanted ones and a guard'),
     'fine grid too small': (edited(34, 4), 'n_fine=4 directions do not hold'),
     'guards wider than the grid': (edited(68, 1.0), 'do not hold two guards of n_guard=1'),
     'no range guard': (edited(36, 4), 'n_coarse_range=3, n_fine_range=4; expected at least'),
