@@ -17,11 +17,11 @@ from ..compilation import njit, numba
 from .column_transform import LANES, rows_to_transform, transform_columns
 from .fusion_error import edge_taper
 from .fusion_grid import FusionGrid
-from .row_transform import transform_rows
+from .fusion_lines import finish_lines, fold_lines
 from .subaperture_sampling import taper_band
 from .work_space import aligned_empty, aligned_zeros
 
-_LINES_PER_CALL = 32  # of the fused image, transformed while they are in cache
+_LINES_PER_CALL = 32  # of the fused image
 
 
 class _Band(NamedTuple):
@@ -191,17 +191,18 @@ class SpectrumFusion:
         It lies in memory that the next one takes.
         """
         parts = (image.real, image.imag) if np.iscomplexobj(image) else image
-        _apply_taper(*parts, *self._taper, self._coarse_rows, self._lines)
-        transform_rows(self._lines[:, :self.grid.n_coarse_range])
+        fold_lines(*parts, *self._taper, self._coarse_rows, self._lines)
         transform_columns(self._lines, len(self._wavenumber))
         return self._lines[:, :len(self._wavenumber)]
 
     def _whole(self) -> np.ndarray:
         if self._memory is None:
             polar, (n_fine, n_bins) = self.grid.polar, self.spectrum_shape
-            # Lines of the image may be longer than those of the spectrum that they replace.
+            # Lines of the image may be longer than those of the spectrum that they replace, and
+            # those of a call replace none that the call has still to read.
             ahead = _padded(max(0, polar.n_alpha * polar.n_range
-                                - (self.grid.fine_guard + polar.n_alpha) * _padded(n_bins)))
+                                - (self.grid.fine_guard + polar.n_alpha) * _padded(n_bins))
+                            + _LINES_PER_CALL * polar.n_range)
             self._memory = aligned_zeros((ahead + n_fine * _padded(n_bins),), np.complex64)
         return self._spectrum(self._memory)
 
@@ -259,16 +260,12 @@ class SpectrumFusion:
         scale = np.exp(2j * np.pi * np.fmod(cycles, 1.0)) / (grid.n_coarse * grid.n_coarse_range)
         scale = scale.astype(np.complex64)
         image = memory[:polar.n_alpha * polar.n_range].view(np.float32)
-        width, turn = 2 * polar.n_range, self._turn_back.view(np.float32)
-        lines = aligned_empty((_LINES_PER_CALL, _padded(grid.n_fine_range)), np.complex64)
+        width = 2 * polar.n_range
         for start in range(0, polar.n_alpha, _LINES_PER_CALL):
             stop = min(start + _LINES_PER_CALL, polar.n_alpha)
-            some = lines[:stop - start]
-            _load_lines(spectrum[grid.fine_guard + start:grid.fine_guard + stop], n_bins, some)
-            transform_rows(some[:, :grid.n_fine_range], inverse=True)
-            _store_lines(some.reshape(-1).view(np.float32), some.shape[1], grid.fine_range_guard,
-                         scale[start:stop].view(np.float32), turn, int(planes),
-                         image[start * width:stop * width])
+            finish_lines(spectrum[grid.fine_guard + start:grid.fine_guard + stop], n_bins,
+                         grid.n_fine_range, grid.fine_range_guard, scale[start:stop],
+                         self._turn_back, planes, image[start * width:stop * width])
         if planes:
             return image.reshape(polar.n_alpha, 2, polar.n_range).swapaxes(0, 1)
         return image.view(np.complex64).reshape(polar.n_alpha, polar.n_range)
@@ -276,18 +273,6 @@ class SpectrumFusion:
 
 def _padded(n: int) -> int:
     return -(-n // LANES) * LANES
-
-
-@njit(parallel=True)
-def _apply_taper(real, imag, along_alpha, along_range, rows, out):
-    n_range = len(along_range)
-    for line in numba.prange(real.shape[0]):
-        w, row = along_alpha[line], rows[line]
-        for i in range(n_range):
-            z = real[line, i] + np.complex64(1j) * imag[line, i]
-            out[row, i] = (w * along_range[i]) * z
-        for i in range(n_range, out.shape[1]):
-            out[row, i] = 0.0
 
 
 @njit(parallel=True)
@@ -314,39 +299,3 @@ def _clear_band(row, begin, end, rows, spectrum):
         for n in range(k, len(begin), n_fine):
             for b in range(begin[n], end[n]):
                 spectrum[target, b] = 0.0
-
-
-@njit(parallel=True)
-def _load_lines(spectrum, n_bins, out):
-    """Rows of a spectrum, each followed by zeros."""
-    for line in numba.prange(out.shape[0]):
-        for b in range(n_bins):
-            out[line, b] = spectrum[line, b]
-        for b in range(n_bins, out.shape[1]):
-            out[line, b] = 0.0
-
-
-@njit(parallel=True)
-def _store_lines(lines, n_range, first, scale, turn, planes, out):
-    """Scaled and turned lines without their guards: as planes, or parts in turn.
-
-    All arrays are flat, real and imaginary parts in turn.
-    """
-    n = len(turn) // 2
-    for line in numba.prange(len(scale) // 2):
-        a, b = scale[2 * line], scale[2 * line + 1]
-        source, to = np.uint64(2 * (line * n_range + first)), np.uint64(2 * line * n)
-        if planes:
-            for i in range(np.uint64(n)):
-                even, odd = np.uint64(2) * i, np.uint64(2) * i + np.uint64(1)
-                c, d = a * turn[even] - b * turn[odd], a * turn[odd] + b * turn[even]
-                x, y = lines[source + even], lines[source + odd]
-                out[to + i] = c * x - d * y
-                out[to + np.uint64(n) + i] = c * y + d * x
-        else:
-            for i in range(np.uint64(n)):
-                even, odd = np.uint64(2) * i, np.uint64(2) * i + np.uint64(1)
-                c, d = a * turn[even] - b * turn[odd], a * turn[odd] + b * turn[even]
-                x, y = lines[source + even], lines[source + odd]
-                out[to + even] = c * x - d * y
-                out[to + odd] = c * y + d * x

@@ -31,12 +31,30 @@ _LONGER = 1.03  # than needed, at most
 _COST_TRANSPOSITION, _COST_UNALIGNED, _COST_OTHER = 1.0, 0.5, 12.0
 
 
-class _Plan(NamedTuple):
+class RowPlan(NamedTuple):
+    """How a row of some length is transformed."""
+
     height: int
     width: int
     columns: passes.Plan
     lines: passes.Plan
     turns: np.ndarray  # between the two: groups of lines, each (width, 2, LANES) float32
+
+    @property
+    def work_samples(self) -> int:
+        """Complex samples of work space."""
+        return self._panel + self.height * _pitch(self.width)
+
+    @property
+    def arguments(self) -> tuple[int, ...]:
+        """What `transform_row` wants, good as long as the plan is kept."""
+        return (passes.compiled(), self._panel * SAMPLE_BYTES, self.height, self.width,
+                _pitch(self.width) * SAMPLE_BYTES, *self.columns.addresses,
+                *self.lines.addresses, self.turns.ctypes.data)
+
+    @property
+    def _panel(self) -> int:
+        return LANES * max(self.height * (_GROUPS + 1), self.width)
 
 
 def transform_rows(data: np.ndarray, *, inverse: bool = False) -> None:
@@ -61,19 +79,17 @@ def transform_rows(data: np.ndarray, *, inverse: bool = False) -> None:
         raise ValueError('expected complex64, samples of a row side by side; got '
                          f'{data.dtype}, strides {data.strides}')
     n_rows, n = data.shape
-    if _shape(n) is None:
+    plan = plan_row(n, inverse)
+    if plan is None:
         if inverse:
             transform_in_place(scipy.fft.ifft, data, norm='forward')
         else:
             transform_in_place(scipy.fft.fft, data)
         return
-    plan, n_tasks = _plan(n, inverse), min(numba.get_num_threads(), n_rows)
-    panel = LANES * max(plan.height * (_GROUPS + 1), plan.width)
-    work = aligned_empty((n_tasks, panel + plan.height * _pitch(plan.width)), np.complex64)
-    _transform(passes.compiled(), data.ctypes.data, data.strides[0], n_rows, n_tasks,
-               work.ctypes.data, work.strides[0], panel * SAMPLE_BYTES,
-               (plan.height, plan.width, _pitch(plan.width) * SAMPLE_BYTES),
-               plan.columns.addresses, plan.lines.addresses, plan.turns.ctypes.data)
+    n_tasks = min(numba.get_num_threads(), n_rows)
+    work = aligned_empty((n_tasks, plan.work_samples), np.complex64)
+    _transform(data.ctypes.data, data.strides[0], n_rows, n_tasks, work.ctypes.data,
+               work.strides[0], plan.arguments)
 
 
 @functools.lru_cache(maxsize=4096)
@@ -111,8 +127,12 @@ def _pitch(width: int) -> int:
 
 
 @functools.lru_cache(maxsize=32)
-def _plan(n: int, inverse: bool) -> _Plan:
-    height, width = _shape(n)
+def plan_row(n: int, inverse: bool) -> RowPlan | None:
+    """For rows of a length; None where SciPy is to transform."""
+    shape = _shape(n)
+    if shape is None:
+        return None
+    height, width = shape
     columns = passes.plan(height, inverse, width * SAMPLE_BYTES, (_GROUPS + 1) * GROUP_BYTES,
                           _pitch(width) * SAMPLE_BYTES, False)
     lines = passes.plan(width, inverse, GROUP_BYTES, GROUP_BYTES, height * SAMPLE_BYTES, False)
@@ -121,24 +141,34 @@ def _plan(n: int, inverse: bool) -> _Plan:
     turn = np.exp((2j if inverse else -2j) * np.pi / n * (line * lines.first[:, None] % n))
     turns = aligned_empty((len(first), width, 2, LANES), np.float32)
     turns[:, :, 0], turns[:, :, 1] = turn.real, turn.imag
-    return _Plan(height, width, columns, lines, turns)
+    return RowPlan(height, width, columns, lines, turns)
 
 
 @njit(parallel=True, fastmath=REPEATABLE)
-def _transform(code, data, row_bytes, n_rows, n_tasks, work, task_bytes, panel_bytes, shape,
-               columns, lines, turns):
+def _transform(data, row_bytes, n_rows, n_tasks, work, task_bytes, plan):
     """All rows, as many at a time as there are tasks."""
     for task in numba.prange(n_tasks):
-        panel = work + task * task_bytes
         for number in range(task * n_rows // n_tasks, (task + 1) * n_rows // n_tasks):
-            _transform_row(code, data + number * row_bytes, panel, panel + panel_bytes, shape,
-                           columns, lines, turns)
+            transform_row(data + number * row_bytes, work + task * task_bytes, plan)
 
 
 @njit
-def _transform_row(code, row, panel, matrix, shape, columns, lines, turns):
-    """Columns into the matrix, then its lines, by way of the panel, back into the row."""
-    height, width, line_bytes = shape
+def transform_row(row, panel, plan):
+    """Transform a row in place, within a compiled function.
+
+    Columns go into the matrix, then its lines, by way of the panel, back into the row.
+
+    Parameters
+    ----------
+    row : int
+        Address of its samples.
+    panel : int
+        Address of work space for as many as `RowPlan.work_samples`.
+    plan : tuple
+        `RowPlan.arguments`; flat, since loops in parallel take no other tuples.
+    """
+    code, panel_bytes, height, width, line_bytes = plan[:5]
+    matrix, columns, lines, turns = panel + panel_bytes, plan[5:7], plan[7:9], plan[9]
     _transform_columns(code, row, panel, matrix, width, columns)
     for begin in range(0, height, LANES):
         line = min(begin, height - LANES)

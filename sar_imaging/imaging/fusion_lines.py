@@ -1,0 +1,128 @@
+"""Lines of AFBP's second stage along range: tapered to their spectrum, and back to an image.
+
+What is done with a line before and after its transform is done while the line is in cache.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..compilation import njit, numba
+from .butterflies import SAMPLE_BYTES
+from .row_transform import plan_row, transform_row, transform_rows
+from .work_space import aligned_empty
+
+_NOTHING = (0,) * 10  # in place of a plan
+
+
+def fold_lines(real, imag, along_alpha, along_range, rows, out) -> None:
+    """Taper a sub-aperture image and transform it along range.
+
+    Parameters
+    ----------
+    real, imag : (n_coarse, n_range) float32
+        Image.
+    along_alpha : (n_coarse,) float32
+        Taper of each line.
+    along_range : (n_range,) complex64
+        Taper, and a phase, of each range.
+    rows : (n_coarse,) int64
+        Row of `out` in which the spectrum of each line is wanted.
+    out : (n_coarse, at least n_range) complex64
+        Written to; contiguous. What lies beyond the n_range wavenumbers is zero.
+    """
+    plan = plan_row(len(along_range), False)
+    arguments, n_work = (_NOTHING, 1) if plan is None else (plan.arguments, plan.work_samples)
+    work = aligned_empty((numba.get_num_threads(), n_work), np.complex64)
+    _fold_lines(real, imag, along_alpha, along_range, rows, out, out.ctypes.data,
+                work.ctypes.data, work.strides[0], len(work), arguments)
+    if plan is None:
+        transform_rows(out[:, :len(along_range)])
+
+
+def finish_lines(spectrum, n_bins: int, n_range: int, first: int, scale, turn, planes: bool,
+                 out) -> None:
+    """Transform rows of the fused spectrum to lines of the image.
+
+    Parameters
+    ----------
+    spectrum : (L, at least n_bins) complex64
+        Rows, transformed along direction; contiguous.
+    n_bins, n_range : int
+        Range wavenumbers, from the lowest one, and length of the transform.
+    first : int
+        Range at which the wanted ones begin.
+    scale : (L,) complex64
+        Factor of each line.
+    turn : (N,) complex64
+        Factor of each wanted range.
+    planes : bool
+        Real and imaginary parts apart instead of in turn.
+    out : (L * 2 * N,) float32
+        Written to; none of the rows lie in it.
+    """
+    plan = plan_row(n_range, True)
+    if plan is None:
+        lines = np.zeros((len(spectrum), n_range), np.complex64)
+        lines[:, :n_bins] = spectrum[:, :n_bins]
+        transform_rows(lines, inverse=True)
+        lines = lines[:, first:first + len(turn)] * (scale[:, None] * turn)
+        out[:] = (np.stack([lines.real, lines.imag], axis=1).ravel() if planes
+                  else lines.view(np.float32).ravel())
+        return
+    n_tasks = numba.get_num_threads()
+    # rows apart by no multiple of 4 KiB
+    work = aligned_empty((n_tasks, n_range + 8 + plan.work_samples), np.complex64)
+    _finish_lines(spectrum.view(np.float32).reshape(-1), spectrum.shape[1], n_bins, n_range,
+                  first, scale.view(np.float32), turn.view(np.float32), int(planes), out,
+                  work.view(np.float32).reshape(-1), work.ctypes.data, work.strides[0], n_tasks,
+                  plan.arguments)
+
+
+@njit(parallel=True)
+def _fold_lines(real, imag, along_alpha, along_range, rows, out, address, work, work_bytes,
+                n_tasks, plan):
+    n_lines, n_range, row_bytes = real.shape[0], len(along_range), out.shape[1] * SAMPLE_BYTES
+    for task in numba.prange(n_tasks):
+        for line in range(task * n_lines // n_tasks, (task + 1) * n_lines // n_tasks):
+            w, row = along_alpha[line], rows[line]
+            for i in range(n_range):
+                z = real[line, i] + np.complex64(1j) * imag[line, i]
+                out[row, i] = (w * along_range[i]) * z
+            for i in range(n_range, out.shape[1]):
+                out[row, i] = 0.0
+            if plan[0]:
+                transform_row(address + row * row_bytes, work + task * work_bytes, plan)
+
+
+@njit(parallel=True)
+def _finish_lines(spectrum, row, n_bins, n_range, first, scale, turn, planes, out, lines, address,
+                  work_bytes, n_tasks, plan):
+    """All arrays are flat float32, for the compiler; a task's line comes before its work space."""
+    n, n_lines = np.uint64(len(turn) // 2), len(scale) // 2
+    for task in numba.prange(n_tasks):
+        line = np.uint64(task * (work_bytes // 4))
+        for number in range(task * n_lines // n_tasks, (task + 1) * n_lines // n_tasks):
+            source = np.uint64(2 * number * row)
+            for i in range(np.uint64(2 * n_bins)):
+                lines[line + i] = spectrum[source + i]
+            for i in range(np.uint64(2 * n_bins), np.uint64(2 * n_range)):
+                lines[line + i] = 0.0
+            place = address + task * work_bytes
+            transform_row(place, place + (n_range + 7) // 8 * 8 * SAMPLE_BYTES, plan)
+            a, b = scale[2 * number], scale[2 * number + 1]
+            begin, to = line + np.uint64(2 * first), np.uint64(2 * number) * n
+            if planes:
+                for i in range(n):
+                    even, odd = np.uint64(2) * i, np.uint64(2) * i + np.uint64(1)
+                    c, d = a * turn[even] - b * turn[odd], a * turn[odd] + b * turn[even]
+                    x, y = lines[begin + even], lines[begin + odd]
+                    out[to + i] = c * x - d * y
+                    out[to + n + i] = c * y + d * x
+            else:
+                for i in range(n):
+                    even, odd = np.uint64(2) * i, np.uint64(2) * i + np.uint64(1)
+                    c, d = a * turn[even] - b * turn[odd], a * turn[odd] + b * turn[even]
+                    x, y = lines[begin + even], lines[begin + odd]
+                    out[to + even] = c * x - d * y
+                    out[to + odd] = c * y + d * x
