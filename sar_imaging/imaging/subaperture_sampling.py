@@ -30,7 +30,7 @@ _LEAST_RANGE_GUARD = 16
 _TAPER_LOBES = 4  # times the inverse of the guards' length
 # Times the root of the ranges: narrower guards widen the tapers' spectrum, and the fused one
 _RANGE_GUARD = 1.2
-_ROWS_FOR_ERROR = 96
+_ROWS_FOR_ERROR, _WAVENUMBERS = 96, 6
 _NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
 _ROUNDING = 0.25  # of a band's middle to a bin, on average
 
@@ -320,7 +320,7 @@ def _with_error(s: Sampling, polar: PolarGrid, bands: Bands, n_channels: int,
     rows = np.unique(np.linspace(0, len(number) - 1, _ROWS_FOR_ERROR).round().astype(int))
     # what rounding to fast lengths leaves over widens the guards
     n_guard = (s.n_coarse - polar.n_alpha * polar.alpha_spacing / spacing) / 2
-    n_guard = math.floor(4 * max(s.n_guard, n_guard)) / 4
+    n_guard = math.floor(64 * max(s.n_guard, n_guard)) / 64
     s = dataclasses.replace(s, n_guard=n_guard, beta=taper_shape(n_guard, oversampling))
     error = fusion_error(s, polar, bands, rows, s.centre[number[rows]])
     return dataclasses.replace(s, error_db=10 * math.log10(error + 1e-16))
@@ -349,7 +349,9 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, centre_m) ->
     """
     spacing = s.extent / s.n_coarse
     offset = bands.slope[rows] - centre_m[:, None]
-    frequency = np.abs(np.multiply.outer(bands.wavenumber, offset)) * spacing
+    low, high = bands.wavenumber
+    wavenumber = low + (high - low) * (np.arange(_WAVENUMBERS) + 0.5) / _WAVENUMBERS
+    frequency = np.abs(np.multiply.outer(wavenumber, offset)) * spacing
     rounding = _ROUNDING * 2 * np.pi / s.n_coarse
     frequency = np.abs(np.stack([frequency - rounding, frequency + rounding]))
     error = mean_error(s.n_coarse, s.n_guard, s.beta, frequency, bands.position,
