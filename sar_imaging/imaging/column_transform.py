@@ -59,7 +59,7 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
         raise ValueError(f'expected contiguous complex64, rows a multiple of {LANES} long; got '
                          f'{data.dtype}, shape {data.shape}, strides {data.strides}')
     n, width = data.shape
-    if passes.radices_of(n) is None:
+    if not passes.radices_of(n):
         transform = scipy.fft.ifft if inverse else scipy.fft.fft
         factor = 1.0 if gain is None else gain.astype(np.float32)[:, None]
         data[:, :n_columns] = transform(data[:, :n_columns] * factor, axis=0,

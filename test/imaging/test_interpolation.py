@@ -7,6 +7,7 @@ from sar_imaging.imaging.interpolation import (
     LINE_DEGREE,
     POINT_DEGREE,
     TAPS,
+    coarsest_interpolator,
     design_interpolator,
     polynomial_planes,
 )
@@ -42,6 +43,29 @@ def test_predicted_error_is_the_measured_one(oversampling, margin, degree):
     measured = 10 * np.log10(error / power)
     # 40 random tones sample the band's average to about 1 dB; float32 planes add -130 dB
     assert measured == pytest.approx(interpolator.error_db, abs=2.0)
+
+
+@pytest.mark.parametrize(('taps', 'oversampling'), [(6, 1.18), (6, 1.5), (8, 1.1), (8, 1.3)])
+def test_corrected_spectra_need_few_taps(taps, oversampling):
+    interpolator = design_interpolator(oversampling, taps=taps, degree=5, corrected=True)
+    assert interpolator.error_db < -62.0  # 14 taps of 1.18 times sampled tones: -45
+    frequency = (np.arange(400) + 0.5) / 400 * 0.5 / oversampling
+    t = np.linspace(0, 1, 101)
+    weights = interpolator.weights.T.astype(float) @ t ** np.arange(6)[:, None]
+    tones = np.exp(2j * np.pi * np.outer(frequency, np.arange(taps) + interpolator.first))
+    read = interpolator.gain(frequency)[:, None] * (tones @ weights)
+    error = np.abs(read - np.exp(2j * np.pi * np.outer(frequency, t))) ** 2
+    # 0.0 to 0.5 dB apart: fewer nodes of the quadrature
+    assert 10 * np.log10(error.mean()) == pytest.approx(interpolator.error_db, abs=1.0)
+    np.testing.assert_array_equal(interpolator.gain(-frequency), interpolator.gain(frequency))
+
+
+def test_the_coarsest_interpolator_reaches_its_error_just_so():
+    found = coarsest_interpolator(-63.0, taps=6, degree=5, corrected=True)
+    coarser = design_interpolator(found.oversampling - 0.02, taps=6, degree=5, corrected=True)
+    assert found.error_db <= -63.0 < coarser.error_db
+    assert coarsest_interpolator(-63.0, taps=14, degree=5).oversampling > found.oversampling
+    assert coarsest_interpolator(-150.0, taps=2, degree=1) is None
 
 
 def test_more_oversampling_means_less_error():

@@ -166,8 +166,9 @@ def test_nothing_is_left_to_compile():
     program = """
 import numpy as np
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging import (beam_kernels, beam_reading, column_transform, fusion, fusion_map,
-                                 interpolation, kernels, profiles, resampling, row_transform)
+from sar_imaging.imaging import (beam_kernels, beam_reading, column_transform, fusion,
+                                 fusion_lines, fusion_map, interpolation, kernels, profiles,
+                                 resampling, row_transform)
 from sar_imaging.imaging.live_fusion import LiveFusion
 from sar_imaging.imaging.live_kernels import (compile_fusion_kernels,
                                               compile_subaperture_kernels)
@@ -176,17 +177,17 @@ from sar_imaging.signal import PulseBlock, RadarParameters
 
 def compiled():
     return {name: len(kernel.signatures)
-            for module in (fusion, fusion_map, resampling, interpolation, kernels, profiles,
-                           beam_kernels, beam_reading, column_transform, row_transform)
+            for module in (fusion, fusion_lines, fusion_map, resampling, interpolation, kernels,
+                           profiles, beam_kernels, beam_reading, column_transform, row_transform)
             for name, kernel in vars(module).items() if hasattr(kernel, 'signatures')}
 
 compile_subaperture_kernels()
 first_stage = compiled()
 assert first_stage['project_lines'] and first_stage['form_beams'] and first_stage['read_beams']
-assert not first_stage['_apply_taper']
+assert not first_stage['_fold_lines']
 compile_fusion_kernels()
 before = compiled()
-assert all(n for name, n in before.items() if name in ('_apply_taper', '_restore_carrier'))
+assert all(n for name, n in before.items() if name in ('_fold_lines', '_restore_carrier'))
 n = np.arange(96)
 centres = np.zeros((96, 2, 3))
 centres[..., 1] = n[:, None] * 0.3
