@@ -14,20 +14,23 @@ from .kernels import _cos_cycles, _fraction, _sin_cycles
 LANES = 16  # bins of one vector
 ROWS = 4  # phasors multiplied at once
 BINS = 128  # whose samples stay in the cache
+_GAUSS = 0.5 - 0.5 / 3 ** 0.5  # where a straight line agrees best with a parabola over 0 to 1
+_E0, _E2, _E3, _E4, _E5 = (np.float32(1 / v) for v in (1, 2, 6, 24, 120))
 
 _u = np.uint64
 
 
 @njit(parallel=True, fastmath=REPEATABLE)
-def form_beams(samples, shape, runs, common, gain, order, shift, carrier, beside, turn_step,
-               phasor_step, cycles_per_bin, group, out, base_re, base_im, turn_re, turn_im, rows,
-               phasor_re, phasor_im, sums):
-    """Sum the rows' spectra for each beam, ``out_m[b] = sum_i S_i[b] exp(j k_b path_im)``.
+def form_beams(samples, shape, runs, common, weight, order, shift, carrier, slope, log_gain,
+               gain_step, beside, turn_step, phasor_step, cycles_per_bin, group, out, base_re,
+               base_im, turn_re, turn_im, turn_steps, rows, phasor_re, phasor_im, sums):
+    """Sum the rows' spectra for each beam, ``out_m[b] = sum_i g_i[b] S_i[b] exp(j k_b path_im)``.
 
     The phase is exact for the middle of each group of beams. On either side of it beams share
     phasors, one of a couple taking the conjugates: what cosines and sines count is summed apart.
     Their growth from bin to bin is held over a vector of bins. Rows on opposite sides of the
-    centre may share phasors likewise.
+    centre may share phasors likewise. The gain g of a row's frequency from beam to beam is that
+    of the group's middle, and its logarithm a straight line over each run of bins.
 
     Parameters
     ----------
@@ -40,7 +43,7 @@ def form_beams(samples, shape, runs, common, gain, order, shift, carrier, beside
         carrier's, how many.
     common : (2 * N,) float32
         Factor of each bin of `samples`, real and imaginary parts in turn.
-    gain : (R,) float32
+    weight : (R,) float32
         Factor of each row.
     order : (Q,) or (2 * Q,) int64
         Row of each of `ROWS` phasors of a block, then of their conjugates if rows share them, then
@@ -50,6 +53,12 @@ def form_beams(samples, shape, runs, common, gain, order, shift, carrier, beside
         metres, in that order.
     carrier : (G * len(order),) float64
         Phase of that at the carrier, cycles.
+    slope : (G * len(order),) float64
+        What a row's path grows from beam to beam, metres, in that order.
+    log_gain : (N,) float64
+        Natural logarithm of the gain by the magnitude of the frequency, from 0.
+    gain_step : float
+        Of its table, cycles per beam.
     beside : (G * Q * H,) float64
         What a row's path is longer for a beam than for the group's middle, metres: groups, blocks,
         couples of beams from the outermost inwards, phasors of the block. The other beam's is the
@@ -68,6 +77,8 @@ def form_beams(samples, shape, runs, common, gain, order, shift, carrier, beside
         Work space.
     turn_re, turn_im : (T * G * len(order) * LANES,) float32
         Work space.
+    turn_steps : (T * 2 * G * len(order),) float32
+        Work space.
     rows : (T * ROWS * 4 * LANES,) float32
         Work space.
     phasor_re, phasor_im : (T * G * Q * H,) float32
@@ -85,14 +96,26 @@ def form_beams(samples, shape, runs, common, gain, order, shift, carrier, beside
         first, target, number, left = runs[task, 0], runs[task, 1], runs[task, 2], runs[task, 3]
         base, turn, phasor = task * BINS * n_rows, task * n_turns, task * n_phasors
         row, total = task * ROWS * 4 * LANES, task * 4 * half * BINS
-        for k in range(n_groups * n_rows):
+        n_steps = n_groups * n_rows
+        steps = 2 * task * n_steps
+        ends = (cycles_per_bin[0] + (number + _GAUSS * left) * cycles_per_bin[1],
+                cycles_per_bin[0] + (number + (1.0 - _GAUSS) * left) * cycles_per_bin[1])
+        for k in range(n_steps):
             cycles = cycles_per_bin[1] * shift[k]
             start = _fraction(carrier[k] + number * cycles)
-            to = _u(turn + k * LANES)
+            grown = _read_table(log_gain, np.abs(slope[k] * ends[0]) / gain_step)
+            rate = _read_table(log_gain, np.abs(slope[k] * ends[1]) / gain_step) - grown
+            rate /= (1.0 - 2.0 * _GAUSS) * left
+            first_gain = np.float32(np.exp(grown - _GAUSS * left * rate))
+            to, x = _u(turn + k * LANES), np.float32(rate)
             for i in range(LANES):
                 c = np.float32(_fraction(start + i * cycles))
-                turn_re[to + _u(i)] = _cos_cycles(c * c)
-                turn_im[to + _u(i)] = _sin_cycles(c, c * c)
+                gain = first_gain * _exp(x * np.float32(i))
+                turn_re[to + _u(i)] = gain * _cos_cycles(c * c)
+                turn_im[to + _u(i)] = gain * _sin_cycles(c, c * c)
+            gain = _exp(x * np.float32(LANES))
+            turn_steps[_u(steps + k)] = gain * turn_step[_u(k)]
+            turn_steps[_u(steps + n_steps + k)] = gain * turn_step[_u(n_steps + k)]
         per_metre = cycles_per_bin[0] + (number + middle) * cycles_per_bin[1]
         for k in range(_u(n_phasors)):
             c = np.float32(_fraction(per_metre * beside[k]))
@@ -101,7 +124,7 @@ def form_beams(samples, shape, runs, common, gain, order, shift, carrier, beside
         while left > 0:
             count = min(left, BINS)
             n_vectors = (count + LANES - 1) // LANES
-            _load_rows(samples, n_bins, first, count, common, gain, order, per_block, base_re,
+            _load_rows(samples, n_bins, first, count, common, weight, order, per_block, base_re,
                        base_im, base)
             for g in range(n_groups):
                 for i in range(_u(4 * half * BINS)):
@@ -110,8 +133,8 @@ def form_beams(samples, shape, runs, common, gain, order, shift, carrier, beside
                     source = base + (b - g * n_blocks) * per_block * BINS
                     for v in range(n_vectors):
                         _turn(base_re, base_im, source + v * per_block * LANES, turn_re, turn_im,
-                              turn + b * per_block * LANES, turn_step, b * per_block,
-                              n_groups * n_rows, per_block, rows, row)
+                              turn + b * per_block * LANES, turn_steps,
+                              steps + b * per_block, n_steps, per_block, rows, row)
                         _add_rows(rows, row, phasor_re, phasor_im, phasor + b * half * ROWS, half,
                                   sums, total + 4 * v * half * LANES)
                         now, step = _u(phasor + b * half * ROWS), _u(b * half * ROWS)
@@ -131,8 +154,20 @@ def form_beams(samples, shape, runs, common, gain, order, shift, carrier, beside
 
 
 @njit(inline='always')
-def _load_rows(samples, n_bins, first, count, common, gain, order, per_block, base_re, base_im,
-               base):
+def _read_table(table, place):
+    i = min(np.int64(place), len(table) - 2)
+    return table[i] + min(place - i, 1.0) * (table[i + 1] - table[i])
+
+
+@njit(inline='always')
+def _exp(x):
+    """Of what a gain grows over a vector of bins, which is little."""
+    return _E0 + x * (_E0 + x * (_E2 + x * (_E3 + x * (_E4 + x * _E5))))
+
+
+@njit(inline='always')
+def _load_rows(samples, n_bins, first, count, common, weights, order, per_block, base_re,
+               base_im, base):
     """Some bins of all rows times their factors, vector by vector, zero beyond the last."""
     whole = count // LANES
     for place in range(len(order)):
@@ -145,7 +180,7 @@ def _load_rows(samples, n_bins, first, count, common, gain, order, per_block, ba
                     base_re[to + _u(lane)] = 0.0
                     base_im[to + _u(lane)] = 0.0
             continue
-        weight = gain[row]
+        weight = weights[row]
         source, factor = _u(2 * (row * n_bins + first)), _u(2 * first)
         for v in range(whole):
             to = _u(begin + v * per_block * LANES)

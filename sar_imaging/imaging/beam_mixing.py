@@ -14,7 +14,7 @@ from numba.extending import intrinsic
 from .butterflies import fetch_line
 
 LANES = 16  # float32 of a vector
-BEAM_TAPS, CELL_TAPS = 14, 8  # of the interpolation between beams and along range
+BEAM_TAPS, CELL_TAPS = 6, 8  # of the interpolation between beams and along range
 STORED = 16  # taps of a table of weights
 TILE = 2 * LANES  # cells or pixels whose sums stay in registers
 

@@ -10,19 +10,22 @@ import numpy as np
 
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .beam_gain import BeamGain, beam_gain, bins_per_run, rms_of_rows, shared_errors
 from .beam_kernels import LANES
 from .beam_mixing import BEAM_TAPS, CELL_TAPS
 from .beam_reading import DEGREE
 from .interpolation import Interpolator, design_interpolator
 from .lattice import Lattice, sample_paths, total_db
 
-_OVERSAMPLING = (1.25, 1.3, 1.35, 1.4, 1.5, 1.6, 1.8, 2.0)  # of beams
+_OVERSAMPLING = (1.16, 1.2, 1.24, 1.28, 1.34, 1.4, 1.5, 1.6, 1.8, 2.0,  # of beams
+                 2.4, 2.8, 3.2, 4.0)
+_MOST_CORRECTED = 2.0  # beyond, interpolation takes little from any frequency
 _LEAST_OVERSAMPLING = 1.1  # of cells: the interpolation could do with no less
-_GROUPS = (16, 8, 4, 2, 1)  # beams whose phases grow alike from bin to bin
+_GROUPS = (18, 16, 14, 12, 10, 8, 6, 4, 2, 1)  # beams whose phases grow alike from bin to bin
 _SEGMENTS = (128, 64, 32, 16)
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 _ROWS, _DIRECTIONS = 17, 33  # at which paths are compared
-BEYOND = 2  # beams beyond those that interpolation needs, for rounding
+BEYOND = 1  # beams beyond those that interpolation needs, for rounding
 OUTSIDE = BEAM_TAPS // 2 - 1 + BEYOND  # beams before the first direction of the grid
 _SPREAD_STEP = 1.02  # factors between one spread that is planned for and the next
 _SLACK = 1.1  # sub-apertures that were not looked at may be as much worse
@@ -48,14 +51,16 @@ class BeamSampling:
     spacing : float
         Of the beams, in direction cosine.
     group : int
-        Beams whose phases are taken to grow alike over a vector of bins.
+        Most beams whose phases are taken to grow alike over a vector of bins.
     uneven_m : float
         By how much rows on opposite sides of the centre may fail to be opposite, rms, for them to
         share phasors; 0 where none do.
     segment : int
         Pixels that share one expansion of the geometry.
-    between, along : Interpolator
-        Between beams and along range.
+    between : BeamGain
+        Interpolator between beams, and by what rows are multiplied for it.
+    along : Interpolator
+        Along range.
     predicted_error_db : float
         Predicted error of the sub-aperture images against time-domain correlation, dB.
     """
@@ -65,7 +70,7 @@ class BeamSampling:
     group: int
     uneven_m: float
     segment: int
-    between: Interpolator
+    between: BeamGain
     along: Interpolator
     predicted_error_db: float
 
@@ -78,10 +83,18 @@ class BeamSampling:
         """Beams over some extent in direction cosine, with those that interpolation needs."""
         return math.ceil(span / self.spacing) + BEAM_TAPS + 2 * BEYOND
 
+    def group_of(self, n_beams: int) -> int:
+        """Beams of each group, in no more groups than needed: even, or one."""
+        size = math.ceil(n_beams / math.ceil(n_beams / self.group))
+        return size + size % 2 if self.group > 1 else 1
+
     def cost(self, n_rows: int, n_bins: int, n_cells: int, n_pixels: int, span: float) -> float:
         """Relative time of a sub-aperture image, in pixels and rows of `project_lines`."""
-        per_triple = _COST_TRIPLE * ((0.5 if self.paired else 1.0) + _COST_GROUP / self.group)
-        return (self.n_beams(span) * (n_rows * n_bins * per_triple + n_cells * _COST_CELL)
+        n_beams = self.n_beams(span)
+        group = self.group_of(n_beams)
+        triples = math.ceil(n_beams / group) * (group * (0.5 if self.paired else 1.0)
+                                                + _COST_GROUP) * n_rows * n_bins
+        return (triples * _COST_TRIPLE + n_beams * n_cells * _COST_CELL
                 + n_pixels * _COST_PIXEL * (1 + _COST_SEGMENT / self.segment / 4))
 
 
@@ -122,8 +135,9 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
     views = [_view(polar, *centres) for centres in subapertures]
     if None in views:
         return None
+    slope, curvature = (np.stack([getattr(view, name) for view in views])
+                        for name in ('slope', 'curvature'))
     uneven = max(_LEAST_UNEVEN * radar.wavelength_m, *(view.uneven_m for view in views))
-    curvature = max(view.curvature_m for view in views)
     k = radar.wavenumber_rad_per_m
     highest = k + 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
     spread = max(view.beams.spread(*view.centres) for view in views)
@@ -133,42 +147,52 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
     spread = max(view.beams.spread(*view.centres, beyond) for view in views)
     # The last segment reaches beyond the image.
     spare = lattice.n_cells - reach_m / lattice.cell_m - 2 * CELL_TAPS
+    segments = [segment for segment in _SEGMENTS if segment <= spare]
     if 2 * spread > padding_m:
         return None
     # In steps: plans for nearly the same sub-apertures give the same images to the last bit.
     steps = math.log(max(spread, 1e-3 * radar.wavelength_m), _SPREAD_STEP)
     widest = _SPREAD_STEP ** math.ceil(steps)
     bin_rad_per_m = 2 * math.pi / (lattice.n_cells * lattice.cell_m)
+    relative = [n * bin_rad_per_m / k
+                for n in (bins_per_run(n_bins, n_bins * bin_rad_per_m / k), LANES)]
     n_rows, span = len(subapertures[0][0]), polar.n_alpha * polar.alpha_spacing
     geometry = max(view.phase_error(k, radar.bandwidth_hz / radar.carrier_hz) for view in views)
     if 20 * math.log10(geometry + 1e-12) > target_db:
         return None
     best = None
     for oversampling in _OVERSAMPLING:
-        between = design_interpolator(oversampling, taps=BEAM_TAPS, degree=DEGREE)
-        if between.error_db > target_db:
-            continue
         spacing = math.pi / (highest * widest * oversampling)
-        for segment in (v for v in _SEGMENTS if v <= spare):
-            expansion = np.max([view.expansion_errors(
-                segment * polar.range_spacing_m / 2, lattice.cell_m, polar.range_spacing_m,
-                spacing, oversampling_range, oversampling, k) for view in views], axis=0)
-            for group, paired in itertools.product(_GROUPS, (True, False)):
-                # over a group of beams: rms distance from the middle, and how its square varies
-                beside = math.sqrt((group ** 2 - 1) / 12) * spacing
-                squares = math.sqrt((group ** 2 - 1) * (group ** 2 - 4) / 180) * spacing ** 2
-                held = bin_rad_per_m * LANES / math.sqrt(12) * beside * spread / math.sqrt(3)
-                shared = paired * k * beside * uneven
-                bent = k * curvature / 2 * squares
-                errors = geometry, held, shared, bent, *expansion
-                error = total_db(between.error_db, along.error_db, _ARITHMETIC_DB, *(
-                    20 * math.log10(e + 1e-12) for e in errors))
-                found = BeamSampling(widest, spacing, group, paired * _SLACK * uneven, segment,
-                                     between, along, error)
-                cost = found.cost(n_rows, n_bins, lattice.n_cells, polar.n_range * span / spacing,
-                                  span)
-                if error <= target_db and (best is None or cost < best[0]):
-                    best = cost, found
+        n_pixels = polar.n_range * span / spacing
+        between = beam_gain(oversampling, oversampling <= _MOST_CORRECTED)
+        if between.interpolator.error_db > target_db:
+            continue
+
+        def sampling(group, paired, segment, error_db=0.0, spacing=spacing, between=between):
+            return BeamSampling(widest, spacing, group, paired * _SLACK * uneven, segment,
+                                between, along, error_db)
+
+        costs = {key: sampling(*key).cost(n_rows, n_bins, lattice.n_cells, n_pixels, span)
+                 for key in itertools.product(_GROUPS, (True, False), segments)}
+        cheaper = [key for key, cost in costs.items() if best is None or cost < best[0]]
+        if not cheaper:
+            break
+        always, grouped, shared = shared_errors(
+            between, *(k * spacing * v for v in (slope, spacing * curvature, uneven)), relative,
+            _GROUPS)
+        expansion = {segment: np.max([view.expansion_errors(
+            segment * polar.range_spacing_m / 2, lattice.cell_m, polar.range_spacing_m, spacing,
+            oversampling_range, oversampling, k) for view in views], axis=0)
+            for segment in segments}
+        for key in sorted(cheaper, key=costs.get):
+            group, paired, segment = key
+            i = _GROUPS.index(group)
+            errors = geometry, *always, *grouped[i], paired * shared[i], *expansion[segment]
+            error = total_db(between.interpolator.error_db, along.error_db, _ARITHMETIC_DB,
+                             *(20 * math.log10(e + 1e-12) for e in errors))
+            if error <= target_db:
+                best = costs[key], sampling(*key, error)
+                break
     return best and best[1]
 
 
@@ -179,7 +203,8 @@ class _View:
     beams: BeamGeometry
     centres: tuple[np.ndarray, np.ndarray]  # phase centres of some rows, metres
     uneven_m: float  # by which rows on opposite sides of the centre are not opposite, rms
-    curvature_m: float  # second derivative of a row's path by direction, rms
+    slope: np.ndarray  # (R, D) first derivative of the rows' paths by direction, metres
+    curvature: np.ndarray  # (R, D) second derivative
     difference: np.ndarray  # (R, S) of half paths from what beams assume, metres
     bend: np.ndarray  # (R, S) what interpolation between beams makes good to first order, metres
     # along lines: extremes of the distance's first derivative, magnitudes of its second and fourth
@@ -191,7 +216,7 @@ class _View:
         error = (k * np.abs(self.difference - self.bend)
                  + np.abs(k * self.bend) * (relative_bandwidth / math.sqrt(12))
                  + (k * self.bend) ** 2 / 2)
-        return math.sqrt(np.mean(error.max(axis=1) ** 2))
+        return float(rms_of_rows(error[None]))
 
     def expansion_errors(self, half_m, cell_m, pixel_m, spacing, over_range, over_beams, k):
         """Rms errors of expanding places between cells, between beams, and phases."""
@@ -209,7 +234,7 @@ def _view(polar: PolarGrid, tx_m, rx_m) -> _View | None:
         *(np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (polar.range_m, polar.alpha))))
     lines = polar.lines(r, alpha)
     rows = np.linspace(0, len(tx_m) - 1, _ROWS).round().astype(int)
-    rows = np.unique([rows, len(tx_m) - 1 - rows])  # opposite ones, too
+    rows = np.concatenate([rows, len(tx_m) - 1 - rows])  # opposite ones, too
     beams = BeamGeometry.of(polar, tx_m, rx_m)
     if beams is None:
         return None
@@ -223,7 +248,9 @@ def _view(polar: PolarGrid, tx_m, rx_m) -> _View | None:
     centres = tx_m[rows], rx_m[rows]
     slope = beams.slope(*centres, direction)
     bend = slope ** 2 * (1 - direction ** 2) * (1 / length - 1 / beams.range_m) / 2
-    return _View(beams, centres, beams.uneven(*centres), beams.curvature(*centres),
+    some = np.linspace(*beams.direction, 3)
+    return _View(beams, centres, beams.uneven(*centres), beams.slope(*centres, some),
+                 beams.curvature(*centres, some),
                  paths - length - beams.extra_path(*centres, direction), bend,
                  ((derivatives[0].min(), derivatives[0].max()), *(
                      float(np.abs(d).max()) for d in (*derivatives[[1, 3]], first, second))))
@@ -306,13 +333,12 @@ class BeamGeometry:
         slope = np.sort(self.slope(tx_m, rx_m, self.direction), axis=0)
         return math.sqrt(np.mean(np.abs(slope + slope[::-1]).max(axis=1) ** 2)) / 2
 
-    def curvature(self, tx_m, rx_m) -> float:
-        """Second derivative of `extra_path` by direction, rms over the rows, metres."""
+    def curvature(self, tx_m, rx_m, direction) -> np.ndarray:
+        """(R, S) second derivative of `extra_path` by direction, metres."""
         step = 10 * _DIRECTION_STEP
-        before, here, after = (self.extra_path(tx_m, rx_m, np.array(self.direction) + d)
+        before, here, after = (self.extra_path(tx_m, rx_m, np.asarray(direction) + d)
                                for d in (-step, 0.0, step))
-        second = np.abs(before - 2 * here + after).max(axis=1) / step ** 2
-        return math.sqrt(np.mean(second ** 2))
+        return (before - 2 * here + after) / step ** 2
 
     def spread(self, tx_m, rx_m, beyond: float = 0.0) -> float:
         """Largest derivative of `beam_path` by direction up to so far beyond the grid, metres."""

@@ -127,6 +127,8 @@ def read_beams(beams, shape, lines, centre, track, range_m, direction, cycles_pe
             some = _u(min(segment, n_pixels - number * segment))
             real = _u(line * n_pixels + number * segment)
             imag = real + _u(n_lines * n_pixels)
+            fetch(image, real + _u(n_pixels), _u(segment))
+            fetch(image, imag + _u(n_pixels), _u(segment))
             for i in range(some):
                 f = index[i]
                 c = _fraction(c0 + f * (c1 + f * (c2 + f * c3)))

@@ -17,6 +17,7 @@ import numpy as np
 from ..compilation import numba
 from ..geometry.polar import PolarGrid
 from . import beam_kernels as kernels, beam_reading as reading
+from .beam_gain import bins_per_run
 from .beam_mixing import CELL_TAPS
 from .beam_plan import OUTSIDE, BeamGeometry, BeamSampling
 from .lattice import Lattice
@@ -26,7 +27,6 @@ from .row_transform import transform_rows
 from .work_space import WorkSpace
 
 _TASKS_PER_THREAD = 4
-_RUNS = 8  # of bins; not by the number of threads, so that results do not depend on it
 _PAGE, _STRIDE = 512, 40  # complex samples
 
 
@@ -60,12 +60,14 @@ class BeamLines:
             min(max(-first, 0), lattice.n_cells), min(max(lattice.n_cells - first, 0),
                                                       lattice.n_cells))
         gain = source.gain(lattice.n_padded)
-        self._runs, number = _runs(len(gain), lattice.n_cells, source.zero)
+        self._cycles_per_bin = 1 / (lattice.n_cells * lattice.cell_m)
+        self._per_metre = 2 / source.radar.wavelength_m
+        longest = bins_per_run(len(gain), len(gain) * self._cycles_per_bin / self._per_metre)
+        self._runs, number = _runs(len(gain), lattice.n_cells, source.zero, longest)
         # Each bin's share is changed beforehand by what reading the cells takes from it.
         gain = gain * _gain(sampling.along, number / lattice.n_cells)
         if lattice.n_cells < len(gain):
             gain *= _taper(number / lattice.n_cells, 0.5 / sampling.along.oversampling)
-        self._cycles_per_bin = 1 / (lattice.n_cells * lattice.cell_m)
         shift = np.fmod(number * (first / lattice.n_cells), 1.0)
         self._common = (gain * np.exp(2j * np.pi * shift)).astype(np.complex64)
         self._lines = self._positions()
@@ -117,16 +119,18 @@ class BeamLines:
 
     def _beams(self, samples, path, paired, weights) -> np.ndarray:
         """(M, n_cells) complex64 beams at range baseband, valid until the next call."""
-        (n_rows, n_beams), group = path.shape, self._sampling.group
+        n_rows, n_beams = path.shape
+        group = self._sampling.group_of(n_beams)
         n_cells = self._lattice.n_cells
         spectrum = self._source.spectrum(samples, self._lattice.n_padded, self._buffer)
-        rows, middle, beside = _phasors(path, group, paired)
-        per_metre = 2 / self._source.radar.wavelength_m
+        rows, middle, slope, beside = _phasors(path, group, paired)
+        between = self._sampling.between
         stride = _uncrowded(n_cells + reading.TILE)
         beams = self._buffer('beams', (n_beams, stride), np.complex64)
         n_tasks, lanes = len(self._runs), kernels.LANES
         sizes = {'base re': kernels.BINS * len(rows), 'base im': kernels.BINS * len(rows),
                  'turn re': middle.size * lanes, 'turn im': middle.size * lanes,
+                 'turn steps': 2 * middle.size,
                  'rows': 4 * kernels.ROWS * lanes, 'phasor re': beside.size,
                  'phasor im': beside.size, 'sums': 4 * beside.shape[2] * kernels.BINS}
         work = [self._buffer(name, (n_tasks * size,), np.float32) for name, size in sizes.items()]
@@ -134,10 +138,11 @@ class BeamLines:
             spectrum.reshape(-1).view(np.float32), (spectrum.shape[1], n_beams, stride),
             self._runs, self._common.view(np.float32),
             np.ones(n_rows, np.float32) if weights is None else weights, rows,
-            middle.reshape(-1), np.fmod(per_metre * middle, 1.0).reshape(-1), beside.reshape(-1),
+            middle.reshape(-1), np.fmod(self._per_metre * middle, 1.0).reshape(-1),
+            slope.reshape(-1), between.log_gain, between.step, beside.reshape(-1),
             _step_phasors(self._cycles_per_bin * middle),
             _step_phasors(self._cycles_per_bin * beside),
-            np.array([per_metre, self._cycles_per_bin]), group,
+            np.array([self._per_metre, self._cycles_per_bin]), group,
             beams.reshape(-1).view(np.float32), *work)
         n_bins = min(spectrum.shape[1], n_cells)
         beams[:, (n_bins + 1) // 2:n_cells - n_bins // 2] = 0.0
@@ -149,7 +154,7 @@ class BeamLines:
     def _read(self, beams, geometry, start, spacing, parts) -> None:
         polar, sampling, source = self._polar, self._sampling, self._source
         segment = sampling.segment
-        cycles_per_m = 2 / source.radar.wavelength_m
+        cycles_per_m = self._per_metre
         # Half the curvature and twice the weight of the second order cancel.
         bend = -1 / (2 * np.pi * cycles_per_m * spacing ** 2)
         index = np.arange(reading.mixed_cells(segment), dtype=np.float32) - segment // 2
@@ -160,11 +165,11 @@ class BeamLines:
             self._lines, geometry.centre_m, np.array(polar.track),
             np.array([self._range_start_m, self._lattice.cell_m, polar.range_spacing_m]),
             np.array([start, spacing]), cycles_per_m, -cycles_per_m * source.phase_range_m,
-            np.array([1 / geometry.range_m, bend]), _table(sampling.between),
+            np.array([1 / geometry.range_m, bend]), _table(sampling.between.interpolator),
             _table(sampling.along), index, parts.reshape(-1), work)
 
 
-def _runs(n_bins: int, n_cells: int, zero: int):
+def _runs(n_bins: int, n_cells: int, zero: int, longest: int):
     """Bins of each task of `form_beams`, and every bin's number counted from the carrier's."""
     number = (np.arange(n_bins) - zero + n_bins // 2) % n_bins - n_bins // 2
     kept = min(n_bins, n_cells)
@@ -172,9 +177,8 @@ def _runs(n_bins: int, n_cells: int, zero: int):
     runs = []
     for first, target, start, count in ((zero, 0, 0, upper), ((zero - lower) % n_bins,
                                                               n_cells - lower, -lower, lower)):
-        step = max(-(-2 * count // _RUNS // kernels.LANES), 1) * kernels.LANES
-        runs += [(first + i, target + i, start + i, min(step, count - i))
-                 for i in range(0, count, step)]
+        runs += [(first + i, target + i, start + i, min(longest, count - i))
+                 for i in range(0, count, longest)]
     return np.array(runs), number
 
 
@@ -206,6 +210,8 @@ def _phasors(path, group: int, paired: bool):
         Row of each phasor of a block, then of their conjugates, block by block.
     middle : (G, len(rows)) float64
         Paths for the middle of each group of beams, metres.
+    slope : (G, len(rows)) float64
+        What they grow from beam to beam there, metres.
     beside : (G, Q / ROWS, H, ROWS) float64
         What they are longer for one beam of each couple of the group, metres.
     """
@@ -217,6 +223,8 @@ def _phasors(path, group: int, paired: bool):
     upper, lower = path[:, beams], path[:, first + last - beams]
     middle = 0.5 * (upper + lower).mean(axis=2)
     beside = 0.5 * (upper - lower)
+    growth = np.gradient(path, axis=1)
+    slope = 0.5 * (growth[:, first[:, 0]] + growth[:, last[:, 0]])
     n_phasors = -(-n_rows // 2) if paired else n_rows
     rows = np.full((1 + paired, -(-n_phasors // kernels.ROWS) * kernels.ROWS), -1)
     if paired:
@@ -231,7 +239,8 @@ def _phasors(path, group: int, paired: bool):
         beside = beside[rows[0]]
     blocks = beside.reshape(-1, kernels.ROWS, n_groups, half).transpose(2, 0, 3, 1)
     rows = rows.reshape(1 + paired, -1, kernels.ROWS).swapaxes(0, 1).reshape(-1)
-    return rows, np.ascontiguousarray(middle[rows].T), np.ascontiguousarray(blocks)
+    return (rows, *(np.ascontiguousarray(v[rows].T) for v in (middle, slope)),
+            np.ascontiguousarray(blocks))
 
 
 def _step_phasors(cycles) -> np.ndarray:

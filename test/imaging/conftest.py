@@ -20,15 +20,15 @@ class Case:
 
 def make_case(range_m, *, channels=1, height_m=0.0, heading_rad=0.0, n=96, spacing_m=0.25,
               pulses=48, aperture_m=None, n_points=12, seed=1, bend_m=0.0, track_m=None,
-              extent=0.95):
-    """X-band profiles (10 GHz, 300 MHz, sampled at 400 MHz) of random scatterers.
+              extent=0.95, carrier_hz=10e9):
+    """Profiles (10 GHz unless told, 300 MHz, sampled at 400 MHz) of random scatterers.
 
     The radar flies along y and looks along +x, all turned by `heading_rad`; receivers stand half
     a wavelength apart; `bend_m` bows the track outwards in the middle, `track_m` (pulses, 3)
     replaces it. Scatterers fill `extent` times the grid in both directions.
     """
     rng = np.random.default_rng(seed)
-    carrier, bandwidth, rate = 10e9, 300e6, 400e6
+    carrier, bandwidth, rate = carrier_hz, 300e6, 400e6
     aperture = range_m * 0.03 if aperture_m is None else aperture_m
     u = np.linspace(-0.5, 0.5, pulses)
     tx = np.zeros((pulses, channels, 3))

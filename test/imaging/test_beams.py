@@ -91,8 +91,18 @@ def test_beams_are_as_exact_as_predicted(make_case, options, target_db):
     # from the end of the aperture, where lines bend most; rows do not fill the last block
     stage = _stage(case.grid, case.block, slice(0, 2 * ROWS + 3), target_db)
     error = _error_db(stage, _exact(stage, stage.block))
-    # Measured: 2 to 4 dB better; 1 to 5 dB better at -75 dB
+    # Measured: 0.5 to 5 dB better; 1.5 to 6 dB better at -75 dB. At -60 dB 12 dB worse where the
+    # growth of errors that start again with each group is left out
     assert error <= stage.predicted_error_db + 1.0 <= target_db + 1.0
+
+
+@pytest.mark.parametrize('target_db', [-60.0, -75.0])
+def test_gains_follow_a_wide_band(make_case, target_db):
+    """Over the band a row's frequency from beam to beam changes by 30 %, and its gain with it."""
+    case = make_case(3e3, n=96, pulses=96, n_points=100, aperture_m=150.0, carrier_hz=1e9)
+    stage = _stage(case.grid, case.block, slice(0, 2 * ROWS + 3), target_db)
+    # Measured: 10 dB better
+    assert _error_db(stage, _exact(stage, stage.block)) <= stage.predicted_error_db + 1.0
 
 
 @pytest.mark.parametrize('target_db', [-60.0, -75.0])
@@ -106,7 +116,7 @@ def test_profiles_sampled_finer_than_cells(make_case, target_db):
     radar = dataclasses.replace(block.radar, sample_rate_hz=2 * block.radar.sample_rate_hz)
     block = dataclasses.replace(block, radar=radar, samples=samples.astype(np.complex64))
     stage = _stage(case.grid, block, slice(0, 2 * ROWS + 3), target_db)
-    # Measured: 2.5 dB better than predicted; 2.8 dB worse at -75 dB without the taper
+    # Measured: 2 to 3 dB better than predicted; 2.8 dB worse at -75 dB without the taper
     assert _error_db(stage, _exact(stage, stage.block)) <= stage.predicted_error_db + 1.0
 
 
@@ -145,7 +155,7 @@ def test_rows_at_uneven_places(make_case):
     track[:, [0, 2]] = rng.normal(0, 0.01, (64, 2))
     case = make_case(1e3, n=96, pulses=64, n_points=100, track_m=track)
     stage = _stage(case.grid, case.block, slice(0, 21), -60.0)
-    # Measured: -63.5 dB; -32 dB where they are made to share
+    # Measured: -63.4 dB; -38 dB where they are made to share
     assert _error_db(stage, _exact(stage, stage.block)) <= stage.predicted_error_db + 1.0
 
 
@@ -156,7 +166,7 @@ def test_rows_beside_the_track(make_case):
     track[:, 0] = np.random.default_rng(3).normal(0, 0.3, 64)
     case = make_case(1e3, n=96, pulses=64, n_points=100, track_m=track)
     stage = _stage(case.grid, case.block, slice(0, 11), -50.0)
-    # Measured: -55.7 dB, predicted -52.3; -43.9 dB in groups chosen without regard to it
+    # Measured: -55.4 dB, predicted -50.0; -42.6 dB with beams chosen without regard to it
     assert _error_db(stage, _exact(stage, stage.block)) <= stage.predicted_error_db + 1.0
 
 
@@ -168,7 +178,7 @@ def test_few_rows_beside_the_track_near_by(make_case, n_rows):
     track[:, 0] = np.random.default_rng(3).normal(0, 0.1, 96)
     case = make_case(100.0, n=96, pulses=96, n_points=200, extent=1.5, track_m=track)
     stage = _stage(case.grid, case.block, slice(0, n_rows), -60.0)
-    # Measured: -65 dB, predicted -62; -36 and -48 dB if only paths to the grid count
+    # Measured: -68 and -70 dB, predicted -67
     assert _error_db(stage, _exact(stage, stage.block)) <= stage.predicted_error_db + 1.0
 
 
