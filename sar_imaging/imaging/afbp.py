@@ -97,7 +97,7 @@ class AfbpImager:
                              '(pulses, channels, 3) for both')
         self.grid, self._progress, self._cover = grid, progress, None
         self._pulse_weights = _checked_weights(pulse_weights, len(tx_m))
-        polar, oversampling, coverage = grid, (1.0, 1.0), EVERYTHING
+        polar, oversampling, ratio, coverage = grid, (1.0, 1.0), (1, 1), EVERYTHING
         if compressed and weighting != 'none':
             raise ValueError(f'weighting={weighting!r} is for phase histories (compressed=False); '
                              'profiles are weighted by range compression')
@@ -105,13 +105,14 @@ class AfbpImager:
         if isinstance(grid, MapGrid):
             self._cover = _cover(grid, tx_m, rx_m, radar, n_samples, target_db, band)
             polar, oversampling = self._cover.polar, self._cover.oversampling
+            ratio = self._cover.ratio
             coverage = map_coverage(polar, grid)
             target_db -= 1.0
         self.subapertures = SubaperturePlan(polar, radar, n_samples, tx_m, rx_m,
                                             target_db=target_db,
                                             pulses_per_subaperture=pulses_per_subaperture,
-                                            oversampling=oversampling, coverage=coverage,
-                                            band=band)
+                                            oversampling=oversampling, ratio=ratio,
+                                            coverage=coverage, band=band)
         self.fusion = SpectrumFusion(self.subapertures.fusion_grid)
         self.predicted_error_db = self.subapertures.predicted_error_db
         if self._cover is not None:

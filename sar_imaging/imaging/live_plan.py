@@ -102,7 +102,7 @@ class LivePlan:
         self._stage = SubaperturePlan(polar, radar, n_samples, tx_m, rx_m,
                                       target_db=self._target_db - margin_db,
                                       pulses_per_subaperture=length,
-                                      oversampling=cover.oversampling,
+                                      oversampling=cover.oversampling, ratio=cover.ratio,
                                       coverage=map_coverage(polar, grid))
         self.fusion = self._stage.fusion_grid
         self.warnings = self._stage.warnings

@@ -22,10 +22,12 @@ from .merging import AngularParts, plan_parts
 from .range_band import RangeBand
 from .range_window import RangeWindow
 from .resampling import CORRECTED_TAPS, DEGREE, LANES, TAPS, margin
+from .subaperture_sampling import taper_band, usual_guard
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
 _COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
+_RANGE_RATIOS = (2, 3), (5, 7), (3, 4), (4, 5), (5, 6), (7, 8), (9, 10)
 COST_RESAMPLING = 12.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
 
 
@@ -117,8 +119,10 @@ class MapCover:
     ----------
     polar : PolarGrid
         It reaches `margin` pixels beyond the map.
+    ratio : (int, int)
+        Ranges of images that are added to those of their sum, on `polar`.
     lattice : Lattice
-        How its lines read the profiles.
+        How lines of such images read the profiles.
     window : RangeWindow or RangeBand
         What it needs of the profiles.
     range_m : (float, float)
@@ -134,6 +138,7 @@ class MapCover:
     """
 
     polar: PolarGrid
+    ratio: tuple[int, int]
     lattice: Lattice
     window: RangeWindow | RangeBand
     range_m: tuple[float, float]
@@ -168,8 +173,9 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     band : RangeBand, optional
         Phase histories instead of profiles; `radar` is its own.
     corrected : bool
-        The spectrum of the polar image will be corrected for the interpolation between lines, as
-        that of `SpectrumFusion` is: they may be fewer.
+        The polar image will be formed by its spectrum and corrected for the interpolation between
+        lines, as that of `SpectrumFusion` is: lines may be fewer, and images that are added need
+        not be sampled as finely.
 
     Returns
     -------
@@ -186,10 +192,12 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     bands = _bands(grid, tx_m, rx_m, radar, origin, track, side, axis)
     if bands is None:
         return None
-    paths, half_range, slope_alpha, k = bands
+    paths, (half_range, local), slope_alpha, k = bands
     half_alpha = k[1] * float(np.abs(slope_alpha).max())
-    n_line = math.ceil(np.ptp(paths.length) * half_range * along.oversampling / math.pi)
     spacing = math.pi / (half_range * along.oversampling) * 0.999
+    n_line = math.ceil(np.ptp(paths.length) / spacing)
+    ratio = _range_ratio(spacing, n_line, local) if corrected else (1, 1)
+    spacing *= ratio[1] / ratio[0]
     # The sampled half paths miss the extremes by what range and direction add between samples.
     lo, hi = float(paths.length.min()), float(paths.length.max())
     slack = 2 * margin(TAPS) * spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
@@ -199,10 +207,11 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
                            fit_spacing=True, periodic=window.periodic)
     if lattice is None:
         return None
-    polar = _cover(grid, origin, track, side, lattice.spacing, half_alpha, between)
+    polar = _cover(grid, origin, track, side, lattice.spacing * ratio[0] / ratio[1], half_alpha,
+                   between)
     if polar is None:
         return None
-    return MapCover(polar, lattice, window, range_m, axis, between, along, slope_alpha, k)
+    return MapCover(polar, ratio, lattice, window, range_m, axis, between, along, slope_alpha, k)
 
 
 def map_coverage(polar: PolarGrid, grid: MapGrid) -> Coverage:
@@ -244,8 +253,9 @@ def _frame(grid: MapGrid, centres):
 def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
     """What the band of the image follows from.
 
-    Half paths along range, half the bandwidth in range in rad/m, the derivative of the half paths
-    by direction, and the lowest and highest wavenumber.
+    Half paths along range, half the bandwidth in range in rad/m along a row of the map and at one
+    direction, the derivative of the half paths by direction, and the lowest and highest
+    wavenumber.
     """
     n = _SAMPLES_PER_SIDE
     x, y = (v.ravel() for v in np.meshgrid(np.linspace(grid.x_m[0], grid.x_m[-1], n),
@@ -267,7 +277,14 @@ def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
         return None
     half_range = band * slope.max() + k * np.abs(
         slope - 1 + slope_alpha * alpha_by_range).max()
-    return paths, float(half_range), slope_alpha, (k - 2 * band, k)
+    local = band * slope.max() + k * np.abs(slope - 1).max()
+    return paths, (float(half_range), float(local)), slope_alpha, (k - 2 * band, k)
+
+
+def _range_ratio(spacing: float, n_range: int, local: float) -> tuple[int, int]:
+    """Fewest ranges that hold the band of a sub-aperture image, to those of the sum."""
+    needed = spacing / math.pi * (local + taper_band(usual_guard(n_range) * spacing))
+    return next((ratio for ratio in _RANGE_RATIOS if ratio[0] / ratio[1] >= needed), (1, 1))
 
 
 def _cover(grid, origin, track, side, spacing, half_alpha, between) -> PolarGrid | None:

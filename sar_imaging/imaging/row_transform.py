@@ -93,14 +93,18 @@ def transform_rows(data: np.ndarray, *, inverse: bool = False) -> None:
 
 
 @functools.lru_cache(maxsize=4096)
-def row_length(least: int) -> int:
+def row_length(least: int, times: tuple[int, ...] = (1,)) -> int:
     """Length for `transform_rows`, not shorter than `least` and a few percent longer at most.
 
-    The shorter the better, since everything else takes time by the length, too.
+    The shorter the better, since everything else takes time by the length, too. Multiples that
+    are wanted as well are as quick.
     """
-    lengths = [n for n in smooth_lengths(least, _LONGER) if _shape(n) is not None]
-    return min(lengths, key=lambda n: n * (_COST_OTHER + _cost(*_shape(n))),
-               default=quick_length(least))
+    def cost(n):
+        return n * sum(t * (_COST_OTHER + _cost(*_shape(t * n))) for t in times)
+
+    lengths = [n for n in smooth_lengths(least, _LONGER)
+               if all(_shape(t * n) is not None for t in times)]
+    return min(lengths, key=cost, default=quick_length(least))
 
 
 @functools.lru_cache(maxsize=4096)

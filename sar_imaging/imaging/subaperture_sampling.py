@@ -161,7 +161,8 @@ def _half_paths(tx_m, rx_m, position, *directions) -> np.ndarray:
 
 
 def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, first_stage,
-                    target_db: float, coverage: Coverage = EVERYTHING) -> Sampling | None:
+                    target_db: float, coverage: Coverage = EVERYTHING,
+                    ratio: tuple[int, int] = (1, 1)) -> Sampling | None:
     """Quickest cut and coarse sampling that meet a target.
 
     Parameters
@@ -181,6 +182,8 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, first_s
         Wanted error of the fusion, dB.
     coverage : Coverage
         What of `polar` must be right.
+    ratio : (int, int)
+        Ranges of a sub-aperture image to those of the fused one.
 
     Returns
     -------
@@ -196,7 +199,7 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, first_s
         pulses = cut_pulses(middles, length)
         lo, hi = _slopes(bands.slope, pulses, n_channels)
         centre, half = 0.5 * (lo + hi), bands.wavenumber[1] * 0.5 * float((hi - lo).max())
-        choices += [((length, i, j), _sampling(polar, bands, pulses, centre, half,
+        choices += [((length, i, j), _sampling(polar, ratio, pulses, centre, half,
                                                oversampling, n_guard, first_stage, coverage))
                     for i, oversampling in enumerate(_OVERSAMPLING)
                     for j, n_guard in enumerate(_GUARDS)]
@@ -258,7 +261,7 @@ def _slopes(slope, pulses, n_channels):
             np.maximum.reduceat(slope.max(axis=1), first))
 
 
-def _sampling(polar, bands, pulses, centre, half, oversampling, n_guard, first_stage, coverage):
+def _sampling(polar, ratio, pulses, centre, half, oversampling, n_guard, first_stage, coverage):
     """Grid sizes and cost of one choice."""
     wanted = polar.n_alpha * polar.alpha_spacing
     spacing = min(math.pi / (max(half, 1e-9) * oversampling), wanted)
@@ -270,10 +273,10 @@ def _sampling(polar, bands, pulses, centre, half, oversampling, n_guard, first_s
     spacing = extent / n_coarse
     least = max(_LEAST_RANGE_GUARD, math.ceil(n_guard * spacing * float(np.abs(centre).max())
                                               / polar.range_spacing_m))
-    range_guard = max(least, min(math.ceil(_RANGE_GUARD * math.sqrt(polar.n_range)),
+    range_guard = max(least, min(usual_guard(polar.n_range),
                                  _ranges_before(polar, (extent - wanted) / 2 + spacing)))
-    n_fine_range = row_length(polar.n_range + 2 * range_guard)
-    n_coarse_range = _coarse_ranges(bands, n_fine_range, polar, range_guard)
+    n_coarse_range, n_fine_range = (n * row_length(
+        math.ceil((polar.n_range + 2 * range_guard) / ratio[1]), ratio) for n in ratio)
     cost = (first_stage(pulses, n_coarse, n_coarse_range)
             + len(pulses) * (_COST_COARSE * n_coarse * n_coarse_range + _COST_SUBAPERTURE)
             + _COST_FINE * n_fine * n_fine_range)
@@ -281,14 +284,9 @@ def _sampling(polar, bands, pulses, centre, half, oversampling, n_guard, first_s
                     n_fine_range, coverage, 0.0, cost)
 
 
-def _coarse_ranges(bands: Bands, n_fine_range: int, polar: PolarGrid, range_guard: int) -> int:
-    """Ranges of a sub-aperture image: as many as its band needs, and those of the fused one hold.
-
-    An image that is to be interpolated to a map is sampled more finely.
-    """
-    band = bands.half_range + taper_band(range_guard * polar.range_spacing_m)
-    least = math.ceil(n_fine_range * polar.range_spacing_m * band / math.pi) + 2
-    return min(row_length(least), n_fine_range)
+def usual_guard(n_range: int) -> int:
+    """Ranges of each guard where the geometry does not need more, nor leaves less."""
+    return math.ceil(_RANGE_GUARD * math.sqrt(n_range))
 
 
 def taper_band(guard_m: float) -> float:

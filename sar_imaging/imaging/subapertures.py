@@ -34,7 +34,6 @@ _ROWS_FOR_PATHS = 512  # enough to bound how paths differ along a line
 _SAMPLING_SLACK = 0.02  # of what is bounded
 _PADDING = 32  # samples of windows, for the delays of rows of beams
 _CUTS_FOR_BEAMS = 5  # sub-apertures whose geometry is looked at
-_USUAL_OVERSAMPLING = 1.1  # of sub-aperture images along range
 _DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
 LENGTHS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  # pulses to choose from
 
@@ -106,6 +105,8 @@ class SubaperturePlan:
         Length of the sub-apertures; the quickest if left out.
     oversampling : (float, float)
         Of `polar` along range and direction, for `FusionGrid`.
+    ratio : (int, int)
+        Ranges of a sub-aperture image to those of the fused one.
     coverage : Coverage
         What of `polar` must be right, see `map_coverage`.
     band : RangeBand, optional
@@ -141,7 +142,8 @@ class SubaperturePlan:
 
     def __init__(self, polar: PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
                  target_db: float = -50.0, pulses_per_subaperture: int | None = None,
-                 oversampling: tuple[float, float] = (1.0, 1.0), coverage: Coverage = EVERYTHING,
+                 oversampling: tuple[float, float] = (1.0, 1.0),
+                 ratio: tuple[int, int] = (1, 1), coverage: Coverage = EVERYTHING,
                  band: RangeBand | None = None):
         tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
         self.polar, self.n_samples = polar, int(n_samples)
@@ -151,14 +153,16 @@ class SubaperturePlan:
         paths = _paths(polar, tx_m, rx_m)
         lattice_db = min(target_db - 10.0, -50.0)
         bands = local_bands(polar, tx_m, rx_m, radar)
-        spacing = max(polar.range_spacing_m, math.pi / (_USUAL_OVERSAMPLING * bands.half_range))
-        lattice = self._plan_lattice(paths, spacing, self.n_samples, lattice_db)
+        usual = dataclasses.replace(polar, n_range=polar.n_range * ratio[0] // ratio[1],
+                                    range_spacing_m=polar.range_spacing_m * ratio[1] / ratio[0])
+        lattice = self._plan_lattice(paths, usual.range_spacing_m, self.n_samples, lattice_db)
         lengths = (pulses_per_subaperture,) if pulses_per_subaperture else LENGTHS
         self.sampling = choose_sampling(polar, bands, tx_m, rx_m, lengths,
-                                        self._first_stage(lattice, tx_m, rx_m, lattice_db,
+                                        self._first_stage(usual, lattice, tx_m, rx_m, lattice_db,
                                                           bands.range_m),
                                         10 * math.log10(10 ** (target_db / 10)
-                                                        - 10 ** (lattice_db / 10)), coverage)
+                                                        - 10 ** (lattice_db / 10)),
+                                        coverage, ratio)
         if self.sampling is None:
             raise ValueError(
                 f'no sub-apertures of {", ".join(map(str, lengths))} pulses reach '
@@ -187,14 +191,14 @@ class SubaperturePlan:
                        if self.beams is None else
                        BeamLines(self.coarse, window, self.lattice, self.beams, range_m))
 
-    def _first_stage(self, lattice, tx_m, rx_m, target_db, range_m):
+    def _first_stage(self, grid, lattice, tx_m, rx_m, target_db, range_m):
         """Relative time of all sub-aperture images, by the quicker of both ways."""
         beams: dict[int, BeamSampling | None] = {}
 
         def cost(pulses, n_coarse, n_range):
             length = pulses[0].stop - pulses[0].start  # all are about as long
             if length not in beams:
-                beams[length] = self._plan_beams(self.polar, lattice, tx_m, rx_m, pulses,
+                beams[length] = self._plan_beams(grid, lattice, tx_m, rx_m, pulses,
                                                  target_db, range_m)
             return len(pulses) * min(self._costs(lattice, beams[length], length,
                                                  n_coarse * n_range))
