@@ -26,6 +26,8 @@ def form_beams(samples, shape, runs, common, weight, order, shift, carrier, slop
                base_im, turn_re, turn_im, turn_steps, rows, phasor_re, phasor_im, sums):
     """Sum the rows' spectra for each beam, ``out_m[b] = sum_i g_i[b] S_i[b] exp(j k_b path_im)``.
 
+    What lies between the bins of positive and those of negative number is set to zero.
+
     The phase is exact for the middle of each group of beams. On either side of it beams share
     phasors, one of a couple taking the conjugates: what cosines and sines count is summed apart.
     Their growth from bin to bin is held over a vector of bins. Rows on opposite sides of the
@@ -37,7 +39,7 @@ def form_beams(samples, shape, runs, common, weight, order, shift, carrier, slop
     samples : (2 * R * N,) float32
         Spectra of R rows; real and imaginary parts in turn.
     shape : tuple of int
-        ``(N, M, n)``: bins, beams, bins of a beam's spectrum.
+        ``(N, M, n, n_cells)``: bins, beams, from one beam's spectrum to the next, its length.
     runs : (T, 4) int64
         Bins of each task: the first one in `samples` and in `out`, its number counted from the
         carrier's, how many.
@@ -86,13 +88,18 @@ def form_beams(samples, shape, runs, common, weight, order, shift, carrier, slop
     sums : (T * 4 * H * BINS,) float32
         Work space.
     """
-    n_bins, n_beams, n_out = shape
+    n_bins, n_beams, n_out, n_cells = shape
+    kept = min(n_bins, n_cells)
     n_rows, n_groups, half = len(order), (n_beams + group - 1) // group, (group + 1) // 2
     n_turns, n_phasors = n_groups * n_rows * LANES, len(beside)
     n_blocks = n_phasors // (n_groups * half * ROWS)
     per_block = n_rows // n_blocks
     middle = 0.5 * (LANES - 1)
     for task in numba.prange(len(runs)):
+        for m in range(task * n_beams // len(runs), (task + 1) * n_beams // len(runs)):
+            for i in range(_u(2 * (m * n_out + (kept + 1) // 2)),
+                           _u(2 * (m * n_out + n_cells - kept // 2))):
+                out[i] = 0.0
         first, target, number, left = runs[task, 0], runs[task, 1], runs[task, 2], runs[task, 3]
         base, turn, phasor = task * BINS * n_rows, task * n_turns, task * n_phasors
         row, total = task * ROWS * 4 * LANES, task * 4 * half * BINS

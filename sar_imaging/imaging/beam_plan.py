@@ -36,8 +36,8 @@ _CLEAR = 0.9  # of the largest direction cosine on the plane
 _DIRECTION_STEP = 1e-4  # of the direction cosine, for a derivative
 # Time of a row, bin and beam, of a cell's transform and of a pixel, in pixels and rows of
 # `kernels.project_lines`; what is added to the first by rows of beams, to the last by segments
-_COST_TRIPLE, _COST_CELL, _COST_PIXEL = 0.085, 3.0, 3.7  # (measured)
-_COST_GROUP, _COST_SEGMENT = 4.0, 230.0
+_COST_TRIPLE, _COST_CELL, _COST_PIXEL = 0.072, 3.2, 2.6  # (measured)
+_COST_GROUP, _COST_SEGMENT = 5.8, 205.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,7 +95,7 @@ class BeamSampling:
         triples = math.ceil(n_beams / group) * (group * (0.5 if self.paired else 1.0)
                                                 + _COST_GROUP) * n_rows * n_bins
         return (triples * _COST_TRIPLE + n_beams * n_cells * _COST_CELL
-                + n_pixels * _COST_PIXEL * (1 + _COST_SEGMENT / self.segment / 4))
+                + n_pixels * (_COST_PIXEL + _COST_SEGMENT / self.segment))
 
 
 def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bins: int,
@@ -303,6 +303,8 @@ class BeamGeometry:
     def beam_path(self, tx_m, rx_m, direction) -> np.ndarray:
         """`extra_path`, continued straight beyond the known directions, where it ends."""
         low, high = self.known
+        if low <= np.min(direction) and np.max(direction) <= high:
+            return self.extra_path(tx_m, rx_m, direction)
         before, after = self.slope(tx_m, rx_m, self.known).T[..., None]
         return (self.extra_path(tx_m, rx_m, np.clip(direction, low, high))
                 + before * np.minimum(direction - low, 0.0)
@@ -314,13 +316,16 @@ class BeamGeometry:
         along = self.range_m * np.asarray(direction)
         across = np.sqrt(np.maximum(self.range_m ** 2 - along ** 2 - height ** 2, 0.0))
         u, v = self.polar.track, self.polar.across
-        x = [along * u[axis] + across * v[axis] + self.centre_m[axis] for axis in (0, 1)]
+        x = np.stack([*(along * u[axis] + across * v[axis] for axis in (0, 1)),
+                      np.full_like(along, -height)])
+        beyond = np.sum(x ** 2, axis=0) - self.range_m ** 2
+        centres = (tx_m,) if np.array_equal(tx_m, rx_m) else (tx_m, rx_m)
         total = 0.0
-        for centre in (tx_m, rx_m):
-            total = total + 0.5 * np.sqrt((x[0] - centre[:, :1]) ** 2
-                                          + (x[1] - centre[:, 1:2]) ** 2
-                                          + (self.polar.z_m - centre[:, 2:]) ** 2)
-        return total - self.range_m
+        for centre in centres:
+            a = centre - self.centre_m
+            longer = np.sum(a ** 2, axis=1)[:, None] + beyond - 2 * (a @ x)  # squared
+            total = total + longer / (np.sqrt(self.range_m ** 2 + longer) + self.range_m)
+        return total / len(centres)
 
     def slope(self, tx_m, rx_m, direction) -> np.ndarray:
         """(R, S) derivative of `extra_path` by direction, metres."""

@@ -135,7 +135,7 @@ class BeamLines:
                  'phasor im': beside.size, 'sums': 4 * beside.shape[2] * kernels.BINS}
         work = [self._buffer(name, (n_tasks * size,), np.float32) for name, size in sizes.items()]
         kernels.form_beams(
-            spectrum.reshape(-1).view(np.float32), (spectrum.shape[1], n_beams, stride),
+            spectrum.reshape(-1).view(np.float32), (spectrum.shape[1], n_beams, stride, n_cells),
             self._runs, self._common.view(np.float32),
             np.ones(n_rows, np.float32) if weights is None else weights, rows,
             middle.reshape(-1), np.fmod(self._per_metre * middle, 1.0).reshape(-1),
@@ -144,8 +144,6 @@ class BeamLines:
             _step_phasors(self._cycles_per_bin * beside),
             np.array([self._per_metre, self._cycles_per_bin]), group,
             beams.reshape(-1).view(np.float32), *work)
-        n_bins = min(spectrum.shape[1], n_cells)
-        beams[:, (n_bins + 1) // 2:n_cells - n_bins // 2] = 0.0
         transform_rows(beams[:, :n_cells], inverse=True)
         beams[:, :self._known[0]] = 0.0
         beams[:, self._known[1]:] = 0.0
@@ -223,8 +221,8 @@ def _phasors(path, group: int, paired: bool):
     upper, lower = path[:, beams], path[:, first + last - beams]
     middle = 0.5 * (upper + lower).mean(axis=2)
     beside = 0.5 * (upper - lower)
-    growth = np.gradient(path, axis=1)
-    slope = 0.5 * (growth[:, first[:, 0]] + growth[:, last[:, 0]])
+    before, after = np.maximum(first[:, 0] - 1, 0), np.minimum(last[:, 0] + 1, n_beams - 1)
+    slope = (path[:, after] - path[:, before]) / (after - before)
     n_phasors = -(-n_rows // 2) if paired else n_rows
     rows = np.full((1 + paired, -(-n_phasors // kernels.ROWS) * kernels.ROWS), -1)
     if paired:
