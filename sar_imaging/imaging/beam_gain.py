@@ -142,8 +142,7 @@ def beam_gain(oversampling: float, corrected: bool) -> BeamGain:
     step = min(0.5, _BEYOND * 0.5 / interpolator.oversampling) / (_POINTS - 1)
     log_gain = np.zeros(_POINTS)
     if corrected:
-        beyond = dataclasses.replace(interpolator, oversampling=1.0)
-        log_gain = np.log(beyond.gain(step * np.arange(_POINTS)))
+        log_gain = np.log(interpolator.gain(step * np.arange(_POINTS)))
     return BeamGain(interpolator, step, log_gain, _power(interpolator))
 
 

@@ -65,7 +65,7 @@ class BeamLines:
         longest = bins_per_run(len(gain), len(gain) * self._cycles_per_bin / self._per_metre)
         self._runs, number = _runs(len(gain), lattice.n_cells, source.zero, longest)
         # Each bin's share is changed beforehand by what reading the cells takes from it.
-        gain = gain * _gain(sampling.along, number / lattice.n_cells)
+        gain = gain * sampling.along.gain(number / lattice.n_cells)
         if lattice.n_cells < len(gain):
             gain *= _taper(number / lattice.n_cells, 0.5 / sampling.along.oversampling)
         shift = np.fmod(number * (first / lattice.n_cells), 1.0)
@@ -178,11 +178,6 @@ def _runs(n_bins: int, n_cells: int, zero: int, longest: int):
         runs += [(first + i, target + i, start + i, min(longest, count - i))
                  for i in range(0, count, longest)]
     return np.array(runs), number
-
-
-def _gain(interpolator, frequency) -> np.ndarray:
-    """Gain that goes on beyond the band: cut ends of profiles would ring at a kink."""
-    return dataclasses.replace(interpolator, oversampling=1.0).gain(frequency)
 
 
 def _taper(frequency, edge: float) -> np.ndarray:
