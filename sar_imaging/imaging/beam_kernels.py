@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..compilation import REPEATABLE, njit, numba
+from .beam_mixing import LANES, ROWS, add_rows
 from .kernels import _cos_cycles, _fraction, _sin_cycles
 
-LANES = 16  # bins of one vector
-ROWS = 4  # phasors multiplied at once
 BINS = 128  # whose samples stay in the cache
 _GAUSS = 0.5 - 0.5 / 3 ** 0.5  # where a straight line agrees best with a parabola over 0 to 1
 _E0, _E2, _E3, _E4, _E5 = (np.float32(1 / v) for v in (1, 2, 6, 24, 120))
@@ -142,8 +141,9 @@ def form_beams(samples, shape, runs, common, weight, order, shift, carrier, slop
                         _turn(base_re, base_im, source + v * per_block * LANES, turn_re, turn_im,
                               turn + b * per_block * LANES, turn_steps,
                               steps + b * per_block, n_steps, per_block, rows, row)
-                        _add_rows(rows, row, phasor_re, phasor_im, phasor + b * half * ROWS, half,
-                                  sums, total + 4 * v * half * LANES)
+                        add_rows(rows, _u(row), phasor_re, phasor_im,
+                                 _u(phasor + b * half * ROWS), _u(half), sums,
+                                 _u(total + 4 * v * half * LANES))
                         now, step = _u(phasor + b * half * ROWS), _u(b * half * ROWS)
                         for i in range(_u(half * ROWS)):
                             cosine, sine = phasor_re[now + i], phasor_im[now + i]
@@ -250,29 +250,6 @@ def _turn(base_re, base_im, base, turn_re, turn_im, turn, step, first, n_steps, 
                 x, y = _turned(base_re, base_im, other + i, turn_re, turn_im, then + i, c, s)
                 rows[to + i], rows[to + _u(LANES) + i] = re + x, im + y
                 rows[to + _u(2 * LANES) + i], rows[to + _u(3 * LANES) + i] = y - im, re - x
-
-
-@njit(inline='always')
-def _add_rows(rows, row, phasor_re, phasor_im, phasor, half, sums, total):
-    """Add a block of rows, times their phasors, to each couple of beams, for one vector."""
-    s0 = _u(row)
-    s1, s2, s3 = s0 + _u(4 * LANES), s0 + _u(8 * LANES), s0 + _u(12 * LANES)
-    t0, t1, t2, t3 = (s0 + _u(2 * LANES), s1 + _u(2 * LANES), s2 + _u(2 * LANES),
-                      s3 + _u(2 * LANES))
-    for m in range(half):
-        p = _u(phasor + m * ROWS)
-        c0, c1, c2, c3 = (phasor_re[p], phasor_re[p + _u(1)], phasor_re[p + _u(2)],
-                          phasor_re[p + _u(3)])
-        d0, d1, d2, d3 = (phasor_im[p], phasor_im[p + _u(1)], phasor_im[p + _u(2)],
-                          phasor_im[p + _u(3)])
-        even = _u(total + 4 * m * LANES)
-        odd = even + _u(2 * LANES)
-        for j in range(2 * LANES):
-            i = _u(j)
-            sums[even + i] = (sums[even + i] + c0 * rows[s0 + i] + c1 * rows[s1 + i]
-                              + c2 * rows[s2 + i] + c3 * rows[s3 + i])
-            sums[odd + i] = (sums[odd + i] + d0 * rows[t0 + i] + d1 * rows[t1 + i]
-                             + d2 * rows[t2 + i] + d3 * rows[t3 + i])
 
 
 @njit(inline='always')

@@ -1,4 +1,4 @@
-"""Sums of `beam_reading`, written in the language of Numba's compiler (LLVM) like `butterflies`.
+"""Sums of beams and of their pixels, written in the language of Numba's compiler (LLVM).
 
 Left to its vectoriser, LLVM keeps too few sums in registers. Arrays are flat float32, places in
 them uint64. Numba's cache only notices changes of the file of a function that it compiled: empty
@@ -14,6 +14,7 @@ from numba.extending import intrinsic
 from .butterflies import fetch_line
 
 LANES = 16  # float32 of a vector
+ROWS = 4  # phasors multiplied at once
 BEAM_TAPS, CELL_TAPS = 6, 8  # of the interpolation between beams and along range
 STORED = 16  # taps of a table of weights
 TILE = 2 * LANES  # cells or pixels whose sums stay in registers
@@ -87,6 +88,30 @@ def mix_cells(typing_context, index, size, along, across, work, weights, source,
         return context.get_dummy_value()
 
     return types.void(index, _u, along, across, work, _u, _u, _u, _u), generate
+
+
+@intrinsic
+def add_rows(typing_context, rows, row, phasor_re, phasor_im, phasor, half, sums, total):
+    """Add a block of `ROWS` rows, times their phasors, to each couple of beams, for one vector.
+
+    Of each row four vectors, which stay in registers: what the phasor's real part counts, real and
+    imaginary part, then what its imaginary part counts. Likewise the sums of each couple.
+    """
+    def generate(context, b, signature, args):
+        rows, row, *factors, phasor, half, sums, total = _pointers(context, b, signature, args)
+        parts = [[_load(b, rows, row, (4 * k + n) * LANES) for n in range(4)] for k in range(ROWS)]
+        with cgutils.for_range(b, half) as loop:
+            first = b.add(phasor, b.mul(loop.index, _INT(ROWS)))
+            to = b.add(total, b.mul(loop.index, _INT(4 * LANES)))
+            for n, factor in zip((0, 2), factors, strict=True):
+                values = [_load(b, sums, to, (n + i) * LANES) for i in range(2)]
+                for k in range(ROWS):
+                    w = _spread(b, b.load(b.gep(factor, [b.add(first, _INT(k))]), align=4))
+                    values = [_plus(b, v, parts[k][n + i], w) for i, v in enumerate(values)]
+                _store(b, sums, to, _INT(n * LANES), _INT(LANES), values)
+        return context.get_dummy_value()
+
+    return types.void(rows, _u, phasor_re, phasor_im, _u, _u, sums, _u), generate
 
 
 @intrinsic
