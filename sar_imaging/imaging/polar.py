@@ -27,6 +27,7 @@ from .subaperture_sampling import taper_band, usual_guard
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
 _COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
+_SLACK = 1.01  # frequencies between samples of the map, and beside it
 _RANGE_RATIOS = (2, 3), (5, 7), (3, 4), (4, 5), (5, 6), (7, 8), (9, 10)
 COST_RESAMPLING = 12.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
 
@@ -283,7 +284,7 @@ def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
 
 def _range_ratio(spacing: float, n_range: int, local: float) -> tuple[int, int]:
     """Fewest ranges that hold the band of a sub-aperture image, to those of the sum."""
-    needed = spacing / math.pi * (local + taper_band(usual_guard(n_range) * spacing))
+    needed = spacing / math.pi * (_SLACK * local + taper_band(usual_guard(n_range) * spacing))
     return next((ratio for ratio in _RANGE_RATIOS if ratio[0] / ratio[1] >= needed), (1, 1))
 
 
