@@ -132,7 +132,8 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
     if oversampling_range < _LEAST_OVERSAMPLING:
         return None
     along = design_interpolator(oversampling_range, taps=CELL_TAPS, degree=DEGREE, corrected=True)
-    views = [_view(polar, *centres) for centres in subapertures]
+    edges = grid_edges(polar)
+    views = [_view(polar, edges, *centres) for centres in subapertures]
     if None in views:
         return None
     slope, curvature = (np.stack([getattr(view, name) for view in views])
@@ -229,13 +230,13 @@ class _View:
                 k * d4 * half_m ** 4 / 24 / 3]
 
 
-def _view(polar: PolarGrid, tx_m, rx_m) -> _View | None:
+def _view(polar: PolarGrid, edges, tx_m, rx_m) -> _View | None:
     r, alpha = (v.ravel() for v in np.meshgrid(
         *(np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (polar.range_m, polar.alpha))))
     lines = polar.lines(r, alpha)
     rows = np.linspace(0, len(tx_m) - 1, _ROWS).round().astype(int)
     rows = np.concatenate([rows, len(tx_m) - 1 - rows])  # opposite ones, too
-    beams = BeamGeometry.of(polar, tx_m, rx_m)
+    beams = BeamGeometry.of(polar, edges, tx_m, rx_m)
     if beams is None:
         return None
     middle = sample_paths(beams.centre_m[None], beams.centre_m[None], lines)
@@ -279,12 +280,13 @@ class BeamGeometry:
     direction: tuple[float, float]
 
     @classmethod
-    def of(cls, polar: PolarGrid, tx_m, rx_m) -> BeamGeometry | None:
-        """Coordinates for some rows; None where the plane is too steep below them."""
+    def of(cls, polar: PolarGrid, edges: np.ndarray, tx_m, rx_m) -> BeamGeometry | None:
+        """Coordinates for some rows; None where the plane is too steep below them.
+
+        `edges` are the grid's, from `grid_edges`.
+        """
         centre = 0.5 * (tx_m + rx_m).mean(axis=0)
-        edge = np.linspace(polar.alpha[0], polar.alpha[-1], _SAMPLES_PER_SIDE)
-        r = np.repeat([polar.range_m[0], polar.range_m[-1]], len(edge))
-        offset = polar.lines(r, np.tile(edge, 2))[0] - centre
+        offset = edges - centre
         length = np.linalg.norm(offset, axis=1)
         direction = offset[:, :2] @ polar.track / length
         range_m = 2 / (1 / length.min() + 1 / length.max())
@@ -329,8 +331,9 @@ class BeamGeometry:
 
     def slope(self, tx_m, rx_m, direction) -> np.ndarray:
         """(R, S) derivative of `extra_path` by direction, metres."""
-        before, after = (self.extra_path(tx_m, rx_m, np.asarray(direction) + step)
-                         for step in (-_DIRECTION_STEP, _DIRECTION_STEP))
+        direction = np.asarray(direction)
+        before, after = np.split(self.extra_path(tx_m, rx_m, np.concatenate(
+            [direction - _DIRECTION_STEP, direction + _DIRECTION_STEP])), 2, axis=1)
         return (after - before) / (2 * _DIRECTION_STEP)
 
     def uneven(self, tx_m, rx_m) -> float:
@@ -351,3 +354,10 @@ class BeamGeometry:
         directions = np.linspace(low - beyond, high + beyond, _DIRECTIONS)
         path = self.beam_path(tx_m, rx_m, directions)
         return float(np.abs(np.diff(path, axis=1)).max() / (directions[1] - directions[0]))
+
+
+def grid_edges(polar: PolarGrid) -> np.ndarray:
+    """(S, 3) float64 positions along the near and the far edge of a grid, metres."""
+    alpha = np.linspace(polar.alpha[0], polar.alpha[-1], _SAMPLES_PER_SIDE)
+    r = np.repeat([polar.range_m[0], polar.range_m[-1]], len(alpha))
+    return polar.lines(r, np.tile(alpha, 2))[0]

@@ -19,7 +19,7 @@ from ..geometry.polar import PolarGrid
 from . import beam_kernels as kernels, beam_reading as reading
 from .beam_gain import bins_per_run
 from .beam_mixing import CELL_TAPS
-from .beam_plan import OUTSIDE, BeamGeometry, BeamSampling
+from .beam_plan import OUTSIDE, BeamGeometry, BeamSampling, grid_edges
 from .lattice import Lattice
 from .range_band import RangeBand
 from .range_window import RangeWindow
@@ -70,7 +70,7 @@ class BeamLines:
             gain *= _taper(number / lattice.n_cells, 0.5 / sampling.along.oversampling)
         shift = np.fmod(number * (first / lattice.n_cells), 1.0)
         self._common = (gain * np.exp(2j * np.pi * shift)).astype(np.complex64)
-        self._lines = self._positions()
+        self._lines, self._edges = self._positions(), grid_edges(polar)
 
     def _positions(self) -> np.ndarray:
         """(S, n_alpha, 12) float64 as `reading.read_beams` wants them."""
@@ -100,7 +100,7 @@ class BeamLines:
         ValueError
             The plane is too steep below the rows for their directions to be told apart.
         """
-        geometry = BeamGeometry.of(self._polar, tx_m, rx_m)
+        geometry = BeamGeometry.of(self._polar, self._edges, tx_m, rx_m)
         if geometry is None:
             raise ValueError(f'the imaging plane, {self._polar.z_m:g} m high, is too steep below '
                              f'the phase centres around {tx_m.mean(axis=0).round(2)}; use '
