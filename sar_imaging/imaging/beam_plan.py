@@ -161,10 +161,11 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
     geometry = max(view.phase_error(k, radar.bandwidth_hz / radar.carrier_hz) for view in views)
     if 20 * math.log10(geometry + 1e-12) > target_db:
         return None
+    # The image has about as many lines as beams that lie as far apart as they may.
+    n_pixels = polar.n_range * span * highest * widest * _OVERSAMPLING[0] / math.pi
     best = None
     for oversampling in _OVERSAMPLING:
         spacing = math.pi / (highest * widest * oversampling)
-        n_pixels = polar.n_range * span / spacing
         between = beam_gain(oversampling, oversampling <= _MOST_CORRECTED)
         if between.interpolator.error_db > target_db:
             continue
