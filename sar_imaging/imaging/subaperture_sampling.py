@@ -296,7 +296,8 @@ def taper_band(guard_m: float) -> float:
 
 def _ranges_before(polar: PolarGrid, beyond: float) -> int:
     """Ranges on the plane before the first one, in all directions up to so far beyond the grid."""
-    steepest = max(abs(polar.alpha[0]), abs(polar.alpha[-1])) + beyond
+    last = polar.alpha_start + (polar.n_alpha - 1) * polar.alpha_spacing
+    steepest = max(abs(polar.alpha_start), abs(last)) + beyond
     if steepest >= 1:
         return -1
     nearest = abs(polar.height_m) / math.sqrt(1 - steepest ** 2)
