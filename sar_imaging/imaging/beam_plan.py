@@ -132,14 +132,19 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
     if oversampling_range < _LEAST_OVERSAMPLING:
         return None
     along = design_interpolator(oversampling_range, taps=CELL_TAPS, degree=DEGREE, corrected=True)
-    edges = grid_edges(polar)
-    views = [_view(polar, edges, *centres) for centres in subapertures]
-    if None in views:
-        return None
+    k = radar.wavenumber_rad_per_m
+    edges, views, geometry = grid_edges(polar), [], 0.0
+    for centres in subapertures:
+        view = _view(polar, edges, *centres)
+        if view is None:
+            return None
+        geometry = max(geometry, view.phase_error(k, radar.bandwidth_hz / radar.carrier_hz))
+        if 20 * math.log10(geometry + 1e-12) > target_db:
+            return None
+        views.append(view)
     slope, curvature = (np.stack([getattr(view, name) for view in views])
                         for name in ('slope', 'curvature'))
     uneven = max(_LEAST_UNEVEN * radar.wavelength_m, *(view.uneven_m for view in views))
-    k = radar.wavenumber_rad_per_m
     highest = k + 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
     spread = max(view.beams.spread(*view.centres) for view in views)
     # Beams beside the grid count, too; there are fewer the wider the spread.
@@ -158,9 +163,6 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
     relative = [n * bin_rad_per_m / k
                 for n in (bins_per_run(n_bins, n_bins * bin_rad_per_m / k), LANES)]
     n_rows, span = len(subapertures[0][0]), polar.n_alpha * polar.alpha_spacing
-    geometry = max(view.phase_error(k, radar.bandwidth_hz / radar.carrier_hz) for view in views)
-    if 20 * math.log10(geometry + 1e-12) > target_db:
-        return None
     # The image has about as many lines as beams that lie as far apart as they may.
     n_pixels = polar.n_range * span * highest * widest * _OVERSAMPLING[0] / math.pi
     best = None

@@ -193,11 +193,13 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, first_s
     choices = []
     n_pulses, n_channels = tx_m.shape[:2]
     middles = 0.5 * (tx_m + rx_m).mean(axis=1)
+    pieces, least, most = _pieces(middles), bands.slope.min(axis=1), bands.slope.max(axis=1)
     for length in lengths:
         if length > n_pulses and length != lengths[0]:
             break
-        pulses = cut_pulses(middles, length)
-        lo, hi = _slopes(bands.slope, pulses, n_channels)
+        pulses = _cut(pieces, length)
+        first = np.array([p.start for p in pulses]) * n_channels
+        lo, hi = np.minimum.reduceat(least, first), np.maximum.reduceat(most, first)
         centre, half = 0.5 * (lo + hi), bands.wavenumber[1] * 0.5 * float((hi - lo).max())
         choices += [((length, i, j), _sampling(polar, ratio, pulses, centre, half,
                                                oversampling, n_guard, first_stage, coverage))
@@ -244,21 +246,23 @@ def cut_pulses(middles, length: int) -> list[slice]:
     -------
     list of slice
     """
+    return _cut(_pieces(middles), length)
+
+
+def _pieces(middles) -> list[tuple[int, int]]:
+    """Pulses between gaps of the track."""
     steps = np.linalg.norm(np.diff(middles, axis=0), axis=1)
     usual = np.median(steps) if len(steps) else 0.0
-    gaps = np.flatnonzero(steps > _GAP * usual) + 1 if usual > 0 else []
+    gaps = (np.flatnonzero(steps > _GAP * usual) + 1).tolist() if usual > 0 else []
+    return list(zip([0, *gaps], [*gaps, len(middles)], strict=True))
+
+
+def _cut(pieces, length: int) -> list[slice]:
     cuts = []
-    for start, stop in zip([0, *gaps], [*gaps, len(middles)], strict=True):
+    for start, stop in pieces:
         edges = np.linspace(start, stop, math.ceil((stop - start) / length) + 1).round()
         cuts += map(slice, *(e.astype(int).tolist() for e in (edges[:-1], edges[1:])))
     return cuts
-
-
-def _slopes(slope, pulses, n_channels):
-    """Smallest and largest slope of each sub-aperture."""
-    first = np.array([p.start for p in pulses]) * n_channels
-    return (np.minimum.reduceat(slope.min(axis=1), first),
-            np.maximum.reduceat(slope.max(axis=1), first))
 
 
 def _sampling(polar, ratio, pulses, centre, half, oversampling, n_guard, first_stage, coverage):
