@@ -190,8 +190,7 @@ class SpectrumFusion:
 
         It lies in memory that the next one takes.
         """
-        parts = (image.real, image.imag) if np.iscomplexobj(image) else image
-        fold_lines(*parts, *self._taper, self._coarse_rows, self._lines)
+        fold_lines(image, *self._taper, self._coarse_rows, self._lines)
         transform_columns(self._lines, len(self._wavenumber))
         return self._lines[:, :len(self._wavenumber)]
 

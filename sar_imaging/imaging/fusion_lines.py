@@ -15,13 +15,13 @@ from .work_space import aligned_empty
 _NOTHING = (0,) * 10  # in place of a plan
 
 
-def fold_lines(real, imag, along_alpha, along_range, rows, out) -> None:
+def fold_lines(image, along_alpha, along_range, rows, out) -> None:
     """Taper a sub-aperture image and transform it along range.
 
     Parameters
     ----------
-    real, imag : (n_coarse, n_range) float32
-        Image.
+    image : (n_coarse, n_range) complex64 or (2, n_coarse, n_range) float32
+        Complex or as real and imaginary part.
     along_alpha : (n_coarse,) float32
         Taper of each line.
     along_range : (n_range,) complex64
@@ -34,8 +34,11 @@ def fold_lines(real, imag, along_alpha, along_range, rows, out) -> None:
     plan = plan_row(len(along_range), False)
     arguments, n_work = (_NOTHING, 1) if plan is None else (plan.arguments, plan.work_samples)
     work = aligned_empty((numba.get_num_threads(), n_work), np.complex64)
-    _fold_lines(real, imag, along_alpha, along_range, rows, out, out.ctypes.data,
-                work.ctypes.data, work.strides[0], len(work), arguments)
+    image = np.ascontiguousarray(image)
+    _fold_lines(image.view(np.float32).reshape(-1), int(image.ndim == 3), along_alpha,
+                along_range.view(np.float32), rows, out.view(np.float32).reshape(-1),
+                out.shape[1], out.ctypes.data, work.ctypes.data, work.strides[0], len(work),
+                arguments)
     if plan is None:
         transform_rows(out[:, :len(along_range)])
 
@@ -80,19 +83,32 @@ def finish_lines(spectrum, n_bins: int, n_range: int, first: int, scale, turn, p
 
 
 @njit(parallel=True)
-def _fold_lines(real, imag, along_alpha, along_range, rows, out, address, work, work_bytes,
-                n_tasks, plan):
-    n_lines, n_range, row_bytes = real.shape[0], len(along_range), out.shape[1] * SAMPLE_BYTES
+def _fold_lines(image, planes, along_alpha, along_range, rows, out, width, address, work,
+                work_bytes, n_tasks, plan):
+    """Arrays are flat float32, for the compiler."""
+    n_lines, n = len(along_alpha), np.uint64(len(along_range) // 2)
+    apart = np.uint64(n_lines) * n
     for task in numba.prange(n_tasks):
         for line in range(task * n_lines // n_tasks, (task + 1) * n_lines // n_tasks):
             w, row = along_alpha[line], rows[line]
-            for i in range(n_range):
-                z = real[line, i] + np.complex64(1j) * imag[line, i]
-                out[row, i] = (w * along_range[i]) * z
-            for i in range(n_range, out.shape[1]):
-                out[row, i] = 0.0
+            first, to = np.uint64(line) * n, np.uint64(2 * row * width)
+            if planes:
+                for i in range(n):
+                    even, odd = np.uint64(2) * i, np.uint64(2) * i + np.uint64(1)
+                    x, y = w * image[first + i], w * image[apart + first + i]
+                    out[to + even] = along_range[even] * x - along_range[odd] * y
+                    out[to + odd] = along_range[even] * y + along_range[odd] * x
+            else:
+                for i in range(n):
+                    even, odd = np.uint64(2) * i, np.uint64(2) * i + np.uint64(1)
+                    source = np.uint64(2) * first
+                    x, y = w * image[source + even], w * image[source + odd]
+                    out[to + even] = along_range[even] * x - along_range[odd] * y
+                    out[to + odd] = along_range[even] * y + along_range[odd] * x
+            for i in range(to + np.uint64(2) * n, to + np.uint64(2 * width)):
+                out[i] = 0.0
             if plan[0]:
-                transform_row(address + row * row_bytes, work + task * work_bytes, plan)
+                transform_row(address + row * width * SAMPLE_BYTES, work + task * work_bytes, plan)
 
 
 @njit(parallel=True)
