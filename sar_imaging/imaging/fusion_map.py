@@ -10,7 +10,7 @@ from ..geometry.polar import PolarGrid
 from .fusion_grid import FusionGrid
 from .interpolation import design_interpolator
 from .kernels import _cos_cycles, _fraction, _sin_cycles
-from .resampling import CORRECTED_TAPS, DEGREE, TAPS, add_polar_to_map, margin
+from .resampling import CORRECTED_TAPS, DEGREE, NOT_READ, TAPS, add_polar_to_map, margin
 
 _EDGE_SAMPLES = 65  # per edge of the map
 
@@ -86,9 +86,10 @@ def covers(polar: PolarGrid, grid: MapGrid) -> bool:
     if across.min() <= 0 or ahead.min() * ahead.max() <= 0:
         return False
     r, alpha = polar.from_map(*edges)
-    return all(margin(taps) - 3 <= v.min() and v.max() <= n - margin(taps) + 2 for v, n, taps in (
-        ((r - polar.range_start_m) / polar.range_spacing_m, polar.n_range, TAPS),
-        ((alpha - polar.alpha_start) / polar.alpha_spacing, polar.n_alpha, CORRECTED_TAPS)))
+    axes = (((r - polar.range_start_m) / polar.range_spacing_m, polar.n_range, TAPS),
+            ((alpha - polar.alpha_start) / polar.alpha_spacing, polar.n_alpha, CORRECTED_TAPS))
+    return all(read <= v.min() and v.max() <= n - read - 1
+               for v, n, read in ((v, n, margin(taps) - NOT_READ) for v, n, taps in axes))
 
 
 def _axis(polar: PolarGrid, grid: MapGrid) -> int:

@@ -22,7 +22,7 @@ from .merging import AngularParts, plan_parts
 from .range_band import RangeBand
 from .range_window import RangeWindow
 from .resampling import CORRECTED_TAPS, DEGREE, LANES, TAPS, margin
-from .subaperture_sampling import taper_band, usual_guard
+from .subaperture_sampling import used_share
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
@@ -284,7 +284,7 @@ def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
 
 def _range_ratio(spacing: float, n_range: int, local: float) -> tuple[int, int]:
     """Fewest ranges that hold the band of a sub-aperture image, to those of the sum."""
-    needed = spacing / math.pi * (_SLACK * local + taper_band(usual_guard(n_range) * spacing))
+    needed = used_share(_SLACK * local, spacing, n_range)
     return next((ratio for ratio in _RANGE_RATIOS if ratio[0] / ratio[1] >= needed), (1, 1))
 
 

@@ -41,12 +41,12 @@ from .resampling_vectors import (
 )
 from .work_space import aligned_empty
 
-__all__ = ['CORRECTED_TAPS', 'DEGREE', 'LANES', 'TAPS', 'add_polar_to_map', 'margin']
+__all__ = ['CORRECTED_TAPS', 'DEGREE', 'LANES', 'NOT_READ', 'TAPS', 'add_polar_to_map', 'margin']
 
 # Neighbours that are read, and along direction where the spectrum is corrected for it. Along range
 # it cannot be: along a row of the map direction changes, too, and with it what range must take.
 TAPS, CORRECTED_TAPS = 14, 6
-_NOT_READ = 3  # pixels of the margin
+NOT_READ = 3  # pixels of the margin
 _TASKS_PER_THREAD = 4
 FLOAT_BYTES, DOUBLE_BYTES = 4, 8
 _WORK_BYTES = LANES * (POSITION_BYTES + 2 * GROUP_BYTES)
@@ -56,7 +56,7 @@ _PIXELS = 512  # of a row between two passes: what is between them stays in cach
 
 def margin(taps: int) -> int:
     """Pixels that a polar grid must reach beyond a map on all sides."""
-    return taps // 2 + 2 + _NOT_READ
+    return taps // 2 + 2 + NOT_READ
 
 
 def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis: int,

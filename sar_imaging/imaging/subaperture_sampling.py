@@ -293,6 +293,29 @@ def usual_guard(n_range: int) -> int:
     return math.ceil(_RANGE_GUARD * math.sqrt(n_range))
 
 
+def used_share(half_range: float, spacing_m: float, n_range: int, tapers: float = 1.0) -> float:
+    """Share of a sampling along range that a sub-aperture image needs.
+
+    Parameters
+    ----------
+    half_range : float
+        Largest frequency along range, relative to the carrier's, rad/m.
+    spacing_m : float
+        Of the ranges, metres.
+    n_range : int
+        Number of ranges, guards not included.
+    tapers : float
+        How much of what tapers over usual guards add is wanted, too.
+
+    Returns
+    -------
+    float
+        Above 1 where the ranges do not hold the band.
+    """
+    band = half_range + tapers * taper_band(usual_guard(n_range) * spacing_m)
+    return spacing_m / math.pi * band
+
+
 def taper_band(guard_m: float) -> float:
     """By how much tapers over the guards widen a band along range on either side, rad/m."""
     return _TAPER_LOBES * 2 * math.pi / guard_m

@@ -30,8 +30,7 @@ from .subaperture_sampling import (
     choose_sampling,
     fusion_error,
     local_bands,
-    taper_band,
-    usual_guard,
+    used_share,
 )
 from .work_space import aligned_empty
 
@@ -160,7 +159,8 @@ class SubaperturePlan:
         paths = _paths(polar, tx_m, rx_m)
         lattice_db = min(target_db - 10.0, -50.0)
         bands = local_bands(polar, tx_m, rx_m, radar)
-        if ratio[0] / ratio[1] < self._least_ratio(bands):
+        if ratio[0] / ratio[1] < used_share(bands.half_range, polar.range_spacing_m,
+                                            polar.n_range, tapers=0.5):
             ratio = 1, 1
         usual = dataclasses.replace(polar, n_range=polar.n_range * ratio[0] // ratio[1],
                                     range_spacing_m=polar.range_spacing_m * ratio[1] / ratio[0])
@@ -199,12 +199,6 @@ class SubaperturePlan:
         self._lines = (PolarLines(self.coarse, Profiles(window, self.lattice, range_m))
                        if self.beams is None else
                        BeamLines(self.coarse, window, self.lattice, self.beams, range_m))
-
-    def _least_ratio(self, bands: Bands) -> float:
-        """Ranges that hold the band of a sub-aperture image, to those of the wanted one."""
-        step = self.polar.range_spacing_m
-        tapers = taper_band(usual_guard(self.polar.n_range) * step)
-        return step / math.pi * (bands.half_range + 0.5 * tapers)
 
     def _first_stage(self, grid, lattice, tx_m, rx_m, target_db, range_m):
         """Relative time of all sub-aperture images, by the quicker of both ways."""
