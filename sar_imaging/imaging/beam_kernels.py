@@ -11,6 +11,7 @@ import numpy as np
 from ..compilation import REPEATABLE, njit, numba
 from .beam_mixing import LANES, ROWS, add_rows
 from .kernels import _cos_cycles, _fraction, _sin_cycles
+from .work_sharing import take_job
 
 BINS = 128  # whose samples stay in the cache
 _GAUSS = 0.5 - 0.5 / 3 ** 0.5  # where a straight line agrees best with a parabola over 0 to 1
@@ -21,8 +22,8 @@ _u = np.uint64
 
 @njit(parallel=True, fastmath=REPEATABLE)
 def form_beams(samples, shape, runs, common, weight, order, shift, carrier, slope, log_gain,
-               gain_step, beside, turn_step, phasor_step, cycles_per_bin, group, out, base_re,
-               base_im, turn_re, turn_im, turn_steps, rows, phasor_re, phasor_im, sums):
+               gain_step, beside, turn_step, phasor_step, cycles_per_bin, group, out, jobs,
+               base_re, base_im, turn_re, turn_im, turn_steps, rows, phasor_re, phasor_im, sums):
     """Sum the rows' spectra for each beam, ``out_m[b] = sum_i g_i[b] S_i[b] exp(j k_b path_im)``.
 
     What lies between the bins of positive and those of negative number is set to zero.
@@ -39,8 +40,8 @@ def form_beams(samples, shape, runs, common, weight, order, shift, carrier, slop
         Spectra of R rows; real and imaginary parts in turn.
     shape : tuple of int
         ``(N, M, n, n_cells)``: bins, beams, from one beam's spectrum to the next, its length.
-    runs : (T, 4) int64
-        Bins of each task: the first one in `samples` and in `out`, its number counted from the
+    runs : (J, 4) int64
+        Bins of each job: the first one in `samples` and in `out`, its number counted from the
         carrier's, how many.
     common : (2 * N,) float32
         Factor of each bin of `samples`, real and imaginary parts in turn.
@@ -74,6 +75,8 @@ def form_beams(samples, shape, runs, common, weight, order, shift, carrier, slop
         Beams of a group, of H couples; the middle one of an odd number is a couple's both.
     out : (2 * M * n,) float32
         Written to.
+    jobs : int
+        Address of a `work_sharing.job_counter`.
     base_re, base_im : (T * BINS * len(order),) float32
         Work space.
     turn_re, turn_im : (T * G * len(order) * LANES,) float32
@@ -93,71 +96,74 @@ def form_beams(samples, shape, runs, common, weight, order, shift, carrier, slop
     n_turns, n_phasors = n_groups * n_rows * LANES, len(beside)
     n_blocks = n_phasors // (n_groups * half * ROWS)
     per_block = n_rows // n_blocks
-    middle = 0.5 * (LANES - 1)
-    for task in numba.prange(len(runs)):
-        for m in range(task * n_beams // len(runs), (task + 1) * n_beams // len(runs)):
-            for i in range(_u(2 * (m * n_out + (kept + 1) // 2)),
-                           _u(2 * (m * n_out + n_cells - kept // 2))):
-                out[i] = 0.0
-        first, target, number, left = runs[task, 0], runs[task, 1], runs[task, 2], runs[task, 3]
-        base, turn, phasor = task * BINS * n_rows, task * n_turns, task * n_phasors
-        row, total = task * ROWS * 4 * LANES, task * 4 * half * BINS
-        n_steps = n_groups * n_rows
-        steps = 2 * task * n_steps
-        ends = (cycles_per_bin[0] + (number + _GAUSS * left) * cycles_per_bin[1],
-                cycles_per_bin[0] + (number + (1.0 - _GAUSS) * left) * cycles_per_bin[1])
-        for k in range(n_steps):
-            cycles = cycles_per_bin[1] * shift[k]
-            start = _fraction(carrier[k] + number * cycles)
-            grown = _read_table(log_gain, np.abs(slope[k] * ends[0]) / gain_step)
-            rate = _read_table(log_gain, np.abs(slope[k] * ends[1]) / gain_step) - grown
-            rate /= (1.0 - 2.0 * _GAUSS) * left
-            first_gain = np.float32(np.exp(grown - _GAUSS * left * rate))
-            to, x = _u(turn + k * LANES), np.float32(rate)
-            for i in range(LANES):
-                c = np.float32(_fraction(start + i * cycles))
-                gain = first_gain * _exp(x * np.float32(i))
-                turn_re[to + _u(i)] = gain * _cos_cycles(c * c)
-                turn_im[to + _u(i)] = gain * _sin_cycles(c, c * c)
-            gain = _exp(x * np.float32(LANES))
-            turn_steps[_u(steps + k)] = gain * turn_step[_u(k)]
-            turn_steps[_u(steps + n_steps + k)] = gain * turn_step[_u(n_steps + k)]
-        per_metre = cycles_per_bin[0] + (number + middle) * cycles_per_bin[1]
-        for k in range(_u(n_phasors)):
-            c = np.float32(_fraction(per_metre * beside[k]))
-            phasor_re[_u(phasor) + k] = _cos_cycles(c * c)
-            phasor_im[_u(phasor) + k] = _sin_cycles(c, c * c)
-        while left > 0:
-            count = min(left, BINS)
-            n_vectors = (count + LANES - 1) // LANES
-            _load_rows(samples, n_bins, first, count, common, weight, order, per_block, base_re,
-                       base_im, base)
-            for g in range(n_groups):
-                for i in range(_u(4 * half * BINS)):
-                    sums[_u(total) + i] = 0.0
-                for b in range(g * n_blocks, (g + 1) * n_blocks):
-                    source = base + (b - g * n_blocks) * per_block * BINS
-                    for v in range(n_vectors):
-                        _turn(base_re, base_im, source + v * per_block * LANES, turn_re, turn_im,
-                              turn + b * per_block * LANES, turn_steps,
-                              steps + b * per_block, n_steps, per_block, rows, row)
-                        add_rows(rows, _u(row), phasor_re, phasor_im,
-                                 _u(phasor + b * half * ROWS), _u(half), sums,
-                                 _u(total + 4 * v * half * LANES))
-                        now, step = _u(phasor + b * half * ROWS), _u(b * half * ROWS)
-                        for i in range(_u(half * ROWS)):
-                            cosine, sine = phasor_re[now + i], phasor_im[now + i]
-                            re, im = phasor_step[step + i], phasor_step[_u(n_phasors) + step + i]
-                            phasor_re[now + i] = cosine * re - sine * im
-                            phasor_im[now + i] = cosine * im + sine * re
-                n_some = min(group, n_beams - g * group)
-                for m in range(n_some):
-                    source = total + 4 * min(m, n_some - 1 - m) * LANES
-                    side = np.float32(1.0 if 2 * m < n_some else -1.0)
-                    to = 2 * ((g * group + m) * n_out + target)
-                    _put_beam(sums, source, half, count, side, out, to)
-            first, target, left = first + count, target + count, left - count
-            number += count
+    middle, n_tasks = 0.5 * (LANES - 1), len(rows) // (ROWS * 4 * LANES)
+    for task in numba.prange(n_tasks):
+        run = take_job(jobs)
+        while run < len(runs):
+            for m in range(run * n_beams // len(runs), (run + 1) * n_beams // len(runs)):
+                for i in range(_u(2 * (m * n_out + (kept + 1) // 2)),
+                               _u(2 * (m * n_out + n_cells - kept // 2))):
+                    out[i] = 0.0
+            first, target, number, left = runs[run, 0], runs[run, 1], runs[run, 2], runs[run, 3]
+            base, turn, phasor = task * BINS * n_rows, task * n_turns, task * n_phasors
+            row, total = task * ROWS * 4 * LANES, task * 4 * half * BINS
+            n_steps = n_groups * n_rows
+            steps = 2 * task * n_steps
+            ends = (cycles_per_bin[0] + (number + _GAUSS * left) * cycles_per_bin[1],
+                    cycles_per_bin[0] + (number + (1.0 - _GAUSS) * left) * cycles_per_bin[1])
+            for k in range(n_steps):
+                cycles = cycles_per_bin[1] * shift[k]
+                start = _fraction(carrier[k] + number * cycles)
+                grown = _read_table(log_gain, np.abs(slope[k] * ends[0]) / gain_step)
+                rate = _read_table(log_gain, np.abs(slope[k] * ends[1]) / gain_step) - grown
+                rate /= (1.0 - 2.0 * _GAUSS) * left
+                first_gain = np.float32(np.exp(grown - _GAUSS * left * rate))
+                to, x = _u(turn + k * LANES), np.float32(rate)
+                for i in range(LANES):
+                    c = np.float32(_fraction(start + i * cycles))
+                    gain = first_gain * _exp(x * np.float32(i))
+                    turn_re[to + _u(i)] = gain * _cos_cycles(c * c)
+                    turn_im[to + _u(i)] = gain * _sin_cycles(c, c * c)
+                gain = _exp(x * np.float32(LANES))
+                turn_steps[_u(steps + k)] = gain * turn_step[_u(k)]
+                turn_steps[_u(steps + n_steps + k)] = gain * turn_step[_u(n_steps + k)]
+            per_metre = cycles_per_bin[0] + (number + middle) * cycles_per_bin[1]
+            for k in range(_u(n_phasors)):
+                c = np.float32(_fraction(per_metre * beside[k]))
+                phasor_re[_u(phasor) + k] = _cos_cycles(c * c)
+                phasor_im[_u(phasor) + k] = _sin_cycles(c, c * c)
+            while left > 0:
+                count = min(left, BINS)
+                n_vectors = (count + LANES - 1) // LANES
+                _load_rows(samples, n_bins, first, count, common, weight, order, per_block, base_re,
+                           base_im, base)
+                for g in range(n_groups):
+                    for i in range(_u(4 * half * BINS)):
+                        sums[_u(total) + i] = 0.0
+                    for b in range(g * n_blocks, (g + 1) * n_blocks):
+                        source = base + (b - g * n_blocks) * per_block * BINS
+                        for v in range(n_vectors):
+                            _turn(base_re, base_im, source + v * per_block * LANES, turn_re, turn_im,
+                                  turn + b * per_block * LANES, turn_steps,
+                                  steps + b * per_block, n_steps, per_block, rows, row)
+                            add_rows(rows, _u(row), phasor_re, phasor_im,
+                                     _u(phasor + b * half * ROWS), _u(half), sums,
+                                     _u(total + 4 * v * half * LANES))
+                            now, step = _u(phasor + b * half * ROWS), _u(b * half * ROWS)
+                            for i in range(_u(half * ROWS)):
+                                cosine, sine = phasor_re[now + i], phasor_im[now + i]
+                                re, im = phasor_step[step + i], phasor_step[_u(n_phasors) + step + i]
+                                phasor_re[now + i] = cosine * re - sine * im
+                                phasor_im[now + i] = cosine * im + sine * re
+                    n_some = min(group, n_beams - g * group)
+                    for m in range(n_some):
+                        source = total + 4 * min(m, n_some - 1 - m) * LANES
+                        side = np.float32(1.0 if 2 * m < n_some else -1.0)
+                        to = 2 * ((g * group + m) * n_out + target)
+                        _put_beam(sums, source, half, count, side, out, to)
+                first, target, left = first + count, target + count, left - count
+                number += count
+            run = take_job(jobs)
 
 
 @njit(inline='always')

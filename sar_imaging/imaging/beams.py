@@ -24,9 +24,9 @@ from .lattice import Lattice
 from .range_band import RangeBand
 from .range_window import RangeWindow
 from .row_transform import transform_rows
+from .work_sharing import job_counter
 from .work_space import WorkSpace
 
-_TASKS_PER_THREAD = 4
 _PAGE, _STRIDE = 512, 40  # complex samples
 
 
@@ -127,13 +127,14 @@ class BeamLines:
         between = self._sampling.between
         stride = _uncrowded(n_cells + reading.TILE)
         beams = self._buffer('beams', (n_beams, stride), np.complex64)
-        n_tasks, lanes = len(self._runs), kernels.LANES
+        n_tasks, lanes = numba.get_num_threads(), kernels.LANES
         sizes = {'base re': kernels.BINS * len(rows), 'base im': kernels.BINS * len(rows),
                  'turn re': middle.size * lanes, 'turn im': middle.size * lanes,
                  'turn steps': 2 * middle.size,
                  'rows': 4 * kernels.ROWS * lanes, 'phasor re': beside.size,
                  'phasor im': beside.size, 'sums': 4 * beside.shape[2] * kernels.BINS}
         work = [self._buffer(name, (n_tasks * size,), np.float32) for name, size in sizes.items()]
+        jobs = job_counter()
         kernels.form_beams(
             spectrum.reshape(-1).view(np.float32), (spectrum.shape[1], n_beams, stride, n_cells),
             self._runs, self._common.view(np.float32),
@@ -143,7 +144,7 @@ class BeamLines:
             _step_phasors(self._cycles_per_bin * middle),
             _step_phasors(self._cycles_per_bin * beside),
             np.array([self._per_metre, self._cycles_per_bin]), group,
-            beams.reshape(-1).view(np.float32), *work)
+            beams.reshape(-1).view(np.float32), jobs.ctypes.data, *work)
         transform_rows(beams[:, :n_cells], inverse=True)
         beams[:, :self._known[0]] = 0.0
         beams[:, self._known[1]:] = 0.0
@@ -156,15 +157,16 @@ class BeamLines:
         # Half the curvature and twice the weight of the second order cancel.
         bend = -1 / (2 * np.pi * cycles_per_m * spacing ** 2)
         index = np.arange(reading.mixed_cells(segment), dtype=np.float32) - segment // 2
-        n_tasks = _TASKS_PER_THREAD * numba.get_num_threads()
-        work = self._buffer('read', (n_tasks * reading.work_size(segment),), np.float32)
+        size = numba.get_num_threads() * reading.work_size(segment)
+        work, jobs = self._buffer('read', (size,), np.float32), job_counter()
         reading.read_beams(
             beams.reshape(-1).view(np.float32), (*beams.shape, *parts.shape[1:], segment),
             self._lines, geometry.centre_m, np.array(polar.track),
             np.array([self._range_start_m, self._lattice.cell_m, polar.range_spacing_m]),
             np.array([start, spacing]), cycles_per_m, -cycles_per_m * source.phase_range_m,
             np.array([1 / geometry.range_m, bend]), _table(sampling.between.interpolator),
-            _table(sampling.along), index, parts.reshape(-1), work)
+            _table(sampling.along), index, parts.reshape(-1), work,
+            jobs.ctypes.data)
 
 
 def _runs(n_bins: int, n_cells: int, zero: int, longest: int):

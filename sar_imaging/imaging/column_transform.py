@@ -17,11 +17,11 @@ import scipy.fft
 from ..compilation import REPEATABLE, njit, numba
 from . import vector_passes as passes
 from .butterflies import GROUP_BYTES, LANES, SAMPLE_BYTES
+from .work_sharing import job_counter, take_job
 from .work_space import aligned_empty
 
 _LONGEST = 512  # rows that stay in a core's cache
 _MOST_GROUPS, _WORK_ROWS = 8, 2560  # of LANES together: longer runs of each row, also in cache
-_TASKS_PER_THREAD = 4
 
 
 def rows_to_transform(n: int) -> np.ndarray:
@@ -71,8 +71,8 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
     groups = min(_MOST_GROUPS, max(1, _WORK_ROWS // longest))
     # one more, since rows at multiples of 4 KiB would displace each other from the cache
     work_bytes = (groups + 1) * GROUP_BYTES
-    work = aligned_empty((_TASKS_PER_THREAD * numba.get_num_threads(),
-                          longest * work_bytes // SAMPLE_BYTES), np.complex64)
+    work = aligned_empty((numba.get_num_threads(), longest * work_bytes // SAMPLE_BYTES),
+                         np.complex64)
     # element m1 + near m2 lies in row m1 far + m2: over m2, then over m1
     for length, row_step, n_sets, set_step, n_turned in ((far, 1, near, far, 1),
                                                          (near, far, far, 1, far)):
@@ -81,9 +81,10 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
             plan = passes.plan(length, inverse, step, work_bytes, step, True, n_turned)
             if gain is not None:  # of rows in the order in which the sets hold them
                 plan, gain = plan.with_gain(gain.reshape(length, -1).T), None
+            jobs = job_counter()
             _transform(passes.compiled(), data.ctypes.data, n_groups, groups, n_sets,
-                       set_step * row_bytes, len(work), work.ctypes.data, work.strides[0],
-                       plan.addresses, len(plan.turns), plan.turns.strides[0])
+                       set_step * row_bytes, len(work), jobs.ctypes.data, work.ctypes.data,
+                       work.strides[0], plan.addresses, len(plan.turns), plan.turns.strides[0])
 
 
 @functools.lru_cache(maxsize=4096)
@@ -100,16 +101,18 @@ def _near_factor(n: int) -> int:
 
 
 @njit(parallel=True, fastmath=REPEATABLE)
-def _transform(code, data, n_groups, most, n_sets, set_bytes, n_tasks, work, task_bytes, plan,
-               n_turned, turns_bytes):
+def _transform(code, data, n_groups, most, n_sets, set_bytes, n_tasks, jobs, work, task_bytes,
+               plan, n_turned, turns_bytes):
     """All sets of rows, at most so many groups of a set at a time."""
     n_panels = (n_groups + most - 1) // most
     n_jobs = n_sets * n_panels
     table, turns = plan
     for task in numba.prange(n_tasks):
-        for job in range(task * n_jobs // n_tasks, (task + 1) * n_jobs // n_tasks):
+        job = take_job(jobs)
+        while job < n_jobs:
             number, group = job // n_panels, job % n_panels * most
             corner = data + number * set_bytes + group * GROUP_BYTES
             passes.run(code, corner, work + task * task_bytes, corner,
                        min(most, n_groups - group), table,
                        turns + number % n_turned * turns_bytes, 0)
+            job = take_job(jobs)

@@ -10,6 +10,7 @@ import numpy as np
 from ..compilation import njit, numba
 from .butterflies import SAMPLE_BYTES
 from .row_transform import plan_row, transform_row, transform_rows
+from .work_sharing import job_counter, take_job
 from .work_space import aligned_empty
 
 _NOTHING = (0,) * 10  # in place of a plan
@@ -33,12 +34,12 @@ def fold_lines(image, along_alpha, along_range, rows, out) -> None:
     """
     plan = plan_row(len(along_range), False)
     arguments, n_work = (_NOTHING, 1) if plan is None else (plan.arguments, plan.work_samples)
-    work = aligned_empty((numba.get_num_threads(), n_work), np.complex64)
+    work, jobs = aligned_empty((numba.get_num_threads(), n_work), np.complex64), job_counter()
     image = np.ascontiguousarray(image)
     _fold_lines(image.view(np.float32).reshape(-1), int(image.ndim == 3), along_alpha,
                 along_range.view(np.float32), rows, out.view(np.float32).reshape(-1),
                 out.shape[1], out.ctypes.data, work.ctypes.data, work.strides[0], len(work),
-                arguments)
+                jobs.ctypes.data, arguments)
     if plan is None:
         transform_rows(out[:, :len(along_range)])
 
@@ -73,23 +74,24 @@ def finish_lines(spectrum, n_bins: int, n_range: int, first: int, scale, turn, p
         out[:] = (np.stack([lines.real, lines.imag], axis=1).ravel() if planes
                   else lines.view(np.float32).ravel())
         return
-    n_tasks = numba.get_num_threads()
+    n_tasks, jobs = numba.get_num_threads(), job_counter()
     # rows apart by no multiple of 4 KiB
     work = aligned_empty((n_tasks, n_range + 8 + plan.work_samples), np.complex64)
     _finish_lines(spectrum.view(np.float32).reshape(-1), spectrum.shape[1], n_bins, n_range,
                   first, scale.view(np.float32), turn.view(np.float32), int(planes), out,
                   work.view(np.float32).reshape(-1), work.ctypes.data, work.strides[0], n_tasks,
-                  plan.arguments)
+                  jobs.ctypes.data, plan.arguments)
 
 
 @njit(parallel=True)
 def _fold_lines(image, planes, along_alpha, along_range, rows, out, width, address, work,
-                work_bytes, n_tasks, plan):
+                work_bytes, n_tasks, jobs, plan):
     """Arrays are flat float32, for the compiler."""
     n_lines, n = len(along_alpha), np.uint64(len(along_range) // 2)
     apart = np.uint64(n_lines) * n
     for task in numba.prange(n_tasks):
-        for line in range(task * n_lines // n_tasks, (task + 1) * n_lines // n_tasks):
+        line = take_job(jobs)
+        while line < n_lines:
             w, row = along_alpha[line], rows[line]
             first, to = np.uint64(line) * n, np.uint64(2 * row * width)
             if planes:
@@ -109,16 +111,18 @@ def _fold_lines(image, planes, along_alpha, along_range, rows, out, width, addre
                 out[i] = 0.0
             if plan[0]:
                 transform_row(address + row * width * SAMPLE_BYTES, work + task * work_bytes, plan)
+            line = take_job(jobs)
 
 
 @njit(parallel=True)
 def _finish_lines(spectrum, row, n_bins, n_range, first, scale, turn, planes, out, lines, address,
-                  work_bytes, n_tasks, plan):
+                  work_bytes, n_tasks, jobs, plan):
     """All arrays are flat float32, for the compiler; a task's line comes before its work space."""
     n, n_lines = np.uint64(len(turn) // 2), len(scale) // 2
     for task in numba.prange(n_tasks):
         line = np.uint64(task * (work_bytes // 4))
-        for number in range(task * n_lines // n_tasks, (task + 1) * n_lines // n_tasks):
+        number = take_job(jobs)
+        while number < n_lines:
             source = np.uint64(2 * number * row)
             for i in range(np.uint64(2 * n_bins)):
                 lines[line + i] = spectrum[source + i]
@@ -142,3 +146,4 @@ def _finish_lines(spectrum, row, n_bins, n_range, first, scale, turn, planes, ou
                     x, y = lines[begin + even], lines[begin + odd]
                     out[to + even] = c * x - d * y
                     out[to + odd] = c * y + d * x
+            number = take_job(jobs)

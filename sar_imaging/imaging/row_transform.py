@@ -22,6 +22,7 @@ from ..compilation import REPEATABLE, njit, numba
 from . import vector_passes as passes
 from .butterflies import BLOCK, GROUP_BYTES, LANES, SAMPLE_BYTES, VECTOR_BYTES, transpose
 from .transform_length import quick_length, smooth_lengths
+from .work_sharing import job_counter, take_job
 from .work_space import aligned_empty, transform_in_place
 
 _GROUPS = 8  # of columns together: longer runs of memory
@@ -87,9 +88,9 @@ def transform_rows(data: np.ndarray, *, inverse: bool = False) -> None:
             transform_in_place(scipy.fft.fft, data)
         return
     n_tasks = min(numba.get_num_threads(), n_rows)
-    work = aligned_empty((n_tasks, plan.work_samples), np.complex64)
-    _transform(data.ctypes.data, data.strides[0], n_rows, n_tasks, work.ctypes.data,
-               work.strides[0], plan.arguments)
+    work, jobs = aligned_empty((n_tasks, plan.work_samples), np.complex64), job_counter()
+    _transform(data.ctypes.data, data.strides[0], n_rows, n_tasks, jobs.ctypes.data,
+               work.ctypes.data, work.strides[0], plan.arguments)
 
 
 @functools.lru_cache(maxsize=4096)
@@ -149,11 +150,13 @@ def plan_row(n: int, inverse: bool) -> RowPlan | None:
 
 
 @njit(parallel=True, fastmath=REPEATABLE)
-def _transform(data, row_bytes, n_rows, n_tasks, work, task_bytes, plan):
+def _transform(data, row_bytes, n_rows, n_tasks, jobs, work, task_bytes, plan):
     """All rows, as many at a time as there are tasks."""
     for task in numba.prange(n_tasks):
-        for number in range(task * n_rows // n_tasks, (task + 1) * n_rows // n_tasks):
+        number = take_job(jobs)
+        while number < n_rows:
             transform_row(data + number * row_bytes, work + task * task_bytes, plan)
+            number = take_job(jobs)
 
 
 @njit
