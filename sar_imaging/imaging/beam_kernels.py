@@ -135,16 +135,16 @@ def form_beams(samples, shape, runs, common, weight, order, shift, carrier, slop
             while left > 0:
                 count = min(left, BINS)
                 n_vectors = (count + LANES - 1) // LANES
-                _load_rows(samples, n_bins, first, count, common, weight, order, per_block, base_re,
-                           base_im, base)
+                _load_rows(samples, n_bins, first, count, common, weight, order, per_block,
+                           base_re, base_im, base)
                 for g in range(n_groups):
                     for i in range(_u(4 * half * BINS)):
                         sums[_u(total) + i] = 0.0
                     for b in range(g * n_blocks, (g + 1) * n_blocks):
                         source = base + (b - g * n_blocks) * per_block * BINS
                         for v in range(n_vectors):
-                            _turn(base_re, base_im, source + v * per_block * LANES, turn_re, turn_im,
-                                  turn + b * per_block * LANES, turn_steps,
+                            _turn(base_re, base_im, source + v * per_block * LANES, turn_re,
+                                  turn_im, turn + b * per_block * LANES, turn_steps,
                                   steps + b * per_block, n_steps, per_block, rows, row)
                             add_rows(rows, _u(row), phasor_re, phasor_im,
                                      _u(phasor + b * half * ROWS), _u(half), sums,
@@ -152,7 +152,8 @@ def form_beams(samples, shape, runs, common, weight, order, shift, carrier, slop
                             now, step = _u(phasor + b * half * ROWS), _u(b * half * ROWS)
                             for i in range(_u(half * ROWS)):
                                 cosine, sine = phasor_re[now + i], phasor_im[now + i]
-                                re, im = phasor_step[step + i], phasor_step[_u(n_phasors) + step + i]
+                                re = phasor_step[step + i]
+                                im = phasor_step[_u(n_phasors) + step + i]
                                 phasor_re[now + i] = cosine * re - sine * im
                                 phasor_im[now + i] = cosine * im + sine * re
                     n_some = min(group, n_beams - g * group)

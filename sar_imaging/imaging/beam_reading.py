@@ -95,9 +95,12 @@ def read_beams(beams, shape, lines, centre, track, range_m, direction, cycles_pe
                 x = lines[number, line, 0] - centre[0]
                 y = lines[number, line, 1] - centre[1]
                 z = lines[number, line, 2] - centre[2]
-                ex, ey, ez = lines[number, line, 3], lines[number, line, 4], lines[number, line, 5]
-                gx, gy, gz = lines[number, line, 6], lines[number, line, 7], lines[number, line, 8]
-                hx, hy, hz = lines[number, line, 9], lines[number, line, 10], lines[number, line, 11]
+                ex, ey, ez = (lines[number, line, 3], lines[number, line, 4],
+                              lines[number, line, 5])
+                gx, gy, gz = (lines[number, line, 6], lines[number, line, 7],
+                              lines[number, line, 8])
+                hx, hy, hz = (lines[number, line, 9], lines[number, line, 10],
+                              lines[number, line, 11])
                 d = np.sqrt(x * x + y * y + z * z)
                 d1 = (x * ex + y * ey + z * ez) / d
                 d2 = (ex * ex + ey * ey + ez * ez + x * gx + y * gy + z * gz - d1 * d1) / d

@@ -31,6 +31,16 @@ def rows_to_transform(n: int) -> np.ndarray:
     return m % near * (n // near) + m // near
 
 
+def panel_groups(n: int) -> int | None:
+    """Groups of `LANES` columns of n that are transformed together; None where in two parts."""
+    whole = passes.radices_of(n) and _near_factor(n) == n
+    return _groups(n) if whole else None
+
+
+def _groups(longest: int) -> int:
+    return min(_MOST_GROUPS, max(1, _WORK_ROWS // longest))
+
+
 def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False,
                       gain: np.ndarray | None = None) -> None:
     """Transform the first columns of an array in place.
@@ -68,7 +78,7 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
     near, row_bytes = _near_factor(n), width * SAMPLE_BYTES
     far, n_groups = n // near, -(-n_columns // LANES)
     longest = max(near, far)
-    groups = min(_MOST_GROUPS, max(1, _WORK_ROWS // longest))
+    groups = _groups(longest)
     # one more, since rows at multiples of 4 KiB would displace each other from the cache
     work_bytes = (groups + 1) * GROUP_BYTES
     work = aligned_empty((numba.get_num_threads(), longest * work_bytes // SAMPLE_BYTES),

@@ -9,12 +9,11 @@ spectrum of the full aperture and adding the bands interpolates and sums all ima
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from ..compilation import njit, numba
 from .column_transform import LANES, rows_to_transform, transform_columns
+from .fusion_bands import Band, add_band, add_transformed, clear_band
 from .fusion_error import edge_taper
 from .fusion_grid import FusionGrid
 from .fusion_lines import finish_lines, fold_lines
@@ -22,14 +21,6 @@ from .subaperture_sampling import taper_band
 from .work_space import aligned_empty, aligned_zeros
 
 _LINES_PER_CALL = 32  # of the fused image
-
-
-class _Band(NamedTuple):
-    """Which range wavenumbers of a spectrum the angular ones of a band take."""
-
-    row: int  # first angular wavenumber
-    begin: np.ndarray  # (rows,) int64
-    end: np.ndarray
 
 
 class SpectrumFusion:
@@ -74,8 +65,8 @@ class SpectrumFusion:
         # kept from one sub-aperture to the next: fresh memory takes as long as the work
         self._lines = aligned_empty((grid.n_coarse, _padded(n_coarse)), np.complex64)
         self._memory: np.ndarray | None  # of the spectrum and, in its place, the image
-        self._contributions: dict[int, tuple[np.ndarray, _Band]]
-        self._changed: list[_Band]  # that came or went
+        self._contributions: dict[int, tuple[np.ndarray, Band]]
+        self._changed: list[Band]  # that came or went
         self._included: set[int]
         self.clear()
 
@@ -117,14 +108,16 @@ class SpectrumFusion:
         if number in self._included and not self._keep:
             raise ValueError(f'sub-aperture {number} is in the image already; fuse with keep=True '
                              'to replace contributions')
-        folded, band = self._folded(image), self._band(centre_m)
+        fold_lines(image, *self._taper, self._coarse_rows, self._lines)
+        n_bins, band = len(self._wavenumber), self._band(centre_m)
         if self._keep:
             if number in self._contributions:
                 self.remove(number)
-            self._contributions[number] = folded.copy(), band
+            transform_columns(self._lines, n_bins)
+            self._contributions[number] = self._lines[:, :n_bins].copy(), band
             self._changed.append(band)
         else:
-            _add_band(folded, *band, *self._everything, self._fine_rows, self._whole())
+            add_transformed(self._lines, n_bins, band, self._fine_rows, self._whole())
         self._included.add(number)
 
     def remove(self, number: int) -> None:
@@ -185,15 +178,6 @@ class SpectrumFusion:
         self._memory, self._contributions, self._included = None, {}, set()
         self._changed = []
 
-    def _folded(self, image: np.ndarray) -> np.ndarray:
-        """(n_coarse, range wavenumbers) complex64 spectrum of a sub-aperture image, folded.
-
-        It lies in memory that the next one takes.
-        """
-        fold_lines(image, *self._taper, self._coarse_rows, self._lines)
-        transform_columns(self._lines, len(self._wavenumber))
-        return self._lines[:, :len(self._wavenumber)]
-
     def _whole(self) -> np.ndarray:
         if self._memory is None:
             polar, (n_fine, n_bins) = self.grid.polar, self.spectrum_shape
@@ -211,9 +195,9 @@ class SpectrumFusion:
         return memory[-n_fine * _padded(n_bins):].reshape(n_fine, -1)
 
     @property
-    def _everything(self) -> _Band:
+    def _everything(self) -> Band:
         n_fine, n_bins = self.spectrum_shape
-        return _Band(0, np.zeros(n_fine, np.int64), np.full(n_fine, n_bins))
+        return Band(0, np.zeros(n_fine, np.int64), np.full(n_fine, n_bins))
 
     def _fused(self) -> np.ndarray:
         spectrum, n_coarse, n_fine = self._whole(), self.grid.n_coarse, self.grid.n_fine
@@ -222,15 +206,15 @@ class SpectrumFusion:
         if n_coarse > n_fine or len(self._changed) * n_coarse > n_fine:
             self._changed = [self._everything]
         for band in self._changed:
-            _clear_band(*band, self._fine_rows, spectrum)
+            clear_band(*band, self._fine_rows, spectrum)
             # in the order of a sum of all
             for number in sorted(self._contributions):
                 folded, other = self._contributions[number]
-                _add_band(folded, *other, *band, self._fine_rows, spectrum)
+                add_band(folded, *other, *band, self._fine_rows, spectrum)
         self._changed = []
         return spectrum
 
-    def _band(self, centre_m: float) -> _Band:
+    def _band(self, centre_m: float) -> Band:
         """Where a band lies (Zhang et al., equations 16 and 17)."""
         n_coarse, n_bins = self.grid.n_coarse, len(self._wavenumber)
         middle = np.rint(self._wavenumber * (centre_m * self.grid.extent / (2 * math.pi)))
@@ -240,7 +224,7 @@ class SpectrumFusion:
         begin, end = (np.searchsorted(ascending, r, 'right') for r in (row - n_coarse, row))
         if centre_m < 0:
             begin, end = n_bins - end, n_bins - begin
-        return _Band(int(row[0]), begin, end)
+        return Band(int(row[0]), begin, end)
 
     def _to_image(self, memory, centre_m=0.0, *, planes: bool = False) -> np.ndarray:
         """Image of a spectrum, over which it is written line by line."""
@@ -272,29 +256,3 @@ class SpectrumFusion:
 
 def _padded(n: int) -> int:
     return -(-n // LANES) * LANES
-
-
-@njit(parallel=True)
-def _add_band(folded, row, begin, end, within_row, within_begin, within_end, rows,
-              spectrum):
-    """Bin n of the spectrum takes bin n mod n_coarse of a folded one, within another band."""
-    n_coarse, n_fine = folded.shape[0], spectrum.shape[0]
-    for k in numba.prange(min(len(begin), n_fine)):  # bands repeat with the grid
-        target = rows[(row + k) % n_fine]
-        for n in range(k, len(begin), n_fine):
-            source = (row + n) % n_coarse
-            for m in range((row + n - within_row) % n_fine, len(within_begin), n_fine):
-                first = max(begin[n], within_begin[m])
-                last = min(end[n], within_end[m])
-                for b in range(first, last):
-                    spectrum[target, b] += folded[source, b]
-
-
-@njit(parallel=True)
-def _clear_band(row, begin, end, rows, spectrum):
-    n_fine = spectrum.shape[0]
-    for k in numba.prange(min(len(begin), n_fine)):
-        target = rows[(row + k) % n_fine]
-        for n in range(k, len(begin), n_fine):
-            for b in range(begin[n], end[n]):
-                spectrum[target, b] = 0.0
