@@ -20,12 +20,11 @@ from .fusion import SpectrumFusion
 from .fusion_error import EVERYTHING
 from .fusion_map import form_map
 from .lattice import total_db
-from .polar import cover_map, map_coverage
+from .polar import cover_for_fusion, map_coverage
 from .range_band import RangeBand
 from .subapertures import SubaperturePlan
 
 _logger = logging.getLogger(__name__)
-_ROWS_FOR_COVER = 1024
 
 
 class AfbpImager:
@@ -103,11 +102,11 @@ class AfbpImager:
                              'profiles are weighted by range compression')
         band = None if compressed else RangeBand(radar, n_samples, weighting)
         if isinstance(grid, MapGrid):
-            self._cover = _cover(grid, tx_m, rx_m, radar, n_samples, target_db, band)
+            self._cover, target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples,
+                                                      target_db, band)
             polar, oversampling = self._cover.polar, self._cover.oversampling
             ratio = self._cover.ratio
             coverage = map_coverage(polar, grid)
-            target_db -= 1.0
         self.subapertures = SubaperturePlan(polar, radar, n_samples, tx_m, rx_m,
                                             target_db=target_db,
                                             pulses_per_subaperture=pulses_per_subaperture,
@@ -188,17 +187,6 @@ def _checked_weights(weights, n_pulses: int) -> np.ndarray | None:
         raise ValueError(f'pulse_weights.shape={weights.shape}; expected {n_pulses} finite '
                          'numbers, one for each pulse')
     return weights
-
-
-def _cover(grid, tx_m, rx_m, radar, n_samples, target_db, band):
-    step = max(1, len(tx_m) // _ROWS_FOR_COVER)
-    rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
-    cover = cover_map(grid, *rows, radar if band is None else band.radar, n_samples,
-                      target_db - 13.0, min(target_db - 10.0, -50.0), band, corrected=True)
-    if cover is None:
-        raise ValueError('the map is too small, too near, around or beside the aperture for a '
-                         'polar image; use Backprojector')
-    return cover
 
 
 def _sampling_warnings(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m):

@@ -271,6 +271,11 @@ def total_db(*parts_db: float) -> float:
     return 10 * math.log10(sum(10 ** (p / 10) for p in parts))
 
 
+def remaining_db(target_db: float, *parts_db: float) -> float:
+    """What independent errors leave of a target, dB."""
+    return 10 * math.log10(10 ** (target_db / 10) - sum(10 ** (p / 10) for p in parts_db))
+
+
 def _rms(values):
     """Rms over the rows of the largest value at any point."""
     return math.sqrt(np.mean(np.square(np.abs(values).max(axis=1))))

@@ -12,7 +12,7 @@ from ..geometry.polar import PolarGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from .lattice import total_db
-from .polar import cover_map, map_coverage
+from .polar import cover_for_fusion, map_coverage
 from .resampling import CORRECTED_TAPS, margin
 from .subaperture_sampling import local_bands
 from .subapertures import SubaperturePlan
@@ -82,18 +82,9 @@ class LivePlan:
     def __init__(self, grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
                  target_db: float, length: int | None = None, slack: float = 1.0,
                  n_window: int = 0):
-        step = max(1, len(tx_m) // _ROWS_FOR_COVER)
-        rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
-        cover = cover_map(grid, *rows, radar, n_samples, target_db - 13.0,
-                          min(target_db - 10.0, -50.0), corrected=True)
-        if cover is None:
-            raise ValueError('the map is too small, too near, around or beside the aperture for '
-                             'a polar image')
         self.grid, self._known = grid, slack == 0
+        cover, self._target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples, target_db)
         self._resampling_db = cover.resampling_db
-        # the share of the target that the interpolation to the map leaves
-        self._target_db = 10 * math.log10(10 ** (target_db / 10)
-                                          - 10 ** (self._resampling_db / 10))
         margin_db = min(slack, 2.0) * _FUSION_MARGIN_DB
         polar = cover.polar
         if n_window:

@@ -17,7 +17,14 @@ from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .fusion_error import Coverage
 from .interpolation import Interpolator, coarsest_interpolator
-from .lattice import Lattice, plan_lattice, sample_paths, slope_along, total_db
+from .lattice import (
+    Lattice,
+    plan_lattice,
+    remaining_db,
+    sample_paths,
+    slope_along,
+    total_db,
+)
 from .merging import AngularParts, plan_parts
 from .range_band import RangeBand
 from .range_window import RangeWindow
@@ -29,6 +36,8 @@ _EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
 _COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
 _SLACK = 1.01  # frequencies between samples of the map, and beside it
 _RANGE_RATIOS = (2, 3), (5, 7), (3, 4), (4, 5), (5, 6), (7, 8), (9, 10)
+_RESAMPLING_SHARE_DB = 8.0  # of AFBP's target: by so much less each pass to the map
+_ROWS_FOR_COVER = 256
 COST_RESAMPLING = 12.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
 
 
@@ -213,6 +222,41 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     if polar is None:
         return None
     return MapCover(polar, ratio, lattice, window, range_m, axis, between, along, slope_alpha, k)
+
+
+def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
+                     target_db: float, band: RangeBand | None = None) -> tuple[MapCover, float]:
+    """Cover a map by the polar grid of an image that AFBP fuses.
+
+    Parameters
+    ----------
+    grid, radar, n_samples, band :
+        As for `cover_map`.
+    tx_m, rx_m : (P, C, 3) float64
+        Phase centres of the whole aperture, metres.
+    target_db : float
+        Wanted error of the map, dB.
+
+    Returns
+    -------
+    cover : MapCover
+    polar_db : float
+        What the interpolation to the map leaves of the target for the polar image, dB.
+
+    Raises
+    ------
+    ValueError
+        The map is tiny, too near, all around, or not ahead of the aperture.
+    """
+    step = max(1, len(tx_m) // _ROWS_FOR_COVER)
+    rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
+    cover = cover_map(grid, *rows, radar if band is None else band.radar, n_samples,
+                      target_db - _RESAMPLING_SHARE_DB, min(target_db - 10.0, -50.0), band,
+                      corrected=True)
+    if cover is None:
+        raise ValueError('the map is too small, too near, around or beside the aperture for a '
+                         'polar image; use Backprojector')
+    return cover, remaining_db(target_db, cover.resampling_db)
 
 
 def map_coverage(polar: PolarGrid, grid: MapGrid) -> Coverage:

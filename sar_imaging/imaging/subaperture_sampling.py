@@ -21,7 +21,7 @@ from .transform_length import quick_length
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 _GAP = 4.0  # times the usual distance between pulses
-_OVERSAMPLING = (1.25, 1.4, 1.6, 1.8, 2.0, 2.3, 2.7, 3.2)
+_OVERSAMPLING = (1.1, 1.15, 1.2, 1.25, 1.3, 1.4, 1.6, 1.8, 2.0, 2.3, 2.7, 3.2)
 _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 # Time of a coarse and a fine pixel in the fusion; a pixel and row of the kernel is 1 (measured)
 _COST_COARSE, _COST_FINE, _COST_SUBAPERTURE = 7.0, 8.0, 1e6
@@ -42,8 +42,8 @@ class Bands:
     Attributes
     ----------
     slope : (R, S) float64
-        Derivative of the half path by direction, over that by range, from each row to sampled
-        points, metres. Times the wavenumber it is the frequency along direction.
+        Derivative of the half path by direction, over that by range, metres, from each row to
+        points direction by direction. Times the wavenumber it is the frequency along direction.
     position : (S,) float64
         Where the points lie along direction, 0 to 1.
     wavenumber : (2,) floats
@@ -107,7 +107,7 @@ class Sampling:
 
 
 def local_bands(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Bands:
-    """Local frequencies of backprojected images at samples of a polar grid.
+    """Local frequencies of backprojected images at samples of a polar grid and its guards.
 
     Parameters
     ----------
@@ -129,8 +129,12 @@ def local_bands(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Bands:
     """
     n = _SAMPLES_PER_SIDE
     where = np.linspace(0, 1, n)
+    # Frequencies in the guards count, too: the nearer, the more they change with direction.
+    guard = usual_guard(polar.n_range)
+    before = min(guard, max(0, _ranges_before(polar, 0.0)) // 2)
     r, share = (v.ravel() for v in np.meshgrid(
-        np.linspace(polar.range_m[0], polar.range_m[-1], n), where))
+        np.linspace(polar.range_m[0] - before * polar.range_spacing_m,
+                    polar.range_m[-1] + guard * polar.range_spacing_m, n), where))
     alpha = polar.alpha[0] + share * (polar.alpha[-1] - polar.alpha[0])
     position, along_range = polar.lines(r, alpha)[:2]
     along_alpha = polar.by_direction(r, alpha)
@@ -374,7 +378,8 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, centre_m) ->
         2 or more, as if nothing fitted, where a frequency lies beyond the coarse grid's.
     """
     spacing = s.extent / s.n_coarse
-    offset = bands.slope[rows] - centre_m[:, None]
+    guard = s.n_guard / (s.n_coarse - 2 * s.n_guard)
+    offset = _to_guards(bands.slope[rows], guard) - centre_m[:, None]
     low, high = bands.wavenumber
     wavenumber = low + (high - low) * (np.arange(_WAVENUMBERS) + 0.5) / _WAVENUMBERS
     frequency = np.abs(np.multiply.outer(wavenumber, offset)) * spacing
@@ -387,3 +392,11 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, centre_m) ->
     return error + mean_error(int(polar.n_range / max(shift, 1e-9) + 2 * s.n_guard) + 2,
                               s.n_guard, s.beta, frequency,
                               density=s.coverage.along_range)
+
+
+def _to_guards(slope, share: float) -> np.ndarray:
+    """Slopes of which the outermost directions lie by a share of the scene in the guards."""
+    slope = slope.copy().reshape(len(slope), _SAMPLES_PER_SIDE, -1)
+    steps = slope[:, [0, -1]] - slope[:, [1, -2]]
+    slope[:, [0, -1]] += share * (_SAMPLES_PER_SIDE - 1) * steps
+    return slope.reshape(len(slope), -1)

@@ -20,7 +20,7 @@ from .beam_plan import BeamSampling, plan_beams
 from .beams import BeamLines
 from .fusion_error import EVERYTHING, Coverage
 from .fusion_grid import FusionGrid
-from .lattice import plan_lattice, sample_paths, total_db
+from .lattice import plan_lattice, remaining_db, sample_paths, total_db
 from .profiles import Profiles
 from .projection import PolarLines
 from .range_band import RangeBand
@@ -34,6 +34,8 @@ from .subaperture_sampling import (
 )
 from .work_space import aligned_empty
 
+_STAGE_SHARE_DB = 6.0  # of the target: by so much less the error of sub-aperture images
+_MARGIN_DB = 0.5  # predictions are as good as that (docs/benchmarks.md)
 _SAMPLES_PER_SIDE = 5  # grid positions at which the paths are bounded
 _SAMPLES_PER_EDGE = 33
 _ROWS_FOR_PATHS = 512  # enough to bound how paths differ along a line
@@ -157,7 +159,7 @@ class SubaperturePlan:
         self.radar = radar = radar if band is None else band.radar
         self._n_channels = tx_m.shape[1]
         paths = _paths(polar, tx_m, rx_m)
-        lattice_db = min(target_db - 10.0, -50.0)
+        lattice_db = min(target_db - _STAGE_SHARE_DB, -50.0)
         bands = local_bands(polar, tx_m, rx_m, radar)
         if ratio[0] / ratio[1] < used_share(bands.half_range, polar.range_spacing_m,
                                             polar.n_range, tapers=0.5):
@@ -169,8 +171,7 @@ class SubaperturePlan:
         self.sampling = choose_sampling(polar, bands, tx_m, rx_m, lengths,
                                         self._first_stage(usual, lattice, tx_m, rx_m, lattice_db,
                                                           bands.range_m),
-                                        10 * math.log10(10 ** (target_db / 10)
-                                                        - 10 ** (lattice_db / 10)),
+                                        remaining_db(target_db - _MARGIN_DB, lattice_db),
                                         coverage, ratio)
         if self.sampling is None:
             raise ValueError(
