@@ -11,6 +11,7 @@ import numpy as np
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .beam_gain import BeamGain, beam_gain, bins_per_run, rms_of_rows, shared_errors
+from .beam_geometry import BeamGeometry, grid_edges
 from .beam_kernels import LANES
 from .beam_mixing import BEAM_TAPS, CELL_TAPS
 from .beam_reading import DEGREE
@@ -24,16 +25,13 @@ _LEAST_OVERSAMPLING = 1.1  # of cells: the interpolation could do with no less
 _GROUPS = (18, 16, 14, 12, 10, 8, 6, 4, 2, 1)  # beams whose phases grow alike from bin to bin
 _SEGMENTS = (128, 64, 32, 16)
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
-_ROWS, _DIRECTIONS = 17, 33  # at which paths are compared
+_ROWS = 17  # at which paths are compared
 BEYOND = 1  # beams beyond those that interpolation needs, for rounding
 OUTSIDE = BEAM_TAPS // 2 - 1 + BEYOND  # beams before the first direction of the grid
 _SPREAD_STEP = 1.02  # factors between one spread that is planned for and the next
 _SLACK = 1.1  # sub-apertures that were not looked at may be as much worse
 _LEAST_UNEVEN = 1e-4  # wavelengths, which matters to no image
 _ARITHMETIC_DB = -80.0  # float32 phasors that turn from bin to bin (measured)
-_MARGIN = 0.1  # of the directions of a grid, beyond them
-_CLEAR = 0.9  # of the largest direction cosine on the plane
-_DIRECTION_STEP = 1e-4  # of the direction cosine, for a derivative
 # Time of a row, bin and beam, of a cell's transform and of a pixel, in pixels and rows of
 # `kernels.project_lines`; what is added to the first by rows of beams, to the last by segments
 _COST_TRIPLE, _COST_CELL, _COST_PIXEL = 0.072, 3.2, 2.6  # (measured)
@@ -250,117 +248,11 @@ def _view(polar: PolarGrid, edges, tx_m, rx_m) -> _View | None:
     second = (lines[2] @ along - 2 * first * derivatives[0] - direction * derivatives[1]) / length
     paths = sample_paths(tx_m[rows], rx_m[rows], lines[:2]).length
     centres = tx_m[rows], rx_m[rows]
-    slope = beams.slope(*centres, direction)
+    slope = beams.slope(*centres, direction).T
     bend = slope ** 2 * (1 - direction ** 2) * (1 / length - 1 / beams.range_m) / 2
     some = np.linspace(*beams.direction, 3)
-    return _View(beams, centres, beams.uneven(*centres), beams.slope(*centres, some),
-                 beams.curvature(*centres, some),
-                 paths - length - beams.extra_path(*centres, direction), bend,
+    return _View(beams, centres, beams.uneven(*centres), beams.slope(*centres, some).T,
+                 beams.curvature(*centres, some).T,
+                 paths - length - beams.extra_path(*centres, direction).T, bend,
                  ((derivatives[0].min(), derivatives[0].max()), *(
                      float(np.abs(d).max()) for d in (*derivatives[[1, 3]], first, second))))
-
-
-@dataclasses.dataclass(frozen=True)
-class BeamGeometry:
-    """Polar coordinates around the middle of a sub-aperture, on the plane of a polar grid.
-
-    Attributes
-    ----------
-    polar : PolarGrid
-        Whose plane, track direction and side they share.
-    centre_m : (3,) float64
-        Mean phase centre, metres.
-    range_m : float
-        Distance at which the paths of rows are compared, metres: the harmonic mean of the
-        extremes, from which their curvature differs least.
-    direction : (float, float)
-        Extremes of the direction cosine over the grid.
-    """
-
-    polar: PolarGrid
-    centre_m: np.ndarray
-    range_m: float
-    direction: tuple[float, float]
-
-    @classmethod
-    def of(cls, polar: PolarGrid, edges: np.ndarray, tx_m, rx_m) -> BeamGeometry | None:
-        """Coordinates for some rows; None where the plane is too steep below them.
-
-        `edges` are the grid's, from `grid_edges`.
-        """
-        centre = 0.5 * (tx_m + rx_m).mean(axis=0)
-        offset = edges - centre
-        length = np.linalg.norm(offset, axis=1)
-        direction = offset[:, :2] @ polar.track / length
-        range_m = 2 / (1 / length.min() + 1 / length.max())
-        beams = cls(polar, centre, range_m, (float(direction.min()), float(direction.max())))
-        height = (centre[2] - polar.z_m) / range_m
-        steepest = max(map(abs, beams.direction)) + _MARGIN * np.ptp(direction)
-        return beams if steepest ** 2 + height ** 2 < 0.98 else None
-
-    @property
-    def known(self) -> np.ndarray:
-        """(2,) float64 extremes of the directions in which the plane lies well within sight."""
-        (low, high), height = self.direction, (self.centre_m[2] - self.polar.z_m) / self.range_m
-        margin, clear = _MARGIN * (high - low), _CLEAR * math.sqrt(1 - height ** 2)
-        return np.array([min(low - margin, -clear), max(high + margin, clear)])
-
-    def beam_path(self, tx_m, rx_m, direction) -> np.ndarray:
-        """`extra_path`, continued straight beyond the known directions, where it ends."""
-        low, high = self.known
-        if low <= np.min(direction) and np.max(direction) <= high:
-            return self.extra_path(tx_m, rx_m, direction)
-        before, after = self.slope(tx_m, rx_m, self.known).T[..., None]
-        return (self.extra_path(tx_m, rx_m, np.clip(direction, low, high))
-                + before * np.minimum(direction - low, 0.0)
-                + after * np.maximum(direction - high, 0.0))
-
-    def extra_path(self, tx_m, rx_m, direction) -> np.ndarray:
-        """(R, S) by how much half paths are longer than the distance from the centre, metres."""
-        height = self.centre_m[2] - self.polar.z_m
-        along = self.range_m * np.asarray(direction)
-        across = np.sqrt(np.maximum(self.range_m ** 2 - along ** 2 - height ** 2, 0.0))
-        u, v = self.polar.track, self.polar.across
-        x = np.stack([*(along * u[axis] + across * v[axis] for axis in (0, 1)),
-                      np.full_like(along, -height)])
-        beyond = np.sum(x ** 2, axis=0) - self.range_m ** 2
-        centres = (tx_m,) if np.array_equal(tx_m, rx_m) else (tx_m, rx_m)
-        total = 0.0
-        for centre in centres:
-            a = centre - self.centre_m
-            longer = np.sum(a ** 2, axis=1)[:, None] + beyond - 2 * (a @ x)  # squared
-            total = total + longer / (np.sqrt(self.range_m ** 2 + longer) + self.range_m)
-        return total / len(centres)
-
-    def slope(self, tx_m, rx_m, direction) -> np.ndarray:
-        """(R, S) derivative of `extra_path` by direction, metres."""
-        direction = np.asarray(direction)
-        before, after = np.split(self.extra_path(tx_m, rx_m, np.concatenate(
-            [direction - _DIRECTION_STEP, direction + _DIRECTION_STEP])), 2, axis=1)
-        return (after - before) / (2 * _DIRECTION_STEP)
-
-    def uneven(self, tx_m, rx_m) -> float:
-        """By how much rows on opposite sides fail to be opposite, rms, metres of that slope."""
-        slope = np.sort(self.slope(tx_m, rx_m, self.direction), axis=0)
-        return math.sqrt(np.mean(np.abs(slope + slope[::-1]).max(axis=1) ** 2)) / 2
-
-    def curvature(self, tx_m, rx_m, direction) -> np.ndarray:
-        """(R, S) second derivative of `extra_path` by direction, metres."""
-        step = 10 * _DIRECTION_STEP
-        before, here, after = (self.extra_path(tx_m, rx_m, np.asarray(direction) + d)
-                               for d in (-step, 0.0, step))
-        return (before - 2 * here + after) / step ** 2
-
-    def spread(self, tx_m, rx_m, beyond: float = 0.0) -> float:
-        """Largest derivative of `beam_path` by direction up to so far beyond the grid, metres."""
-        low, high = self.direction
-        directions = np.linspace(low - beyond, high + beyond, _DIRECTIONS)
-        path = self.beam_path(tx_m, rx_m, directions)
-        return float(np.abs(np.diff(path, axis=1)).max() / (directions[1] - directions[0]))
-
-
-def grid_edges(polar: PolarGrid) -> np.ndarray:
-    """(S, 3) float64 positions along the near and the far edge of a grid, metres."""
-    alpha = np.linspace(polar.alpha[0], polar.alpha[-1], _SAMPLES_PER_SIDE)
-    r = np.repeat([polar.range_m[0], polar.range_m[-1]], len(alpha))
-    return polar.lines(r, np.tile(alpha, 2))[0]

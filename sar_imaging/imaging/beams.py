@@ -10,6 +10,7 @@ interpolated from them.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -18,8 +19,9 @@ from ..compilation import numba
 from ..geometry.polar import PolarGrid
 from . import beam_kernels as kernels, beam_reading as reading
 from .beam_gain import bins_per_run
+from .beam_geometry import BeamGeometry, grid_edges
 from .beam_mixing import CELL_TAPS
-from .beam_plan import OUTSIDE, BeamGeometry, BeamSampling, grid_edges
+from .beam_plan import OUTSIDE, BeamSampling
 from .lattice import Lattice
 from .range_band import RangeBand
 from .range_window import RangeWindow
@@ -107,8 +109,9 @@ class BeamLines:
                              'Backprojector')
         sampling = self._sampling
         spread = geometry.spread(tx_m, rx_m, OUTSIDE * sampling.spacing)
-        sampling = dataclasses.replace(sampling, spacing=sampling.spacing * min(
-            1.0, sampling.spread_m / max(spread, 1e-9)))
+        if spread > sampling.spread_m:
+            sampling = dataclasses.replace(
+                sampling, spacing=sampling.spacing * (sampling.spread_m / spread))
         spacing, (low, high) = sampling.spacing, geometry.direction
         n_beams = sampling.n_beams(high - low)
         start = low - OUTSIDE * spacing
@@ -119,7 +122,7 @@ class BeamLines:
 
     def _beams(self, samples, path, paired, weights) -> np.ndarray:
         """(M, n_cells) complex64 beams at range baseband, valid until the next call."""
-        n_rows, n_beams = path.shape
+        n_beams, n_rows = path.shape
         group = self._sampling.group_of(n_beams)
         n_cells = self._lattice.n_cells
         spectrum = self._source.spectrum(samples, self._lattice.n_padded, self._buffer)
@@ -196,6 +199,17 @@ def _uncrowded(n_cells: int) -> int:
     return n_cells + (_STRIDE - n_cells) % _PAGE
 
 
+@functools.lru_cache(maxsize=16)
+def _couples(n_beams: int, group: int):
+    """Beams of each group's couples, (G, H) each, and those before and after groups, (G,) each."""
+    n_groups, half = -(-n_beams // group), -(-group // 2)
+    first = np.arange(n_groups)[:, None] * group
+    last = np.minimum(first + group, n_beams) - 1
+    upper = np.minimum(first + np.arange(half), (first + last) // 2)
+    return (upper, first + last - upper, np.maximum(first[:, 0] - 1, 0),
+            np.minimum(last[:, 0] + 1, n_beams - 1))
+
+
 def _phasors(path, group: int, paired: bool):
     """Rows by their phasors, and paths, in the order in which `form_beams` wants them.
 
@@ -210,38 +224,40 @@ def _phasors(path, group: int, paired: bool):
     beside : (G, Q / ROWS, H, ROWS) float64
         What they are longer for one beam of each couple of the group, metres.
     """
-    n_rows, n_beams = path.shape
-    n_groups, half = -(-n_beams // group), -(-group // 2)
-    first = np.arange(n_groups)[:, None] * group
-    last = np.minimum(first + group, n_beams) - 1
-    beams = np.minimum(first + np.arange(half), (first + last) // 2)
-    upper, lower = path[:, beams], path[:, first + last - beams]
-    middle = 0.5 * (upper + lower).mean(axis=2)
-    beside = 0.5 * (upper - lower)
-    before, after = np.maximum(first[:, 0] - 1, 0), np.minimum(last[:, 0] + 1, n_beams - 1)
-    slope = (path[:, after] - path[:, before]) / (after - before)
+    n_beams, n_rows = path.shape
+    upper, lower, before, after = _couples(n_beams, group)
+    n_groups, half = upper.shape
     n_phasors = -(-n_rows // 2) if paired else n_rows
     rows = np.full((1 + paired, -(-n_phasors // kernels.ROWS) * kernels.ROWS), -1)
+    order = np.argsort(path[-1] - path[0]) if paired else np.arange(n_rows)
+    rows[0, :n_phasors] = order[:n_phasors]
     if paired:
-        order = np.argsort(path[:, -1] - path[:, 0])
-        rows[0, :n_phasors] = order[:n_phasors]
         rows[1, :n_rows // 2] = order[::-1][:n_rows // 2]
-        other = np.where(rows[1] < 0, rows[0], rows[1])  # none for the middle of an odd number
-        beside = np.where((rows[1] < 0)[:, None, None], beside[rows[0]],
-                          0.5 * (beside[rows[0]] - beside[other]))
-    else:
-        rows[0, :n_phasors] = np.arange(n_rows)
-        beside = beside[rows[0]]
-    blocks = beside.reshape(-1, kernels.ROWS, n_groups, half).transpose(2, 0, 3, 1)
-    rows = rows.reshape(1 + paired, -1, kernels.ROWS).swapaxes(0, 1).reshape(-1)
-    return (rows, *(np.ascontiguousarray(v[rows].T) for v in (middle, slope)),
-            np.ascontiguousarray(blocks))
+    path = path[:, rows.reshape(-1)]
+    slope = (path[after] - path[before]) / (after - before)[:, None]
+    upper, lower = path[upper], path[lower]
+    middle = (upper + lower).sum(axis=1) / (2 * half)
+    beside = 0.5 * (upper - lower)
+    if paired:
+        own, other = np.split(beside, 2, axis=2)
+        beside = 0.5 * (own - other)
+        alone = rows[1] < 0  # the middle of an odd number
+        beside[:, :, alone] = own[:, :, alone]
+
+    def by_block(values):
+        """Both rows of each phasor of a block, then those of the next block."""
+        return values.reshape(-1, 1 + paired, rows.shape[1] // kernels.ROWS, kernels.ROWS
+                              ).swapaxes(1, 2).reshape(len(values), -1)
+
+    return (by_block(rows.reshape(1, -1))[0], by_block(middle), by_block(slope),
+            np.ascontiguousarray(beside.reshape(n_groups, half, -1, kernels.ROWS).swapaxes(1, 2)))
 
 
 def _step_phasors(cycles) -> np.ndarray:
     """Phasors over a vector of bins, real parts first, flat."""
-    phasor = np.exp(2j * np.pi * kernels.LANES * cycles).reshape(-1)
-    return np.concatenate([phasor.real, phasor.imag]).astype(np.float32)
+    cycles = kernels.LANES * cycles.reshape(-1)
+    angle = (2 * np.pi * (cycles - np.rint(cycles))).astype(np.float32)
+    return np.concatenate([np.cos(angle), np.sin(angle)])
 
 
 def _table(interpolator) -> np.ndarray:
