@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from .beam_kernels import LANES
 from .beam_mixing import BEAM_TAPS, CELL_TAPS
 from .beam_reading import DEGREE
 from .interpolation import Interpolator, design_interpolator
-from .lattice import Lattice, sample_paths, total_db
+from .lattice import Lattice, half_paths, sample_paths, total_db
 
 _OVERSAMPLING = (1.16, 1.2, 1.24, 1.28, 1.34, 1.4, 1.5, 1.6, 1.8, 2.0,  # of beams
                  2.4, 2.8, 3.2, 4.0)
@@ -79,21 +80,41 @@ class BeamSampling:
 
     def n_beams(self, span: float) -> int:
         """Beams over some extent in direction cosine, with those that interpolation needs."""
-        return math.ceil(span / self.spacing) + BEAM_TAPS + 2 * BEYOND
+        return _n_beams(span, self.spacing)
 
     def group_of(self, n_beams: int) -> int:
         """Beams of each group, in no more groups than needed: even, or one."""
-        size = math.ceil(n_beams / math.ceil(n_beams / self.group))
-        return size + size % 2 if self.group > 1 else 1
+        return _group_of(n_beams, self.group)
 
     def cost(self, n_rows: int, n_bins: int, n_cells: int, n_pixels: int, span: float) -> float:
         """Relative time of a sub-aperture image, in pixels and rows of `project_lines`."""
-        n_beams = self.n_beams(span)
-        group = self.group_of(n_beams)
-        triples = math.ceil(n_beams / group) * (group * (0.5 if self.paired else 1.0)
-                                                + _COST_GROUP) * n_rows * n_bins
-        return (triples * _COST_TRIPLE + n_beams * n_cells * _COST_CELL
-                + n_pixels * (_COST_PIXEL + _COST_SEGMENT / self.segment))
+        return _cost(self.n_beams(span), self.group, self.paired, self.segment, n_rows, n_bins,
+                     n_cells, n_pixels)
+
+
+def _n_beams(span: float, spacing: float) -> int:
+    return math.ceil(span / spacing) + BEAM_TAPS + 2 * BEYOND
+
+
+def _group_of(n_beams: int, most: int) -> int:
+    size = math.ceil(n_beams / math.ceil(n_beams / most))
+    return size + size % 2 if most > 1 else 1
+
+
+def _cost(n_beams, most, paired, segment, n_rows, n_bins, n_cells, n_pixels) -> float:
+    group = _group_of(n_beams, most)
+    triples = math.ceil(n_beams / group) * (group * (0.5 if paired else 1.0)
+                                            + _COST_GROUP) * n_rows * n_bins
+    return (triples * _COST_TRIPLE + n_beams * n_cells * _COST_CELL
+            + n_pixels * (_COST_PIXEL + _COST_SEGMENT / segment))
+
+
+def least_cost(n_rows: int, n_bins: int, n_cells: int, n_pixels: int) -> float:
+    """What `BeamSampling.cost` is not below, whatever the sampling."""
+    n_beams = BEAM_TAPS + 2 * BEYOND
+    return ((0.5 * n_beams + _COST_GROUP) * n_rows * n_bins * _COST_TRIPLE
+            + n_beams * n_cells * _COST_CELL
+            + n_pixels * (_COST_PIXEL + _COST_SEGMENT / max(_SEGMENTS)))
 
 
 def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bins: int,
@@ -131,9 +152,8 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
         return None
     along = design_interpolator(oversampling_range, taps=CELL_TAPS, degree=DEGREE, corrected=True)
     k = radar.wavenumber_rad_per_m
-    edges, views, geometry = grid_edges(polar), [], 0.0
-    for centres in subapertures:
-        view = _view(polar, edges, *centres)
+    views, geometry = [], 0.0
+    for view in _views(polar, subapertures):
         if view is None:
             return None
         geometry = max(geometry, view.phase_error(k, radar.bandwidth_hz / radar.carrier_hz))
@@ -169,12 +189,8 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
         between = beam_gain(oversampling, oversampling <= _MOST_CORRECTED)
         if between.interpolator.error_db > target_db:
             continue
-
-        def sampling(group, paired, segment, error_db=0.0, spacing=spacing, between=between):
-            return BeamSampling(widest, spacing, group, paired * _SLACK * uneven, segment,
-                                between, along, error_db)
-
-        costs = {key: sampling(*key).cost(n_rows, n_bins, lattice.n_cells, n_pixels, span)
+        n_beams = _n_beams(span, spacing)
+        costs = {key: _cost(n_beams, *key, n_rows, n_bins, lattice.n_cells, n_pixels)
                  for key in itertools.product(_GROUPS, (True, False), segments)}
         cheaper = [key for key, cost in costs.items() if best is None or cost < best[0]]
         if not cheaper:
@@ -193,7 +209,8 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
             error = total_db(between.interpolator.error_db, along.error_db, _ARITHMETIC_DB,
                              *(20 * math.log10(e + 1e-12) for e in errors))
             if error <= target_db:
-                best = costs[key], sampling(*key, error)
+                best = costs[key], BeamSampling(widest, spacing, group, paired * _SLACK * uneven,
+                                                segment, between, along, error)
                 break
     return best and best[1]
 
@@ -231,28 +248,33 @@ class _View:
                 k * d4 * half_m ** 4 / 24 / 3]
 
 
-def _view(polar: PolarGrid, edges, tx_m, rx_m) -> _View | None:
+def _views(polar: PolarGrid, subapertures) -> Iterator[_View | None]:
+    """Of each sub-aperture; None where the plane is too steep below one."""
     r, alpha = (v.ravel() for v in np.meshgrid(
         *(np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (polar.range_m, polar.alpha))))
-    lines = polar.lines(r, alpha)
-    rows = np.linspace(0, len(tx_m) - 1, _ROWS).round().astype(int)
-    rows = np.concatenate([rows, len(tx_m) - 1 - rows])  # opposite ones, too
-    beams = BeamGeometry.of(polar, edges, tx_m, rx_m)
-    if beams is None:
-        return None
-    middle = sample_paths(beams.centre_m[None], beams.centre_m[None], lines)
-    length, derivatives = middle.length[0], np.array(middle.derivatives)[:, 0]
+    lines, edges = polar.lines(r, alpha), grid_edges(polar)
+    geometries = [BeamGeometry.of(polar, edges, *centres) for centres in subapertures]
+    if None in geometries:
+        yield None
+        return
+    middles = np.stack([beams.centre_m for beams in geometries])
+    middle = sample_paths(middles, middles, lines)
+    derivatives = np.stack(middle.derivatives, axis=1)
     along = np.array([*polar.track, 0.0])
-    direction = (lines[0] - beams.centre_m) @ along / length
-    first = (lines[1] @ along - direction * derivatives[0]) / length
-    second = (lines[2] @ along - 2 * first * derivatives[0] - direction * derivatives[1]) / length
-    paths = sample_paths(tx_m[rows], rx_m[rows], lines[:2]).length
-    centres = tx_m[rows], rx_m[rows]
-    slope = beams.slope(*centres, direction).T
-    bend = slope ** 2 * (1 - direction ** 2) * (1 / length - 1 / beams.range_m) / 2
-    some = np.linspace(*beams.direction, 3)
-    return _View(beams, centres, beams.uneven(*centres), beams.slope(*centres, some).T,
-                 beams.curvature(*centres, some).T,
-                 paths - length - beams.extra_path(*centres, direction).T, bend,
-                 ((derivatives[0].min(), derivatives[0].max()), *(
-                     float(np.abs(d).max()) for d in (*derivatives[[1, 3]], first, second))))
+    for beams, centres, length, by_range in zip(geometries, subapertures, middle.length,
+                                                derivatives, strict=True):
+        direction = (lines[0] - beams.centre_m) @ along / length
+        first = (lines[1] @ along - direction * by_range[0]) / length
+        second = (lines[2] @ along - 2 * first * by_range[0] - direction * by_range[1]) / length
+        rows = np.linspace(0, len(centres[0]) - 1, _ROWS).round().astype(int)
+        rows = np.concatenate([rows, len(centres[0]) - 1 - rows])  # opposite ones, too
+        some = centres[0][rows], centres[1][rows]
+        slope = beams.slope(*some, direction).T
+        bend = slope ** 2 * (1 - direction ** 2) * (1 / length - 1 / beams.range_m) / 2
+        places = np.linspace(*beams.direction, 3)
+        paths = half_paths(*some, lines[0])[0]
+        yield _View(beams, some, beams.uneven(*some), beams.slope(*some, places).T,
+                    beams.curvature(*some, places).T,
+                    paths - length - beams.extra_path(*some, direction).T, bend,
+                    ((by_range[0].min(), by_range[0].max()), *(
+                        float(np.abs(d).max()) for d in (*by_range[[1, 3]], first, second))))

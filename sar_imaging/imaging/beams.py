@@ -67,7 +67,8 @@ class BeamLines:
         longest = bins_per_run(len(gain), len(gain) * self._cycles_per_bin / self._per_metre)
         self._runs, number = _runs(len(gain), lattice.n_cells, source.zero, longest)
         # Each bin's share is changed beforehand by what reading the cells takes from it.
-        gain = gain * sampling.along.gain(number / lattice.n_cells)
+        magnitudes = np.arange(np.abs(number).max() + 1)  # gains are the same on both sides
+        gain = gain * sampling.along.gain(magnitudes / lattice.n_cells)[np.abs(number)]
         if lattice.n_cells < len(gain):
             gain *= _taper(number / lattice.n_cells, 0.5 / sampling.along.oversampling)
         shift = np.fmod(number * (first / lattice.n_cells), 1.0)

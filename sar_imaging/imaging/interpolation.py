@@ -82,12 +82,18 @@ class Interpolator:
         -------
         (F,) float64
         """
-        x, weight = np.polynomial.legendre.leggauss(_NODES)
-        t = 0.5 + 0.5 * x
-        by_position = self.weights.T @ t ** np.arange(len(self.weights))[:, None]
-        place = np.arange(self.n_taps) + self.first
-        read = np.exp(2j * np.pi * np.outer(frequency, place)) @ by_position
-        return _best_gain(read, np.exp(2j * np.pi * np.outer(frequency, t)), weight)
+        x, weight = _nodes()
+        by_position = self.weights.T @ (0.5 + 0.5 * x) ** np.arange(len(self.weights))[:, None]
+        frequency = np.asarray(frequency, float)
+        # From the middle of the interval taps and nodes lie in pairs, of opposite phase.
+        step, half = np.exp(2j * np.pi * frequency), np.exp(1j * np.pi * frequency)
+        taps = [half]
+        for _ in range(self.n_taps // 2 - 1):
+            taps.append(taps[-1] * step)
+        taps = np.stack([*np.conj(taps[::-1]), *taps], axis=-1)
+        nodes = np.exp(1j * np.pi * np.outer(frequency, x[_NODES // 2:]))
+        nodes = np.concatenate([nodes[:, ::-1].conj(), nodes], axis=1)
+        return _best_gain(_parts(taps) @ by_position, _parts(nodes), weight)
 
 
 def design_interpolator(oversampling: float, margin: float = 0.0, *, taps: int = TAPS,
@@ -127,7 +133,7 @@ def design_interpolator(oversampling: float, margin: float = 0.0, *, taps: int =
 @functools.lru_cache(maxsize=256)
 def _design(oversampling, margin, taps, degree, corrected):
     # Real weights are as good at negative frequencies as at positive ones.
-    x, fw = np.polynomial.legendre.leggauss(_NODES)
+    x, fw = _nodes()
     f = (1 + x) / (4 * oversampling)
     t = 0.5 + x * (0.5 + margin)
     first = 1 - taps // 2
@@ -136,23 +142,32 @@ def _design(oversampling, margin, taps, degree, corrected):
     place = np.arange(taps) + first
     samples, wanted = (np.exp(2j * np.pi * np.outer(f, v)) for v in (place, t))
     gain = _first_gain(samples, place, t, oversampling) if corrected else np.ones(_NODES)
+    samples, wanted = _parts(samples), _parts(wanted)
+    weighted = (wanted * weight[:, None]).reshape(2 * _NODES, -1)
+    to_powers = np.linalg.pinv(powers * weight[:, None], rcond=1e-13) * weight
     for _ in range(_ROUNDS if corrected else 1):
         # The model is a product of functions of frequency and of position: one problem after the
         # other
-        parts = (_real(v * weight[:, None]) for v in (samples * gain[:, None], wanted))
-        by_position = np.linalg.lstsq(*parts, rcond=1e-13)[0]
-        centred = np.linalg.lstsq(powers * weight[:, None], (by_position * weight).T,
-                                  rcond=1e-13)[0]
+        by_position = np.linalg.lstsq(
+            (samples * (gain * weight)[:, None]).reshape(2 * _NODES, -1), weighted, rcond=1e-13)[0]
+        centred = to_powers @ by_position.T
         read = samples @ (powers @ centred).T
         if corrected:
             gain = _best_gain(read, wanted, fw)
-    error = np.abs(gain[:, None] * read - wanted) ** 2
+    error = np.sum((gain[:, None] * read - wanted) ** 2, axis=0)
     return Interpolator(_shifted(centred, -0.5).astype(np.float32), first,
                         10 * math.log10(weight ** 2 @ error @ weight ** 2), oversampling)
 
 
-def _real(values) -> np.ndarray:
-    return np.concatenate([values.real, values.imag])
+@functools.cache
+def _nodes():
+    """Nodes from -1 to 1, and weights, of the quadrature."""
+    return np.polynomial.legendre.leggauss(_NODES)
+
+
+def _parts(values) -> np.ndarray:
+    """Real and imaginary parts, (2, ...)."""
+    return np.stack([values.real, values.imag])
 
 
 def _first_gain(samples, place, t, oversampling) -> np.ndarray:
@@ -165,8 +180,8 @@ def _first_gain(samples, place, t, oversampling) -> np.ndarray:
 
 
 def _best_gain(read, wanted, weight) -> np.ndarray:
-    """Real gains, by frequency, with which values read are nearest to those wanted."""
-    return (read.conj() * wanted).real @ weight / (np.abs(read) ** 2 @ weight)
+    """Real gains, by frequency, with which values read are nearest to those wanted, in parts."""
+    return np.sum(read * wanted, axis=0) @ weight / (np.sum(read * read, axis=0) @ weight)
 
 
 def _shifted(weights, shift: float) -> np.ndarray:

@@ -23,6 +23,7 @@ _SEGMENTS = (256, 128, 64, 32, 16, 8)
 _MAX_PHASES = 8
 _ACCUMULATION_ERROR_DB = -112.0  # float32 sums
 _ROWS_FOR_ERRORS = 64  # enough for averages over the rows
+_ROWS_IN_CACHE = 512  # of paths at once
 _NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
 _LONGER, _FINER, _FEW = 1.1, 1.03, 3  # padded length, cells, and cells around the best
 _COST_TRANSFORM = 0.012  # of a pass of the transform, in shares of the whole
@@ -78,7 +79,8 @@ def sample_paths(tx_m, rx_m, line) -> Paths:
         return np.einsum('sk,sk->s', a, b)
 
     total = 0.0
-    for centre in (tx_m, rx_m):
+    centres = _distinct(tx_m, rx_m)
+    for centre in centres:
         offset = position - np.asarray(centre)[:, None, :]
         d = np.maximum(np.sqrt(np.einsum('rsk,rsk->rs', offset, offset)), _NEAREST_M)
         p1, p2, p3, p4 = (np.einsum('rsk,sk->rs', offset, v)
@@ -89,34 +91,45 @@ def sample_paths(tx_m, rx_m, line) -> Paths:
         d3 = (3 * dot(first, second) + p3 - 3 * d1 * d2) / d
         d4 = (3 * dot(second, second) + 4 * dot(first, third) + p4 - 4 * d1 * d3
               - 3 * d2 ** 2) / d
-        total = total + 0.5 * np.stack([d, d1, d2, d3, d4])
+        total = total + np.stack([d, d1, d2, d3, d4]) / len(centres)
     return Paths(total[0], tuple(total[1:]))
 
 
-def slope_along(tx_m, rx_m, position, direction) -> np.ndarray:
-    """Derivative of half paths along a direction at each of some points.
+def _distinct(tx_m, rx_m) -> list:
+    """Ends of paths: both, or one if they are in the same places."""
+    return [tx_m] if np.array_equal(tx_m, rx_m) else [tx_m, rx_m]
+
+
+def half_paths(tx_m, rx_m, position, *directions) -> np.ndarray:
+    """Half paths to some points and their derivatives along directions at each.
 
     Parameters
     ----------
     tx_m, rx_m : (R, 3) float64
         Phase centres, metres.
-    position, direction : (S, 3) float64
-        Points, metres, and derivative of the position by some parameter.
+    position : (S, 3) float64
+        Points, metres.
+    directions : (S, 3) float64
+        Derivatives of the position by some parameters.
 
     Returns
     -------
-    (R, S) float64
-        Metres per unit of the parameter.
+    (1 + len(directions), R, S) float64
+        Metres, and metres per unit of each parameter.
     """
-    total = 0.0
-    for centre in (tx_m, rx_m):
-        square = along = 0.0
-        for axis in range(3):
-            offset = position[:, axis] - centre[:, axis, None]
-            square = square + offset ** 2
-            along = along + offset * direction[:, axis]
-        total = total + 0.5 * along / np.maximum(np.sqrt(square), _NEAREST_M)
-    return total
+    centres = _distinct(tx_m, rx_m)
+    found = np.zeros((1 + len(directions), len(position), len(tx_m)))
+    for start in range(0, len(tx_m), _ROWS_IN_CACHE):
+        some = slice(start, start + _ROWS_IN_CACHE)
+        for centre in centres:
+            offset = [position[:, axis, None] - centre[some, axis] for axis in range(3)]
+            length = np.maximum(np.sqrt(sum(o ** 2 for o in offset)), _NEAREST_M)
+            found[0, :, some] += length
+            for total, direction in zip(found[1:, :, some], directions, strict=True):
+                total += sum(o * d for o, d in zip(
+                    offset, direction.T[:, :, None], strict=True)) / length
+    found /= len(centres)
+    return found.swapaxes(1, 2)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -17,14 +17,7 @@ from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .fusion_error import Coverage
 from .interpolation import Interpolator, coarsest_interpolator
-from .lattice import (
-    Lattice,
-    plan_lattice,
-    remaining_db,
-    sample_paths,
-    slope_along,
-    total_db,
-)
+from .lattice import Lattice, half_paths, plan_lattice, remaining_db, sample_paths, total_db
 from .merging import AngularParts, plan_parts
 from .range_band import RangeBand
 from .range_window import RangeWindow
@@ -311,7 +304,7 @@ def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
     lines = unit.lines(r, alpha)
     position = lines[0]
     paths = sample_paths(tx_m, rx_m, lines)
-    slope_alpha = slope_along(tx_m, rx_m, position, unit.by_direction(r, alpha))
+    slope_alpha = half_paths(tx_m, rx_m, position, unit.by_direction(r, alpha))[1]
     # along a row of the map the direction changes with range, too
     step = (position[:, axis] - origin[axis]) / r
     alpha_by_range = (track[axis] / step - alpha) / r

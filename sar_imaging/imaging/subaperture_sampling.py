@@ -8,14 +8,18 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import heapq
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import scipy.fft
 
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .first_stage import FirstStage
 from .fusion_error import EVERYTHING, Coverage, mean_error, taper_shape
+from .lattice import half_paths
 from .row_transform import row_length
 from .transform_length import quick_length
 
@@ -31,7 +35,6 @@ _TAPER_LOBES = 4  # times the inverse of the guards' length
 # Times the root of the ranges: narrower guards widen the tapers' spectrum, and the fused one
 _RANGE_GUARD = 1.2
 _ROWS_FOR_ERROR, _WAVENUMBERS = 96, 6
-_NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
 _ROUNDING = 0.25  # of a band's middle to a bin, on average
 
 
@@ -138,8 +141,8 @@ def local_bands(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Bands:
     alpha = polar.alpha[0] + share * (polar.alpha[-1] - polar.alpha[0])
     position, along_range = polar.lines(r, alpha)[:2]
     along_alpha = polar.by_direction(r, alpha)
-    length, by_range, slope = _half_paths(tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), position,
-                                          along_range, along_alpha)
+    length, by_range, slope = half_paths(tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), position,
+                                         along_range, along_alpha)
     extremes = float(by_range.min()), float(by_range.max())
     if extremes[0] <= 0.1:
         raise ValueError('range does not grow along the lines of the polar grid; it lies beside '
@@ -152,20 +155,8 @@ def local_bands(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Bands:
                  (float(length.min()), float(length.max())), extremes)
 
 
-def _half_paths(tx_m, rx_m, position, *directions) -> np.ndarray:
-    """(1 + D, R, S) half paths from rows to points, and their derivatives along directions."""
-    found = np.zeros((1 + len(directions), len(tx_m), len(position)))
-    for centre in (tx_m, rx_m):
-        offset = [position[:, axis] - centre[:, axis, None] for axis in range(3)]
-        length = np.maximum(np.sqrt(sum(o ** 2 for o in offset)), _NEAREST_M)
-        found[0] += 0.5 * length
-        for total, direction in zip(found[1:], directions, strict=True):
-            total += 0.5 * sum(o * d for o, d in zip(offset, direction.T, strict=True)) / length
-    return found
-
-
-def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, first_stage,
-                    target_db: float, coverage: Coverage = EVERYTHING,
+def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths,
+                    first_stage: FirstStage, target_db: float, coverage: Coverage = EVERYTHING,
                     ratio: tuple[int, int] = (1, 1)) -> Sampling | None:
     """Quickest cut and coarse sampling that meet a target.
 
@@ -179,9 +170,8 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, first_s
         Phase centres, metres.
     lengths : sequence of int
         Pulses of a sub-aperture to try.
-    first_stage : callable
-        ``first_stage(pulses, n_coarse, n_range)`` gives the relative time of all sub-aperture
-        images of that size.
+    first_stage : FirstStage
+        Tells the relative time of all sub-aperture images.
     target_db : float
         Wanted error of the fusion, dB.
     coverage : Coverage
@@ -201,12 +191,13 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, first_s
     for length in lengths:
         if length > n_pulses and length != lengths[0]:
             break
-        pulses = _cut(pieces, length)
+        pulses = tuple(_cut(pieces, length))
         first = np.array([p.start for p in pulses]) * n_channels
         lo, hi = np.minimum.reduceat(least, first), np.maximum.reduceat(most, first)
         centre, half = 0.5 * (lo + hi), bands.wavenumber[1] * 0.5 * float((hi - lo).max())
-        choices += [((length, i, j), _sampling(polar, ratio, pulses, centre, half,
-                                               oversampling, n_guard, first_stage, coverage))
+        furthest = float(np.abs(centre).max())
+        choices += [((length, i, j), _sampling(polar, ratio, pulses, centre, furthest, half,
+                                               oversampling, n_guard, coverage))
                     for i, oversampling in enumerate(_OVERSAMPLING)
                     for j, n_guard in enumerate(_GUARDS)]
 
@@ -216,7 +207,7 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, first_s
 
     samplings, fine, failed = dict(choices), set(), set()
     n_i, n_j = len(_OVERSAMPLING), len(_GUARDS)
-    for key, found in sorted(choices, key=lambda choice: choice[1].cost):
+    for key, found in _by_cost(choices, first_stage):
         if not _on_plane(polar, found):
             continue
         # What fails with wider guards and finer sampling fails with less: most choices fall with
@@ -232,25 +223,23 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths, first_s
             else:
                 failed |= {(length, a, b) for a in range(i + 1) for b in range(j + 1)}
         if key not in failed:
-            return complete(key)
+            return dataclasses.replace(complete(key), cost=found.cost)
     return None
 
 
-def cut_pulses(middles, length: int) -> list[slice]:
-    """Sub-apertures of about equal length that do not reach across gaps of the track.
-
-    Parameters
-    ----------
-    middles : (P, 3) float64
-        Mean phase centre of each pulse, metres.
-    length : int
-        Most pulses of a sub-aperture.
-
-    Returns
-    -------
-    list of slice
-    """
-    return _cut(_pieces(middles), length)
+def _by_cost(choices, first_stage: FirstStage) -> Iterator[tuple[tuple[int, int, int], Sampling]]:
+    """Choices from the quickest; whole costs are found for those alone that may be next."""
+    images = [(found.pulses, found.n_coarse * found.n_coarse_range) for _, found in choices]
+    queue = [(found.cost + first_stage.least_cost(*images[i]), i, False)
+             for i, (_, found) in enumerate(choices)]
+    heapq.heapify(queue)
+    while queue:
+        cost, i, whole = heapq.heappop(queue)
+        key, found = choices[i]
+        if whole:
+            yield key, dataclasses.replace(found, cost=cost)
+        else:
+            heapq.heappush(queue, (found.cost + first_stage.cost(*images[i]), i, True))
 
 
 def _pieces(middles) -> list[tuple[int, int]]:
@@ -262,6 +251,7 @@ def _pieces(middles) -> list[tuple[int, int]]:
 
 
 def _cut(pieces, length: int) -> list[slice]:
+    """Sub-apertures of about equal length that do not reach across gaps of the track."""
     cuts = []
     for start, stop in pieces:
         edges = np.linspace(start, stop, math.ceil((stop - start) / length) + 1).round()
@@ -269,8 +259,8 @@ def _cut(pieces, length: int) -> list[slice]:
     return cuts
 
 
-def _sampling(polar, ratio, pulses, centre, half, oversampling, n_guard, first_stage, coverage):
-    """Grid sizes and cost of one choice."""
+def _sampling(polar, ratio, pulses, centre, furthest, half, oversampling, n_guard, coverage):
+    """Grid sizes of one choice, and its cost without the first stage's."""
     wanted = polar.n_alpha * polar.alpha_spacing
     spacing = min(math.pi / (max(half, 1e-9) * oversampling), wanted)
     least = wanted + (2 * n_guard + 1) * spacing
@@ -279,16 +269,15 @@ def _sampling(polar, ratio, pulses, centre, half, oversampling, n_guard, first_s
     n_fine = quick_length(math.ceil(n_coarse * spacing / polar.alpha_spacing))
     extent = n_fine * polar.alpha_spacing
     spacing = extent / n_coarse
-    least = max(_LEAST_RANGE_GUARD, math.ceil(n_guard * spacing * float(np.abs(centre).max())
-                                              / polar.range_spacing_m))
+    least = max(_LEAST_RANGE_GUARD,
+                math.ceil(n_guard * spacing * furthest / polar.range_spacing_m))
     range_guard = max(least, min(usual_guard(polar.n_range),
                                  _ranges_before(polar, (extent - wanted) / 2 + spacing)))
     n_coarse_range, n_fine_range = (n * row_length(
         math.ceil((polar.n_range + 2 * range_guard) / ratio[1]), ratio) for n in ratio)
-    cost = (first_stage(pulses, n_coarse, n_coarse_range)
-            + len(pulses) * (_COST_COARSE * n_coarse * n_coarse_range + _COST_SUBAPERTURE)
+    cost = (len(pulses) * (_COST_COARSE * n_coarse * n_coarse_range + _COST_SUBAPERTURE)
             + _COST_FINE * n_fine * n_fine_range)
-    return Sampling(tuple(pulses), centre, n_coarse, n_fine, extent, n_guard, 0.0, n_coarse_range,
+    return Sampling(pulses, centre, n_coarse, n_fine, extent, n_guard, 0.0, n_coarse_range,
                     n_fine_range, coverage, 0.0, cost)
 
 

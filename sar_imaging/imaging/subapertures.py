@@ -16,11 +16,11 @@ import numpy as np
 from ..geometry.polar import PolarGrid
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
-from .beam_plan import BeamSampling, plan_beams
 from .beams import BeamLines
+from .first_stage import FirstStage
 from .fusion_error import EVERYTHING, Coverage
 from .fusion_grid import FusionGrid
-from .lattice import plan_lattice, remaining_db, sample_paths, total_db
+from .lattice import half_paths, plan_lattice, remaining_db, sample_paths, total_db
 from .profiles import Profiles
 from .projection import PolarLines
 from .range_band import RangeBand
@@ -41,7 +41,6 @@ _SAMPLES_PER_EDGE = 33
 _ROWS_FOR_PATHS = 512  # enough to bound how paths differ along a line
 _SAMPLING_SLACK = 0.02  # of what is bounded
 _PADDING = 32  # samples of windows, for the delays of rows of beams
-_CUTS_FOR_BEAMS = 5  # sub-apertures whose geometry is looked at
 _DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
 LENGTHS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  # pulses to choose from
 
@@ -158,20 +157,21 @@ class SubaperturePlan:
         self._given, self._band = radar, band
         self.radar = radar = radar if band is None else band.radar
         self._n_channels = tx_m.shape[1]
-        paths = _paths(polar, tx_m, rx_m)
-        lattice_db = min(target_db - _STAGE_SHARE_DB, -50.0)
+        paths = sample_paths(*_rows_and_samples(polar, tx_m, rx_m, _SAMPLES_PER_SIDE,
+                                                _SAMPLES_PER_SIDE))
+        self._lattice_db = min(target_db - _STAGE_SHARE_DB, -50.0)
         bands = local_bands(polar, tx_m, rx_m, radar)
         if ratio[0] / ratio[1] < used_share(bands.half_range, polar.range_spacing_m,
                                             polar.n_range, tapers=0.5):
             ratio = 1, 1
         usual = dataclasses.replace(polar, n_range=polar.n_range * ratio[0] // ratio[1],
                                     range_spacing_m=polar.range_spacing_m * ratio[1] / ratio[0])
-        lattice = self._plan_lattice(paths, usual.range_spacing_m, self.n_samples, lattice_db)
+        lattice = self._plan_lattice(paths, usual.range_spacing_m, self.n_samples)
         lengths = (pulses_per_subaperture,) if pulses_per_subaperture else LENGTHS
         self.sampling = choose_sampling(polar, bands, tx_m, rx_m, lengths,
-                                        self._first_stage(usual, lattice, tx_m, rx_m, lattice_db,
+                                        self._first_stage(usual, lattice, tx_m, rx_m,
                                                           bands.range_m),
-                                        remaining_db(target_db - _MARGIN_DB, lattice_db),
+                                        remaining_db(target_db - _MARGIN_DB, self._lattice_db),
                                         coverage, ratio)
         if self.sampling is None:
             raise ValueError(
@@ -188,8 +188,10 @@ class SubaperturePlan:
         window = band or RangeWindow.around(radar, self.n_samples, range_m)
         padding = 0 if window.periodic else _PADDING
         self.lattice = self._plan_lattice(paths, self.coarse.range_spacing_m,
-                                          window.n_samples + padding, lattice_db)
-        self.beams = self._choose_beams(tx_m, rx_m, lattice_db, range_m)
+                                          window.n_samples + padding)
+        self.beams = self._first_stage(
+            self.coarse, self.lattice, tx_m, rx_m, range_m).choose_beams(
+                s.pulses, self.coarse.n_alpha * self.coarse.n_range)
         self._stage_error_db = (self.beams or self.lattice).predicted_error_db
         self.predicted_error_db = total_db(self._stage_error_db, self.sampling.error_db)
         self.warnings = tuple(self._cut_warnings(paths.length, guard))
@@ -201,48 +203,15 @@ class SubaperturePlan:
                        if self.beams is None else
                        BeamLines(self.coarse, window, self.lattice, self.beams, range_m))
 
-    def _first_stage(self, grid, lattice, tx_m, rx_m, target_db, range_m):
-        """Relative time of all sub-aperture images, by the quicker of both ways."""
-        beams: dict[int, BeamSampling | None] = {}
-
-        def cost(pulses, n_coarse, n_range):
-            length = pulses[0].stop - pulses[0].start  # all are about as long
-            if length not in beams:
-                beams[length] = self._plan_beams(grid, lattice, tx_m, rx_m, pulses,
-                                                 target_db, range_m)
-            return len(pulses) * min(self._costs(lattice, beams[length], length,
-                                                 n_coarse * n_range))
-
-        return cost
-
-    def _costs(self, lattice, beams: BeamSampling | None, length, n_pixels) -> tuple[float, float]:
-        """Relative times of a sub-aperture image: directly, and from beams."""
-        n_rows = length * self._n_channels
+    def _first_stage(self, grid, lattice, tx_m, rx_m, range_m) -> FirstStage:
         span = self.polar.n_alpha * self.polar.alpha_spacing
-        return (n_rows * lattice.cost * n_pixels, math.inf if beams is None else beams.cost(
-            n_rows, lattice.n_padded, lattice.n_cells, n_pixels, span))
-
-    def _plan_beams(self, grid, lattice, tx_m, rx_m, pulses, target_db, range_m):
-        """Beams for sub-aperture images on a grid, or None."""
-        some = np.linspace(0, len(pulses) - 1, _CUTS_FOR_BEAMS).round().astype(int)
-        cuts = [(tx_m[pulses[i]].reshape(-1, 3), rx_m[pulses[i]].reshape(-1, 3))
-                for i in np.unique(some)]
         padding_m = math.inf if self._band else _PADDING * self.radar.sample_spacing_m
-        return plan_beams(grid, self.radar, lattice, lattice.n_padded, cuts, target_db,
-                          range_m[1] - range_m[0], padding_m)
+        return FirstStage(grid, span, self.radar, lattice, tx_m, rx_m, self._lattice_db, range_m,
+                          padding_m)
 
-    def _choose_beams(self, tx_m, rx_m, target_db, range_m) -> BeamSampling | None:
-        """Beams, where they are quicker than adding each pulse directly."""
-        pulses = self.sampling.pulses
-        beams = self._plan_beams(self.coarse, self.lattice, tx_m, rx_m, pulses, target_db, range_m)
-        direct, from_beams = self._costs(self.lattice, beams,
-                                         max(p.stop - p.start for p in pulses),
-                                         self.coarse.n_alpha * self.coarse.n_range)
-        return beams if from_beams < direct else None
-
-    def _plan_lattice(self, paths, spacing, n_samples, target_db):
+    def _plan_lattice(self, paths, spacing, n_samples):
         lattice = plan_lattice(paths, spacing, self.polar.n_range, self.radar, n_samples,
-                               target_db, periodic=self._band is not None)
+                               self._lattice_db, periodic=self._band is not None)
         if lattice is None:
             raise ValueError('the polar grid does not follow the range of this track (too near, '
                              'or around the antenna); use Backprojector')
@@ -354,20 +323,21 @@ def _middles(tx_m, rx_m) -> np.ndarray:
     return 0.5 * (tx_m + rx_m).mean(axis=1)
 
 
-def _paths(polar: PolarGrid, tx_m, rx_m, n_range=_SAMPLES_PER_SIDE, n_alpha=_SAMPLES_PER_SIDE):
-    """Half paths at samples of the grid, direction by direction, for some rows."""
+def _rows_and_samples(polar: PolarGrid, tx_m, rx_m, n_range, n_alpha):
+    """Some rows, and ranges and directions of the grid, direction by direction."""
     r, alpha = (v.ravel() for v in np.meshgrid(
         np.linspace(polar.range_m[0], polar.range_m[-1], n_range),
         np.linspace(polar.alpha[0], polar.alpha[-1], n_alpha)))
     tx, rx = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
     # neighbouring rows in groups, since they are added together
     step = max(1, len(tx) // _ROWS_FOR_PATHS)
-    return sample_paths(tx[::step], rx[::step], polar.lines(r, alpha))
+    return tx[::step], rx[::step], polar.lines(r, alpha)
 
 
 def _bounds(polar: PolarGrid, tx_m, rx_m) -> tuple[float, float]:
     """Smallest and largest half path to a grid along whose lines they grow, metres."""
-    length = _paths(polar, tx_m, rx_m, n_range=2, n_alpha=_SAMPLES_PER_EDGE).length
+    tx_m, rx_m, lines = _rows_and_samples(polar, tx_m, rx_m, 2, _SAMPLES_PER_EDGE)
+    length = half_paths(tx_m, rx_m, lines[0])[0]
     near, far = length[:, ::2], length[:, 1::2]
     # what rows and directions between the samples may add
     slack = [sum(np.abs(np.diff(edge, axis=axis)).max(initial=0.0) for axis in (0, 1))

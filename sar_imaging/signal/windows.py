@@ -23,6 +23,7 @@ import numpy as np
 
 WINDOW_NAMES = ('none', 'hamming', 'hann', 'taylor', 'kaiser')
 
+_FROM_EDGE_TO_EDGE = {'hamming': np.hamming, 'hann': np.hanning, 'kaiser': np.kaiser}
 _DEFAULTS = {'none': (), 'hamming': (), 'hann': (), 'taylor': (4.0, 35.0), 'kaiser': (6.0,)}
 
 
@@ -109,9 +110,10 @@ def window(name: str, n: int) -> np.ndarray:
         raise ValueError(f'n={n}; a window needs at least one bin')
     if family == 'none':
         return np.ones(n)
-    # scipy.signal takes over a second to import, which a node without a window need not wait for
-    from scipy.signal import windows as scipy_windows
-    if family == 'taylor':  # scipy samples this one at the middles of the bins already
+    if family == 'taylor':
+        # takes over half a second to import, for which other windows need not wait
+        from scipy.signal import windows as scipy_windows
+        # sampled at the middles of the bins already
         return scipy_windows.taylor(n, nbar=int(values[0]), sll=values[1])
     # Of 2n + 1 points from edge to edge, those with odd index are the middles of n bins.
-    return scipy_windows.get_window((family, *values), 2 * n + 1, fftbins=False)[1::2]
+    return _FROM_EDGE_TO_EDGE[family](2 * n + 1, *values)[1::2]
