@@ -17,6 +17,7 @@ import scipy.fft
 
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .aperture_cut import cut_pulses, pieces_between_gaps
 from .first_stage import FirstStage
 from .fusion_error import EVERYTHING, Coverage, mean_error, taper_shape
 from .lattice import half_paths
@@ -24,7 +25,6 @@ from .row_transform import row_length
 from .transform_length import quick_length
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
-_GAP = 4.0  # times the usual distance between pulses
 _OVERSAMPLING = (1.1, 1.15, 1.2, 1.25, 1.3, 1.4, 1.6, 1.8, 2.0, 2.3, 2.7, 3.2)
 _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 # Time of a coarse and a fine pixel in the fusion; a pixel and row of the kernel is 1 (measured)
@@ -186,12 +186,12 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths,
     """
     choices = []
     n_pulses, n_channels = tx_m.shape[:2]
-    middles = 0.5 * (tx_m + rx_m).mean(axis=1)
-    pieces, least, most = _pieces(middles), bands.slope.min(axis=1), bands.slope.max(axis=1)
+    pieces = pieces_between_gaps(0.5 * (tx_m + rx_m).mean(axis=1))
+    least, most = bands.slope.min(axis=1), bands.slope.max(axis=1)
     for length in lengths:
         if length > n_pulses and length != lengths[0]:
             break
-        pulses = tuple(_cut(pieces, length))
+        pulses = tuple(cut_pulses(pieces, length))
         first = np.array([p.start for p in pulses]) * n_channels
         lo, hi = np.minimum.reduceat(least, first), np.maximum.reduceat(most, first)
         centre, half = 0.5 * (lo + hi), bands.wavenumber[1] * 0.5 * float((hi - lo).max())
@@ -240,23 +240,6 @@ def _by_cost(choices, first_stage: FirstStage) -> Iterator[tuple[tuple[int, int,
             yield key, dataclasses.replace(found, cost=cost)
         else:
             heapq.heappush(queue, (found.cost + first_stage.cost(*images[i]), i, True))
-
-
-def _pieces(middles) -> list[tuple[int, int]]:
-    """Pulses between gaps of the track."""
-    steps = np.linalg.norm(np.diff(middles, axis=0), axis=1)
-    usual = np.median(steps) if len(steps) else 0.0
-    gaps = (np.flatnonzero(steps > _GAP * usual) + 1).tolist() if usual > 0 else []
-    return list(zip([0, *gaps], [*gaps, len(middles)], strict=True))
-
-
-def _cut(pieces, length: int) -> list[slice]:
-    """Sub-apertures of about equal length that do not reach across gaps of the track."""
-    cuts = []
-    for start, stop in pieces:
-        edges = np.linspace(start, stop, math.ceil((stop - start) / length) + 1).round()
-        cuts += map(slice, *(e.astype(int).tolist() for e in (edges[:-1], edges[1:])))
-    return cuts
 
 
 def _sampling(polar, ratio, pulses, centre, furthest, half, oversampling, n_guard, coverage):
