@@ -39,6 +39,7 @@ from .resampling_vectors import (
     locate_ranges,
     transpose_floats,
 )
+from .work_sharing import job_counter, take_job
 from .work_space import aligned_empty
 
 __all__ = ['CORRECTED_TAPS', 'DEGREE', 'LANES', 'NOT_READ', 'TAPS', 'add_polar_to_map', 'margin']
@@ -47,11 +48,12 @@ __all__ = ['CORRECTED_TAPS', 'DEGREE', 'LANES', 'NOT_READ', 'TAPS', 'add_polar_t
 # it cannot be: along a row of the map direction changes, too, and with it what range must take.
 TAPS, CORRECTED_TAPS = 14, 6
 NOT_READ = 3  # pixels of the margin
-_TASKS_PER_THREAD = 4
 FLOAT_BYTES, DOUBLE_BYTES = 4, 8
 _WORK_BYTES = LANES * (POSITION_BYTES + 2 * GROUP_BYTES)
 _MOST_LINES = 64  # fetched before they are needed
 _PIXELS = 512  # of a row between two passes: what is between them stays in cache
+_MOST_STRIPS = 16  # of a job: neighbours share lines of the polar image
+_JOBS_PER_THREAD = 4  # at least
 
 
 def margin(taps: int) -> int:
@@ -95,7 +97,10 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
     r = polar.range_start_m + step * np.arange(-LANES, polar.n_range + 2 * LANES)
     r = np.maximum(r, 0.5 * polar.range_start_m)
     squares, inverses = r ** 2, 1 / r
-    n_tasks = min(-(-len(rows) // LANES), _TASKS_PER_THREAD * numba.get_num_threads())
+    n_tasks = numba.get_num_threads()
+    n_strips = -(-len(rows) // LANES)
+    job = max(1, min(_MOST_STRIPS, n_strips // (_JOBS_PER_THREAD * n_tasks)))  # its strips
+    counter = job_counter()
     tables = aligned_empty((n_tasks, 3, LANES), np.float64)
     work = aligned_empty((n_tasks, _WORK_BYTES + 2 * length * VECTOR_BYTES), np.uint8)
     weights = [np.ascontiguousarray(v.centred[:, :v.n_taps // 2]) for v in (between, along)]
@@ -107,37 +112,40 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
               (polar.range_start_m, 1 / step, 2 / wavelength_m), polar.height_m ** 2,
               weights[0].ctypes.data, (0,) * between.n_taps, weights[1].ctypes.data,
               (0,) * along.n_taps, along.first, image.ctypes.data, steps * SAMPLE_BYTES, tables,
-              work.ctypes.data, work.strides[0], length * VECTOR_BYTES)
+              work.ctypes.data, work.strides[0], length * VECTOR_BYTES, n_strips, job,
+              counter.ctypes.data)
 
 
 @njit(parallel=True, fastmath=REPEATABLE)
 def _resample(real, imag, apart, n_range, last, squares, inverses, rows, line, direction, ranges,
               height2, weights_between, taps_between, weights, taps, first, image, steps, tables,
-              work, work_bytes, strip_bytes):
+              work, work_bytes, strip_bytes, n_strips, job, counter):
     """Strip by strip; addresses instead of arrays where vectors are read or written."""
-    n_tasks, n_pixels = len(tables), len(line)
-    n_strips = (len(rows) + LANES - 1) // LANES
-    for task in numba.prange(n_tasks):
+    n_pixels = len(line)
+    for task in numba.prange(len(tables)):
         panel = work + task * work_bytes
         strip = panel + _WORK_BYTES
-        for pixel in range(0, n_pixels, _PIXELS):
-            n_some = min(_PIXELS, n_pixels - pixel)
-            # strips of the same pixels one after the other share lines of the polar image
-            for number in range(task * n_strips // n_tasks, (task + 1) * n_strips // n_tasks):
-                for j in range(LANES):
-                    beside = rows[min(number * LANES + j, len(rows) - 1)]
-                    tables[task, 0, j] = beside
-                    tables[task, 1, j] = beside * beside + height2
-                n_chunks = _set_off(tables[task], line[pixel] ** 2,
-                                    line[pixel + n_some // 2] ** 2,
-                                    line[pixel + n_some - 1] ** 2, ranges, first, len(taps))
-                _to_ranges(real, imag, apart, n_range, last, squares, inverses, direction,
-                           weights_between, taps_between, tables[task], first, n_chunks, panel,
-                           strip, strip_bytes)
-                _to_pixels(line, pixel, n_some, ranges, weights, taps, tables[task],
-                           LANES * n_chunks - len(taps) - 1.0, panel, strip, strip_bytes,
-                           image + number * LANES * steps[0], steps,
-                           min(LANES, len(rows) - number * LANES))
+        begin = take_job(counter) * job
+        while begin < n_strips:
+            for pixel in range(0, n_pixels, _PIXELS):
+                n_some = min(_PIXELS, n_pixels - pixel)
+                # strips of the same pixels one after the other share lines of the polar image
+                for number in range(begin, min(begin + job, n_strips)):
+                    for j in range(LANES):
+                        beside = rows[min(number * LANES + j, len(rows) - 1)]
+                        tables[task, 0, j] = beside
+                        tables[task, 1, j] = beside * beside + height2
+                    n_chunks = _set_off(tables[task], line[pixel] ** 2,
+                                        line[pixel + n_some // 2] ** 2,
+                                        line[pixel + n_some - 1] ** 2, ranges, first, len(taps))
+                    _to_ranges(real, imag, apart, n_range, last, squares, inverses, direction,
+                               weights_between, taps_between, tables[task], first, n_chunks,
+                               panel, strip, strip_bytes)
+                    _to_pixels(line, pixel, n_some, ranges, weights, taps, tables[task],
+                               LANES * n_chunks - len(taps) - 1.0, panel, strip, strip_bytes,
+                               image + number * LANES * steps[0], steps,
+                               min(LANES, len(rows) - number * LANES))
+            begin = take_job(counter) * job
 
 
 @njit(fastmath=REPEATABLE)
