@@ -137,7 +137,8 @@ class AfbpImager:
         Returns
         -------
         (n_y, n_x) or (n_alpha, n_range) complex64
-            ``f(x) = sum_m sum_n s_mn(D_mn(x)) exp(+j k_c D_mn(x))``.
+            ``f(x) = sum_m sum_n s_mn(D_mn(x)) exp(+j k_c D_mn(x))``. A map may lie in the larger
+            memory of the polar image that it was made from; a copy of it lets go of the rest.
 
         Raises
         ------
@@ -155,15 +156,17 @@ class AfbpImager:
             weights = None if self._pulse_weights is None else self._pulse_weights[some]
             parts = stage.image(number, block.select(some), weights, parts)
             self.fusion.add(number, parts, s.centre[number])
-        return self.form(self.fusion.take_polar_image(planes=True))
+        return self.form(self.fusion.take_polar_image(planes=True), overwrite=True)
 
-    def form(self, polar_image: np.ndarray) -> np.ndarray:
+    def form(self, polar_image: np.ndarray, *, overwrite: bool = False) -> np.ndarray:
         """Image on the grid from the fused polar image at range baseband.
 
         Parameters
         ----------
         polar_image : (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
             From `SpectrumFusion`, complex or as real and imaginary part.
+        overwrite : bool
+            It is not needed any more: a map may be written over it, see `fusion_map.form_map`.
 
         Returns
         -------
@@ -176,7 +179,7 @@ class AfbpImager:
             if not np.iscomplexobj(polar_image):
                 polar_image = polar_image[0] + np.complex64(1j) * polar_image[1]
             return polar_image * np.exp(2j * np.pi * cycles).astype(np.complex64)
-        return form_map(polar_image, plan.fusion_grid, self.grid)
+        return form_map(polar_image, plan.fusion_grid, self.grid, overwrite=overwrite)
 
 
 def _checked_weights(weights, n_pulses: int) -> np.ndarray | None:

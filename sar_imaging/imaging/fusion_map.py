@@ -10,13 +10,13 @@ from ..geometry.polar import PolarGrid
 from .fusion_grid import FusionGrid
 from .interpolation import design_interpolator
 from .kernels import _cos_cycles, _fraction, _sin_cycles
-from .resampling import CORRECTED_TAPS, DEGREE, NOT_READ, TAPS, add_polar_to_map, margin
+from .resampling import CORRECTED_TAPS, DEGREE, NOT_READ, TAPS, margin, polar_to_map
 
 _EDGE_SAMPLES = 65  # per edge of the map
 
 
 def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid,
-             centre_m: float = 0.0) -> np.ndarray:
+             centre_m: float = 0.0, *, overwrite: bool = False) -> np.ndarray:
     """Interpolate a fused image to a map and put its carrier back.
 
     Parameters
@@ -29,6 +29,10 @@ def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid,
         Map; ``fusion.polar`` covers it, finely enough to be interpolated.
     centre_m : float
         As given to `SpectrumFusion.polar_image`.
+    overwrite : bool
+        The polar image is not needed any more: that of `SpectrumFusion.take_polar_image` with
+        ``planes=True`` may become the memory of the map, where range follows x and the map is not
+        much finer than the polar image. Otherwise the map gets memory of its own.
 
     Returns
     -------
@@ -43,13 +47,12 @@ def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid,
     if fusion.between is None:
         raise ValueError('the fused image is not sampled finely enough to be interpolated to a '
                          'map; plan it for a MapGrid')
-    image = np.zeros(grid.shape, np.complex64)
     along = design_interpolator(fusion.range_oversampling, taps=TAPS, degree=DEGREE)
     if np.iscomplexobj(polar_image):
         polar_image = np.stack((polar_image.real, polar_image.imag))
-    add_polar_to_map(*polar_image, fusion.polar, grid, image,
-                     axis=_axis(fusion.polar, grid), wavelength_m=fusion.wavelength_m,
-                     between=fusion.between, along=along)
+    image = polar_to_map(polar_image, fusion.polar, grid, axis=_axis(fusion.polar, grid),
+                         wavelength_m=fusion.wavelength_m, between=fusion.between, along=along,
+                         overwrite=overwrite)
     if centre_m:
         polar = fusion.polar
         _restore_carrier(grid.x_m - polar.origin_m[0], grid.y_m - polar.origin_m[1],

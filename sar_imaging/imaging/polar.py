@@ -274,6 +274,9 @@ def _frame(grid: MapGrid, centres):
     _, lengths, axes = np.linalg.svd(spread, full_matrices=False)
     broadside = np.array([-look[1], look[0]]) / distance
     track = axes[0] if lengths[0] > 1e-6 * distance else broadside
+    axis = int(abs(look[1]) > abs(look[0]))
+    if axis == 0 and track[1] > 0:  # lines in the order of the rows of the map, north first
+        track = -track
     along = spread @ track
     origin = middle.copy()
     origin[:2] += track * 0.5 * (along.min() + along.max())
@@ -281,7 +284,6 @@ def _frame(grid: MapGrid, centres):
     across = side * np.array([-track[1], track[0]])
     corners = np.array([[x, y] for x in grid.x_m[[0, -1]] for y in grid.y_m[[0, -1]]])
     offset = corners - origin[:2]
-    axis = int(abs(look[1]) > abs(look[0]))
     ahead = offset[:, axis] * np.sign(look[axis])
     if (offset @ across).min() < 0.1 * distance or ahead.min() < 0.1 * distance:
         return None

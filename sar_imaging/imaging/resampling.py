@@ -10,6 +10,7 @@ processor from waiting for one result after the other.
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -31,18 +32,19 @@ from .resampling_vectors import (
     DEGREE,
     FIRST,
     POSITION_BYTES,
-    add_samples,
     fetch_lines,
     interpolate,
     interpolate_carrier,
     locate_directions,
     locate_ranges,
+    put_samples,
     transpose_floats,
 )
 from .work_sharing import job_counter, take_job
 from .work_space import aligned_empty
 
-__all__ = ['CORRECTED_TAPS', 'DEGREE', 'LANES', 'NOT_READ', 'TAPS', 'add_polar_to_map', 'margin']
+__all__ = ['CORRECTED_TAPS', 'DEGREE', 'LANES', 'NOT_READ', 'TAPS', 'add_polar_to_map', 'margin',
+           'overwriting_rounds', 'polar_to_map']
 
 # Neighbours that are read, and along direction where the spectrum is corrected for it. Along range
 # it cannot be: along a row of the map direction changes, too, and with it what range must take.
@@ -54,6 +56,7 @@ _MOST_LINES = 64  # fetched before they are needed
 _PIXELS = 512  # of a row between two passes: what is between them stays in cache
 _MOST_STRIPS = 16  # of a job: neighbours share lines of the polar image
 _JOBS_PER_THREAD = 4  # at least
+_MOST_ROUNDS = 32  # each is a call of the kernel, at whose end tasks wait for each other
 
 
 def margin(taps: int) -> int:
@@ -84,13 +87,114 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
     between, along : Interpolator
         Between lines and along them, of degree `DEGREE`.
     """
-    origin = np.array(polar.origin_m)
-    line = (grid.x_m, grid.y_m)[axis] - origin[axis]
-    rows = (grid.y_m, grid.x_m)[axis] - origin[1 - axis]
+    _interpolate(real, imag, polar, grid, image, [0, image.shape[axis]], True, axis, wavelength_m,
+                 between, along)
+
+
+def polar_to_map(lines, polar: PolarGrid, grid: MapGrid, *, axis: int, wavelength_m: float,
+                 between: Interpolator, along: Interpolator,
+                 overwrite: bool = False) -> np.ndarray:
+    """Interpolate a polar image at range baseband to a map image.
+
+    Parameters
+    ----------
+    lines : (2, n_alpha, n_range) float32
+        Real and imaginary part, as `add_polar_to_map` takes them.
+    polar, grid, axis, wavelength_m, between, along :
+        As for `add_polar_to_map`.
+    overwrite : bool
+        The polar image is not needed any more: write the map over it, from its first line on,
+        where `overwriting_rounds` finds room and each line's imaginary part follows its real part
+        in memory and the next line follows them. Elsewhere the map gets memory of its own.
+
+    Returns
+    -------
+    (n_y, n_x) complex64
+    """
+    whole, rounds = lines.swapaxes(0, 1), None
+    if overwrite and whole.flags.c_contiguous and whole.flags.writeable:
+        rounds = overwriting_rounds(polar, grid, axis=axis, between=between, along=along)
+    if rounds is None:
+        image, rounds = np.empty(grid.shape, np.complex64), [0, grid.shape[axis]]
+    else:
+        whole = whole.reshape(-1).view(np.complex64)
+        image = whole[:grid.n_y * grid.n_x].reshape(grid.shape)
+    _interpolate(*lines, polar, grid, image, rounds, False, axis, wavelength_m, between, along)
+    return image
+
+
+def overwriting_rounds(polar: PolarGrid, grid: MapGrid, *, axis: int, between: Interpolator,
+                       along: Interpolator) -> list[int] | None:
+    """Rounds in which a map can be written over the polar image that it is interpolated from.
+
+    Rows of a round, at their place from the first line on, lie before all lines that it and later
+    rounds read.
+
+    Parameters
+    ----------
+    polar, grid, axis, between, along :
+        As for `add_polar_to_map`.
+
+    Returns
+    -------
+    list of int or None
+        First row of each round, and the number of rows. None where lines become free too late:
+        they must ascend with the rows of the map, whose pixels must not be much finer, and where
+        rows of the second pass are columns of the map, its first row needs all of them.
+    """
+    if axis != 0:
+        return None
+    first = _first_lines(polar, grid, between, along)
+    free = np.minimum.accumulate(first[::-1])[::-1]  # lines before those that it and later read
+    fit = free * polar.n_range // grid.n_x
+    rounds = [0]
+    while rounds[-1] < grid.n_y:
+        end = int(fit[rounds[-1]])
+        end = grid.n_y if end >= grid.n_y else end - end % LANES
+        if end <= rounds[-1] or len(rounds) > _MOST_ROUNDS:
+            return None
+        rounds.append(end)
+    return rounds
+
+
+def _positions(polar, grid, axis, between):
+    """Pixels ahead of and rows beside the origin, and how directions are told as lines.
+
+    The last is (ahead, beside, zero): a row meets range r in line ``(ahead sqrt(r^2 - row^2 -
+    height^2) + beside row) / r - zero``, the first that is interpolated from.
+    """
+    line = (grid.x_m, grid.y_m)[axis] - polar.origin_m[axis]
+    rows = (grid.y_m, grid.x_m)[axis] - polar.origin_m[1 - axis]
     # side of the origin on which the pixels of a line lie
     sign = 1.0 if line.mean() > 0 else -1.0
-    track = np.array(polar.track)[[axis, 1 - axis]]
-    steps = np.array((grid.n_x, 1) if axis == 0 else (1, grid.n_x))
+    return line, rows, (sign * polar.track[axis] / polar.alpha_spacing,
+                        polar.track[1 - axis] / polar.alpha_spacing,
+                        polar.alpha_start / polar.alpha_spacing - between.first)
+
+
+def _first_lines(polar, grid, between, along) -> np.ndarray:
+    """(n_y,) int64 first line that each row of a map is interpolated from, or one before it."""
+    line, rows, (ahead, beside, zero) = _positions(polar, grid, 0, between)
+    beside2, along_track = rows ** 2 + polar.height_m ** 2, beside * rows
+    # ranges that the pixels at the ends of a row are interpolated from
+    near, far = (np.sqrt(ahead2 + beside2) + number * polar.range_spacing_m for ahead2, number in (
+        ((line ** 2).min(), along.first - 1), ((line ** 2).max(), along.first + along.n_taps)))
+    # between which directions have an extreme at most where their derivative by r is 0
+    with np.errstate(over='ignore'):
+        turn = np.divide(ahead * beside2, along_track, out=np.zeros_like(rows),
+                         where=along_track != 0)
+    r = np.clip([near, np.sqrt(beside2), np.hypot(turn, np.sqrt(beside2)), far], near, far)
+    v = (ahead * np.sqrt(np.maximum(r ** 2 - beside2, 0.0)) + along_track) / r - zero
+    # as the kernel bounds them, less what may be rounded otherwise
+    v = np.clip(v.min(axis=0), 1.0, polar.n_alpha - between.n_taps - 2.0)
+    return np.floor(v).astype(np.int64) - 1
+
+
+def _interpolate(real, imag, polar, grid, image, rounds, add, axis, wavelength_m, between,
+                 along) -> None:
+    """Rows from one of `rounds` to the next, one round after the other; added or stored."""
+    line, rows, direction = _positions(polar, grid, axis, between)
+    steps = np.array((grid.n_x, 1) if axis == 0 else (1, grid.n_x)) * SAMPLE_BYTES
     step, pixel = polar.range_spacing_m, np.ptp(line) / max(len(line) - 1, 1)
     # ranges that _PIXELS pixels read, begun and ended by whole vectors
     length = LANES * (3 + math.ceil((_PIXELS * pixel / step + along.n_taps) / LANES))
@@ -98,28 +202,28 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
     r = np.maximum(r, 0.5 * polar.range_start_m)
     squares, inverses = r ** 2, 1 / r
     n_tasks = numba.get_num_threads()
-    n_strips = -(-len(rows) // LANES)
-    job = max(1, min(_MOST_STRIPS, n_strips // (_JOBS_PER_THREAD * n_tasks)))  # its strips
-    counter = job_counter()
     tables = aligned_empty((n_tasks, 3, LANES), np.float64)
     work = aligned_empty((n_tasks, _WORK_BYTES + 2 * length * VECTOR_BYTES), np.uint8)
     weights = [np.ascontiguousarray(v.centred[:, :v.n_taps // 2]) for v in (between, along)]
-    _resample(real.ctypes.data, imag.ctypes.data, real.strides[0], polar.n_range,
-              polar.n_alpha - between.n_taps - 2.0, squares.ctypes.data, inverses.ctypes.data,
-              rows, line,
-              (sign * track[0] / polar.alpha_spacing, track[1] / polar.alpha_spacing,
-               polar.alpha_start / polar.alpha_spacing - between.first),
-              (polar.range_start_m, 1 / step, 2 / wavelength_m), polar.height_m ** 2,
-              weights[0].ctypes.data, (0,) * between.n_taps, weights[1].ctypes.data,
-              (0,) * along.n_taps, along.first, image.ctypes.data, steps * SAMPLE_BYTES, tables,
-              work.ctypes.data, work.strides[0], length * VECTOR_BYTES, n_strips, job,
-              counter.ctypes.data)
+    for begin, end in itertools.pairwise(rounds):
+        n_strips = -(-(end - begin) // LANES)
+        job = max(1, min(_MOST_STRIPS, n_strips // (_JOBS_PER_THREAD * n_tasks)))  # its strips
+        counter = job_counter()
+        _resample(real.ctypes.data, imag.ctypes.data, real.strides[0], polar.n_range,
+                  polar.n_alpha - between.n_taps - 2.0, squares.ctypes.data, inverses.ctypes.data,
+                  rows[begin:end], line, direction, (polar.range_start_m, 1 / step,
+                                                     2 / wavelength_m),
+                  polar.height_m ** 2, weights[0].ctypes.data, (0,) * between.n_taps,
+                  weights[1].ctypes.data, (0,) * along.n_taps, along.first,
+                  image.ctypes.data + begin * int(steps[0]), steps, int(add), tables,
+                  work.ctypes.data, work.strides[0], length * VECTOR_BYTES, n_strips, job,
+                  counter.ctypes.data)
 
 
 @njit(parallel=True, fastmath=REPEATABLE)
 def _resample(real, imag, apart, n_range, last, squares, inverses, rows, line, direction, ranges,
-              height2, weights_between, taps_between, weights, taps, first, image, steps, tables,
-              work, work_bytes, strip_bytes, n_strips, job, counter):
+              height2, weights_between, taps_between, weights, taps, first, image, steps, add,
+              tables, work, work_bytes, strip_bytes, n_strips, job, counter):
     """Strip by strip; addresses instead of arrays where vectors are read or written."""
     n_pixels = len(line)
     for task in numba.prange(len(tables)):
@@ -143,7 +247,7 @@ def _resample(real, imag, apart, n_range, last, squares, inverses, rows, line, d
                                panel, strip, strip_bytes)
                     _to_pixels(line, pixel, n_some, ranges, weights, taps, tables[task],
                                LANES * n_chunks - len(taps) - 1.0, panel, strip, strip_bytes,
-                               image + number * LANES * steps[0], steps,
+                               image + number * LANES * steps[0], steps, add,
                                min(LANES, len(rows) - number * LANES))
             begin = take_job(counter) * job
 
@@ -214,7 +318,7 @@ def _first_range(chunk, first, shift, n_range):
 
 @njit(fastmath=REPEATABLE)
 def _to_pixels(line, pixel, n_pixels, ranges, weights, taps, table, last, positions, strip,
-               strip_bytes, image, steps, n_rows):
+               strip_bytes, image, steps, add, n_rows):
     """Ranges of a strip to pixels of its rows."""
     start, inverse, cycles_per_m = ranges
     places = table.ctypes.data
@@ -233,11 +337,11 @@ def _to_pixels(line, pixel, n_pixels, ranges, weights, taps, table, last, positi
         to = image + (pixel + begin) * steps[1]
         if steps[0] == SAMPLE_BYTES:  # neighbours of a column lie side by side in the map
             for p in range(n_some):
-                add_samples(group + p * GROUP_BYTES, to + p * steps[1], n_rows)
+                put_samples(group + p * GROUP_BYTES, to + p * steps[1], n_rows, add)
             continue
         for part in range(0, LANES * LANES, LANES * BLOCK):
             for side in range(0, LANES, BLOCK):
                 transpose(group + (part + side) * SAMPLE_BYTES, GROUP_BYTES,
                           rows + (side * LANES + part // LANES) * SAMPLE_BYTES, GROUP_BYTES)
         for j in range(n_rows):
-            add_samples(rows + j * GROUP_BYTES, to + j * steps[0], n_some)
+            put_samples(rows + j * GROUP_BYTES, to + j * steps[0], n_some, add)

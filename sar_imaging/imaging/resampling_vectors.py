@@ -167,23 +167,29 @@ def fetch_lines(typing_context, place, step, number):
 
 
 @intrinsic
-def add_samples(typing_context, source, target, number):
-    """Add `number` complex64 to others; quickest for LANES."""
+def put_samples(typing_context, source, target, number, add):
+    """Store `number` complex64, or add them if `add` is not 0; quickest for LANES."""
     def generate(context, b, signature, args):
-        source, target, number = args
+        source, target, number, add = args
+        add = b.icmp_signed('!=', add, _INT(0))
 
-        def add(kind, shift):
+        def put(kind, shift):
             places = [_pointer(b, b.add(place, shift), kind) for place in (source, target)]
-            b.store(b.fadd(*(b.load(place, align=4) for place in places)), places[1], align=4)
+            sample = b.load(places[0], align=4)
+            with b.if_else(add) as (added, stored):
+                with added:
+                    b.store(b.fadd(sample, b.load(places[1], align=4)), places[1], align=4)
+                with stored:
+                    b.store(sample, places[1], align=4)
 
         with b.if_else(b.icmp_signed('==', number, _INT(LANES))) as (whole, part):
             with whole:
-                add(_SAMPLES, _INT(0))
+                put(_SAMPLES, _INT(0))
             with part, cgutils.for_range(b, b.mul(number, _INT(2))) as loop:
-                add(ir.FloatType(), b.mul(loop.index, _INT(4)))
+                put(ir.FloatType(), b.mul(loop.index, _INT(4)))
         return context.get_dummy_value()
 
-    return types.void(*[types.int64] * 3), generate
+    return types.void(*[types.int64] * 4), generate
 
 
 def _store_positions(b, v, least, last, to):

@@ -149,6 +149,28 @@ def test_contributions_arrive_in_any_order(case):
     assert not plan.fusion.included
 
 
+@pytest.mark.parametrize('heading_rad, over', [(0.0, True), (0.2, True), (3.0, True),
+                                               (1.6, False), (-1.3, False)])
+def test_the_map_lies_over_the_polar_image_where_range_follows_x(make_case, heading_rad, over):
+    """Where they are told to be used up; the same bits as in memory of its own."""
+    case = make_case(1e3, pulses=64, heading_rad=heading_rad)
+    grid = dataclasses.replace(case.grid, n_x=20, n_y=17, spacing_m=1.6)  # coarse: there is room
+    plan = _plan(grid, case.block)
+    stage = plan.subapertures
+    for number, some in enumerate(stage.sampling.pulses):
+        plan.fusion.add(number, stage.image(number, case.block.select(some)),
+                        stage.sampling.centre[number])
+    whole = plan.fusion.polar_image()
+    lines = plan.fusion.take_polar_image(planes=True)
+    expected = plan.form(lines)
+    np.testing.assert_array_equal(lines[0] + 1j * lines[1], whole)  # still the caller's
+    np.testing.assert_array_equal(plan.form(whole, overwrite=True), expected)
+    image = plan.form(lines, overwrite=True)
+    np.testing.assert_array_equal(image, expected)
+    assert np.shares_memory(image, lines) is over
+    np.testing.assert_array_equal(plan(case.block), expected)
+
+
 def test_subapertures_do_not_reach_across_gaps(case):
     kept = np.r_[0:40, 75:128]
     block = case.block.select(kept)
