@@ -181,7 +181,8 @@ def _first_gain(samples, place, t, oversampling) -> np.ndarray:
 
 def _best_gain(read, wanted, weight) -> np.ndarray:
     """Real gains, by frequency, with which values read are nearest to those wanted, in parts."""
-    return np.sum(read * wanted, axis=0) @ weight / (np.sum(read * read, axis=0) @ weight)
+    along, squared = (np.einsum('pft,pft,t->f', read, v, weight) for v in (wanted, read))
+    return along / squared
 
 
 def _shifted(weights, shift: float) -> np.ndarray:

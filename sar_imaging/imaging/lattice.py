@@ -128,7 +128,8 @@ def half_paths(tx_m, rx_m, position, *directions) -> np.ndarray:
             for total, direction in zip(found[1:, :, some], directions, strict=True):
                 total += sum(o * d for o, d in zip(
                     offset, direction.T[:, :, None], strict=True)) / length
-    found /= len(centres)
+    if len(centres) > 1:
+        found /= len(centres)
     return found.swapaxes(1, 2)
 
 

@@ -69,8 +69,8 @@ class Limits:
     @classmethod
     def of(cls, bands: Bands) -> Limits:
         """Extremes of half paths, of their derivatives and of local frequencies."""
-        return cls(bands.range_m, bands.by_range, float(np.abs(bands.slope).max()),
-                   bands.half_range)
+        steepest = float(max(bands.slope.max(), -bands.slope.min()))
+        return cls(bands.range_m, bands.by_range, steepest, bands.half_range)
 
     def contain(self, other: Limits, slope_slack: float = 0.0) -> bool:
         """True when what was planned for these limits holds for the other ones, too.
