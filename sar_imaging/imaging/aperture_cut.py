@@ -35,6 +35,7 @@ def cut_pulses(pieces, length: int) -> list[slice]:
     """
     cuts = []
     for start, stop in pieces:
-        edges = np.linspace(start, stop, math.ceil((stop - start) / length) + 1).round()
-        cuts += map(slice, *(e.astype(int).tolist() for e in (edges[:-1], edges[1:])))
+        edges = np.linspace(start, stop, math.ceil((stop - start) / length) + 1)
+        edges = edges.round().astype(int).tolist()
+        cuts += map(slice, edges[:-1], edges[1:])
     return cuts
