@@ -23,7 +23,7 @@ _POINTS = 2048  # of the table: reading it linearly adds 1e-5
 _NODES = 8  # between two beams
 _BEYOND = 1.15  # times the band: what lies there should not meet a kink
 _RUN_SHARE = 0.02  # of the carrier frequency, over which gains are taken to grow alike
-_LEAST_RUNS = 8  # of bins; not by the number of threads, so that results do not depend on it
+_LEAST_RUNS = 16  # of bins; not by the number of threads, so that results do not depend on it
 
 
 @dataclasses.dataclass(frozen=True)
