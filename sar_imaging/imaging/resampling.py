@@ -56,7 +56,7 @@ _MOST_LINES = 64  # fetched before they are needed
 _PIXELS = 512  # of a row between two passes: what is between them stays in cache
 _MOST_STRIPS = 16  # of a job: neighbours share lines of the polar image
 _JOBS_PER_THREAD = 4  # at least
-_MOST_ROUNDS = 32  # each is a call of the kernel, at whose end tasks wait for each other
+_ROUND_BYTES = 8 << 20  # written by a round on average: tasks wait for each other at its end
 
 
 def margin(taps: int) -> int:
@@ -104,8 +104,8 @@ def polar_to_map(lines, polar: PolarGrid, grid: MapGrid, *, axis: int, wavelengt
         As for `add_polar_to_map`.
     overwrite : bool
         The polar image is not needed any more: write the map over it, from its first line on,
-        where `overwriting_rounds` finds room and each line's imaginary part follows its real part
-        in memory and the next line follows them. Elsewhere the map gets memory of its own.
+        where `overwriting_rounds` finds few rounds and each line's imaginary part follows its real
+        part in memory and the next line follows them. Elsewhere the map gets memory of its own.
 
     Returns
     -------
@@ -114,7 +114,8 @@ def polar_to_map(lines, polar: PolarGrid, grid: MapGrid, *, axis: int, wavelengt
     whole, rounds = lines.swapaxes(0, 1), None
     if overwrite and whole.flags.c_contiguous and whole.flags.writeable:
         rounds = overwriting_rounds(polar, grid, axis=axis, between=between, along=along)
-    if rounds is None:
+    most = 1 + grid.n_y * grid.n_x * SAMPLE_BYTES // _ROUND_BYTES
+    if rounds is None or len(rounds) - 1 > most:
         image, rounds = np.empty(grid.shape, np.complex64), [0, grid.shape[axis]]
     else:
         whole = whole.reshape(-1).view(np.complex64)
@@ -151,7 +152,7 @@ def overwriting_rounds(polar: PolarGrid, grid: MapGrid, *, axis: int, between: I
     while rounds[-1] < grid.n_y:
         end = int(fit[rounds[-1]])
         end = grid.n_y if end >= grid.n_y else end - end % LANES
-        if end <= rounds[-1] or len(rounds) > _MOST_ROUNDS:
+        if end <= rounds[-1]:
             return None
         rounds.append(end)
     return rounds

@@ -129,22 +129,32 @@ def _overwrites(lines, polar, grid, axis, interpolators):
 def test_a_map_is_written_over_lines_in_its_order(ahead, turn, interpolators):
     grid = MapGrid((ahead * 1000.0, 30.0, 0.0), 61, 300, 1.0)
     place = turn, 0, 300.0
-    for flip, step, before, expected in (
+    for flip, step, before, room in (
             (False, 0.7, 60, True), (True, 0.7, 60, False),  # the last line is needed first
             (False, 0.7, 9, False), (False, 2.0, 60, False)):  # no room to begin, or to go on
         polar, lines = _lines_beyond(grid, *place, flip, step, before)
-        assert _overwrites(lines, polar, grid, 0, interpolators) is expected
-    polar, lines = _lines_beyond(grid, *place, False, 0.7, 60)
-    apart, last = np.ascontiguousarray(lines), lines.copy(order='K')
-    last.flags.writeable = False
-    for other in (apart, last, np.concatenate([lines, lines], axis=2)[:, :, :polar.n_range]):
+        assert (overwriting_rounds(polar, grid, **interpolators, axis=0) is not None) is room
+        # which takes more rounds than little memory is worth
+        assert not _overwrites(lines, polar, grid, 0, interpolators)
+    polar, lines = _lines_beyond(grid, *place, False, 0.7, 200)
+    assert _overwrites(lines, polar, grid, 0, interpolators)
+    apart, locked = np.ascontiguousarray(lines), lines.copy(order='K')
+    locked.flags.writeable = False
+    for other in (apart, locked, np.concatenate([lines, lines], axis=2)[:, :, :polar.n_range]):
         assert not _overwrites(other, polar, grid, 0, interpolators)
+
+
+def test_a_large_map_is_written_over_lines_in_rounds(interpolators):
+    grid = MapGrid((3000.0, 0.0, 0.0), 1400, 1500, 1.0)
+    polar, lines = _lines_beyond(grid, 0.1, 0, 1000.0, False, 0.7, 500)
+    assert len(overwriting_rounds(polar, grid, **interpolators, axis=0)) == 3
+    assert _overwrites(lines, polar, grid, 0, interpolators)
 
 
 @pytest.mark.parametrize('flip', [False, True])
 def test_a_map_seen_along_its_columns_has_its_own_memory(flip, interpolators):
     grid = MapGrid((30.0, 1000.0, 0.0), 300, 61, 1.0)
-    polar, lines = _lines_beyond(grid, 0.2, 1, 300.0, flip, 0.7, 60)
+    polar, lines = _lines_beyond(grid, 0.2, 1, 300.0, flip, 0.7, 200)
     assert not _overwrites(lines, polar, grid, 1, interpolators)
 
 
