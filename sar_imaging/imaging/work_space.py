@@ -10,9 +10,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..compilation import numba
+from ..compilation import njit, numba
 
-_LINE = 64  # bytes of a line of the cache
+_LINE, _PAGE = 64, 4096  # bytes of a line of the cache and of a page of memory
 
 
 class WorkSpace:
@@ -35,8 +35,10 @@ def aligned_empty(shape: tuple[int, ...], dtype) -> np.ndarray:
 
 
 def aligned_zeros(shape: tuple[int, ...], dtype) -> np.ndarray:
-    """The same of zeros, which are not written before they are needed."""
-    return _aligned(np.zeros, shape, dtype)
+    """The same of zeros; all threads together get them from the system, one takes longer."""
+    memory = _aligned(np.zeros, shape, dtype)
+    _touch(memory.reshape(-1).view(np.uint8))
+    return memory
 
 
 def _aligned(allocate, shape, dtype) -> np.ndarray:
@@ -44,6 +46,12 @@ def _aligned(allocate, shape, dtype) -> np.ndarray:
     memory = allocate(size + _LINE, np.uint8)
     start = -memory.ctypes.data % _LINE
     return memory[start:start + size].view(dtype).reshape(shape)
+
+
+@njit(parallel=True)
+def _touch(zeros):
+    for page in numba.prange(len(zeros) // _PAGE):
+        zeros[page * _PAGE] = 0
 
 
 def transform_in_place(transform: Callable[..., np.ndarray], lines: np.ndarray,
