@@ -17,6 +17,8 @@ from .resampling import CORRECTED_TAPS, margin
 from .subaperture_sampling import local_bands
 from .subapertures import SubaperturePlan
 
+# Phase gradient autofocus does better on finer lines than the map alone would need.
+_RESAMPLING_SHARE_DB = 13.0
 _ROWS_FOR_COVER = 256
 _WINDOWS = 5  # of a track, at which their bands are bounded
 _FUSION_MARGIN_DB = 3.0  # for tracks that are less smooth than foreseen
@@ -83,7 +85,8 @@ class LivePlan:
                  target_db: float, length: int | None = None, slack: float = 1.0,
                  n_window: int = 0):
         self.grid, self._known = grid, slack == 0
-        cover, self._target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples, target_db)
+        cover, self._target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples, target_db,
+                                                  share_db=_RESAMPLING_SHARE_DB)
         self._resampling_db = cover.resampling_db
         margin_db = min(slack, 2.0) * _FUSION_MARGIN_DB
         polar = cover.polar

@@ -29,7 +29,6 @@ _EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
 _COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
 _SLACK = 1.01  # frequencies between samples of the map, and beside it
 _RANGE_RATIOS = (2, 3), (5, 7), (3, 4), (4, 5), (5, 6), (7, 8), (9, 10)
-_RESAMPLING_SHARE_DB = 8.0  # of AFBP's target: by so much less each pass to the map
 _ROWS_FOR_COVER = 256
 COST_RESAMPLING = 12.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
 
@@ -218,7 +217,8 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
 
 
 def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
-                     target_db: float, band: RangeBand | None = None) -> tuple[MapCover, float]:
+                     target_db: float, band: RangeBand | None = None,
+                     share_db: float = 8.0) -> tuple[MapCover, float]:
     """Cover a map by the polar grid of an image that AFBP fuses.
 
     Parameters
@@ -229,6 +229,8 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
         Phase centres of the whole aperture, metres.
     target_db : float
         Wanted error of the map, dB.
+    share_db : float
+        By how much less each pass to the map may err; the more, the finer the polar grid.
 
     Returns
     -------
@@ -244,7 +246,7 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     step = max(1, len(tx_m) // _ROWS_FOR_COVER)
     rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
     cover = cover_map(grid, *rows, radar if band is None else band.radar, n_samples,
-                      target_db - _RESAMPLING_SHARE_DB, min(target_db - 10.0, -50.0), band,
+                      target_db - share_db, min(target_db - 10.0, -50.0), band,
                       corrected=True)
     if cover is None:
         raise ValueError('the map is too small, too near, around or beside the aperture for a '

@@ -48,8 +48,8 @@ def test_target_is_met_and_predicted(make_case, options, target_db):
     case = make_case(n=128, pulses=128, n_points=300, extent=1.5, **options)
     plan = _plan(case.grid, case.block, target_db=target_db)
     error = _error_db(plan(case.block), _exact(case.grid, case.block))
-    # Measured: 0.2 to 4.2 dB better than predicted.
-    assert error <= target_db and -5.5 <= error - plan.predicted_error_db <= 1.5
+    # Measured: 0.03 dB worse to 3.3 dB better than predicted.
+    assert error <= target_db and -4.3 <= error - plan.predicted_error_db <= 1.0
 
 
 @pytest.mark.parametrize('options', GEOMETRIES, ids=str)
