@@ -194,17 +194,12 @@ class SpectrumFusion:
         n_fine, n_bins = self.spectrum_shape
         return memory[-n_fine * _padded(n_bins):].reshape(n_fine, -1)
 
-    @property
-    def _everything(self) -> Band:
-        n_fine, n_bins = self.spectrum_shape
-        return Band(0, np.zeros(n_fine, np.int64), np.full(n_fine, n_bins))
-
     def _fused(self) -> np.ndarray:
         spectrum, n_coarse, n_fine = self._whole(), self.grid.n_coarse, self.grid.n_fine
         if not self._keep:
             return spectrum
         if n_coarse > n_fine or len(self._changed) * n_coarse > n_fine:
-            self._changed = [self._everything]
+            self._changed = [Band.whole(*self.spectrum_shape)]
         for band in self._changed:
             clear_band(*band, self._fine_rows, spectrum)
             # in the order of a sum of all

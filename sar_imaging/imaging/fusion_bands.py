@@ -24,6 +24,11 @@ class Band(NamedTuple):
     begin: np.ndarray  # (rows,) int64
     end: np.ndarray
 
+    @classmethod
+    def whole(cls, n_fine: int, n_bins: int) -> Band:
+        """All range wavenumbers of all angular ones."""
+        return cls(0, np.zeros(n_fine, np.int64), np.full(n_fine, n_bins))
+
 
 def add_transformed(lines, n_bins: int, band: Band, rows, spectrum) -> None:
     """Transform lines along direction and add them to their band of a spectrum.
@@ -48,9 +53,7 @@ def add_transformed(lines, n_bins: int, band: Band, rows, spectrum) -> None:
     groups = panel_groups(n_coarse)
     if groups is None:  # of no use, or too long for it
         transform_columns(lines, n_bins)
-        n_fine = len(spectrum)
-        everything = Band(0, np.zeros(n_fine, np.int64), np.full(n_fine, n_bins))
-        add_band(lines, *band, *everything, rows, spectrum)
+        add_band(lines, *band, *Band.whole(len(spectrum), n_bins), rows, spectrum)
         return
     row_bytes, panel_bytes = lines.strides[0], (groups + 1) * GROUP_BYTES
     plan = passes.plan(n_coarse, False, row_bytes, panel_bytes, panel_bytes, True)
