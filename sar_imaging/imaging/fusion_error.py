@@ -3,7 +3,7 @@
 Fusing spectra interpolates each sub-aperture image with the period of the whole grid, although the
 image is not periodic. It is therefore extended by guard cells over which a taper takes it to zero;
 what the taper's spectrum carries beyond the spare band is aliased. Both grids being regular, the
-error of a complex exponential follows from a small computation instead of a formula.
+error of a complex exponential follows from the taper's transform.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import math
 
 import numpy as np
 
-_N_FREQUENCIES = 129  # from -pi to pi per cell
-_N_POSITIONS = 97
-_CELLS_BETWEEN = 48  # the guards, in a table: errors are those of the edges
+_STEPS_PER_BIN = 4
+_FINER = 2  # samples of the taper in a cell: its spectrum is wanted beyond the cells' own
+_CELLS_BETWEEN = 128  # the guards, in a table: errors are those of the edges
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,9 +67,9 @@ def edge_taper(n: int, n_guard: float, beta: float) -> np.ndarray:
     return up * down
 
 
-@functools.lru_cache(maxsize=512)
-def error_table(n: int, n_guard: float, beta: float) -> np.ndarray:
-    """Squared error of interpolated exponentials.
+def mean_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, place=None,
+               density=(1.0,)) -> float:
+    """Mean squared error of interpolated exponentials, relative to their power.
 
     Parameters
     ----------
@@ -79,71 +79,71 @@ def error_table(n: int, n_guard: float, beta: float) -> np.ndarray:
         Guard cells at each end.
     beta : float
         Shape of the taper.
-
-    Returns
-    -------
-    (positions, frequencies) float64
-        Positions evenly from one guard to the other, frequencies evenly from -pi to pi per cell.
-    """
-    position = np.linspace(n_guard - 0.5, n - n_guard - 0.5, _N_POSITIONS)
-    frequency = np.linspace(-np.pi, np.pi, _N_FREQUENCIES)
-    cell = np.arange(n)
-    # sum of exp(j 2 pi m y / n) / n over the n bins m of the transform; never at y = 0 exactly
-    y = np.subtract.outer(position + 1e-9, cell) * (np.pi / n)
-    number = cell - n // 2
-    dirichlet = np.exp(1j * y * (2 * number[0] + n - 1)) * np.sin(n * y) / (n * np.sin(y))
-    coarse = edge_taper(n, n_guard, beta)[:, None] * np.exp(1j * np.outer(cell, frequency))
-    return np.abs(dirichlet @ coarse - np.exp(1j * np.outer(position, frequency))) ** 2
-
-
-def mean_error(n: int, n_guard: float, beta: float, frequency, position=None,
-               density=(1.0,)) -> float:
-    """Mean squared error of exponentials, relative to their power.
-
-    Parameters
-    ----------
-    n, n_guard, beta :
-        As for `error_table`.
     frequency : (..., S) array_like
-        Frequencies, radians per cell, relative to the middle of the band.
-    position : (S,) array_like, optional
+        Frequencies, bins of the transform of n cells from the middle of the band.
+    weight : array_like
+        Shares of the frequencies, broadcast to their shape.
+    place : (S,) array_like, optional
         Where they occur, 0 to 1 from guard to guard; everywhere if left out.
     density : (B,) array_like
-        Of the cells that should be, from guard to guard and of mean one.
+        Of the cells that should be right, from guard to guard and of mean one.
 
     Returns
     -------
     float
         2, as if nothing fitted, where a frequency lies beyond the band.
     """
-    frequency = np.abs(np.asarray(frequency, float))
-    if frequency.size == 0 or frequency.max() > np.pi:
+    frequency = np.atleast_1d(np.asarray(frequency, float))
+    if frequency.size == 0 or np.abs(frequency).max() > n / 2:
         return 2.0
     cells = min(n, math.ceil(2 * n_guard) + _CELLS_BETWEEN)
-    between = cells - 2 * n_guard
-    table = error_table(cells, n_guard, beta)
-    column = np.rint((frequency / np.pi + 1) * ((_N_FREQUENCIES - 1) / 2)).astype(int)
-    row = np.linspace(0, 1, _N_POSITIONS)
-    if position is None:
-        error = table @ _shares(column)
-    else:
-        column = column.reshape(-1, column.shape[-1])
-        places, group = np.unique(np.asarray(position, float), return_inverse=True)
-        by_place = np.stack([table @ _shares(column[:, group == g]) for g in range(len(places))])
-        nearest = np.abs(np.subtract.outer(places, row)).argmin(axis=0)
-        error = by_place[nearest, np.arange(_N_POSITIONS)]
+    cells -= (n - cells) % 2  # even bands lack the highest bin
+    table = _error_table(cells, n_guard, beta)
+    row = (np.arange(len(table)) + 0.5) / len(table)
     # The edges' share of the grid falls with its length.
-    edge = between / (n - 2 * n_guard)
-    place = np.where(row < 0.5, row * edge, 1 - (1 - row) * edge)
-    share = np.interp(place, (np.arange(len(density)) + 0.5) / len(density), density)
-    return float((error * share).sum() / _N_POSITIONS * edge)
+    edge = (cells - 2 * n_guard) / (n - 2 * n_guard)
+    where = np.where(row < 0.5, row * edge, 1 - (1 - row) * edge)
+    share = np.interp(where, (np.arange(len(density)) + 0.5) / len(density), density)
+    n_samples = frequency.shape[-1]
+    places, group = np.unique(np.zeros(n_samples) if place is None else place,
+                              return_inverse=True)
+    nearest = np.abs(np.subtract.outer(places, where)).argmin(axis=0)
+    by_place = edge / len(table) * np.stack([
+        (share * (nearest == number)) @ table for number in range(len(places))])
+    weight = np.broadcast_to(weight, frequency.shape).reshape(-1, n_samples)
+    error = np.zeros_like(frequency)
+    for distance in (n - n // 2 - frequency, frequency + n // 2 + 1):  # from both ends
+        step = np.rint(distance * (_STEPS_PER_BIN * cells / n)).astype(int)
+        error += by_place[group, np.minimum(step, table.shape[1] - 1)]
+    by_sample = (weight * error.reshape(weight.shape)).sum(axis=0) / weight.sum(axis=0)
+    return float((np.bincount(group, by_sample) / np.bincount(group)).sum())
 
 
-def _shares(column) -> np.ndarray:
-    """How often each column of an error table occurs."""
-    return np.bincount(column.ravel(), minlength=_N_FREQUENCIES) / column.size
+@functools.lru_cache(maxsize=16)
+def _error_table(n: int, n_guard: float, beta: float) -> np.ndarray:
+    """Squared error that an exponential causes by its tapered spectrum beyond an end of the band.
+
+    That part, summed, is missing there and appears n bins away: an error of twice its power on
+    average over the positions between two cells.
+
+    Returns
+    -------
+    (positions, distances) float64
+        Positions evenly from one guard to the other, about one in each cell; distances from the
+        frequency to the first bin beyond the band, 0 to n in steps of 1 / `_STEPS_PER_BIN`.
+    """
+    spectrum = np.fft.fft(edge_taper(_FINER * n, _FINER * n_guard, beta),
+                          _FINER * n * _STEPS_PER_BIN)[:n * _STEPS_PER_BIN] / (_FINER * n)
+    between = n - 2 * n_guard
+    n_positions = math.ceil(between)
+    position = n_guard + (np.arange(n_positions) + 0.5) * (between / n_positions)
+    position -= 0.5 / _FINER  # counted from the first sample of the taper
+    turn = np.exp(2j * np.pi / n * np.outer(position, np.arange(n)))
+    terms = turn[:, :, None] * spectrum.reshape(n, _STEPS_PER_BIN)
+    beyond = np.cumsum(terms[:, ::-1], axis=1)[:, ::-1].reshape(n_positions, -1)
+    return 2 * (beyond.real ** 2 + beyond.imag ** 2)
 
 
 def taper_shape(n_guard: float, oversampling: float) -> float:
-    """Shape of the taper with about the least error (fitted to `error_table`)."""
+    """Shape of the taper with about the least error (fitted to `mean_error`)."""
     return max(0.5, 1.5 * n_guard * (1 - 1 / oversampling))

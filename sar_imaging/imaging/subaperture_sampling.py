@@ -34,8 +34,8 @@ _LEAST_RANGE_GUARD = 16
 _TAPER_LOBES = 4  # times the inverse of the guards' length
 # Times the root of the ranges: narrower guards widen the tapers' spectrum, and the fused one
 _RANGE_GUARD = 1.2
-_ROWS_FOR_ERROR, _WAVENUMBERS = 96, 6
-_ROUNDING = 0.25  # of a band's middle to a bin, on average
+# At which errors are looked up: sub-apertures, rows of each, wavenumbers of each row
+_CUTS_FOR_ERROR, _ROWS_FOR_ERROR, _WAVENUMBERS = 16, 24, 6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -203,7 +203,7 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths,
 
     @functools.cache
     def complete(key):
-        return _with_error(samplings[key], polar, bands, n_channels, _OVERSAMPLING[key[1]])
+        return _with_error(samplings[key], polar, bands, n_channels)
 
     samplings, fine, failed = dict(choices), set(), set()
     n_i, n_j = len(_OVERSAMPLING), len(_GUARDS)
@@ -252,6 +252,9 @@ def _sampling(polar, ratio, pulses, centre, furthest, half, oversampling, n_guar
     n_fine = quick_length(math.ceil(n_coarse * spacing / polar.alpha_spacing))
     extent = n_fine * polar.alpha_spacing
     spacing = extent / n_coarse
+    # what rounding to fast lengths leaves over widens the guards
+    guard = math.floor(32 * (n_coarse - wanted / spacing)) / 64
+    beta = taper_shape(guard, math.pi / (max(half, 1e-9) * spacing))
     least = max(_LEAST_RANGE_GUARD,
                 math.ceil(n_guard * spacing * furthest / polar.range_spacing_m))
     range_guard = max(least, min(usual_guard(polar.n_range),
@@ -260,7 +263,7 @@ def _sampling(polar, ratio, pulses, centre, furthest, half, oversampling, n_guar
         math.ceil((polar.n_range + 2 * range_guard) / ratio[1]), ratio) for n in ratio)
     cost = (len(pulses) * (_COST_COARSE * n_coarse * n_coarse_range + _COST_SUBAPERTURE)
             + _COST_FINE * n_fine * n_fine_range)
-    return Sampling(pulses, centre, n_coarse, n_fine, extent, n_guard, 0.0, n_coarse_range,
+    return Sampling(pulses, centre, n_coarse, n_fine, extent, guard, beta, n_coarse_range,
                     n_fine_range, coverage, 0.0, cost)
 
 
@@ -313,22 +316,32 @@ def _on_plane(polar: PolarGrid, s: Sampling) -> bool:
     return (s.n_fine_range - polar.n_range) // 2 < _ranges_before(polar, beyond)
 
 
-def _with_error(s: Sampling, polar: PolarGrid, bands: Bands, n_channels: int,
-                oversampling: float) -> Sampling:
-    """The choice with its taper and predicted error."""
-    spacing = s.extent / s.n_coarse
-    number = np.repeat(np.arange(len(s.pulses)), [(p.stop - p.start) * n_channels
-                                                  for p in s.pulses])
-    rows = np.unique(np.linspace(0, len(number) - 1, _ROWS_FOR_ERROR).round().astype(int))
-    # what rounding to fast lengths leaves over widens the guards
-    n_guard = (s.n_coarse - polar.n_alpha * polar.alpha_spacing / spacing) / 2
-    n_guard = math.floor(64 * max(s.n_guard, n_guard)) / 64
-    s = dataclasses.replace(s, n_guard=n_guard, beta=taper_shape(n_guard, oversampling))
-    error = fusion_error(s, polar, bands, rows, s.centre[number[rows]])
+def _with_error(s: Sampling, polar: PolarGrid, bands: Bands, n_channels: int) -> Sampling:
+    """The choice with its predicted error."""
+    cuts = np.linspace(0, len(s.pulses) - 1, _CUTS_FOR_ERROR).round().astype(int)
+    rows, weight, centre = [], [], []
+    for cut in np.unique(cuts):
+        pulses = s.pulses[cut]
+        some, share = _rows_for_error(bands.slope[pulses.start * n_channels:
+                                                  pulses.stop * n_channels])
+        rows.append(pulses.start * n_channels + some)
+        weight.append(share)
+        centre.append(np.full(len(some), s.centre[cut]))
+    error = fusion_error(s, polar, bands, *map(np.concatenate, (rows, weight, centre)))
     return dataclasses.replace(s, error_db=10 * math.log10(error + 1e-16))
 
 
-def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, centre_m) -> float:
+def _rows_for_error(slope) -> tuple[np.ndarray, np.ndarray]:
+    """Some rows of a sub-aperture and how many each stands for.
+
+    They lie densest where the band ends: the error of the others is far less.
+    """
+    order = np.argsort(slope.mean(axis=1))
+    edges = 0.5 * len(order) * (1 - np.cos(np.linspace(0, np.pi, _ROWS_FOR_ERROR + 1)))
+    return order[(0.5 * (edges[1:] + edges[:-1])).astype(int)], np.diff(edges)
+
+
+def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, weight, centre_m) -> float:
     """Mean squared error of fusing some rows, relative to their power.
 
     Parameters
@@ -341,7 +354,9 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, centre_m) ->
         Local frequencies.
     rows : (R,) int array or slice
         Rows of `bands` to look at.
-    centre_m : (R,) float64
+    weight : (R,) or () array_like
+        Share of each.
+    centre_m : (R,) or () array_like
         Middle of the slopes of the sub-aperture that each belongs to, metres.
 
     Returns
@@ -349,20 +364,20 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, centre_m) ->
     float
         2 or more, as if nothing fitted, where a frequency lies beyond the coarse grid's.
     """
-    spacing = s.extent / s.n_coarse
     guard = s.n_guard / (s.n_coarse - 2 * s.n_guard)
-    offset = _to_guards(bands.slope[rows], guard) - centre_m[:, None]
+    slope = _to_guards(bands.slope[rows], guard)
     low, high = bands.wavenumber
     wavenumber = low + (high - low) * (np.arange(_WAVENUMBERS) + 0.5) / _WAVENUMBERS
-    frequency = np.abs(np.multiply.outer(wavenumber, offset)) * spacing
-    rounding = _ROUNDING * 2 * np.pi / s.n_coarse
-    frequency = np.abs(np.stack([frequency - rounding, frequency + rounding]))
-    error = mean_error(s.n_coarse, s.n_guard, s.beta, frequency, bands.position,
+    bins = wavenumber[:, None, None] * (s.extent / (2 * math.pi))
+    # from the bin that the band's middle is rounded to, as in the fusion
+    frequency = bins * slope - np.rint(bins * np.reshape(centre_m, (-1, 1)))
+    weight = np.reshape(weight, (-1, 1))
+    error = mean_error(s.n_coarse, s.n_guard, s.beta, frequency, weight, bands.position,
                        s.coverage.along_alpha)
     # Along range the same happens over a length that grows with the distance from the centre.
-    shift = np.abs(s.centre).mean() * spacing / polar.range_spacing_m
-    return error + mean_error(int(polar.n_range / max(shift, 1e-9) + 2 * s.n_guard) + 2,
-                              s.n_guard, s.beta, frequency,
+    shift = np.abs(s.centre).mean() * s.extent / s.n_coarse / polar.range_spacing_m
+    n = int(polar.n_range / max(shift, 1e-9) + 2 * s.n_guard) + 2
+    return error + mean_error(n, s.n_guard, s.beta, frequency * (n / s.n_coarse), weight,
                               density=s.coverage.along_range)
 
 

@@ -276,8 +276,7 @@ class SubaperturePlan:
         bands = local_bands(self.polar, tx_m, rx_m, self.radar)
         within = self.limits.contain(Limits.of(bands), self._slope_slack)
         centre = 0.5 * float(bands.slope.min() + bands.slope.max())
-        error = fusion_error(self.sampling, self.polar, bands, slice(None),
-                             np.full(len(bands.slope), centre))
+        error = fusion_error(self.sampling, self.polar, bands, slice(None), 1.0, centre)
         error_db = total_db(self._stage_error_db, 10 * math.log10(error + 1e-16))
         return centre, error_db, within
 

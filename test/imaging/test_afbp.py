@@ -10,7 +10,7 @@ from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.aperture_cut import cut_pulses, pieces_between_gaps
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.fusion import SpectrumFusion
-from sar_imaging.imaging.fusion_error import edge_taper, error_table, mean_error
+from sar_imaging.imaging.fusion_error import edge_taper, mean_error
 
 
 def _error_db(image, reference):
@@ -41,15 +41,23 @@ GEOMETRIES = [
     {'range_m': 1e3, 'bend_m': 3.0}, {'range_m': 1e3, 'height_m': 500.0, 'heading_rad': 2.5}]
 
 
+# Random scatterers, and how far they reach. The pulses tell 1.98 times the scene apart, which the
+# prediction takes to be full.
+CLUTTER = {'everywhere': (600, 2.0), 'beyond the scene': (300, 1.5)}
+
+
+@pytest.mark.parametrize('clutter', CLUTTER)
 @pytest.mark.parametrize('target_db', [-50.0, -70.0])
 @pytest.mark.parametrize('options', GEOMETRIES, ids=str)
-def test_target_is_met_and_predicted(make_case, options, target_db):
-    """Clutter reaches beyond the grid, as it does in reality and as the prediction assumes."""
-    case = make_case(n=128, pulses=128, n_points=300, extent=1.5, **options)
+def test_target_is_met_and_predicted(make_case, options, target_db, clutter):
+    n_points, extent = CLUTTER[clutter]
+    case = make_case(n=128, pulses=128, n_points=n_points, extent=extent, **options)
     plan = _plan(case.grid, case.block, target_db=target_db)
     error = _error_db(plan(case.block), _exact(case.grid, case.block))
-    # Measured: 0.03 dB worse to 3.3 dB better than predicted.
-    assert error <= target_db and -4.3 <= error - plan.predicted_error_db <= 1.0
+    # Measured: 0.6 dB worse to 1.0 dB better than predicted where clutter is everywhere, 0.3 to
+    # 3.1 dB better where less of it reaches into the guards.
+    better = 2.0 if clutter == 'everywhere' else 3.6
+    assert error <= target_db and -better <= error - plan.predicted_error_db <= 1.2
 
 
 @pytest.mark.parametrize('options', GEOMETRIES, ids=str)
@@ -250,17 +258,20 @@ def test_wrong_blocks_and_images_are_named(case):
             call()
 
 
-def test_error_table_is_that_of_fft_interpolation():
-    n, factor, n_guard, beta = 32, 4, 4.0, 3.0  # the positions of the table
-    frequency = np.linspace(-np.pi, np.pi, 129)[40]
-    coarse = edge_taper(n, n_guard, beta) * np.exp(1j * frequency * np.arange(n))
-    spectrum = np.fft.fft(coarse)
-    fine = np.zeros(n * factor, complex)
-    number = np.arange(n) - n // 2
-    fine[number] = spectrum[number]
+@pytest.mark.parametrize('n, n_guard, beta', [(32, 4.0, 3.0), (35, 3.3, 0.7), (44, 6.4, 4.2),
+                                              (300, 10.0, 5.0)])
+def test_predicted_error_is_that_of_fft_interpolation(n, n_guard, beta):
+    frequency = np.random.default_rng(1).uniform(-0.42, 0.42, 200) * n
+    factor = 8
+    cell, x = np.arange(n), np.arange(8 * n) / factor
+    number = cell - n // 2
+    spectrum = np.fft.fft(edge_taper(n, n_guard, beta)
+                          * np.exp(2j * np.pi / n * np.outer(frequency, cell)))
+    fine = np.zeros((len(frequency), n * factor), complex)
+    fine[:, number] = spectrum[:, number]
     fine = np.fft.ifft(fine) * factor
-    x = np.arange(n * factor) / factor
+    error = np.abs(fine - np.exp(2j * np.pi / n * np.outer(frequency, x))) ** 2
     inside = (x >= n_guard - 0.5) & (x <= n - n_guard - 0.5)
-    error = np.abs(fine - np.exp(1j * frequency * x))[inside] ** 2
-    np.testing.assert_allclose(error_table(n, n_guard, beta)[:, 40], error, rtol=1e-4, atol=1e-10)
-    assert mean_error(n, n_guard, beta, [3.3]) == 2.0
+    predicted = mean_error(n, n_guard, beta, frequency[:, None])
+    assert abs(10 * np.log10(predicted / error[:, inside].mean())) < 1.8  # measured: 0.1 to 1.3 dB
+    assert mean_error(n, n_guard, beta, [0.51 * n]) == 2.0
