@@ -16,6 +16,7 @@ import numpy as np
 
 _STEPS_PER_BIN = 4
 _FINER = 2  # samples of the taper in a cell: its spectrum is wanted beyond the cells' own
+_LEAST_POSITIONS = 8  # in a table; one in each cell where that is more
 _CELLS_BETWEEN = 128  # the guards, in a table: errors are those of the edges
 
 
@@ -43,7 +44,7 @@ EVERYTHING = Coverage()
 
 
 def edge_taper(n: int, n_guard: float, beta: float) -> np.ndarray:
-    """Taper of a grid: 1 inside, smoothly to 0 over the guard cells at both ends.
+    """Taper of a periodic grid: 1 from cell n_guard to n - n_guard, smoothly to 0 at 0 and n.
 
     Parameters
     ----------
@@ -62,8 +63,7 @@ def edge_taper(n: int, n_guard: float, beta: float) -> np.ndarray:
     rise = np.cumsum(np.i0(beta * np.sqrt(1 - t ** 2)))
     rise /= rise[-1]
     cell = np.arange(n)
-    up = np.interp((cell + 0.5) / n_guard * 2 - 1, t, rise, 0.0, 1.0)
-    down = np.interp((n - cell - 0.5) / n_guard * 2 - 1, t, rise, 0.0, 1.0)
+    up, down = (np.interp(v / n_guard * 2 - 1, t, rise, 0.0, 1.0) for v in (cell, n - cell))
     return up * down
 
 
@@ -135,9 +135,8 @@ def _error_table(n: int, n_guard: float, beta: float) -> np.ndarray:
     spectrum = np.fft.fft(edge_taper(_FINER * n, _FINER * n_guard, beta),
                           _FINER * n * _STEPS_PER_BIN)[:n * _STEPS_PER_BIN] / (_FINER * n)
     between = n - 2 * n_guard
-    n_positions = math.ceil(between)
+    n_positions = max(math.ceil(between), _LEAST_POSITIONS)
     position = n_guard + (np.arange(n_positions) + 0.5) * (between / n_positions)
-    position -= 0.5 / _FINER  # counted from the first sample of the taper
     turn = np.exp(2j * np.pi / n * np.outer(position, np.arange(n)))
     terms = turn[:, :, None] * spectrum.reshape(n, _STEPS_PER_BIN)
     beyond = np.cumsum(terms[:, ::-1], axis=1)[:, ::-1].reshape(n_positions, -1)

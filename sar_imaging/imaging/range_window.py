@@ -111,4 +111,4 @@ class RangeWindow:
 
 @functools.lru_cache(maxsize=16)
 def _rise(n: int) -> np.ndarray:
-    return edge_taper(2 * n, n, _TAPER_SHAPE)[:n].astype(np.float32)
+    return edge_taper(4 * n, 2 * n, _TAPER_SHAPE)[1:2 * n:2].astype(np.float32)

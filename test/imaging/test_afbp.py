@@ -54,9 +54,9 @@ def test_target_is_met_and_predicted(make_case, options, target_db, clutter):
     case = make_case(n=128, pulses=128, n_points=n_points, extent=extent, **options)
     plan = _plan(case.grid, case.block, target_db=target_db)
     error = _error_db(plan(case.block), _exact(case.grid, case.block))
-    # Measured: 0.6 dB worse to 1.0 dB better than predicted where clutter is everywhere, 0.3 to
-    # 3.1 dB better where less of it reaches into the guards.
-    better = 2.0 if clutter == 'everywhere' else 3.6
+    # Measured: 0.6 dB worse to 0.7 dB better than predicted where clutter is everywhere, 0.5 to
+    # 2.5 dB better where less of it reaches into the guards.
+    better = 1.5 if clutter == 'everywhere' else 3.0
     assert error <= target_db and -better <= error - plan.predicted_error_db <= 1.2
 
 
@@ -89,6 +89,17 @@ def test_any_length_of_subapertures(case, length):
     plan = _plan(case.grid, case.block, pulses_per_subaperture=length)
     assert plan.subapertures.n_subapertures == -(-128 // length)
     assert _error_db(plan(case.block), _exact(case.grid, case.block)) <= -50.0
+
+
+def test_a_scene_no_wider_than_a_few_coarse_lines(make_case):
+    """All of it has to lie where the taper over the guards is one."""
+    case = make_case(1e4, n=48, spacing_m=0.15, pulses=512, aperture_m=600.0, n_points=40)
+    plan = _plan(case.grid, case.block, pulses_per_subaperture=4)
+    sampling = plan.subapertures.sampling
+    assert sampling.n_coarse - 2 * sampling.n_guard < 2
+    error = _error_db(plan(case.block), _exact(case.grid, case.block))
+    # Measured: 0.7 dB worse than predicted, and -47 dB with the taper half a line aside.
+    assert error <= -50.0 and error <= plan.predicted_error_db + 1.2
 
 
 def test_prefix_gives_the_image_of_its_pulses(case):
@@ -271,7 +282,7 @@ def test_predicted_error_is_that_of_fft_interpolation(n, n_guard, beta):
     fine[:, number] = spectrum[:, number]
     fine = np.fft.ifft(fine) * factor
     error = np.abs(fine - np.exp(2j * np.pi / n * np.outer(frequency, x))) ** 2
-    inside = (x >= n_guard - 0.5) & (x <= n - n_guard - 0.5)
+    inside = (x >= n_guard) & (x <= n - n_guard)
     predicted = mean_error(n, n_guard, beta, frequency[:, None])
-    assert abs(10 * np.log10(predicted / error[:, inside].mean())) < 1.8  # measured: 0.1 to 1.3 dB
+    assert abs(10 * np.log10(predicted / error[:, inside].mean())) < 1.8  # measured: 0.1 to 1.5 dB
     assert mean_error(n, n_guard, beta, [0.51 * n]) == 2.0
