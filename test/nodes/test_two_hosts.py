@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from sar_imaging.tools.node_processes import (
 )
 
 LARGEST_ERROR_DB = -80.0  # what backprojection plans for by default
-PATIENCE_S = 90.0
+PATIENCE_S, CABLE_S = 90.0, 10.0
 # A host has shared memory of its own: the processes must not meet there.
 HOST = 'mount -t tmpfs shm /dev/shm && ip link set lo up && echo ready && exec cat'
 
@@ -49,6 +50,14 @@ def ip(*arguments, inside=()):
     return result.stdout
 
 
+def wait_for_cable(host):
+    """Processes use the interfaces alone that run when they start; this may take a second."""
+    stop = time.monotonic() + CABLE_S
+    while json.loads(ip('-j', 'link', 'show', 'cable', inside=host))[0]['operstate'] != 'UP':
+        assert time.monotonic() < stop, f'the cable is not up within {CABLE_S:g} s'
+        time.sleep(0.01)
+
+
 @pytest.fixture
 def two_hosts():
     """What to put before a command to run it on one host or the other."""
@@ -63,6 +72,8 @@ def two_hosts():
             for number, host in enumerate(inside, 1):
                 ip('address', 'add', f'10.77.0.{number}/24', 'dev', 'cable', inside=host)
                 ip('link', 'set', 'cable', 'up', inside=host)
+            for host in inside:
+                wait_for_cable(host)
         except NotPermitted as error:
             pytest.skip(f'no network namespaces here (run as root): {error}')
         yield inside
