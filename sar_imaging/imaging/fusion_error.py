@@ -16,7 +16,7 @@ import numpy as np
 
 _STEPS_PER_BIN = 4
 _FINER = 2  # samples of the taper in a cell: its spectrum is wanted beyond the cells' own
-_LEAST_POSITIONS = 8  # in a table; one in each cell where that is more
+_LEAST_ROWS = 8  # of a table; one in each cell where that is more
 _CELLS_BETWEEN = 128  # the guards, in a table: errors are those of the edges
 
 
@@ -98,17 +98,19 @@ def mean_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, place
         return 2.0
     cells = min(n, math.ceil(2 * n_guard) + _CELLS_BETWEEN)
     cells -= (n - cells) % 2  # even bands lack the highest bin
-    table = _error_table(cells, n_guard, beta)
-    row = (np.arange(len(table)) + 0.5) / len(table)
+    row = _rows(cells, n_guard)
     # The edges' share of the grid falls with its length.
     edge = (cells - 2 * n_guard) / (n - 2 * n_guard)
     where = np.where(row < 0.5, row * edge, 1 - (1 - row) * edge)
     share = np.interp(where, (np.arange(len(density)) + 0.5) / len(density), density)
+    if not share.any():
+        return 0.0
+    table = _error_table(cells, n_guard, beta)
     n_samples = frequency.shape[-1]
     places, group = np.unique(np.zeros(n_samples) if place is None else place,
                               return_inverse=True)
     nearest = np.abs(np.subtract.outer(places, where)).argmin(axis=0)
-    by_place = edge / len(table) * np.stack([
+    by_place = edge / len(row) * np.stack([
         (share * (nearest == number)) @ table for number in range(len(places))])
     weight = np.broadcast_to(weight, frequency.shape).reshape(-1, n_samples)
     error = np.zeros_like(frequency)
@@ -117,6 +119,12 @@ def mean_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, place
         error += by_place[group, np.minimum(step, table.shape[1] - 1)]
     by_sample = (weight * error.reshape(weight.shape)).sum(axis=0) / weight.sum(axis=0)
     return float((np.bincount(group, by_sample) / np.bincount(group)).sum())
+
+
+def _rows(n: int, n_guard: float) -> np.ndarray:
+    """Positions of a table of errors, evenly from one guard, 0, to the other, 1."""
+    n_rows = max(math.ceil(n - 2 * n_guard), _LEAST_ROWS)
+    return (np.arange(n_rows) + 0.5) / n_rows
 
 
 @functools.lru_cache(maxsize=16)
@@ -128,18 +136,16 @@ def _error_table(n: int, n_guard: float, beta: float) -> np.ndarray:
 
     Returns
     -------
-    (positions, distances) float64
-        Positions evenly from one guard to the other, about one in each cell; distances from the
-        frequency to the first bin beyond the band, 0 to n in steps of 1 / `_STEPS_PER_BIN`.
+    (rows, distances) float64
+        Positions as `_rows` has them; distances from the frequency to the first bin beyond the
+        band, 0 to n in steps of 1 / `_STEPS_PER_BIN`.
     """
     spectrum = np.fft.fft(edge_taper(_FINER * n, _FINER * n_guard, beta),
                           _FINER * n * _STEPS_PER_BIN)[:n * _STEPS_PER_BIN] / (_FINER * n)
-    between = n - 2 * n_guard
-    n_positions = max(math.ceil(between), _LEAST_POSITIONS)
-    position = n_guard + (np.arange(n_positions) + 0.5) * (between / n_positions)
+    position = n_guard + _rows(n, n_guard) * (n - 2 * n_guard)
     turn = np.exp(2j * np.pi / n * np.outer(position, np.arange(n)))
     terms = turn[:, :, None] * spectrum.reshape(n, _STEPS_PER_BIN)
-    beyond = np.cumsum(terms[:, ::-1], axis=1)[:, ::-1].reshape(n_positions, -1)
+    beyond = np.cumsum(terms[:, ::-1], axis=1)[:, ::-1].reshape(len(position), -1)
     return 2 * (beyond.real ** 2 + beyond.imag ** 2)
 
 
