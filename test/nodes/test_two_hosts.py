@@ -6,7 +6,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -22,8 +21,10 @@ from sar_imaging.tools.node_processes import (
     write_parameters,
 )
 
+from .conftest import wait
+
 LARGEST_ERROR_DB = -80.0  # what backprojection plans for by default
-PATIENCE_S, CABLE_S = 90.0, 10.0
+PATIENCE_S = 90.0
 # A host has shared memory of its own: the processes must not meet there.
 HOST = 'mount -t tmpfs shm /dev/shm && ip link set lo up && echo ready && exec cat'
 
@@ -50,12 +51,9 @@ def ip(*arguments, inside=()):
     return result.stdout
 
 
-def wait_for_cable(host):
+def cable_runs(host):
     """Processes use the interfaces alone that run when they start; this may take a second."""
-    stop = time.monotonic() + CABLE_S
-    while json.loads(ip('-j', 'link', 'show', 'cable', inside=host))[0]['operstate'] != 'UP':
-        assert time.monotonic() < stop, f'the cable is not up within {CABLE_S:g} s'
-        time.sleep(0.01)
+    return json.loads(ip('-j', 'link', 'show', 'cable', inside=host))[0]['operstate'] == 'UP'
 
 
 @pytest.fixture
@@ -72,8 +70,7 @@ def two_hosts():
             for number, host in enumerate(inside, 1):
                 ip('address', 'add', f'10.77.0.{number}/24', 'dev', 'cable', inside=host)
                 ip('link', 'set', 'cable', 'up', inside=host)
-            for host in inside:
-                wait_for_cable(host)
+            wait(lambda: all(map(cable_runs, inside)), 'the cable to run')
         except NotPermitted as error:
             pytest.skip(f'no network namespaces here (run as root): {error}')
         yield inside
