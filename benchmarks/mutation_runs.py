@@ -168,7 +168,9 @@ def _test(tree: pathlib.Path, tests: Sequence[str], answer: pathlib.Path, mark: 
         listed.write_text('\n'.join(tests) + '\n')
         code = pytest.main(['-x', '-p', 'no:cacheprovider', '--hypothesis-seed=0',
                             f'@{listed}'], plugins=[witness])
-        status = {'status': {0: 'survived', 4: 'wrong selection'}.get(int(code), 'killed'),
+        # A module of tests that cannot be imported ends in an error of usage as well.
+        unknown = code == pytest.ExitCode.USAGE_ERROR and not witness.test
+        status = {'status': 'survived' if code == 0 else 'unknown' if unknown else 'killed',
                   'test': witness.test, 'message': witness.message[:300]}
     except BaseException as error:
         status['message'] = repr(error)[:300]

@@ -103,7 +103,13 @@ class Tests:
 
     @functools.lru_cache(maxsize=8)  # noqa: B019 there is one such object
     def _contexts(self, file: str) -> dict[int, list[str]]:
-        return self._data.contexts_by_lineno(self._files[file]) if file in self._files else {}
+        """Contexts of the lines in functions; the others run when a module is imported."""
+        if file not in self._files:
+            return {}
+        inside = {line for f in ast.walk(self._trees[file]) if isinstance(f, ast.FunctionDef)
+                  for line in range(f.body[0].lineno, f.end_lineno + 1)}
+        found = self._data.contexts_by_lineno(self._files[file])
+        return {line: found[line] for line in inside & found.keys()}
 
 
 def _units(tree: ast.Module) -> Iterator[tuple[ast.stmt, str]]:

@@ -42,7 +42,7 @@ IN_PROCESS = ('msg_conversions', 'geometry', 'signal', 'configuration', 'test_qu
 IN_PROCESSES = ('nodes',)
 NOT_MEASURED = ('fault_campaign', 'two_hosts')  # minutes, or a network of its own
 THREADS = dict.fromkeys(('NUMBA_NUM_THREADS', 'OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS'), '1')
-EQUIVALENT, SURVIVED = 'equivalent', 'survived'
+EQUIVALENT, SURVIVED, UNKNOWN = 'equivalent', 'survived', 'unknown'
 
 
 def main() -> None:
@@ -154,7 +154,8 @@ def run(work: pathlib.Path, arguments: argparse.Namespace) -> None:
                                      capture_output=True, text=True).stdout.strip(),
             'mutations': [dataclasses.asdict(m) for m in draw(
                 tree, folders, arguments.count, arguments.seed)]}
-    _try(work, [m for m in results['mutations'] if 'status' not in m], results, arguments)
+    _try(work, [m for m in results['mutations']
+                if m.get('status', UNKNOWN) == UNKNOWN], results, arguments)
 
 
 def again(work: pathlib.Path, arguments: argparse.Namespace) -> None:
@@ -219,7 +220,7 @@ def table(mutations: list[dict]) -> str:
     """Markdown: how many of each folder were killed."""
     rows = collections.defaultdict(collections.Counter)
     for m in mutations:
-        if 'status' in m:
+        if m.get('status', UNKNOWN) != UNKNOWN:
             state = m['status']
             if state == SURVIVED and m.get('verdict') == EQUIVALENT:
                 state = EQUIVALENT
