@@ -21,6 +21,7 @@ import filecmp
 import json
 import os
 import pathlib
+import random
 import shutil
 import subprocess
 import sys
@@ -168,6 +169,8 @@ def again(work: pathlib.Path, arguments: argparse.Namespace) -> None:
 
 def _try(work: pathlib.Path, entries: list[dict], results: dict,
          arguments: argparse.Namespace) -> None:
+    # In random order: what is done when a campaign is stopped is a random sample as well.
+    random.Random(results['sample']['seed']).shuffle(entries)
     tests = Tests(work / 'tree', work / 'coverage', work / 'seconds.json')
     runner = Runner(work / 'tree', work / 'mutated', THREADS)
     for number, entry in enumerate(entries, 1):
