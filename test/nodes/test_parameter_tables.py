@@ -43,3 +43,9 @@ def test_defaults_and_ends_of_ranges_are_allowed_and_no_more(parameter):
             parameter.coerce(kind(value))
     if parameter.check is None:
         assert [parameter.coerce(kind(v)) for v in (low, high)] == [low, high]
+
+
+@pytest.mark.parametrize('name', ['grid.spacing', 'max_image_pixels', 'pulses_per_aperture',
+                                  'queue_depth', 'oversampling'])
+def test_what_lengths_are_counted_in_is_more_than_nothing(name):
+    assert all(p.minimum > 0 for p in PARAMETERS.values() if p.name == name)
