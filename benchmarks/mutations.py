@@ -173,7 +173,10 @@ def _try(work: pathlib.Path, entries: list[dict], results: dict,
     random.Random(results['sample']['seed']).shuffle(entries)
     tests = Tests(work / 'tree', work / 'coverage', work / 'seconds.json')
     runner = Runner(work / 'tree', work / 'mutated', THREADS)
+    waiting = [entry.get('status') for entry in entries]
     for number, entry in enumerate(entries, 1):
+        if entry.get('status') != waiting[number - 1]:
+            continue  # another process that writes to the same results was quicker
         mutation = Mutation(**{f.name: entry[f.name] for f in dataclasses.fields(Mutation)})
         begun = time.monotonic()
         line = mutation.place((work / 'tree' / mutation.file).read_text())
