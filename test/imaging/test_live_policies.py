@@ -39,6 +39,11 @@ def _fuse(fusion, subapertures):
     return [image for s in subapertures for image in fusion.add(s)] + fusion.flush()
 
 
+def test_before_anything_came_nothing_is_counted(make_case):
+    stage = LiveSubapertures(make_case(1e3, n=16).grid, pulses_per_aperture=LENGTH)
+    assert not any(dataclasses.astuple(stage.statistics))
+
+
 # ------------------------------------------------------------------------------- sliding
 
 @pytest.fixture(name='case', scope='module')

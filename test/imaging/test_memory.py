@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from sar_imaging.imaging import memory
 from sar_imaging.imaging.memory import available_bytes, check_memory, container_bytes
 
 MOST = sys.maxsize
@@ -61,6 +62,12 @@ def test_the_limit_of_the_process_counts(pytestconfig):
             'after = available_bytes()\n'
             'assert 0 < after <= 10**8 <= before, (before, after)\n')
     subprocess.run([sys.executable, '-c', code], cwd=pytestconfig.rootpath, check=True)
+
+
+def test_a_limit_counts_only_where_the_system_tells_the_size_of_the_process(tmp_path, monkeypatch):
+    monkeypatch.setattr(memory, '_STATM', tmp_path / 'none')
+    monkeypatch.setattr(memory.resource, 'getrlimit', lambda which: (10**9, 10**9))
+    assert memory._process_bytes() == MOST
 
 
 def test_what_is_refused_says_the_sizes():
