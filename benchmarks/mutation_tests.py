@@ -131,8 +131,9 @@ def units(tree: ast.Module) -> Iterator[tuple[ast.stmt, str]]:
             for part in node.body:
                 yield part, getattr(part, 'name', node.name)
         elif isinstance(node, (ast.Assign, ast.AnnAssign)):
-            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
-            yield node, getattr(target, 'id', '')
+            for part in ast.walk(node):
+                if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store):
+                    yield node, part.id
         elif isinstance(node, ast.FunctionDef):
             yield node, node.name
 
