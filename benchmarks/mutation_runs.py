@@ -102,11 +102,11 @@ class Runner:
         """Functions and constants of files with kernels: file, name, names used."""
         found = []
         for path in sorted((self._tree / 'sar_imaging').rglob('*.py')):
-            parts = list(units(ast.parse(path.read_text())))
-            if any(COMPILERS & set(_used_by(getattr(part, 'decorator_list', ())))
-                   for part, _ in parts):
+            tree = ast.parse(path.read_text())
+            if any(COMPILERS & set(_used_by(getattr(node, 'decorator_list', ())))
+                   for node in ast.walk(tree)):
                 file = path.relative_to(self._tree).as_posix()
-                found += [(file, name, _used(part)) for part, name in parts]
+                found += [(file, name, _used(part)) for part, name in units(tree)]
         return found
 
 

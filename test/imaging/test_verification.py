@@ -119,6 +119,14 @@ def test_scale(reference, gain, turn):
     assert fitted.error_db < -180 and fitted.brightest_error_db < -180
 
 
+@pytest.mark.parametrize('gain', [0.2, 5.0j])
+def test_with_a_fitted_scale_the_unit_of_the_image_does_not_matter(reference, gain):
+    image = reference.image + reference.noise(-40, 2)
+    errors = [measure_error(factor * image, reference.grid, reference.block, fit_scale=True,
+                            n_pixels=300).error_db for factor in (1.0, gain)]
+    assert errors[1] == pytest.approx(errors[0], abs=1e-5)  # complex64
+
+
 def test_an_image_of_nothing_is_wrong_by_all_there_is(reference):
     image = np.zeros(reference.grid.shape, np.complex64)
     for fit_scale in (False, True):
