@@ -46,6 +46,7 @@ setup(
             'sar_pipeline = sar_imaging.nodes.sar_pipeline:main',
             'moving_targets = sar_imaging.nodes.moving_targets:main',
             'simulate = sar_imaging.tools.simulate:main',
+            'compile_kernels = sar_imaging.tools.compile_kernels:main',
             'check_config = sar_imaging.tools.check_config:main',
             'evaluate = sar_imaging.tools.evaluate:main',
             'calibrate = sar_imaging.tools.calibrate:main',

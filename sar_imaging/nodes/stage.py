@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 
 from msg_conversions import WireFormatError
 from msg_conversions.wire import DEFAULT_MAX_ELEMENTS
-from sar_imaging.compilation import announced
+from sar_imaging.compilation import counted, interruptible
 
 from .chain import Chain
 from .health import Rates
@@ -98,7 +98,7 @@ class Stage(ManagedNode):
         self.outputs.append(self._progress)
         steps = self.steps()
         self._inlet = steps[0].INLET(self.parameters['pulses_per_aperture'])
-        with announced(self._tell_of_compilation):
+        with counted(self._tell_of_compilation), interruptible(self.context.ok):
             self._chain = Chain([step.create(self.parameters, self._healths[step])
                                  for step in steps], reject=self._reject)
         for step in self._chain.steps:
@@ -106,7 +106,8 @@ class Stage(ManagedNode):
 
     def _tell_of_compilation(self) -> None:
         self.health.info('compiling kernels: at the first start on a machine this takes up to a '
-                         'minute or two, later starts load them')
+                         'minute or two, later starts load them; `ros2 run sar_imaging '
+                         'compile_kernels` does it beforehand')
 
     def activate(self) -> None:
         """Subscribe and begin to work; see `ManagedNode.activate`."""
