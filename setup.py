@@ -45,6 +45,7 @@ setup(
             'afbp_fusion = sar_imaging.nodes.afbp_fusion:main',
             'sar_pipeline = sar_imaging.nodes.sar_pipeline:main',
             'moving_targets = sar_imaging.nodes.moving_targets:main',
+            'wait_until_active = sar_imaging.tools.wait_until_active:main',
             'simulate = sar_imaging.tools.simulate:main',
             'compile_kernels = sar_imaging.tools.compile_kernels:main',
             'check_config = sar_imaging.tools.check_config:main',

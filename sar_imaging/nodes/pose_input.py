@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+import functools
 import time
 from collections.abc import Callable, Mapping
 
@@ -154,7 +155,8 @@ class PoseInput:
                 QoSProfile(depth=_QUEUE_DEPTH, reliability=ReliabilityPolicy.RELIABLE),
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
                 event_callbacks=SubscriptionEventCallbacks(
-                    incompatible_qos=node.report_incompatible_qos))
+                    incompatible_qos=functools.partial(node.report_incompatible_qos,
+                                                       self._source, 'subscription')))
         except QOS_ERRORS as error:
             raise ConfigurationError(f'QoS override of {self._source}: {error}') from error
         self.topic = subscription.topic_name
