@@ -1,13 +1,19 @@
 """A program that ends when nodes are active: what the replay of a launch file waits for."""
 
+import contextlib
 import subprocess
 import sys
 
 
+@contextlib.contextmanager
 def _waiting(environment, *arguments):
-    return subprocess.Popen(
-        [sys.executable, '-m', 'sar_imaging.tools.wait_until_active', *arguments],
-        env=environment, stderr=subprocess.PIPE, text=True)
+    with subprocess.Popen(
+            [sys.executable, '-m', 'sar_imaging.tools.wait_until_active', *arguments],
+            env=environment, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()  # it waits for as long as it takes
 
 
 def test_it_ends_when_the_last_node_is_active(start_node, make_observer, ros_environment):
@@ -16,7 +22,7 @@ def test_it_ends_when_the_last_node_is_active(start_node, make_observer, ros_env
     observer = make_observer()
     observer.wait(lambda: observer.state('pulse_buffer') == 'active', 'the first node')
     with _waiting(ros_environment, 'pulse_buffer', '/range_compression') as process:
-        observer.wait(lambda: observer.node.count_clients('range_compression/get_state') > 1,
+        observer.wait(lambda: observer.node.count_clients('range_compression/get_state'),
                       'the question')
         assert process.poll() is None
         assert observer.change_state('range_compression', 'configure')
