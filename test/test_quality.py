@@ -230,12 +230,26 @@ class TestMeasureScatterer:
         assert 'range: the first minimum is only' in got.reason
 
     def test_strong_neighbour_is_not_taken_for_the_scatterer(self, grid):
-        truths = [(9_999.5, 0.0, 0.0), (10_000.9, 3.0, 0.0)]
-        image = point_response(grid, list(zip(truths, (1.0, 5.0), strict=True)))
+        # Inside the ellipse of 1 m by 5 m that is searched: 0.55 and 0.8 of its radii.
+        truths = [(9_999.9, 0.0, 0.0), (10_000.45, 4.0, 0.0)]
+        image = point_response(grid, list(zip(truths, (1.0, 3.0), strict=True)))
+        got = quality.measure_scatterer(image, grid, truths[0], **PAPER)
+        assert got.position_error_azimuth_m == pytest.approx(4.0, abs=0.01)  # taken, unknown
         got = quality.measure_scatterer(image, grid, truths[0], neighbours_m=truths[1:], **PAPER)
-        # sidelobes of the neighbour, 14 dB stronger, pull the peak
-        assert abs(got.position_error_range_m) < 0.05
-        assert abs(got.position_error_azimuth_m) < 0.5
+        # Sidelobes of the neighbour, 9.5 dB stronger, pull the peak by less than a sixth of a
+        # pixel: 2 and 20 mm measured.
+        assert abs(got.position_error_range_m) < 0.01
+        assert abs(got.position_error_azimuth_m) < 0.04
+        assert got.peak_amplitude == pytest.approx(80 * 480, rel=0.05)
+
+    @pytest.mark.parametrize('offset', [(0.9, 0.0), (0.0, -4.5), (0.7, 3.1), (1.1, 0.0),
+                                        (0.0, 5.5), (-0.78, 3.9)])
+    def test_the_search_reaches_a_third_of_the_windows(self, grid, offset):
+        image = point_response(grid, [((10_000.0 + offset[0], offset[1], 0.0), 1.0)])
+        got = quality.measure_scatterer(image, grid, (10_000.0, 0.0, 0.0), **PAPER)
+        inside = np.hypot(offset[0] / 1.0, offset[1] / 5.0) < 1
+        error = got.position_error_range_m, got.position_error_azimuth_m
+        assert np.allclose(error, offset, atol=0.02) == inside, got.reason
 
     @pytest.mark.parametrize('truth, reason', [
         ((10_000.0, 99.0, 0.0), 'outside the image'),
