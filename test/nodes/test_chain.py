@@ -92,6 +92,19 @@ def test_what_one_step_made_for_another_is_not_counted_twice_when_both_are_reset
     assert row.discard() == 0
 
 
+def test_what_could_wait_is_handed_on_before_the_next_item():
+    class Later(Keeper):
+        def prepare(self):
+            return self.flush()
+
+    first, second = Later('first'), Keeper('second')
+    row, _ = make(first, second)
+    for number in (4, 5):
+        row.work(number, 0.0)
+        assert first.held == []
+    assert (first.published, second.held) == ([4, 5], [4, 5])
+
+
 def test_a_refused_item_is_told_and_the_next_one_worked_on(monkeypatch):
     monkeypatch.setattr(PulseBlocks, 'describe', staticmethod(str))
     step = Keeper('step')
@@ -113,7 +126,7 @@ def test_a_step_is_flushed_once_when_its_input_pauses(clock):
     row.idle()
     assert first.published == []
     assert row.idle_s() == pytest.approx(0.001)
-    clock.now_s += 0.002
+    clock.now_s = 50.0 + 1.5 + 2.0  # to the moment
     assert row.idle_s() == 0.0
     row.idle()
     assert (first.published, second.published) == ([3], [])

@@ -90,6 +90,7 @@ def test_a_clean_up_counts_from_zero_and_sees_the_next_fault(clock, tally):
         'blocks': '0', 'lost': '0', 'errors': '0'}
     assert judgement(tally) == (OK, 'working')
     tally.count('lost', 5)
+    assert judgement(tally)[0] == WARN
     tally.clear()
     tally.count('lost')  # fewer than before
     assert judgement(tally)[0] == WARN

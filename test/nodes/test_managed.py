@@ -192,3 +192,26 @@ def test_a_refused_configuration_can_be_repeated_and_a_failed_one_is_an_error(be
     start(bench)
     assert not bench.set('size', 3)
     assert node.state == 'active' and bench.status()[0] == DiagnosticStatus.OK
+
+
+def test_parts_are_cleaned_up_with_their_node(bench):
+    part = bench.node.health.part('fusion', counters=('images',), faults=('lost',))
+    part.count('images', 3)
+    part.count('lost')
+    assert part.status('', '').level == DiagnosticStatus.WARN
+    bench.node.health.clear()
+    status = part.status('', 'working')
+    assert (status.level, status.message) == (DiagnosticStatus.OK, 'working')
+    assert {v.key: v.value for v in status.values} == {'images': '0', 'lost': '0'}
+
+
+def test_more_lines_than_anybody_reads_are_counted_instead(bench, capfd):
+    capfd.readouterr()
+    bench.node.publish_diagnostics()  # which begins another period
+    for number in range(25):
+        bench.node.health.warning(f'line {number}')
+    bench.node.publish_diagnostics()
+    bench.node.health.info('and on')
+    lines = [line.split(']: ')[1] for line in capfd.readouterr().err.splitlines()]
+    assert lines == [*(f'line {n}' for n in range(20)),
+                     '5 more messages were not logged; see /diagnostics for the counts', 'and on']

@@ -113,6 +113,9 @@ def test_an_aperture_left_out_is_forgotten_and_counted(sent):
     assert step.skip(0) == [] and step.skip(None) == []
     assert log['subapertures_skipped'] == 2
     assert step.flush() == []
+    step.process(sent[4])
+    step.skip(None)  # none any more: what came since stays
+    assert log['subapertures_skipped'] == 2 and step.discard() == CUT
 
 
 @pytest.mark.parametrize(('numbers', 'missing'), [((0, 1, 2, 3), 0), ((0, 1), 2), ((3,), 3)])
