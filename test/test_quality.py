@@ -91,6 +91,18 @@ class TestImpulseResponse:
         with pytest.raises(quality.UnmeasurableError, match=reason):
             quality.impulse_response(cut, 0.2)
 
+    @pytest.mark.parametrize(('depth_db', 'deep'), [(6.05, True), (5.95, False)])
+    def test_a_first_minimum_is_deep_from_6_db_on(self, depth_db, deep):
+        r = 10 ** (-depth_db / 20)
+        cut = (1 + r + (1 - r) * np.cos(np.pi / 4 * np.arange(-10, 10.01, 0.25))) / 2
+        if deep:
+            got = quality.impulse_response(cut, 0.25)
+            assert got.peak_m == pytest.approx(10.0, abs=0.01)
+            np.testing.assert_allclose(got.nulls_m, (-4, 4), atol=0.05)
+        else:
+            with pytest.raises(quality.UnmeasurableError, match='only 5.[89][0-9]* dB below'):
+                quality.impulse_response(cut, 0.25)
+
     @pytest.mark.parametrize('cut', [np.ones((4, 4)), np.ones(3), np.zeros(9),
                                      np.array([1, np.nan, 1, 1])])
     def test_senseless_cuts_are_refused(self, cut):

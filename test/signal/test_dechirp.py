@@ -230,3 +230,14 @@ def test_bandwidth_and_slope_may_differ_by_one_percent(share, refused):
             check_fmcw(radar, 256)
     else:
         check_fmcw(radar, 256)
+
+
+@pytest.mark.parametrize('slope', [5e12, -5e12])
+def test_parameters_worked_out_by_hand(slope):
+    radar = _radar(slope, n_samples=251, reference_delay_s=3e-7)
+    # 6 us and half of 250 intervals of 0.2 us after the start of the ramp.
+    assert radar.carrier_hz == pytest.approx(9.5e9 + slope * 31e-6, rel=1e-12)
+    assert radar.bandwidth_hz == pytest.approx(5e12 * 251 * 0.2e-6, rel=1e-12)
+    assert radar.pulse_length_s == pytest.approx(251 * 0.2e-6, rel=1e-12)
+    assert (radar.chirp_rate_hz_per_s, radar.sample_rate_hz) == (slope, 5e6)
+    assert radar.first_sample_delay_s == 3e-7 and radar.waveform is Waveform.FMCW
