@@ -62,6 +62,11 @@ def test_impossible_grids_are_refused(change, message):
         PolarGrid(**fields)
 
 
+def test_a_single_point_is_a_grid():
+    grid = PolarGrid(GRID.origin_m, GRID.track, 1, 20.0, 700.0, 0.5, 1, 0.1, 0.02, 1)
+    assert (grid.range_m.tolist(), grid.alpha.tolist()) == ([700.0], [0.1])
+
+
 @pytest.mark.parametrize('first', [-0.358, 0.198])
 def test_grids_that_just_reach_the_plane_are_possible(first):
     fields = {name: getattr(GRID, name) for name in GRID.__dataclass_fields__}

@@ -31,6 +31,7 @@ def status(track, times_ms, **arguments):
     ready = sample.status == PoseStatus.READY
     assert np.array_equal(ready, np.isfinite(sample.position_m).all(axis=1))
     assert np.array_equal(ready, sample.frame >= 0)
+    assert not sample.attitude[~ready].magnitude().any()  # no rotation unless ready
     return [PoseStatus(s).name for s in sample.status]
 
 
