@@ -290,6 +290,10 @@ class LiveFusion(EventSource):
                              'session')
         return self._fuse(sub)
 
+    def is_open(self, sub: SubapertureImage) -> bool:
+        """Whether the aperture of a sub-aperture is being fused."""
+        return sub.sequence in self._open
+
     def flush(self) -> list[FusedImage]:
         """Close what is being fused; nothing more is expected for now."""
         return [image for sequence in list(self._open) for image in self._close(sequence)]
