@@ -21,6 +21,7 @@ from .fusion_error import EVERYTHING
 from .fusion_map import form_map
 from .lattice import total_db
 from .polar import cover_for_fusion, map_coverage
+from .profile_reach import reach_warning, some_pixels
 from .range_band import RangeBand
 from .subapertures import SubaperturePlan
 
@@ -101,6 +102,7 @@ class AfbpImager:
             raise ValueError(f'weighting={weighting!r} is for phase histories (compressed=False); '
                              'profiles are weighted by range compression')
         band = None if compressed else RangeBand(radar, n_samples, weighting)
+        self._periodic = band is not None
         if isinstance(grid, MapGrid):
             self._cover, target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples,
                                                       target_db, band)
@@ -115,9 +117,9 @@ class AfbpImager:
         self.fusion = SpectrumFusion(self.subapertures.fusion_grid)
         self.predicted_error_db = self.subapertures.predicted_error_db
         if self._cover is not None:
-            self.predicted_error_db = total_db(self.predicted_error_db,
-                                               self._cover.resampling_db)
-        self.warnings = (*self.subapertures.warnings,
+            self.predicted_error_db = total_db(self.predicted_error_db, self._cover.resampling_db,
+                                               self._cover.profile_db)
+        self.warnings = (*self.subapertures.warnings, *self._reach_warnings(tx_m, rx_m),
                          *_sampling_warnings(polar, radar, tx_m, rx_m))
         for warning in self.warnings:
             _logger.warning(warning)
@@ -157,6 +159,14 @@ class AfbpImager:
             parts = stage.image(number, block.select(some), weights, parts)
             self.fusion.add(number, parts, s.centre[number])
         return self.form(self.fusion.take_polar_image(planes=True), overwrite=True)
+
+    def _reach_warnings(self, tx_m, rx_m) -> list[str]:
+        """Of profiles; phase histories repeat."""
+        plan = self.subapertures
+        warning = None if self._periodic else reach_warning(
+            some_pixels(self.grid), tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), plan.radar,
+            plan.n_samples)
+        return [] if warning is None else [warning]
 
     def form(self, polar_image: np.ndarray, *, overwrite: bool = False) -> np.ndarray:
         """Image on the grid from the fused polar image at range baseband.

@@ -25,6 +25,7 @@ _ACCUMULATION_ERROR_DB = -112.0  # float32 sums
 _ROWS_FOR_ERRORS = 64  # enough for averages over the rows
 _ROWS_IN_CACHE = 512  # of paths at once
 _NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
+_CLOSER_DB = 10.0  # by which the worst drift may be worse than the mean one
 _LONGER, _FINER, _FEW = 1.1, 1.03, 3  # padded length, cells, and cells around the best
 _COST_TRANSFORM = 0.012  # of a pass of the transform, in shares of the whole
 # Of a segment, and of a pixel of the routine for arbitrary points, in pixels of the kernel
@@ -54,11 +55,15 @@ class Paths:
     def from_shared(self) -> Paths:
         """Some rows, less the middle row of the `ROWS_PER_PASS` that each is added with."""
         n = len(self.length)
-        rows = np.linspace(0, n - 1, min(n, _ROWS_FOR_ERRORS)).round().astype(int)
+        rows = _some_rows(n)
         start = rows // ROWS_PER_PASS * ROWS_PER_PASS
         middle = start + np.minimum(n - start, ROWS_PER_PASS) // 2
         return Paths(self.length[rows] - self.length[middle],
                      tuple(d[rows] - d[middle] for d in self.derivatives))
+
+
+def _some_rows(n: int) -> np.ndarray:
+    return np.linspace(0, n - 1, min(n, _ROWS_FOR_ERRORS)).round().astype(int)
 
 
 def sample_paths(tx_m, rx_m, line) -> Paths:
@@ -207,10 +212,10 @@ def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParamete
     slope = paths.derivatives[0]
     if slope.min() <= 0:
         return None
-    slopes = float(slope.min()), float(slope.max())
-    middle = 0.5 * sum(slopes)
+    middle = 0.5 * float(slope.min() + slope.max())
     pitch = spacing * middle
     errors = _expansion_errors(paths, radar)
+    slope = slope[_some_rows(len(slope))]
     longest = next((s for s in reversed(_SEGMENTS) if s >= n_line), _SEGMENTS[0])
     found = []
     for phases in range(1, _MAX_PHASES + 1):
@@ -220,23 +225,30 @@ def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParamete
         if fit_spacing:
             spacing = cell / middle
         for segment in (s for s in _SEGMENTS if s <= longest):
-            found += _candidates(slopes, errors, spacing, radar, n_padded, n_cells, cell, phases,
+            found += _candidates(slope, errors, spacing, radar, n_padded, n_cells, cell, phases,
                                  segment, target_db)
         if found:  # more phases only cost memory
             return min(found, key=lambda lattice: lattice.cost)
     return None
 
 
-def _candidates(slopes, errors, spacing, radar, n_padded, n_cells, cell, phases, segment,
+def _candidates(slope, errors, spacing, radar, n_padded, n_cells, cell, phases, segment,
                 target_db):
     step, half = cell / phases, segment / 2
     oversampling = radar.range_resolution_m / step
-    drift = max(abs(slope * spacing - cell) for slope in slopes) * half
-    if oversampling <= 1.25 or drift > 2 * step:
+    drift = np.abs(slope * spacing - cell) * (half / step)
+    furthest = float(drift.max())
+    if oversampling <= 1.25 or furthest > 2:
         return
-    interpolator = design_interpolator(oversampling, drift / step, degree=LINE_DEGREE)
-    predicted = total_db(interpolator.error_db, *(
-        20 * math.log10(error * (spacing * half) ** power + 1e-12) for power, error in errors))
+    interpolator = design_interpolator(oversampling, furthest, degree=LINE_DEGREE)
+    expansion = [20 * math.log10(error * (spacing * half) ** power + 1e-12)
+                 for power, error in errors]
+    # With the worst drift everywhere first: most candidates need no closer look.
+    predicted = total_db(interpolator.error_db, *expansion)
+    if predicted > target_db + _CLOSER_DB:
+        return
+    predicted = total_db(10 * math.log10(interpolator.error_with_drift(drift).mean()),
+                         *expansion)
     if predicted <= target_db:
         yield Lattice(n_padded, n_cells, phases, segment, step, spacing, interpolator, predicted,
                       1.0 + _COST_SEGMENT / segment)
@@ -290,9 +302,8 @@ def remaining_db(target_db: float, *parts_db: float) -> float:
     return 10 * math.log10(10 ** (target_db / 10) - sum(10 ** (p / 10) for p in parts_db))
 
 
-def _rms(values):
-    """Rms over the rows of the largest value at any point."""
-    return math.sqrt(np.mean(np.square(np.abs(values).max(axis=1))))
+def _rms(values) -> float:
+    return math.sqrt(np.mean(np.square(values)))
 
 
 def _commensurate(n_samples, spacing_m, pitch, phases, *, finer=False, periodic=False):

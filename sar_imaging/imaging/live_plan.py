@@ -13,6 +13,7 @@ from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from .lattice import total_db
 from .polar import cover_for_fusion, map_coverage
+from .profile_reach import reach_warning, some_pixels
 from .resampling import CORRECTED_TAPS, margin
 from .subaperture_sampling import local_bands
 from .subapertures import SubaperturePlan
@@ -87,7 +88,7 @@ class LivePlan:
         self.grid, self._known = grid, slack == 0
         cover, self._target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples, target_db,
                                                   share_db=_RESAMPLING_SHARE_DB)
-        self._resampling_db = cover.resampling_db
+        self._map_db = total_db(cover.resampling_db, cover.profile_db)
         margin_db = min(slack, 2.0) * _FUSION_MARGIN_DB
         polar = cover.polar
         if n_window:
@@ -99,7 +100,9 @@ class LivePlan:
                                       oversampling=cover.oversampling, ratio=cover.ratio,
                                       coverage=map_coverage(polar, grid))
         self.fusion = self._stage.fusion_grid
-        self.warnings = self._stage.warnings
+        reach = reach_warning(some_pixels(grid), tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), radar,
+                              n_samples)
+        self.warnings = (*self._stage.warnings, *([] if reach is None else [reach]))
         self.length = max(p.stop - p.start for p in self._stage.sampling.pulses)
 
     def __str__(self) -> str:
@@ -129,7 +132,7 @@ class LivePlan:
             return None
         if not self._known and not (within and error_db <= self._target_db):
             return None
-        return centre_m, total_db(error_db, self._resampling_db)
+        return centre_m, total_db(error_db, self._map_db)
 
     def image(self, block: PulseBlock) -> np.ndarray:
         """Backproject a sub-aperture.

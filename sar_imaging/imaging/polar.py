@@ -16,17 +16,20 @@ from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .fusion_error import Coverage
-from .interpolation import Interpolator, coarsest_interpolator
+from .interpolation import Interpolator, coarsest_interpolator, design_interpolator
 from .lattice import Lattice, half_paths, plan_lattice, remaining_db, sample_paths, total_db
 from .merging import AngularParts, plan_parts
 from .range_band import RangeBand
 from .range_window import RangeWindow
 from .resampling import CORRECTED_TAPS, DEGREE, LANES, TAPS, margin
-from .subaperture_sampling import used_share
+from .row_weights import row_weights
+from .subaperture_sampling import TAPERS_NEEDED, used_share
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
 _COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
+_WAVENUMBERS = 7  # of the band
+_MOST_OVERSAMPLING = 4.0
 _SLACK = 1.01  # frequencies between samples of the map, and beside it
 _RANGE_RATIOS = (2, 3), (5, 7), (3, 4), (4, 5), (5, 6), (7, 8), (9, 10)
 _ROWS_FOR_COVER = 256
@@ -106,7 +109,8 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     parts = plan_parts(polar, cover.slope_alpha, *cover.wavenumber, interpolation_db, lattice.cost)
     share = polar.n_range * polar.n_alpha / (grid.n_x * grid.n_y)
     per_pixel = lattice.cost * len(tx_m) if parts is None else parts.cost
-    errors = [cover.resampling_db] + [p.interpolator.error_db for p in [parts] if p]
+    errors = [cover.resampling_db, cover.profile_db]
+    errors += [p.interpolator.error_db for p in [parts] if p]
     return PolarPlan(polar, lattice, cover.window, cover.range_m, cover.axis, cover.between,
                      cover.along, parts, radar.wavelength_m,
                      total_db(lattice.predicted_error_db, *errors),
@@ -137,6 +141,10 @@ class MapCover:
         Derivative by direction of the half paths from the rows to samples of the map, metres.
     wavenumber : (2,) floats
         Lowest and highest of the radar's band, rad/m.
+    resampling_db : float
+        Error of the interpolation to the map, dB.
+    profile_db : float
+        Error on the map because profiles, or the part of them that is used, end, dB.
     """
 
     polar: PolarGrid
@@ -149,16 +157,13 @@ class MapCover:
     along: Interpolator
     slope_alpha: np.ndarray
     wavenumber: tuple[float, float]
+    resampling_db: float
+    profile_db: float
 
     @property
     def oversampling(self) -> tuple[float, float]:
         """Along range and direction."""
         return self.along.oversampling, self.between.oversampling
-
-    @property
-    def resampling_db(self) -> float:
-        """Error of the interpolation to the map, dB."""
-        return total_db(self.along.error_db, self.between.error_db)
 
 
 def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
@@ -185,19 +190,28 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         None where the map is tiny, too near, all around, or not ahead of the aperture.
     """
     frame = _frame(grid, 0.5 * (tx_m + rx_m))
-    between = coarsest_interpolator(resampling_db, taps=CORRECTED_TAPS if corrected else TAPS,
-                                    degree=DEGREE, corrected=corrected)
-    along = coarsest_interpolator(resampling_db, taps=TAPS, degree=DEGREE)
-    if frame is None or min(grid.shape) < TAPS or between is None or along is None:
+    if frame is None or min(grid.shape) < TAPS:
         return None
     origin, track, side, axis = frame
     bands = _bands(grid, tx_m, rx_m, radar, origin, track, side, axis)
     if bands is None:
         return None
-    paths, (half_range, local), slope_alpha, k = bands
-    half_alpha = k[1] * float(np.abs(slope_alpha).max())
+    paths, (along_range, local), along_alpha, slope_alpha, k = bands
+    weight = row_weights(tx_m, rx_m, grid.centre_m, grid.spacing_m * np.array(
+        [[grid.n_x, 0, 0], [0, grid.n_y, 0]]), radar)
+    between, between_db = fitting_interpolator(
+        along_alpha, weight, resampling_db, taps=CORRECTED_TAPS if corrected else TAPS,
+        corrected=corrected)
+    along, along_db = fitting_interpolator(along_range, weight, resampling_db, taps=TAPS)
+    if between is None or along is None:
+        return None
+    half_alpha, half_range = (float(np.abs(f).max()) for f in (along_alpha, along_range))
     spacing = math.pi / (half_range * along.oversampling) * 0.999
     n_line = math.ceil(np.ptp(paths.length) / spacing)
+    if corrected:  # the band of a line, which may be wider than that of a row of the map, must fit
+        share = used_share(_SLACK * local, spacing, n_line, tapers=TAPERS_NEEDED)
+        spacing /= max(share, 1.0)
+        n_line = math.ceil(np.ptp(paths.length) / spacing)
     ratio = _range_ratio(spacing, n_line, local) if corrected else (1, 1)
     spacing *= ratio[1] / ratio[0]
     # The sampled half paths miss the extremes by what range and direction add between samples.
@@ -213,7 +227,8 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
                    between)
     if polar is None:
         return None
-    return MapCover(polar, ratio, lattice, window, range_m, axis, between, along, slope_alpha, k)
+    return MapCover(polar, ratio, lattice, window, range_m, axis, between, along, slope_alpha, k,
+                    total_db(between_db, along_db), window.mean_end_error_db(paths.length))
 
 
 def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
@@ -295,9 +310,10 @@ def _frame(grid: MapGrid, centres):
 def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
     """What the band of the image follows from.
 
-    Half paths along range, half the bandwidth in range in rad/m along a row of the map and at one
-    direction, the derivative of the half paths by direction, and the lowest and highest
-    wavenumber.
+    Half paths along range; frequencies (K, R, S) of K wavenumbers, R rows and S samples of the map
+    along range on a row of the map, rad/m, and half the band at one direction; frequencies along
+    direction, rad, and the derivative of the half paths that they come from; the lowest and
+    highest wavenumber.
     """
     n = _SAMPLES_PER_SIDE
     x, y = (v.ravel() for v in np.meshgrid(np.linspace(grid.x_m[0], grid.x_m[-1], n),
@@ -308,19 +324,57 @@ def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
     lines = unit.lines(r, alpha)
     position = lines[0]
     paths = sample_paths(tx_m, rx_m, lines)
+    slope = paths.derivatives[0]
+    if slope.min() <= 0:
+        return None
     slope_alpha = half_paths(tx_m, rx_m, position, unit.by_direction(r, alpha))[1]
     # along a row of the map the direction changes with range, too
     step = (position[:, axis] - origin[axis]) / r
     alpha_by_range = (track[axis] / step - alpha) / r
-    band = 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
-    k = radar.wavenumber_rad_per_m + band
-    slope = paths.derivatives[0]
-    if slope.min() <= 0:
-        return None
-    half_range = band * slope.max() + k * np.abs(
-        slope - 1 + slope_alpha * alpha_by_range).max()
-    local = band * slope.max() + k * np.abs(slope - 1).max()
-    return paths, (float(half_range), float(local)), slope_alpha, (k - 2 * band, k)
+    centre, band = radar.wavenumber_rad_per_m, 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
+    k = np.linspace(centre - band, centre + band, _WAVENUMBERS)[:, None, None]
+    local = band * slope.max() + (centre + band) * np.abs(slope - 1).max()
+    return (paths, (k * (slope + slope_alpha * alpha_by_range) - centre, float(local)),
+            k * slope_alpha, slope_alpha, (centre - band, centre + band))
+
+
+def fitting_interpolator(frequency, weight, wanted_db: float, *, taps: int,
+                         corrected: bool = False) -> tuple[Interpolator | None, float]:
+    """Interpolator for the coarsest sampling with which these frequencies are read well enough.
+
+    Parameters
+    ----------
+    frequency : (K, R, S) float64
+        Of K wavenumbers, R rows and S places; samples lie ``pi / oversampling`` over the highest
+        apart.
+    weight : (R,) float64
+        Share of each row in the power.
+    wanted_db : float
+        Mean error over all, dB.
+    taps, corrected :
+        As for `design_interpolator`.
+
+    Returns
+    -------
+    interpolator : Interpolator or None
+        None where no oversampling below 4 does.
+    error_db : float
+        Its mean error, dB.
+    """
+    found = coarsest_interpolator(wanted_db, taps=taps, degree=DEGREE, corrected=corrected)
+    half = max(float(np.abs(frequency).max()), 1e-12)
+    weight = weight[:, None] / weight.sum()
+    while found is not None:
+        error = found.error_at(frequency / (2 * half * found.oversampling))
+        error_db = 10 * math.log10(float((error.mean(axis=0) * weight).sum(axis=0).mean()) + 1e-16)
+        if error_db <= wanted_db:
+            return found, error_db
+        # Much of the power lies where the band ends.
+        if found.oversampling >= _MOST_OVERSAMPLING:
+            break
+        found = design_interpolator(found.oversampling + 0.02001, taps=taps, degree=DEGREE,
+                                    corrected=corrected)
+    return None, math.inf
 
 
 def _range_ratio(spacing: float, n_range: int, local: float) -> tuple[int, int]:

@@ -22,6 +22,7 @@ from .first_stage import FirstStage
 from .fusion_error import EVERYTHING, Coverage, mean_error, taper_shape
 from .lattice import half_paths
 from .row_transform import row_length
+from .row_weights import row_weights
 from .transform_length import quick_length
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
@@ -31,6 +32,7 @@ _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 _COST_COARSE, _COST_FINE, _COST_SUBAPERTURE = 7.0, 8.0, 1e6
 _AHEAD = (4, 2, 1, 0)  # choices to look ahead in both
 _LEAST_RANGE_GUARD = 16
+TAPERS_NEEDED = 0.5  # of what tapers add to a band, what is beyond is faint enough to fold
 _TAPER_LOBES = 4  # times the inverse of the guards' length
 # Times the root of the ranges: narrower guards widen the tapers' spectrum, and the fused one
 _RANGE_GUARD = 1.2
@@ -57,6 +59,8 @@ class Bands:
         Smallest and largest half path to the points, metres.
     by_range : (float, float)
         Smallest and largest derivative of the half paths by range.
+    weight : (R,) float64
+        Share that each row has in the power of the image, see `row_weights`.
     """
 
     slope: np.ndarray
@@ -65,6 +69,7 @@ class Bands:
     half_range: float
     range_m: tuple[float, float]
     by_range: tuple[float, float]
+    weight: np.ndarray
 
 
 @dataclasses.dataclass(frozen=True)
@@ -141,8 +146,8 @@ def local_bands(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Bands:
     alpha = polar.alpha[0] + share * (polar.alpha[-1] - polar.alpha[0])
     position, along_range = polar.lines(r, alpha)[:2]
     along_alpha = polar.by_direction(r, alpha)
-    length, by_range, slope = half_paths(tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), position,
-                                         along_range, along_alpha)
+    tx_m, rx_m = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
+    length, by_range, slope = half_paths(tx_m, rx_m, position, along_range, along_alpha)
     extremes = float(by_range.min()), float(by_range.max())
     if extremes[0] <= 0.1:
         raise ValueError('range does not grow along the lines of the polar grid; it lies beside '
@@ -151,8 +156,12 @@ def local_bands(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Bands:
     half = 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
     k = radar.wavenumber_rad_per_m
     half_range = half * extremes[1] + (k + half) * max(1 - extremes[0], extremes[1] - 1)
+    middle = len(position) // 2
+    sides = (polar.n_range * polar.range_spacing_m * along_range[middle],
+             polar.n_alpha * polar.alpha_spacing * along_alpha[middle])
     return Bands(slope, share, (k - half, k + half), half_range,
-                 (float(length.min()), float(length.max())), extremes)
+                 (float(length.min()), float(length.max())), extremes,
+                 row_weights(tx_m, rx_m, position[middle], sides, radar))
 
 
 def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths,
@@ -322,8 +331,8 @@ def _with_error(s: Sampling, polar: PolarGrid, bands: Bands, n_channels: int) ->
     rows, weight, centre = [], [], []
     for cut in np.unique(cuts):
         pulses = s.pulses[cut]
-        some, share = _rows_for_error(bands.slope[pulses.start * n_channels:
-                                                  pulses.stop * n_channels])
+        own = slice(pulses.start * n_channels, pulses.stop * n_channels)
+        some, share = _rows_for_error(bands.slope[own], bands.weight[own])
         rows.append(pulses.start * n_channels + some)
         weight.append(share)
         centre.append(np.full(len(some), s.centre[cut]))
@@ -331,14 +340,15 @@ def _with_error(s: Sampling, polar: PolarGrid, bands: Bands, n_channels: int) ->
     return dataclasses.replace(s, error_db=10 * math.log10(error + 1e-16))
 
 
-def _rows_for_error(slope) -> tuple[np.ndarray, np.ndarray]:
-    """Some rows of a sub-aperture and how many each stands for.
+def _rows_for_error(slope, weight) -> tuple[np.ndarray, np.ndarray]:
+    """Some rows of a sub-aperture and the power that each stands for.
 
     They lie densest where the band ends: the error of the others is far less.
     """
     order = np.argsort(slope.mean(axis=1))
     edges = 0.5 * len(order) * (1 - np.cos(np.linspace(0, np.pi, _ROWS_FOR_ERROR + 1)))
-    return order[(0.5 * (edges[1:] + edges[:-1])).astype(int)], np.diff(edges)
+    power = np.interp(edges, np.arange(len(order) + 1), np.append(0, np.cumsum(weight[order])))
+    return order[(0.5 * (edges[1:] + edges[:-1])).astype(int)], np.diff(power)
 
 
 def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, weight, centre_m) -> float:
