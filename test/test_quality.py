@@ -194,6 +194,15 @@ class TestMeasureScatterer:
         assert got.position_error_range_m == pytest.approx(0.1, abs=0.0025)
         assert got.position_error_azimuth_m == pytest.approx(-0.4, abs=0.0125)
 
+    @pytest.mark.parametrize('plane_z_m', [0.0, 35.0, -120.0])
+    def test_layover_keeps_distance_and_direction(self, plane_z_m):
+        position, centre = np.array([410.0, -220.0, 60.0]), np.array([-900.0, 300.0, 850.0])
+        shown = np.array([*quality.project_on_plane(position, centre, plane_z_m), plane_z_m])
+        assert np.linalg.norm(shown - centre) == pytest.approx(
+            np.linalg.norm(position - centre), rel=1e-12)
+        across, along = (position - centre)[:2], (shown - centre)[:2]
+        assert across @ along == pytest.approx(np.hypot(*across) * np.hypot(*along), rel=1e-12)
+
     def test_oblique_look_from_above_and_layover(self, sinc_truth):
         """Range 57 degrees off the axes, 45 degrees down, the scatterer 2 m above the plane."""
         centre = np.array([-3_000.0, -5_000.0, 6_000.0])

@@ -145,7 +145,7 @@ def test_a_looping_recording_gives_the_same_images_again(n_pulses):
     assert [i.aperture for i in images] == list(range(per_loop)) * 3
     for i, image in enumerate(images):
         np.testing.assert_array_equal(image.image, images[i % per_loop].image)
-    assert stage.statistics.restarts == 2
+    assert (stage.statistics.restarts, stage.statistics.images) == (2, len(images))
     assert len(events(stage, 'restart')) == 2
 
 
