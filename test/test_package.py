@@ -160,3 +160,15 @@ def test_missing_numba_is_explained():
     code = "import sys; sys.modules['numba'] = None; import sar_imaging.imaging.backprojection"
     result = subprocess.run([sys.executable, '-c', code], cwd=ROOT, text=True, capture_output=True)
     assert 'imaging needs Numba: install it' in result.stderr
+
+
+@pytest.mark.parametrize(('tool', 'arguments'), [
+    ('simulate', ['psf', '--output', 'never']), ('evaluate', ['bags/psf', '--output', 'never']),
+    ('calibrate', ['bags/psf', '--output', 'never'])])
+def test_tools_explain_that_rosbags_is_missing(tool, arguments):
+    code = (f"import sys; sys.modules['rosbags'] = None; from sar_imaging.tools import {tool};"
+            f'sys.exit({tool}.main({arguments}))')
+    result = subprocess.run([sys.executable, '-c', code], cwd=ROOT, text=True, capture_output=True)
+    assert result.returncode not in (0, None)
+    assert 'recordings need the Python package rosbags, which is not installed' in result.stderr
+    assert 'Traceback' not in result.stderr
