@@ -42,6 +42,7 @@ _NARROWED_STEPS = 2.0  # what an offset may still be wrong by, after the coarse 
 _LEAST_VISIBLE_RAD, _WIDE_RAD = 2.0, 12.0
 # Of the halves of a scene: to claim, and to use what a whole curve supports.
 _LARGEST_DISAGREEMENT_RAD, _FARTHEST_DISAGREEMENT_RAD = 0.5, 4.0
+_CLEARLY = 1.05  # gain of contrast that needs no halves
 
 
 class _Answer(NamedTuple):
@@ -262,6 +263,10 @@ class Autofocus:
         if report.answer == PARAMETERS and report.disagreement_rad > limit:
             out.append('the two halves of the scene ask for corrections that differ by '
                        f'{report.disagreement_rad:.1f} rad: perhaps ghosts')
+        elif (report.curve is None and report.answer == PARAMETERS
+              and math.isnan(report.disagreement_rad)
+              and report.contrast_found < _CLEARLY * report.contrast_before):
+            out.append(f'{report.n_points} bright points are too few to trust so small a gain')
         return out
 
     def _open_points(self, report: AutofocusReport) -> list[str]:
