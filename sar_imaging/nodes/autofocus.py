@@ -92,6 +92,13 @@ class ImageFocus:
     ------
     ConfigurationError
         Another parameter excludes autofocus.
+
+    Attributes
+    ----------
+    positions : KnownPositions or None
+        Where the phase centres were; None where no offset of the clocks is looked for.
+    reach_s : float
+        Largest offset of the clocks to try, seconds.
     """
 
     def __init__(self, parameters: Mapping[str, object], grid: MapGrid, health: Health | Part):
@@ -105,8 +112,8 @@ class ImageFocus:
                 f'autofocus ({", ".join(self._expected)}) is not possible here: it works on a '
                 f'plane; leave {TERRAIN_FILE.name} empty')
         self._parameters, self._grid, self._health = parameters, grid, health
-        self._reach_s = BEYOND * parameters[TIME_OFFSET.name]
-        self.positions = (KnownPositions(parameters, health, self._reach_s) if self._reach_s
+        self.reach_s = BEYOND * parameters[TIME_OFFSET.name]
+        self.positions = (KnownPositions(parameters, health, self.reach_s) if self.reach_s
                           else None)
         self._waiting: collections.deque[ApertureImage] = collections.deque()
         compile_autofocus()  # the first image must not wait for it
@@ -159,9 +166,9 @@ class ImageFocus:
         fields['pulses'] = None
         self._health.count('autofocus_attempted')
         began = time.perf_counter()
-        if self._reach_s:
+        if self.reach_s:
             self._health.info(f'autofocus of aperture {product.aperture}: trying clock offsets '
-                              f'of {-self._reach_s:g} to {self._reach_s:g} s')
+                              f'of {-self.reach_s:g} to {self.reach_s:g} s')
         try:
             result = self._autofocus(product.pulses).process(product.pulses, product.image)
         except (ValueError, MemoryError) as error:
