@@ -42,6 +42,7 @@ _NARROWED_STEPS = 2.0  # what an offset may still be wrong by, after the coarse 
 _LEAST_VISIBLE_RAD, _WIDE_RAD = 2.0, 12.0
 # Of the halves of a scene: to claim, and to use what a whole curve supports.
 _LARGEST_DISAGREEMENT_RAD, _FARTHEST_DISAGREEMENT_RAD = 0.5, 4.0
+_FEW_UNKNOWNS = 3  # they cannot make ghosts
 _CLEARLY = 1.05  # gain of contrast that needs no halves
 
 
@@ -49,6 +50,7 @@ class _Answer(NamedTuple):
     """A corrected image and where it comes from."""
 
     kind: str
+    n_unknowns: int  # that it was chosen by
     parameters: np.ndarray
     block: PulseBlock
     image: np.ndarray
@@ -153,17 +155,21 @@ class Autofocus:
                 return self._displaced_only(block, image, curve)
             else:
                 curve = None
-        start, segments = model.start, None
+        start, segments, n_unknowns = model.start, None, 1
         if curve is None:
             found = search(block, model, self._points(image, block, self._n_points // 3))
             start, segments = found.parameters, min(2, found.first_segments)
-        answers = [self._answer(PARAMETERS, block, start, model(start))]
+            n_unknowns = found.n_visible
+        answers = [self._answer(PARAMETERS, n_unknowns, block, start, model(start))]
         points = self._points(answers[0].image, block, self._n_points)
         found = search(block, model, points[:max(self._n_points // 2, 1)], start,
                        first_segments=segments)
         parameters, residual = self._finish(block, model, found.parameters, points)
-        answers.append(self._answer(PARAMETERS, block, parameters, model(parameters)))
-        best = max(answers, key=lambda answer: answer.contrast)
+        answers.append(self._answer(PARAMETERS, found.n_visible, block, parameters,
+                                    model(parameters)))
+        few = [answer for answer in answers if answer.n_unknowns <= _FEW_UNKNOWNS]
+        usable = answers if residual.coherence >= self._least_coherence else few or answers
+        best = max(usable, key=lambda answer: answer.contrast)
         apart = disagreement_rad(block, model, best.parameters,
                                  points[:max(self._n_points // 2, 2)])
         details = {'curve': curve, 'n_points': len(points), 'coherence': residual.coherence,
@@ -172,7 +178,7 @@ class Autofocus:
         known = {PARAMETERS: self._error_of_parameters(block, residual, apart, curve)}
         if self._n_phases:
             geometry = along_sight(model(parameters), residual.half_path_m, self.grid.centre_m)
-            phased = self._answer(PHASES, block, parameters, geometry)
+            phased = self._answer(PHASES, self._n_phases, block, parameters, geometry)
             known[PHASES] = residual.error_db
             # as sharp with well-known phases is better: they hold what no parameter describes
             known_well = (residual.coherence >= _LEAST_TO_CLAIM
@@ -186,10 +192,11 @@ class Autofocus:
     def _points(self, image, block: PulseBlock, n: int) -> np.ndarray:
         return bright_points(image, self.grid, block, max(n, 1))
 
-    def _answer(self, kind, block: PulseBlock, parameters, geometry: Geometry) -> _Answer:
+    def _answer(self, kind, n_unknowns, block: PulseBlock, parameters, geometry: Geometry
+                ) -> _Answer:
         corrected = apply_geometry(block, geometry)
         image = self._imager(corrected)
-        return _Answer(kind, parameters, corrected, image,
+        return _Answer(kind, n_unknowns, parameters, corrected, image,
                        contrast(image) if np.any(image) else 0.0)
 
     def _finish(self, block, model, parameters, points) -> tuple[np.ndarray, Residual]:
@@ -233,7 +240,7 @@ class Autofocus:
             'largest_move_m': _largest_move(block, best.block)}
         report = AutofocusReport(False, False, '', before, before, entropy(image),
                                  entropy(image), **details)
-        doubts = self._doubts(report)
+        doubts = self._doubts(report, best.n_unknowns)
         open_points = self._open_points(report)
         claimed = not doubts and not open_points
         if not (after > (1 + self._margin) * before and entropy(best.image) < entropy(image)):
@@ -255,9 +262,12 @@ class Autofocus:
         _logger.info('%s', report)
         return AutofocusResult(best.image, best.block, report)
 
-    def _doubts(self, report: AutofocusReport) -> list[str]:
+    def _doubts(self, report: AutofocusReport, n_unknowns: int) -> list[str]:
         """Reasons not to use an answer, in words."""
         out = [] if report.curve is None else report.curve.doubts()
+        if n_unknowns > _FEW_UNKNOWNS and report.coherence < self._least_coherence:
+            out.append(f'the bright points are not in phase (coherence {report.coherence:.2f}, '
+                       f'{self._least_coherence:g} is asked for): perhaps ghosts')
         limit = (_LARGEST_DISAGREEMENT_RAD if report.curve is None else
                  _FARTHEST_DISAGREEMENT_RAD)
         if report.answer == PARAMETERS and report.disagreement_rad > limit:

@@ -11,6 +11,8 @@ from ..signal.pulses import PulseBlock
 from .offset_search import OffsetCurve
 
 ORIGINAL, PARAMETERS, PHASES = 'original', 'parameters', 'residual phases'
+SHARPENED = 'sharpened by autofocus, focus not confirmed'
+NOT_CHANGED = 'not changed by autofocus, focus not confirmed'
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,10 +81,8 @@ class AutofocusReport:
     def verdict(self) -> str:
         """What the image is now, in few words."""
         if self.accepted:
-            return ('focused by autofocus' if self.success else
-                    'sharpened by autofocus, focus not confirmed')
-        return ('focused already' if self.success else
-                'not changed by autofocus, focus not confirmed')
+            return 'focused by autofocus' if self.success else SHARPENED
+        return 'focused already' if self.success else NOT_CHANGED
 
     @property
     def details(self) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from sar_imaging.autofocus.autofocus import LEAST_COHERENCE, N_PHASES, Autofocus
 from sar_imaging.autofocus.live import BEYOND, compile_autofocus, live_autofocus
 from sar_imaging.autofocus.phase_gradient import PhaseGradient
-from sar_imaging.autofocus.report import AutofocusReport
+from sar_imaging.autofocus.report import NOT_CHANGED, SHARPENED, AutofocusReport
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.aperture import ApertureImage
 from sar_imaging.imaging.fusion_grid import FusionGrid
@@ -82,7 +82,7 @@ class ImageFocus:
     Parameters
     ----------
     parameters : mapping
-        Values of `PARAMETERS` and `pose_input.PARAMETERS`, of the grid and of the imager.
+        Values of `PARAMETERS` and `pose_input.TRACK_PARAMETERS`, of the grid and of the imager.
     grid : MapGrid
         Of the images.
     health : Health or Part
@@ -250,9 +250,9 @@ class PolarFocus:
             health.set(f'autofocus_{key}', float(value))
         found = (f'contrast {result.contrast_before:.3g} -> {after:.3g}' if result.accepted else
                  f'contrast would change from {result.contrast_before:.4g} to '
-                 f'{result.contrast_after:.4g}')
+                 f'{result.contrast_after:.4g}, but the two halves of the ranges disagree or the '
+                 'gain is too small')
+        error = f', estimated error {result.error_db:.0f} dB' if result.error_db < 0 else ''
         return result.image, Note(
-            f'autofocus {"accepted" if result.accepted else "not applied"}, no claim',
-            f'{found}, estimated error {result.error_db:.1f} dB, correction '
-            f'{correction_m:.3g} m rms, {seconds:.3g} s')
-
+            SHARPENED if result.accepted else NOT_CHANGED,
+            f'{found}{error}, correction {correction_m:.3g} m rms, {seconds:.3g} s')

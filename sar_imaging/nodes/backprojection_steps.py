@@ -57,7 +57,7 @@ PARAMETERS = (
     Parameter('subapertures.follow_left', 0.0, 'The same to the left of the direction of flight.',
               'm', -1e6, 1e6),
     *autofocus.PARAMETERS,
-    *pose_input.PARAMETERS,
+    *pose_input.TRACK_PARAMETERS,
     *image_products.PARAMETERS,
 )
 

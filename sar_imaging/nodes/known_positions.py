@@ -28,7 +28,7 @@ class KnownPositions:
     Parameters
     ----------
     parameters : mapping
-        Current values of `pose_input.PARAMETERS` and of ``pulses_per_aperture``.
+        Current values of `pose_input.TRACK_PARAMETERS` and of ``pulses_per_aperture``.
     health : Health or Part
         Log.
     reach_s : float
