@@ -64,6 +64,10 @@ PARAMETERS = (
               'pulse, for transmitters that take turns; one stands for all.', 's'),
 )
 
+# Those that tell where the platform was, for steps that let no pulses wait.
+TRACK_PARAMETERS = tuple(p for p in PARAMETERS if p.name not in (
+    'pose.wait_s', 'pose.max_waiting_pulses'))
+
 
 def alignment_from(parameters: Mapping[str, object], node: ManagedNode) -> Alignment:
     """Alignment between poses and pulses that the parameters describe.

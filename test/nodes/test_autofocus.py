@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from nav_msgs.msg import Odometry
 from std_msgs.msg import Float32MultiArray
 
 from msg_conversions import pulse_block
@@ -19,9 +20,15 @@ from sar_imaging.nodes.parameters import ConfigurationError
 from sar_imaging.nodes.sar_pipeline import SarPipelineNode
 from sar_imaging.nodes.stage import COMMON_PARAMETERS
 from sar_imaging.quality import contrast, error_db
+from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import concatenate
+from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.simulation.drone_flights import drone_flight
 from sar_imaging.simulation.track_errors import flawed_aperture
-from sar_imaging.tools.node_processes import PIPELINE
+from sar_imaging.tools import bag_io
+from sar_imaging.tools.node_processes import NODES, PIPELINE
+from sar_imaging.tools.recorded_poses import RecordedPoses
+from sar_imaging.tools.writing import split
 
 LENGTH = 128
 EXPECTED = {'autofocus.track_error': 0.05}
@@ -88,9 +95,10 @@ def test_images_are_focused_and_the_report_tells(make_chain, case, truth, offset
 
     log = chain.log('sar_pipeline')
     assert 'autofocus for track errors of 0.05 m' in log
-    for text in ('aperture 0: 128 pulses, missing none, autofocus accepted, focused; ',
-                 'aperture 1: 128 pulses, missing none, autofocus not applied, focused; ',
-                 'aperture 2: 128 pulses, missing none, autofocus not applied, no claim; '):
+    for text in ('aperture 0: 128 pulses, missing none, focused by autofocus; ',
+                 'aperture 1: 128 pulses, missing none, focused already; ',
+                 'aperture 2: 128 pulses, missing none, not changed by autofocus, focus not '
+                 'confirmed; '):
         assert text in log
     observer.wait_for_counters('radar0/sar_pipeline', 'backprojection', images_published=3,
                                autofocus_attempted=3, autofocus_accepted=1, autofocus_claimed=2,
@@ -149,8 +157,54 @@ def test_fused_images_are_focused_and_the_report_tells(make_chain, case, truth, 
     observer.wait_for_counters('sar_pipeline', 'afbp_fusion', images_final=2,
                                autofocus_attempted=2, autofocus_accepted=1, autofocus_failed=0)
     log = chain.log('sar_pipeline')
-    assert re.search('image of aperture 0: .*autofocus accepted, no claim; .*contrast .* -> ', log)
-    assert re.search('image of aperture 1: .*autofocus not applied, no claim; ', log)
+    assert re.search('image of aperture 0: .*sharpened by autofocus, focus not confirmed; '
+                     '.*contrast .* -> ', log)
+    assert re.search('image of aperture 1: .*not changed by autofocus, focus not confirmed; ', log)
+
+
+@pytest.fixture(scope='module')
+def flight():
+    return drone_flight(3, motion='turn', radar_kind='uwb', n_pixels=120, n_pulses=160)
+
+
+def true_image(flight):
+    located = locate(flight.block, flight.track(), flight.alignment)
+    profiles = RangeCompressor.for_block(located)(located)
+    return Backprojector(flight.grid, profiles.radar, profiles.n_samples)(profiles)
+
+
+def test_a_clock_that_is_a_second_wrong_is_found_with_poses_from_odometry(make_chains, flight):
+    grid = flight.grid
+    truth = {'frame': 'map', 'pulses_per_aperture': flight.block.n_pulses, 'grid': {
+        'centre_m': grid.centre_m, 'n_x': grid.n_x, 'n_y': grid.n_y,
+        'spacing_m': grid.spacing_m}, 'alignment': flight.misaligned(1.0).as_dict()}
+    chains = make_chains(*({
+        'truth': truth, 'names': names, 'namespace': f'radar{number}',
+        'backprojection': {'autofocus.time_offset': 1.5}}
+        for number, names in enumerate((PIPELINE, NODES))))
+    poses = RecordedPoses(flight.stamp_ns, flight.position_m, flight.quaternion)
+    images = []
+    for chain in chains:
+        node = chain.observer.node
+        publisher = node.create_publisher(Odometry, 'odometry', 2000)
+        # two subscribers: pulse_buffer's positions and backprojection's autofocus
+        chain.observer.wait(lambda p=publisher: p.get_subscription_count() == 2, 'subscribers')
+        for _, cdr in poses.messages(bag_io._STORE):
+            publisher.publish(cdr)
+        chain.observer.send(list(split(flight.block)))
+    for chain in chains:
+        images.append(complex_from_message(chain.observer.wait_for('image_complex', 1)[0]))
+        assert re.search('image of aperture 0: 160 pulses, missing none, focused by autofocus; ',
+                         chain.all_logs())
+    # The pulses, their positions and the track are the same to the last bit.
+    np.testing.assert_array_equal(*images)
+    # 0.993 measured; the two images differ by what the offset found lacks, milliseconds
+    assert contrast(images[0]) > 0.97 * contrast(true_image(flight))
+    chains[0].observer.wait_for_counters('radar0/sar_pipeline', 'backprojection',
+                                         autofocus_accepted=1, autofocus_claimed=1)
+    found = chains[0].observer.counters('radar0/sar_pipeline', 'backprojection')
+    # what 0.01 s is seen as at 0.5 m/s of changing speed: 0.8 rad at most
+    assert found['autofocus_time_offset_s'] == pytest.approx(-1.0, abs=0.01)
 
 
 @pytest.mark.parametrize('changes', [
