@@ -20,11 +20,12 @@ REPLAY = dict(use_sim_time='', bag='my bag', rate='2.0', delay='5.0', namespace=
 
 
 def executables():
+    """Of `ros2 run`; pip has one program instead."""
     setup = ast.parse((ROOT / 'setup.py').read_text())
-    [scripts] = [ast.literal_eval(v) for node in ast.walk(setup) if isinstance(node, ast.Dict)
-                 for k, v in zip(node.keys, node.values, strict=True)
-                 if k is not None and getattr(k, 'value', '') == 'console_scripts']
-    return {script.split(' = ')[0] for script in scripts}
+    scripts = [ast.literal_eval(v) for node in ast.walk(setup) if isinstance(node, ast.Dict)
+               for k, v in zip(node.keys, node.values, strict=True)
+               if k is not None and getattr(k, 'value', '') == 'console_scripts']
+    return {script.split(' = ')[0] for script in max(scripts, key=len)}
 
 
 def strings(path):
