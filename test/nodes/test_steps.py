@@ -22,6 +22,7 @@ from sar_imaging.nodes.afbp_fusion import FusionStep
 from sar_imaging.nodes.backprojection_steps import IMAGE, SUBAPERTURES, BackprojectionStep
 from sar_imaging.nodes.health import Tally
 from sar_imaging.nodes.pulse_buffer import PulseBufferStep
+from sar_imaging.nodes.range_compression import RangeCompressionStep
 from sar_imaging.nodes.stage import COMMON_PARAMETERS
 from sar_imaging.signal.range_compression import RangeCompressor
 
@@ -305,3 +306,19 @@ def test_a_buffer_lets_go_of_what_it_holds_when_an_aperture_is_left_out(psf):
     assert step.discard() == 10
     step.update_counters()
     assert (log['pulses_received'], log['pulses_emitted'], log['pulses_missing']) == (30, 20, 0)
+
+
+@pytest.mark.parametrize(('kind', 'parameters', 'text'), [
+    (PulseBufferStep, {}, ' -> /pulse_blocks, 32 pulses per block, 100 per aperture, reorder '
+     'window 128 pulses'),
+    (PulseBufferStep, {'pose.source': 'odometry'}, ' with positions from odometry -> '
+     '/pulse_blocks, 32 pulses per block, 100 per aperture, reorder window 128 pulses'),
+    (RangeCompressionStep, {}, ' -> /range_profiles, window none, 2 samples per resolution cell'),
+    (RangeCompressionStep, {'background_s': 0.5}, ' -> /range_profiles, window none, 2 samples '
+     'per resolution cell, background averaged over 0.5 s subtracted'),
+    (FusionStep, {}, ' -> /image in frame map, final images only'),
+    (FusionStep, {'images_every': 3}, ' -> /image in frame map, an image every 3 sub-apertures')])
+def test_the_first_line_says_what_a_step_does(kind, parameters, text):
+    step, _ = make(kind, **parameters)
+    step.create_outputs(Outputs())
+    assert step.summary() == text
