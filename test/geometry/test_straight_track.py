@@ -68,7 +68,8 @@ def test_only_deviations_that_change_the_path_count():
     check(0.1 * up)        # at a right angle to the line of sight: 1 um
     with pytest.raises(ValueError, match=r'pulse 20, channel \d is 0\.0019\d* m \(0\.06\d* '
                                          r'wavelengths\) off the best-fit line and .* off its '
-                                         r'place along it; steps.*wrong by 0\.13\d* wavelengths'):
+                                         r'place along it; steps between pulses are 0\.7 to '
+                                         r'0\.70000\d m; .*wrong by 0\.13\d* wavelengths'):
         check(0.002 * across)
     check(0.002 * across, wavelength_m=0.06)
 

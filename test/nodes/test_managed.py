@@ -1,5 +1,6 @@
 """A node in this process: what its transitions keep and forget."""
 
+import threading
 import time
 
 import numpy as np
@@ -29,6 +30,9 @@ RADAR = RadarParameters(carrier_hz=1e10, bandwidth_hz=1e8, sample_rate_hz=2e8,
                         first_sample_delay_s=1e-6)
 
 
+BUSY, GO_ON = threading.Event(), threading.Event()  # blocks of 5 samples wait to be let go on
+
+
 class HoldStep(Step):
     """Holds the pulses that come; cannot be made for a size of 13, fails at 14."""
 
@@ -48,6 +52,9 @@ class HoldStep(Step):
     def process(self, block):
         if block.n_samples == 4:
             raise ValueError('4 samples')
+        if block.n_samples == 5:
+            BUSY.set()
+            GO_ON.wait(60.0)
         self.held += block.n_pulses
         self.health.count('pulses_held', block.n_pulses)
         return []
@@ -173,6 +180,24 @@ def test_a_clean_up_counts_from_zero(bench):
     level, message, counters = bench.status()
     assert (level, message) == (DiagnosticStatus.OK, 'inactive')
     assert {key for key, value in counters.items() if value} == {'memory_megabytes'}
+
+
+def test_what_waits_and_what_is_underway_is_dropped_at_the_end(bench):
+    BUSY.clear()
+    GO_ON.clear()
+    start(bench)
+    bench.send(5, n_samples=5)
+    bench.wait(BUSY.is_set, 'the first block in work')
+    bench.send(3)
+    bench.send(4)
+    bench.wait_for(blocks_received=3, blocks_waiting=2)
+    lines = []
+    bench.node.health.info = lines.append
+    threading.Timer(0.05, GO_ON.set).start()
+    assert bench.node.trigger_deactivate() == SUCCESS  # finishes the block in work
+    assert 'deactivated: dropped 7 pulses that waited and 5 underway' in lines
+    counters = bench.status()[2]
+    assert (counters['pulses_discarded'], counters['blocks_waiting']) == (12, 0)
 
 
 def test_a_refused_configuration_can_be_repeated_and_a_failed_one_is_an_error(bench):

@@ -1,43 +1,32 @@
 """Steps without nodes: what they count as underway, missing and dropped."""
 
 import dataclasses
-import types
+import time
 
+import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 
+from msg_conversions import images as images_of_messages, subaperture_image
+from msg_conversions.images import (
+    complex_from_message,
+    map_metadata_from_message,
+    occupancy_from_message,
+    quicklook_from_message,
+)
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.live_subapertures import LiveSubapertures
 from sar_imaging.nodes.afbp_fusion import FusionStep
-from sar_imaging.nodes.backprojection_steps import IMAGE, BackprojectionStep
-from sar_imaging.nodes.health import Tally
+from sar_imaging.nodes.backprojection_steps import IMAGE, SUBAPERTURES, BackprojectionStep
 from sar_imaging.nodes.pulse_buffer import PulseBufferStep
-from sar_imaging.nodes.stage import COMMON_PARAMETERS
+from sar_imaging.nodes.range_compression import RangeCompressionStep
 from sar_imaging.signal.range_compression import RangeCompressor
+
+from .step_bench import Outputs, make
 
 CUT = 25  # pulses of a sub-aperture, of 100 in the apertures below
 N_CUTS = 4
-
-
-class Log(Tally):
-    """Counters of a step, and its log lines."""
-
-    def __init__(self, step):
-        super().__init__(step.NAME, counters=(*step.COUNTERS, *step.FAULTS), faults=step.FAULTS,
-                         errors=())
-        self.lines = []
-        self.info = self.warning = self.error = self.lines.append
-
-    def __getitem__(self, key):
-        return float({v.key: v.value for v in self.status('', '').values}[key])
-
-
-def make(step, **parameters):
-    """Step and its log; parameters beside the defaults."""
-    values = {p.name: p.default for p in (*step.PARAMETERS, *COMMON_PARAMETERS)}
-    log = Log(step)
-    return step.create(values | {'pulses_per_aperture': 100} | parameters, log), log
 
 
 @pytest.fixture(name='grid', scope='module')
@@ -121,7 +110,7 @@ def test_an_aperture_left_out_is_forgotten_and_counted(sent):
 @pytest.mark.parametrize(('numbers', 'missing'), [((0, 1, 2, 3), 0), ((0, 1), 2), ((3,), 3)])
 def test_what_an_image_lacks_is_counted_when_it_is_final(sent, numbers, missing):
     step, log = make(FusionStep, images_every=1, min_pulse_fraction=0.0)
-    step._products = types.SimpleNamespace(publish=lambda *image: None)
+    step.create_outputs(Outputs())
     images = [image for n in numbers for image in step.process(sent[n])] + step.flush()
     for image in images:
         step.publish(image)
@@ -179,6 +168,90 @@ def test_what_cannot_be_imaged_is_said_once_and_refused_every_time(grid, profile
     assert len([line for line in log.lines if line.startswith('derived quantities')]) == 2
 
 
+def test_every_product_goes_to_who_listens(grid, profiles):
+    step, log = backprojection(grid, frame_id='odom', **{'quicklook.dynamic_range_db': 40.0})
+    outputs = Outputs('image_complex', 'image_quicklook')
+    step.create_outputs(outputs)
+    images = step.process(profiles)
+    for image in images:
+        step.publish(image)
+    sent = outputs.sent
+    assert {topic: len(messages) for topic, messages in sent.items()} == {
+        'image_complex': 2, 'image': 0, 'image_quicklook': 2, 'map_metadata': 1, 'map': 0}
+    for image, message, quicklook in zip(images, sent['image_complex'], sent['image_quicklook'],
+                                         strict=True):
+        np.testing.assert_array_equal(complex_from_message(message), image.image)
+        np.testing.assert_array_equal(
+            quicklook_from_message(quicklook),
+            images_of_messages.quicklook(np.abs(image.image), 40.0))
+        stamp = message.header.stamp
+        assert stamp.sec * 10**9 + stamp.nanosec == image.stamp_ns
+        assert 0 <= stamp.nanosec < 10**9
+        assert message.header.frame_id == quicklook.header.frame_id == 'odom'
+    assert map_metadata_from_message(sent['map_metadata'][0]) == images[0].grid
+    # Who comes late gets the map of the latest image, once.
+    for _ in range(2):
+        outputs.join('map')
+    [occupied] = sent['map']
+    cells, where = occupancy_from_message(occupied)
+    assert where == images[0].grid and occupied.header == sent['image_complex'][1].header
+    np.testing.assert_array_equal(cells, images_of_messages.occupancy(
+        np.abs(images[1].image), free_db=6.0, range_db=24.0))
+    assert (log['images_published'], log['pulses_missing']) == (2, 0)
+
+
+def test_the_work_on_an_image_is_counted_from_the_one_before(grid, profiles):
+    step, log = backprojection(grid)
+    step.create_outputs(Outputs())
+    began = time.perf_counter()
+    [first] = step.process(profiles.select(slice(0, 100)))
+    step.publish(first)
+    assert 0 < log['last_image_seconds'] <= 1.001 * (time.perf_counter() - began)
+    step.process(profiles.select(slice(100, 120)))
+    step.discard()
+    began = time.perf_counter()
+    [again] = step.process(profiles.select(slice(100, 200)))
+    step.publish(again)
+    # Four digits are published.
+    assert 0 < log['last_image_seconds'] <= 1.001 * (time.perf_counter() - began)
+
+
+def test_subapertures_are_messages_for_who_listens(grid, profiles):
+    step, log = backprojection(grid, mode=SUBAPERTURES, **{'subapertures.pulses': CUT})
+    outputs = Outputs()
+    step.create_outputs(outputs)
+    subapertures = step.process(profiles)
+    assert len(subapertures) == 2 * N_CUTS
+    step.publish(subapertures[0])
+    assert outputs.sent['subaperture_images'] == []
+    outputs.join('subaperture_images')
+    step.publish(subapertures[1])
+    [message] = outputs.sent['subaperture_images']
+    received = subaperture_image.from_message(message)
+    np.testing.assert_array_equal(received.image, subapertures[1].image)
+    assert (received.number, received.aperture) == (1, 0)
+    assert log['subapertures_published'] == 2
+    assert step.describe(subapertures[-1]) == (
+        'sub-aperture 3 of aperture 1: pulses 175..199, 0 missing')
+
+
+def test_a_strip_joins_final_images_and_is_forgotten_with_them(sent):
+    step, _ = make(FusionStep, strip_max_pixels=10**6, images_every=1)
+    outputs = Outputs('strip/image_complex')
+    step.create_outputs(outputs)
+    images = [image for sub in sent for image in step.process(sub)]
+    assert [image.final for image in images] == ([False] * (N_CUTS - 1) + [True]) * 2
+    for image in images:
+        step.publish(image)
+    [first, second] = outputs.sent['strip/image_complex']
+    np.testing.assert_array_equal(complex_from_message(first), images[N_CUTS - 1].image)
+    assert (second.height, second.width) == images[-1].grid.shape  # in the same place
+    step.discard()
+    step.publish(images[-1])
+    np.testing.assert_array_equal(complex_from_message(outputs.sent['strip/image_complex'][2]),
+                                  images[-1].image)
+
+
 # ------------------------------------------------------------------------------- pulse buffer
 
 def test_a_buffer_lets_go_of_what_it_holds_when_an_aperture_is_left_out(psf):
@@ -191,3 +264,19 @@ def test_a_buffer_lets_go_of_what_it_holds_when_an_aperture_is_left_out(psf):
     assert step.discard() == 10
     step.update_counters()
     assert (log['pulses_received'], log['pulses_emitted'], log['pulses_missing']) == (30, 20, 0)
+
+
+@pytest.mark.parametrize(('kind', 'parameters', 'text'), [
+    (PulseBufferStep, {}, ' -> /pulse_blocks, 32 pulses per block, 100 per aperture, reorder '
+     'window 128 pulses'),
+    (PulseBufferStep, {'pose.source': 'odometry'}, ' with positions from odometry -> '
+     '/pulse_blocks, 32 pulses per block, 100 per aperture, reorder window 128 pulses'),
+    (RangeCompressionStep, {}, ' -> /range_profiles, window none, 2 samples per resolution cell'),
+    (RangeCompressionStep, {'background_s': 0.5}, ' -> /range_profiles, window none, 2 samples '
+     'per resolution cell, background averaged over 0.5 s subtracted'),
+    (FusionStep, {}, ' -> /image in frame map, final images only'),
+    (FusionStep, {'images_every': 3}, ' -> /image in frame map, an image every 3 sub-apertures')])
+def test_the_first_line_says_what_a_step_does(kind, parameters, text):
+    step, _ = make(kind, **parameters)
+    step.create_outputs(Outputs())
+    assert step.summary() == text

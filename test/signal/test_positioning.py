@@ -78,6 +78,9 @@ def test_pulses_get_the_phase_centres_of_their_times():
                                    atol=1e-9)
     assert block.radar.range_start_m == pytest.approx(RADAR.range_start_m - 0.3)
     np.testing.assert_array_equal(block.stamp_ns, pulses(50, 150).stamp_ns)  # the radar's clock
+    [alone] = positioner.push(pulses(150, 151), 0.0)
+    np.testing.assert_allclose(alone.tx_m[0, 0], place(0.15) + turn(0.15).apply([0.5, 0, 0]),
+                               atol=1e-9)
 
 
 def test_pulses_wait_for_their_poses_and_keep_their_order():
