@@ -12,12 +12,13 @@ import shutil
 import signal
 import time
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from .mutation_sample import Mutation
+from .mutation_tests import around, units
 
 CPU_S, CPU_FACTOR = 60.0, 4.0  # processor time that a run may need beyond the tests', and of it
-COMPILING_S = 240.0  # that kernels may need, all of them
+COMPILING_S = 120.0  # that kernels may need, all of them
 WALL_FACTOR = 8.0  # waiting counts too, and other work on the machine
 COMPILERS = {'njit', 'jit', 'intrinsic', 'vectorize', 'guvectorize'}
 
@@ -58,12 +59,13 @@ class Runner:
         shutil.copytree(self._tree, self._copy)
         path = self._copy / mutation.file
         path.write_text(mutation.applied(path.read_text()))
-        stale = self._stale(mutation.file)
-        for file in stale:
-            folder = (self._copy / file).parent / '__pycache__'
-            for compiled in folder.glob(f'{pathlib.Path(file).stem}.*.nb[ci]'):
+        place = mutation.place((self._tree / mutation.file).read_text())
+        reached = self._reached(mutation.file, place)
+        for file, name in reached:
+            folder, stem = (self._copy / file).parent / '__pycache__', pathlib.Path(file).stem
+            for compiled in folder.glob(f'{stem}.{name}[-.]*nb[ci]'):
                 compiled.unlink()
-        limit_s = CPU_S + CPU_FACTOR * seconds + (COMPILING_S if stale else 0.0)
+        limit_s = CPU_S + CPU_FACTOR * seconds + (COMPILING_S if reached else 0.0)
         return self._run(tests, limit_s)
 
     def _run(self, tests: Sequence[str], limit_s: float) -> dict[str, str]:
@@ -73,7 +75,7 @@ class Runner:
         begun = time.monotonic()
         child = os.fork()
         if not child:
-            _test(self._copy, tests, answer, mark, limit_s)
+            _test(self._tree, self._copy, tests, answer, mark, limit_s)
         while not (ended := os.waitpid(child, os.WNOHANG))[0]:
             if time.monotonic() - begun > WALL_FACTOR * limit_s:
                 os.kill(child, signal.SIGKILL)
@@ -86,52 +88,61 @@ class Runner:
         return {'status': 'timeout' if slow else 'crash', 'test': '',
                 'message': f'ended by signal {number}'}
 
-    def _stale(self, file: str) -> set[str]:
-        """Files with kernels that a change of a file makes compile again."""
-        stale = {file} if file in self._kernels else set()
-        changed, before = {file}, set()
-        while changed != before:
-            before = set(changed)
-            for user, used in self._kernels.items():
-                if used & changed:
-                    stale.add(user)
-                    changed.add(user)
-        return stale
+    def _reached(self, file: str, line: int) -> set[tuple[str, str]]:
+        """Files and names of functions that are compiled with what stands at a line."""
+        names = around(ast.parse((self._tree / file).read_text()), line)[2]
+        before: set[str] = set()
+        while names != before:
+            before = set(names)
+            names |= {name for _, name, used in self._kernel_files if used & names}
+        return {(file, name) for file, name, _ in self._kernel_files if name in names}
 
     @functools.cached_property
-    def _kernels(self) -> dict[str, set[str]]:
-        """Files with kernels, and those from which names in these kernels come."""
-        found = {}
+    def _kernel_files(self) -> list[tuple[str, str, set[str]]]:
+        """Functions and constants of files with kernels: file, name, names used."""
+        found = []
         for path in sorted((self._tree / 'sar_imaging').rglob('*.py')):
-            tree = ast.parse(path.read_text())
-            bodies = [f for f in ast.walk(tree) if isinstance(f, ast.FunctionDef)
-                      and any(n in COMPILERS for d in f.decorator_list for n in _names(d))]
-            if bodies:
-                names = {n for body in bodies for n in _names(body)}
-                found[path.relative_to(self._tree).as_posix()] = {
-                    file for file, imported in _imports(tree, path, self._tree)
-                    if imported & names}
+            parts = list(units(ast.parse(path.read_text())))
+            if any(COMPILERS & set(_used_by(getattr(part, 'decorator_list', ())))
+                   for part, _ in parts):
+                file = path.relative_to(self._tree).as_posix()
+                found += [(file, name, _used(part)) for part, name in parts]
         return found
 
 
-def _names(tree: ast.AST) -> Iterator[str]:
-    for node in ast.walk(tree):
+def _used(unit: ast.stmt) -> set[str]:
+    """Names that a function or assignment takes from outside."""
+    own = {n.arg for n in ast.walk(unit) if isinstance(n, ast.arg)}
+    own |= {n.id for n in ast.walk(unit)
+            if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+    return set(_used_by([unit])) - own
+
+
+def _used_by(nodes: Iterable[ast.AST]) -> Iterator[str]:
+    for node in (n for top in nodes for n in ast.walk(top)):
         if isinstance(node, ast.Name):
             yield node.id
         elif isinstance(node, ast.Attribute):
             yield node.attr
 
 
-def _imports(tree: ast.Module, path: pathlib.Path,
-             root: pathlib.Path) -> Iterator[tuple[str, set[str]]]:
-    """Files of the package that a module imports from, and the names."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.level:
-            folder = path.parents[node.level - 1]
-            for alias in node.names:
-                module = folder.joinpath(*(node.module or alias.name).split('.'))
-                yield (module.relative_to(root).with_suffix('.py').as_posix(),
-                       {alias.asname or alias.name})
+def _keep_kernels(tree: pathlib.Path, copy: pathlib.Path) -> None:
+    """Let Numba take kernels of the copy from its cache that were compiled in the tree.
+
+    It would compile all of a changed file again. Those that the change reaches are deleted.
+    """
+    from numba.core.caching import _SourceFileBackedLocatorMixin as Locator
+    of_file = Locator.get_source_stamp
+
+    def stamp(locator):
+        file = locator._py_file
+        locator._py_file = file.replace(str(copy), str(tree), 1)
+        try:
+            return of_file(locator)
+        finally:
+            locator._py_file = file
+
+    Locator.get_source_stamp = stamp
 
 
 class _Witness:
@@ -150,14 +161,15 @@ class _Witness:
         self.pytest_runtest_logreport(report)
 
 
-def _test(tree: pathlib.Path, tests: Sequence[str], answer: pathlib.Path, mark: str,
-          limit_s: float) -> None:
+def _test(tree: pathlib.Path, copy: pathlib.Path, tests: Sequence[str], answer: pathlib.Path,
+          mark: str, limit_s: float) -> None:
     """In the fork: run the tests until one fails, write the answer, end."""
     status = {'status': 'crash', 'test': '', 'message': ''}
     try:
         import pytest
         os.setsid()
-        os.chdir(tree)
+        os.chdir(copy)
+        _keep_kernels(tree, copy)
         os.environ['MUTATION_MARK'] = mark
         resource.setrlimit(resource.RLIMIT_CPU, (int(limit_s), int(limit_s) + 5))
         log = os.open(answer.with_name('last.log'), os.O_WRONLY | os.O_CREAT | os.O_TRUNC)

@@ -65,7 +65,7 @@ class Tests:
         return sum(self._seconds[test] for test in tests)
 
     def _executing(self, file: str, line: int) -> set[str]:
-        statement, functions, names = _around(self._trees[file], line)
+        statement, functions, names = around(self._trees[file], line)
         tests = self._running(file, statement)
         if not tests and functions:
             tests = self._running(file, range(functions[0].lineno, functions[0].end_lineno + 1))
@@ -94,7 +94,7 @@ class Tests:
         """Statements by the names in them: file, lines, name of the function or constant."""
         found = collections.defaultdict(list)
         for file, tree in self._trees.items():
-            for top, holder in _units(tree):
+            for top, holder in units(tree):
                 for node in ast.walk(top):
                     name = getattr(node, 'id', getattr(node, 'attr', None))
                     if isinstance(name, str) and name != holder:
@@ -112,7 +112,7 @@ class Tests:
         return {line: found[line] for line in inside & found.keys()}
 
 
-def _units(tree: ast.Module) -> Iterator[tuple[ast.stmt, str]]:
+def units(tree: ast.Module) -> Iterator[tuple[ast.stmt, str]]:
     """Functions, methods and assignments of a module with the names that others know."""
     for node in tree.body:
         if isinstance(node, ast.ClassDef):
@@ -125,7 +125,7 @@ def _units(tree: ast.Module) -> Iterator[tuple[ast.stmt, str]]:
             yield node, node.name
 
 
-def _around(tree: ast.Module, line: int) -> tuple[range, list[ast.FunctionDef], set[str]]:
+def around(tree: ast.Module, line: int) -> tuple[range, list[ast.FunctionDef], set[str]]:
     """Lines of the statement at a line, the functions around, names that others know it by."""
     inside = [n for n in ast.walk(tree)
               if isinstance(n, ast.stmt) and n.lineno <= line <= n.end_lineno]

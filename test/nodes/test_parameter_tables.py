@@ -45,7 +45,11 @@ def test_defaults_and_ends_of_ranges_are_allowed_and_no_more(parameter):
         assert [parameter.coerce(kind(v)) for v in (low, high)] == [low, high]
 
 
-@pytest.mark.parametrize('name', ['grid.spacing', 'max_image_pixels', 'pulses_per_aperture',
-                                  'queue_depth', 'oversampling'])
-def test_what_lengths_are_counted_in_is_more_than_nothing(name):
-    assert all(p.minimum > 0 for p in PARAMETERS.values() if p.name == name)
+@pytest.mark.parametrize(('name', 'least'), [
+    ('grid.spacing', 1e-4), ('max_image_pixels', 1), ('queue_depth', 1), ('worker_queue_size', 1),
+    ('pulses_per_aperture', 2), ('oversampling', 1.0)])
+def test_what_is_counted_may_be_few_but_not_nothing(name, least):
+    for parameter in (p for p in PARAMETERS.values() if p.name == name):
+        assert parameter.coerce(least) == least
+        with pytest.raises(ConfigurationError, match=f'{name}=0.*expected'):
+            parameter.coerce(0 * least)
