@@ -20,7 +20,7 @@ from .fusion import SpectrumFusion
 from .fusion_error import EVERYTHING
 from .fusion_map import form_map
 from .lattice import total_db
-from .polar import cover_for_fusion, map_coverage
+from .map_cover import cover_for_fusion, map_coverage
 from .profile_reach import reach_warning, some_pixels
 from .range_band import RangeBand
 from .subapertures import SubaperturePlan

@@ -308,6 +308,6 @@ def compile_kernels() -> None:
         if polar is not None:
             interpolator = design_interpolator(2.0, taps=merging.TAPS, degree=merging.DEGREE)
             parts = merging.AngularParts((slice(None),), np.zeros(1), polar.polar, polar.polar,
-                                         interpolator, 0.0)
+                                         interpolator, 0.0, 0.0)
             for plan in (polar, dataclasses.replace(polar, parts=parts)):
                 add_by_polar(plan, radar, rows, grid, image)
