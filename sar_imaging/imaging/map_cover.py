@@ -59,8 +59,8 @@ class MapCover:
         Share of each row in the power of the image, see `row_weights`.
     wavenumber : (2,) floats
         Lowest and highest of the radar's band, rad/m.
-    resampling_db : float
-        Error of the interpolation to the map, dB.
+    between_db, along_db : float
+        Errors of the interpolation to the map, dB.
     profile_db : float
         Error on the map because profiles, or the part of them that is used, end, dB.
     """
@@ -76,8 +76,14 @@ class MapCover:
     slope_alpha: np.ndarray
     weight: np.ndarray
     wavenumber: tuple[float, float]
-    resampling_db: float
+    between_db: float
+    along_db: float
     profile_db: float
+
+    @property
+    def resampling_db(self) -> float:
+        """Error of the interpolation to the map, dB."""
+        return total_db(self.between_db, self.along_db)
 
     @property
     def oversampling(self) -> tuple[float, float]:
@@ -147,7 +153,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     if polar is None:
         return None
     return MapCover(polar, ratio, lattice, window, range_m, axis, between, along, slope_alpha,
-                    weight, k, total_db(between_db, along_db),
+                    weight, k, between_db, along_db,
                     window.mean_end_error_db(paths.length))
 
 

@@ -19,8 +19,8 @@ from ..signal.range_compression import RangeCompressor
 from .echoes import scene_spectrum, two_way_delays
 
 _EARTH_RADIUS_M = 6.4e6
-_MOST_ROWS = 640  # pulses x channels: keeps a case to about a second
-_MOST_DEPTH = 1500.0  # resolution cells that a map is deep, seen from the whole track
+_MOST_ROWS = 480  # pulses x channels: keeps a case to about a second
+_MOST_DEPTH = 600.0  # resolution cells that a map is deep, seen from the whole track
 _MOST_WORK = 1e7  # pulses x channels x frequencies x scatterers
 _SCENES = ('within', 'everywhere')  # the map; all that the pulses tell apart
 
@@ -57,7 +57,7 @@ def random_case(seed: int, track: str | None = None) -> RandomCase:
 
     Carriers of 1 to 40 GHz, aperture angles of 0.3 to 30 degrees, bandwidths to 30 % of the
     carrier, ranges of 100 m to 50 km, elevations to 75 degrees, 1 to 5 channels, maps of 64 to
-    160 pixels a side, Earth-sized offsets of all coordinates in half of the cases, phase
+    128 pixels a side, Earth-sized offsets of all coordinates in half of the cases, phase
     histories in a quarter and noise in a third of them; in a tenth each the profiles are too
     short for the map, and the receivers stand far from the transmitter.
 
@@ -77,7 +77,7 @@ def random_case(seed: int, track: str | None = None) -> RandomCase:
     angle = 0.005 * 100 ** rng.random()
     azimuth = wavelength / (2 * angle)
     bandwidth = min(SPEED_OF_LIGHT / (2 * azimuth * 3 ** rng.uniform(-1, 1)), 0.3 * carrier)
-    n_x, n_y = (int(n) for n in rng.integers(64, 161, 2))
+    n_x, n_y = (int(n) for n in rng.integers(64, 129, 2))
     elevation = math.radians(rng.choice([rng.uniform(0, 40), rng.uniform(40, 75)]))
     resolution = SPEED_OF_LIGHT / (2 * bandwidth) / math.cos(elevation)
     spacing = rng.uniform(0.25, 0.6) * min(azimuth, resolution)
@@ -224,7 +224,7 @@ def _with_pulses(rng, grid, tx, rx, carrier, bandwidth, points, amplitudes, trai
     traits |= {'relative_bandwidth': bandwidth / carrier, 'depth': duration * bandwidth,
                'waveform': 'stepped' if stepped else 'profiles', 'short': int(short),
                'noise_db': -math.inf}
-    most = max(10, int(_MOST_WORK / (tx[..., 0].size * duration * bandwidth)))
+    most = max(40, int(_MOST_WORK / (tx[..., 0].size * duration * bandwidth)))
     points, amplitudes = points[:most], amplitudes[:most]
     delays = two_way_delays(tx, rx, points)
     if stepped:
