@@ -73,7 +73,7 @@ class Backprojector:
         Predicted error against time-domain correlation of what was added so far, dB; with
         `midpoint`, of the same approximation.
     warnings : tuple of str
-        What makes the error of what was added so far larger than wanted, or than predicted.
+        What makes images worse than wanted; a call logs it, too.
     method : str
         How the latest pulses were added: ``'polar'``, ``'lines'`` or ``'points'``.
 
@@ -145,8 +145,10 @@ class Backprojector:
         MemoryError
             The images of the channels are larger than the memory that is available.
         """
-        image = self.new_image(block.n_channels)
+        image, told = self.new_image(block.n_channels), self.warnings
         self.add(block, image)
+        for warning in set(self.warnings) - set(told):
+            _logger.warning(warning)
         return image
 
     def new_image(self, n_channels: int = 1) -> np.ndarray:
@@ -273,9 +275,7 @@ class Backprojector:
         pixels = some_pixels(self.grid) if self._points is None else self._points.some()
         warning = reach_warning(pixels, *rows[1:], self.radar, self.n_samples)
         if warning is not None:
-            if not self.warnings:  # blocks of an aperture repeat it
-                _logger.warning(warning)
-            self.warnings = (warning,)
+            self.warnings = (warning,)  # of the latest block that has one
 
 
 def _as_rows(samples, tx_m, rx_m):
@@ -308,6 +308,6 @@ def compile_kernels() -> None:
         if polar is not None:
             interpolator = design_interpolator(2.0, taps=merging.TAPS, degree=merging.DEGREE)
             parts = merging.AngularParts((slice(None),), np.zeros(1), polar.polar, polar.polar,
-                                         interpolator, 0.0)
+                                         interpolator, 0.0, 0.0)
             for plan in (polar, dataclasses.replace(polar, parts=parts)):
                 add_by_polar(plan, radar, rows, grid, image)

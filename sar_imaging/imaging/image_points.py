@@ -131,7 +131,7 @@ class ImagePoints:
         length = half_paths(tx_m[some], rx_m[some], self.some())[0]
         return total_db(lattice.predicted_error_db, point_kernels.rounding_db(
             radar.wavelength_m, min(reach, self._tile_radius(tile))),
-            window.mean_end_error_db(length))
+            10 * math.log10(float(window.end_error(length).mean()) + 1e-16))
 
     def _tile(self, reach: float) -> tuple[int, int]:
         """Largest tile that float32 can do, judged by the distance of neighbours."""

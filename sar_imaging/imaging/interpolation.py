@@ -23,9 +23,13 @@ from ..compilation import njit, numba
 
 LINE_DEGREE, POINT_DEGREE = 4, 3  # of profiles read along image lines and point by point
 TAPS = 10
+# Polynomials made for a little more than their interval err evenly over it, not at its ends: all
+# ranges of an image may lie at the same place between samples.
+LEAST_MARGIN = 0.03
 _NODES = 12  # of the quadrature over band and interval: the error holds to 0.001 dB
 _ROUNDS = 40  # of weights and gains in turn
-_GAIN_STEP = 1e-4  # cycles per sample, for a derivative
+_GAIN_STEP = 1e-3  # cycles per sample, for derivatives
+_OVERSAMPLING_STEP, _MOST_OVERSAMPLING = 0.02, 4.0  # to choose from
 _DRIFTS = 9  # of a table of errors
 _COARSER = 4  # a table of errors than that of gains
 
@@ -143,10 +147,14 @@ class Interpolator:
         gain = _best_gain(*self._read(np.minimum(frequency, edge)), _nodes()[1])
         # The best gain has sharp features beyond the band, which would spread what tapers do far
         # over the image: it goes on as it ends, and levels off towards half a cycle.
-        ends = _best_gain(*self._read(np.array([edge - _GAIN_STEP, edge])), _nodes()[1])
-        growth = math.log(ends[1] / ends[0]) / _GAIN_STEP * (0.5 - edge)
-        beyond = np.maximum((frequency - edge) / (0.5 - edge), 0.0)
-        return np.log(gain) + growth * (beyond - beyond ** 3 + beyond ** 4 / 2)
+        ends = edge - _GAIN_STEP * np.arange(3)
+        ends = np.log(_best_gain(*self._read(ends), _nodes()[1]))
+        width = 0.5 - edge
+        slope = (1.5 * ends[0] - 2 * ends[1] + 0.5 * ends[2]) * width / _GAIN_STEP
+        bend = (ends[0] - 2 * ends[1] + ends[2]) * (width / _GAIN_STEP) ** 2
+        x = np.maximum((frequency - edge) / width, 0.0)
+        return (np.log(gain) + slope * (x - x ** 3 + x ** 4 / 2)
+                + bend * (x ** 2 / 2 - 2 * x ** 3 / 3 + x ** 4 / 4))
 
     @functools.cached_property
     def _errors(self) -> np.ndarray:
@@ -298,11 +306,19 @@ def coarsest_interpolator(error_db: float, *, taps: int, degree: int,
     Interpolator or None
         None where no oversampling below 4 does.
     """
-    for oversampling in np.arange(1.1, 4.0, 0.02):
+    for oversampling in np.arange(1.1, _MOST_OVERSAMPLING, _OVERSAMPLING_STEP):
         found = design_interpolator(oversampling, taps=taps, degree=degree, corrected=corrected)
         if found.error_db <= error_db:
             return found
     return None
+
+
+def finer_interpolator(found: Interpolator) -> Interpolator | None:
+    """The next one for finer sampling, of the same kind; None at an oversampling of 4."""
+    if found.oversampling > _MOST_OVERSAMPLING:
+        return None
+    return design_interpolator(found.oversampling + _OVERSAMPLING_STEP, taps=found.n_taps,
+                               degree=len(found.weights) - 1, corrected=found.corrected)
 
 
 def polynomial_planes(real, imag, weights, first, pad, out):

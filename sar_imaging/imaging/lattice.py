@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
-from .interpolation import LINE_DEGREE, Interpolator, design_interpolator
+from .interpolation import LEAST_MARGIN, LINE_DEGREE, Interpolator, design_interpolator
 from .kernels import SINCOS_ERROR_DB
 from .transform_length import cost_per_sample, smooth_lengths
 
@@ -25,6 +25,7 @@ _ACCUMULATION_ERROR_DB = -112.0  # float32 sums
 _ROWS_FOR_ERRORS = 64  # enough for averages over the rows
 _ROWS_IN_CACHE = 512  # of paths at once
 _NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
+_DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
 _CLOSER_DB = 10.0  # by which the worst drift may be worse than the mean one
 _LONGER, _FINER, _FEW = 1.1, 1.03, 3  # padded length, cells, and cells around the best
 _COST_TRANSFORM = 0.012  # of a pass of the transform, in shares of the whole
@@ -42,10 +43,13 @@ class Paths:
         Half path, metres.
     derivatives : tuple of four (R, S) float64
         Its first to fourth derivative along the line.
+    parts : tuple of int
+        First row of each part of the rows that is added by itself.
     """
 
     length: np.ndarray
     derivatives: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+    parts: tuple[int, ...] = (0,)
 
     def reversed(self) -> Paths:
         """The same points on lines that run the other way."""
@@ -56,8 +60,10 @@ class Paths:
         """Some rows, less the middle row of the `ROWS_PER_PASS` that each is added with."""
         n = len(self.length)
         rows = _some_rows(n)
-        start = rows // ROWS_PER_PASS * ROWS_PER_PASS
-        middle = start + np.minimum(n - start, ROWS_PER_PASS) // 2
+        part = np.searchsorted(self.parts, rows, 'right')
+        first, stop = np.take(self.parts, part - 1), np.append(self.parts, n)[part]
+        start = first + (rows - first) // ROWS_PER_PASS * ROWS_PER_PASS
+        middle = start + np.minimum(stop - start, ROWS_PER_PASS) // 2
         return Paths(self.length[rows] - self.length[middle],
                      tuple(d[rows] - d[middle] for d in self.derivatives))
 
@@ -240,18 +246,40 @@ def _candidates(slope, errors, spacing, radar, n_padded, n_cells, cell, phases, 
     furthest = float(drift.max())
     if oversampling <= 1.25 or furthest > 2:
         return
-    interpolator = design_interpolator(oversampling, furthest, degree=LINE_DEGREE)
-    expansion = [20 * math.log10(error * (spacing * half) ** power + 1e-12)
-                 for power, error in errors]
+    interpolator = design_interpolator(oversampling, max(furthest, LEAST_MARGIN),
+                                       degree=LINE_DEGREE)
     # With the worst drift everywhere first: most candidates need no closer look.
-    predicted = total_db(interpolator.error_db, *expansion)
+    lattice = Lattice(n_padded, n_cells, phases, segment, step, spacing, interpolator, 0.0,
+                      1.0 + _COST_SEGMENT / segment)
+    predicted = _predicted_db(lattice, interpolator.error_db, errors)
     if predicted > target_db + _CLOSER_DB:
         return
-    predicted = total_db(10 * math.log10(interpolator.error_with_drift(drift).mean()),
-                         *expansion)
+    predicted = _predicted_db(lattice, _drifting_db(lattice, drift), errors)
     if predicted <= target_db:
-        yield Lattice(n_padded, n_cells, phases, segment, step, spacing, interpolator, predicted,
-                      1.0 + _COST_SEGMENT / segment)
+        yield dataclasses.replace(lattice, predicted_error_db=predicted)
+
+
+def lattice_error_db(lattice: Lattice, paths: Paths, radar: RadarParameters) -> float:
+    """Predicted error of a lattice on other paths than it was planned for, dB.
+
+    It is inf where pixels drift further than the lattice was made for.
+    """
+    slope = paths.derivatives[0]
+    drift = (np.abs(slope[_some_rows(len(slope))] * lattice.spacing - lattice.cell_m)
+             * (lattice.segment / 2 / lattice.step_m))
+    if drift.max() > lattice.interpolator.margin + _DRIFT_SLACK:
+        return math.inf
+    return _predicted_db(lattice, _drifting_db(lattice, drift), _expansion_errors(paths, radar))
+
+
+def _drifting_db(lattice, drift) -> float:
+    return 10 * math.log10(float(lattice.interpolator.error_with_drift(drift).mean()))
+
+
+def _predicted_db(lattice, interpolation_db, errors) -> float:
+    half = lattice.spacing * lattice.segment / 2
+    return total_db(interpolation_db, *(20 * math.log10(error * half ** power + 1e-12)
+                                        for power, error in errors))
 
 
 def _expansion_errors(paths, radar):
@@ -282,11 +310,11 @@ def point_lattice(radar: RadarParameters, n_samples: int, target_db: float) -> L
         Wanted error against time-domain correlation, dB.
     """
     oversampling = next(v for v in np.arange(1.6, 8.0, 0.2)
-                        if design_interpolator(v).error_db <= target_db - 3.0)
+                        if design_interpolator(v, LEAST_MARGIN).error_db <= target_db - 3.0)
     pitch = radar.range_resolution_m / oversampling
     n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, 1)
     step = n_padded * radar.sample_spacing_m / n_cells
-    interpolator = design_interpolator(radar.range_resolution_m / step)
+    interpolator = design_interpolator(radar.range_resolution_m / step, LEAST_MARGIN)
     return Lattice(n_padded, n_cells, 1, 0, step, pitch, interpolator,
                    total_db(interpolator.error_db), _COST_POINT)
 

@@ -113,8 +113,18 @@ class RangeWindow:
         return np.minimum(error, 1.0)
 
     def mean_end_error_db(self, range_m) -> float:
-        """Mean of `end_error` over some half paths, dB."""
-        return 10 * math.log10(float(np.mean(self.end_error(range_m))) + 1e-16)
+        """Mean of `end_error` over an image, dB.
+
+        Parameters
+        ----------
+        range_m : (R, n * n) float64
+            Half paths from some rows to a square of positions, edge to edge, metres.
+        """
+        error = np.mean(self.end_error(range_m), axis=0)
+        side = np.ones(math.isqrt(len(error)))
+        side[[0, -1]] = 0.5  # they stand for half as much of the image
+        weight = np.outer(side, side).ravel()
+        return 10 * math.log10(float(error @ weight / weight.sum()) + 1e-16)
 
     def gain(self, n_padded: int) -> np.ndarray:
         """(n_padded,) float32 factor of each bin of `spectrum` on the way back to ranges.

@@ -21,18 +21,12 @@ from .first_stage import FirstStage
 from .fusion_error import EVERYTHING, Coverage
 from .fusion_grid import FusionGrid
 from .lattice import half_paths, plan_lattice, remaining_db, sample_paths, total_db
+from .local_bands import TAPERS_NEEDED, Bands, local_bands, used_share
 from .profiles import Profiles
 from .projection import PolarLines
 from .range_band import RangeBand
 from .range_window import RangeWindow
-from .subaperture_sampling import (
-    TAPERS_NEEDED,
-    Bands,
-    choose_sampling,
-    fusion_error,
-    local_bands,
-    used_share,
-)
+from .subaperture_sampling import choose_sampling, fusion_error
 from .work_space import aligned_empty
 
 _STAGE_SHARE_DB = 6.0  # of the target: by so much less the error of sub-aperture images

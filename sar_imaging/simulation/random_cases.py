@@ -19,7 +19,9 @@ from ..signal.range_compression import RangeCompressor
 from .echoes import scene_spectrum, two_way_delays
 
 _EARTH_RADIUS_M = 6.4e6
-_MOST_ROWS = 640  # pulses x channels: keeps a case to about a second
+_MOST_ROWS = 480  # pulses x channels: keeps a case to about a second
+_MOST_DEPTH = 600.0  # resolution cells that a map is deep, seen from the whole track
+_MOST_WORK = 1e7  # pulses x channels x frequencies x scatterers
 _SCENES = ('within', 'everywhere')  # the map; all that the pulses tell apart
 
 
@@ -55,7 +57,7 @@ def random_case(seed: int, track: str | None = None) -> RandomCase:
 
     Carriers of 1 to 40 GHz, aperture angles of 0.3 to 30 degrees, bandwidths to 30 % of the
     carrier, ranges of 100 m to 50 km, elevations to 75 degrees, 1 to 5 channels, maps of 64 to
-    160 pixels a side, Earth-sized offsets of all coordinates in half of the cases, phase
+    128 pixels a side, Earth-sized offsets of all coordinates in half of the cases, phase
     histories in a quarter and noise in a third of them; in a tenth each the profiles are too
     short for the map, and the receivers stand far from the transmitter.
 
@@ -75,7 +77,7 @@ def random_case(seed: int, track: str | None = None) -> RandomCase:
     angle = 0.005 * 100 ** rng.random()
     azimuth = wavelength / (2 * angle)
     bandwidth = min(SPEED_OF_LIGHT / (2 * azimuth * 3 ** rng.uniform(-1, 1)), 0.3 * carrier)
-    n_x, n_y = (int(n) for n in rng.integers(64, 161, 2))
+    n_x, n_y = (int(n) for n in rng.integers(64, 129, 2))
     elevation = math.radians(rng.choice([rng.uniform(0, 40), rng.uniform(40, 75)]))
     resolution = SPEED_OF_LIGHT / (2 * bandwidth) / math.cos(elevation)
     spacing = rng.uniform(0.25, 0.6) * min(azimuth, resolution)
@@ -97,8 +99,7 @@ def random_case(seed: int, track: str | None = None) -> RandomCase:
     traits = {'seed': seed, 'track': track, 'range_m': range_m, 'channels': n_channels,
               'pulses': n_pulses, 'elevation_deg': math.degrees(elevation),
               'angle_deg': math.degrees(angle), 'carrier_ghz': carrier * 1e-9,
-              'relative_bandwidth': bandwidth / carrier, 'pixels': n_x * n_y,
-              'width': width / range_m, 'scene': scene,
+              'pixels': n_x * n_y, 'width': width / range_m, 'scene': scene,
               'offset': 'Earth' if np.any(offset) else 'none'}
     return _with_pulses(rng, grid, tx, rx, carrier, bandwidth, points, amplitudes, traits)
 
@@ -215,12 +216,16 @@ def _with_pulses(rng, grid, tx, rx, carrier, bandwidth, points, amplitudes, trai
     corners = grid.points()[::grid.n_y - 1, ::grid.n_x - 1].reshape(-1, 3)
     edges = two_way_delays(tx, rx, np.vstack([corners, grid.centre_m]))
     low, high = float(edges.min()), float(edges.max())
+    bandwidth = min(bandwidth, _MOST_DEPTH / (high - low))
     rate = rng.uniform(1.3, 2.5) * bandwidth
     spare = (-rng.uniform(0.02, 0.3) * (high - low) if short
              else rng.uniform(30, 120) / (rate - bandwidth))
     middle, duration = 0.5 * (low + high), max(high - low + 2 * spare, 20 / bandwidth)
-    traits |= {'waveform': 'stepped' if stepped else 'profiles', 'short': int(short),
-               'depth': duration * bandwidth, 'noise_db': -math.inf}
+    traits |= {'relative_bandwidth': bandwidth / carrier, 'depth': duration * bandwidth,
+               'waveform': 'stepped' if stepped else 'profiles', 'short': int(short),
+               'noise_db': -math.inf}
+    most = max(40, int(_MOST_WORK / (tx[..., 0].size * duration * bandwidth)))
+    points, amplitudes = points[:most], amplitudes[:most]
     delays = two_way_delays(tx, rx, points)
     if stepped:
         n_bins = math.ceil(duration * bandwidth)
@@ -245,6 +250,7 @@ def _with_pulses(rng, grid, tx, rx, carrier, bandwidth, points, amplitudes, trai
         padded[..., np.arange(first, first + n_bins)] = spectrum
         samples = scipy.fft.ifft(padded, axis=-1) * (n_samples / n_bins)
     number = np.arange(len(tx))
-    pulses = PulseBlock(radar, not stepped, number, number * 1_000_000, samples, tx, rx)
+    pulses = PulseBlock(radar, not stepped, stamp_ns=number * 1_000_000, counter=number,
+                        samples=samples, tx_m=tx, rx_m=rx)
     profiles = RangeCompressor.for_block(pulses)(pulses) if stepped else pulses
     return RandomCase(grid, profiles, pulses, traits)
