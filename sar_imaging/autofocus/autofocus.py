@@ -43,7 +43,7 @@ _LEAST_VISIBLE_RAD, _WIDE_RAD = 2.0, 12.0
 # Of the halves of a scene: to claim, and to use what a whole curve supports.
 _LARGEST_DISAGREEMENT_RAD, _FARTHEST_DISAGREEMENT_RAD = 0.5, 4.0
 _FEW_UNKNOWNS = 3  # they cannot make ghosts
-_CLEARLY = 1.05  # gain of contrast that needs no halves
+_CLEARLY = 1.05  # gain of contrast that outweighs weak evidence
 
 
 class _Answer(NamedTuple):
@@ -149,6 +149,7 @@ class Autofocus:
         model, curve = self._model(block), None
         if self._offset_reach_s:
             curve = OffsetSearch(block, _by_offset(model), self.grid, self._offset_reach_s).run()
+            model = _within(model, *curve.offset_s[[0, -1]])
             if curve.visible_range_rad >= _WIDE_RAD:
                 model = _narrowed(model, curve)
             elif curve.visible_range_rad < _LEAST_VISIBLE_RAD and model.names == (OFFSET,):
@@ -180,11 +181,12 @@ class Autofocus:
             geometry = along_sight(model(parameters), residual.half_path_m, self.grid.centre_m)
             phased = self._answer(PHASES, self._n_phases, block, parameters, geometry)
             known[PHASES] = residual.error_db
-            # as sharp with well-known phases is better: they hold what no parameter describes
+            # As sharp with well-known phases is better: they hold what no parameter describes.
+            # Phases that are not known well and sharpen a little are not worth the doubt.
             known_well = (residual.coherence >= _LEAST_TO_CLAIM
                           and residual.error_db <= self._claim_db)
-            margin = -self._margin if known_well else self._margin
-            if (phased.contrast > (1 + margin) * best.contrast
+            needed = 1 - self._margin if known_well else _CLEARLY
+            if (phased.contrast > needed * best.contrast
                     and residual.coherence >= self._least_coherence):
                 best = phased
         return self._decide(block, image, model, best, known[best.kind], details)
@@ -336,6 +338,19 @@ def _by_offset(model: GeometryModel) -> Callable[[float], Geometry]:
         return model(parameters)
 
     return geometry
+
+
+def _within(model: GeometryModel, lowest_s: float, highest_s: float) -> GeometryModel:
+    """The model with errors of the offset held where the track is known, for searches' steps."""
+    which = model.names.index(OFFSET)
+    middle = model.start[which]
+
+    def geometry(parameters):
+        held = np.array(parameters, np.float64)
+        held[which] = np.clip(held[which], middle + lowest_s, middle + highest_s)
+        return model(held)
+
+    return dataclasses.replace(model, function=geometry)
 
 
 def _narrowed(model: GeometryModel, curve: OffsetCurve) -> GeometryModel:
