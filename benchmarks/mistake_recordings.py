@@ -83,9 +83,9 @@ def rail(scene: bool = True) -> Recording:
     radar = fmcw_parameters(**fmcw)
     n = 480
     time_s = np.arange(n) / 100.0
-    # 2 m along x; the carriage accelerates, slows down halfway and goes on.
+    # 2 m along x; the carriage is slow twice, never twice in the same way.
     phase = time_s / time_s[-1]
-    x = 2.0 * (phase - np.sin(4 * np.pi * phase) / (4.6 * np.pi)) - 1.0
+    x = 2.0 * (phase + 0.09 * np.sin(8.0 * phase + 0.5) + 0.03 * np.sin(19.0 * phase)) - 1.0
     wander = 0.004 * np.sin(2 * np.pi * 1.3 * phase + 0.4)
     track = np.c_[x, wander, 1.0 + 0.003 * np.cos(2 * np.pi * 1.7 * phase)]
     grid = MapGrid.from_size((0.5, 7.0, 0.0), 6.0, 6.0, 0.025)
@@ -201,3 +201,17 @@ def recordings(names=None) -> Iterator[Recording]:
     for name, make in {**SIMULATED, **(MEASURED if DATA.is_dir() else {})}.items():
         if not names or name in names:
             yield make()
+
+
+def others() -> Iterator[Recording]:
+    """Right recordings on which nothing may be named: all scenarios, clutter, noise alone."""
+    for name, make in SCENARIOS.items():
+        scenario = make()
+        block = concatenate(list(scenario.blocks()))
+        yield Recording(f'scenario {name}', block.select(slice(0, scenario.pulses_per_aperture)),
+                        scenario.grid)
+    for make in (rail, drone):
+        r = make(scene=False)
+        yield dataclasses.replace(r, name=f'{r.name}, noise alone')
+    r = spotlight()
+    yield dataclasses.replace(r, name='spotlight, noise alone', block=_only_noise(r.block))

@@ -6,8 +6,8 @@ pixel, ``q = |sum_g f_g|^2 / sum_g |f_g|^2``: G where all groups agree, 1 on ave
 not. For groups of independent phase, noise as well as echoes out of focus, ``q / G`` has the
 distribution Beta(1, G - 1) (Goodman, Statistical Optics: a random direction in G complex
 dimensions), whose standard deviation over its mean is ``sqrt((G - 1) / (G + 1))``, just below 1.
-The focus figure is that ratio, each pixel weighted with its squared power: 1 in noise and out of focus,
-2 to 6 in images with scatterers that are focused.
+The focus figure is that ratio, each pixel weighted with its squared power: 1 in noise and out of
+focus, 2 to 6 in images with scatterers that are focused.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
+from ..signal.radar import RadarParameters
 from . import kernels
 
 OVERSAMPLING = 4.0  # of the profiles: linear interpolation is then good to -30 dB
@@ -39,6 +40,9 @@ class Coherence:
     ----------
     contrast : float
         Standard deviation of q over its mean: about 1 where nothing is focused.
+    mean : float
+        Mean of q: above 1 where neighbouring groups agree over wide parts of the scene, as the
+        channels of a short array do, or pulses from one place.
     sharpness : float
         Standard deviation of the image's intensity over its mean at these pixels; unlike the
         contrast it tells what is smeared in range.
@@ -47,8 +51,14 @@ class Coherence:
     """
 
     contrast: float
+    mean: float
     sharpness: float
     coverage: float
+
+    @property
+    def agreement(self) -> float:
+        """Mean square of q: how many groups agree where they do, 2 in noise."""
+        return self.mean**2 * (1 + self.contrast**2)
 
 
 class CoherenceProbe:
@@ -117,7 +127,7 @@ class CoherenceProbe:
 class _Rows:
     """Profiles with one row per pulse and channel, rows of a group next to each other."""
 
-    radar: object
+    radar: RadarParameters
     samples: np.ndarray
     tx_m: np.ndarray
     rx_m: np.ndarray
@@ -161,7 +171,7 @@ def _judge(total, power, covered) -> Coherence:
     coverage = float(covered.mean())
     known = (covered > 0.5) & (power > 0)
     if np.count_nonzero(known) < 16:
-        return Coherence(0.0, 0.0, coverage)
+        return Coherence(0.0, 0.0, 0.0, coverage)
     weight = power[known].astype(np.float64)
     intensity = np.square(np.abs(total[known]), dtype=np.float64)
     q = intensity / weight
@@ -169,5 +179,14 @@ def _judge(total, power, covered) -> Coherence:
     weight /= weight.sum()
     mean = float(weight @ q)
     spread = float(weight @ np.square(q - mean))
-    return Coherence(math.sqrt(spread) / max(mean, 1e-12),
+    return Coherence(math.sqrt(spread) / max(mean, 1e-12), mean,
                      float(intensity.std() / max(intensity.mean(), 1e-300)), coverage)
+
+
+def compile_kernels() -> None:
+    """Compile the loop, or load it from the cache, before the first image is judged."""
+    radar = RadarParameters(10e9, 100e6, 800e6, 0.0)
+    centres = np.zeros((16, 1, 3))
+    block = PulseBlock(radar, True, np.arange(16), np.arange(16), np.zeros((16, 1, 64)), centres,
+                       centres)
+    CoherenceProbe(MapGrid((5.0, 0.0, 0.0), 4, 4, 0.5))(block)

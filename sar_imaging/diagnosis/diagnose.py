@@ -169,16 +169,15 @@ class _Attempts:
                 yield hypothesis, result
 
     def offsets(self, block: PulseBlock) -> Iterator[tuple[Hypothesis, Coherence]]:
-        """Coherence with offsets of the clock: searched on half the aperture, then refined."""
+        """Coherence with the best offset of the clock: searched, then refined."""
         profiles = self._compressed(block)
-        n = profiles.n_pulses
-        half = slice(n // 4, n - n // 4)
-        offsets = clock_offsets(profiles, half, self._grid.centre_m, _LARGEST_OFFSET_S,
+        places = self._grid.points()[::self._grid.n_y // 2 or 1, ::self._grid.n_x // 2 or 1]
+        offsets = clock_offsets(profiles, places.reshape(-1, 3), _LARGEST_OFFSET_S,
                                 _MOST_OFFSETS)
         if not len(offsets):
             return
         probe = CoherenceProbe(self._grid, _OFFSET_BUDGET)
-        contrasts = [probe(with_offset(profiles, offset, half)).contrast for offset in offsets]
+        contrasts = [probe(with_offset(profiles, offset)).contrast for offset in offsets]
         best, step = float(offsets[np.argmax(contrasts)]), float(offsets[1] - offsets[0])
         for finer in (3, 9):
             tries = best + step / finer * np.arange(-2, 3)
@@ -202,6 +201,8 @@ def _best(results: Iterable[tuple[Hypothesis, Coherence]], first: Coherence
         if result.coverage < _LEAST_COVERAGE or result.contrast < _LEAST:
             continue
         gain = result.contrast / max(_BETTER * first.contrast, 1e-9)
+        if result.agreement < _BETTER * first.agreement:
+            gain = 0.0  # a part of the scene went dark, which is not focus
         if hypothesis.of_samples and result.contrast > 0.9 * first.contrast:
             gain = max(gain, result.sharpness / max(_SHARPER * first.sharpness, 1e-9))
         if gain > max(score, 1.0):

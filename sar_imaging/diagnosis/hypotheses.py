@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
@@ -46,26 +46,24 @@ def _moved(change: Callable[[np.ndarray], np.ndarray]):
 
 def _delayed(factor: float):
     def undo(block: PulseBlock) -> list[PulseBlock]:
-        radar = block.radar
-        reference_s = _reference_s(block)
-        change_s = (factor - 1) * reference_s
-        if abs(change_s) * radar.bandwidth_hz < _LEAST_CELLS:
-            return []  # nothing to see
-        delay = radar.first_sample_delay_s + change_s
-        if abs(delay) > magnitudes.DELAY.most:
-            return []
-        return [dataclasses.replace(block, radar=dataclasses.replace(
-            radar, first_sample_delay_s=delay))]
+        radar, out = block.radar, []
+        for given_s in _given_delays_s(block):
+            delay = radar.first_sample_delay_s + (factor - 1) * given_s
+            if (abs((factor - 1) * given_s) * radar.bandwidth_hz >= _LEAST_CELLS
+                    and abs(delay) <= magnitudes.DELAY.most):
+                out.append(dataclasses.replace(block, radar=dataclasses.replace(
+                    radar, first_sample_delay_s=delay)))
+        return out
     return undo
 
 
-def _reference_s(block: PulseBlock) -> float:
-    """Delay that a user gave: of the first sample, of a phase history that of its reference."""
+def _given_delays_s(block: PulseBlock) -> list[float]:
+    """Delays that a user may have given: of the first sample, or of a phase history's middle."""
     radar = block.radar
     start = radar.first_sample_delay_s
     if not block.compressed or radar.waveform not in PHASE_HISTORIES or start <= 0:
-        return start
-    return start + (block.n_samples // 2) / radar.sample_rate_hz
+        return [start]
+    return [start, start + (block.n_samples // 2) / radar.sample_rate_hz]
 
 
 def _scaled(factor: float):
@@ -108,18 +106,15 @@ SAMPLES = (
 HYPOTHESES = (*SAMPLES, *GEOMETRY, ORDER)
 
 
-def clock_offsets(block: PulseBlock, part: slice, towards_m, most_s: float,
-                  n_most: int) -> np.ndarray:
+def clock_offsets(block: PulseBlock, towards_m, most_s: float, n_most: int) -> np.ndarray:
     """Offsets of the clock worth trying: as close as focus asks for, as far as pulses tell.
 
     Parameters
     ----------
     block : PulseBlock
         With positions.
-    part : slice
-        Pulses that are to focus.
-    towards_m : (3,) array_like
-        Middle of the scene, metres.
+    towards_m : (K, 3) float64
+        Places that are to focus, metres.
     most_s : float
         Largest offset, seconds.
     n_most : int
@@ -135,39 +130,42 @@ def clock_offsets(block: PulseBlock, part: slice, towards_m, most_s: float,
         return np.empty(0)
     reach = min(most_s, 0.5 * float(time_s[-1] - time_s[0]))
 
-    def phase(offset_s: float, pulses: slice) -> float:
-        """Phase that an offset leaves besides a line over the aperture, radians."""
+    def phase(offset_s: float) -> float:
+        """Largest phase that an offset leaves besides a line over the aperture, radians."""
         left = 0.0
         for offset in (-offset_s, offset_s):
-            moved = with_offset(block, offset, pulses)
+            moved = with_offset(block, offset)
             if moved.n_pulses < _FEWEST_PULSES // 2:
                 continue
             inside = np.isin(block.counter, moved.counter)
-            change = (np.linalg.norm(moved.phase_centre_m - towards_m, axis=-1)
-                      - np.linalg.norm(block.phase_centre_m[inside] - towards_m, axis=-1))
+            change = (np.linalg.norm(moved.phase_centre_m[:, None] - towards_m, axis=-1)
+                      - np.linalg.norm(block.phase_centre_m[inside][:, None] - towards_m,
+                                       axis=-1))
             u = np.linspace(-1.0, 1.0, len(change))
-            rest = change - np.polyval(np.polyfit(u, change, 1), u)
-            left = max(left, float(np.std(rest)))
+            line = np.polynomial.polynomial.polyfit(u, change, 1)
+            rest = change - np.polynomial.polynomial.polyval(u, line).T
+            left = max(left, float(rest.std(axis=0).max()))
         return left * block.radar.wavenumber_rad_per_m
 
-    if phase(0.5 * reach, slice(None)) < _FELT_RAD:
+    if phase(0.5 * reach) < 0.5 * _FELT_RAD:
         return np.empty(0)
     step = float(np.median(np.diff(time_s)))
-    while step < reach / 2 and phase(step, part) < _FELT_RAD:
+    while step < reach / 2 and phase(step) < _FELT_RAD:
         step *= 1.2
-    n = max(1, min(n_most, int(reach / step)))
+    step = max(step, reach / n_most)
+    n = max(1, int(reach / step))
     return step * np.arange(-n, n + 1)
 
 
-def with_offset(block: PulseBlock, offset_s: float, part: slice = slice(None)) -> PulseBlock:
+def with_offset(block: PulseBlock, offset_s: float) -> PulseBlock:
     """Pulses at the positions that the track has `offset_s` later, those that have one.
 
     The mean displacement is taken out: it moves the image and focuses nothing.
     """
     time_s = _times(block)
-    wanted_s = time_s[part] + offset_s
+    wanted_s = time_s + offset_s
     inside = (wanted_s >= time_s[0]) & (wanted_s <= time_s[-1])
-    some = block.select(np.arange(block.n_pulses)[part][inside])
+    some = block.select(inside)
     if not some.n_pulses:
         return some
     centres = [_at(time_s, a, wanted_s[inside]) for a in (block.tx_m, block.rx_m)]
@@ -183,10 +181,3 @@ def _at(time_s, values, wanted_s) -> np.ndarray:
     flat = values.reshape(len(values), -1)
     out = np.stack([np.interp(wanted_s, time_s, column) for column in flat.T], axis=-1)
     return out.reshape(len(wanted_s), *values.shape[1:])
-
-
-def reaching(fits: Callable[[PulseBlock], bool], block: PulseBlock) -> Iterator[Hypothesis]:
-    """Hypotheses about geometry with which a block would fit."""
-    for hypothesis in GEOMETRY:
-        if any(fits(changed) for changed in hypothesis.undo(block)):
-            yield hypothesis

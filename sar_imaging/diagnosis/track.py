@@ -1,4 +1,4 @@
-"""Doubts about positions and times that need no image: what tracks of platforms do not look like."""
+"""Doubts about positions and times that need no image: what no platform's track looks like."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from sar_imaging.imaging.live_kernels import compile_fusion_kernels
 from sar_imaging.imaging.mosaic import StripMosaic
 from sar_imaging.imaging.subaperture_image import SubapertureImage
 
-from . import autofocus, image_products
+from . import autofocus, focus_watch, image_products
 from .autofocus import PHASE_GRADIENT, Note, PolarFocus
 from .backprojection_steps import MIN_PULSE_FRACTION
 from .health import Health, Part
@@ -48,7 +48,7 @@ class FusionStep(Step):
     COUNTERS = ('images_published', 'images_progressive', 'images_final', 'subapertures_fused',
                 'subapertures_skipped', 'pulses_missing_in_last_aperture', 'last_image_seconds',
                 'image_latency_seconds', 'predicted_error_db', 'revisions',
-                *autofocus.FUSION_COUNTERS)
+                *focus_watch.COUNTERS, *autofocus.FUSION_COUNTERS)
     FAULTS = ('subapertures_missing', 'subapertures_late', 'subapertures_duplicate',
               'subapertures_refused', 'pulses_missing', 'apertures_dropped', 'restarts')
     IDLE_PARAMETER = 'fusion_timeout_s'
@@ -120,8 +120,9 @@ class FusionStep(Step):
         self.health.set('image_latency_seconds', time.monotonic() - self.received_s)
         self.health.set('predicted_error_db', product.predicted_error_db)
         note = self._note(product)
+        figure = focus_watch.count_focus(product.image, self.health)
         self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, predicted error '
-                         f'{product.predicted_error_db:.0f} dB'
+                         f'{product.predicted_error_db:.0f} dB, {figure}'
                          + (f'; {note.details}' if note else ''))
 
     def _extend_strip(self, product: FusedImage) -> None:

@@ -19,8 +19,9 @@ from sar_imaging.imaging.subaperture_image import SubapertureImage
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.sequence import describe_counters, describe_range
 
-from . import autofocus, image_products, pose_input
+from . import autofocus, focus_watch, image_products, pose_input
 from .autofocus import FocusedImage, ImageFocus
+from .focus_watch import FocusWatch, count_focus
 from .health import Health, Part
 from .image_grid import GRID_PARAMETERS, describe_grid, make_grid
 from .image_products import ImageProducts
@@ -70,7 +71,8 @@ class BackprojectionStep(Step):
     COUNTERS = ('images_published', 'subapertures_published', 'plans_made', 'plans_anew',
                 'pulses_imaged', 'pulses_missing_in_last_aperture', 'pulses_skipped',
                 'last_image_seconds', 'image_latency_seconds', 'last_plan_seconds',
-                'predicted_error_db', *autofocus.COUNTERS)
+                'predicted_error_db', *focus_watch.COUNTERS,
+                *focus_watch.DIAGNOSIS_COUNTERS, *autofocus.COUNTERS)
     FAULTS = ('pulses_missing', 'pulses_late', 'pulses_duplicate', 'apertures_dropped',
               'restarts')
     IDLE_PARAMETER = 'aperture_timeout_s'
@@ -81,6 +83,7 @@ class BackprojectionStep(Step):
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
         self._grid = make_grid(parameters)
+        self._watch = FocusWatch(self._grid, parameters['pulses_per_aperture'], health)
         self._seconds = 0.0  # of work since the last product
         self._dropped = False  # by the latest flush
         self._reported_for: tuple | None = None  # radar and shape of the blocks
@@ -96,7 +99,11 @@ class BackprojectionStep(Step):
     def process(self, block: PulseBlock) -> list:
         """Add profiles to their aperture; returns the products that became complete."""
         self._check(block)
-        return self._follow(self._imager.add, block)
+        self._watch.see(block)
+        try:
+            return self._follow(self._imager.add, block)
+        except ValueError as error:
+            raise self._watch.explain(error, block) from error
 
     def _check(self, block: PulseBlock) -> None:
         """Tell, once for each radar, what follows from it, its track and the parameters.
@@ -233,8 +240,10 @@ class ImageStep(BackprojectionStep):
         self.health.count('images_published')
         self.health.set('pulses_missing_in_last_aperture', product.n_missing)
         details = f'; {product.details}' if isinstance(product, FocusedImage) else ''
+        figure = count_focus(product.image, self.health)
         self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, predicted error '
-                         f'{product.predicted_error_db:.0f} dB{details}')
+                         f'{product.predicted_error_db:.0f} dB, {figure}{details}')
+        self._watch.judge(product.aperture, figure)
 
     def describe(self, product: ApertureImage) -> str:
         """An image in words."""

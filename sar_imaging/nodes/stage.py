@@ -200,6 +200,7 @@ class Stage(ManagedNode):
 
     def _reject(self, which: str, error: Exception) -> None:
         self.health.count('blocks_rejected')
+        self.health.tell('last_rejection', str(error))
         self.health.warning(f'rejected {which} of {self.resolve_topic_name(self.INPUT)}: {error}')
 
     def _skip(self, aperture: int | None) -> None:

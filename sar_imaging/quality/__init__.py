@@ -19,7 +19,8 @@ from .scatterers import (
 )
 
 __all__ = [
-    'FocusFigure', 'ImpulseResponse', 'ScattererQuality', 'UnmeasurableError', 'contrast', 'crop', 'entropy',
-    'error_db', 'focus_figure', 'impulse_response', 'mean_square_error', 'measure_scatterer', 'project_on_plane',
-    'sample_image', 'signal_to_distortion_db', 'to_baseband',
+    'FocusFigure', 'ImpulseResponse', 'ScattererQuality', 'UnmeasurableError', 'contrast', 'crop',
+    'entropy', 'error_db', 'focus_figure', 'impulse_response', 'mean_square_error',
+    'measure_scatterer', 'project_on_plane', 'sample_image', 'signal_to_distortion_db',
+    'to_baseband',
 ]

@@ -101,5 +101,6 @@ def focus_figure(image) -> FocusFigure:
     some = intensity[::-(-n // _MOST_FOR_MEDIAN)]
     p = intensity * (1 / total)
     square = float(np.dot(p, p))  # of the shares: (1 + contrast^2) / n
-    return FocusFigure(n, 10 * math.log10(peak / float(np.median(some))),
-                       float(-np.dot(p, np.log(p + p.dtype.type(_TINY)))), math.sqrt(max(n * square - 1, 0.0)))
+    entropy = float(-np.dot(p, np.log(p + p.dtype.type(_TINY))))
+    return FocusFigure(n, 10 * math.log10(peak / float(np.median(some))), entropy,
+                       math.sqrt(max(n * square - 1, 0.0)))

@@ -1,7 +1,7 @@
 """Numbers in a unit other than the one asked for: recognised by their magnitude, and named.
 
-A radar's numbers come from data sheets in gigahertz, megahertz per microsecond and microseconds. In
-hertz and seconds they differ by a factor of a thousand or more from what any radar has.
+A radar's numbers come from data sheets in gigahertz, megahertz per microsecond and microseconds.
+Taken for hertz and seconds they are a thousand times or more off what any radar has.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ def check_magnitude(name: str, value: float, kind: Magnitude) -> None:
     Raises
     ------
     ValueError
-        It is too small or too large, or not positive where it must be; the text names the unit that was probably meant.
+        It is too small or too large, or not positive where it must be; the text names the unit
+        that was probably meant.
     """
     if kind.least <= abs(value) <= kind.most:
         return
