@@ -58,7 +58,7 @@ def test_later_poses_change_nothing_of_a_track_that_no_polynomial_is():
     def swaying(stamp_ns):
         return [np.sin(20e-9 * stamp_ns), 0.1 * np.cos(33e-9 * stamp_ns), 0.0]
 
-    track = PoseTrack()
+    track = PoseTrack(jump_m=1.0)  # 400 m/s^2
     for stamp in range(0, 100, 10):
         track.add(stamp * MS, swaying(stamp * MS), LEVEL)
     times = np.arange(0, 70) * MS  # all that is ready
