@@ -54,6 +54,28 @@ def test_later_poses_change_nothing_that_was_ready():
     np.testing.assert_allclose(before.position_m, [position(t) for t in times], atol=1e-12)
 
 
+def test_later_poses_change_nothing_of_a_track_that_no_polynomial_is():
+    def swaying(stamp_ns):
+        return [np.sin(20e-9 * stamp_ns), 0.1 * np.cos(33e-9 * stamp_ns), 0.0]
+
+    track = PoseTrack(jump_m=1.0)  # 400 m/s^2
+    for stamp in range(0, 100, 10):
+        track.add(stamp * MS, swaying(stamp * MS), LEVEL)
+    times = np.arange(0, 70) * MS  # all that is ready
+    before = track.sample(times)
+    assert (before.status == PoseStatus.READY).all()
+    for stamp in range(100, 200, 10):
+        track.add(stamp * MS, swaying(stamp * MS), LEVEL)
+        np.testing.assert_array_equal(before.position_m, track.sample(times).position_m)
+
+
+def test_what_lies_before_a_break_is_ready_with_the_pose_behind_it():
+    for stamps, shift in (([*range(0, 100, 10), 500], 0.0), (range(0, 110, 10), 3.0)):
+        track, verdicts = make_track(stamps, lambda s, shift=shift: shift if s >= 100 else 0.0)
+        assert verdicts[-1] in (PoseVerdict.GAP, PoseVerdict.JUMP)
+        assert status(track, [65, 75, 85, 90]) == ['READY'] * 4
+
+
 def test_a_gap_up_to_the_limit_is_bridged_and_a_wider_one_refused():
     track, verdicts = make_track([*range(0, 100, 10), *range(290, 390, 10)])
     assert verdicts.count(PoseVerdict.GAP) == 0  # 200 ms, bridged
