@@ -69,25 +69,37 @@ class Tests:
         tests = self._running(file, statement)
         if not tests and functions:
             tests = self._running(file, range(functions[0].lineno, functions[0].end_lineno + 1))
-        return tests or self._mentioning(names)
+        return tests or self._mentioning(file, names)
 
     def _running(self, file: str, lines: Iterable[int]) -> set[str]:
         contexts = self._contexts(file)
         return {test for line in lines for test in contexts.get(line, ())
                 if test in self._seconds}
 
-    def _mentioning(self, names: set[str]) -> set[str]:
-        """Tests that execute where the names stand; else, where what mentions them stands."""
-        tests, waiting, seen = set(), set(names), set()
+    def _mentioning(self, file: str, names: set[str]) -> set[str]:
+        """Tests that execute where names of a file stand, or what mentions these, and so on."""
+        tests, seen = set(), set()
+        waiting = {(file, name) for name in names}
         while waiting:
-            name = waiting.pop()
-            seen.add(name)
-            for file, lines, holder in self._mentions.get(name, ()):
-                found = self._running(file, lines)
+            seen.add(one := waiting.pop())
+            for user, lines, holder in self._mentions.get(one[1], ()):
+                if user != one[0] and pathlib.PurePath(one[0]).stem not in self._imports[user]:
+                    continue  # another thing of this name
+                found = self._running(user, lines)
                 tests |= found
-                if not found and holder and holder not in seen:
-                    waiting.add(holder)
+                if not found and holder and (user, holder) not in seen:
+                    waiting.add((user, holder))
         return tests
+
+    @functools.cached_property
+    def _imports(self) -> dict[str, set[str]]:
+        """Modules by the file that imports them or from them, without the packages' names."""
+        return {file: {word for node in ast.walk(tree)
+                       if isinstance(node, (ast.Import, ast.ImportFrom))
+                       for text in (getattr(node, 'module', None) or '',
+                                    *(alias.name for alias in node.names))
+                       for word in text.split('.')}
+                for file, tree in self._trees.items()}
 
     @functools.cached_property
     def _mentions(self) -> dict[str, list[tuple[str, range, str]]]:

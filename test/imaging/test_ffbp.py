@@ -246,3 +246,10 @@ def test_half_bands_are_the_largest_local_frequencies():
               highest * np.abs(by_alpha).max())
     found = half_bands([Node(slice(0, n_pulses), 0, [], centre)], tx, rx, points, radar)
     assert found == pytest.approx(np.multiply(1.02, wanted), rel=1e-5)  # 2 % for what lies between
+
+
+@pytest.mark.parametrize(('range_m', 'segment'), [(100.0, 48), (1e3, 112), (5e3, 112)])
+def test_geometry_is_expanded_along_long_segments(make_case, range_m, segment):
+    """Which is what makes merges quick; near the track over fewer pixels."""
+    plan = _plan(make_case(range_m))
+    assert [level.segment for level in plan.levels[1:]] == [segment]
