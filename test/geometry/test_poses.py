@@ -185,3 +185,15 @@ def test_any_stream_of_poses_gives_finite_positions_or_a_reason(stream, times, f
     assert np.isnan(sample.position_m[~ready]).all()
     if final:
         assert PoseStatus.WAIT not in sample.status
+
+
+def test_poses_of_an_interval():
+    track = PoseTrack()
+    for k in range(10):
+        track.add(k * 10**7 + (k > 5) * 10**9, [0.1 * k, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0])
+    stamp_ns, position_m, attitude, segment = track.between(2 * 10**7, 10**9 + 7 * 10**7)
+    np.testing.assert_array_equal(stamp_ns[[0, -1]], [2 * 10**7, 10**9 + 7 * 10**7])
+    np.testing.assert_allclose(position_m[:, 0], 0.1 * np.arange(2, 8))
+    assert len(attitude) == 6
+    np.testing.assert_array_equal(np.diff(segment), [0, 0, 0, 1, 0])  # a gap of a second
+    assert len(track.between(5 * 10**9, 6 * 10**9)[0]) == 0
