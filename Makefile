@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: help demo test lint fault-campaign bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean
+.PHONY: help demo test lint fault-campaign autofocus-campaign bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean
 .DEFAULT_GOAL := help
 
 help:
@@ -30,6 +30,9 @@ help:
 	@echo 'make lint    ruff only'
 	@echo 'make fault-campaign'
 	@echo '             twenty rounds of faults at random moments, an hour or two; FAULT_ROUNDS=2 for few'
+	@echo 'make autofocus-campaign'
+	@echo '             200 random drone flights with wrong clocks, and recordings through node processes;'
+	@echo '             an hour; FLIGHTS=20 for few, DATA=folder of the rail recordings'
 	@echo 'make bags    write the recordings in bags/ again'
 	@echo 'make reproduce-multichannel'
 	@echo '             figures and tables of Rosenberg & Gray into out/multichannel'
@@ -55,6 +58,11 @@ lint: environment
 fault-campaign: environment
 	@FAULT_SEED=$${FAULT_SEED:-$$(date +%s)} FAULT_ROUNDS=$${FAULT_ROUNDS:-20} \
 	    $(RUN) -m pytest -m campaign test/nodes/test_fault_campaign.py
+
+# Results go to benchmarks/results; other flights than those of the documents with SEED.
+autofocus-campaign: environment
+	@$(RUN) -m benchmarks.autofocus_flights --flights $${FLIGHTS:-200} --first $${SEED:-50000}
+	@$(RUN) -m benchmarks.autofocus_nodes $${DATA:-../shared/data}
 
 # The commands of bags/README.md.
 bags: environment
