@@ -174,9 +174,15 @@ def main() -> None:
     parser.add_argument('--flights', type=int, default=200, metavar='N')
     parser.add_argument('--first', type=int, default=50_000, metavar='SEED')
     parser.add_argument('--output', type=pathlib.Path, default=RESULTS)
+    parser.add_argument('--go-on', action='store_true',
+                        help='keep the flights in the output and measure those that lack')
     arguments = parser.parse_args()
     results = {'machine': machine(), 'summary': {}, 'flights': []}
-    for seed in tqdm(range(arguments.first, arguments.first + arguments.flights)):
+    if arguments.go_on:
+        results = json.loads(arguments.output.read_text())
+    known = {flight['seed'] for flight in results['flights']}
+    wanted = range(arguments.first, arguments.first + arguments.flights)
+    for seed in tqdm([seed for seed in wanted if seed not in known]):
         results['flights'].append(measure(seed))
         results['summary'] = summary(results['flights'])
         arguments.output.write_text(json.dumps(results, indent=1) + '\n')

@@ -45,7 +45,7 @@ from .autofocus_flights import FOCUSED
 from .machine import machine
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'autofocus_nodes.json'
-RAILS = (('bwsi2019_team5_rail', (-2.0, -1.0, -0.3, -0.1, 0.1, 0.5, 1.0, 2.0)),
+RAILS = (('bwsi2019_team5_rail', (-2.0, -1.0, -0.3, 0.1, 1.0, 2.0)),
          ('bwsi2019_team6_rail', (-1.0, 0.3)))
 FLIGHTS, FIRST_SEED = 12, 70_000
 EXPECTED_S = 2.0
@@ -105,7 +105,9 @@ def through_nodes(case: Case, alignment, folder: pathlib.Path, *, pipeline: bool
     bag = folder / 'bag'
     bag_io.write_bag(bag, split(case.block), truth, poses=case.poses)
     parameters = parameters_from_truth(truth)
-    parameters['backprojection']['autofocus.time_offset'] = expected_s
+    # a busy machine may pause within an aperture
+    parameters['backprojection'] |= {'autofocus.time_offset': expected_s,
+                                     'aperture_timeout_s': 300.0}
     environment = isolated_environment({k: v for k, v in os.environ.items()
                                         if k != 'ROS_DOMAIN_ID'})
     os.environ.update(environment)

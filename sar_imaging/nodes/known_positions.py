@@ -17,7 +17,7 @@ from .health import Health, Part
 from .pose_input import BLOCK, PoseInput, alignment_from, track_from
 from .stage import Stage
 
-_PAUSE_S = 1.0  # by the wall clock: nothing more is waited for
+_PAUSE_S = 3.0  # by the wall clock: nothing more is waited for
 _WAIT_PERIOD_S = 0.1
 _APERTURES = 2  # whose pulses are remembered
 

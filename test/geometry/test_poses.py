@@ -254,3 +254,15 @@ def test_a_turn_is_a_jump_from_its_limit_on(step_ms, jump_rad):
     (0.9901, 'TAKEN'), (1.0099, 'TAKEN'), (0.9899, 'CORRUPT'), (1.0101, 'CORRUPT')])
 def test_the_norm_of_a_quaternion_may_be_off_by_one_percent(norm, verdict):
     assert PoseTrack().add(0, [0, 0, 0], [0, 0, 0, norm]).name == verdict
+
+
+def test_poses_of_an_interval():
+    track = PoseTrack()
+    for k in range(10):
+        track.add(k * 10**7 + (k > 5) * 10**9, [0.1 * k, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0])
+    stamp_ns, position_m, attitude, segment = track.between(2 * 10**7, 10**9 + 7 * 10**7)
+    np.testing.assert_array_equal(stamp_ns[[0, -1]], [2 * 10**7, 10**9 + 7 * 10**7])
+    np.testing.assert_allclose(position_m[:, 0], 0.1 * np.arange(2, 8))
+    assert len(attitude) == 6
+    np.testing.assert_array_equal(np.diff(segment), [0, 0, 0, 1, 0])  # a gap of a second
+    assert len(track.between(5 * 10**9, 6 * 10**9)[0]) == 0

@@ -11,10 +11,13 @@ from std_msgs.msg import Float32MultiArray
 from msg_conversions import pulse_block
 from msg_conversions.images import complex_from_message
 from msg_conversions.subaperture_wire import as_received
-from sar_imaging.imaging.aperture import ApertureImager
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.imaging.aperture import ApertureImage, ApertureImager
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.live_fusion import LiveFusion
 from sar_imaging.imaging.live_subapertures import LiveSubapertures
+from sar_imaging.nodes import autofocus as nodes_autofocus, known_positions
+from sar_imaging.nodes.autofocus import ImageFocus
 from sar_imaging.nodes.backprojection_steps import PARAMETERS, BackprojectionStep
 from sar_imaging.nodes.parameters import ConfigurationError
 from sar_imaging.nodes.sar_pipeline import SarPipelineNode
@@ -221,9 +224,80 @@ def test_phase_gradient_needs_whole_fused_images(changes):
     ({'mode': 'subapertures'}, 'autofocus.time_offset=0.1 are of no use in mode: subapertures, '
      'where images come without their pulses; .* use autofocus.phase_gradient of afbp_fusion'),
     ({'terrain.file': 'hill.npz'}, r'autofocus \(autofocus.time_offset\) is not possible here: '
-     'it works on a plane; leave terrain.file empty')])
+     'it works on a plane; leave terrain.file empty'),
+    ({'autofocus.time_offset': 0.0, 'autofocus.range_bias': 0.1}, 'autofocus.range_bias=0.1 is '
+     'looked for beside an error of the track or the clock; set autofocus.track_error or '
+     'autofocus.time_offset, too')])
 def test_what_cannot_be_focused_is_refused(changes, reason):
     parameters = {p.name: p.default for p in (*PARAMETERS, *COMMON_PARAMETERS)}
     parameters |= {'autofocus.time_offset': 0.1} | changes
     with pytest.raises(ConfigurationError, match=reason):
         BackprojectionStep.create(parameters, None)
+
+
+class Log:
+    """Takes what a node's health would."""
+
+    def count(self, *arguments):
+        pass
+
+    set = info = warning = count
+
+
+def image_focus(**changes):
+    parameters = {p.name: p.default for p in (*PARAMETERS, *COMMON_PARAMETERS)}
+    return ImageFocus(parameters | {'pulses_per_aperture': LENGTH} | changes,
+                      MapGrid((0.0, 1000.0, 0.0), 16, 16, 0.25), Log())
+
+
+def test_controls_reach_autofocus(case, monkeypatch):
+    seen = {}
+    monkeypatch.setattr(nodes_autofocus, 'live_autofocus',
+                        lambda grid, **options: seen.update(options) or FailingAutofocus())
+    focus = image_focus(**{
+        'autofocus.track_error': 0.05, 'autofocus.range_bias': 0.2,
+        'autofocus.residual_phases': False, 'autofocus.coherence_limit': 0.6})
+    [image] = focus.take([product(case.true, 0)])
+    assert image.verdict == 'autofocus failed'
+    assert seen == {'track_error_m': 0.05, 'time_offset_s': 0.0, 'range_bias_m': 0.2,
+                    'track': None, 'target_db': -80.0, 'n_phases': 0, 'least_coherence': 0.6}
+
+
+class FailingAutofocus:
+    def process(self, pulses, image):
+        raise ValueError('on purpose')
+
+
+def product(pulses, aperture):
+    return ApertureImage(np.zeros((16, 16), np.complex64), None, 0, aperture, pulses.counter,
+                         np.zeros(0, np.int64), -80.0, pulses)
+
+
+def test_an_image_waits_for_the_pulses_behind_its_aperture(case, monkeypatch):
+    monkeypatch.setattr(known_positions, '_PAUSE_S', 1e9)
+    focus = image_focus(**{'autofocus.time_offset': 0.4})  # 0.5 s to each side
+    monkeypatch.setattr(focus, '_focused', lambda image: (
+        image.aperture, focus.positions.around(image.pulses)))
+    step_ns = int(case.true.stamp_ns[1] - case.true.stamp_ns[0])  # 10 ms
+    behind = dataclasses.replace(case.true, stamp_ns=case.true.stamp_ns + LENGTH * step_ns)
+    focus.positions.add(case.true)
+    assert focus.take([product(case.true, 0)]) == []
+    focus.positions.add(behind.select(slice(0, 32)))
+    assert focus.take([]) == [] and focus.positions.awaited
+    focus.positions.add(behind.select(slice(32, 64)))
+    [(number, track)] = focus.take([])
+    assert number == 0 and not focus.positions.awaited
+    stamp_ns = case.true.stamp_ns
+    assert track.covers(stamp_ns, 0.5)  # those behind are known
+    assert track.covers(stamp_ns, -0.1) and not track.covers(stamp_ns, -0.5)
+    # Nothing is waited for where the input ends, and nothing kept that was given up.
+    assert len(focus.take([product(behind, 1)], final=True)) == 1
+    focus.take([product(behind, 2)])
+    assert focus.discard() == LENGTH and focus.take([], final=True) == []
+
+
+def test_times_that_go_back_begin_another_track(case):
+    focus = image_focus(**{'autofocus.time_offset': 0.4})
+    for _ in range(2):
+        focus.positions.add(case.true)
+    assert focus.positions.around(case.true).covers(case.true.stamp_ns, 0.0)
