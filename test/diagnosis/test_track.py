@@ -18,13 +18,13 @@ def moved(block, change):
     return dataclasses.replace(block, tx_m=change(block.tx_m), rx_m=change(block.rx_m))
 
 
-@pytest.mark.parametrize('every', [4, 8, 20])
+@pytest.mark.parametrize('every', [5, 8, 20])
 def test_positions_left_out(right, every):
     kept = np.delete(np.arange(right.n_pulses), slice(0, None, every))
     block = dataclasses.replace(right.select(slice(0, len(kept))), tx_m=right.tx_m[kept],
                                 rx_m=right.rx_m[kept])
     [doubt] = track_doubts(block)
-    assert re.search(rf'every {every - 1}\w+, advance', doubt) and 'positions were left out' in doubt
+    assert re.search(rf'every {every - 1}\w+, advance.*were left out', doubt)
 
 
 def test_positions_repeated(right):
