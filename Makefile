@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: help demo test lint fault-campaign bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean
+.PHONY: help demo test lint fault-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean
 .DEFAULT_GOAL := help
 
 help:
@@ -30,6 +30,8 @@ help:
 	@echo 'make lint    ruff only'
 	@echo 'make fault-campaign'
 	@echo '             twenty rounds of faults at random moments, an hour or two; FAULT_ROUNDS=2 for few'
+	@echo 'make mistakes'
+	@echo '             twenty mistakes injected into right recordings: which are named; some minutes'
 	@echo 'make bags    write the recordings in bags/ again'
 	@echo 'make reproduce-multichannel'
 	@echo '             figures and tables of Rosenberg & Gray into out/multichannel'
@@ -55,6 +57,9 @@ lint: environment
 fault-campaign: environment
 	@FAULT_SEED=$${FAULT_SEED:-$$(date +%s)} FAULT_ROUNDS=$${FAULT_ROUNDS:-20} \
 	    $(RUN) -m pytest -m campaign test/nodes/test_fault_campaign.py
+
+mistakes: environment
+	@$(RUN) -m benchmarks.mistakes
 
 # The commands of bags/README.md.
 bags: environment
