@@ -27,6 +27,7 @@ _CLEARLY = 2.0  # from it on a hypothesis counts for more than odd positions
 _NOTHING = 1.3  # below it nothing stands out
 _BETTER = 1.25  # times the contrast of the data as they are
 _SHARPER = 2.0  # times its sharpness, where only samples change
+_DARKER = 0.6  # times its agreement
 _LEAST = 1.45  # contrast with which something focuses at all
 _LEAST_COVERAGE = 0.25
 _LARGEST_OFFSET_S = 2.0
@@ -201,7 +202,7 @@ def _best(results: Iterable[tuple[Hypothesis, Coherence]], first: Coherence
         if result.coverage < _LEAST_COVERAGE or result.contrast < _LEAST:
             continue
         gain = result.contrast / max(_BETTER * first.contrast, 1e-9)
-        if result.agreement < _BETTER * first.agreement:
+        if result.agreement < _DARKER * first.agreement:
             gain = 0.0  # a part of the scene went dark, which is not focus
         if hypothesis.of_samples and result.contrast > 0.9 * first.contrast:
             gain = max(gain, result.sharpness / max(_SHARPER * first.sharpness, 1e-9))

@@ -85,10 +85,10 @@ def _left_out(block: PulseBlock) -> str:
     ratio = distance / np.where(around > 0, around, 1.0)
     still = distance == 0
     still[0] = still[-1] = False
-    for odd, what in ((np.abs(ratio - 2) < _REGULAR * 2,
-                       'advance by two pulses at once: positions were left out'),
-                      (still, 'are those of the pulse before: positions were repeated')):
-        others = np.abs(ratio[~odd] - 1) < _REGULAR
+    double = np.abs(ratio - 2) < 2 * _REGULAR
+    for odd, what in ((still, 'are those of the pulse before: positions were repeated'),
+                      (double, 'advance by two pulses at once: positions were left out')):
+        others = np.abs(ratio[~(odd | double)] - 1) < _REGULAR
         at = np.flatnonzero(odd)
         if len(at) < 3 or len(at) > 0.4 * len(odd) or others.mean() < 0.8:
             continue

@@ -83,7 +83,8 @@ class BackprojectionStep(Step):
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
         self._grid = make_grid(parameters)
-        self._watch = FocusWatch(self._grid, parameters['pulses_per_aperture'], health)
+        self._watch = FocusWatch(self._grid, parameters['pulses_per_aperture'], health,
+                                 watching=not parameters[TERRAIN_FILE.name])
         self._seconds = 0.0  # of work since the last product
         self._dropped = False  # by the latest flush
         self._reported_for: tuple | None = None  # radar and shape of the blocks
@@ -321,6 +322,9 @@ class SubapertureStep(BackprojectionStep):
             self._output.publish(to_message(product))
         self._count_product(product.n_missing, product.predicted_error_db)
         self.health.count('subapertures_published')
+        length = self.parameters['pulses_per_aperture']
+        if product.first_counter + product.length >= (product.aperture + 1) * length:
+            self._watch.judge(product.aperture)
 
     def describe(self, product: SubapertureImage) -> str:
         """A sub-aperture image in words."""

@@ -52,21 +52,25 @@ class FocusWatch:
         Length of an aperture.
     health : Health or Part
         Counters, with `DIAGNOSIS_COUNTERS`, and log.
+    watching : bool
+        False where the diagnosis would be wrong: it knows no terrain.
     """
 
-    def __init__(self, grid: MapGrid, pulses_per_aperture: int, health: Health | Part):
+    def __init__(self, grid: MapGrid, pulses_per_aperture: int, health: Health | Part, *,
+                 watching: bool = True):
         self._grid, self._length, self._health = grid, pulses_per_aperture, health
         self._radar: tuple | None = None
         self._kept: list[PulseBlock] = []
-        self._wanted, self._was_focused = True, False
-        self._advised: tuple | None = None
-        compile_kernels()
+        self._watching = self._wanted = watching
+        self._was_focused = False
+        if watching:
+            compile_kernels()
 
     def see(self, block: PulseBlock) -> None:
         """Keep the profiles of a block while an aperture is to be looked at."""
         key = (block.radar, block.samples.shape[1:])
         if key != self._radar:
-            self._radar, self._wanted, self._was_focused = key, True, False
+            self._radar, self._wanted, self._was_focused = key, self._watching, False
             self._kept.clear()
             self._health.tell(MISTAKE, '')
         if not self._wanted:
@@ -81,11 +85,20 @@ class FocusWatch:
         advice = reach_advice(block, self._grid) if block.has_positions else ''
         return ValueError(f'{error}; {advice}') if advice else error
 
-    def judge(self, aperture: int, figure: FocusFigure) -> None:
-        """Look for a mistake when that is due; call it after the image was published."""
+    def judge(self, aperture: int, figure: FocusFigure | None = None) -> None:
+        """Look for a mistake when that is due; call it when all of an aperture was published.
+
+        Parameters
+        ----------
+        aperture : int
+            Its number.
+        figure : FocusFigure, optional
+            Of its image, where it was formed here.
+        """
         if not self._wanted:
             # Where images were focused before, something happened.
-            self._wanted = figure.at_noise_level and self._was_focused
+            self._wanted = (self._watching and self._was_focused and figure is not None
+                            and figure.at_noise_level)
             return
         blocks = [b for b in self._kept if self._aperture(b) == aperture]
         if sum(b.n_pulses for b in blocks) < _FEWEST_PULSES:
@@ -103,8 +116,8 @@ class FocusWatch:
         self._was_focused = diagnosis.focused
         self._health.tell(MISTAKE, diagnosis.advice)
         if diagnosis.advice:
-            self._health.warning(f'aperture {aperture}: {diagnosis}; {figure}; see '
-                                 'docs/troubleshooting.md')
+            self._health.warning(f'aperture {aperture}: {diagnosis}'
+                                 + (f'; {figure}' if figure is not None else ''))
 
     def _aperture(self, block: PulseBlock) -> int:
         return int(block.counter[0]) // self._length

@@ -16,6 +16,7 @@ from . import magnitudes
 from .magnitudes import check_magnitude, probable_unit
 from .radar import RadarParameters, Waveform
 
+_LONGEST_START_S = 1e-3  # of ramps of radars; longer ones are microseconds
 _MOST_SAMPLES = 2**24  # of a ramp: more follow only from broken numbers
 
 
@@ -87,7 +88,8 @@ def _check_ramp(start_hz: float, slope: float, rate_hz: float, n_samples: int,
         raise ValueError(
             f'adc_start_s={adc_start_s:.6g} s: the ramp would move {before_hz:.4g} Hz before the '
             f'first sample, from start_frequency_hz={start_hz:.6g}'
-            + probable_unit('adc_start_s', adc_start_s, magnitudes.DELAY))
+            + (probable_unit('adc_start_s', adc_start_s, magnitudes.DELAY)
+               if abs(adc_start_s) > _LONGEST_START_S else f' by slope_hz_per_s={slope:.6g}'))
     if swept_hz > start_hz:
         raise ValueError(
             f'the samples would sweep {swept_hz:.4g} Hz from start_frequency_hz={start_hz:.6g}; '
