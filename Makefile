@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: help demo test lint fault-campaign mutation-campaign bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean
+.PHONY: help demo test lint fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean
 .DEFAULT_GOAL := help
 
 help:
@@ -33,6 +33,11 @@ help:
 	@echo 'make mutation-campaign'
 	@echo '             random mistakes in the code: which do the tests notice? Two hours;'
 	@echo '             MUTATIONS=20 MUTATION_SEED=2 MUTATION_FOLDERS="signal geometry" for few'
+	@echo 'make autofocus-campaign'
+	@echo '             200 random drone flights with wrong clocks, and recordings through node processes;'
+	@echo '             an hour; FLIGHTS=20 for few, DATA=folder of the rail recordings'
+	@echo 'make mistakes'
+	@echo '             twenty mistakes injected into right recordings: which are named; some minutes'
 	@echo 'make bags    write the recordings in bags/ again'
 	@echo 'make reproduce-multichannel'
 	@echo '             figures and tables of Rosenberg & Gray into out/multichannel'
@@ -75,6 +80,14 @@ mutation-campaign:
 	@test -e $(MUTATION)/work/coverage || $(MUTATION)/bin/python -m benchmarks.mutations measure
 	@$(MUTATION)/bin/python -m benchmarks.mutations --results $(MUTATION_RESULTS) run \
 	    --count $(MUTATIONS) --seed $(MUTATION_SEED) --folders $(MUTATION_FOLDERS)
+
+# Results go to benchmarks/results; other flights than those of the documents with SEED.
+autofocus-campaign: environment
+	@$(RUN) -m benchmarks.autofocus_flights --flights $${FLIGHTS:-200} --first $${SEED:-50000}
+	@$(RUN) -m benchmarks.autofocus_nodes $${DATA:-../shared/data}
+
+mistakes: environment
+	@$(RUN) -m benchmarks.mistakes
 
 # The commands of bags/README.md.
 bags: environment

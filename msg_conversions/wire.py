@@ -163,12 +163,18 @@ def from_array(data, dims: Dims, data_offset: int, *,
     _check_header(header, shape, data_offset)
     table = values[HEADER_LENGTH:data_offset].reshape(shape[0], -1)
     check_finite(table, 'per-pulse table', 'send only pulses with known time and positions')
-    return PulseBlock(
-        radar=_read_radar(header), compressed=bool(header[COMPRESSED]),
-        stamp_ns=_read_times(table, float_pairs.join_int64(header[EPOCH])),
-        counter=_read_counters(table),
-        samples=LAYOUT.read_content(values, shape, data_offset, SAMPLES_ADVICE),
-        **_read_positions(table, shape[1]))
+    try:
+        return PulseBlock(
+            radar=_read_radar(header), compressed=bool(header[COMPRESSED]),
+            stamp_ns=_read_times(table, float_pairs.join_int64(header[EPOCH])),
+            counter=_read_counters(table),
+            samples=LAYOUT.read_content(values, shape, data_offset, SAMPLES_ADVICE),
+            **_read_positions(table, shape[1]))
+    except WireFormatError:
+        raise
+    except ValueError as error:  # well formed, but no pulses of a radar
+        raise WireFormatError(f'the block makes no sense: {error}; correct it in the sender'
+                              ) from error
 
 
 def samples_from_bare_cube(data, dims: Dims, data_offset: int, *,

@@ -12,6 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ..diagnosis.reach import reach_advice
 from ..signal.pulses import PulseBlock
 from .constraints import Finding, check, check_settings
 from .derived import derive
@@ -96,8 +97,13 @@ def report_block(parameters: Parameters, block: PulseBlock) -> StartupReport:
         derived = derive(acquisition, imaging, machine)
     except ValueError as error:
         return StartupReport(errors=(str(error),))
+    findings = check(acquisition, imaging, machine, derived)
+    if advice := reach_advice(block, imaging.grid):
+        # What follows from the track is not worth reading then.
+        findings = [Finding('warning', f'none of the grid lies within the profiles; {advice}'),
+                    *(f for f in findings if not f.from_track)]
     findings = [dataclasses.replace(f, severity='warning') if f.from_track else f
-                for f in check(acquisition, imaging, machine, derived)]
+                for f in findings]
     return _report(lines(rows(acquisition, imaging, machine, derived)), findings)
 
 

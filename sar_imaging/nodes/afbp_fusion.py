@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 import time
 from collections.abc import Mapping
@@ -11,7 +12,7 @@ from sar_imaging.imaging.live_kernels import compile_fusion_kernels
 from sar_imaging.imaging.mosaic import StripMosaic
 from sar_imaging.imaging.subaperture_image import SubapertureImage
 
-from . import autofocus, image_products
+from . import autofocus, focus_watch, image_products
 from .autofocus import PHASE_GRADIENT, Note, PolarFocus
 from .backprojection_steps import MIN_PULSE_FRACTION
 from .health import Health, Part
@@ -47,7 +48,7 @@ class FusionStep(Step):
     COUNTERS = ('images_published', 'images_progressive', 'images_final', 'subapertures_fused',
                 'subapertures_skipped', 'pulses_missing_in_last_aperture', 'last_image_seconds',
                 'image_latency_seconds', 'predicted_error_db', 'revisions',
-                *autofocus.FUSION_COUNTERS)
+                *focus_watch.COUNTERS, *autofocus.FUSION_COUNTERS)
     FAULTS = ('subapertures_missing', 'subapertures_late', 'subapertures_duplicate',
               'subapertures_refused', 'pulses_missing', 'apertures_dropped', 'restarts')
     IDLE_PARAMETER = 'fusion_timeout_s'
@@ -82,12 +83,15 @@ class FusionStep(Step):
 
     def process(self, subaperture: SubapertureImage) -> list[FusedImage]:
         """Fuse a sub-aperture image; returns the images that this made possible."""
-        fused = self._fusion.statistics.fused
+        before = dataclasses.replace(self._fusion.statistics)
         images = self._follow(self._fusion.add, subaperture)
-        self._underway += subaperture.n_pulses * (self._fusion.statistics.fused - fused)
-        if closed := [image.aperture for image in images if image.final]:
+        statistics = self._fusion.statistics
+        self._underway += subaperture.n_pulses * (statistics.fused - before.fused)
+        closed = [image.aperture for image in images if image.final]
+        if closed or statistics.apertures_dropped > before.apertures_dropped:
             # One that began the next aperture is no part of them.
-            self._underway = 0 if subaperture.aperture in closed else subaperture.n_pulses
+            ended = subaperture.aperture in closed or not self._fusion.is_open(subaperture)
+            self._underway = 0 if ended else subaperture.n_pulses
         self._n_window = min(subaperture.n_window, subaperture.n_subapertures)
         return images
 
@@ -116,8 +120,9 @@ class FusionStep(Step):
         self.health.set('image_latency_seconds', time.monotonic() - self.received_s)
         self.health.set('predicted_error_db', product.predicted_error_db)
         note = self._note(product)
+        figure = focus_watch.count_focus(product.image, self.health)
         self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, predicted error '
-                         f'{product.predicted_error_db:.0f} dB'
+                         f'{product.predicted_error_db:.0f} dB, {figure}'
                          + (f'; {note.details}' if note else ''))
 
     def _extend_strip(self, product: FusedImage) -> None:

@@ -19,8 +19,9 @@ from sar_imaging.imaging.subaperture_image import SubapertureImage
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.sequence import describe_counters, describe_range
 
-from . import autofocus, image_products
+from . import autofocus, focus_watch, image_products, pose_input
 from .autofocus import FocusedImage, ImageFocus
+from .focus_watch import FocusWatch, count_focus
 from .health import Health, Part
 from .image_grid import GRID_PARAMETERS, describe_grid, make_grid
 from .image_products import ImageProducts
@@ -57,6 +58,7 @@ PARAMETERS = (
     Parameter('subapertures.follow_left', 0.0, 'The same to the left of the direction of flight.',
               'm', -1e6, 1e6),
     *autofocus.PARAMETERS,
+    *pose_input.TRACK_PARAMETERS,
     *image_products.PARAMETERS,
 )
 
@@ -69,7 +71,8 @@ class BackprojectionStep(Step):
     COUNTERS = ('images_published', 'subapertures_published', 'plans_made', 'plans_anew',
                 'pulses_imaged', 'pulses_missing_in_last_aperture', 'pulses_skipped',
                 'last_image_seconds', 'image_latency_seconds', 'last_plan_seconds',
-                'predicted_error_db', *autofocus.COUNTERS)
+                'predicted_error_db', *focus_watch.COUNTERS,
+                *focus_watch.DIAGNOSIS_COUNTERS, *autofocus.COUNTERS)
     FAULTS = ('pulses_missing', 'pulses_late', 'pulses_duplicate', 'apertures_dropped',
               'restarts')
     IDLE_PARAMETER = 'aperture_timeout_s'
@@ -80,6 +83,8 @@ class BackprojectionStep(Step):
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
         self._grid = make_grid(parameters)
+        self._watch = FocusWatch(self._grid, parameters['pulses_per_aperture'], health,
+                                 watching=not parameters[TERRAIN_FILE.name])
         self._seconds = 0.0  # of work since the last product
         self._dropped = False  # by the latest flush
         self._reported_for: tuple | None = None  # radar and shape of the blocks
@@ -95,7 +100,11 @@ class BackprojectionStep(Step):
     def process(self, block: PulseBlock) -> list:
         """Add profiles to their aperture; returns the products that became complete."""
         self._check(block)
-        return self._follow(self._imager.add, block)
+        self._watch.see(block)
+        try:
+            return self._follow(self._imager.add, block)
+        except ValueError as error:
+            raise self._watch.explain(error, block) from error
 
     def _check(self, block: PulseBlock) -> None:
         """Tell, once for each radar, what follows from it, its track and the parameters.
@@ -173,6 +182,7 @@ class ImageStep(BackprojectionStep):
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
         self._focus = ImageFocus.wanted(parameters, self._grid, health)
+        self._positions = None if self._focus is None else self._focus.positions
         self._imager = ApertureImager(
             self._grid, pulses_per_aperture=parameters['pulses_per_aperture'],
             min_pulse_fraction=parameters['min_pulse_fraction'],
@@ -184,10 +194,38 @@ class ImageStep(BackprojectionStep):
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publishers of the images; see `Step`."""
         self._products = ImageProducts(node, self.parameters)
+        if self._positions is not None:
+            self._positions.configure(node)
 
     def activate(self, node: ManagedNode) -> None:
         """Tell where the images will be; see `Step`."""
         self._products.announce(self._grid, node.get_clock().now().to_msg())
+        if self._positions is not None:
+            self._positions.activate(node)
+
+    def deactivate(self, node: ManagedNode) -> None:
+        """Listen to poses no more; see `Step`."""
+        if self._positions is not None:
+            self._positions.deactivate(node)
+
+    def process(self, block: PulseBlock) -> list[ApertureImage]:
+        """Add profiles to their aperture; see `BackprojectionStep`."""
+        if self._positions is not None:
+            self._positions.add(block)
+        return super().process(block)
+
+    def collect(self) -> list[ApertureImage]:
+        """Images that waited for positions behind their aperture; see `Step`."""
+        return [] if self._positions is None else self._focused([])
+
+    def flush(self) -> list[ApertureImage]:
+        """Close the aperture, and let no image wait any longer; see `Step`."""
+        images = super().flush()
+        return images if self._focus is None else images + self._focused([], final=True)
+
+    def discard(self) -> int:
+        """Forget the aperture being filled and images that wait; see `Step`."""
+        return super().discard() + (self._focus.discard() if self._focus is not None else 0)
 
     def summary(self) -> str:
         """Settings for the log line at the start."""
@@ -203,8 +241,10 @@ class ImageStep(BackprojectionStep):
         self.health.count('images_published')
         self.health.set('pulses_missing_in_last_aperture', product.n_missing)
         details = f'; {product.details}' if isinstance(product, FocusedImage) else ''
+        figure = count_focus(product.image, self.health)
         self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, predicted error '
-                         f'{product.predicted_error_db:.0f} dB{details}')
+                         f'{product.predicted_error_db:.0f} dB, {figure}{details}')
+        self._watch.judge(product.aperture, figure)
 
     def describe(self, product: ApertureImage) -> str:
         """An image in words."""
@@ -225,7 +265,12 @@ class ImageStep(BackprojectionStep):
         self._imager.min_pulse_fraction = self.parameters['min_pulse_fraction']
         if self._focus is None:
             return super()._follow(work, *arguments)
-        return super()._follow(lambda: [self._focus(image) for image in work(*arguments)])
+        return self._focused(super()._follow(work, *arguments))
+
+    def _focused(self, images: list[ApertureImage], *, final: bool = False
+                 ) -> list[ApertureImage]:
+        """Those images that autofocus is through with; its time is work on them."""
+        return super()._follow(lambda: self._focus.take(images, final=final))
 
 
 class SubapertureStep(BackprojectionStep):
@@ -277,6 +322,9 @@ class SubapertureStep(BackprojectionStep):
             self._output.publish(to_message(product))
         self._count_product(product.n_missing, product.predicted_error_db)
         self.health.count('subapertures_published')
+        length = self.parameters['pulses_per_aperture']
+        if product.first_counter + product.length >= (product.aperture + 1) * length:
+            self._watch.judge(product.aperture)
 
     def describe(self, product: SubapertureImage) -> str:
         """A sub-aperture image in words."""

@@ -37,15 +37,24 @@ class Tally:
         self.name = name
         self._lock = threading.Lock()
         self._values: dict[str, int | float] = dict.fromkeys(counters, 0)
+        self._texts: dict[str, str] = {}
         self._watched = {DiagnosticStatus.WARN: tuple(faults),
                          DiagnosticStatus.ERROR: tuple(errors)}
         self._totals: collections.Counter = collections.Counter()
         self._last_change: dict[bytes, float] = {}
 
     def clear(self) -> None:
-        """Count from zero again."""
+        """Count from zero again, and forget the faults so far."""
         with self._lock:
             self._values = dict.fromkeys(self._values, 0)
+            self._totals.clear()
+            self._last_change.clear()
+            self._texts.clear()
+
+    def tell(self, key: str, text: str) -> None:
+        """Set a text that stands among the counters until another or an empty one comes."""
+        with self._lock:
+            self._texts[key] = text
 
     def count(self, key: str, increment: int = 1) -> None:
         """Increase a counter."""
@@ -62,6 +71,7 @@ class Tally:
         with self._lock:
             level, message = self._judge(problem, state)
             values = [KeyValue(key=k, value=_format(v)) for k, v in self._values.items()]
+            values += [KeyValue(key=k, value=v) for k, v in self._texts.items() if v]
         return DiagnosticStatus(level=level, name=self.name, message=message, values=values)
 
     def _judge(self, problem: str, state: str) -> tuple[bytes, str]:

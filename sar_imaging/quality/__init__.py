@@ -1,5 +1,6 @@
-"""Image quality: point response figures, distortion against a reference, entropy, contrast."""
+"""Image quality: point responses, distortion against a reference, focus, entropy, contrast."""
 
+from .focus import FocusFigure, focus_figure
 from .impulse_response import ImpulseResponse, UnmeasurableError, impulse_response
 from .measures import (
     contrast,
@@ -18,7 +19,8 @@ from .scatterers import (
 )
 
 __all__ = [
-    'ImpulseResponse', 'ScattererQuality', 'UnmeasurableError', 'contrast', 'crop', 'entropy',
-    'error_db', 'impulse_response', 'mean_square_error', 'measure_scatterer', 'project_on_plane',
-    'sample_image', 'signal_to_distortion_db', 'to_baseband',
+    'FocusFigure', 'ImpulseResponse', 'ScattererQuality', 'UnmeasurableError', 'contrast', 'crop',
+    'entropy', 'error_db', 'focus_figure', 'impulse_response', 'mean_square_error',
+    'measure_scatterer', 'project_on_plane', 'sample_image', 'signal_to_distortion_db',
+    'to_baseband',
 ]

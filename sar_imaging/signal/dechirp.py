@@ -12,7 +12,12 @@ Range compression removes it (`sar_imaging.signal.phase_history`).
 
 from __future__ import annotations
 
+from . import magnitudes
+from .magnitudes import check_magnitude, probable_unit
 from .radar import RadarParameters, Waveform
+
+_LONGEST_START_S = 1e-3  # of ramps of radars; longer ones are microseconds
+_MOST_SAMPLES = 2**24  # of a ramp: more follow only from broken numbers
 
 
 def fmcw_parameters(*, start_frequency_hz: float, slope_hz_per_s: float, sample_rate_hz: float,
@@ -47,7 +52,8 @@ def fmcw_parameters(*, start_frequency_hz: float, slope_hz_per_s: float, sample_
     Raises
     ------
     ValueError
-        The slope is zero, there are fewer than two samples, or a value is out of range.
+        The slope is zero, there are fewer than two samples, or a value is out of range; where it
+        is in another unit, such as a slope in MHz/us, the text says so.
 
     Examples
     --------
@@ -59,6 +65,7 @@ def fmcw_parameters(*, start_frequency_hz: float, slope_hz_per_s: float, sample_
     if slope_hz_per_s == 0 or n_samples < 2:
         raise ValueError(f'slope_hz_per_s={slope_hz_per_s}, n_samples={n_samples}; an FMCW radar '
                          'needs a ramp and at least two samples of it')
+    _check_ramp(start_frequency_hz, slope_hz_per_s, sample_rate_hz, n_samples, adc_start_s)
     middle_s = adc_start_s + (n_samples - 1) / 2 / sample_rate_hz
     return RadarParameters(
         carrier_hz=start_frequency_hz + slope_hz_per_s * middle_s,
@@ -66,6 +73,28 @@ def fmcw_parameters(*, start_frequency_hz: float, slope_hz_per_s: float, sample_
         sample_rate_hz=sample_rate_hz, first_sample_delay_s=reference_delay_s,
         pulse_length_s=n_samples / sample_rate_hz, chirp_rate_hz_per_s=slope_hz_per_s,
         waveform=Waveform.FMCW_REAL if real_samples else Waveform.FMCW)
+
+
+def _check_ramp(start_hz: float, slope: float, rate_hz: float, n_samples: int,
+                adc_start_s: float) -> None:
+    check_magnitude('start_frequency_hz', start_hz, magnitudes.CARRIER)
+    check_magnitude('slope_hz_per_s', slope, magnitudes.SLOPE)
+    check_magnitude('sample_rate_hz', rate_hz, magnitudes.SAMPLE_RATE)
+    if n_samples > _MOST_SAMPLES:
+        raise ValueError(f'n_samples={n_samples} of one ramp; expected at most {_MOST_SAMPLES}: '
+                         'pass the samples of one ramp, not of all')
+    before_hz, swept_hz = abs(slope) * abs(adc_start_s), abs(slope) * n_samples / rate_hz
+    if before_hz > start_hz:
+        raise ValueError(
+            f'adc_start_s={adc_start_s:.6g} s: the ramp would move {before_hz:.4g} Hz before the '
+            f'first sample, from start_frequency_hz={start_hz:.6g}'
+            + (probable_unit('adc_start_s', adc_start_s, magnitudes.DELAY)
+               if abs(adc_start_s) > _LONGEST_START_S else f' by slope_hz_per_s={slope:.6g}'))
+    if swept_hz > start_hz:
+        raise ValueError(
+            f'the samples would sweep {swept_hz:.4g} Hz from start_frequency_hz={start_hz:.6g}; '
+            f'check slope_hz_per_s={slope:.6g}, n_samples={n_samples} and '
+            f'sample_rate_hz={rate_hz:.6g}, in Hz/s and Hz')
 
 
 def check_fmcw(radar: RadarParameters, n_samples: int) -> None:

@@ -7,6 +7,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .pulse_checks import (
+    check_counted,
+    check_positions,
+    check_samples,
+    check_shapes,
+    integer_stamps,
+    running_counters,
+)
 from .radar import RadarParameters
 
 
@@ -36,7 +44,9 @@ class PulseBlock:
     Raises
     ------
     ValueError
-        Shapes disagree, only one of the position arrays is given, or a position is not finite.
+        Shapes disagree, only one of the position arrays is given, a position is not finite, times
+        are no integers, or all pulses have the same number. The text names what was probably
+        meant: seconds, transposed samples, positions left out.
     """
 
     radar: RadarParameters
@@ -48,28 +58,20 @@ class PulseBlock:
     rx_m: np.ndarray | None = None
 
     def __post_init__(self):
-        convert = {'stamp_ns': np.int64, 'counter': np.uint32, 'samples': np.complex64}
         if (self.tx_m is None) != (self.rx_m is None):
             raise ValueError('tx_m and rx_m must be given together or not at all')
+        fields = {'stamp_ns': integer_stamps(self.stamp_ns),
+                  'counter': running_counters(self.counter),
+                  'samples': np.asarray(self.samples, np.complex64)}
         if self.has_positions:
-            convert |= {'tx_m': np.float64, 'rx_m': np.float64}
-        for name, dtype in convert.items():
-            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype))
-        if self.samples.ndim != 3:
-            raise ValueError(f'samples.shape={self.samples.shape}; expected '
-                             '(pulses, channels, samples)')
-        pulses, channels, _ = self.samples.shape
-        expected = {'stamp_ns': (pulses,), 'counter': (pulses,)}
+            fields |= {name: np.asarray(getattr(self, name), np.float64)
+                       for name in ('tx_m', 'rx_m')}
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
+        check_counted(self.counter, self.stamp_ns)
+        check_shapes(self.samples, len(self.stamp_ns), self.tx_m, self.rx_m)
         if self.has_positions:
-            expected |= {'tx_m': (pulses, channels, 3), 'rx_m': (pulses, channels, 3)}
-        for name, shape in expected.items():
-            if getattr(self, name).shape != shape:
-                raise ValueError(f'{name}.shape={getattr(self, name).shape} does not match '
-                                 f'samples.shape={self.samples.shape}; expected {shape}')
-        if self.has_positions and not (np.isfinite(self.tx_m).all()
-                                       and np.isfinite(self.rx_m).all()):
-            raise ValueError('phase centres contain NaN or infinity; every pulse needs a finite '
-                             'transmit and receive position')
+            check_positions(self.tx_m, self.rx_m)
 
     @property
     def n_pulses(self) -> int:
@@ -145,7 +147,7 @@ def check_profiles(block: PulseBlock, radar: RadarParameters, n_samples: int, *,
     ------
     ValueError
         The pulses are raw where profiles are expected or the other way round, have no phase
-        centres, or are of another radar or length.
+        centres, are of another radar or length, or hold samples that are not finite.
     """
     if compressed and not block.compressed:
         raise ValueError('the block holds raw pulses; apply range compression first')
@@ -157,3 +159,4 @@ def check_profiles(block: PulseBlock, radar: RadarParameters, n_samples: int, *,
     if block.radar != radar or block.n_samples != n_samples:
         raise ValueError(f'the block has {block.n_samples} samples of {block.radar}; this '
                          f'plan is for {n_samples} samples of {radar}')
+    check_samples(block.samples, block.counter)

@@ -6,6 +6,9 @@ import dataclasses
 import enum
 import math
 
+from . import magnitudes
+from .magnitudes import check_magnitude
+
 SPEED_OF_LIGHT = 299_792_458.0  # m/s
 
 
@@ -58,7 +61,8 @@ class RadarParameters:
     Raises
     ------
     ValueError
-        A value is not finite, or not positive where it must be.
+        A value is not finite, not positive where it must be, or of a magnitude that no radar has:
+        a unit was mistaken, and the text says which one was probably meant.
     """
 
     carrier_hz: float
@@ -78,7 +82,16 @@ class RadarParameters:
                 raise ValueError(f'{name}={getattr(self, name)} must be positive')
         if self.pulse_length_s < 0:
             raise ValueError(f'pulse_length_s={self.pulse_length_s} must not be negative')
+        self._check_magnitudes()
         object.__setattr__(self, 'waveform', Waveform(self.waveform))
+
+    def _check_magnitudes(self):
+        check_magnitude('carrier_hz', self.carrier_hz, magnitudes.CARRIER)
+        check_magnitude('bandwidth_hz', self.bandwidth_hz, magnitudes.BANDWIDTH)
+        check_magnitude('sample_rate_hz', self.sample_rate_hz, magnitudes.SAMPLE_RATE)
+        check_magnitude('first_sample_delay_s', self.first_sample_delay_s, magnitudes.DELAY)
+        if self.chirp_rate_hz_per_s:
+            check_magnitude('chirp_rate_hz_per_s', self.chirp_rate_hz_per_s, magnitudes.SLOPE)
 
     @property
     def wavelength_m(self) -> float:

@@ -19,6 +19,7 @@ import numpy as np
 from .band_filter import BandFilter
 from .calibration import ChannelCalibration
 from .phase_history import GUARD_SAMPLES, PhaseHistoryPlan
+from .pulse_checks import check_samples
 from .pulses import PulseBlock
 from .radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 
@@ -170,8 +171,8 @@ class RangeCompressor:
         Raises
         ------
         ValueError
-            The block is of another radar, length or kind than planned for, or has another
-            number of channels than the calibration.
+            The block is of another radar, length or kind than planned for, has another number
+            of channels than the calibration, or holds samples that are not finite.
         """
         got = (block.radar, block.n_samples, block.compressed)
         if got != (self.radar, self.n_samples, self.compressed):
@@ -182,6 +183,7 @@ class RangeCompressor:
                 'RangeCompressor.for_block')
         if self._calibration is not None:
             self._calibration.check_channels(block.n_channels)
+        check_samples(block.samples, block.counter)
         samples = block.samples
         if not self._pass_through:
             samples = self._plan(samples, self._gain)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .pulses import PulseBlock
+if TYPE_CHECKING:
+    from .pulses import PulseBlock
 
 COUNTER_MASK = 0xFFFF_FFFF
 

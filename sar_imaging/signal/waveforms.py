@@ -62,6 +62,16 @@ def n_pulse_samples(radar: RadarParameters) -> int:
     return math.ceil(radar.pulse_length_s * radar.sample_rate_hz * (1 - 1e-12))
 
 
+def _mistaken_unit(ratio: float) -> str:
+    """The end of a message, where the sweep is off by what a unit is."""
+    names = {1e6: 'pulse_length_s is probably in microseconds, expected are seconds',
+             1e9: 'pulse_length_s is probably in nanoseconds, expected are seconds',
+             1e-12: 'chirp_rate_hz_per_s is probably in MHz/us, expected are Hz/s',
+             1e-6: 'chirp_rate_hz_per_s is probably in MHz/s, expected are Hz/s'}
+    return next((f'; {text}' for factor, text in names.items()
+                 if abs(ratio / factor - 1) < 0.05), '')
+
+
 def check_lfm(radar: RadarParameters) -> None:
     """Refuse parameters that do not describe one LFM pulse sampled without aliasing.
 
@@ -75,7 +85,8 @@ def check_lfm(radar: RadarParameters) -> None:
     if abs(swept - radar.bandwidth_hz) > 0.01 * radar.bandwidth_hz:
         raise ValueError(
             f'chirp_rate_hz_per_s * pulse_length_s = {swept:.6g} Hz does not match '
-            f'bandwidth_hz={radar.bandwidth_hz:.6g}; an LFM pulse sweeps its bandwidth once')
+            f'bandwidth_hz={radar.bandwidth_hz:.6g}; an LFM pulse sweeps its bandwidth once'
+            + _mistaken_unit(swept / radar.bandwidth_hz))
     if n_pulse_samples(radar) < 2:
         raise ValueError(f'pulse_length_s={radar.pulse_length_s} is shorter than two samples at '
                          f'sample_rate_hz={radar.sample_rate_hz}; is it in seconds?')

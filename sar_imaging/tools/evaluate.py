@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
+import functools
 import json
 import math
 import os
@@ -27,6 +28,7 @@ from msg_conversions import WireFormatError
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.quality import ScattererQuality, measure_scatterer
 
+from . import examination
 from .bag_io import BagError, pose_messages, raw_messages
 from .node_processes import (
     MODES,
@@ -39,7 +41,7 @@ from .node_processes import (
     parameters_from_truth,
     pipeline_parameters,
 )
-from .observer import Observer, ObserverError, ReceivedImage
+from .observer import Observer, ObserverError, ReceivedImage, counter_increase
 from .plots import save_image_png
 from .recording import Aperture, Recording, read_recording
 from .replay import Published, Replayer, ReplayError
@@ -50,11 +52,14 @@ START_TIMEOUT_S = 60.0  # importing and compiling on a slow machine
 _EPILOG = """\
 Writes image.npy (complex64, row 0 is the largest y), image.png and quality.json into the output
 folder. docs/evaluate.md explains every figure. Exit status: 0 when the image came and was
-measured, 1 with a reason when not.
+measured, 1 with a reason when not, 3 when it looks like noise or shows a mistake, which is named.
 
   python -m sar_imaging.tools.evaluate bags/spotlight --output out/demo --launch-nodes
   python -m sar_imaging.tools.evaluate bags/psf --output out/psf      (nodes run already)
 """
+
+
+DOUBTFUL_STATUS = 3
 
 
 class EvaluationError(RuntimeError):
@@ -110,7 +115,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser().parse_args(argv)
     previous = signal.signal(signal.SIGTERM, _interrupt)  # ends the nodes, too
     try:
-        run(arguments)
+        return run(arguments)
     except (BagError, EvaluationError, NodeProcessError, ObserverError, OSError, ReplayError,
             WireFormatError) as error:
         print(f'error: {error}', file=sys.stderr)
@@ -120,15 +125,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
     finally:
         signal.signal(signal.SIGTERM, previous)
-    return 0
 
 
 def _interrupt(signum, frame):
     raise KeyboardInterrupt
 
 
-def run(arguments: argparse.Namespace) -> None:
-    """Evaluate as the command line asks; raises one of the errors that `main` knows."""
+def run(arguments: argparse.Namespace) -> int:
+    """Evaluate as the command line asks; returns the exit status.
+
+    Raises one of the errors that `main` knows.
+    """
     recording = read_recording(arguments.bag)
     if recording.phase_centre_m is None:
         raise EvaluationError(f'{arguments.bag} has pulses without phase centres and no poses to '
@@ -159,6 +166,7 @@ def run(arguments: argparse.Namespace) -> None:
     (output / 'quality.json').write_text(text + '\n')
     print(_table(quality))
     print(f'written: {", ".join(str(output / name) for name in PRODUCTS)}')
+    return DOUBTFUL_STATUS if examination.doubtful(quality['focus']) else 0
 
 
 def _prepared(output: Path) -> Path:
@@ -208,6 +216,7 @@ def _replay(recording: Recording, arguments: argparse.Namespace,
         length = observer.pulses_per_aperture(timeout_s, check)
         aperture = _choose_aperture(recording.apertures(length), length, arguments.aperture)
         observer.expect(aperture.first_ns, aperture.last_ns)
+        replayer.check = check = functools.partial(_check_rejections, observer, check)
         before = {name: observer.counters(name) for name in observer.stages}
         with tqdm(total=recording.n_messages, unit='message', desc='replaying') as bar:
             sent_s = _send(recording, aperture, replayer, arguments.rate, bar)
@@ -215,7 +224,7 @@ def _replay(recording: Recording, arguments: argparse.Namespace,
         now = time.monotonic()
         for name in observer.stages:  # the counters that include the last pulse
             observer.status_after(name, now, now + 5.0, check)
-        counters = {name: _difference(before[name], observer.counters(name))
+        counters = {name: counter_increase(before[name], observer.counters(name))
                     for name in observer.stages}
         return _Result(aperture, length, observer.image, observer.image.received_s - sent_s,
                        observer.grid, counters)
@@ -255,6 +264,13 @@ def _send(recording: Recording, aperture: Aperture, replayer: Replayer, rate: fl
     return sent_s
 
 
+def _check_rejections(observer: Observer, check: Callable[[], None]) -> None:
+    """Check the nodes, and end at once when one of them refuses everything."""
+    check()
+    if reason := observer.refusal():
+        raise EvaluationError(reason)
+
+
 def _await_image(observer: Observer, aperture: Aperture, timeout_s: float,
                  check: Callable[[], None], bar: tqdm) -> None:
     bar.set_description('waiting for the image')
@@ -267,12 +283,6 @@ def _await_image(observer: Observer, aperture: Aperture, timeout_s: float,
                                   f'{observer.report()}')
         observer.spin(check)
     bar.set_description('image received')
-
-
-def _difference(before: dict[str, int], after: dict[str, int]) -> dict[str, int]:
-    """Increase of counters; of a node that started anew, their values."""
-    restarted = any(after.get(k, 0) < v for k, v in before.items() if k.endswith('_received'))
-    return {k: v if restarted else v - before.get(k, 0) for k, v in after.items()}
 
 
 def _checked_grid(recording: Recording, grid: MapGrid, received: ReceivedImage,
@@ -308,6 +318,8 @@ def _measure(recording: Recording, result: _Result, grid: MapGrid) -> dict:
         'pulses_missing': buffer.get('pulses_missing'),
         'blocks_rejected': result.counters[entry].get('blocks_rejected'),
         'seconds_last_pulse_to_image': round(result.seconds, 4),
+        'focus': examination.examine(recording, result.aperture.number,
+                                     result.pulses_per_aperture, result.received.image, grid),
         'recording': str(recording.path),
         'aperture': result.aperture.number,
         'pulses_per_aperture': result.pulses_per_aperture,
@@ -361,6 +373,7 @@ def _table(quality: dict) -> str:
     lines.append(f'pulses received {quality["pulses_received"]}, missing '
                  f'{quality["pulses_missing"]}; blocks rejected {quality["blocks_rejected"]}; '
                  f'last pulse to image {quality["seconds_last_pulse_to_image"]:.2f} s')
+    lines.append(examination.describe(quality['focus']))
     return '\n'.join(lines)
 
 

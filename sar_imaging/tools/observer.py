@@ -20,6 +20,7 @@ from sar_imaging.geometry.grids import MapGrid
 
 from .node_processes import AFBP_NODES, PIPELINE
 
+_ALL_REJECTED = 4  # blocks from which on it is no accident
 INPUTS = ('pulses', 'pulse_blocks', 'range_profiles', 'subaperture_images')  # of AFBP_NODES
 
 
@@ -73,6 +74,7 @@ class Observer:
         self._window_ns = (0, 0)
         self._map_metadata: MapMetaData | None = None
         self._status: dict[str, tuple[float, DiagnosticStatus]] = {}
+        self._before: dict[str, dict[str, int]] = {}
         prefix = node.get_namespace().strip('/')
         self._statuses = {f'{prefix}/{name}: {part}'.lstrip('/'): key
                           for name in nodes for part, key in _parts(name).items()}
@@ -90,6 +92,7 @@ class Observer:
         """Keep the image whose stamp lies between these times, nanoseconds."""
         self._window_ns = (first_ns, last_ns)
         self.image = None
+        self._before = {name: self.counters(name) for name in self.stages}
 
     def wait_for_nodes(self, timeout_s: float, check) -> None:
         """Return when all nodes are there and their topics are connected.
@@ -171,6 +174,23 @@ class Observer:
                 continue  # a measured figure, not a counter
         return out
 
+    def refusal(self) -> str:
+        """Which node has rejected every block since `expect`, and why; empty when none has."""
+        def increase(name, key):
+            return self.counters(name).get(key, 0) - self._before.get(name, {}).get(key, 0)
+
+        for name in self.stages:
+            rejected = increase(name, 'blocks_rejected')
+            all_of_them = (rejected >= increase(name, 'blocks_received') if (name,) != PIPELINE
+                           else not increase('backprojection', 'pulses_imaged'))
+            if rejected >= _ALL_REJECTED and all_of_them:
+                return (f'{name} rejected all of {rejected} blocks so far: '
+                        f'{self._text(name, "last_rejection") or "see its log"}')
+        return ''
+
+    def _text(self, name: str, key: str) -> str:
+        return next((pair.value for pair in self._status[name][1].values if pair.key == key), '')
+
     def status_after(self, name: str, moment_s: float, deadline_s: float,
                      check) -> DiagnosticStatus | None:
         """First report of a node after a moment, None when none comes before the deadline."""
@@ -190,6 +210,8 @@ class Observer:
             status = self._status[name][1]
             counts = ', '.join(f'{k}={v}' for k, v in self.counters(name).items() if v)
             lines.append(f'  {name}: {status.message}; {counts or "all counters are zero"}')
+            lines += [f'    {text}' for key in ('last_rejection', 'mistake')
+                      if (text := self._text(name, key))]
         return '\n'.join(lines)
 
     def spin(self, check, timeout_s: float = 0.05) -> None:
@@ -212,6 +234,18 @@ class Observer:
             name = self._statuses.get(status.name)
             if name is not None:  # else of another radar, or of something else
                 self._status[name] = (time.monotonic(), status)
+
+
+def counter_increase(before: dict[str, int], after: dict[str, int]) -> dict[str, int]:
+    """Increase of a node's counters; of a node that started anew, their values.
+
+    Parameters
+    ----------
+    before, after : dict of str to int
+        Counters by name, as `Observer.counters` gives them, before and after.
+    """
+    restarted = any(after.get(k, 0) < v for k, v in before.items() if k.endswith('_received'))
+    return {k: v if restarted else v - before.get(k, 0) for k, v in after.items()}
 
 
 def _parts(node: str) -> dict[str, str]:

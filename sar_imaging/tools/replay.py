@@ -88,7 +88,7 @@ class Replayer:
                  check: Callable[[], None] = lambda: None, imager: str = 'backprojection'):
         self._node = node
         self._executor = executor
-        self._check = check
+        self.check = check
         self._publisher = node.create_publisher(
             Float32MultiArray, 'pulses',
             QoSProfile(depth=PUBLISHER_DEPTH, reliability=ReliabilityPolicy.RELIABLE))
@@ -169,7 +169,7 @@ class Replayer:
                 self._wait_for_room(message)
             else:
                 self._wait_until(start_s + (time_ns - start_ns) / 1e9 / rate)
-            self._check()
+            self.check()
             message = dataclasses.replace(message, time_s=time.monotonic())
             self._publisher.publish(cdr)
             self._last_event_s = message.time_s
@@ -235,7 +235,7 @@ class Replayer:
             self._flight.popleft()
 
     def _spin(self, timeout_s: float) -> None:
-        self._check()
+        self.check()
         self._executor.spin_once(timeout_sec=timeout_s)
 
 

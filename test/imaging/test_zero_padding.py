@@ -16,7 +16,8 @@ SETTINGS = [('nearest', 20), ('nearest', 50), ('nearest', 150), ('linear', 4), (
 
 @pytest.fixture(scope='module')
 def case(make_case):
-    return make_case(1e3, channels=2, height_m=300.0, n=32)
+    # Turned, so that no coordinate of an antenna is zero.
+    return make_case(1e3, channels=2, height_m=300.0, n=32, heading_rad=0.4)
 
 
 def _plan(case, points=None, **options):

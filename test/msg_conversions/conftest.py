@@ -38,11 +38,13 @@ def make_block(radar):
 
 
 def _radars():
-    positive = st.floats(1e-12, 1e15)
-    return st.builds(RadarParameters, carrier_hz=positive, bandwidth_hz=positive,
-                     sample_rate_hz=positive, first_sample_delay_s=st.floats(-1.0, 1.0),
+    # The limits of RadarParameters
+    return st.builds(RadarParameters, carrier_hz=st.floats(1e6, 2e12),
+                     bandwidth_hz=st.floats(1e4, 1e12), sample_rate_hz=st.floats(1e3, 1e13),
+                     first_sample_delay_s=st.floats(-1.0, 1.0),
                      pulse_length_s=st.floats(0.0, 1.0),
-                     chirp_rate_hz_per_s=st.floats(-1e18, 1e18),
+                     chirp_rate_hz_per_s=st.floats(-1e18, -1e4) | st.floats(1e4, 1e18)
+                     | st.just(0.0),
                      waveform=st.sampled_from(Waveform))
 
 
@@ -53,7 +55,8 @@ def _blocks(draw):
     epoch = draw(st.integers(-latest, latest))
     offsets = [0] + draw(st.lists(st.integers(-MAX_OFFSET_NS, MAX_OFFSET_NS),
                                   min_size=n_pulses - 1, max_size=n_pulses - 1))
-    counter = draw(st.lists(st.integers(0, 2**32 - 1), min_size=n_pulses, max_size=n_pulses))
+    counter = draw(st.lists(st.integers(0, 2**32 - 1), min_size=n_pulses, max_size=n_pulses,
+                            unique=True))
     finite = st.floats(width=32, allow_nan=False, allow_infinity=False)
     iq = draw(hnp.arrays(np.float32, (*shape, 2), elements=finite))
     fields = {'radar': draw(_radars()), 'compressed': draw(st.booleans()),

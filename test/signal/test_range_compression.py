@@ -272,7 +272,7 @@ def test_bad_options_are_refused(options, message):
         RangeCompressor(_lfm_radar(), **{'n_samples': 384} | options)
 
 
-@pytest.mark.parametrize('sample_rate_hz', [1e-30, 1.0])
+@pytest.mark.parametrize('sample_rate_hz', [1e3, 5e3])
 def test_profiles_that_no_memory_holds_are_refused(sample_rate_hz):
     # One flipped bit in the header of a message is enough.
     radar = dataclasses.replace(_lfm_radar(), sample_rate_hz=sample_rate_hz)

@@ -1,6 +1,7 @@
 """Evaluation end to end: recordings through real node processes over real DDS."""
 
 import concurrent.futures
+import dataclasses
 import json
 import math
 import os
@@ -19,7 +20,7 @@ pytest.importorskip('rclpy', reason='rclpy comes as wheels for Linux on x86-64 o
 
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.backprojection import Backprojector
-from sar_imaging.quality import error_db
+from sar_imaging.quality import contrast, entropy, error_db
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.tools import bag_io, load_gotcha
@@ -31,6 +32,7 @@ from sar_imaging.tools.node_processes import (
     isolated_environment,
     parameters_from_truth,
 )
+from sar_imaging.tools.observer import counter_increase
 
 ROOT = Path(__file__).resolve().parents[2]
 PSF, SPOTLIGHT = ROOT / 'bags' / 'psf', ROOT / 'bags' / 'spotlight'
@@ -72,7 +74,12 @@ RUNS = {'exact': (PSF,),
         'pipeline': (PSF, '--pipeline'),
         'subapertures': (PSF, '--mode', 'subapertures'),
         'real time': (SPOTLIGHT, '--aperture', 0, '--rate', 4),
-        'few pulses': (None, '--timeout', 2)}
+        'few pulses': (None, '--timeout', 2),
+        'millimetres': (None,),
+        'conjugated': (None, '--mode', 'subapertures')}
+MISTAKES = {
+    'millimetres': lambda b: dataclasses.replace(b, tx_m=1000 * b.tx_m, rx_m=1000 * b.rx_m),
+    'conjugated': lambda b: dataclasses.replace(b, samples=b.samples.conj())}
 
 
 @pytest.fixture(scope='module')
@@ -81,6 +88,9 @@ def runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp('evaluate')
     few = [next(bag_io.read_blocks(PSF))]
     bag_io.write_bag(folder / 'few', few, bag_io.read_truth(PSF))
+    for name, mistake in MISTAKES.items():
+        bag_io.write_bag(folder / f'{name} bag', map(mistake, bag_io.read_blocks(SPOTLIGHT)),
+                         bag_io.read_truth(SPOTLIGHT))
     (folder / 'few pulses').mkdir()
     (folder / 'few pulses' / 'quality.json').write_text('{}')  # of an earlier run
     first_domain = free_domain()
@@ -90,7 +100,8 @@ def runs(tmp_path_factory):
         domain = 1 + (first_domain + list(RUNS).index(name)) % 100
         bag, *options = RUNS[name]
         return folder / name, evaluate(
-            bag or folder / 'few', '--output', folder / name, '--launch-nodes', *options,
+            bag or folder / (f'{name} bag' if name in MISTAKES else 'few'),
+            '--output', folder / name, '--launch-nodes', *options,
             environment=os.environ | {'ROS_DOMAIN_ID': str(domain)})
 
     with concurrent.futures.ThreadPoolExecutor(3) as pool:
@@ -103,6 +114,19 @@ def run(runs):
     output, result = runs['exact']
     assert result.returncode == 0, result.stderr
     return output, result
+
+
+@pytest.mark.parametrize(('before', 'after', 'expected'), [
+    ({'pulses_received': 7, 'blocks': 1}, {'pulses_received': 12, 'blocks': 1, 'new': 3},
+     {'pulses_received': 5, 'blocks': 0, 'new': 3}),
+    ({'pulses_received': 7, 'blocks': 1}, {'pulses_received': 5, 'blocks': 2},
+     {'pulses_received': 5, 'blocks': 2}),
+    # A figure that goes up and down, such as what waits, is no sign of a new start.
+    ({'pulses_received': 7, 'waiting': 4}, {'pulses_received': 7, 'waiting': 1},
+     {'pulses_received': 0, 'waiting': -3}),
+    ({}, {'pulses_received': 5}, {'pulses_received': 5})])
+def test_counters_that_fall_are_those_of_a_node_that_started_anew(before, after, expected):
+    assert counter_increase(before, after) == expected
 
 
 @nodes
@@ -162,6 +186,40 @@ def test_other_ways_to_the_image(run, runs, way, image_nodes, largest_error_db):
     [s] = quality['scatterers']
     assert s['islr_range_db'] == pytest.approx(-10.49, abs=0.05)
     assert s['islr_azimuth_db'] == pytest.approx(-10.53, abs=0.05)
+
+
+@nodes
+def test_focus_of_a_right_image(run):
+    focus = quality_of(run[0])['focus']
+    image = np.load(run[0] / 'image.npy')
+    assert focus['contrast'] == pytest.approx(contrast(image), rel=1e-3)  # four digits
+    assert focus['entropy'] == pytest.approx(entropy(image), rel=1e-3)
+    assert focus['peak_over_median_db'] > focus['noise_db'] + 30
+    assert (focus['mistake'], focus['advice'], focus['at_noise_level']) == ('', '', False)
+    assert 'coherence 2.' in run[1].stdout and 'warning' not in run[1].stdout
+
+
+@nodes
+def test_positions_in_millimetres_end_the_evaluation_with_the_nodes_reason(runs):
+    output, result = runs['millimetres']
+    assert result.returncode == 1
+    assert 'backprojection rejected all of' in result.stderr
+    assert 'probably in millimetres; divide tx_m and rx_m by 1000' in result.stderr
+    log = (output / 'log' / 'backprojection.log').read_text()
+    assert 'none of the grid lies within the profiles' in log and 'prf_hz' not in log
+
+
+@nodes
+def test_conjugated_samples_are_named_by_nodes_and_evaluation(runs):
+    output, result = runs['conjugated']
+    assert result.returncode == 3, result.stderr
+    focus = quality_of(output)['focus']
+    assert focus['mistake'] == 'samples conjugated' and focus['at_noise_level']
+    assert focus['coherence_corrected'] > 1.25 * focus['coherence']
+    assert 'warning: the samples are probably conjugated' in result.stdout
+    log = (output / 'log' / 'backprojection.log').read_text()
+    assert log.count('the samples are probably conjugated') == 1  # not with every aperture
+    assert quality_of(output)['nodes']['afbp_fusion']['images_at_noise_level'] > 0
 
 
 @nodes

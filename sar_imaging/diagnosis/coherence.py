@@ -1,0 +1,192 @@
+"""Whether the pulses of an aperture add up in phase anywhere: focus, whatever the scene.
+
+An image that is not focused still has bright and dark ranges, so its own contrast says little.
+Here each pixel's sum over the aperture is compared with the sums of G groups of pulses at the same
+pixel, ``q = |sum_g f_g|^2 / sum_g |f_g|^2``: G where all groups agree, 1 on average where they do
+not. For groups of independent phase, noise as well as echoes out of focus, ``q / G`` has the
+distribution Beta(1, G - 1) (Goodman, Statistical Optics: a random direction in G complex
+dimensions), whose standard deviation over its mean is ``sqrt((G - 1) / (G + 1))``, just below 1.
+The focus figure is that ratio, each pixel weighted with its squared power: 1 in noise and out of
+focus, 2 to 6 in images with scatterers that are focused.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from ..signal.pulses import PulseBlock
+from ..signal.radar import RadarParameters
+from . import kernels
+
+OVERSAMPLING = 4.0  # of the profiles: linear interpolation is then good to -30 dB
+_GROUPS = 64
+_MOST_ROWS = 1024
+_STEPS = 4096  # of a cycle; good to -60 dB
+_TURNS = tuple(f(2 * np.pi * np.arange(_STEPS) / _STEPS).astype(np.float32)
+               for f in (np.cos, np.sin))
+_TILE = 16  # pixels along each side
+_BUDGET = 6_000_000  # points times rows of one figure
+
+
+@dataclasses.dataclass(frozen=True)
+class Coherence:
+    """How well groups of pulses agree over an image.
+
+    Parameters
+    ----------
+    contrast : float
+        Standard deviation of q over its mean: about 1 where nothing is focused.
+    mean : float
+        Mean of q: above 1 where neighbouring groups agree over wide parts of the scene, as the
+        channels of a short array do, or pulses from one place.
+    sharpness : float
+        Standard deviation of the image's intensity over its mean at these pixels; unlike the
+        contrast it tells what is smeared in range.
+    coverage : float
+        Share of the pixels and pulses whose profile reaches them, 0 to 1.
+    """
+
+    contrast: float
+    mean: float
+    sharpness: float
+    coverage: float
+
+    @property
+    def agreement(self) -> float:
+        """Mean square of q: how many groups agree where they do, 2 in noise."""
+        return self.mean**2 * (1 + self.contrast**2)
+
+
+class CoherenceProbe:
+    """The pixels of a grid at which apertures are compared.
+
+    Parameters
+    ----------
+    grid : MapGrid
+        Of the image.
+    budget : int
+        Most points times rows of one figure; of larger images the brightest tiles are taken.
+    """
+
+    def __init__(self, grid: MapGrid, budget: int = _BUDGET):
+        self.grid = grid
+        self._budget = budget
+
+    def __call__(self, profiles: PulseBlock) -> Coherence:
+        """Coherence of range profiles that are sampled `OVERSAMPLING` times their bandwidth.
+
+        Parameters
+        ----------
+        profiles : PulseBlock
+            Range profiles with phase centres.
+
+        Returns
+        -------
+        Coherence
+            Contrast 0 where the profiles do not reach the grid.
+        """
+        rows = _Rows.of(profiles)
+        return _judge(*rows.sums(self._points(rows)))
+
+    def _points(self, rows: _Rows) -> np.ndarray:
+        """(K, 3) positions within the budget: all, or those of the tiles with most power."""
+        grid, n_rows = self.grid, len(rows.tx_m)
+        n_points = max(_TILE * _TILE, self._budget // max(n_rows, 1))
+        if grid.n_x * grid.n_y <= n_points:
+            return grid.points().reshape(-1, 3)
+        # Sums of a few pulses are wide: a few of their pixels tell where power is.
+        step = max(1, math.ceil(n_rows / 128))
+        few = rows.thinned(step)
+        stride = max(2, math.ceil(math.sqrt(grid.n_x * grid.n_y * len(few.tx_m) / self._budget)))
+        y, x = (np.arange(stride // 2, n, stride) for n in grid.shape)
+        coarse = np.stack(np.broadcast_arrays(grid.x_m[x], grid.y_m[y][:, None], grid.z_m), -1)
+        _, power, _ = few.sums(coarse.reshape(-1, 3))
+        columns = -(-grid.n_x // _TILE)
+        tile = (y[:, None] // _TILE * columns + x // _TILE).ravel()
+        n_tiles = columns * -(-grid.n_y // _TILE)
+        mean = (np.bincount(tile, np.square(power, dtype=float), n_tiles)
+                / np.maximum(np.bincount(tile, minlength=n_tiles), 1))
+        return self._of_tiles(np.argsort(-mean)[:max(1, n_points // _TILE**2)], columns)
+
+    def _of_tiles(self, tiles, columns: int) -> np.ndarray:
+        grid = self.grid
+        side = np.arange(_TILE)
+        y = (tiles // columns * _TILE)[:, None, None] + side[:, None]
+        x = (tiles % columns * _TILE)[:, None, None] + side
+        y, x = np.broadcast_arrays(y, x)
+        inside = (y < grid.n_y) & (x < grid.n_x)
+        x_m, y_m = grid.x_m[x[inside]], grid.y_m[y[inside]]
+        return np.stack([x_m, y_m, np.full(len(x_m), grid.z_m)], axis=-1)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Rows:
+    """Profiles with one row per pulse and channel, rows of a group next to each other."""
+
+    radar: RadarParameters
+    samples: np.ndarray
+    tx_m: np.ndarray
+    rx_m: np.ndarray
+    group: np.ndarray
+
+    @classmethod
+    def of(cls, block: PulseBlock) -> _Rows:
+        channels = np.unique(np.linspace(0, block.n_channels - 1,
+                                         min(block.n_channels, _GROUPS // 4)).astype(int))
+        most = max(_GROUPS, _MOST_ROWS // len(channels))
+        pulses = np.arange(0, block.n_pulses, -(-block.n_pulses // most))
+        parts = min(len(pulses), max(1, _GROUPS // len(channels)))
+        # One group is a channel's pulses in a part of the aperture.
+        part = np.arange(len(pulses)) * parts // len(pulses)
+        group = (np.arange(len(channels))[:, None] * parts + part).ravel()
+
+        def rows(a):
+            picked = a[pulses][:, channels].swapaxes(0, 1)
+            return np.ascontiguousarray(picked).reshape(len(group), *a.shape[2:])
+
+        return cls(block.radar, rows(block.samples), rows(block.tx_m), rows(block.rx_m), group)
+
+    def thinned(self, step: int) -> _Rows:
+        return _Rows(self.radar, *(np.ascontiguousarray(a[::step]) for a in (
+            self.samples, self.tx_m, self.rx_m, self.group)))
+
+    def sums(self, points):
+        """Coherent sum, power of the groups and share of rows at each point."""
+        total = np.empty(len(points), np.complex64)
+        power = np.empty(len(points), np.float32)
+        covered = np.empty(len(points), np.int64)
+        radar = self.radar
+        kernels.sum_groups(np.ascontiguousarray(points), self.tx_m, self.rx_m,
+                           np.array_equal(self.tx_m, self.rx_m), self.group, self.samples,
+                           radar.range_start_m, radar.sample_spacing_m, 2 / radar.wavelength_m,
+                           *_TURNS, total, power, covered)
+        return total, power, covered / max(len(self.tx_m), 1)
+
+
+def _judge(total, power, covered) -> Coherence:
+    coverage = float(covered.mean())
+    known = (covered > 0.5) & (power > 0)
+    if np.count_nonzero(known) < 16:
+        return Coherence(0.0, 0.0, 0.0, coverage)
+    weight = power[known].astype(np.float64)
+    intensity = np.square(np.abs(total[known]), dtype=np.float64)
+    q = intensity / weight
+    weight = np.square(weight)  # what is bright decides
+    weight /= weight.sum()
+    mean = float(weight @ q)
+    spread = float(weight @ np.square(q - mean))
+    return Coherence(math.sqrt(spread) / max(mean, 1e-12), mean,
+                     float(intensity.std() / max(intensity.mean(), 1e-300)), coverage)
+
+
+def compile_kernels() -> None:
+    """Compile the loop, or load it from the cache, before the first image is judged."""
+    radar = RadarParameters(10e9, 100e6, 800e6, 0.0)
+    centres = np.zeros((16, 1, 3))
+    block = PulseBlock(radar, True, np.arange(16), np.arange(16), np.zeros((16, 1, 64)), centres,
+                       centres)
+    CoherenceProbe(MapGrid((5.0, 0.0, 0.0), 4, 4, 0.5))(block)

@@ -1,0 +1,211 @@
+"""Name the mistake that keeps an aperture from focusing, by trying what would undo it.
+
+>>> diagnosis = diagnose(block, grid)          # doctest: +SKIP
+>>> print(diagnosis)                           # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from ..signal.pulses import PulseBlock, check_profiles
+from ..signal.range_compression import RangeCompressor
+from .coherence import OVERSAMPLING, Coherence, CoherenceProbe
+from .hypotheses import HYPOTHESES, Hypothesis, clock_offsets, with_offset
+from .track import track_doubts
+
+_logger = logging.getLogger(__name__)
+# Of the coherence's contrast: 0.3 to 1.05 in noise and out of focus, 2.0 to 10 in focus; halfway
+# where a mistake spares a part of the focus. See docs/troubleshooting.md.
+FOCUSED = 3.0  # nothing is tried
+_CLEARLY = 2.0  # from it on a hypothesis counts for more than odd positions
+_NOTHING = 1.3  # below it nothing stands out
+_BETTER = 1.25  # times the contrast of the data as they are
+_SHARPER = 2.0  # times its sharpness, where only samples change
+_DARKER = 0.6  # times its agreement
+_LEAST = 1.45  # contrast with which something focuses at all
+_LEAST_COVERAGE = 0.25
+_LARGEST_OFFSET_S = 2.0
+_MOST_OFFSETS = 40  # on each side
+_OFFSET_BUDGET = 1_500_000
+_FEWEST_PULSES = 16
+
+
+@dataclasses.dataclass(frozen=True)
+class Diagnosis:
+    """What is probably wrong with an aperture.
+
+    Parameters
+    ----------
+    coherence : float
+        Focus figure of the data as they are, see `sar_imaging.diagnosis.coherence`.
+    coverage : float
+        Share of pixels and pulses that the profiles reach.
+    mistake : str
+        Name of the hypothesis that focuses, or of an oddity; empty when there is none.
+    advice : str
+        What to change, a sentence; empty when there is nothing to say.
+    corrected : float
+        Focus figure with the mistake undone; that of the data where nothing was.
+    """
+
+    coherence: float
+    coverage: float
+    mistake: str = ''
+    advice: str = ''
+    corrected: float = 0.0
+
+    @property
+    def focused(self) -> bool:
+        """True when scatterers stand out as they are."""
+        return self.coherence >= _NOTHING and not self.mistake
+
+    def __str__(self) -> str:
+        figure = f'focus {self.coherence:.2f} (noise 1, focused scatterers 2 and more)'
+        if self.mistake and self.corrected > self.coherence:
+            return f'{self.advice} (focus {self.coherence:.2f} becomes {self.corrected:.2f})'
+        if self.advice:
+            return f'{self.advice}; {figure}'
+        return f'{figure}, no mistake found'
+
+
+def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none') -> Diagnosis:
+    """Look for the mistake that keeps an aperture from focusing.
+
+    Tries, on the brightest part of the image alone: conjugated samples (or Q and I exchanged),
+    the sign of the slope, positions in millimetres, centimetres or kilometres, exchanged x
+    and y, a mirrored track, one-way delays, positions against the order of pulses, and an offset
+    of the clock of up to 2 s. Takes a few seconds at most, on any size of image.
+
+    A reflection of the whole geometry focuses as well as the truth: a mirrored straight track
+    images the mirrored scene, and where the grid holds that, no focus tells it. The same goes
+    for a clock offset on a track of constant velocity, which moves the image.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        Pulses of one aperture, raw or compressed, with phase centres.
+    grid : MapGrid
+        Where they are imaged.
+    window : str
+        Of the range compression of raw pulses.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    ValueError
+        The block has no phase centres, or its samples cannot be compressed.
+    """
+    check_profiles(block, block.radar, block.n_samples, compressed=block.compressed)
+    attempt = _Attempts(grid, window)
+    first = attempt.coherence(block)
+    _logger.debug('as is: %s', first)
+    if block.n_pulses * block.n_channels < _FEWEST_PULSES:
+        return Diagnosis(first.contrast, first.coverage, corrected=first.contrast, advice=(
+            f'{block.n_pulses} pulses are too few to judge the focus'))
+    if first.contrast >= FOCUSED:
+        return Diagnosis(first.contrast, first.coverage, corrected=first.contrast)
+    found = _best(attempt.hypotheses(block, HYPOTHESES), first)
+    doubts = track_doubts(block)
+    if found is not None and doubts and found[1].contrast < _CLEARLY:
+        found = None  # what is odd about the track explains more
+    if found is None and not doubts:
+        found = _best(attempt.offsets(block), first)
+    if found is not None:
+        hypothesis, coherence = found
+        return Diagnosis(first.contrast, first.coverage, hypothesis.name, hypothesis.advice,
+                         coherence.contrast)
+    if doubts:
+        return Diagnosis(first.contrast, first.coverage, 'odd positions', '; '.join(doubts),
+                         first.contrast)
+    return Diagnosis(first.contrast, first.coverage, corrected=first.contrast,
+                     advice='' if first.contrast >= _NOTHING else _nothing_helps(first))
+
+
+def _nothing_helps(first: Coherence) -> str:
+    if not first.coverage:
+        return ('the profiles do not reach the grid, and no hypothesis about units, axes or '
+                'delays brings them there; check the positions of antenna and grid')
+    return ('nothing stands out from noise, and no hypothesis about samples, positions or clock '
+            'helps: an empty scene, or a mistake that is not among them')
+
+
+class _Attempts:
+    """Coherence of one aperture as it is and with mistakes undone."""
+
+    def __init__(self, grid: MapGrid, window: str):
+        self._grid, self._window = grid, window
+
+    def coherence(self, block: PulseBlock) -> Coherence:
+        """Coherence of a block, 0 where it does not reach the grid."""
+        return CoherenceProbe(self._grid)(self._compressed(block))
+
+    def _compressed(self, block: PulseBlock) -> PulseBlock:
+        window = 'none' if block.compressed else self._window
+        return RangeCompressor.for_block(block, window=window, oversampling=OVERSAMPLING)(block)
+
+    def hypotheses(self, block: PulseBlock, hypotheses: Iterable[Hypothesis]
+                   ) -> Iterator[tuple[Hypothesis, Coherence]]:
+        """Coherence with each hypothesis that applies."""
+        profiles = self._compressed(block)
+        for hypothesis in hypotheses:
+            # Positions can be changed on the profiles, compressed once.
+            anew = hypothesis.of_samples or hypothesis.name.startswith('delay')
+            source = block if anew else profiles
+            for changed in hypothesis.undo(source):
+                try:
+                    ready = self._compressed(changed) if anew else changed
+                except ValueError:
+                    continue  # impossible as well
+                result = CoherenceProbe(self._grid)(ready)
+                _logger.debug('%s: %s', hypothesis.name, result)
+                yield hypothesis, result
+
+    def offsets(self, block: PulseBlock) -> Iterator[tuple[Hypothesis, Coherence]]:
+        """Coherence with the best offset of the clock: searched, then refined."""
+        profiles = self._compressed(block)
+        places = self._grid.points()[::self._grid.n_y // 2 or 1, ::self._grid.n_x // 2 or 1]
+        offsets = clock_offsets(profiles, places.reshape(-1, 3), _LARGEST_OFFSET_S,
+                                _MOST_OFFSETS)
+        if not len(offsets):
+            return
+        probe = CoherenceProbe(self._grid, _OFFSET_BUDGET)
+        contrasts = [probe(with_offset(profiles, offset)).contrast for offset in offsets]
+        best, step = float(offsets[np.argmax(contrasts)]), float(offsets[1] - offsets[0])
+        for finer in (3, 9):
+            tries = best + step / finer * np.arange(-2, 3)
+            results = [probe(with_offset(profiles, offset)) for offset in tries]
+            contrasts = [r.contrast for r in results]
+            best = float(tries[np.argmax(contrasts)])
+        _logger.debug('clock offset %s: %s', best, max(contrasts))
+        sign = '+' if best > 0 else '-'
+        yield Hypothesis(
+            'clock offset', f'the clocks of pulses and positions are probably {abs(best):.2g} s '
+            'apart: a pulse stamped t was sent where the platform is said to be at t '
+            f'{sign} {abs(best):.2g} s; correct the stamps, set pose.time_offset_s, or use '
+            'autofocus', lambda b: [b]), results[int(np.argmax(contrasts))]
+
+
+def _best(results: Iterable[tuple[Hypothesis, Coherence]], first: Coherence
+          ) -> tuple[Hypothesis, Coherence] | None:
+    """The hypothesis that focuses clearly better than the data as they are."""
+    best, score = None, 0.0
+    for hypothesis, result in results:
+        if result.coverage < _LEAST_COVERAGE or result.contrast < _LEAST:
+            continue
+        gain = result.contrast / max(_BETTER * first.contrast, 1e-9)
+        if result.agreement < _DARKER * first.agreement:
+            gain = 0.0  # a part of the scene went dark, which is not focus
+        if hypothesis.of_samples and result.contrast > 0.9 * first.contrast:
+            gain = max(gain, result.sharpness / max(_SHARPER * first.sharpness, 1e-9))
+        if gain > max(score, 1.0):
+            best, score = (hypothesis, result), gain
+    return best

@@ -1,0 +1,183 @@
+"""What users get wrong, as changes of a block that undo it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from ..signal import magnitudes
+from ..signal.pulses import PulseBlock
+from .profile_changes import PHASE_HISTORIES, conjugations, reversed_slopes
+
+_FEWEST_PULSES = 16  # for offsets of the clock
+_LEAST_CELLS = 4.0  # that a wrong delay shifts profiles by
+_FELT_RAD = 1.0  # rms phase that an offset may leave
+
+
+@dataclasses.dataclass(frozen=True)
+class Hypothesis:
+    """A mistake and how a block looks without it.
+
+    Parameters
+    ----------
+    name : str
+        Short name, the key in reports.
+    advice : str
+        What is probably wrong and what to change, a sentence without subject.
+    undo : callable
+        From a block to the blocks that it should have been, none where it does not apply.
+    of_samples : bool
+        True when it leaves positions and ranges of the pulses alone.
+    """
+
+    name: str
+    advice: str
+    undo: Callable[[PulseBlock], list[PulseBlock]]
+    of_samples: bool = False
+
+
+def _moved(change: Callable[[np.ndarray], np.ndarray]):
+    def undo(block: PulseBlock) -> list[PulseBlock]:
+        return [dataclasses.replace(block, tx_m=change(block.tx_m), rx_m=change(block.rx_m))]
+    return undo
+
+
+def _delayed(factor: float):
+    def undo(block: PulseBlock) -> list[PulseBlock]:
+        radar, out = block.radar, []
+        for given_s in _given_delays_s(block):
+            delay = radar.first_sample_delay_s + (factor - 1) * given_s
+            if (abs((factor - 1) * given_s) * radar.bandwidth_hz >= _LEAST_CELLS
+                    and abs(delay) <= magnitudes.DELAY.most):
+                out.append(dataclasses.replace(block, radar=dataclasses.replace(
+                    radar, first_sample_delay_s=delay)))
+        return out
+    return undo
+
+
+def _given_delays_s(block: PulseBlock) -> list[float]:
+    """Delays that a user may have given: of the first sample, or of a phase history's middle."""
+    radar = block.radar
+    start = radar.first_sample_delay_s
+    if not block.compressed or radar.waveform not in PHASE_HISTORIES or start <= 0:
+        return [start]
+    return [start, start + (block.n_samples // 2) / radar.sample_rate_hz]
+
+
+def _scaled(factor: float):
+    return _moved(lambda centres: factor * centres)
+
+
+GEOMETRY = (
+    Hypothesis('positions in millimetres', 'the phase centres are probably in millimetres; '
+               'divide tx_m and rx_m by 1000', _scaled(1e-3)),
+    Hypothesis('positions in centimetres', 'the phase centres are probably in centimetres; '
+               'divide tx_m and rx_m by 100', _scaled(1e-2)),
+    Hypothesis('positions in kilometres', 'the phase centres are probably in kilometres; '
+               'multiply tx_m and rx_m by 1000', _scaled(1e3)),
+    Hypothesis('x and y exchanged', 'x and y of the phase centres are probably exchanged, as '
+               'between north-east-down and east-north-up; swap them',
+               _moved(lambda p: p[..., [1, 0, 2]])),
+    Hypothesis('track mirrored in x', 'the sign of x of the phase centres is probably wrong; '
+               'the track is mirrored', _moved(lambda p: p * [-1, 1, 1])),
+    Hypothesis('track mirrored in y', 'the sign of y of the phase centres is probably wrong; '
+               'the track is mirrored', _moved(lambda p: p * [1, -1, 1])),
+    Hypothesis('track mirrored in z', 'the sign of z of the phase centres is probably wrong; '
+               'z points up in the imaging frame', _moved(lambda p: p * [1, 1, -1])),
+    Hypothesis('delay one way', 'first_sample_delay_s is probably counted one way; it is '
+               'two-way, 2 R / c: double it', _delayed(2.0)),
+    Hypothesis('delay twice', 'first_sample_delay_s is probably twice too long; it is 2 R / c: '
+               'halve it', _delayed(0.5)),
+    Hypothesis('delay in microseconds', 'first_sample_delay_s was probably meant in us; pass '
+               'seconds', _delayed(1e-6)),
+    Hypothesis('delay in nanoseconds', 'first_sample_delay_s was probably meant in ns; pass '
+               'seconds', _delayed(1e-9)),
+)
+ORDER = Hypothesis('positions reversed', 'the positions probably run against the pulses; reverse '
+                   'one of them', _moved(lambda p: p[::-1]))
+SAMPLES = (
+    Hypothesis('samples conjugated', 'the samples are probably conjugated, or Q and I exchanged; '
+               'pass samples.conj()', conjugations, of_samples=True),
+    Hypothesis('sign of the slope', 'the sign of chirp_rate_hz_per_s (the slope of the ramp) is '
+               'probably wrong; reverse it', reversed_slopes, of_samples=True),
+)
+HYPOTHESES = (*SAMPLES, *GEOMETRY, ORDER)
+
+
+def clock_offsets(block: PulseBlock, towards_m, most_s: float, n_most: int) -> np.ndarray:
+    """Offsets of the clock worth trying: as close as focus asks for, as far as pulses tell.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        With positions.
+    towards_m : (K, 3) float64
+        Places that are to focus, metres.
+    most_s : float
+        Largest offset, seconds.
+    n_most : int
+        Most offsets on each side.
+
+    Returns
+    -------
+    (K,) float64
+        Seconds, ascending, 0 among them; empty where no offset changes the focus.
+    """
+    time_s = _times(block)
+    if len(time_s) < _FEWEST_PULSES or np.any(np.diff(time_s) <= 0):
+        return np.empty(0)
+    reach = min(most_s, 0.5 * float(time_s[-1] - time_s[0]))
+
+    def phase(offset_s: float) -> float:
+        """Largest phase that an offset leaves besides a line over the aperture, radians."""
+        left = 0.0
+        for offset in (-offset_s, offset_s):
+            moved = with_offset(block, offset)
+            if moved.n_pulses < _FEWEST_PULSES // 2:
+                continue
+            inside = np.isin(block.counter, moved.counter)
+            change = (np.linalg.norm(moved.phase_centre_m[:, None] - towards_m, axis=-1)
+                      - np.linalg.norm(block.phase_centre_m[inside][:, None] - towards_m,
+                                       axis=-1))
+            u = np.linspace(-1.0, 1.0, len(change))
+            line = np.polynomial.polynomial.polyfit(u, change, 1)
+            rest = change - np.polynomial.polynomial.polyval(u, line).T
+            left = max(left, float(rest.std(axis=0).max()))
+        return left * block.radar.wavenumber_rad_per_m
+
+    if phase(0.5 * reach) < 0.5 * _FELT_RAD:
+        return np.empty(0)
+    step = float(np.median(np.diff(time_s)))
+    while step < reach / 2 and phase(step) < _FELT_RAD:
+        step *= 1.2
+    step = max(step, reach / n_most)
+    n = max(1, int(reach / step))
+    return step * np.arange(-n, n + 1)
+
+
+def with_offset(block: PulseBlock, offset_s: float) -> PulseBlock:
+    """Pulses at the positions that the track has `offset_s` later, those that have one.
+
+    The mean displacement is taken out: it moves the image and focuses nothing.
+    """
+    time_s = _times(block)
+    wanted_s = time_s + offset_s
+    inside = (wanted_s >= time_s[0]) & (wanted_s <= time_s[-1])
+    some = block.select(inside)
+    if not some.n_pulses:
+        return some
+    centres = [_at(time_s, a, wanted_s[inside]) for a in (block.tx_m, block.rx_m)]
+    back = np.mean(some.tx_m - centres[0], axis=(0, 1))
+    return dataclasses.replace(some, tx_m=centres[0] + back, rx_m=centres[1] + back)
+
+
+def _times(block: PulseBlock) -> np.ndarray:
+    return (block.stamp_ns - block.stamp_ns[0]) * 1e-9
+
+
+def _at(time_s, values, wanted_s) -> np.ndarray:
+    flat = values.reshape(len(values), -1)
+    out = np.stack([np.interp(wanted_s, time_s, column) for column in flat.T], axis=-1)
+    return out.reshape(len(wanted_s), *values.shape[1:])
