@@ -65,6 +65,9 @@ def test_reflector_tells_the_errors():
     found = calibrate_at_reflector(profiles, place)
     # Noise and the neighbour's sidelobes: measured 0.9 %, 0.9 degrees, 0.006 cells
     _assert_near(found, ERRORS, amplitude=0.02, phase_deg=1.5, delay_cells=0.015)
+    # Relative to the mean of the channels, in phase that of their phasors.
+    assert abs(np.angle(np.exp(1j * found.phase_rad).sum())) < 1e-6
+    assert abs(np.log(found.amplitude).sum()) < 1e-6 and abs(found.delay_s.sum()) < 1e-18
     again = calibrate_at_reflector(found.apply(profiles), place)
     _assert_near(again, ChannelCalibration.none(8), amplitude=1e-3, phase_deg=0.1,
                  delay_cells=1e-3)

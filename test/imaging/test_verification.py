@@ -127,6 +127,13 @@ def test_with_a_fitted_scale_the_unit_of_the_image_does_not_matter(reference, ga
     assert errors[1] == pytest.approx(errors[0], abs=1e-5)  # complex64
 
 
+@pytest.mark.parametrize('progress', [False, True])
+def test_progress_is_shown_if_wanted(reference, progress, capsys):
+    measure_error(reference.image, reference.grid, reference.block, n_pixels=10,
+                  progress=progress)
+    assert ('verification' in capsys.readouterr().err) is progress
+
+
 def test_an_image_of_nothing_is_wrong_by_all_there_is(reference):
     image = np.zeros(reference.grid.shape, np.complex64)
     for fit_scale in (False, True):

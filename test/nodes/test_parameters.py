@@ -24,6 +24,8 @@ COUNT = Parameter('count', 3, 'A count.', '', 0, 7, changes=ANY_TIME)
 LIST = Parameter('list', [0.0], 'Numbers.')
 WORD = Parameter('word', 'red', 'A word.', check=one_of('red', 'blue'))
 FLAG = Parameter('flag', False, 'A switch.', changes=START)
+TABLES = (*stage.COMMON_PARAMETERS, *pulse_buffer.PARAMETERS, *range_compression.PARAMETERS,
+          *backprojection_steps.PARAMETERS)
 
 
 @pytest.mark.parametrize(('parameter', 'given', 'taken'), [
@@ -51,13 +53,23 @@ def test_other_values_are_refused_with_what_is_expected(parameter, value, text):
 
 
 def test_every_default_lies_in_its_range():
-    tables = (stage.COMMON_PARAMETERS, pulse_buffer.PARAMETERS, range_compression.PARAMETERS,
-              backprojection_steps.PARAMETERS)
-    for parameter in (p for table in tables for p in table):
+    for parameter in TABLES:
         assert parameter.coerce(parameter.default) == parameter.default
         for end in {parameter.minimum, parameter.maximum} - {None}:
             # A check beside the range may want more, such as one of a few words.
             assert parameter.check or parameter.coerce(type(parameter.default)(end)) == end
+
+
+@pytest.mark.parametrize(('name', 'least'), [
+    ('grid.spacing', 1e-4), ('max_image_pixels', 1), ('queue_depth', 1), ('worker_queue_size', 1),
+    ('pulses_per_aperture', 2), ('oversampling', 1.0)])
+def test_what_is_counted_may_be_few_but_not_nothing(name, least):
+    found = [p for p in TABLES if p.name == name]
+    assert found
+    for parameter in found:
+        assert parameter.coerce(least) == least
+        with pytest.raises(ConfigurationError, match=f'{name}=0.*expected'):
+            parameter.coerce(0 * least)
 
 
 @pytest.fixture
