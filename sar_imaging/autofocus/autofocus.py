@@ -157,6 +157,8 @@ class Autofocus:
             n_unknowns = found.n_visible
         answers = [self._answer(PARAMETERS, n_unknowns, block, start, model(start))]
         points = self._points(answers[0].image, block, self._n_points)
+        if not len(points):
+            return self._unchanged(block, image, 'the corrected image is zero everywhere')
         found = search(block, model, points[:max(self._n_points // 2, 1)], start,
                        first_segments=segments)
         parameters, residual = self._finish(block, model, found.parameters, points)
@@ -189,6 +191,10 @@ class Autofocus:
 
     def _try_offsets(self, block, model) -> tuple[GeometryModel, OffsetCurve | None]:
         """The model begun where the curve of all offsets says, and the curve if it is of use."""
+        if OFFSET not in model.names:
+            raise ValueError(f'offset_reach_s={self._offset_reach_s:g} needs a model with the '
+                             f'parameter {OFFSET}; this one has '
+                             f'{", ".join(model.names) or "none"}')
         curve = OffsetSearch(block, _by_offset(model), self.grid, self._offset_reach_s).run()
         model = _within(model, *curve.offset_s[[0, -1]])
         alone = model.names == (OFFSET,)
