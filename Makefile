@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: help demo test lint fault-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean
+.PHONY: help demo test lint fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean
 .DEFAULT_GOAL := help
 
 help:
@@ -30,6 +30,12 @@ help:
 	@echo 'make lint    ruff only'
 	@echo 'make fault-campaign'
 	@echo '             twenty rounds of faults at random moments, an hour or two; FAULT_ROUNDS=2 for few'
+	@echo 'make mutation-campaign'
+	@echo '             random mistakes in the code: which do the tests notice? Two hours;'
+	@echo '             MUTATIONS=20 MUTATION_SEED=2 MUTATION_FOLDERS="signal geometry" for few'
+	@echo 'make autofocus-campaign'
+	@echo '             200 random drone flights with wrong clocks, and recordings through node processes;'
+	@echo '             an hour; FLIGHTS=20 for few, DATA=folder of the rail recordings'
 	@echo 'make mistakes'
 	@echo '             twenty mistakes injected into right recordings: which are named; some minutes'
 	@echo 'make bags    write the recordings in bags/ again'
@@ -57,6 +63,28 @@ lint: environment
 fault-campaign: environment
 	@FAULT_SEED=$${FAULT_SEED:-$$(date +%s)} FAULT_ROUNDS=$${FAULT_ROUNDS:-20} \
 	    $(RUN) -m pytest -m campaign test/nodes/test_fault_campaign.py
+
+# cosmic-ray and coverage live in an environment of their own. What runs which test is measured
+# once, in half an hour. An unfinished campaign goes on; another sample needs MUTATION_RESULTS.
+MUTATION = build/mutation
+MUTATIONS ?= 310
+MUTATION_SEED ?= 17
+MUTATION_FOLDERS ?= signal geometry autofocus exploitation quality configuration simulation \
+    msg_conversions imaging nodes
+MUTATION_RESULTS ?= benchmarks/results/mutations.json
+
+mutation-campaign:
+	@$(MAKE) --no-print-directory environment VENV=$(MUTATION)
+	@$(MUTATION)/bin/python -m pip install --quiet --disable-pip-version-check \
+	    cosmic-ray==8.7.0 coverage==7.17.3
+	@test -e $(MUTATION)/work/coverage || $(MUTATION)/bin/python -m benchmarks.mutations measure
+	@$(MUTATION)/bin/python -m benchmarks.mutations --results $(MUTATION_RESULTS) run \
+	    --count $(MUTATIONS) --seed $(MUTATION_SEED) --folders $(MUTATION_FOLDERS)
+
+# Results go to benchmarks/results; other flights than those of the documents with SEED.
+autofocus-campaign: environment
+	@$(RUN) -m benchmarks.autofocus_flights --flights $${FLIGHTS:-200} --first $${SEED:-50000}
+	@$(RUN) -m benchmarks.autofocus_nodes $${DATA:-../shared/data}
 
 mistakes: environment
 	@$(RUN) -m benchmarks.mistakes

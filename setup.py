@@ -1,5 +1,6 @@
 """Installs the package for colcon (`ros2 run`, `ros2 launch`) and for pip."""
 
+import sys
 from glob import glob
 
 from setuptools import find_packages, setup
@@ -7,7 +8,12 @@ from setuptools import find_packages, setup
 # Where `ros2 run` looks for executables; pip ignores it and uses its own bin folder.
 EXECUTABLES = '$base/lib/sar_imaging'
 
-setup(
+# pip builds a wheel, whose programs are on everybody's path: one, `sar-imaging`. Programs for
+# `ros2 run` have the short names below and stand in a folder of the package.
+FOR_PIP = {'bdist_wheel', 'dist_info', 'editable_wheel'} & set(sys.argv)
+ONE_PROGRAM = {'console_scripts': ['sar-imaging = sar_imaging.tools.command:main']}
+
+arguments = dict(
     name='sar_imaging',
     version='0.1.0',
     description='Multichannel synthetic aperture radar imaging for ROS 2',
@@ -45,7 +51,9 @@ setup(
             'afbp_fusion = sar_imaging.nodes.afbp_fusion:main',
             'sar_pipeline = sar_imaging.nodes.sar_pipeline:main',
             'moving_targets = sar_imaging.nodes.moving_targets:main',
+            'wait_until_active = sar_imaging.tools.wait_until_active:main',
             'simulate = sar_imaging.tools.simulate:main',
+            'compile_kernels = sar_imaging.tools.compile_kernels:main',
             'check_config = sar_imaging.tools.check_config:main',
             'evaluate = sar_imaging.tools.evaluate:main',
             'calibrate = sar_imaging.tools.calibrate:main',
@@ -62,3 +70,7 @@ setup(
     options={'develop': {'script_dir': EXECUTABLES}, 'install': {'install_scripts': EXECUTABLES}},
     zip_safe=False,
 )
+if FOR_PIP:
+    arguments['entry_points'] = ONE_PROGRAM
+
+setup(**arguments)

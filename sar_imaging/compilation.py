@@ -4,11 +4,75 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import os
+import re
+import tempfile
+import warnings
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numba
 from llvmlite import binding
 from numba.core import config, event
+
+_OLDEST_NUMBA = (0, 59)
+
+
+def check_version(version: str) -> None:
+    """Refuse a Numba that is too old.
+
+    Raises
+    ------
+    ImportError
+        The version is older than the package was tested with.
+    """
+    if tuple(map(int, re.findall(r'\d+', version)[:2])) < _OLDEST_NUMBA:
+        raise ImportError(
+            f'Numba {version} is installed; {".".join(map(str, _OLDEST_NUMBA))} or later is '
+            'needed: install it with pip in a virtual environment as docs/install.md shows',
+            name='numba')
+
+
+def ensure_cache(folder: Path | None = None) -> None:
+    """Let Numba keep machine code in a temporary folder where it has no other place for it.
+
+    Numba writes it beside the modules or below the home folder, unless NUMBA_CACHE_DIR names a
+    folder. Where neither can be written to it refuses to make any function that is to be cached.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        The temporary folder; one for each user if left out.
+    """
+    def probe():
+        pass
+
+    try:
+        numba.njit(cache=True)(probe)
+        return
+    except RuntimeError as error:
+        if 'no locator' not in str(error):
+            raise
+    config.CACHE_DIR = str(folder or _temporary_folder())
+    warnings.warn(
+        f'machine code is kept in {config.CACHE_DIR}: neither the installation nor the home '
+        'folder can be written to; set NUMBA_CACHE_DIR to a folder that survives a restart',
+        RuntimeWarning, stacklevel=2)
+
+
+def _temporary_folder() -> Path:
+    """Folder of this user alone: machine code of somebody else is not to be run."""
+    folder = Path(tempfile.gettempdir()) / f'sar_imaging-numba-{os.getuid()}'
+    with contextlib.suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+    status = folder.lstat()
+    if status.st_uid == os.getuid() and not status.st_mode & 0o022 and not folder.is_symlink():
+        return folder
+    return Path(tempfile.mkdtemp(prefix='sar_imaging-numba-'))
+
+
+check_version(numba.__version__)
+ensure_cache()
 
 # LLVM uses 256-bit vectors on processors with AVX-512 unless told otherwise; the imaging kernels
 # run about 1.5 times faster with 512. This must be set before the first function is compiled.
@@ -27,25 +91,62 @@ njit = functools.partial(numba.njit, nogil=True, cache=True, fastmath=FASTMATH)
 """`numba.njit` that releases the GIL, caches on disk and may reassociate sums."""
 
 
-class _FirstCompilation(event.Listener):
-    def __init__(self, tell: Callable[[], object]):
-        self._tell = tell
-        self._told = False
+class CompilationInterrupted(Exception):
+    """The compilation of kernels was given up because the program is to end."""
+
+
+class _Interruption(event.Listener):
+    def __init__(self, goes_on: Callable[[], bool]):
+        self._goes_on = goes_on
 
     def on_start(self, event: event.Event) -> None:
-        if not self._told:
-            self._told = True
-            self._tell()
+        if not self._goes_on():
+            raise CompilationInterrupted
 
     def on_end(self, event: event.Event) -> None:
         pass
 
 
 @contextlib.contextmanager
-def announced(tell: Callable[[], object]) -> Iterator[None]:
-    """Call `tell` when, within a ``with`` block, the first kernel is compiled.
+def interruptible(goes_on: Callable[[], bool]) -> Iterator[None]:
+    """Give up compiling kernels, within a ``with`` block, when `goes_on` returns False.
 
-    It is not called where all kernels come from the cache.
+    It is asked before every pass of the compiler, several times a second; all kernels together
+    take from half a minute on a desktop to minutes on a small board.
+
+    Raises
+    ------
+    CompilationInterrupted
+        It was given up.
     """
-    with event.install_listener('numba:compile', _FirstCompilation(tell)):
+    with event.install_listener('numba:run_pass', _Interruption(goes_on)):
         yield
+
+
+class _Compilations(event.Listener):
+    """Counts compilations, and tells of the first one."""
+
+    def __init__(self, tell: Callable[[], object]):
+        self._tell = tell
+        self.n = 0
+
+    def on_start(self, event: event.Event) -> None:
+        self.n += 1
+        if self.n == 1:
+            self._tell()
+
+    def on_end(self, event: event.Event) -> None:
+        pass
+
+
+def counted(tell: Callable[[], object] = lambda: None):
+    """Count the functions that are compiled within a ``with`` block: attribute `n` of its value.
+
+    Functions that come from the cache do not count.
+
+    Parameters
+    ----------
+    tell : callable
+        Called when the first function is compiled.
+    """
+    return event.install_listener('numba:compile', _Compilations(tell))

@@ -1,19 +1,91 @@
-"""What is told when kernels are compiled."""
+"""What is told when kernels are compiled, and where their machine code is kept."""
+
+import os
+import shutil
+import stat
+import subprocess
+import sys
 
 import numpy as np
+import pytest
 
-from sar_imaging.compilation import announced, numba
+from sar_imaging import compilation
+from sar_imaging.compilation import counted, numba
+from sar_imaging.tools.compile_kernels import main
 
 
 def test_the_first_compilation_is_announced_once():
     """And none where the machine code is there already."""
     compiled = [numba.njit(f) for f in (lambda x: x + 1, lambda x: x + 2)]
     told = []
-    with announced(lambda: told.append('now')):
+    with counted(lambda: told.append('now')):
         assert [f(np.float32(1.0)) for f in compiled] == [2.0, 3.0]
     assert told == ['now']
-    with announced(lambda: told.append('again')):
+    with counted(lambda: told.append('again')):
         compiled[0](np.float32(2.0))
     assert told == ['now']
     compiled[0](1)  # outside nobody is told
     assert told == ['now']
+
+
+def _without_places(tmp_path):
+    """The module where Numba can write neither beside it nor below the home folder."""
+    shutil.copy(compilation.__file__, tmp_path / 'compilation.py')
+    for name in ('__pycache__', 'home'):
+        (tmp_path / name).write_text('no folder')  # root may write to any folder, not to this
+    kept = tmp_path / 'temporary'
+    kept.mkdir(exist_ok=True)
+    environment = {k: v for k, v in os.environ.items() if not k.startswith('NUMBA')}
+    return environment | {'HOME': str(tmp_path / 'home'), 'PYTHONDONTWRITEBYTECODE': '1',
+                          'XDG_CACHE_HOME': str(tmp_path / 'home'), 'TMPDIR': str(kept)}
+
+
+def _run(tmp_path, code, environment):
+    return subprocess.run([sys.executable, '-c', code], cwd=tmp_path, env=environment,
+                          capture_output=True, text=True)
+
+
+def test_machine_code_goes_to_a_temporary_folder_where_there_is_no_other(tmp_path):
+    environment = _without_places(tmp_path)
+    folder = tmp_path / 'temporary' / f'sar_imaging-numba-{os.getuid()}'
+    for _ in range(2):  # a second process finds the folder there
+        result = _run(tmp_path, 'import compilation', environment)
+        assert result.returncode == 0, result.stderr
+        assert result.stderr.count('machine code is kept in') == 1
+        assert str(folder) in result.stderr and 'set NUMBA_CACHE_DIR' in result.stderr
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+
+
+def test_a_temporary_folder_that_others_may_write_to_is_not_used(tmp_path):
+    environment = _without_places(tmp_path)
+    folder = tmp_path / 'temporary' / f'sar_imaging-numba-{os.getuid()}'
+    folder.mkdir()
+    folder.chmod(0o777)  # somebody else may have put machine code there
+    result = _run(tmp_path, 'import compilation', environment)
+    assert 'machine code is kept in' in result.stderr
+    assert f'{folder}:' not in result.stderr
+
+
+def test_a_folder_that_the_user_names_is_used(tmp_path):
+    environment = _without_places(tmp_path) | {'NUMBA_CACHE_DIR': str(tmp_path / 'mine')}
+    result = _run(tmp_path, 'import compilation', environment)
+    assert result.returncode == 0 and not result.stderr
+
+
+@pytest.mark.parametrize('version', ['0.58.1', '0.9', '0.58.0rc1'])
+def test_old_numba_is_refused(version):
+    with pytest.raises(ImportError, match=f'Numba {version} is installed; 0.59 or later'):
+        compilation.check_version(version)
+
+
+@pytest.mark.parametrize('version', ['0.59.0', '0.59.0rc1', '0.60.1', '0.62.0dev0+12.g12', '1.0'])
+def test_newer_numba_is_accepted(version):
+    compilation.check_version(version)
+
+
+def test_kernels_are_compiled_by_a_command(capsys):
+    assert main([]) == 0
+    first = capsys.readouterr().out
+    assert 'functions compiled in' in first or 'were there already' in first
+    assert main([]) == 0  # this process has them by now
+    assert 'nothing to compile' in capsys.readouterr().out

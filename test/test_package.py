@@ -58,10 +58,10 @@ def _third_party(path) -> set[str]:
 
 
 def _setup_keywords() -> dict:
-    """Literal keywords of the call of setup() in setup.py."""
+    """Literal keywords of what setup() is called with in setup.py."""
     keywords = {}
     for node in ast.walk(ast.parse((ROOT / 'setup.py').read_text())):
-        if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'setup':
+        if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'dict':
             for keyword in node.keywords:
                 try:
                     keywords[keyword.arg] = ast.literal_eval(keyword.value)
@@ -119,6 +119,21 @@ def test_executables_exist():
         assert function in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
 
 
+@pytest.mark.parametrize(('command', 'expected'), [
+    ('bdist_wheel', {'sar-imaging'}), ('install', None), ('develop', None)])
+def test_pip_puts_one_program_on_the_path(command, expected, monkeypatch):
+    given = {}
+    monkeypatch.setattr('setuptools.setup', lambda **keywords: given.update(keywords))
+    monkeypatch.setattr('sys.argv', ['setup.py', command])
+    monkeypatch.chdir(ROOT)
+    exec(compile((ROOT / 'setup.py').read_text(), 'setup.py', 'exec'), {})
+    names = {script.split(' = ')[0] for script in given['entry_points']['console_scripts']}
+    if expected is None:  # colcon: for `ros2 run`
+        assert {'backprojection', 'simulate', 'evaluate'} <= names
+    else:
+        assert names == expected
+
+
 @pytest.mark.parametrize('path', MODULES, ids=_name)
 def test_module_is_short_and_documented(path):
     text = path.read_text()
@@ -160,3 +175,15 @@ def test_missing_numba_is_explained():
     code = "import sys; sys.modules['numba'] = None; import sar_imaging.imaging.backprojection"
     result = subprocess.run([sys.executable, '-c', code], cwd=ROOT, text=True, capture_output=True)
     assert 'imaging needs Numba: install it' in result.stderr
+
+
+@pytest.mark.parametrize(('tool', 'arguments'), [
+    ('simulate', ['psf', '--output', 'never']), ('evaluate', ['bags/psf', '--output', 'never']),
+    ('calibrate', ['bags/psf', '--output', 'never'])])
+def test_tools_explain_that_rosbags_is_missing(tool, arguments):
+    code = (f"import sys; sys.modules['rosbags'] = None; from sar_imaging.tools import {tool};"
+            f'sys.exit({tool}.main({arguments}))')
+    result = subprocess.run([sys.executable, '-c', code], cwd=ROOT, text=True, capture_output=True)
+    assert result.returncode not in (0, None)
+    assert 'recordings need the Python package rosbags, which is not installed' in result.stderr
+    assert 'Traceback' not in result.stderr

@@ -91,6 +91,18 @@ class TestImpulseResponse:
         with pytest.raises(quality.UnmeasurableError, match=reason):
             quality.impulse_response(cut, 0.2)
 
+    @pytest.mark.parametrize(('depth_db', 'deep'), [(6.05, True), (5.95, False)])
+    def test_a_first_minimum_is_deep_from_6_db_on(self, depth_db, deep):
+        r = 10 ** (-depth_db / 20)
+        cut = (1 + r + (1 - r) * np.cos(np.pi / 4 * np.arange(-10, 10.01, 0.25))) / 2
+        if deep:
+            got = quality.impulse_response(cut, 0.25)
+            assert got.peak_m == pytest.approx(10.0, abs=0.01)
+            np.testing.assert_allclose(got.nulls_m, (-4, 4), atol=0.05)
+        else:
+            with pytest.raises(quality.UnmeasurableError, match='only 5.[89][0-9]* dB below'):
+                quality.impulse_response(cut, 0.25)
+
     @pytest.mark.parametrize('cut', [np.ones((4, 4)), np.ones(3), np.zeros(9),
                                      np.array([1, np.nan, 1, 1])])
     def test_senseless_cuts_are_refused(self, cut):
@@ -182,6 +194,15 @@ class TestMeasureScatterer:
         assert got.position_error_range_m == pytest.approx(0.1, abs=0.0025)
         assert got.position_error_azimuth_m == pytest.approx(-0.4, abs=0.0125)
 
+    @pytest.mark.parametrize('plane_z_m', [0.0, 35.0, -120.0])
+    def test_layover_keeps_distance_and_direction(self, plane_z_m):
+        position, centre = np.array([410.0, -220.0, 60.0]), np.array([-900.0, 300.0, 850.0])
+        shown = np.array([*quality.project_on_plane(position, centre, plane_z_m), plane_z_m])
+        assert np.linalg.norm(shown - centre) == pytest.approx(
+            np.linalg.norm(position - centre), rel=1e-12)
+        across, along = (position - centre)[:2], (shown - centre)[:2]
+        assert across @ along == pytest.approx(np.hypot(*across) * np.hypot(*along), rel=1e-12)
+
     def test_oblique_look_from_above_and_layover(self, sinc_truth):
         """Range 57 degrees off the axes, 45 degrees down, the scatterer 2 m above the plane."""
         centre = np.array([-3_000.0, -5_000.0, 6_000.0])
@@ -230,12 +251,26 @@ class TestMeasureScatterer:
         assert 'range: the first minimum is only' in got.reason
 
     def test_strong_neighbour_is_not_taken_for_the_scatterer(self, grid):
-        truths = [(9_999.5, 0.0, 0.0), (10_000.9, 3.0, 0.0)]
-        image = point_response(grid, list(zip(truths, (1.0, 5.0), strict=True)))
+        # Inside the ellipse of 1 m by 5 m that is searched: 0.55 and 0.8 of its radii.
+        truths = [(9_999.9, 0.0, 0.0), (10_000.45, 4.0, 0.0)]
+        image = point_response(grid, list(zip(truths, (1.0, 3.0), strict=True)))
+        got = quality.measure_scatterer(image, grid, truths[0], **PAPER)
+        assert got.position_error_azimuth_m == pytest.approx(4.0, abs=0.01)  # taken, unknown
         got = quality.measure_scatterer(image, grid, truths[0], neighbours_m=truths[1:], **PAPER)
-        # sidelobes of the neighbour, 14 dB stronger, pull the peak
-        assert abs(got.position_error_range_m) < 0.05
-        assert abs(got.position_error_azimuth_m) < 0.5
+        # Sidelobes of the neighbour, 9.5 dB stronger, pull the peak by less than a sixth of a
+        # pixel: 2 and 20 mm measured.
+        assert abs(got.position_error_range_m) < 0.01
+        assert abs(got.position_error_azimuth_m) < 0.04
+        assert got.peak_amplitude == pytest.approx(80 * 480, rel=0.05)
+
+    @pytest.mark.parametrize('offset', [(0.9, 0.0), (0.0, -4.5), (0.7, 3.1), (1.3, 0.0),
+                                        (0.0, 5.5), (-1.0, 3.9)])
+    def test_the_search_reaches_a_third_of_the_windows(self, grid, offset):
+        image = point_response(grid, [((10_000.0 + offset[0], offset[1], 0.0), 1.0)])
+        got = quality.measure_scatterer(image, grid, (10_000.0, 0.0, 0.0), **PAPER)
+        inside = np.hypot(offset[0] / 1.0, offset[1] / 5.0) < 1
+        error = got.position_error_range_m, got.position_error_azimuth_m
+        assert np.allclose(error, offset, atol=0.02) == inside, got.reason
 
     @pytest.mark.parametrize('truth, reason', [
         ((10_000.0, 99.0, 0.0), 'outside the image'),

@@ -6,6 +6,7 @@ import dataclasses
 import logging
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,107 +14,47 @@ from ..geometry.grids import MapGrid
 from ..imaging.backprojection import Backprojector
 from ..quality.measures import contrast, entropy
 from ..signal.pulses import PulseBlock
+from .agreement import disagreement_rad
 from .models import Geometry, GeometryModel, apply_geometry, nominal, with_track_error
-from .residual import absorb, along_sight, estimate_residual
+from .offset_search import OffsetCurve, OffsetSearch
+from .report import PARAMETERS, PHASES, AutofocusReport, AutofocusResult, found_in_words
+from .residual import Residual, absorb, along_sight, estimate_residual
 from .search import search
 
+__all__ = ['Autofocus', 'AutofocusReport', 'AutofocusResult', 'bright_points']
 _logger = logging.getLogger(__name__)
+OFFSET = 'time_offset_s'  # parameter that is searched for over a wide range
 _FEWEST_TO_CLAIM = 4  # bright points without which success is not claimed
 _FEWEST_TO_ABSORB = 12
 _FEWEST_PULSES = 32  # below it there is no telling a phase error from the scene
 _APART = 4.0  # bright points stand so many range resolutions apart
 # Of points in phase: simulated ones that are focused have 0.89 to 0.97, those of the Gotcha data
 # 0.82; ghosts had up to 0.57, and once 0.76.
-_LEAST_TO_ACCEPT, _LEAST_TO_CLAIM = 0.7, 0.8
+LEAST_COHERENCE, _LEAST_TO_CLAIM = 0.7, 0.8
+N_PHASES = 512
 _VARYING_RAD = 0.03  # smooth phase over the scene from which the model is asked again
 _MOST_PASSES = 2
 _PHASES_TO_JUDGE = 128  # where none are to be corrected
 _FAINTEST_DB = -30.0  # of a bright point, relative to the brightest
+_NARROWED_STEPS = 2.0  # what an offset may still be wrong by, after the coarse search
+# Visible phase over all offsets: below the first an offset only displaces, below the second the
+# search from the middle finds it, and there is no surrounding to judge by.
+_LEAST_VISIBLE_RAD, _WIDE_RAD = 2.0, 12.0
+# Of the halves of a scene: to claim, and to use what a whole curve supports.
+_LARGEST_DISAGREEMENT_RAD, _FARTHEST_DISAGREEMENT_RAD = 0.5, 4.0
+_FEW_UNKNOWNS = 3  # they cannot make ghosts
+_CLEARLY = 1.05  # gain of contrast that outweighs weak evidence
 
 
-@dataclasses.dataclass(frozen=True)
-class AutofocusReport:
-    """What autofocus did to one image.
+class _Answer(NamedTuple):
+    """A corrected image and where it comes from."""
 
-    Attributes
-    ----------
-    accepted : bool
-        True when the corrected image replaced the original.
-    success : bool
-        True when the accepted image, or the original where nothing was to gain, is claimed to be
-        focused to the limit asked for.
-    reason : str
-        Why, in a sentence.
-    contrast_before, contrast_after : float
-        Contrast of the original and of the image returned.
-    entropy_before, entropy_after : float
-        Their entropies, nats.
-    estimated_error_db : float
-        Estimated error against an image with the true geometry, but for what no image shows (a
-        displacement), dB; NaN when nothing could be estimated.
-    coherence : float
-        Of the contributions to the best points, see `residual.Residual`.
-    parameters : dict of str to float
-        Estimated parameters of the geometry model.
-    uncertainty : dict of str to float
-        Part of each that the image does not determine, in its unit.
-    correction_m : float
-        Rms change of the half path to the scene's middle, without constant and line, metres.
-    largest_move_m : float
-        Largest displacement of a phase centre, metres.
-    n_points : int
-        Bright points used.
-    """
-
-    accepted: bool
-    success: bool
-    reason: str
-    contrast_before: float
-    contrast_after: float
-    entropy_before: float
-    entropy_after: float
-    estimated_error_db: float = math.nan
-    coherence: float = math.nan
-    parameters: dict[str, float] = dataclasses.field(default_factory=dict)
-    uncertainty: dict[str, float] = dataclasses.field(default_factory=dict)
-    correction_m: float = 0.0
-    largest_move_m: float = 0.0
-    n_points: int = 0
-
-    @property
-    def verdict(self) -> str:
-        """Whether the image was corrected and is claimed to be focused, in words."""
-        return (f'autofocus {"accepted" if self.accepted else "not applied"}, '
-                f'{"focused" if self.success else "no claim"}')
-
-    @property
-    def details(self) -> str:
-        """Why, and the figures."""
-        return (f'{self.reason}; contrast {self.contrast_before:.3g} -> '
-                f'{self.contrast_after:.3g}, entropy {self.entropy_before:.3f} -> '
-                f'{self.entropy_after:.3f}, estimated error {self.estimated_error_db:.1f} dB')
-
-    def __str__(self) -> str:
-        return f'{self.verdict}: {self.details}'
-
-
-@dataclasses.dataclass(frozen=True)
-class AutofocusResult:
-    """Image, pulses and report of one aperture.
-
-    Attributes
-    ----------
-    image : complex64 array
-        Corrected where accepted, else the original.
-    block : PulseBlock
-        The pulses with the phase centres of that image.
-    report : AutofocusReport
-        What was done.
-    """
-
-    image: np.ndarray
+    kind: str
+    n_unknowns: int  # that it was chosen by
+    parameters: np.ndarray
     block: PulseBlock
-    report: AutofocusReport
+    image: np.ndarray
+    contrast: float
 
 
 class Autofocus:
@@ -130,10 +71,15 @@ class Autofocus:
         From a PulseBlock to its image on the grid; exact backprojection if left out.
     scale_m : float
         Expected size of the track error, metres, for the default model.
+    offset_reach_s : float
+        Largest error of the model's parameter ``time_offset_s`` to search for, seconds, by trial
+        images all over this range; 0 where the error is so small that the search around the start
+        finds it.
     n_phases : int
-        Most phases of the residual correction, each shared by neighbouring pulses. 0 leaves it
-        out: then the unknowns of the model are too few to invent points, and the decision is left
-        to contrast and entropy.
+        Most phases of the residual correction, each shared by neighbouring pulses; 0 leaves it
+        out. The answer without them is judged by itself in any case.
+    least_coherence : float
+        Of the bright points, with which residual phases are used, 0 to 1.
     n_points : int
         Bright points used.
     margin : float
@@ -155,7 +101,8 @@ class Autofocus:
     def __init__(self, grid: MapGrid, *,
                  model: Callable[[PulseBlock], GeometryModel] | None = None,
                  imager: Callable[[PulseBlock], np.ndarray] | None = None,
-                 scale_m: float = 0.05, n_phases: int = 512, n_points: int = 48,
+                 scale_m: float = 0.05, offset_reach_s: float = 0.0, n_phases: int = N_PHASES,
+                 least_coherence: float = LEAST_COHERENCE, n_points: int = 48,
                  margin: float = 0.005, claim_db: float = -22.0):
         if n_points < _FEWEST_TO_CLAIM:
             raise ValueError(f'n_points={n_points}; expected {_FEWEST_TO_CLAIM} or more')
@@ -164,10 +111,11 @@ class Autofocus:
                              'correction')
         if not margin > 0:
             raise ValueError(f'margin={margin}; a gain of contrast above 0 must be asked for')
-        self.grid, self.scale_m = grid, scale_m
+        self.grid, self.scale_m, self._offset_reach_s = grid, scale_m, offset_reach_s
         self._model = model or self._default_model
         self._imager = imager or self._backproject
         self._n_phases, self._n_points = n_phases, n_points
+        self._least_coherence = least_coherence
         self._margin, self._claim_db = margin, claim_db
 
     def process(self, block: PulseBlock, image=None) -> AutofocusResult:
@@ -183,8 +131,8 @@ class Autofocus:
         Returns
         -------
         AutofocusResult
-            The corrected image only where its contrast is higher by the margin, its entropy
-            lower, and its points are in phase.
+            A corrected image only where its contrast is higher by the margin, its entropy lower,
+            and the evidence for it sufficient; see docs/autofocus.md.
 
         Raises
         ------
@@ -198,27 +146,63 @@ class Autofocus:
         if block.n_pulses < _FEWEST_PULSES:
             return self._unchanged(block, image, f'{block.n_pulses} pulses are too few, at least '
                                    f'{_FEWEST_PULSES} are needed')
-        points = bright_points(image, self.grid, block, max(self._n_points // 3, 1))
-        model = self._model(block)
-        found = search(block, model, points)
-        geometry = model(found.parameters)
-        second = self._imager(apply_geometry(block, geometry))
-        points = bright_points(second, self.grid, block, self._n_points)
-        found = search(block, model, points[:max(self._n_points // 2, 1)], found.parameters,
-                       first_segments=min(2, found.first_segments))
-        parameters, geometry, residual = self._finish(block, model, found.parameters, points)
-        corrected = apply_geometry(block, geometry)
-        details = {
-            'estimated_error_db': residual.error_db, 'coherence': residual.coherence,
-            'n_points': len(points),
-            'parameters': dict(zip(model.names, parameters.tolist(), strict=True)),
-            'uncertainty': dict(zip(model.names, found.uncertainty.tolist(), strict=True)),
-            'correction_m': self._correction(block, geometry),
-            'largest_move_m': _largest_move(block, corrected)}
-        return self._decide(block, image, corrected, details)
+        model, curve = self._model(block), None
+        if self._offset_reach_s:
+            curve = OffsetSearch(block, _by_offset(model), self.grid, self._offset_reach_s).run()
+            model = _within(model, *curve.offset_s[[0, -1]])
+            if curve.visible_range_rad >= _WIDE_RAD:
+                model = _narrowed(model, curve)
+            elif curve.visible_range_rad < _LEAST_VISIBLE_RAD and model.names == (OFFSET,):
+                return self._displaced_only(block, image, curve)
+            else:
+                curve = None
+        start, segments, n_unknowns = model.start, None, 1
+        if curve is None:
+            found = search(block, model, self._points(image, block, self._n_points // 3))
+            start, segments = found.parameters, min(2, found.first_segments)
+            n_unknowns = found.n_visible
+        answers = [self._answer(PARAMETERS, n_unknowns, block, start, model(start))]
+        points = self._points(answers[0].image, block, self._n_points)
+        found = search(block, model, points[:max(self._n_points // 2, 1)], start,
+                       first_segments=segments)
+        parameters, residual = self._finish(block, model, found.parameters, points)
+        answers.append(self._answer(PARAMETERS, found.n_visible, block, parameters,
+                                    model(parameters)))
+        few = [answer for answer in answers if answer.n_unknowns <= _FEW_UNKNOWNS]
+        usable = answers if residual.coherence >= self._least_coherence else few or answers
+        best = max(usable, key=lambda answer: answer.contrast)
+        apart = disagreement_rad(block, model, best.parameters,
+                                 points[:max(self._n_points // 2, 2)])
+        details = {'curve': curve, 'n_points': len(points), 'coherence': residual.coherence,
+                   'disagreement_rad': apart,
+                   'uncertainty': dict(zip(model.names, found.uncertainty.tolist(), strict=True))}
+        known = {PARAMETERS: self._error_of_parameters(block, residual, apart, curve)}
+        if self._n_phases:
+            geometry = along_sight(model(parameters), residual.half_path_m, self.grid.centre_m)
+            phased = self._answer(PHASES, self._n_phases, block, parameters, geometry)
+            known[PHASES] = residual.error_db
+            # As sharp with well-known phases is better: they hold what no parameter describes.
+            # Phases that are not known well and sharpen a little are not worth the doubt.
+            known_well = (residual.coherence >= _LEAST_TO_CLAIM
+                          and residual.error_db <= self._claim_db)
+            needed = 1 - self._margin if known_well else _CLEARLY
+            if (phased.contrast > needed * best.contrast
+                    and residual.coherence >= self._least_coherence):
+                best = phased
+        return self._decide(block, image, model, best, known[best.kind], details)
 
-    def _finish(self, block, model, parameters, points):
-        """Parameters, geometry with the residual phase, and what is left."""
+    def _points(self, image, block: PulseBlock, n: int) -> np.ndarray:
+        return bright_points(image, self.grid, block, max(n, 1))
+
+    def _answer(self, kind, n_unknowns, block: PulseBlock, parameters, geometry: Geometry
+                ) -> _Answer:
+        corrected = apply_geometry(block, geometry)
+        image = self._imager(corrected)
+        return _Answer(kind, n_unknowns, parameters, corrected, image,
+                       contrast(image) if np.any(image) else 0.0)
+
+    def _finish(self, block, model, parameters, points) -> tuple[np.ndarray, Residual]:
+        """Parameters that also explain what grows over the scene, and what is left."""
         def estimate():
             return estimate_residual(block, model(parameters), points,
                                      n_phases=self._n_phases or _PHASES_TO_JUDGE)
@@ -235,39 +219,92 @@ class Autofocus:
             if residual.error_db >= before[1].error_db:
                 parameters, residual = before
                 break
-        geometry = model(parameters)
-        if self._n_phases:
-            geometry = along_sight(geometry, residual.half_path_m, self.grid.centre_m)
-        else:
-            left = np.std(residual.half_path_m) * block.radar.wavenumber_rad_per_m
-            residual = dataclasses.replace(residual,
-                                           common_rad=math.hypot(residual.common_rad, left))
-        return parameters, geometry, residual
+        return parameters, residual
 
-    def _decide(self, block, image, corrected: PulseBlock, details) -> AutofocusResult:
-        again = self._imager(corrected)
-        before, after = contrast(image), contrast(again)
-        sharper = after > (1 + self._margin) * before and entropy(again) < entropy(image)
-        known = (details['estimated_error_db'] <= self._claim_db
-                 and details['coherence'] >= _LEAST_TO_CLAIM
-                 and details['n_points'] >= _FEWEST_TO_CLAIM)
-        if not sharper:
-            small = details['correction_m'] * block.radar.wavenumber_rad_per_m
-            focused = known and 20 * math.log10(small + 1e-12) <= self._claim_db
-            reason = (f'the image was focused already, to {small:.2f} rad' if focused else
-                      f'contrast would change from {before:.4g} to {after:.4g} only')
-            return self._unchanged(block, image, reason, success=focused, **details)
-        doubt = (f'by {details["n_points"]} points the error may be '
-                 f'{details["estimated_error_db"]:.1f} dB and their coherence is '
-                 f'{details["coherence"]:.2f}')
-        if self._n_phases and details['coherence'] < _LEAST_TO_ACCEPT:
-            return self._unchanged(block, image, f'contrast would change from {before:.4g} to '
-                                   f'{after:.4g}, but {doubt}: perhaps ghosts', **details)
-        reason = 'sharper, points in phase' if known else f'sharper, but {doubt}'
-        report = AutofocusReport(True, known, reason, before, after, entropy(image),
-                                 entropy(again), **details)
+    def _error_of_parameters(self, block, residual: Residual, apart: float, curve) -> float:
+        """Estimated error of the answer without residual phases, dB.
+
+        Of an offset that a whole curve tells it is what the halves of the scene leave open; of
+        other parameters it is what a residual phase would correct, and its own error.
+        """
+        if curve is not None:
+            return 20 * math.log10(0.5 * apart + 1e-12)
+        left = np.std(residual.half_path_m) * block.radar.wavenumber_rad_per_m
+        return 20 * math.log10(math.hypot(left, residual.common_rad, residual.varying_rad) + 1e-12)
+
+    def _decide(self, block, image, model, best: _Answer, error_db: float, details
+                ) -> AutofocusResult:
+        before, after = contrast(image), best.contrast
+        details |= {
+            'answer': best.kind, 'contrast_found': after, 'estimated_error_db': error_db,
+            'parameters': dict(zip(model.names, best.parameters.tolist(), strict=True)),
+            'correction_m': self._correction(block, best.block),
+            'largest_move_m': _largest_move(block, best.block)}
+        report = AutofocusReport(False, False, '', before, before, entropy(image),
+                                 entropy(image), **details)
+        doubts = self._doubts(report, best.n_unknowns)
+        open_points = self._open_points(report)
+        claimed = not doubts and not open_points
+        if not (after > (1 + self._margin) * before and entropy(best.image) < entropy(image)):
+            small = report.correction_m * block.radar.wavenumber_rad_per_m
+            limit = _LARGEST_DISAGREEMENT_RAD if report.curve else 10 ** (self._claim_db / 20)
+            if claimed and small <= limit:
+                return self._unchanged(block, image, 'the image was focused already, to '
+                                       f'{small:.2f} rad', success=True, **details)
+            return self._unchanged(block, image, 'nothing sharper was found: '
+                                   f'{found_in_words(report)}', **details)
+        if doubts:
+            return self._unchanged(block, image, f'{found_in_words(report)}, but '
+                                   f'{"; ".join(doubts)}', **details)
+        report = dataclasses.replace(
+            report, accepted=True, success=claimed, contrast_after=after,
+            entropy_after=entropy(best.image), reason=(
+                'sharper, and all evidence agrees' if claimed else
+                f'sharper, but {"; ".join(open_points)}'))
         _logger.info('%s', report)
-        return AutofocusResult(again, corrected, report)
+        return AutofocusResult(best.image, best.block, report)
+
+    def _doubts(self, report: AutofocusReport, n_unknowns: int) -> list[str]:
+        """Reasons not to use an answer, in words."""
+        out = [] if report.curve is None else report.curve.doubts()
+        if n_unknowns > _FEW_UNKNOWNS and report.coherence < self._least_coherence:
+            out.append(f'the bright points are not in phase (coherence {report.coherence:.2f}, '
+                       f'{self._least_coherence:g} is asked for): perhaps ghosts')
+        limit = (_LARGEST_DISAGREEMENT_RAD if report.curve is None else
+                 _FARTHEST_DISAGREEMENT_RAD)
+        if report.answer == PARAMETERS and report.disagreement_rad > limit:
+            out.append('the two halves of the scene ask for corrections that differ by '
+                       f'{report.disagreement_rad:.1f} rad: perhaps ghosts')
+        elif (report.curve is None and report.answer == PARAMETERS
+              and math.isnan(report.disagreement_rad)
+              and report.contrast_found < _CLEARLY * report.contrast_before):
+            out.append(f'{report.n_points} bright points are too few to trust so small a gain')
+        return out
+
+    def _open_points(self, report: AutofocusReport) -> list[str]:
+        """Reasons not to claim that an answer is right, in words."""
+        out = [] if report.curve is None else report.curve.open_points()
+        if report.n_points < _FEWEST_TO_CLAIM:
+            out.append(f'only {report.n_points} bright points stand for the scene')
+        if report.curve is not None and report.answer == PARAMETERS:
+            if not report.disagreement_rad <= _LARGEST_DISAGREEMENT_RAD:
+                out.append('two halves of the scene ask for corrections that differ by '
+                           f'{report.disagreement_rad:.1f} rad')
+            return out
+        if report.coherence < _LEAST_TO_CLAIM:
+            out.append(f'the bright points are not in phase (coherence {report.coherence:.2f}, '
+                       f'{_LEAST_TO_CLAIM} is asked for)')
+        if report.estimated_error_db > self._claim_db:
+            out.append(f'the estimated error of {report.estimated_error_db:.0f} dB is above '
+                       f'{self._claim_db:g} dB')
+        return out
+
+    def _displaced_only(self, block, image, curve: OffsetCurve) -> AutofocusResult:
+        return self._unchanged(
+            block, image, f'clock offsets of {curve.offset_s[0]:+.3g} to '
+            f'{curve.offset_s[-1]:+.3g} s only displace this image (they change its phases by '
+            f'{curve.visible_range_rad:.1f} rad): it cannot tell the offset', curve=curve,
+            uncertainty={OFFSET: self._offset_reach_s})
 
     def _unchanged(self, block, image, reason, success=False, **details) -> AutofocusResult:
         c, e = contrast(image), entropy(image)
@@ -275,12 +312,12 @@ class Autofocus:
         _logger.info('%s', report)
         return AutofocusResult(image, block, report)
 
-    def _correction(self, block, geometry: Geometry) -> float:
-        def path(tx, rx):
+    def _correction(self, block: PulseBlock, corrected: PulseBlock) -> float:
+        def path(pulses):
             return 0.5 * sum(np.linalg.norm(c.mean(axis=1) - self.grid.centre_m, axis=-1)
-                             for c in (tx, rx))
+                             for c in (pulses.tx_m, pulses.rx_m))
 
-        change = path(*geometry[:2]) - path(block.tx_m, block.rx_m)
+        change = path(corrected) - path(block)
         u = np.linspace(-1.0, 1.0, len(change))
         return float(np.std(change - np.polyval(np.polyfit(u, change, 1), u)))
 
@@ -289,6 +326,40 @@ class Autofocus:
 
     def _backproject(self, block: PulseBlock) -> np.ndarray:
         return Backprojector(self.grid, block.radar, block.n_samples)(block)
+
+
+def _by_offset(model: GeometryModel) -> Callable[[float], Geometry]:
+    """Geometry as a function of the offset of the clocks alone."""
+    which = model.names.index(OFFSET)
+
+    def geometry(offset_s: float) -> Geometry:
+        parameters = model.start.copy()
+        parameters[which] += offset_s
+        return model(parameters)
+
+    return geometry
+
+
+def _within(model: GeometryModel, lowest_s: float, highest_s: float) -> GeometryModel:
+    """The model with errors of the offset held where the track is known, for searches' steps."""
+    which = model.names.index(OFFSET)
+    middle = model.start[which]
+
+    def geometry(parameters):
+        held = np.array(parameters, np.float64)
+        held[which] = np.clip(held[which], middle + lowest_s, middle + highest_s)
+        return model(held)
+
+    return dataclasses.replace(model, function=geometry)
+
+
+def _narrowed(model: GeometryModel, curve: OffsetCurve) -> GeometryModel:
+    """The model begun at the offset that the curve tells, which is hardly wrong any more."""
+    which = model.names.index(OFFSET)
+    start, scale = model.start.copy(), model.scale.copy()
+    start[which] += curve.best_s
+    scale[which] = min(scale[which], _NARROWED_STEPS * curve.step_s)
+    return dataclasses.replace(model, start=start, scale=scale)
 
 
 def _largest_move(block: PulseBlock, corrected: PulseBlock) -> float:

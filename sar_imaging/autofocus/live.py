@@ -1,4 +1,4 @@
-"""Autofocus as the nodes use it: what may be wrong with the positions, told by two numbers."""
+"""Autofocus as the nodes use it: what may be wrong with the positions, told by a few numbers."""
 
 from __future__ import annotations
 
@@ -9,16 +9,20 @@ from ..imaging.backprojection import Backprojector
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .autofocus import Autofocus
-from .models import GeometryModel, nominal, with_time_offset, with_track_error
+from .models import GeometryModel, nominal, with_range_bias, with_track_error
+from .track import PhaseCentreTrack, on_track
 
 _N_PULSES, _N_SAMPLES, _RANGE_M = 64, 128, 1000.0
+BEYOND = 1.25  # what is searched for a clock offset, over its expected size
 
 
 def live_autofocus(grid: MapGrid, *, track_error_m: float = 0.0, time_offset_s: float = 0.0,
-                   target_db: float = -80.0) -> Autofocus:
-    """Autofocus of apertures whose track or clock is not known well.
+                   range_bias_m: float = 0.0, track: PhaseCentreTrack | None = None,
+                   target_db: float = -80.0, **options) -> Autofocus:
+    """Autofocus of apertures whose track, clock or range is not known well.
 
-    Whatever smooth track and offset leave is taken for a phase of each pulse, see `Autofocus`.
+    An offset of the clocks is searched for from -1.25 to 1.25 times its expected size, as far as
+    the track is known.
 
     Parameters
     ----------
@@ -27,10 +31,17 @@ def live_autofocus(grid: MapGrid, *, track_error_m: float = 0.0, time_offset_s: 
     track_error_m : float
         Expected size of a smooth error of the track, metres; 0 where there is none.
     time_offset_s : float
-        Expected size of an offset between the clocks of pulses and positions, seconds; 0 where
-        there is none.
+        Largest expected offset between the clocks of pulses and positions, seconds; 0 where there
+        is none.
+    range_bias_m : float
+        Expected size of a constant error of the ranges, metres; 0 where there is none.
+    track : PhaseCentreTrack, optional
+        Where the phase centres were before, during and after the aperture. Left out, it is that
+        of the pulses, and offsets of more than a tenth of their duration cannot be tried.
     target_db : float
         Largest error of the images against exact correlation to plan for, dB.
+    options
+        Of `Autofocus`, such as `n_phases`.
 
     Returns
     -------
@@ -44,15 +55,19 @@ def live_autofocus(grid: MapGrid, *, track_error_m: float = 0.0, time_offset_s: 
                              'functions of time, give every pulse its own')
         out = nominal(block)
         if time_offset_s:
-            out = with_time_offset(out, time_s, scale_s=time_offset_s)
+            out = on_track(block, track or PhaseCentreTrack.of_pulses([block]),
+                           scale_s=time_offset_s)
         if track_error_m:
             out = with_track_error(out, scale_m=track_error_m, time_s=time_s)
+        if range_bias_m:
+            out = with_range_bias(out, scale_m=range_bias_m)
         return out
 
     def image(block: PulseBlock) -> np.ndarray:
         return Backprojector(grid, block.radar, block.n_samples, target_db=target_db)(block)
 
-    return Autofocus(grid, model=model, imager=image)
+    return Autofocus(grid, model=model, imager=image, offset_reach_s=BEYOND * time_offset_s,
+                     **options)
 
 
 def compile_autofocus() -> None:
@@ -70,4 +85,5 @@ def compile_autofocus() -> None:
     samples = (np.sinc((profile - half_path[:, None]) / radar.range_resolution_m)
                * np.exp(-1j * radar.wavenumber_rad_per_m * half_path)[:, None])
     block = PulseBlock(radar, True, number * 10**7, number, samples[:, None], centres, centres)
-    live_autofocus(MapGrid((0.0, 0.0, 0.0), 32, 32, 0.25), track_error_m=0.01).process(block)
+    live_autofocus(MapGrid((0.0, 0.0, 0.0), 32, 32, 0.25), track_error_m=0.01,
+                   time_offset_s=0.01).process(block)

@@ -89,7 +89,7 @@ def estimate_residual(block: PulseBlock, geometry: Geometry, points, *,
         change += detrend(step[None])[0] / tiles.wavenumber
     found = np.unwrap(change[0] * tiles.wavenumber)
     along = _contributions(tiles, change)
-    half = _halves(tiles.points, geometry)
+    half = deal(tiles.points, geometry)
     halves = [found - np.angle(along[half == k].sum(axis=0)) for k in (0, 1)]
     phase, common = _told_from_noise(*(detrend(h[None])[0] for h in halves))
     centres = (np.arange(n) + 0.5) * block.n_pulses / n - 0.5
@@ -172,7 +172,7 @@ def _contributions(tiles: Tiles, change_m, power: int = 1) -> np.ndarray:
     return tiles.correlate(change_m, weight.astype(np.complex64))[0]
 
 
-def _halves(points, geometry: Geometry) -> np.ndarray:
+def deal(points, geometry: Geometry) -> np.ndarray:
     """(K,) 0 or 1: halves of the tiles of different range.
 
     Echoes of points at one range overlap; only together do such tiles explain the profiles.

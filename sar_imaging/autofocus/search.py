@@ -95,6 +95,8 @@ class Estimate:
         Coherent segments of the first level.
     evaluations : int
         Tile images that were formed.
+    n_visible : int
+        Combinations of the parameters that the tiles see, and that were estimated.
     """
 
     parameters: np.ndarray
@@ -102,6 +104,7 @@ class Estimate:
     points: np.ndarray
     first_segments: int
     evaluations: int
+    n_visible: int
 
 
 def search(block: PulseBlock, model: GeometryModel, points, parameters=None, *,
@@ -129,12 +132,13 @@ def search(block: PulseBlock, model: GeometryModel, points, parameters=None, *,
     points = np.asarray(points, float)
     if first_segments is None:
         first_segments = _segments_needed(block, model, parameters, points)
-    evaluations, g = 0, first_segments
+    evaluations, n_visible, g = 0, 0, first_segments
     uncertainty = model.scale.copy()
     while g >= 1:
         n_sub = min(block.n_pulses, max(_FEWEST_SUBAPERTURES, _SUBAPERTURES_PER_SEGMENT * g))
         tiles = Tiles(block, model(parameters), points, n_sub, g)
         basis, hidden = _visible(tiles, model, parameters)
+        n_visible = max(n_visible, basis.shape[1])
         if basis.shape[1]:
             parameters, n = _climb(tiles, model, parameters, basis)
             evaluations += n
@@ -143,7 +147,7 @@ def search(block: PulseBlock, model: GeometryModel, points, parameters=None, *,
             _logger.debug('autofocus: %d segments, %d unknowns, %s', g, basis.shape[1],
                           parameters)
         g //= 2
-    return Estimate(parameters, uncertainty, points, first_segments, evaluations)
+    return Estimate(parameters, uncertainty, points, first_segments, evaluations, n_visible)
 
 
 def _segments_needed(block, model, parameters, points) -> int:

@@ -23,6 +23,7 @@ from .settings import Acquisition, Imaging, Machine
 CHECKER = 'check_config'  # the section that only the checker reads
 COMMON = '**'
 PIPELINE = 'sar_pipeline'  # has the parameters of all nodes
+OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')  # rclpy's; `ros2 param dump`
 # Those of the checker's section: default and, where there is none, its type.
 CHECKER_PARAMETERS = {
     'radar.waveform': 'lfm', 'radar.compressed': False, 'radar.carrier_hz': float,
@@ -260,8 +261,8 @@ def _flatten(tree: Mapping, prefix: str = '') -> Iterator[tuple[str, object]]:
 
 def _set(targets: Mapping[str, dict], section: str, name: str, value) -> Iterator[Finding]:
     """Set a parameter of the nodes that have it; says why it cannot be set."""
-    if name == 'use_sim_time' or name.startswith('qos_overrides.'):
-        return  # of every node
+    if name in OF_EVERY_NODE or name.startswith('qos_overrides.'):
+        return
     having = [values for values in targets.values() if name in values]
     if not having:
         names = sorted({n for values in targets.values() for n in values})

@@ -167,6 +167,32 @@ class PoseTrack:
             track.add(*pose)
         return track
 
+    def between(self, first_ns: int, last_ns: int
+                ) -> tuple[np.ndarray, np.ndarray, Rotation, np.ndarray]:
+        """The poses of an interval of time.
+
+        Parameters
+        ----------
+        first_ns, last_ns : int
+            Times on the poses' clock, nanoseconds.
+
+        Returns
+        -------
+        stamp_ns : (N,) int64
+            Their times.
+        position_m : (N, 3) float64
+            Metres.
+        attitude : scipy.spatial.transform.Rotation
+            N rotations from the body into the imaging frame.
+        segment : (N,) int64
+            Numbers of the unbroken pieces of track: a gap or a jump begins another one.
+        """
+        first, last = np.searchsorted(self._stamp[:self._n], (first_ns, last_ns + 1))
+        some = slice(first, max(first, last))
+        turns = self._quaternion[some].copy() if last > first else np.empty((0, 4))
+        return (self._stamp[some].copy(), self._position[some].copy(),
+                Rotation.from_quat(turns), self._segment[some].copy())
+
     def sample(self, stamp_ns: np.ndarray, *, final: bool = False) -> Poses:
         """Poses at given times.
 

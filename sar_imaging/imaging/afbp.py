@@ -16,14 +16,17 @@ from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .edge_brightness import EdgeBrightness
 from .fusion import SpectrumFusion
 from .fusion_error import EVERYTHING
 from .fusion_map import form_map
 from .lattice import total_db
-from .polar import cover_for_fusion, map_coverage
+from .map_cover import cover_for_fusion, map_coverage
+from .profile_reach import reach_warning, some_pixels
 from .range_band import RangeBand
 from .subapertures import SubaperturePlan
 
+_UNEVEN_DB = 3.0  # by which edges may be brighter without a word
 _logger = logging.getLogger(__name__)
 
 
@@ -63,9 +66,10 @@ class AfbpImager:
     fusion : SpectrumFusion
         Second stage.
     predicted_error_db : float
-        Predicted error against exact backprojection, dB.
+        Predicted error against exact backprojection, dB, of a scene that is evenly bright; once
+        an image was formed whose edges were much brighter, of that image.
     warnings : tuple of str
-        What may make the image worse than predicted, or ambiguous.
+        What may make the image worse than wanted, or ambiguous.
 
     Raises
     ------
@@ -101,6 +105,7 @@ class AfbpImager:
             raise ValueError(f'weighting={weighting!r} is for phase histories (compressed=False); '
                              'profiles are weighted by range compression')
         band = None if compressed else RangeBand(radar, n_samples, weighting)
+        self._periodic = band is not None
         if isinstance(grid, MapGrid):
             self._cover, target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples,
                                                       target_db, band)
@@ -115,10 +120,12 @@ class AfbpImager:
         self.fusion = SpectrumFusion(self.subapertures.fusion_grid)
         self.predicted_error_db = self.subapertures.predicted_error_db
         if self._cover is not None:
-            self.predicted_error_db = total_db(self.predicted_error_db,
-                                               self._cover.resampling_db)
-        self.warnings = (*self.subapertures.warnings,
-                         *_sampling_warnings(polar, radar, tx_m, rx_m))
+            self.predicted_error_db = total_db(self.predicted_error_db, self._cover.resampling_db,
+                                               self._cover.profile_db)
+        self._even_db = self.predicted_error_db
+        self.warnings = self._plan_warnings = (
+            *self.subapertures.warnings, *self._reach_warnings(tx_m, rx_m),
+            *_sampling_warnings(polar, radar, tx_m, rx_m))
         for warning in self.warnings:
             _logger.warning(warning)
 
@@ -150,13 +157,33 @@ class AfbpImager:
             raise ValueError(f'block has {block.n_pulses} pulses; the plan is for '
                              f'{s.pulses[-1].stop}')
         self.fusion.clear()
-        parts = None
+        parts, brightness = None, EdgeBrightness(stage.fusion_grid)
         for number, some in enumerate(tqdm(s.pulses, desc='sub-apertures',
                                            unit='sub-aperture', disable=not self._progress)):
             weights = None if self._pulse_weights is None else self._pulse_weights[some]
             parts = stage.image(number, block.select(some), weights, parts)
+            brightness.add(parts)
             self.fusion.add(number, parts, s.centre[number])
+        self._judge_edges(brightness.excess_db)
         return self.form(self.fusion.take_polar_image(planes=True), overwrite=True)
+
+    def _judge_edges(self, excess_db: float) -> None:
+        """Predictions are for scenes that are as bright beyond their edges as within."""
+        self.predicted_error_db, self.warnings = self._even_db, self._plan_warnings
+        if excess_db > _UNEVEN_DB:
+            self.predicted_error_db += excess_db
+            warning = (f'what lies right beyond the edges is {excess_db:.1f} dB brighter than the '
+                       'image, and so may be its error: image a larger grid')
+            self.warnings = (*self.warnings, warning)
+            _logger.warning(warning)
+
+    def _reach_warnings(self, tx_m, rx_m) -> list[str]:
+        """Of profiles; phase histories repeat."""
+        plan = self.subapertures
+        warning = None if self._periodic else reach_warning(
+            some_pixels(self.grid), tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), plan.radar,
+            plan.n_samples)
+        return [] if warning is None else [warning]
 
     def form(self, polar_image: np.ndarray, *, overwrite: bool = False) -> np.ndarray:
         """Image on the grid from the fused polar image at range baseband.

@@ -122,7 +122,7 @@ class ApertureImager(ApertureSequence):
         self.min_pulse_fraction = min_pulse_fraction
         self._target_db = target_db
         self._height_m = height_m
-        self._keep_pulses = keep_pulses
+        self._keep_pulses, self._warned = keep_pulses, False
 
     def _configure(self, block: PulseBlock) -> Backprojector:
         return Backprojector(self.grid, block.radar, block.n_samples, target_db=self._target_db,
@@ -148,6 +148,10 @@ class ApertureImager(ApertureSequence):
                          f'min_pulse_fraction={self.min_pulse_fraction:g}; '
                          f'missing {describe_counters(missing.tolist())}')
             return []
+        if aperture.plan.warnings and not self._warned:
+            self._warned = True
+            self._report('plan', f'aperture {aperture.number}: '
+                         f'{"; ".join(aperture.plan.warnings)}')
         self.statistics.images += 1
         pulses = aperture.pulses
         return [ApertureImage(aperture.image, self.grid, aperture.centre_ns(), aperture.number,

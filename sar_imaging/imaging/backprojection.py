@@ -14,6 +14,7 @@ terrain and for positions that form no grid.
 from __future__ import annotations
 
 import dataclasses
+import logging
 import math
 
 import numpy as np
@@ -24,13 +25,16 @@ from ..signal.radar import RadarParameters
 from . import merging, polar as polar_plans
 from .image_points import ImagePoints
 from .interpolation import design_interpolator
-from .lattice import plan_lattice, point_lattice
+from .lattice import plan_lattice, point_lattice, total_db
 from .map_lines import MapLines
 from .memory import check_memory
 from .polar_image import add_by_polar
+from .profile_reach import reach_warning, some_pixels
 from .profiles import Profiles
 from .projection import add_to_lines, line_middles, shared_phase
 from .range_window import RangeWindow
+
+_logger = logging.getLogger(__name__)
 
 
 class Backprojector:
@@ -68,6 +72,8 @@ class Backprojector:
     predicted_error_db : float
         Predicted error against time-domain correlation of what was added so far, dB; with
         `midpoint`, of the same approximation.
+    warnings : tuple of str
+        What makes images worse than wanted; a call logs it, too.
     method : str
         How the latest pulses were added: ``'polar'``, ``'lines'`` or ``'points'``.
 
@@ -114,6 +120,7 @@ class Backprojector:
         elif height_m is not None:
             self._points = ImagePoints.of_map(grid, height_m)
         self.predicted_error_db = -math.inf
+        self.warnings: tuple[str, ...] = ()
         self.method = ''
 
     def __call__(self, block: PulseBlock) -> np.ndarray:
@@ -138,8 +145,10 @@ class Backprojector:
         MemoryError
             The images of the channels are larger than the memory that is available.
         """
-        image = self.new_image(block.n_channels)
+        image, told = self.new_image(block.n_channels), self.warnings
         self.add(block, image)
+        for warning in set(self.warnings) - set(told):
+            _logger.warning(warning)
         return image
 
     def new_image(self, n_channels: int = 1) -> np.ndarray:
@@ -191,7 +200,7 @@ class Backprojector:
     def _add_rows(self, rows, image):
         if self._points is not None:
             range_m = self._points.bounds(*rows[1:])
-            self._check_reach(range_m)
+            self._check_reach(range_m, rows)
             self.method, error = 'points', self._add_by_points(self._points, range_m, rows, image)
         else:
             error = self._add_to_map(rows, image)
@@ -200,7 +209,7 @@ class Backprojector:
     def _add_to_map(self, rows, image) -> float:
         """Add rows in the quickest way; returns the predicted error."""
         lines = MapLines(self.grid, *rows[1:])
-        self._check_reach(lines.range_m)
+        self._check_reach(lines.range_m, rows)
         window = RangeWindow.around(self.radar, self.n_samples, lines.range_m)
         lattice = plan_lattice(lines.paths, 1.0, lines.n_pixels, self.radar, window.n_samples,
                                self.target_db)
@@ -219,16 +228,17 @@ class Backprojector:
             add_by_polar(polar, self.radar, rows, self.grid, image)
             return polar.predicted_error_db
         if self.method == 'lines':
-            return self._add_by_lines(lattice, window, lines, rows, image)
+            self._add_by_lines(lattice, window, lines, rows, image)
+            return total_db(lattice.predicted_error_db, window.mean_end_error_db(
+                lines.paths.length))
         return self._add_by_points(ImagePoints.of_map(self.grid), lines.range_m, rows, image)
 
-    def _add_by_lines(self, lattice, window, lines, rows, image) -> float:
+    def _add_by_lines(self, lattice, window, lines, rows, image) -> None:
         profiles = Profiles(window, lattice, lines.range_m)
         middles = line_middles(lines.locate, lines.n_lines, lines.n_pixels, lattice.segment)
         add_to_lines(profiles, *rows, middles, lines.layout, shared_phase(profiles,
                                                                           lines.n_pixels),
                      image.reshape(-1).view(np.float32))
-        return lattice.predicted_error_db
 
     def _add_by_points(self, points: ImagePoints, range_m, rows, image) -> float:
         return points.add(self.radar, self.target_db, range_m, *rows,
@@ -253,13 +263,19 @@ class Backprojector:
             raise ValueError(f'image is {image.dtype} {image.shape}; expected complex64 {shape}, '
                              'contiguous in C order')
 
-    def _check_reach(self, range_m):
+    def _check_reach(self, range_m, rows):
         start = self.radar.range_start_m
-        stop = start + self.n_samples * self.radar.sample_spacing_m
+        stop = start + (self.n_samples - 1) * self.radar.sample_spacing_m
         if range_m[1] < start or range_m[0] > stop:
             raise ValueError(
                 f'the grid lies {range_m[0]:.1f} to {range_m[1]:.1f} m from the antenna, the '
                 f'profiles cover {start:.1f} to {stop:.1f} m; move the grid or the range window')
+        if start <= range_m[0] and range_m[1] <= stop:
+            return
+        pixels = some_pixels(self.grid) if self._points is None else self._points.some()
+        warning = reach_warning(pixels, *rows[1:], self.radar, self.n_samples)
+        if warning is not None:
+            self.warnings = (warning,)  # of the latest block that has one
 
 
 def _as_rows(samples, tx_m, rx_m):
@@ -292,6 +308,6 @@ def compile_kernels() -> None:
         if polar is not None:
             interpolator = design_interpolator(2.0, taps=merging.TAPS, degree=merging.DEGREE)
             parts = merging.AngularParts((slice(None),), np.zeros(1), polar.polar, polar.polar,
-                                         interpolator, 0.0)
+                                         interpolator, 0.0, 0.0)
             for plan in (polar, dataclasses.replace(polar, parts=parts)):
                 add_by_polar(plan, radar, rows, grid, image)

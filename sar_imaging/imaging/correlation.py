@@ -1,19 +1,25 @@
 """Time-domain correlation (TDC): the exact image, and the reference of every other imager.
 
-Rosenberg & Gray, equations 7 and 8, evaluated in float64 straight from the spectra; nothing is
-interpolated and the two-way path of every channel is exact.
+Rosenberg & Gray, equations 7 and 8, evaluated in float64 with the exact two-way path of every
+channel. `correlate` takes spectra; nothing is interpolated. `correlate_profiles` takes sampled
+range profiles, whose value at a delay is the series of Knab (1979) over the samples around it.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from tqdm import tqdm
 
 from ..compilation import njit, numba
+from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT
 
 _LANES = 16  # points advanced together: enough independent sums to hide the latency of one
 _POINTS_PER_CALL = 4096
+_SERIES_ERROR_DB = -130.0  # of Knab's series: far below the -100 dB that float32 images reach
+_LEAST_SPARE = 0.05  # share of the sample rate without signal; less makes Knab's series endless
 
 
 def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *, progress: bool = False):
@@ -61,6 +67,66 @@ def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *, progress: bool = F
                        flat[part], out[part])
             bar.update(part.stop - part.start)
     return out.reshape(points.shape[:-1])
+
+
+def correlate_profiles(block: PulseBlock, points) -> tuple[np.ndarray, np.ndarray]:
+    """Correlate range profiles with the exact reference of every point.
+
+    ``f(x) = sum_m sum_n s_mn(tau_mn(x)) exp(+j 2 pi f_c tau_mn(x))``. The profile s is read at the
+    place u of the delay, in samples, by Knab's approximate prolate series (Knab
+    1979), ``s(u) = sum_k s[k] sinc(u - k) cosh(a sqrt(1 - ((u - k) / h)^2)) / cosh(a)`` with
+    ``a = pi h (1 - B / f_s)``; h is so long that its error ``1 / sinh(a)`` is -130 dB. A value
+    depends on the h samples on either side alone. So it does not matter whether a profile is
+    periodic or where it was cut, unlike for a Fourier transform of the whole profile.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        Range profiles with phase centres, sampled faster than the bandwidth.
+    points : (K, 3) array_like
+        Positions to image, in the frame of the phase centres, metres.
+
+    Returns
+    -------
+    image : (K,) complex128
+        Image at the points. A delay outside a profile contributes nothing.
+    covered : (K,) bool
+        False where a delay comes within h samples of the end of a profile. The value there
+        depends on samples that nobody has; they were taken as zero.
+
+    Raises
+    ------
+    ValueError
+        The pulses are raw, have no phase centres or are sampled too slowly, or a point or a
+        sample is not finite.
+
+    References
+    ----------
+    J. J. Knab, Interpolation of band-limited functions using the approximate prolate series, IEEE
+    Transactions on Information Theory 25, 1979.
+    """
+    radar, points = block.radar, np.ascontiguousarray(points, np.float64)
+    if not block.compressed or not block.has_positions:
+        raise ValueError('correlate_profiles needs range profiles with phase centres; compress '
+                         'raw pulses first and give every pulse its position')
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f'points.shape={points.shape}; expected (K, 3)')
+    for name, array in (('points', points), ('samples', block.samples)):
+        if not np.isfinite(array).all():
+            raise ValueError(f'{name} contains NaN or infinity')
+    spare = 1.0 - radar.bandwidth_hz / radar.sample_rate_hz
+    if spare < _LEAST_SPARE:
+        raise ValueError(f'profiles sampled at {radar.sample_rate_hz:g} Hz for a bandwidth of '
+                         f'{radar.bandwidth_hz:g} Hz; sample them at '
+                         f'{1 / (1 - _LEAST_SPARE):.2f} times the bandwidth or more')
+    sharpness = math.asinh(10 ** (-_SERIES_ERROR_DB / 20))
+    image = np.zeros(len(points), np.complex128)
+    covered = np.ones(len(points), np.bool_)
+    pulses = (np.ascontiguousarray(a) for a in (block.samples, block.tx_m, block.rx_m))
+    _correlate_profiles(*pulses, points, radar.range_start_m, radar.sample_spacing_m,
+                        radar.carrier_hz / SPEED_OF_LIGHT, math.ceil(sharpness / np.pi / spare),
+                        sharpness, image, covered)
+    return image, covered
 
 
 def _check(frequencies, spectra, tx, rx, points):
@@ -122,6 +188,47 @@ def _correlate(first, step, re, im, tx, rx, points, out):
                     total_im[i] += acc_re[i] * w_im + acc_im[i] * w_re
         for i in range(n):
             out[lo + i] = total_re[i] + 1j * total_im[i]
+
+
+@njit(parallel=True)
+def _correlate_profiles(samples, tx, rx, points, start_m, spacing_m, cycles_per_m, half,
+                        sharpness, image, covered):
+    """Add all profiles at the delay of every point; `cycles_per_m` of two-way path."""
+    n_pulses, n_channels, n_samples = samples.shape
+    for i in numba.prange(len(points)):
+        total = 0j
+        for m in range(n_pulses):
+            for c in range(n_channels):
+                path = _distance(points[i], tx[m, c]) + _distance(points[i], rx[m, c])
+                place = (0.5 * path - start_m) / spacing_m
+                if abs(place) < half or abs(place - (n_samples - 1)) < half:
+                    covered[i] = False
+                cycles = cycles_per_m * path
+                angle = 2 * np.pi * (cycles - np.floor(cycles))
+                total += (_series(samples[m, c], place, half, sharpness)
+                          * complex(np.cos(angle), np.sin(angle)))
+        image[i] = total
+
+
+@njit
+def _series(profile, place, half, sharpness):
+    """Profile between its samples, by Knab's series; zero outside it."""
+    if place < 0 or place > len(profile) - 1:
+        return 0j
+    cell = int(np.rint(place))  # the nearest: its sine keeps all digits where x is tiny
+    if place == cell:
+        return complex(profile[cell])
+    total = 0j
+    # sin(pi (u - k)) has the same size for every k and another sign from one to the next.
+    sine = np.sin(np.pi * (place - cell)) / np.pi / np.cosh(sharpness)
+    for k in range(max(cell - half, 0), min(cell + half + 1, len(profile))):
+        x = place - k
+        if abs(x) >= half:
+            continue
+        taper = np.cosh(sharpness * np.sqrt(1.0 - (x / half) ** 2))
+        sign = 1.0 - 2.0 * (abs(cell - k) % 2)
+        total += profile[k] * (sign * sine * taper / x)
+    return total
 
 
 @njit(inline='always')

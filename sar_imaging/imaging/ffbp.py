@@ -8,6 +8,7 @@ common centre and summed, again and again, and at last to the requested grid.
 
 from __future__ import annotations
 
+import logging
 import math
 
 import numba
@@ -33,9 +34,12 @@ from .ffbp_plan import (
     widest_spacing,
 )
 from .kernels import LINES
+from .profile_reach import reach_warning, some_pixels
 from .profiles import Profiles
 from .projection import add_to_lines
 from .range_window import RangeWindow
+
+_logger = logging.getLogger(__name__)
 
 #: Default samples per reciprocal bandwidth along range and along direction.
 OVERSAMPLING = {'linear': 4.0, 'cubic': 2.5, 'knab8': 1.8}
@@ -92,6 +96,8 @@ class FfbpImager:
         Sub-apertures and their grids, shortest first.
     range_spacing_m : float
         Range spacing of all local grids, metres.
+    warnings : tuple of str
+        What makes the image worse than the profiles could.
 
     Raises
     ------
@@ -120,6 +126,11 @@ class FfbpImager:
         self.angle_oversampling = _oversampling('angle', angle_oversampling, default, 1.0)
         self.levels, self._top = build_tree(len(self._tx), pulses_per_subaperture, merge_factor)
         self._plan_grids()
+        warning = reach_warning(some_pixels(grid), self._tx.reshape(-1, 3),
+                                self._rx.reshape(-1, 3), radar, self.n_samples)
+        self.warnings = () if warning is None else (warning,)
+        for text in self.warnings:
+            _logger.warning(text)
         along = [loops.kernel_weights(kernel, v)
                  for v in (self.range_oversampling, self.angle_oversampling)]
         self._pairs = [loops.paired(w) for w in along]

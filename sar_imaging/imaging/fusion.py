@@ -17,7 +17,7 @@ from .fusion_bands import Band, add_band, add_transformed, clear_band
 from .fusion_error import edge_taper
 from .fusion_grid import FusionGrid
 from .fusion_lines import finish_lines, fold_lines
-from .subaperture_sampling import taper_band
+from .local_bands import taper_band
 from .work_space import aligned_empty, aligned_zeros
 
 _LINES_PER_CALL = 32  # of the fused image

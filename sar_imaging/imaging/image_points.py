@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
 
 from ..geometry.grids import MapGrid
 from . import point_kernels
-from .lattice import point_lattice, total_db
+from .lattice import half_paths, point_lattice, total_db
 from .profiles import Profiles
 from .range_window import RangeWindow
 
 _ROUNDING_SHARE_DB = 6.0  # rounding inside tiles stays so far below the target
 _SAMPLED_STEPS = 1000  # between neighbours, to find their distance
+_SAMPLED_PIXELS, _SAMPLED_ROWS = 500, 33
 
 
 class ImagePoints:
@@ -80,6 +82,14 @@ class ImagePoints:
         """True when no pixel has a position."""
         return not math.isfinite(self._radius)
 
+    def some(self) -> np.ndarray:
+        """(S, 3) float64 positions of pixels all over the image, metres."""
+        rng = np.random.default_rng(0)
+        row, column = (rng.integers(0, n, _SAMPLED_PIXELS) for n in self._size)
+        points = np.stack([values[row * stride[0] + column * stride[1]] for values, stride in
+                           zip(self._coordinates, self._strides, strict=True)], axis=-1)
+        return points[np.isfinite(points).all(axis=1)]
+
     def bounds(self, tx_m, rx_m) -> tuple[float, float]:
         """Bounds of the half path from phase centres (R, 3), metres."""
         path = 0.5 * sum(np.linalg.norm(self._centre - c, axis=-1) for c in (tx_m, rx_m))
@@ -117,14 +127,23 @@ class ImagePoints:
                 *self._coordinates, self._strides, self._size, tile, profiles.range_at(0),
                 lattice.step_m, profiles.cycles_per_step, profiles.cycles_at(0), reach, image,
                 *work)
-        return total_db(lattice.predicted_error_db, rounding_db)
+        some = np.linspace(0, len(tx_m) - 1, min(len(tx_m), _SAMPLED_ROWS)).round().astype(int)
+        length = half_paths(tx_m[some], rx_m[some], self.some())[0]
+        return total_db(lattice.predicted_error_db, point_kernels.rounding_db(
+            radar.wavelength_m, min(reach, self._tile_radius(tile))),
+            10 * math.log10(float(window.end_error(length).mean()) + 1e-16))
 
     def _tile(self, reach: float) -> tuple[int, int]:
         """Largest tile that float32 can do, judged by the distance of neighbours."""
         sides = ((1, 256), (1, 64), (1, 16)) if self._size[0] == 1 else ((16, 16), (8, 8), (4, 4))
-        down, right = (self._neighbour_distance(axis) for axis in (0, 1))
-        fitting = (s for s in sides if math.hypot(s[0] * down, s[1] * right) < 2 * reach)
-        return next(fitting, sides[0])
+        return next((s for s in sides if self._tile_radius(s) < reach), sides[0])
+
+    def _tile_radius(self, sides: tuple[int, int]) -> float:
+        return 0.5 * math.hypot(*(n * self._distances[axis] for axis, n in enumerate(sides)))
+
+    @functools.cached_property
+    def _distances(self) -> tuple[float, float]:
+        return self._neighbour_distance(0), self._neighbour_distance(1)
 
     def _neighbour_distance(self, axis: int) -> float:
         """Median distance of neighbouring pixels along an axis, metres; 0 where there is none."""

@@ -23,8 +23,15 @@ from ..compilation import njit, numba
 
 LINE_DEGREE, POINT_DEGREE = 4, 3  # of profiles read along image lines and point by point
 TAPS = 10
+# Polynomials made for a little more than their interval err evenly over it, not at its ends: all
+# ranges of an image may lie at the same place between samples.
+LEAST_MARGIN = 0.03
 _NODES = 12  # of the quadrature over band and interval: the error holds to 0.001 dB
 _ROUNDS = 40  # of weights and gains in turn
+_GAIN_STEP = 1e-3  # cycles per sample, for derivatives
+_OVERSAMPLING_STEP, _MOST_OVERSAMPLING = 0.02, 4.0  # to choose from
+_DRIFTS = 9  # of a table of errors
+_COARSER = 4  # a table of errors than that of gains
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,12 +50,18 @@ class Interpolator:
         Mean squared error over band and interval relative to the signal's power, dB.
     oversampling : float
         Sample rate over two-sided bandwidth that it is for.
+    corrected : bool
+        The spectrum of the samples was multiplied by `gain`.
+    margin : float
+        Samples beyond the interval for which the polynomials are made, too.
     """
 
     weights: np.ndarray
     first: int
     error_db: float
     oversampling: float
+    corrected: bool = False
+    margin: float = 0.0
 
     @property
     def n_planes(self) -> int:
@@ -69,9 +82,10 @@ class Interpolator:
         return _shifted(self.weights.astype(np.float64), 0.5).astype(np.float32)
 
     def gain(self, frequency) -> np.ndarray:
-        """By what the spectrum of the samples is to be multiplied for the least error.
+        """By what the spectrum of the samples is to be multiplied for the least error in the band.
 
-        Nearly 1 unless the interpolator was designed with ``corrected=True``.
+        Nearly 1 unless the interpolator was designed with ``corrected=True``. Smooth, also beyond
+        the band.
 
         Parameters
         ----------
@@ -82,18 +96,93 @@ class Interpolator:
         -------
         (F,) float64
         """
+        return np.exp(np.interp(np.abs(frequency), _frequencies(), self._log_gain))
+
+    def error_at(self, frequency) -> np.ndarray:
+        """Mean squared error over the interval, relative to power, of some frequencies.
+
+        Parameters
+        ----------
+        frequency : (...) array_like
+            Cycles per sample.
+
+        Returns
+        -------
+        (...) float64
+            2 where a frequency is beyond what samples can hold.
+        """
+        return np.interp(np.abs(frequency), _frequencies()[::_COARSER], self._errors, right=2.0)
+
+    def error_with_drift(self, drift) -> np.ndarray:
+        """Mean squared error where positions begin anywhere in the interval and drift evenly.
+
+        Parameters
+        ----------
+        drift : (...) array_like
+            Furthest in either direction, samples, up to `margin`.
+
+        Returns
+        -------
+        (...) float64
+            Relative to the signal's power, over the band.
+        """
+        return np.interp(drift, np.linspace(0, self.margin, len(self._drift_errors)),
+                         self._drift_errors)
+
+    @functools.cached_property
+    def _drift_errors(self) -> np.ndarray:
+        """From no drift to `margin`."""
         x, weight = _nodes()
+        drifts = np.linspace(0, self.margin, _DRIFTS if self.margin else 1)
+        position = 0.5 + 0.5 * x + np.multiply.outer(drifts, x)[..., None]
+        frequency = 0.5 / self.oversampling * (0.5 + 0.5 * x)
+        read, wanted = self._read(frequency, position.ravel())
+        error = weight @ np.sum((read - wanted) ** 2, axis=0)
+        return error.reshape(position.shape) @ weight @ weight / 8
+
+    @functools.cached_property
+    def _log_gain(self) -> np.ndarray:
+        """Of `_frequencies`."""
+        frequency, edge = _frequencies(), 0.5 / self.oversampling
+        gain = _best_gain(*self._read(np.minimum(frequency, edge)), _nodes()[1])
+        # The best gain has sharp features beyond the band, which would spread what tapers do far
+        # over the image: it goes on as it ends, and levels off towards half a cycle.
+        ends = edge - _GAIN_STEP * np.arange(3)
+        ends = np.log(_best_gain(*self._read(ends), _nodes()[1]))
+        width = 0.5 - edge
+        slope = (1.5 * ends[0] - 2 * ends[1] + 0.5 * ends[2]) * width / _GAIN_STEP
+        bend = (ends[0] - 2 * ends[1] + ends[2]) * (width / _GAIN_STEP) ** 2
+        x = np.maximum((frequency - edge) / width, 0.0)
+        return (np.log(gain) + slope * (x - x ** 3 + x ** 4 / 2)
+                + bend * (x ** 2 / 2 - 2 * x ** 3 / 3 + x ** 4 / 4))
+
+    @functools.cached_property
+    def _errors(self) -> np.ndarray:
+        """Of every `_COARSER`-th of `_frequencies`."""
+        read, wanted = self._read(_frequencies()[::_COARSER])
+        if self.corrected:
+            read *= np.exp(self._log_gain[::_COARSER])[:, None]
+        return np.sum((read - wanted) ** 2, axis=0) @ (0.5 * _nodes()[1])
+
+    def _read(self, frequency, position=None) -> tuple[np.ndarray, np.ndarray]:
+        """Tones as read at positions, those of the quadrature if left out, and as they are.
+
+        Real and imaginary parts, (2, F, T), seen from the middle of the interval.
+        """
+        x = _nodes()[0] if position is None else 2 * position - 1
         by_position = self.weights.T @ (0.5 + 0.5 * x) ** np.arange(len(self.weights))[:, None]
-        frequency = np.asarray(frequency, float)
-        # From the middle of the interval taps and nodes lie in pairs, of opposite phase.
+        if position is None:  # nodes lie in pairs, too
+            wanted = np.exp(1j * np.pi * np.outer(frequency, x[_NODES // 2:]))
+            wanted = np.concatenate([wanted[:, ::-1].conj(), wanted], axis=1)
+        else:
+            wanted = np.exp(1j * np.pi * np.outer(frequency, x))
+        # From the middle of the interval taps lie in pairs, of opposite phase.
         step, half = np.exp(2j * np.pi * frequency), np.exp(1j * np.pi * frequency)
         taps = [half]
         for _ in range(self.n_taps // 2 - 1):
             taps.append(taps[-1] * step)
         taps = np.stack([*np.conj(taps[::-1]), *taps], axis=-1)
-        nodes = np.exp(1j * np.pi * np.outer(frequency, x[_NODES // 2:]))
-        nodes = np.concatenate([nodes[:, ::-1].conj(), nodes], axis=1)
-        return _best_gain(_parts(taps) @ by_position, _parts(nodes), weight)
+        return _parts(taps) @ by_position, _parts(wanted)
 
 
 def design_interpolator(oversampling: float, margin: float = 0.0, *, taps: int = TAPS,
@@ -156,7 +245,14 @@ def _design(oversampling, margin, taps, degree, corrected):
             gain = _best_gain(read, wanted, fw)
     error = np.sum((gain[:, None] * read - wanted) ** 2, axis=0)
     return Interpolator(_shifted(centred, -0.5).astype(np.float32), first,
-                        10 * math.log10(weight ** 2 @ error @ weight ** 2), oversampling)
+                        10 * math.log10(weight ** 2 @ error @ weight ** 2), oversampling,
+                        corrected, margin)
+
+
+@functools.cache
+def _frequencies() -> np.ndarray:
+    """Of tables, cycles per sample: reading them linearly adds 1e-6."""
+    return np.linspace(0, 0.5, 4097)
 
 
 @functools.cache
@@ -210,11 +306,19 @@ def coarsest_interpolator(error_db: float, *, taps: int, degree: int,
     Interpolator or None
         None where no oversampling below 4 does.
     """
-    for oversampling in np.arange(1.1, 4.0, 0.02):
+    for oversampling in np.arange(1.1, _MOST_OVERSAMPLING, _OVERSAMPLING_STEP):
         found = design_interpolator(oversampling, taps=taps, degree=degree, corrected=corrected)
         if found.error_db <= error_db:
             return found
     return None
+
+
+def finer_interpolator(found: Interpolator) -> Interpolator | None:
+    """The next one for finer sampling, of the same kind; None at an oversampling of 4."""
+    if found.oversampling > _MOST_OVERSAMPLING:
+        return None
+    return design_interpolator(found.oversampling + _OVERSAMPLING_STEP, taps=found.n_taps,
+                               degree=len(found.weights) - 1, corrected=found.corrected)
 
 
 def polynomial_planes(real, imag, weights, first, pad, out):

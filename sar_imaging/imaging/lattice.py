@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
-from .interpolation import LINE_DEGREE, Interpolator, design_interpolator
+from .interpolation import LEAST_MARGIN, LINE_DEGREE, Interpolator, design_interpolator
 from .kernels import SINCOS_ERROR_DB
 from .transform_length import cost_per_sample, smooth_lengths
 
@@ -25,6 +25,8 @@ _ACCUMULATION_ERROR_DB = -112.0  # float32 sums
 _ROWS_FOR_ERRORS = 64  # enough for averages over the rows
 _ROWS_IN_CACHE = 512  # of paths at once
 _NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
+_DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
+_CLOSER_DB = 10.0  # by which the worst drift may be worse than the mean one
 _LONGER, _FINER, _FEW = 1.1, 1.03, 3  # padded length, cells, and cells around the best
 _COST_TRANSFORM = 0.012  # of a pass of the transform, in shares of the whole
 # Of a segment, and of a pixel of the routine for arbitrary points, in pixels of the kernel
@@ -41,10 +43,13 @@ class Paths:
         Half path, metres.
     derivatives : tuple of four (R, S) float64
         Its first to fourth derivative along the line.
+    parts : tuple of int
+        First row of each part of the rows that is added by itself.
     """
 
     length: np.ndarray
     derivatives: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+    parts: tuple[int, ...] = (0,)
 
     def reversed(self) -> Paths:
         """The same points on lines that run the other way."""
@@ -54,11 +59,17 @@ class Paths:
     def from_shared(self) -> Paths:
         """Some rows, less the middle row of the `ROWS_PER_PASS` that each is added with."""
         n = len(self.length)
-        rows = np.linspace(0, n - 1, min(n, _ROWS_FOR_ERRORS)).round().astype(int)
-        start = rows // ROWS_PER_PASS * ROWS_PER_PASS
-        middle = start + np.minimum(n - start, ROWS_PER_PASS) // 2
+        rows = _some_rows(n)
+        part = np.searchsorted(self.parts, rows, 'right')
+        first, stop = np.take(self.parts, part - 1), np.append(self.parts, n)[part]
+        start = first + (rows - first) // ROWS_PER_PASS * ROWS_PER_PASS
+        middle = start + np.minimum(stop - start, ROWS_PER_PASS) // 2
         return Paths(self.length[rows] - self.length[middle],
                      tuple(d[rows] - d[middle] for d in self.derivatives))
+
+
+def _some_rows(n: int) -> np.ndarray:
+    return np.linspace(0, n - 1, min(n, _ROWS_FOR_ERRORS)).round().astype(int)
 
 
 def sample_paths(tx_m, rx_m, line) -> Paths:
@@ -207,10 +218,10 @@ def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParamete
     slope = paths.derivatives[0]
     if slope.min() <= 0:
         return None
-    slopes = float(slope.min()), float(slope.max())
-    middle = 0.5 * sum(slopes)
+    middle = 0.5 * float(slope.min() + slope.max())
     pitch = spacing * middle
     errors = _expansion_errors(paths, radar)
+    slope = slope[_some_rows(len(slope))]
     longest = next((s for s in reversed(_SEGMENTS) if s >= n_line), _SEGMENTS[0])
     found = []
     for phases in range(1, _MAX_PHASES + 1):
@@ -220,26 +231,55 @@ def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParamete
         if fit_spacing:
             spacing = cell / middle
         for segment in (s for s in _SEGMENTS if s <= longest):
-            found += _candidates(slopes, errors, spacing, radar, n_padded, n_cells, cell, phases,
+            found += _candidates(slope, errors, spacing, radar, n_padded, n_cells, cell, phases,
                                  segment, target_db)
         if found:  # more phases only cost memory
             return min(found, key=lambda lattice: lattice.cost)
     return None
 
 
-def _candidates(slopes, errors, spacing, radar, n_padded, n_cells, cell, phases, segment,
+def _candidates(slope, errors, spacing, radar, n_padded, n_cells, cell, phases, segment,
                 target_db):
     step, half = cell / phases, segment / 2
     oversampling = radar.range_resolution_m / step
-    drift = max(abs(slope * spacing - cell) for slope in slopes) * half
-    if oversampling <= 1.25 or drift > 2 * step:
+    drift = np.abs(slope * spacing - cell) * (half / step)
+    furthest = float(drift.max())
+    if oversampling <= 1.25 or furthest > 2:
         return
-    interpolator = design_interpolator(oversampling, drift / step, degree=LINE_DEGREE)
-    predicted = total_db(interpolator.error_db, *(
-        20 * math.log10(error * (spacing * half) ** power + 1e-12) for power, error in errors))
-    if predicted <= target_db:
-        yield Lattice(n_padded, n_cells, phases, segment, step, spacing, interpolator, predicted,
+    interpolator = design_interpolator(oversampling, max(furthest, LEAST_MARGIN),
+                                       degree=LINE_DEGREE)
+    # With the worst drift everywhere first: most candidates need no closer look.
+    lattice = Lattice(n_padded, n_cells, phases, segment, step, spacing, interpolator, 0.0,
                       1.0 + _COST_SEGMENT / segment)
+    predicted = _predicted_db(lattice, interpolator.error_db, errors)
+    if predicted > target_db + _CLOSER_DB:
+        return
+    predicted = _predicted_db(lattice, _drifting_db(lattice, drift), errors)
+    if predicted <= target_db:
+        yield dataclasses.replace(lattice, predicted_error_db=predicted)
+
+
+def lattice_error_db(lattice: Lattice, paths: Paths, radar: RadarParameters) -> float:
+    """Predicted error of a lattice on other paths than it was planned for, dB.
+
+    It is inf where pixels drift further than the lattice was made for.
+    """
+    slope = paths.derivatives[0]
+    drift = (np.abs(slope[_some_rows(len(slope))] * lattice.spacing - lattice.cell_m)
+             * (lattice.segment / 2 / lattice.step_m))
+    if drift.max() > lattice.interpolator.margin + _DRIFT_SLACK:
+        return math.inf
+    return _predicted_db(lattice, _drifting_db(lattice, drift), _expansion_errors(paths, radar))
+
+
+def _drifting_db(lattice, drift) -> float:
+    return 10 * math.log10(float(lattice.interpolator.error_with_drift(drift).mean()))
+
+
+def _predicted_db(lattice, interpolation_db, errors) -> float:
+    half = lattice.spacing * lattice.segment / 2
+    return total_db(interpolation_db, *(20 * math.log10(error * half ** power + 1e-12)
+                                        for power, error in errors))
 
 
 def _expansion_errors(paths, radar):
@@ -270,11 +310,11 @@ def point_lattice(radar: RadarParameters, n_samples: int, target_db: float) -> L
         Wanted error against time-domain correlation, dB.
     """
     oversampling = next(v for v in np.arange(1.6, 8.0, 0.2)
-                        if design_interpolator(v).error_db <= target_db - 3.0)
+                        if design_interpolator(v, LEAST_MARGIN).error_db <= target_db - 3.0)
     pitch = radar.range_resolution_m / oversampling
     n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, 1)
     step = n_padded * radar.sample_spacing_m / n_cells
-    interpolator = design_interpolator(radar.range_resolution_m / step)
+    interpolator = design_interpolator(radar.range_resolution_m / step, LEAST_MARGIN)
     return Lattice(n_padded, n_cells, 1, 0, step, pitch, interpolator,
                    total_db(interpolator.error_db), _COST_POINT)
 
@@ -290,9 +330,8 @@ def remaining_db(target_db: float, *parts_db: float) -> float:
     return 10 * math.log10(10 ** (target_db / 10) - sum(10 ** (p / 10) for p in parts_db))
 
 
-def _rms(values):
-    """Rms over the rows of the largest value at any point."""
-    return math.sqrt(np.mean(np.square(np.abs(values).max(axis=1))))
+def _rms(values) -> float:
+    return math.sqrt(np.mean(np.square(values)))
 
 
 def _commensurate(n_samples, spacing_m, pitch, phases, *, finer=False, periodic=False):

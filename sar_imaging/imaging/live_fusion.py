@@ -176,8 +176,8 @@ class _Fusing:
         return FusedImage(
             form_map(polar, self.fusion.grid, self.grid, centre_m), self.grid,
             self.stamp_ns(final=final), self.aperture, n_pulses, n_missing, len(self.headers),
-            final, 10 * math.log10(np.mean([h.error for h in self.headers.values()])),
-            told)
+            final, 10 * math.log10(np.average([h.error for h in self.headers.values()], weights=[
+                h.n_pulses for h in self.headers.values()])), told)
 
     def _ends_m(self) -> tuple[float, float]:
         """Ends of the aperture along its track, metres from the middle."""
@@ -289,6 +289,10 @@ class LiveFusion(EventSource):
                              'the same revision; the message is corrupt or two senders share a '
                              'session')
         return self._fuse(sub)
+
+    def is_open(self, sub: SubapertureImage) -> bool:
+        """Whether the aperture of a sub-aperture is being fused."""
+        return sub.sequence in self._open
 
     def flush(self) -> list[FusedImage]:
         """Close what is being fused; nothing more is expected for now."""

@@ -6,21 +6,24 @@ import dataclasses
 import math
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
+from .interpolation import Interpolator
 from .lattice import total_db
-from .polar import cover_for_fusion, map_coverage
+from .local_bands import Bands, local_bands
+from .map_cover import cover_for_fusion, map_coverage
+from .profile_reach import reach_warning, some_pixels
 from .resampling import CORRECTED_TAPS, margin
-from .subaperture_sampling import local_bands
 from .subapertures import SubaperturePlan
 
 # Phase gradient autofocus does better on finer lines than the map alone would need.
 _RESAMPLING_SHARE_DB = 13.0
 _ROWS_FOR_COVER = 256
-_WINDOWS = 5  # of a track, at which their bands are bounded
+_WINDOWS, _WAVENUMBERS = 9, 5  # at which errors of a sliding aperture are looked up
 _FUSION_MARGIN_DB = 3.0  # for tracks that are less smooth than foreseen
 _EXTENSION = 0.05  # of the aperture at both ends, for what is foreseen too short
 
@@ -87,20 +90,33 @@ class LivePlan:
         self.grid, self._known = grid, slack == 0
         cover, self._target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples, target_db,
                                                   share_db=_RESAMPLING_SHARE_DB)
-        self._resampling_db = cover.resampling_db
+        self._map_db = total_db(cover.along_db, cover.profile_db)
         margin_db = min(slack, 2.0) * _FUSION_MARGIN_DB
         polar = cover.polar
+
+        def stage(polar):
+            return SubaperturePlan(polar, radar, n_samples, tx_m, rx_m,
+                                   target_db=self._target_db - margin_db,
+                                   pulses_per_subaperture=length,
+                                   oversampling=cover.oversampling, ratio=cover.ratio,
+                                   coverage=map_coverage(polar, grid))
+
+        def windows(n_pulses):
+            return _for_windows(polar, radar, tx_m, rx_m, n_pulses, cover.between.oversampling)
+
+        self._stage = stage(windows(n_window) if n_window else polar)
+        # Where another length was asked for, gaps of the foreseen track made these shorter.
+        self.length = length or max(p.stop - p.start for p in self._stage.sampling.pulses)
+        if n_window % self.length:  # windows are whole sub-apertures
+            self._stage = stage(windows(-(-n_window // self.length) * self.length))
+        between_db = cover.between_db
         if n_window:
-            polar = _for_windows(polar, radar, tx_m, rx_m, n_window,
-                                 cover.between.oversampling)
-        self._stage = SubaperturePlan(polar, radar, n_samples, tx_m, rx_m,
-                                      target_db=self._target_db - margin_db,
-                                      pulses_per_subaperture=length,
-                                      oversampling=cover.oversampling, ratio=cover.ratio,
-                                      coverage=map_coverage(polar, grid))
+            between_db = _windows_db(self._stage.polar, radar, tx_m, rx_m, n_window, cover.between)
+        self._map_db = total_db(self._map_db, between_db)
         self.fusion = self._stage.fusion_grid
-        self.warnings = self._stage.warnings
-        self.length = max(p.stop - p.start for p in self._stage.sampling.pulses)
+        reach = reach_warning(some_pixels(grid), tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), radar,
+                              n_samples)
+        self.warnings = (*self._stage.warnings, *([] if reach is None else [reach]))
 
     def __str__(self) -> str:
         polar, fusion = self.fusion.polar, self.fusion
@@ -129,7 +145,7 @@ class LivePlan:
             return None
         if not self._known and not (within and error_db <= self._target_db):
             return None
-        return centre_m, total_db(error_db, self._resampling_db)
+        return centre_m, total_db(error_db, self._map_db)
 
     def image(self, block: PulseBlock) -> np.ndarray:
         """Backproject a sub-aperture.
@@ -161,17 +177,14 @@ def _for_windows(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window:
 
     At baseband along direction their band is that of the window, wherever that lies.
     """
-    step = max(1, len(tx_m) // _ROWS_FOR_COVER)
-    bands = local_bands(polar, tx_m[::step], rx_m[::step], radar)
-    n_channels = tx_m.shape[1]
-    width = min(n_window // step + 2, len(tx_m[::step])) * n_channels
-    half = 0.0
-    for start in np.linspace(0, len(bands.slope) - width, _WINDOWS).astype(int):
-        slope = bands.slope[start:start + width]
-        low, high = slope.min(), slope.max()
-        # the carrier's phase is taken away, what the rest of the band has of it remains
-        rest = 0.5 * np.ptp(bands.wavenumber) * abs(low + high) / 2
-        half = max(half, bands.wavenumber[1] * 0.5 * (high - low) + rest)
+    bands, width = _bands_of_some(polar, radar, tx_m, rx_m, n_window)
+    slope = bands.slope.reshape(-1, rx_m.shape[1] * bands.slope.shape[1])
+    # Every window: where a track turns back, their bands differ much.
+    low = minimum_filter1d(slope.min(axis=1), width, mode='nearest')
+    high = maximum_filter1d(slope.max(axis=1), width, mode='nearest')
+    # the carrier's phase is taken away, what the rest of the band has of it remains
+    rest = 0.5 * np.ptp(bands.wavenumber) * np.abs(low + high) / 2
+    half = float((bands.wavenumber[1] * 0.5 * (high - low) + rest).max())
     spacing = max(math.pi / (half * oversampling), polar.alpha_spacing)
     beyond = margin(CORRECTED_TAPS)
     first = polar.alpha_start + beyond * polar.alpha_spacing
@@ -179,3 +192,26 @@ def _for_windows(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window:
     return dataclasses.replace(
         polar, alpha_start=first - beyond * spacing, alpha_spacing=spacing,
         n_alpha=math.ceil(extent / spacing) + 2 * beyond)
+
+
+def _windows_db(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window: int,
+                between: Interpolator) -> float:
+    """Error of the interpolation between lines in the worst of some windows, dB."""
+    bands, width = _bands_of_some(polar, radar, tx_m, rx_m, n_window)
+    n_channels, worst = rx_m.shape[1], 0.0
+    k = np.linspace(*bands.wavenumber, _WAVENUMBERS)[:, None, None]
+    for first in np.unique(np.linspace(0, len(bands.slope) // n_channels - width,
+                                       _WINDOWS).astype(int)):
+        rows = slice(first * n_channels, (first + width) * n_channels)
+        slope, weight = bands.slope[rows], bands.weight[rows]
+        middle = 0.5 * (slope.min() + slope.max()) * radar.wavenumber_rad_per_m
+        error = between.error_at((k * slope - middle) * (polar.alpha_spacing / (2 * math.pi)))
+        worst = max(worst, float(error.mean(axis=(0, 2)) @ weight / weight.sum()))
+    return 10 * math.log10(worst + 1e-16)
+
+
+def _bands_of_some(polar, radar, tx_m, rx_m, n_window) -> tuple[Bands, int]:
+    """Local frequencies of some pulses of a track, and how many of these a window has."""
+    step = max(1, len(tx_m) // _ROWS_FOR_COVER)
+    tx_m, rx_m = tx_m[::step], rx_m[::step]
+    return local_bands(polar, tx_m, rx_m, radar), min(n_window // step + 2, len(tx_m))

@@ -198,6 +198,8 @@ class LiveSubapertures(ApertureSequence):
                 results += self._image_again(target, slack=0.0)
             if target.refused and ends:
                 self.statistics.apertures_dropped += 1
+        if aperture.next < len(aperture.seen):  # the last plan has cut it anew
+            results += self._advance(aperture, closing=True) + self.catch_up()
         done = aperture if self._n_apertures == 1 else self._previous
         if done is not None and done.memory is not None:
             self._memory.append(done.memory)

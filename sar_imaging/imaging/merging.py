@@ -15,13 +15,14 @@ import numpy as np
 
 from ..compilation import njit, numba
 from ..geometry.polar import PolarGrid
-from .interpolation import Interpolator, coarsest_interpolator
+from .interpolation import Interpolator, coarsest_interpolator, finer_interpolator
 from .work_space import aligned_empty
 
 TAPS, DEGREE = 10, 5
 # Time of a merged pixel and of one more part; a pixel and row of the kernel is 1 (measured)
 _COST_PIXEL, _COST_PART = 2.5, 4e5
 _LEAST_ROWS = 4  # in a part
+_WAVENUMBERS = 5  # of the band, at which errors are looked up
 _BATCH_BYTES = 24 << 20  # of parts that are merged together
 _TILE_PAIRS, _TILE_RANGES = 32, 512  # of the sum; what it reads of the parts fits the cache
 _ALIGNED = 16  # floats of a cache line
@@ -41,8 +42,10 @@ class AngularParts:
         Grids of the parts and of their sum; they differ in direction only.
     interpolator : Interpolator
         From coarse to fine lines.
+    error_db : float
+        Of the interpolation, dB.
     cost : float
-        Relative time per pixel of the sum, the backprojection excluded.
+        Relative time per pixel of the sum.
     """
 
     rows: tuple[slice, ...]
@@ -50,6 +53,7 @@ class AngularParts:
     coarse: PolarGrid
     fine: PolarGrid
     interpolator: Interpolator
+    error_db: float
     cost: float
 
 
@@ -80,7 +84,7 @@ def angular_bands(slope, k_lo: float, k_hi: float, n_parts: int):
     return rows, 0.5 * (lo + hi), 0.5 * (hi - lo)
 
 
-def plan_parts(fine: PolarGrid, slope, k_lo: float, k_hi: float, interpolation_db: float,
+def plan_parts(fine: PolarGrid, slope, weight, k_lo: float, k_hi: float, interpolation_db: float,
                row_cost: float) -> AngularParts | None:
     """Cut rows into as many parts as make the image quickest.
 
@@ -90,6 +94,8 @@ def plan_parts(fine: PolarGrid, slope, k_lo: float, k_hi: float, interpolation_d
         Grid of the sum.
     slope, k_lo, k_hi :
         As for `angular_bands`.
+    weight : (R,) float64
+        Share of each row in the power of the image.
     interpolation_db : float
         Wanted error of the interpolation to the lines of the sum, dB.
     row_cost : float
@@ -101,8 +107,19 @@ def plan_parts(fine: PolarGrid, slope, k_lo: float, k_hi: float, interpolation_d
         None where cutting gains nothing.
     """
     interpolator = coarsest_interpolator(interpolation_db, taps=TAPS, degree=DEGREE)
-    if interpolator is None:
-        return None
+    while interpolator is not None:
+        best = _quickest_parts(fine, slope, k_lo, k_hi, interpolator, row_cost)
+        if best is None:
+            return None
+        error_db = _interpolation_db(best, slope, weight, np.linspace(k_lo, k_hi, _WAVENUMBERS))
+        if error_db <= interpolation_db:
+            return dataclasses.replace(best, error_db=error_db)
+        # Much of the power lies where bands end: parts have few rows, or the platform stopped.
+        interpolator = finer_interpolator(interpolator)
+    return None
+
+
+def _quickest_parts(fine, slope, k_lo, k_hi, interpolator, row_cost) -> AngularParts | None:
     best, least = None, row_cost * len(slope)
     n_parts = 2
     while n_parts * _LEAST_ROWS <= len(slope):
@@ -113,9 +130,19 @@ def plan_parts(fine: PolarGrid, slope, k_lo: float, k_hi: float, interpolation_d
             share = coarse.n_alpha / fine.n_alpha
             if merging + row_cost * len(slope) * share < least:
                 least = merging + row_cost * len(slope) * share
-                best = AngularParts(tuple(rows), middle, coarse, fine, interpolator, least)
+                best = AngularParts(tuple(rows), middle, coarse, fine, interpolator,
+                                    interpolator.error_db, least)
         n_parts = math.ceil(n_parts * 1.4)
     return best
+
+
+def _interpolation_db(parts: AngularParts, slope, weight, wavenumber) -> float:
+    """Mean error at the frequencies of the rows, seen from the middle of their part's band."""
+    middle = np.repeat(parts.frequency, [rows.stop - rows.start for rows in parts.rows])
+    frequency = wavenumber[:, None, None] * slope - middle[:, None]
+    error = parts.interpolator.error_at(
+        frequency * (parts.coarse.alpha_spacing / (2 * math.pi))).mean(axis=(0, 2))
+    return 10 * math.log10(float(error @ weight / weight.sum()) + 1e-16)
 
 
 def _coarse_grid(fine: PolarGrid, spacing: float) -> PolarGrid | None:

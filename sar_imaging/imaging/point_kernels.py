@@ -39,6 +39,11 @@ def largest_radius(wavelength_m: float, error_db: float) -> float:
     return 10 ** (error_db / 20) * wavelength_m / (4 * math.pi * _ROUNDING)
 
 
+def rounding_db(wavelength_m: float, radius_m: float) -> float:
+    """Error of the image by which tiles of a radius, metres, are rounded in float32, dB."""
+    return 20 * math.log10(4 * math.pi * _ROUNDING * radius_m / wavelength_m + 1e-12)
+
+
 def work_space() -> tuple[np.ndarray, ...]:
     """Arrays that `project_points` works in, for the threads in use."""
     n = numba.get_num_threads() * _GROUPS_PER_THREAD * TILE

@@ -1,35 +1,25 @@
-"""Polar image of a block: where its grid must lie and how finely it must be sampled.
+"""Polar image of a block: its grid, how its lines read the profiles, and what it costs.
 
 On unified polar coordinates around the aperture centre the half path is nearly the range itself,
-so that image lines read the profiles in step. Sampling follows from the local frequencies of the
-image, which are the derivatives of the half paths times the wavenumber.
+so that image lines read the profiles in step.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
-from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
-from .fusion_error import Coverage
-from .interpolation import Interpolator, coarsest_interpolator
-from .lattice import Lattice, half_paths, plan_lattice, remaining_db, sample_paths, total_db
+from ..signal.radar import RadarParameters
+from .interpolation import Interpolator
+from .lattice import Lattice, lattice_error_db, plan_lattice, sample_paths, total_db
+from .map_cover import cover_map
 from .merging import AngularParts, plan_parts
-from .range_band import RangeBand
 from .range_window import RangeWindow
-from .resampling import CORRECTED_TAPS, DEGREE, LANES, TAPS, margin
-from .subaperture_sampling import used_share
 
-_SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
-_EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
-_COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
-_SLACK = 1.01  # frequencies between samples of the map, and beside it
-_RANGE_RATIOS = (2, 3), (5, 7), (3, 4), (4, 5), (5, 6), (7, 8), (9, 10)
-_ROWS_FOR_COVER = 256
+_SAMPLES_PER_SIDE = 5  # positions at which the geometry is bounded
 COST_RESAMPLING = 12.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
 
 
@@ -103,257 +93,35 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     polar, lattice = cover.polar, cover.lattice
     if polar.n_range * polar.n_alpha > 3 * grid.n_x * grid.n_y + 100_000:
         return None
-    parts = plan_parts(polar, cover.slope_alpha, *cover.wavenumber, interpolation_db, lattice.cost)
+    parts = plan_parts(polar, cover.slope_alpha, cover.weight, *cover.wavenumber, interpolation_db,
+                       lattice.cost)
+    if parts is not None:
+        lattice = _lattice_of_parts(parts, lattice, tx_m, rx_m, radar, cover.window,
+                                    target_db - 3.0)
+        if lattice is None:
+            lattice, parts = cover.lattice, None
     share = polar.n_range * polar.n_alpha / (grid.n_x * grid.n_y)
     per_pixel = lattice.cost * len(tx_m) if parts is None else parts.cost
-    errors = [cover.resampling_db] + [p.interpolator.error_db for p in [parts] if p]
+    errors = [cover.resampling_db, cover.profile_db]
+    errors += [p.error_db for p in [parts] if p]
     return PolarPlan(polar, lattice, cover.window, cover.range_m, cover.axis, cover.between,
                      cover.along, parts, radar.wavelength_m,
                      total_db(lattice.predicted_error_db, *errors),
                      per_pixel * share + COST_RESAMPLING)
 
 
-@dataclasses.dataclass(frozen=True)
-class MapCover:
-    """Polar grid that covers a map, fine enough to be interpolated to it.
+def _lattice_of_parts(parts, lattice, tx_m, rx_m, radar, window, target_db) -> Lattice | None:
+    """Lattice that is as good where rows are added part by part, to lines far beyond the map.
 
-    Attributes
-    ----------
-    polar : PolarGrid
-        It reaches `margin` pixels beyond the map.
-    ratio : (int, int)
-        Ranges of images that are added to those of their sum, on `polar`.
-    lattice : Lattice
-        How lines of such images read the profiles.
-    window : RangeWindow or RangeBand
-        What it needs of the profiles.
-    range_m : (float, float)
-        Bounds of the half path over it, metres.
-    axis : int
-        Map axis along which the second pass of the resampling goes.
-    between, along : Interpolator
-        Of the resampling: between lines and along them.
-    slope_alpha : (R, S) float64
-        Derivative by direction of the half paths from the rows to samples of the map, metres.
-    wavenumber : (2,) floats
-        Lowest and highest of the radar's band, rad/m.
+    That of the map where it will do, None where none does.
     """
-
-    polar: PolarGrid
-    ratio: tuple[int, int]
-    lattice: Lattice
-    window: RangeWindow | RangeBand
-    range_m: tuple[float, float]
-    axis: int
-    between: Interpolator
-    along: Interpolator
-    slope_alpha: np.ndarray
-    wavenumber: tuple[float, float]
-
-    @property
-    def oversampling(self) -> tuple[float, float]:
-        """Along range and direction."""
-        return self.along.oversampling, self.between.oversampling
-
-    @property
-    def resampling_db(self) -> float:
-        """Error of the interpolation to the map, dB."""
-        return total_db(self.along.error_db, self.between.error_db)
-
-
-def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
-              resampling_db: float, lattice_db: float,
-              band: RangeBand | None = None, corrected: bool = False) -> MapCover | None:
-    """Cover a map by a polar grid around the aperture.
-
-    Parameters
-    ----------
-    grid, tx_m, rx_m, radar, n_samples :
-        As for `plan_polar`.
-    resampling_db, lattice_db : float
-        Wanted errors of each pass of the interpolation to the map and of the backprojection, dB.
-    band : RangeBand, optional
-        Phase histories instead of profiles; `radar` is its own.
-    corrected : bool
-        The polar image will be formed by its spectrum and corrected for the interpolation between
-        lines, as that of `SpectrumFusion` is: lines may be fewer, and images that are added need
-        not be sampled as finely.
-
-    Returns
-    -------
-    MapCover or None
-        None where the map is tiny, too near, all around, or not ahead of the aperture.
-    """
-    frame = _frame(grid, 0.5 * (tx_m + rx_m))
-    between = coarsest_interpolator(resampling_db, taps=CORRECTED_TAPS if corrected else TAPS,
-                                    degree=DEGREE, corrected=corrected)
-    along = coarsest_interpolator(resampling_db, taps=TAPS, degree=DEGREE)
-    if frame is None or min(grid.shape) < TAPS or between is None or along is None:
-        return None
-    origin, track, side, axis = frame
-    bands = _bands(grid, tx_m, rx_m, radar, origin, track, side, axis)
-    if bands is None:
-        return None
-    paths, (half_range, local), slope_alpha, k = bands
-    half_alpha = k[1] * float(np.abs(slope_alpha).max())
-    spacing = math.pi / (half_range * along.oversampling) * 0.999
-    n_line = math.ceil(np.ptp(paths.length) / spacing)
-    ratio = _range_ratio(spacing, n_line, local) if corrected else (1, 1)
-    spacing *= ratio[1] / ratio[0]
-    # The sampled half paths miss the extremes by what range and direction add between samples.
-    lo, hi = float(paths.length.min()), float(paths.length.max())
-    slack = 2 * margin(TAPS) * spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
-    range_m = lo - slack, hi + slack
-    window = band or RangeWindow.around(radar, n_samples, range_m)
-    lattice = plan_lattice(paths, spacing, n_line, radar, window.n_samples, lattice_db,
-                           fit_spacing=True, periodic=window.periodic)
-    if lattice is None:
-        return None
-    polar = _cover(grid, origin, track, side, lattice.spacing * ratio[0] / ratio[1], half_alpha,
-                   between)
-    if polar is None:
-        return None
-    return MapCover(polar, ratio, lattice, window, range_m, axis, between, along, slope_alpha, k)
-
-
-def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
-                     target_db: float, band: RangeBand | None = None,
-                     share_db: float = 8.0) -> tuple[MapCover, float]:
-    """Cover a map by the polar grid of an image that AFBP fuses.
-
-    Parameters
-    ----------
-    grid, radar, n_samples, band :
-        As for `cover_map`.
-    tx_m, rx_m : (P, C, 3) float64
-        Phase centres of the whole aperture, metres.
-    target_db : float
-        Wanted error of the map, dB.
-    share_db : float
-        By how much less each pass to the map may err; the more, the finer the polar grid.
-
-    Returns
-    -------
-    cover : MapCover
-    polar_db : float
-        What the interpolation to the map leaves of the target for the polar image, dB.
-
-    Raises
-    ------
-    ValueError
-        The map is tiny, too near, all around, or not ahead of the aperture.
-    """
-    step = max(1, len(tx_m) // _ROWS_FOR_COVER)
-    rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
-    cover = cover_map(grid, *rows, radar if band is None else band.radar, n_samples,
-                      target_db - share_db, min(target_db - 10.0, -50.0), band,
-                      corrected=True)
-    if cover is None:
-        raise ValueError('the map is too small, too near, around or beside the aperture for a '
-                         'polar image; use Backprojector')
-    return cover, remaining_db(target_db, cover.resampling_db)
-
-
-def map_coverage(polar: PolarGrid, grid: MapGrid) -> Coverage:
-    """How densely the pixels of a map fill the lines and the ranges of a polar grid over it."""
-    x, y = (np.linspace(v[0], v[-1], _COVERAGE_SAMPLES) for v in (grid.x_m, grid.y_m))
-    r, alpha = polar.from_map(*(v.ravel() for v in np.meshgrid(x, y)))
-    counts = (np.histogram((v - start) / (n * spacing), _COVERAGE_BINS, (0.0, 1.0))[0]
-              for v, start, n, spacing in (
-                  (alpha, polar.alpha_start, polar.n_alpha, polar.alpha_spacing),
-                  (r, polar.range_start_m, polar.n_range, polar.range_spacing_m)))
-    return Coverage(*(_COVERAGE_BINS * count / len(r) for count in counts))
-
-
-def _frame(grid: MapGrid, centres):
-    """Origin, track direction, side and second-pass axis; None when the map is not ahead."""
-    middle = centres.mean(axis=0)
-    look = np.array(grid.centre_m[:2]) - middle[:2]
-    distance = math.hypot(*look)
-    if distance == 0:
-        return None
-    spread = centres[:, :2] - middle[:2]
-    _, lengths, axes = np.linalg.svd(spread, full_matrices=False)
-    broadside = np.array([-look[1], look[0]]) / distance
-    track = axes[0] if lengths[0] > 1e-6 * distance else broadside
-    axis = int(abs(look[1]) > abs(look[0]))
-    if axis == 0 and track[1] > 0:  # lines in the order of the rows of the map, north first
-        track = -track
-    along = spread @ track
-    origin = middle.copy()
-    origin[:2] += track * 0.5 * (along.min() + along.max())
-    side = 1 if -look[0] * track[1] + look[1] * track[0] >= 0 else -1
-    across = side * np.array([-track[1], track[0]])
-    corners = np.array([[x, y] for x in grid.x_m[[0, -1]] for y in grid.y_m[[0, -1]]])
-    offset = corners - origin[:2]
-    ahead = offset[:, axis] * np.sign(look[axis])
-    if (offset @ across).min() < 0.1 * distance or ahead.min() < 0.1 * distance:
-        return None
-    return tuple(origin), tuple(track), side, axis
-
-
-def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
-    """What the band of the image follows from.
-
-    Half paths along range, half the bandwidth in range in rad/m along a row of the map and at one
-    direction, the derivative of the half paths by direction, and the lowest and highest
-    wavenumber.
-    """
-    n = _SAMPLES_PER_SIDE
-    x, y = (v.ravel() for v in np.meshgrid(np.linspace(grid.x_m[0], grid.x_m[-1], n),
-                                           np.linspace(grid.y_m[0], grid.y_m[-1], n)))
-    unit = PolarGrid(origin, track, side, grid.z_m, abs(origin[2] - grid.z_m) + 1.0, 1.0, 1,
-                     0.0, 1.0, 1)
-    r, alpha = unit.from_map(x, y)
-    lines = unit.lines(r, alpha)
-    position = lines[0]
-    paths = sample_paths(tx_m, rx_m, lines)
-    slope_alpha = half_paths(tx_m, rx_m, position, unit.by_direction(r, alpha))[1]
-    # along a row of the map the direction changes with range, too
-    step = (position[:, axis] - origin[axis]) / r
-    alpha_by_range = (track[axis] / step - alpha) / r
-    band = 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
-    k = radar.wavenumber_rad_per_m + band
-    slope = paths.derivatives[0]
-    if slope.min() <= 0:
-        return None
-    half_range = band * slope.max() + k * np.abs(
-        slope - 1 + slope_alpha * alpha_by_range).max()
-    local = band * slope.max() + k * np.abs(slope - 1).max()
-    return paths, (float(half_range), float(local)), slope_alpha, (k - 2 * band, k)
-
-
-def _range_ratio(spacing: float, n_range: int, local: float) -> tuple[int, int]:
-    """Fewest ranges that hold the band of a sub-aperture image, to those of the sum."""
-    needed = used_share(_SLACK * local, spacing, n_range)
-    return next((ratio for ratio in _RANGE_RATIOS if ratio[0] / ratio[1] >= needed), (1, 1))
-
-
-def _cover(grid, origin, track, side, spacing, half_alpha, between) -> PolarGrid | None:
-    """Polar grid that reaches `margin` pixels beyond the map."""
-    x = np.linspace(grid.x_m[0], grid.x_m[-1], _EDGE_SAMPLES)
-    y = np.linspace(grid.y_m[0], grid.y_m[-1], _EDGE_SAMPLES)
-    edges = np.concatenate([np.stack(np.broadcast_arrays(x, side_y), axis=-1)
-                            for side_y in (y[0], y[-1])]
-                           + [np.stack(np.broadcast_arrays(side_x, y), axis=-1)
-                              for side_x in (x[0], x[-1])])
-    dx, dy = edges[:, 0] - origin[0], edges[:, 1] - origin[1]
-    r = np.sqrt(dx ** 2 + dy ** 2 + (origin[2] - grid.z_m) ** 2)
-    alpha = (dx * track[0] + dy * track[1]) / r
-    before, beside = margin(TAPS), margin(between.n_taps)
-    # between two edge samples
-    slack = 0.5 * max(np.ptp(x), np.ptp(y)) / (_EDGE_SAMPLES - 1)
-    extent = np.ptp(alpha) + 2 * slack / r.min()
-    alpha_spacing = extent
-    if half_alpha:
-        alpha_spacing = min(math.pi / (half_alpha * between.oversampling), extent)
-    # whole vectors, so that lines begin alike
-    n_range = -(-math.ceil((np.ptp(r) + 2 * slack) / spacing + 2 * before) // LANES) * LANES
-    n_alpha = math.ceil(extent / alpha_spacing) + 2 * beside
-    try:
-        return PolarGrid(origin, track, side, grid.z_m, r.min() - slack - before * spacing,
-                         spacing, n_range,
-                         alpha.min() - slack / r.min() - beside * alpha_spacing, alpha_spacing,
-                         n_alpha)
-    except ValueError:
-        return None
+    coarse = parts.coarse
+    r, alpha = (v.ravel() for v in np.meshgrid(
+        *(np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (coarse.range_m, coarse.alpha))))
+    paths = dataclasses.replace(sample_paths(tx_m, rx_m, coarse.lines(r, alpha)),
+                                parts=tuple(rows.start for rows in parts.rows))
+    error_db = lattice_error_db(lattice, paths, radar)
+    if error_db <= target_db:
+        return dataclasses.replace(lattice, predicted_error_db=error_db)
+    return plan_lattice(paths, coarse.range_spacing_m, coarse.n_range, radar, window.n_samples,
+                        target_db)

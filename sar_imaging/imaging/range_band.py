@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 
@@ -64,6 +65,10 @@ class RangeBand:
         # The profile starts half a period before the reference: half a cycle from bin to bin.
         sign = 1 - 2 * ((np.arange(n_samples) - self.zero) % 2)
         self._gain = (sign * weights / weights.sum()).astype(np.float32)
+
+    def mean_end_error_db(self, range_m) -> float:
+        """-inf: what is periodic has no ends."""
+        return -math.inf
 
     def gain(self, n_padded: int) -> np.ndarray:
         """(K,) float32 factor of each frequency; `n_padded` is K."""

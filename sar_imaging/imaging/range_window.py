@@ -14,9 +14,10 @@ from ..signal.radar import RadarParameters
 from .fusion_error import edge_taper
 
 # Samples beyond the needed ranges, times 1 - bandwidth over sample rate. What the cut changes
-# within them is below -90 dB of the profile there (measured on noise).
+# within them is below -94 dB of the profile there.
 _REACH = 24.0
-_TAPER_SHARE, _TAPER_SHAPE = 0.75, 4.0  # of these samples
+_TAPER_SHARE, _TAPER_SHAPE = 0.3, 4.0  # of these samples: longer tapers begin too near
+_TONES, _LONGEST = 8, 2048  # in the band, and samples of a table of errors
 _WORTHWHILE = 0.9  # longer windows are not worth a copy
 
 
@@ -88,6 +89,43 @@ class RangeWindow:
             out[:, n - self.n_fall:n] *= _rise(self.n_fall)[::-1]
 
 
+    def end_error(self, range_m) -> np.ndarray:
+        """Mean squared error at half paths of what is read, because the window ends.
+
+        Relative to the power of the profile, which is taken to go on beyond its ends.
+
+        Parameters
+        ----------
+        range_m : (...) array_like
+            Half paths, metres.
+
+        Returns
+        -------
+        (...) float64
+            1 where nothing is read.
+        """
+        oversampling = round(self.radar.sample_rate_hz / self.radar.bandwidth_hz, 2)
+        after = (np.asarray(range_m) - self.range_start_m) / self.radar.sample_spacing_m
+        error = 0.0
+        for distance, taper in ((after, self.n_rise), (self.n_samples - 1 - after, self.n_fall)):
+            table = _end_errors(oversampling, taper)
+            error = error + np.interp(distance, np.arange(len(table)), table, left=1.0)
+        return np.minimum(error, 1.0)
+
+    def mean_end_error_db(self, range_m) -> float:
+        """Mean of `end_error` over an image, dB.
+
+        Parameters
+        ----------
+        range_m : (R, n * n) float64
+            Half paths from some rows to a square of positions, edge to edge, metres.
+        """
+        error = np.mean(self.end_error(range_m), axis=0)
+        side = np.ones(math.isqrt(len(error)))
+        side[[0, -1]] = 0.5  # they stand for half as much of the image
+        weight = np.outer(side, side).ravel()
+        return 10 * math.log10(float(error @ weight / weight.sum()) + 1e-16)
+
     def gain(self, n_padded: int) -> np.ndarray:
         """(n_padded,) float32 factor of each bin of `spectrum` on the way back to ranges.
 
@@ -95,9 +133,7 @@ class RangeWindow:
         would ring far inside.
         """
         oversampling = self.radar.sample_rate_hz / self.radar.bandwidth_hz
-        beyond = 2 * np.abs(scipy.fft.fftfreq(n_padded)) * oversampling - 1
-        taper = np.cos(0.5 * np.pi * np.clip(beyond / (oversampling - 1), 0, 1)) ** 2
-        return (taper / n_padded).astype(np.float32)
+        return (_band_taper(n_padded, oversampling) / n_padded).astype(np.float32)
 
     def spectrum(self, samples: np.ndarray, n_padded: int, buffer) -> np.ndarray:
         """(R, n_padded) complex64 spectra of the window of profiles (R, N).
@@ -107,6 +143,25 @@ class RangeWindow:
         padded = buffer('spectrum', (len(samples), n_padded), np.complex64)
         self.cut(samples, padded)
         return scipy.fft.fft(padded, axis=-1, workers=numba.get_num_threads(), overwrite_x=True)
+
+
+def _band_taper(n: int, oversampling: float) -> np.ndarray:
+    beyond = 2 * np.abs(scipy.fft.fftfreq(n)) * oversampling - 1
+    return np.cos(0.5 * np.pi * np.clip(beyond / (oversampling - 1), 0, 1)) ** 2
+
+
+@functools.lru_cache(maxsize=64)
+def _end_errors(oversampling: float, n_rise: int) -> np.ndarray:
+    """Mean squared error of tones of the band by samples from the start of a window."""
+    n = _LONGEST
+    missing = np.concatenate([np.zeros(n // 2), -np.ones(n // 2), np.zeros(n)])
+    missing[n // 2:3 * n // 4] *= edge_taper(n, n // 4, _TAPER_SHAPE)[:n // 4]  # far away
+    missing[n:n + n_rise] = _rise(n_rise) - 1 if n_rise else 0.0
+    frequency, weight = np.polynomial.legendre.leggauss(_TONES)
+    tones = np.exp(1j * np.pi / oversampling * np.outer(frequency, np.arange(2 * n)))
+    filtered = scipy.fft.ifft(scipy.fft.fft(missing * tones) * _band_taper(2 * n, oversampling))
+    error = 0.5 * weight @ np.abs(filtered[:, n:n + n // 2]) ** 2
+    return np.maximum.accumulate(error[::-1])[::-1]
 
 
 @functools.lru_cache(maxsize=16)

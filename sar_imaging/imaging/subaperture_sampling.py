@@ -1,7 +1,7 @@
 """Cut of an aperture into sub-apertures, and how coarsely their images may be sampled.
 
-The derivatives of the half paths are the local frequencies of the image. They bound the bands of
-the sub-aperture images, from which follow the lines that each needs and the error of the fusion.
+The local frequencies bound the bands of the sub-aperture images, from which follow the lines that
+each needs and the error of the fusion.
 """
 
 from __future__ import annotations
@@ -16,55 +16,23 @@ import numpy as np
 import scipy.fft
 
 from ..geometry.polar import PolarGrid
-from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .aperture_cut import cut_pulses, pieces_between_gaps
 from .first_stage import FirstStage
 from .fusion_error import EVERYTHING, Coverage, mean_error, taper_shape
-from .lattice import half_paths
+from .local_bands import SAMPLES_PER_SIDE, Bands, ranges_before, usual_guard
 from .row_transform import row_length
 from .transform_length import quick_length
 
-_SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 _OVERSAMPLING = (1.1, 1.15, 1.2, 1.25, 1.3, 1.4, 1.6, 1.8, 2.0, 2.3, 2.7, 3.2)
 _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 # Time of a coarse and a fine pixel in the fusion; a pixel and row of the kernel is 1 (measured)
 _COST_COARSE, _COST_FINE, _COST_SUBAPERTURE = 7.0, 8.0, 1e6
 _AHEAD = (4, 2, 1, 0)  # choices to look ahead in both
 _LEAST_RANGE_GUARD = 16
-_TAPER_LOBES = 4  # times the inverse of the guards' length
-# Times the root of the ranges: narrower guards widen the tapers' spectrum, and the fused one
-_RANGE_GUARD = 1.2
+_WIDE_GUARD = 3.0  # times those along direction: there the error is far less
+_NEARER = (0.7, 0.9)  # shares of the furthest distance from the centre, which are told apart
 # At which errors are looked up: sub-apertures, rows of each, wavenumbers of each row
 _CUTS_FOR_ERROR, _ROWS_FOR_ERROR, _WAVENUMBERS = 16, 24, 6
-
-
-@dataclasses.dataclass(frozen=True)
-class Bands:
-    """Local frequencies of a grid's sub-aperture images.
-
-    Attributes
-    ----------
-    slope : (R, S) float64
-        Derivative of the half path by direction, over that by range, metres, from each row to
-        points direction by direction. Times the wavenumber it is the frequency along direction.
-    position : (S,) float64
-        Where the points lie along direction, 0 to 1.
-    wavenumber : (2,) floats
-        Lowest and highest of the band, rad/m.
-    half_range : float
-        Largest frequency along range, relative to the carrier's, rad/m.
-    range_m : (float, float)
-        Smallest and largest half path to the points, metres.
-    by_range : (float, float)
-        Smallest and largest derivative of the half paths by range.
-    """
-
-    slope: np.ndarray
-    position: np.ndarray
-    wavenumber: tuple[float, float]
-    half_range: float
-    range_m: tuple[float, float]
-    by_range: tuple[float, float]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,52 +75,6 @@ class Sampling:
     coverage: Coverage
     error_db: float
     cost: float
-
-
-def local_bands(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Bands:
-    """Local frequencies of backprojected images at samples of a polar grid and its guards.
-
-    Parameters
-    ----------
-    polar : PolarGrid
-        Grid.
-    tx_m, rx_m : (P, C, 3) float64
-        Phase centres, metres.
-    radar : RadarParameters
-        Of the profiles.
-
-    Returns
-    -------
-    Bands
-
-    Raises
-    ------
-    ValueError
-        Range does not grow along the lines of the grid.
-    """
-    n = _SAMPLES_PER_SIDE
-    where = np.linspace(0, 1, n)
-    # Frequencies in the guards count, too: the nearer, the more they change with direction.
-    guard = usual_guard(polar.n_range)
-    before = min(guard, max(0, _ranges_before(polar, 0.0)) // 2)
-    r, share = (v.ravel() for v in np.meshgrid(
-        np.linspace(polar.range_m[0] - before * polar.range_spacing_m,
-                    polar.range_m[-1] + guard * polar.range_spacing_m, n), where))
-    alpha = polar.alpha[0] + share * (polar.alpha[-1] - polar.alpha[0])
-    position, along_range = polar.lines(r, alpha)[:2]
-    along_alpha = polar.by_direction(r, alpha)
-    length, by_range, slope = half_paths(tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), position,
-                                         along_range, along_alpha)
-    extremes = float(by_range.min()), float(by_range.max())
-    if extremes[0] <= 0.1:
-        raise ValueError('range does not grow along the lines of the polar grid; it lies beside '
-                         'or behind the track, use Backprojector')
-    slope /= by_range
-    half = 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
-    k = radar.wavenumber_rad_per_m
-    half_range = half * extremes[1] + (k + half) * max(1 - extremes[0], extremes[1] - 1)
-    return Bands(slope, share, (k - half, k + half), half_range,
-                 (float(length.min()), float(length.max())), extremes)
 
 
 def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths,
@@ -258,7 +180,7 @@ def _sampling(polar, ratio, pulses, centre, furthest, half, oversampling, n_guar
     least = max(_LEAST_RANGE_GUARD,
                 math.ceil(n_guard * spacing * furthest / polar.range_spacing_m))
     range_guard = max(least, min(usual_guard(polar.n_range),
-                                 _ranges_before(polar, (extent - wanted) / 2 + spacing)))
+                                 ranges_before(polar, (extent - wanted) / 2 + spacing)))
     n_coarse_range, n_fine_range = (n * row_length(
         math.ceil((polar.n_range + 2 * range_guard) / ratio[1]), ratio) for n in ratio)
     cost = (len(pulses) * (_COST_COARSE * n_coarse * n_coarse_range + _COST_SUBAPERTURE)
@@ -267,53 +189,10 @@ def _sampling(polar, ratio, pulses, centre, furthest, half, oversampling, n_guar
                     n_fine_range, coverage, 0.0, cost)
 
 
-def usual_guard(n_range: int) -> int:
-    """Ranges of each guard where the geometry does not need more, nor leaves less."""
-    return math.ceil(_RANGE_GUARD * math.sqrt(n_range))
-
-
-def used_share(half_range: float, spacing_m: float, n_range: int, tapers: float = 1.0) -> float:
-    """Share of a sampling along range that a sub-aperture image needs.
-
-    Parameters
-    ----------
-    half_range : float
-        Largest frequency along range, relative to the carrier's, rad/m.
-    spacing_m : float
-        Of the ranges, metres.
-    n_range : int
-        Number of ranges, guards not included.
-    tapers : float
-        How much of what tapers over usual guards add is wanted, too.
-
-    Returns
-    -------
-    float
-        Above 1 where the ranges do not hold the band.
-    """
-    band = half_range + tapers * taper_band(usual_guard(n_range) * spacing_m)
-    return spacing_m / math.pi * band
-
-
-def taper_band(guard_m: float) -> float:
-    """By how much tapers over the guards widen a band along range on either side, rad/m."""
-    return _TAPER_LOBES * 2 * math.pi / guard_m
-
-
-def _ranges_before(polar: PolarGrid, beyond: float) -> int:
-    """Ranges on the plane before the first one, in all directions up to so far beyond the grid."""
-    last = polar.alpha_start + (polar.n_alpha - 1) * polar.alpha_spacing
-    steepest = max(abs(polar.alpha_start), abs(last)) + beyond
-    if steepest >= 1:
-        return -1
-    nearest = abs(polar.height_m) / math.sqrt(1 - steepest ** 2)
-    return math.floor((polar.range_start_m - nearest) / polar.range_spacing_m)
-
-
 def _on_plane(polar: PolarGrid, s: Sampling) -> bool:
     """Whether the coarse grid, which rounding may move by a line, lies on the plane."""
     beyond = (s.extent - polar.n_alpha * polar.alpha_spacing) / 2 + s.extent / s.n_coarse
-    return (s.n_fine_range - polar.n_range) // 2 < _ranges_before(polar, beyond)
+    return (s.n_fine_range - polar.n_range) // 2 < ranges_before(polar, beyond)
 
 
 def _with_error(s: Sampling, polar: PolarGrid, bands: Bands, n_channels: int) -> Sampling:
@@ -322,8 +201,8 @@ def _with_error(s: Sampling, polar: PolarGrid, bands: Bands, n_channels: int) ->
     rows, weight, centre = [], [], []
     for cut in np.unique(cuts):
         pulses = s.pulses[cut]
-        some, share = _rows_for_error(bands.slope[pulses.start * n_channels:
-                                                  pulses.stop * n_channels])
+        own = slice(pulses.start * n_channels, pulses.stop * n_channels)
+        some, share = _rows_for_error(bands.slope[own], bands.weight[own])
         rows.append(pulses.start * n_channels + some)
         weight.append(share)
         centre.append(np.full(len(some), s.centre[cut]))
@@ -331,14 +210,15 @@ def _with_error(s: Sampling, polar: PolarGrid, bands: Bands, n_channels: int) ->
     return dataclasses.replace(s, error_db=10 * math.log10(error + 1e-16))
 
 
-def _rows_for_error(slope) -> tuple[np.ndarray, np.ndarray]:
-    """Some rows of a sub-aperture and how many each stands for.
+def _rows_for_error(slope, weight) -> tuple[np.ndarray, np.ndarray]:
+    """Some rows of a sub-aperture and the power that each stands for.
 
     They lie densest where the band ends: the error of the others is far less.
     """
     order = np.argsort(slope.mean(axis=1))
     edges = 0.5 * len(order) * (1 - np.cos(np.linspace(0, np.pi, _ROWS_FOR_ERROR + 1)))
-    return order[(0.5 * (edges[1:] + edges[:-1])).astype(int)], np.diff(edges)
+    power = np.interp(edges, np.arange(len(order) + 1), np.append(0, np.cumsum(weight[order])))
+    return order[(0.5 * (edges[1:] + edges[:-1])).astype(int)], np.diff(power)
 
 
 def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, weight, centre_m) -> float:
@@ -371,19 +251,35 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, weight, cent
     bins = wavenumber[:, None, None] * (s.extent / (2 * math.pi))
     # from the bin that the band's middle is rounded to, as in the fusion
     frequency = bins * slope - np.rint(bins * np.reshape(centre_m, (-1, 1)))
-    weight = np.reshape(weight, (-1, 1))
+    weight = np.broadcast_to(np.reshape(weight, (-1, 1)), (len(slope), 1))
     error = mean_error(s.n_coarse, s.n_guard, s.beta, frequency, weight, bands.position,
                        s.coverage.along_alpha)
     # Along range the same happens over a length that grows with the distance from the centre.
-    shift = np.abs(s.centre).mean() * s.extent / s.n_coarse / polar.range_spacing_m
-    n = int(polar.n_range / max(shift, 1e-9) + 2 * s.n_guard) + 2
-    return error + mean_error(n, s.n_guard, s.beta, frequency * (n / s.n_coarse), weight,
-                              density=s.coverage.along_range)
+    away = np.broadcast_to(np.abs(np.ravel(centre_m)), len(slope))
+    furthest = max(float(np.abs(s.centre).max()), float(away.max()), 1e-9)
+    which = np.searchsorted(_NEARER, away / furthest)
+    for number in np.unique(which):
+        some = which == number
+        shift = (furthest * [*_NEARER, 1.0][number] * s.extent / s.n_coarse
+                 / polar.range_spacing_m)
+        error += (weight[some].sum() / weight.sum()) * _range_error(
+            s, polar, frequency[:, some], weight[some], shift)
+    return error
+
+
+def _range_error(s: Sampling, polar: PolarGrid, frequency, weight, shift: float) -> float:
+    """Mean squared error near the ends of the ranges, of which `shift` move by a coarse line."""
+    n_guard = (s.n_fine_range - polar.n_range) // 2 / shift
+    if n_guard > _WIDE_GUARD * s.n_guard:
+        return 0.0
+    n = int(polar.n_range / shift + 2 * n_guard) + 2
+    return mean_error(n, n_guard, s.beta, frequency * (n / s.n_coarse), weight,
+                      density=s.coverage.along_range)
 
 
 def _to_guards(slope, share: float) -> np.ndarray:
     """Slopes of which the outermost directions lie by a share of the scene in the guards."""
-    slope = slope.copy().reshape(len(slope), _SAMPLES_PER_SIDE, -1)
+    slope = slope.copy().reshape(len(slope), SAMPLES_PER_SIDE, -1)
     steps = slope[:, [0, -1]] - slope[:, [1, -2]]
-    slope[:, [0, -1]] += share * (_SAMPLES_PER_SIDE - 1) * steps
+    slope[:, [0, -1]] += share * (SAMPLES_PER_SIDE - 1) * steps
     return slope.reshape(len(slope), -1)

@@ -21,17 +21,12 @@ from .first_stage import FirstStage
 from .fusion_error import EVERYTHING, Coverage
 from .fusion_grid import FusionGrid
 from .lattice import half_paths, plan_lattice, remaining_db, sample_paths, total_db
+from .local_bands import TAPERS_NEEDED, Bands, local_bands, used_share
 from .profiles import Profiles
 from .projection import PolarLines
 from .range_band import RangeBand
 from .range_window import RangeWindow
-from .subaperture_sampling import (
-    Bands,
-    choose_sampling,
-    fusion_error,
-    local_bands,
-    used_share,
-)
+from .subaperture_sampling import choose_sampling, fusion_error
 from .work_space import aligned_empty
 
 _STAGE_SHARE_DB = 6.0  # of the target: by so much less the error of sub-aperture images
@@ -161,8 +156,9 @@ class SubaperturePlan:
                                                 _SAMPLES_PER_SIDE))
         self._lattice_db = min(target_db - _STAGE_SHARE_DB, -50.0)
         bands = local_bands(polar, tx_m, rx_m, radar)
-        if ratio[0] / ratio[1] < used_share(bands.half_range, polar.range_spacing_m,
-                                            polar.n_range, tapers=0.5):
+        share = used_share(bands.half_range, polar.range_spacing_m, polar.n_range,
+                           tapers=TAPERS_NEEDED)
+        if ratio[0] / ratio[1] < share:
             ratio = 1, 1
         usual = dataclasses.replace(polar, n_range=polar.n_range * ratio[0] // ratio[1],
                                     range_spacing_m=polar.range_spacing_m * ratio[1] / ratio[0])
@@ -276,7 +272,7 @@ class SubaperturePlan:
         bands = local_bands(self.polar, tx_m, rx_m, self.radar)
         within = self.limits.contain(Limits.of(bands), self._slope_slack)
         centre = 0.5 * float(bands.slope.min() + bands.slope.max())
-        error = fusion_error(self.sampling, self.polar, bands, slice(None), 1.0, centre)
+        error = fusion_error(self.sampling, self.polar, bands, slice(None), bands.weight, centre)
         error_db = total_db(self._stage_error_db, 10 * math.log10(error + 1e-16))
         return centre, error_db, within
 

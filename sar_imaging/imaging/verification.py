@@ -17,7 +17,7 @@ from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..signal.pulses import PulseBlock
 from ..signal.spectra import band_spectrum
-from .correlation import correlate
+from .correlation import correlate, correlate_profiles
 
 _SAMPLES_AT_ONCE = 2 ** 21  # bounds the float64 copies of a block, some 100 MB
 _PIXELS_AT_ONCE = 2 ** 22
@@ -37,16 +37,22 @@ class Verification:
         Error of the brightest pixels alone, dB.
     n_brightest : int
         Brightest pixels compared.
+    covered_share : float
+        Share of the random pixels that the profiles cover, 0 to 1. The others were left out.
     """
 
     error_db: float
     n_pixels: int
     brightest_error_db: float
     n_brightest: int
+    covered_share: float = 1.0
 
     def __str__(self) -> str:
+        left_out = ('' if self.covered_share == 1.0 else
+                    f'; {1 - self.covered_share:.0%} of the pixels are left out, where ranges '
+                    'come close to the end of a profile')
         return (f'{self.error_db:.1f} dB over the image ({self.n_pixels} random pixels), '
-                f'{self.brightest_error_db:.1f} dB on the {self.n_brightest} brightest')
+                f'{self.brightest_error_db:.1f} dB on the {self.n_brightest} brightest{left_out}')
 
 
 def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int = 200,
@@ -54,14 +60,19 @@ def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int
                   progress: bool = False) -> Verification:
     """Compare some pixels of an image with float64 correlation of the pulses it was made of.
 
-    The error of a whole image is ``10 log10(sum |img - ref|^2 / sum |ref|^2)`` over all its
-    pixels, `ref` being `correlate`. `error_db` estimates just that. Both sums are the sum over
-    the brightest pixels of the image plus an estimate for the others, from uniformly random ones:
+    The error of a whole image is ``10 log10(sum |img - ref|^2 / sum |ref|^2)`` over its pixels,
+    `ref` being `correlate_profiles` or, of raw pulses, `correlate`. `error_db` estimates just
+    that, over the pixels that the profiles cover. Both sums are the sum over the brightest
+    pixels of the image plus an estimate for the others, from uniformly random ones:
 
     - numerator: the mean ``|img - ref|^2`` of the random pixels times the number of others;
     - denominator: the power of the image in all others, which is known, times the ratio of
       ``sum |ref|^2`` to ``sum |img|^2`` over the random pixels. It is 1 but for the error
       itself, and makes the figure hold for bad images too.
+
+    Where a delay comes close to the end of a profile, the value between its samples depends on
+    samples that nobody has. Such pixels are left out of all sums; `covered_share` tells how many
+    there are. Of the others' number and power the share is taken that random pixels show.
 
     Neither stratum would do alone. Random pixels miss the few that hold the power of a radar
     image, and with them an error that grows with brightness; dividing by the power of the random
@@ -79,11 +90,12 @@ def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int
     where : MapGrid, PolarGrid or (..., 3) float64
         Grid of the image, or the position of every pixel, metres.
     blocks : PulseBlock or iterable of PulseBlock
-        All pulses of the image with phase centres: range profiles, or raw pulses of a
-        stepped-frequency radar. Correlation is a sum over pulses, so that an aperture that does
-        not fit into memory can come block by block. Profiles count inside the band of the
-        waveform and as one period of a periodic signal, see
-        `sar_imaging.signal.spectra.band_spectrum`.
+        All pulses of the image with phase centres: range profiles as `RangeCompressor` puts them
+        out, of any waveform, or raw pulses of a stepped-frequency radar. Correlation is a sum
+        over pulses, so that an aperture that does not fit into memory can come block by block.
+        Profiles are read by `correlate_profiles` as samples of a signal in the waveform's band:
+        what they hold beyond it, such as noise that was never filtered, counts as error. Raw
+        pulses are taken by their spectra, without window and calibration.
     n_pixels, n_brightest : int
         Pixels to compare, at least one each; no more than there are.
     fit_scale : bool
@@ -101,8 +113,8 @@ def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int
     Raises
     ------
     ValueError
-        Shapes disagree, the image is not finite, a number of pixels is not positive, or a block
-        has no phase centres or cannot be correlated.
+        Shapes disagree, the image is not finite, a number of pixels is not positive, a block
+        has no phase centres or cannot be correlated, or the profiles cover none of the pixels.
     """
     image = np.asarray(image)
     _check(image, where, n_pixels, n_brightest)
@@ -112,21 +124,41 @@ def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int
                                                 replace=False, shuffle=False)
     others = random[~np.isin(random, bright)]
     chosen = np.concatenate([bright, others])
-    reference = _correlate(_positions(where, image.shape, chosen), blocks, progress)
+    reference, covered = _correlate(_positions(where, image.shape, chosen), blocks, progress)
+    if not covered.any():
+        raise ValueError(f'none of {len(chosen)} pixels is covered by all profiles: their ranges '
+                         'come close to the ends of profiles or leave them; compare an image of '
+                         'a smaller area, or longer profiles')
     values = flat[chosen].astype(np.complex128)
     if fit_scale:
-        factor = _ratio(np.vdot(values, reference), np.vdot(values, values))
+        factor = _ratio(np.vdot(values[covered], reference[covered]),
+                        np.vdot(values[covered], values[covered]))
         values, power = factor * values, abs(factor) ** 2 * power
-    n = len(bright)
-    error, expected = (_energy(v[:n]) for v in (values - reference, reference))
-    brightest_db = _error_db(error, expected)
-    if len(others):
-        share = (flat.size - n) / len(others)
-        error += share * _energy(values[n:] - reference[n:])
-        power_left = power - _energy(values[:n])
-        expected += (power_left * _ratio(_energy(reference[n:]), _energy(values[n:]))
-                     if power_left > 0 else share * _energy(reference[n:]))
-    return Verification(_error_db(error, expected), len(random), brightest_db, n)
+    left = power - _energy(values[:len(bright)])  # in all pixels but the brightest
+    n_left = flat.size - len(bright)
+    bright, rest = (_Pixels(values[part], reference[part], covered[part])
+                    for part in (slice(0, len(bright)), slice(len(bright), None)))
+    error, expected = bright.error, bright.expected
+    if rest.n_covered:
+        share = n_left / len(others)
+        error += share * rest.error
+        expected += (left * _ratio(rest.power, rest.power_of_all)
+                     * _ratio(rest.expected, rest.power) if left > 0 else share * rest.expected)
+    return Verification(
+        _error_db(error, expected), int(np.isin(random, chosen[covered]).sum()),
+        _error_db(bright.error, bright.expected) if bright.n_covered else math.nan,
+        bright.n_covered, float(np.isin(random, chosen[covered]).mean()))
+
+
+class _Pixels:
+    """Energies of some pixels, of those that the profiles cover unless told otherwise."""
+
+    def __init__(self, values, reference, covered):
+        self.n_covered = int(covered.sum())
+        self.power_of_all = _energy(values)
+        values, reference = values[covered], reference[covered]
+        self.power, self.expected = _energy(values), _energy(reference)
+        self.error = _energy(values - reference)
 
 
 def _check(image, where, n_pixels, n_brightest):
@@ -175,11 +207,11 @@ def _positions(where, shape, chosen) -> np.ndarray:
     return np.stack([where.x_m[column], where.y_m[row], np.full(len(chosen), where.z_m)], axis=-1)
 
 
-def _correlate(points, blocks: PulseBlock | Iterable[PulseBlock], progress) -> np.ndarray:
-    """(n,) complex128 correlation at the points, summed over all blocks."""
+def _correlate(points, blocks: PulseBlock | Iterable[PulseBlock], progress):
+    """(n,) correlation at the points, summed over all blocks, and (n,) which are covered."""
     known = [blocks] if isinstance(blocks, PulseBlock) else blocks
     total = blocks.n_pulses if isinstance(blocks, PulseBlock) else None
-    out = np.zeros(len(points), np.complex128)
+    out, covered = np.zeros(len(points), np.complex128), np.ones(len(points), bool)
     with tqdm(total=total, desc='verification', unit='pulse', disable=not progress) as bar:
         for block in known:
             if not block.has_positions:
@@ -188,9 +220,14 @@ def _correlate(points, blocks: PulseBlock | Iterable[PulseBlock], progress) -> n
             step = max(1, _SAMPLES_AT_ONCE // max(1, block.n_channels * block.n_samples))
             for start in range(0, block.n_pulses, step):
                 part = block.select(slice(start, start + step))
-                out += correlate(*band_spectrum(part), part.tx_m, part.rx_m, points)
+                if part.compressed:
+                    image, inside = correlate_profiles(part, points)
+                    out += image
+                    covered &= inside
+                else:
+                    out += correlate(*band_spectrum(part), part.tx_m, part.rx_m, points)
                 bar.update(part.n_pulses)
-    return out
+    return out, covered
 
 
 def _energy(values) -> float:

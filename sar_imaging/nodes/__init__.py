@@ -1,6 +1,22 @@
 """ROS 2 nodes: parameters, quality of service, a worker thread, diagnostics; no mathematics."""
 
 import os
+import signal
+import sys
+
+EXECUTABLES = ('pulse_buffer', 'range_compression', 'backprojection', 'afbp_fusion',
+               'sar_pipeline', 'moving_targets')
+
+
+def _end_quietly(*_) -> None:
+    """Ctrl-C while the libraries are still being loaded: nothing has begun that must be ended."""
+    os._exit(0)
+
+
+# Only where a node is what was started: `python -m` puts '-m' here until the module runs.
+if (os.path.basename(sys.argv[0]) in ('-m', *EXECUTABLES)
+        and signal.getsignal(signal.SIGINT) is signal.default_int_handler):
+    signal.signal(signal.SIGINT, _end_quietly)
 
 # Threads of a kernel that wait for the next one would spin otherwise: half of the processor time
 # of short kernels, which the other nodes and the middleware need. Read when the first one runs.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 import time
 from collections.abc import Mapping
@@ -82,12 +83,15 @@ class FusionStep(Step):
 
     def process(self, subaperture: SubapertureImage) -> list[FusedImage]:
         """Fuse a sub-aperture image; returns the images that this made possible."""
-        fused = self._fusion.statistics.fused
+        before = dataclasses.replace(self._fusion.statistics)
         images = self._follow(self._fusion.add, subaperture)
-        self._underway += subaperture.n_pulses * (self._fusion.statistics.fused - fused)
-        if closed := [image.aperture for image in images if image.final]:
+        statistics = self._fusion.statistics
+        self._underway += subaperture.n_pulses * (statistics.fused - before.fused)
+        closed = [image.aperture for image in images if image.final]
+        if closed or statistics.apertures_dropped > before.apertures_dropped:
             # One that began the next aperture is no part of them.
-            self._underway = 0 if subaperture.aperture in closed else subaperture.n_pulses
+            ended = subaperture.aperture in closed or not self._fusion.is_open(subaperture)
+            self._underway = 0 if ended else subaperture.n_pulses
         self._n_window = min(subaperture.n_window, subaperture.n_subapertures)
         return images
 

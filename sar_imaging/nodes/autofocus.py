@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
-from sar_imaging.autofocus import AutofocusReport
-from sar_imaging.autofocus.live import compile_autofocus, live_autofocus
+from sar_imaging.autofocus.autofocus import LEAST_COHERENCE, N_PHASES, Autofocus
+from sar_imaging.autofocus.live import BEYOND, compile_autofocus, live_autofocus
 from sar_imaging.autofocus.phase_gradient import PhaseGradient
+from sar_imaging.autofocus.report import NOT_CHANGED, SHARPENED, AutofocusReport
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.aperture import ApertureImage
 from sar_imaging.imaging.fusion_grid import FusionGrid
+from sar_imaging.signal.pulses import PulseBlock
 
 from .health import Health, Part
+from .known_positions import KnownPositions
 from .parameters import ConfigurationError, Parameter
 from .terrain import TERRAIN_FILE
 
@@ -24,12 +28,22 @@ TRACK_ERROR = Parameter(
     'autofocus.track_error', 0.0, 'Expected size of a smooth error of the positions that '
     'autofocus looks for; 0 for none.', 'm', 0.0, 100.0)
 TIME_OFFSET = Parameter(
-    'autofocus.time_offset', 0.0, 'Expected size of an offset between the clocks of pulses and '
-    'positions that autofocus looks for; 0 for none.', 's', 0.0, 100.0)
+    'autofocus.time_offset', 0.0, 'Largest expected offset between the clocks of pulses and '
+    'positions, which autofocus searches for; 0 for none.', 's', 0.0, 100.0)
+RANGE_BIAS = Parameter(
+    'autofocus.range_bias', 0.0, 'Expected size of a constant error of the ranges that autofocus '
+    'looks for beside the above; 0 for none.', 'm', 0.0, 100.0)
+RESIDUAL_PHASES = Parameter(
+    'autofocus.residual_phases', True, 'Try a phase of each pulse for what track and clock '
+    'leave, too.')
+COHERENCE_LIMIT = Parameter(
+    'autofocus.coherence_limit', LEAST_COHERENCE, 'Least coherence of the bright points with '
+    'which residual phases are used.', '', 0.0, 1.0)
 PHASE_GRADIENT = Parameter(
     'autofocus.phase_gradient', False, 'Look for errors of the positions that are a phase of each '
     'pulse, the same for the whole scene.')
-PARAMETERS = (TRACK_ERROR, TIME_OFFSET)
+EXPECTED = (TRACK_ERROR, TIME_OFFSET)  # either of them switches autofocus on
+PARAMETERS = (*EXPECTED, RANGE_BIAS, RESIDUAL_PHASES, COHERENCE_LIMIT)
 # Of the last aperture, as keys of the diagnostics and fields of the report.
 _FIGURES = {
     'autofocus_contrast_before': 'contrast_before', 'autofocus_contrast_after': 'contrast_after',
@@ -62,10 +76,13 @@ class FocusedImage(ApertureImage):
 class ImageFocus:
     """Tries to focus every image and tells what came of it.
 
+    Where an offset of the clocks is looked for, an image waits until positions are known as far
+    behind its aperture as the search reaches, or until nothing more comes.
+
     Parameters
     ----------
     parameters : mapping
-        Values of `PARAMETERS`, of the grid and of the imager.
+        Values of `PARAMETERS` and `pose_input.TRACK_PARAMETERS`, of the grid and of the imager.
     grid : MapGrid
         Of the images.
     health : Health or Part
@@ -75,41 +92,85 @@ class ImageFocus:
     ------
     ConfigurationError
         Another parameter excludes autofocus.
+
+    Attributes
+    ----------
+    positions : KnownPositions or None
+        Where the phase centres were; None where no offset of the clocks is looked for.
+    reach_s : float
+        Largest offset of the clocks to try, seconds.
     """
 
     def __init__(self, parameters: Mapping[str, object], grid: MapGrid, health: Health | Part):
-        self._expected = {p.name: parameters[p.name] for p in PARAMETERS if parameters[p.name]}
+        self._expected = {p.name: parameters[p.name] for p in EXPECTED if parameters[p.name]}
+        if not self._expected:
+            raise ConfigurationError(
+                f'{RANGE_BIAS.name}={parameters[RANGE_BIAS.name]:g} is looked for beside an error '
+                f'of the track or the clock; set {TRACK_ERROR.name} or {TIME_OFFSET.name}, too')
         if parameters[TERRAIN_FILE.name]:
             raise ConfigurationError(
                 f'autofocus ({", ".join(self._expected)}) is not possible here: it works on a '
                 f'plane; leave {TERRAIN_FILE.name} empty')
-        self._autofocus = live_autofocus(
-            grid, track_error_m=parameters[TRACK_ERROR.name],
-            time_offset_s=parameters[TIME_OFFSET.name], target_db=parameters['target_db'])
-        self._health = health
+        self._parameters, self._grid, self._health = parameters, grid, health
+        self.reach_s = BEYOND * parameters[TIME_OFFSET.name]
+        self.positions = (KnownPositions(parameters, health, self.reach_s) if self.reach_s
+                          else None)
+        self._waiting: collections.deque[ApertureImage] = collections.deque()
         compile_autofocus()  # the first image must not wait for it
 
     @classmethod
     def wanted(cls, parameters: Mapping[str, object], grid: MapGrid,
                health: Health | Part) -> ImageFocus | None:
         """Autofocus where the parameters expect an error, else None."""
-        return cls(parameters, grid, health) if _is_wanted(parameters) else None
+        asked = any(parameters[p.name] for p in (*EXPECTED, RANGE_BIAS))
+        return cls(parameters, grid, health) if asked else None
 
     def summary(self) -> str:
         """Settings for the log line at the start."""
-        return 'autofocus for ' + ' and '.join(
+        expected = ' and '.join(
             f'{name.split(".")[1].replace("_", " ")}s of {value:g} '
             f'{"m" if name == TRACK_ERROR.name else "s"}'
             for name, value in self._expected.items())
+        known = '' if self.positions is None else f', positions from {self.positions.source}'
+        return f'autofocus for {expected}{known}'
 
-    def __call__(self, product: ApertureImage) -> FocusedImage:
+    def take(self, images: Iterable[ApertureImage], *, final: bool = False
+             ) -> list[FocusedImage]:
+        """Add images; returns those that are done with, in their order.
+
+        Parameters
+        ----------
+        images : iterable of ApertureImage
+            With their pulses.
+        final : bool
+            Wait for nothing.
+        """
+        self._waiting.extend(images)
+        done = []
+        while self._waiting and (final or self.positions is None
+                                 or self.positions.suffices(self._waiting[0].pulses)):
+            done.append(self._focused(self._waiting.popleft()))
+        if self.positions is not None:
+            self.positions.awaited = bool(self._waiting)
+        return done
+
+    def discard(self) -> int:
+        """Forget the images that wait; returns the number of their pulses."""
+        n = sum(image.n_pulses for image in self._waiting)
+        self._waiting.clear()
+        return n
+
+    def _focused(self, product: ApertureImage) -> FocusedImage:
         """The image in focus where that was found, else as it is; its pulses are let go."""
         fields = {f.name: getattr(product, f.name) for f in dataclasses.fields(ApertureImage)}
         fields['pulses'] = None
         self._health.count('autofocus_attempted')
         began = time.perf_counter()
+        if self.reach_s:
+            self._health.info(f'autofocus of aperture {product.aperture}: trying clock offsets '
+                              f'of {-self.reach_s:g} to {self.reach_s:g} s')
         try:
-            result = self._autofocus.process(product.pulses, product.image)
+            result = self._autofocus(product.pulses).process(product.pulses, product.image)
         except (ValueError, MemoryError) as error:
             self._health.count('autofocus_failed')
             self._health.warning(f'autofocus of aperture {product.aperture} failed, the image '
@@ -119,10 +180,23 @@ class ImageFocus:
         report = result.report
         self._count(report, seconds)
         fields['image'] = result.image
+        curve = report.curve
+        tried = '' if curve is None else (
+            f', {len(curve.offset_s)} offsets of {curve.offset_s[0]:+.3g} to '
+            f'{curve.offset_s[-1]:+.3g} s tried')
         return FocusedImage(
             **fields, verdict=report.verdict,
-            details=f'{report.details}, largest move {report.largest_move_m:.3g} m, '
+            details=f'{report.details}, largest move {report.largest_move_m:.3g} m{tried}, '
                     f'{seconds:.3g} s')
+
+    def _autofocus(self, pulses: PulseBlock) -> Autofocus:
+        p = self._parameters
+        track = None if self.positions is None else self.positions.around(pulses)
+        return live_autofocus(
+            self._grid, track_error_m=p[TRACK_ERROR.name], time_offset_s=p[TIME_OFFSET.name],
+            range_bias_m=p[RANGE_BIAS.name], track=track, target_db=p['target_db'],
+            n_phases=N_PHASES if p[RESIDUAL_PHASES.name] else 0,
+            least_coherence=p[COHERENCE_LIMIT.name])
 
     def _count(self, report: AutofocusReport, seconds: float) -> None:
         if report.accepted:
@@ -176,12 +250,9 @@ class PolarFocus:
             health.set(f'autofocus_{key}', float(value))
         found = (f'contrast {result.contrast_before:.3g} -> {after:.3g}' if result.accepted else
                  f'contrast would change from {result.contrast_before:.4g} to '
-                 f'{result.contrast_after:.4g}')
+                 f'{result.contrast_after:.4g}, but the two halves of the ranges disagree or the '
+                 'gain is too small')
+        error = f', estimated error {result.error_db:.0f} dB' if result.error_db < 0 else ''
         return result.image, Note(
-            f'autofocus {"accepted" if result.accepted else "not applied"}, no claim',
-            f'{found}, estimated error {result.error_db:.1f} dB, correction '
-            f'{correction_m:.3g} m rms, {seconds:.3g} s')
-
-
-def _is_wanted(parameters: Mapping[str, object]) -> bool:
-    return any(parameters[p.name] for p in PARAMETERS)
+            SHARPENED if result.accepted else NOT_CHANGED,
+            f'{found}{error}, correction {correction_m:.3g} m rms, {seconds:.3g} s')

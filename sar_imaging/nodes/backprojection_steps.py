@@ -19,7 +19,7 @@ from sar_imaging.imaging.subaperture_image import SubapertureImage
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.sequence import describe_counters, describe_range
 
-from . import autofocus, focus_watch, image_products
+from . import autofocus, focus_watch, image_products, pose_input
 from .autofocus import FocusedImage, ImageFocus
 from .focus_watch import FocusWatch, count_focus
 from .health import Health, Part
@@ -58,6 +58,7 @@ PARAMETERS = (
     Parameter('subapertures.follow_left', 0.0, 'The same to the left of the direction of flight.',
               'm', -1e6, 1e6),
     *autofocus.PARAMETERS,
+    *pose_input.TRACK_PARAMETERS,
     *image_products.PARAMETERS,
 )
 
@@ -181,6 +182,7 @@ class ImageStep(BackprojectionStep):
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
         self._focus = ImageFocus.wanted(parameters, self._grid, health)
+        self._positions = None if self._focus is None else self._focus.positions
         self._imager = ApertureImager(
             self._grid, pulses_per_aperture=parameters['pulses_per_aperture'],
             min_pulse_fraction=parameters['min_pulse_fraction'],
@@ -192,10 +194,38 @@ class ImageStep(BackprojectionStep):
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publishers of the images; see `Step`."""
         self._products = ImageProducts(node, self.parameters)
+        if self._positions is not None:
+            self._positions.configure(node)
 
     def activate(self, node: ManagedNode) -> None:
         """Tell where the images will be; see `Step`."""
         self._products.announce(self._grid, node.get_clock().now().to_msg())
+        if self._positions is not None:
+            self._positions.activate(node)
+
+    def deactivate(self, node: ManagedNode) -> None:
+        """Listen to poses no more; see `Step`."""
+        if self._positions is not None:
+            self._positions.deactivate(node)
+
+    def process(self, block: PulseBlock) -> list[ApertureImage]:
+        """Add profiles to their aperture; see `BackprojectionStep`."""
+        if self._positions is not None:
+            self._positions.add(block)
+        return super().process(block)
+
+    def collect(self) -> list[ApertureImage]:
+        """Images that waited for positions behind their aperture; see `Step`."""
+        return [] if self._positions is None else self._focused([])
+
+    def flush(self) -> list[ApertureImage]:
+        """Close the aperture, and let no image wait any longer; see `Step`."""
+        images = super().flush()
+        return images if self._focus is None else images + self._focused([], final=True)
+
+    def discard(self) -> int:
+        """Forget the aperture being filled and images that wait; see `Step`."""
+        return super().discard() + (self._focus.discard() if self._focus is not None else 0)
 
     def summary(self) -> str:
         """Settings for the log line at the start."""
@@ -235,7 +265,12 @@ class ImageStep(BackprojectionStep):
         self._imager.min_pulse_fraction = self.parameters['min_pulse_fraction']
         if self._focus is None:
             return super()._follow(work, *arguments)
-        return super()._follow(lambda: [self._focus(image) for image in work(*arguments)])
+        return self._focused(super()._follow(work, *arguments))
+
+    def _focused(self, images: list[ApertureImage], *, final: bool = False
+                 ) -> list[ApertureImage]:
+        """Those images that autofocus is through with; its time is work on them."""
+        return super()._follow(lambda: self._focus.take(images, final=final))
 
 
 class SubapertureStep(BackprojectionStep):

@@ -44,9 +44,11 @@ class Tally:
         self._last_change: dict[bytes, float] = {}
 
     def clear(self) -> None:
-        """Count from zero again."""
+        """Count from zero again, and forget the faults so far."""
         with self._lock:
             self._values = dict.fromkeys(self._values, 0)
+            self._totals.clear()
+            self._last_change.clear()
             self._texts.clear()
 
     def tell(self, key: str, text: str) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import signal
+import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterable
@@ -22,7 +24,13 @@ from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverriding
 from rclpy.subscription import Subscription
 
 from .health import Health
-from .parameters import START, ConfigurationError, Parameter, ParameterValues
+from .parameters import (
+    START,
+    ConfigurationError,
+    Parameter,
+    ParameterValues,
+    command_line_parameters,
+)
 
 DIAGNOSTICS_PERIOD_S = 1.0
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
@@ -65,7 +73,7 @@ class ManagedNode(LifecycleNode):
 
     def __init__(self, *, parameters: Iterable[Parameter], counters: Iterable[str],
                  faults: Iterable[str]):
-        super().__init__(self.NAME)
+        super().__init__(self.NAME, parameter_overrides=command_line_parameters(sys.argv))
         faults = (*faults, 'qos_incompatible')
         self.health = Health(self, counters=(*counters, *faults, 'errors'), faults=faults,
                              errors=('errors',))
@@ -120,7 +128,9 @@ class ManagedNode(LifecycleNode):
                 message_type, topic, qos,
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
                 event_callbacks=PublisherEventCallbacks(
-                    incompatible_qos=self.report_incompatible_qos, matched=matched))
+                    incompatible_qos=functools.partial(self.report_incompatible_qos, topic,
+                                                       'publisher'),
+                    matched=matched))
         except QOS_ERRORS as error:
             raise ConfigurationError(f'QoS override of {topic}: {error}') from error
         self.outputs.append(publisher)
@@ -133,12 +143,26 @@ class ManagedNode(LifecycleNode):
         change = 'joined' if event.current_count_change > 0 else 'left'
         self.health.info(f'{who} on {endpoint.topic_name} {change} ({event.current_count} now)')
 
-    def report_incompatible_qos(self, event) -> None:
-        """Count and log a publisher or subscriber that cannot be connected."""
+    def report_incompatible_qos(self, topic: str, side: str, event) -> None:
+        """Count and log a publisher or subscriber that cannot be connected.
+
+        Parameters
+        ----------
+        topic : str
+            Of this node, as it was created.
+        side : str
+            ``publisher`` or ``subscription``: what this node is on it.
+        event
+            What the middleware tells.
+        """
         self.health.count('qos_incompatible', event.total_count_change)
-        policy = qos_policy_name_from_kind(event.last_policy_kind)
-        self.health.warning(f'a publisher or subscriber asks for another {policy}: no messages '
-                            'flow between it and this node; see the QoS overrides')
+        policy = qos_policy_name_from_kind(event.last_policy_kind).lower()
+        name = self.resolve_topic_name(topic)
+        other = 'subscriber asks for' if side == 'publisher' else 'publisher offers'
+        parameter = f'qos_overrides.{name}.{side}.{policy}'
+        self.health.warning(
+            f'no messages flow on {name}: a {other} another {policy} than the {side} of this '
+            f'node; make both the same, here by the parameter {parameter}')
 
     def report_error(self, error: BaseException, what: str) -> None:
         """Count and log what should never happen."""

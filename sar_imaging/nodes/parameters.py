@@ -7,6 +7,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterable, Sequence
 
+import yaml
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -15,6 +16,8 @@ from rcl_interfaces.msg import (
 )
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
+
+from sar_imaging.configuration.parameters import parse
 
 # When a parameter may change.
 START = 'start'  # never after the start of the process
@@ -124,6 +127,35 @@ def one_of(*choices: str) -> Callable[[object], None]:
             raise ValueError(f'{value!r} is unknown; use one of {", ".join(choices)}')
 
     return check
+
+
+def command_line_parameters(arguments: Sequence[str]) -> list[RosParameter]:
+    """Values that ``-p name:=value`` gives, which then count whatever a parameter file says.
+
+    By the rules of ROS the last matching section of a file wins, also against ``-p``, which is
+    then ignored without a word. Values for a named node, ``-p node:name:=value``, are left to
+    ROS: they count as a section at the end.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Command line.
+
+    Returns
+    -------
+    list of Parameter
+        Those that are no ``name:=value`` are left out; ROS complains about them itself.
+    """
+    found, of_ros = {}, False
+    for flag, word in zip(arguments, [*arguments[1:], ''], strict=True):
+        if flag in ('--ros-args', '--'):
+            of_ros = flag == '--ros-args'
+        elif of_ros and flag in ('-p', '--param') and ':=' in word:
+            name, _, text = word.partition(':=')
+            with contextlib.suppress(yaml.YAMLError, TypeError, ValueError):
+                if ':' not in name:
+                    found[name] = RosParameter(name, value=parse(text))
+    return list(found.values())
 
 
 class ParameterValues:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+import functools
 import time
 from collections.abc import Callable, Mapping
 
@@ -62,6 +63,10 @@ PARAMETERS = (
     Parameter('antenna.offset_s', [0.0], 'When each channel is sent after the stamp of its '
               'pulse, for transmitters that take turns; one stands for all.', 's'),
 )
+
+# Those that tell where the platform was, for steps that let no pulses wait.
+TRACK_PARAMETERS = tuple(p for p in PARAMETERS if p.name not in (
+    'pose.wait_s', 'pose.max_waiting_pulses'))
 
 
 def alignment_from(parameters: Mapping[str, object], node: ManagedNode) -> Alignment:
@@ -154,7 +159,8 @@ class PoseInput:
                 QoSProfile(depth=_QUEUE_DEPTH, reliability=ReliabilityPolicy.RELIABLE),
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
                 event_callbacks=SubscriptionEventCallbacks(
-                    incompatible_qos=node.report_incompatible_qos))
+                    incompatible_qos=functools.partial(node.report_incompatible_qos,
+                                                       self._source, 'subscription')))
         except QOS_ERRORS as error:
             raise ConfigurationError(f'QoS override of {self._source}: {error}') from error
         self.topic = subscription.topic_name

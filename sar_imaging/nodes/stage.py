@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable
 
@@ -14,7 +15,7 @@ from std_srvs.srv import Trigger
 
 from msg_conversions import WireFormatError
 from msg_conversions.wire import DEFAULT_MAX_ELEMENTS
-from sar_imaging.compilation import announced
+from sar_imaging.compilation import counted, interruptible
 
 from .chain import Chain
 from .health import Rates
@@ -24,6 +25,7 @@ from .parameters import ANY_TIME, ConfigurationError, Parameter, one_of
 from .step import Step, stream_qos
 from .worker import Worker
 
+INPUT_TYPE = 'std_msgs/msg/Float32MultiArray'
 COMMON_PARAMETERS = (
     Parameter('pulses_per_aperture', 1024, 'Length of an aperture; the same in all nodes.',
               'pulses', 1, 2**31 - 1),
@@ -77,6 +79,7 @@ class Stage(ManagedNode):
         self._rates = Rates()
         self._last_input: float | None = None
         self._stalled = False
+        self._other_types: set[str] = set()  # on the input's topic
         self._chain: Chain | None = None
         self._worker: Worker | None = None
         self._gate: Gate | None = None
@@ -98,7 +101,7 @@ class Stage(ManagedNode):
         self.outputs.append(self._progress)
         steps = self.steps()
         self._inlet = steps[0].INLET(self.parameters['pulses_per_aperture'])
-        with announced(self._tell_of_compilation):
+        with counted(self._tell_of_compilation), interruptible(self.context.ok):
             self._chain = Chain([step.create(self.parameters, self._healths[step])
                                  for step in steps], reject=self._reject)
         for step in self._chain.steps:
@@ -106,7 +109,8 @@ class Stage(ManagedNode):
 
     def _tell_of_compilation(self) -> None:
         self.health.info('compiling kernels: at the first start on a machine this takes up to a '
-                         'minute or two, later starts load them')
+                         'minute or two, later starts load them; `ros2 run sar_imaging '
+                         'compile_kernels` does it beforehand')
 
     def activate(self) -> None:
         """Subscribe and begin to work; see `ManagedNode.activate`."""
@@ -125,7 +129,8 @@ class Stage(ManagedNode):
                 Float32MultiArray, self.INPUT, self._receive, stream_qos(p),
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
                 event_callbacks=SubscriptionEventCallbacks(
-                    incompatible_qos=self.report_incompatible_qos,
+                    incompatible_qos=functools.partial(self.report_incompatible_qos, self.INPUT,
+                                                       'subscription'),
                     message_lost=self._message_lost, matched=self._input_matched))
         except QOS_ERRORS as error:
             raise ConfigurationError(f'QoS override of {self.INPUT}: {error}') from error
@@ -273,10 +278,21 @@ class Stage(ManagedNode):
             for step in self._chain.steps:
                 step.update_counters()
         if self.state == 'active':
+            if self._last_input is None:
+                self._look_for_other_types()
             state = 'working' if self._last_input else 'waiting for input'
             self.health.publish(self._stall(), state)
         else:
             self.health.publish('', self.state)
+
+    def _look_for_other_types(self) -> None:
+        """Tell, once, of publishers whose messages the middleware does not hand over."""
+        topic = self.resolve_topic_name(self.INPUT)
+        types = {e.topic_type for e in self.get_publishers_info_by_topic(topic)} - {INPUT_TYPE}
+        if types - self._other_types:
+            self.health.warning(f'{topic} carries {", ".join(sorted(types))}; expected '
+                                f'{INPUT_TYPE} (docs/wire_format.md): no messages arrive')
+        self._other_types = types
 
     def _stall(self) -> str:
         """Text about input that has stalled, empty when it flows or has not begun."""

@@ -9,15 +9,13 @@ The same blocks always give the same bytes.
 from __future__ import annotations
 
 import contextlib
+import functools
 import heapq
 import json
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-
-from rosbags.rosbag2 import Reader, ReaderError, StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
 from msg_conversions.wire import from_array, to_array
 from sar_imaging.geometry.alignment import Alignment
@@ -31,28 +29,46 @@ MESSAGE_TYPE = 'std_msgs/msg/Float32MultiArray'
 TRUTH_KEY = 'sar_imaging.truth'
 TRUTH_VERSION = 1
 
-_STORE = get_typestore(Stores.ROS2_JAZZY)
-
 
 class BagError(RuntimeError):
     """A recording is missing, exists already, or is not one of ours."""
 
 
+def _rosbag2():
+    """Module rosbags.rosbag2; a robot may do without it."""
+    try:
+        from rosbags import rosbag2
+    except ModuleNotFoundError as error:
+        raise BagError('recordings need the Python package rosbags, which is not installed: `pip '
+                       'install "rosbags>=0.11,<0.12"` in a virtual environment, see '
+                       'docs/install.md') from error
+    return rosbag2
+
+
+@functools.cache
+def _store():
+    """Message types of ROS 2 Jazzy."""
+    _rosbag2()  # tells where it is missing
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
 def serialise(block: PulseBlock) -> bytes:
     """CDR bytes of the message that carries `block`, as a publisher would send them."""
     data, dims, offset = to_array(block)
-    types = _STORE.types
+    types = _store().types
     layout = types['std_msgs/msg/MultiArrayLayout'](
         dim=[types['std_msgs/msg/MultiArrayDimension'](label=label, size=size, stride=stride)
              for label, size, stride in dims],
         data_offset=offset)
-    return bytes(_STORE.serialize_cdr(types[MESSAGE_TYPE](layout=layout, data=data),
+    return bytes(_store().serialize_cdr(types[MESSAGE_TYPE](layout=layout, data=data),
                                       MESSAGE_TYPE))
 
 
 def deserialise(cdr: bytes) -> PulseBlock:
     """Pulse block of a message's CDR bytes; raises `WireFormatError` when it holds none."""
-    message = _STORE.deserialize_cdr(cdr, MESSAGE_TYPE)
+    message = _store().deserialize_cdr(cdr, MESSAGE_TYPE)
     dims = [(d.label, d.size, d.stride) for d in message.layout.dim]
     return from_array(message.data, dims, message.layout.data_offset)
 
@@ -114,14 +130,15 @@ def check_target(path: Path, *, overwrite: bool) -> None:
 
 def _write(path: Path, blocks: Iterable[PulseBlock], truth: dict,
            poses: RecordedPoses | None) -> int:
-    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+    rosbag2 = _rosbag2()
+    with rosbag2.Writer(path, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
         writer.set_custom_data(TRUTH_KEY, json.dumps(truth, sort_keys=True))
-        pulses = writer.add_connection(TOPIC, MESSAGE_TYPE, typestore=_STORE)
+        pulses = writer.add_connection(TOPIC, MESSAGE_TYPE, typestore=_store())
         late_ns = round(truth.get('alignment', {}).get('time_offset_s', 0.0) * 1e9)
         streams = [((int(b.stamp_ns[-1]) + late_ns, pulses, serialise(b)) for b in blocks)]
         if poses is not None:
-            odometry = writer.add_connection(ODOMETRY_TOPIC, ODOMETRY_TYPE, typestore=_STORE)
-            streams.append((time_ns, odometry, cdr) for time_ns, cdr in poses.messages(_STORE))
+            odometry = writer.add_connection(ODOMETRY_TOPIC, ODOMETRY_TYPE, typestore=_store())
+            streams.append((time_ns, odometry, cdr) for time_ns, cdr in poses.messages(_store()))
         count = 0
         for time_ns, connection, cdr in heapq.merge(*streams, key=lambda message: message[0]):
             writer.write(connection, time_ns, cdr)
@@ -130,14 +147,14 @@ def _write(path: Path, blocks: Iterable[PulseBlock], truth: dict,
 
 
 @contextlib.contextmanager
-def _opened(path: Path | str) -> Iterator[Reader]:
-    path = Path(path)
+def _opened(path: Path | str) -> Iterator:
+    path, rosbag2 = Path(path), _rosbag2()
     if not (path / 'metadata.yaml').is_file():
         raise BagError(f'{path} is not a rosbag2 recording: it has no metadata.yaml')
     try:
-        with Reader(path) as reader:
+        with rosbag2.Reader(path) as reader:
             yield reader
-    except ReaderError as error:
+    except rosbag2.ReaderError as error:
         raise BagError(f'{path} cannot be read: {error}') from error
 
 
@@ -174,7 +191,7 @@ def pose_messages(path: Path | str) -> Iterator[tuple[int, bytes]]:
 
 def read_poses(path: Path | str) -> RecordedPoses | None:
     """Poses of a recording; None when it has no `/odometry`."""
-    return RecordedPoses.from_messages(_STORE, [cdr for _, cdr in pose_messages(path)])
+    return RecordedPoses.from_messages(_store(), [cdr for _, cdr in pose_messages(path)])
 
 
 def _messages(path: Path | str, topic: str, message_type: str) -> Iterator[tuple[int, bytes]]:

@@ -41,7 +41,7 @@ from .node_processes import (
     parameters_from_truth,
     pipeline_parameters,
 )
-from .observer import Observer, ObserverError, ReceivedImage
+from .observer import Observer, ObserverError, ReceivedImage, counter_increase
 from .plots import save_image_png
 from .recording import Aperture, Recording, read_recording
 from .replay import Published, Replayer, ReplayError
@@ -224,7 +224,7 @@ def _replay(recording: Recording, arguments: argparse.Namespace,
         now = time.monotonic()
         for name in observer.stages:  # the counters that include the last pulse
             observer.status_after(name, now, now + 5.0, check)
-        counters = {name: _difference(before[name], observer.counters(name))
+        counters = {name: counter_increase(before[name], observer.counters(name))
                     for name in observer.stages}
         return _Result(aperture, length, observer.image, observer.image.received_s - sent_s,
                        observer.grid, counters)
@@ -283,12 +283,6 @@ def _await_image(observer: Observer, aperture: Aperture, timeout_s: float,
                                   f'{observer.report()}')
         observer.spin(check)
     bar.set_description('image received')
-
-
-def _difference(before: dict[str, int], after: dict[str, int]) -> dict[str, int]:
-    """Increase of counters; of a node that started anew, their values."""
-    restarted = any(after.get(k, 0) < v for k, v in before.items() if k.endswith('_received'))
-    return {k: v if restarted else v - before.get(k, 0) for k, v in after.items()}
 
 
 def _checked_grid(recording: Recording, grid: MapGrid, received: ReceivedImage,

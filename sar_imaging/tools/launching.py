@@ -6,28 +6,30 @@
 from __future__ import annotations
 
 import importlib.resources
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
 
-import yaml
+from sar_imaging.configuration.parameters import parse
 
 from .node_processes import MODES, PROFILE, node_names
 
 CONFIG = Path(str(importlib.resources.files('sar_imaging') / 'config'))
-RECORDED_TOPICS = ('/pulses', '/odometry')
+RECORDED_TOPICS = ('/pulses', '/odometry', '/pose')
 # Name, default, description.
 ARGUMENTS = (
     ('config', 'sar_imaging', 'Parameter file, or name of a shipped one such as airborne_x_band'),
     ('namespace', '', 'Namespace of the nodes and their topics, such as radar1'),
     ('mode', '', 'image or subapertures; as configured when left out'),
     ('autostart', '', 'false waits for a life cycle manager; as configured when left out'),
-    ('use_sim_time', 'false', 'Take the time from /clock'),
+    ('use_sim_time', '', 'true takes the time from /clock; as configured when left out'),
+    ('respawn', 'false', 'true starts a node again when it has died'),
 )
 REPLAY_ARGUMENTS = (
     ('bag', None, 'Folder of the recording'),
     ('rate', '1.0', 'Times as fast as recorded'),
-    ('delay', '5.0', 'Seconds that the nodes have to get ready before the first pulse'),
+    ('delay', '1.0', 'Seconds from when all nodes are active to the first pulse'),
     ('pipeline', 'false', 'All stages in one process'),
 )
 
@@ -55,9 +57,14 @@ def mode_of(config: Path, mode: str) -> str:
     ValueError
         The mode asked for is unknown.
     """
+    mode_of_words(mode)
+    return mode or _configured_mode(parse(config.read_text())) or MODES[0]
+
+
+def mode_of_words(mode: str) -> None:
+    """Refuse a mode that does not exist; empty means as configured."""
     if mode not in ('', *MODES):
         raise ValueError(f'mode:={mode} is unknown; use {" or ".join(MODES)}')
-    return mode or _configured_mode(yaml.safe_load(config.read_text())) or MODES[0]
 
 
 def _configured_mode(tree) -> str:
@@ -71,20 +78,23 @@ def _configured_mode(tree) -> str:
     return mode
 
 
-def overrides(arguments: Mapping[str, str]) -> dict:
-    """Parameters that the arguments of a launch file set, beside those of the file.
+def overrides(arguments: Mapping[str, str]) -> list[str]:
+    """ROS arguments that the arguments of a launch file become.
+
+    They count whatever the parameter file says, see
+    `sar_imaging.nodes.parameters.command_line_parameters`.
 
     Raises
     ------
     ValueError
-        An argument is neither true nor false.
+        An argument is neither true nor false, or the mode is unknown.
     """
-    parameters: dict = {'use_sim_time': as_bool('use_sim_time', arguments['use_sim_time'])}
-    if arguments['autostart']:
-        parameters['autostart'] = as_bool('autostart', arguments['autostart'])
-    if arguments['mode']:
-        parameters['mode'] = arguments['mode']
-    return parameters
+    mode_of_words(arguments['mode'])
+    given = {'mode': arguments['mode']} | {
+        name: str(as_bool(name, arguments[name])).lower()
+        for name in ('autostart', 'use_sim_time') if arguments[name]}
+    return [word for name, value in given.items() if value
+            for word in ('-p', f'{name}:={value}')]
 
 
 def as_bool(name: str, text: str) -> bool:
@@ -102,15 +112,37 @@ def profile_variable(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 def replay_command(arguments: Mapping[str, str]) -> list[str]:
-    """Command that replays a recording into the nodes."""
-    command = ['ros2', 'bag', 'play', arguments['bag'], '--rate', arguments['rate'],
-               '--delay', arguments['delay']]
-    if as_bool('use_sim_time', arguments['use_sim_time']):
+    """Command that replays a recording into the nodes.
+
+    Raises
+    ------
+    ValueError
+        There is no such recording, or a number makes no sense.
+    """
+    bag = Path(arguments['bag']).expanduser()
+    if not (bag / 'metadata.yaml').is_file():
+        raise ValueError(f'bag:={arguments["bag"]} is no recording: expected a folder with a '
+                         'metadata.yaml')
+    command = ['ros2', 'bag', 'play', str(bag)]
+    for name, least in (('rate', 1e-3), ('delay', 0.0)):
+        command += [f'--{name}', _number(name, arguments[name], least)]
+    if arguments['use_sim_time'] and as_bool('use_sim_time', arguments['use_sim_time']):
         command.append('--clock')
     namespace = arguments['namespace'].strip('/')
     if namespace:
         command += ['--remap', *(f'{topic}:=/{namespace}{topic}' for topic in RECORDED_TOPICS)]
     return command
+
+
+def _number(name: str, text: str, least: float) -> str:
+    """Text of a finite number that is large enough."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not least <= value < math.inf:
+        raise ValueError(f'{name}:={text}; expected a number of {least:g} or more')
+    return text
 
 
 def describe(*, pipeline: bool, replay: bool = False):
@@ -138,13 +170,8 @@ def describe(*, pipeline: bool, replay: bool = False):
 
 
 def _start(context, names, pipeline, replay):
-    """Actions for the arguments of a running launch."""
-    from launch.actions import (
-        ExecuteProcess,
-        RegisterEventHandler,
-        SetEnvironmentVariable,
-        Shutdown,
-    )
+    """Actions for the arguments of a running launch: a mistake in them ends it before a start."""
+    from launch.actions import ExecuteProcess, RegisterEventHandler, SetEnvironmentVariable
     from launch.event_handlers import OnProcessExit
     from launch_ros.actions import Node
     from launch_ros.substitutions import ExecutableInPackage
@@ -153,20 +180,50 @@ def _start(context, names, pipeline, replay):
     config = find_config(arguments['config'])
     if replay:
         pipeline = as_bool('pipeline', arguments['pipeline'])
-    parameters = [str(config), overrides(arguments)]
+    nodes = node_names(mode_of(config, arguments['mode']), pipeline=pipeline)
+    ros_arguments = overrides(arguments)
+    respawn = as_bool('respawn', arguments['respawn'])
     actions = [Node(package='sar_imaging', executable=name, name=name, output='screen',
-                    namespace=arguments['namespace'], parameters=parameters)
-               for name in node_names(mode_of(config, arguments['mode']), pipeline=pipeline)]
+                    namespace=arguments['namespace'], parameters=[str(config)],
+                    ros_arguments=ros_arguments, respawn=respawn, respawn_delay=2.0)
+               for name in nodes]
     if replay:
-        actions.append(ExecuteProcess(cmd=replay_command(arguments), output='screen'))
+        actions += _replayed(replay_command(arguments), arguments['namespace'], nodes)
     check = ExecuteProcess(
         cmd=[ExecutableInPackage('check_config', 'sar_imaging'), str(config)], output='screen')
 
     def checked(event, context):
-        if event.returncode:
-            return [Shutdown(reason=f'{config} cannot work, see the errors above')]
+        _require(event.returncode == 0, f'{config} cannot work, see the errors above')
         return actions
 
     return [*(SetEnvironmentVariable(name, value)
               for name, value in profile_variable(os.environ).items()),
             RegisterEventHandler(OnProcessExit(target_action=check, on_exit=checked)), check]
+
+
+def _replayed(command, namespace, nodes):
+    """Actions that play a recording once all nodes are active."""
+    from launch.actions import ExecuteProcess, RegisterEventHandler
+    from launch.event_handlers import OnProcessExit
+    from launch_ros.substitutions import ExecutableInPackage
+
+    prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
+    wait = ExecuteProcess(cmd=[ExecutableInPackage('wait_until_active', 'sar_imaging'),
+                               *(f'{prefix}/{name}' for name in nodes)], output='screen')
+    player = ExecuteProcess(cmd=command, output='screen')
+
+    def ready(event, context):
+        _require(event.returncode == 0, 'the nodes did not become active')
+        return [player]
+
+    def played(event, context):
+        _require(event.returncode == 0, f'{" ".join(command)} failed')
+
+    return [wait, RegisterEventHandler(OnProcessExit(target_action=wait, on_exit=ready)),
+            RegisterEventHandler(OnProcessExit(target_action=player, on_exit=played))]
+
+
+def _require(holds: bool, message: str) -> None:
+    """End the launch with an error unless something holds; it ends all of its processes."""
+    if not holds:
+        raise RuntimeError(message)

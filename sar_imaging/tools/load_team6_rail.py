@@ -1,4 +1,4 @@
-"""Convert the team 6 rail recording (UWB radar, motion capture) to a rosbag2 recording.
+"""Convert a rail recording of team 5 or 6 (UWB radar, motion capture) to a rosbag2 recording.
 
 Run: python -m sar_imaging.tools.load_team6_rail FOLDER --output out/bags/team6_rail
 
@@ -9,9 +9,11 @@ pulses without positions on `/pulses` and `nav_msgs/Odometry` on `/odometry`.
 from __future__ import annotations
 
 import argparse
+import contextlib
+import dataclasses
 import sys
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,38 +32,93 @@ from .bag_io import BagError, check_target, make_truth, write_bag
 from .recorded_poses import RecordedPoses
 from .writing import run_writing, split, with_progress
 
-FILE = 'team6_rail_trial6.npz'
 CARRIER_HZ = 3.95e9
 BANDWIDTH_HZ = 1.5e9  # 3.1 to 4.6 GHz within this and a little beyond
-MOVING_S = (4.2, 8.1)  # of the radar's clock; before and after, the platform stands still
 START_NS = 1_700_000_000_000_000_000
 SAMPLE_SCALE = 1e-4  # samples reach 120000, which fit a float32 but make awkward images
-POSES_AROUND_S = 1.0  # kept before the first and after the last pulse
+POSES_AROUND_S = 3.0  # kept before the first and after the last pulse
 ALIGNMENTS = ('nominal', 'fitted', 'estimated')
-GRID = MapGrid.from_size((1.75, 1.4, 0.04), 6.5, 8.4, 0.02)
 # What the alignment may be wrong by, for autofocus
 EXPECTED_ERROR = {'time_offset_s': 0.05, 'range_bias_m': 0.2}
 
+
+
+@dataclasses.dataclass(frozen=True)
+class Recording:
+    """How one rail recording is laid out.
+
+    Attributes
+    ----------
+    name, team : str
+        Of the recording, and who made it.
+    file : str
+        Name of its file.
+    moving_s : (2,) floats or None
+        When the platform moves, on the radar's clock, seconds; before and after it stands still.
+        None where the file tells it.
+    alignments : dict
+        Names of the fields with time offset, range bias and, where there is one, lever arm, for
+        each kind of alignment that came with it.
+    grid : MapGrid
+        Where to image.
+    """
+
+    name: str
+    team: str
+    file: str
+    moving_s: tuple[float, float] | None
+    alignments: dict[str, tuple[str, str, str | None]]
+    grid: MapGrid
+
+
+TEAM_6 = Recording(
+    'team6_rail', 'team 6', 'team6_rail_trial6.npz', (4.2, 8.1),
+    {'nominal': ('nominal_time_offset_s', 'nominal_range_bias_m', None),
+     'fitted': ('fit_time_offset_s', 'fit_range_bias_m', 'fit_lever_arm_m')},
+    MapGrid.from_size((1.75, 1.4, 0.04), 6.5, 8.4, 0.02))
+TEAM_5 = Recording(
+    'team5_rail', 'team 5', 'team5_rail_pass_a.npz', None,
+    {'nominal': ('reference_time_offset_s', 'reference_range_bias_m', None)},
+    MapGrid.from_size((-0.5, 2.5, 0.067), 5.0, 7.0, 0.03))
+RECORDINGS = (TEAM_6, TEAM_5)
+FILE, GRID = TEAM_6.file, TEAM_6.grid
+
 _DESCRIPTION = """\
-Convert the team 6 rail recording of the Beaver Works summer institute 2019 to a rosbag2 recording
-of raw passband pulses and odometry. Only the pulses of the moving platform are kept, without what
-is the same in all of them (the antennas' direct path). The quaternions of motion capture are not
-used: what axes they refer to is not known, and the rail keeps the platform level.
+Convert a rail recording of the Beaver Works summer institute 2019 (team 6, or pass A of team 5) to
+a rosbag2 recording of raw passband pulses and odometry. Only the pulses of the moving platform are
+kept, without what is the same in all of them (the antennas' direct path). The quaternions of
+motion capture are not used: what axes they refer to is not known, and the rail keeps the platform
+level.
 """
 
 
+def recording_in(folder: Path) -> Recording:
+    """Which recording a folder holds.
+
+    Raises
+    ------
+    BagError
+        It holds none.
+    """
+    for recording in RECORDINGS:
+        if (Path(folder) / recording.file).is_file():
+            return recording
+    raise BagError(f'{folder} holds no {" and no ".join(r.file for r in RECORDINGS)}; pass the '
+                   'folder with a recording')
+
+
 def read_folder(folder: Path) -> tuple[PulseBlock, RecordedPoses]:
-    """Read the recording: pulses of the moving platform, and poses around them.
+    """Read a recording: pulses of the moving platform, and poses around them.
 
     Parameters
     ----------
     folder : Path
-        With team6_rail_trial6.npz.
+        With the file of one of `RECORDINGS`.
 
     Returns
     -------
     block : PulseBlock
-        Real passband samples ``(225, 1, 960)`` without positions, times on the radar's clock.
+        Real passband samples ``(P, 1, N)`` without positions, times on the radar's clock.
     poses : RecordedPoses
         On the clock of motion capture, level.
 
@@ -70,35 +127,38 @@ def read_folder(folder: Path) -> tuple[PulseBlock, RecordedPoses]:
     BagError
         The file is not there or not of this kind.
     """
-    data = _load(Path(folder))
-    try:
-        return _pulses(data), _poses(data)
-    except (KeyError, ValueError) as error:
-        raise BagError(f'{Path(folder) / FILE} is not the team 6 recording: {error}') from error
+    with _opened(folder) as (recording, data):
+        return _pulses(data, recording), _poses(data, recording)
 
 
-def _load(folder: Path) -> dict[str, np.ndarray]:
-    file = folder / FILE
-    if not file.is_file():
-        raise BagError(f'{folder} holds no {FILE}; pass the folder with the recording')
+@contextlib.contextmanager
+def _opened(folder: Path) -> Iterator[tuple[Recording, dict[str, np.ndarray]]]:
+    """The recording and its arrays; what they lack is told with the file's name."""
+    recording = recording_in(folder)
+    file = Path(folder) / recording.file
     try:
         with np.load(file) as data:
-            return dict(data)
+            arrays = dict(data)
     except (ValueError, OSError, zipfile.BadZipFile) as error:
         raise BagError(f'{file} cannot be read: {error}') from error
+    try:
+        yield recording, arrays
+    except (KeyError, ValueError) as error:
+        raise BagError(f'{file} is not the {recording.team} recording: {error}') from error
 
 
 def _nanoseconds(time_s) -> np.ndarray:
     return START_NS + np.rint(np.asarray(time_s, float) * 1e9).astype(np.int64)
 
 
-def _moving(data) -> np.ndarray:
+def _moving(data, recording: Recording) -> np.ndarray:
     time_s = data['scan_time_s']
-    return (time_s >= MOVING_S[0]) & (time_s <= MOVING_S[1])
+    first, last = recording.moving_s or data['moving_s']
+    return (time_s >= first) & (time_s <= last)
 
 
-def _pulses(data) -> PulseBlock:
-    moving = _moving(data)
+def _pulses(data, recording: Recording) -> PulseBlock:
+    moving = _moving(data, recording)
     radar = RadarParameters(
         CARRIER_HZ, BANDWIDTH_HZ, SPEED_OF_LIGHT / (2 * float(data['range_bin_m'])),
         2 * float(data['range_start_m']) / SPEED_OF_LIGHT, waveform=Waveform.PASSBAND)
@@ -108,41 +168,41 @@ def _pulses(data) -> PulseBlock:
         radar, False, _nanoseconds(data['scan_time_s'][moving]), counter, samples))
 
 
-def _around(data) -> np.ndarray:
+def _around(data, recording: Recording) -> np.ndarray:
     """(N,) bool, which poses of the file are around the pulses."""
     time_s = data['mocap_time_s']
-    pulse_s = data['scan_time_s'][_moving(data)] + float(data['nominal_time_offset_s'])
+    pulse_s = (data['scan_time_s'][_moving(data, recording)]
+               + float(data[recording.alignments['nominal'][0]]))
     return (time_s > pulse_s[0] - POSES_AROUND_S) & (time_s < pulse_s[-1] + POSES_AROUND_S)
 
 
-def _poses(data) -> RecordedPoses:
-    around = _around(data)
+def _poses(data, recording: Recording) -> RecordedPoses:
+    around = _around(data, recording)
     position_m = np.asarray(data['mocap_pos_m'], float)[around]
     level = np.tile([0.0, 0.0, 0.0, 1.0], (len(position_m), 1))
     return RecordedPoses(_nanoseconds(data['mocap_time_s'][around]), position_m, level)
 
 
 def read_alignment(folder: Path, kind: str) -> Alignment:
-    """Alignment values that came with the recording, ``'nominal'`` or ``'fitted'``.
+    """Alignment values that came with a recording, ``'nominal'`` or ``'fitted'``.
 
-    The fitted ones were found with the surveyed reflectors; the nominal ones have no lever arm.
+    The fitted ones were found with the surveyed reflectors, and team 5 has none; the nominal ones
+    have no lever arm.
     """
-    data = _load(Path(folder))
-    try:
-        if kind == 'nominal':
-            arm = np.zeros((1, 3))
-            offset, bias = data['nominal_time_offset_s'], data['nominal_range_bias_m']
-        else:
-            arm = data['fit_lever_arm_m'][None]
-            offset, bias = data['fit_time_offset_s'], data['fit_range_bias_m']
-    except KeyError as error:
-        raise BagError(f'{Path(folder) / FILE} is not the team 6 recording: {error}') from error
-    return Alignment(tx_m=arm, rx_m=arm, time_offset_s=float(offset), range_bias_m=float(bias))
+    with _opened(folder) as (recording, data):
+        if kind not in recording.alignments:
+            raise BagError(f'the {recording.team} recording has no {kind} alignment; use '
+                           f'{" or ".join(recording.alignments)} or estimated')
+        offset, bias, arm = recording.alignments[kind]
+        arm_m = np.zeros((1, 3)) if arm is None else data[arm][None]
+        return Alignment(tx_m=arm_m, rx_m=arm_m, time_offset_s=float(data[offset]),
+                         range_bias_m=float(data[bias]))
 
 
 def read_reflectors(folder: Path) -> np.ndarray:
-    """(2, 3) float64 surveyed positions of the corner reflectors, metres."""
-    return np.asarray(_load(Path(folder))['reflector_pos_m'], float)
+    """(K, 3) float64 surveyed positions of the corner reflectors, metres."""
+    with _opened(folder) as (_, data):
+        return np.asarray(data['reflector_pos_m'], float)
 
 
 def read_attitudes(folder: Path) -> np.ndarray:
@@ -150,15 +210,12 @@ def read_attitudes(folder: Path) -> np.ndarray:
 
     What axes they refer to is not known; imaging does not use them.
     """
-    data = _load(Path(folder))
-    try:
-        return np.asarray(data['mocap_quat_xyzw_raw'], float)[_around(data)]
-    except KeyError as error:
-        raise BagError(f'{Path(folder) / FILE} is not the team 6 recording: {error}') from error
+    with _opened(folder) as (recording, data):
+        return np.asarray(data['mocap_quat_xyzw_raw'], float)[_around(data, recording)]
 
 
-def estimate_alignment(block: PulseBlock, poses: RecordedPoses,
-                       start: Alignment) -> tuple[Alignment, AutofocusReport]:
+def estimate_alignment(block: PulseBlock, poses: RecordedPoses, start: Alignment,
+                       grid: MapGrid = GRID) -> tuple[Alignment, AutofocusReport]:
     """Time offset and range bias from the image alone, beginning with `start`.
 
     The rail does not turn the platform, so that another lever arm displaces the image and does
@@ -172,6 +229,8 @@ def estimate_alignment(block: PulseBlock, poses: RecordedPoses,
         Of the platform.
     start : Alignment
         What to begin with.
+    grid : MapGrid
+        Where to image.
 
     Returns
     -------
@@ -182,20 +241,20 @@ def estimate_alignment(block: PulseBlock, poses: RecordedPoses,
     track = poses.track()
     located = locate(block, track, start)
     profiles = RangeCompressor.for_block(located)(located)
-    report = Autofocus(GRID, n_phases=0, model=lambda pulses: alignment_model(
+    report = Autofocus(grid, n_phases=0, model=lambda pulses: alignment_model(
         pulses, track, start, **EXPECTED_ERROR)).process(profiles).report
     return (aligned(start, report.parameters) if report.accepted else start), report
 
 
-def team6_truth(block: PulseBlock, reflectors_m: np.ndarray, alignment: Alignment,
-                kind: str) -> dict:
-    """Truth of the recording: the surveyed reflectors, and the alignment to image with."""
+def rail_truth(recording: Recording, block: PulseBlock, reflectors_m: np.ndarray,
+               alignment: Alignment, kind: str) -> dict:
+    """Truth of a recording: the surveyed reflectors, and the alignment to image with."""
     return make_truth(
-        scenario='team6_rail', description='Team 6 rail: UWB radar on a rail, poses of motion '
-        f'capture on another clock, {kind} alignment',
+        scenario=recording.name, description=f'{recording.team.capitalize()} rail: UWB radar on '
+        f'a rail, poses of motion capture on another clock, {kind} alignment',
         scatterers=[{'name': f'reflector_{i + 1}', 'position_m': place.tolist(),
                      'amplitude_db': 0.0} for i, place in enumerate(reflectors_m)],
-        grid=GRID,
+        grid=recording.grid,
         pulses_per_aperture=block.n_pulses, n_pulses=block.n_pulses, n_channels=1,
         cut_half_width_m=(1.0, 1.0), radar=block.radar, compressed=False, alignment=alignment,
         notes='Measured, not simulated. MIT licence, Beaver Works Summer Institute UAS-SAR 2019.')
@@ -212,12 +271,16 @@ def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
     p = argparse.ArgumentParser(prog='load_team6_rail', description=_DESCRIPTION,
                                 formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument('folder', type=Path, help=f'folder with {FILE}')
+    p.add_argument('folder', type=Path, help='folder with '
+                   f'{" or ".join(r.file for r in RECORDINGS)}')
     p.add_argument('--output', type=Path, default=Path('out/bags/team6_rail'), metavar='FOLDER',
                    help='bag folder to make (default: %(default)s)')
     p.add_argument('--alignment', choices=ALIGNMENTS, default='nominal',
                    help='which values of time offset, range bias and lever arm the nodes shall '
                         'use: nominal, fitted with the survey, or estimated from the image alone '
+                        '(default: %(default)s)')
+    p.add_argument('--wrong-by', type=float, default=0.0, metavar='SECONDS',
+                   help='make the time offset wrong by so much, to try autofocus on '
                         '(default: %(default)s)')
     p.add_argument('--force', action='store_true', help='replace an existing bag')
     return p
@@ -229,15 +292,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def write() -> str:
         check_target(arguments.output, overwrite=arguments.force)
+        recording = recording_in(arguments.folder)
         block, poses = read_folder(arguments.folder)
         if arguments.alignment == 'estimated':
             nominal = read_alignment(arguments.folder, 'nominal')
-            alignment, report = estimate_alignment(block, poses, nominal)
+            alignment, report = estimate_alignment(block, poses, nominal, recording.grid)
             print(f'{report}; {_estimates(report)}')
         else:
             alignment = read_alignment(arguments.folder, arguments.alignment)
-        truth = team6_truth(block, read_reflectors(arguments.folder), alignment,
-                            arguments.alignment)
+        alignment = dataclasses.replace(
+            alignment, time_offset_s=alignment.time_offset_s + arguments.wrong_by)
+        truth = rail_truth(recording, block, read_reflectors(arguments.folder), alignment,
+                           arguments.alignment)
         count = write_bag(arguments.output, with_progress(split(block), block.n_pulses), truth,
                           overwrite=arguments.force, poses=poses)
         return (f'{arguments.output}: {block.n_pulses} pulses in {count} messages, '

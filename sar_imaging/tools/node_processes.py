@@ -62,7 +62,8 @@ def parameters_from_truth(truth: Mapping, mode: str = 'image') -> dict[str, dict
     return {
         'pulse_buffer': pulses | _alignment_parameters(truth),
         'range_compression': {'window': truth.get('window', 'none')},
-        'backprojection': pulses | {
+        # the same poses, for autofocus
+        'backprojection': pulses | _alignment_parameters(truth) | {
             'mode': mode, 'grid.centre_x': x, 'grid.centre_y': y, 'grid.centre_z': z,
             'grid.size_x': (grid['n_x'] - 1) * spacing,
             'grid.size_y': (grid['n_y'] - 1) * spacing, 'grid.spacing': spacing,
@@ -72,7 +73,7 @@ def parameters_from_truth(truth: Mapping, mode: str = 'image') -> dict[str, dict
 
 
 def _alignment_parameters(truth: Mapping) -> dict:
-    """Parameters of pulse_buffer for a recording whose positions come from odometry."""
+    """Parameters for a recording whose positions come from odometry."""
     if 'alignment' not in truth:
         return {}
     alignment = truth['alignment']

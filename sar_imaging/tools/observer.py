@@ -236,6 +236,18 @@ class Observer:
                 self._status[name] = (time.monotonic(), status)
 
 
+def counter_increase(before: dict[str, int], after: dict[str, int]) -> dict[str, int]:
+    """Increase of a node's counters; of a node that started anew, their values.
+
+    Parameters
+    ----------
+    before, after : dict of str to int
+        Counters by name, as `Observer.counters` gives them, before and after.
+    """
+    restarted = any(after.get(k, 0) < v for k, v in before.items() if k.endswith('_received'))
+    return {k: v if restarted else v - before.get(k, 0) for k, v in after.items()}
+
+
 def _parts(node: str) -> dict[str, str]:
     """Parts of a node's diagnostics and the names that they are kept by."""
     parts = {'stage': node}

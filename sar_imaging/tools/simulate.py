@@ -70,7 +70,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument('--output', type=Path, metavar='FOLDER',
                    help='bag folder to make (default: out/bags/SCENARIO)')
     p.add_argument('--pulses-per-message', type=_positive, default=25, metavar='N',
-                   help='pulses in one message (default: %(default)s); messages of 0.1 to 2 MB '
+                   help='pulses in one message (default: %(default)s); messages of 0.25 to 2 MB '
                         'travel best')
     p.add_argument('--noise-std', type=_not_negative, metavar='SIGMA',
                    help='standard deviation of the complex noise per sample, the echo of a unit '

@@ -90,6 +90,18 @@ def test_noise_is_not_focused(spotlight):
     assert found.image is image
 
 
+@pytest.mark.parametrize(('error_db', 'accepted'), [(-10.1, True), (-9.9, False)])
+def test_a_sharper_image_is_taken_up_to_a_tenth_of_its_power_as_error(spotlight, monkeypatch,
+                                                                      error_db, accepted):
+    block, polar, imager = spotlight
+    phase = smooth(np.linspace(-1, 1, block.n_pulses))
+    image = imager(dataclasses.replace(
+        block, samples=block.samples * np.exp(1j * phase)[:, None, None]))
+    plan = PhaseGradient(polar, block.radar, (-HALF_APERTURE_M, HALF_APERTURE_M))
+    monkeypatch.setattr(plan, '_error_db', lambda image: error_db)
+    assert plan(image).accepted is accepted
+
+
 def test_correction_of_nothing_changes_nothing(spotlight):
     block, polar, imager = spotlight
     plan = PhaseGradient(polar, block.radar, (-HALF_APERTURE_M, HALF_APERTURE_M))

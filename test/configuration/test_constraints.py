@@ -88,6 +88,68 @@ def test_a_violation_is_found(case):
     assert [f.severity for f in found] == sorted(f.severity for f in found)  # errors first
 
 
+# Just inside and just outside of every limit: what changes, and the words of its finding.
+LIMITS = {
+    'pixels': ('more than max_image_pixels', [{}, {'max_image_pixels': 501 * 501}],
+               [{}, {'max_image_pixels': 501 * 501 - 1}]),
+    'elements': ('more than max_message_elements', [{}, {'max_message_elements': 153_728}],
+                 [{}, {'max_message_elements': 153_727}]),
+    # 19 216 bytes a pulse: 32 bit complex numbers, 2 channels, 1201 samples of a profile.
+    'large blocks': ('are slow to travel', [{}, {'pulses_per_block': 832}],
+                     [{}, {'pulses_per_block': 833}]),
+    # 16 bytes a sample as it comes: 100 kB.
+    'small blocks': ('are many and small', [{'n_samples': 1250}, {'pulses_per_block': 5}],
+                     [{'n_samples': 1249}, {'pulses_per_block': 5}]),
+    # Half a second of pulses is enough, however small the blocks are.
+    'long blocks': ('are many and small', [{'prf_hz': 10.0}, {'pulses_per_block': 5}],
+                    [{'prf_hz': 10.5}, {'pulses_per_block': 5}]),
+    'long recording': ('takes longer than', [{'prf_hz': 400e6 / 1200}, {}],
+                       [{'prf_hz': 400e6 / 1199.9}, {}]),
+}
+
+
+@pytest.mark.parametrize('case', LIMITS)
+def test_a_finding_begins_at_its_limit(case):
+    text, inside, outside = LIMITS[case]
+    for expected, (radar, changes) in ((False, inside), (True, outside)):
+        found = findings(make_acquisition(**radar), make_imaging(**changes))
+        assert any(text in f.text for f in found) is expected, [f.text for f in found]
+
+
+@pytest.mark.parametrize(('samples_per_cell', 'expected'), [(1.2501, False), (1.2499, True)])
+def test_profiles_need_five_samples_for_four_cells(acquisition, imaging, samples_per_cell,
+                                                   expected):
+    """What is planned has a length whose transform is quick, and mostly more than is asked for."""
+    derived = derive(acquisition, imaging, MACHINE)
+    radar = dataclasses.replace(derived.profile_radar, sample_rate_hz=samples_per_cell * 300e6)
+    found = check(acquisition, imaging, MACHINE, dataclasses.replace(derived, profile_radar=radar))
+    assert any('samples per resolution cell' in f.text for f in found) is expected
+
+
+def test_pixels_are_judged_by_half_of_the_resolution_and_by_twice():
+    null = derive(make_acquisition(), make_imaging(), MACHINE).azimuth_null_m
+
+    def severities(share):
+        finer = make_imaging(grid=MapGrid((0.0, 0.0, 0.0), 20, 20, share * null))
+        return [f.severity for f in findings(make_acquisition(), finer) if 'azimuth' in f.text]
+
+    assert [severities(share) for share in (0.499, 0.501, 1.99, 2.01)] == [
+        [], ['warning'], ['warning'], ['error']]
+
+
+@pytest.mark.parametrize(('share', 'expected'), [(0.999, True), (1.001, False)])
+def test_memory_and_time_are_enough_from_what_is_needed_on(acquisition, imaging, share, expected):
+    derived = derive(acquisition, imaging, MACHINE)
+    memory = round(share * sum(m.n_bytes for m in derived.memory))
+    rate = share * derived.imaging_s / derived.aperture_s * MACHINE.rate_per_s
+    texts = [f.text for f in findings(acquisition, imaging, Machine(rate, 'given', memory))]
+    assert any('the nodes may need' in t for t in texts) is expected
+    assert any('blocks will be dropped' in t for t in texts) is expected
+    one_image = round(share * 24 * 501 * 501)  # image, message, message serialised
+    texts = [f.text for f in findings(acquisition, imaging, Machine(1e9, 'given', one_image))]
+    assert any('and its message need' in t for t in texts) is expected
+
+
 @pytest.mark.parametrize(('memory', 'severity', 'text'), [
     (1_000_000, 'error', 'an image of 501 x 501 pixels and its message need 6 MB, 1 MB are '
      'available'),

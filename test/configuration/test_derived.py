@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 from sar_imaging.configuration import derive
 from sar_imaging.configuration.derived import width_factor
+from sar_imaging.configuration.report import rows
 from sar_imaging.configuration.scene import see_scene
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, Waveform
@@ -112,6 +113,33 @@ def test_the_scene_is_what_brute_force_sees(setup):
 def test_a_dive_looks_straight_ahead_within_the_grid():
     diving = make_acquisition(centre_m=(5.0, 3.0, 40.0), velocity_m_per_s=(0.0, 0.0, -50.0))
     assert see_scene(diving, make_imaging()).direction[1] == pytest.approx(1.0)
+
+
+def test_a_slanting_dive_looks_straight_ahead_within_the_grid_and_along_its_edge_beyond():
+    imaging = make_imaging(grid=MapGrid.from_size((0.0, 0.0, 10.0), 50.0, 50.0, 0.1))
+    # From 30 m above the grid the line of flight meets it 18 m on.
+    diving = make_acquisition(centre_m=(-8.0, -1.0, 40.0), velocity_m_per_s=(30.0, 6.0, -50.0))
+    assert see_scene(diving, imaging).direction[1] == pytest.approx(1.0)
+    beyond = make_acquisition(centre_m=(-8.0, -1.0, 40.0), velocity_m_per_s=(90.0, 0.0, -50.0))
+    assert see_scene(beyond, imaging).direction[1] == pytest.approx(np.cos(
+        np.arctan2(30.0, 33.0) - np.arctan2(50.0, 90.0)))
+
+
+@pytest.mark.parametrize('name', ['pulses_per_aperture', 'pulses_per_block', 'queue_depth',
+                                  'worker_queue_size'])
+def test_lengths_are_at_least_one(name):
+    assert getattr(make_imaging(**{name: 1}), name) == 1
+    with pytest.raises(ValueError, match=f'{name}=0; expected at least 1'):
+        make_imaging(**{name: 0})
+
+
+def test_from_ten_thousand_on_the_report_counts_in_thousands(imaging):
+    def text(prf_hz):
+        acquisition = make_acquisition(prf_hz=prf_hz)
+        return ' '.join(value for _, value, _ in rows(
+            acquisition, imaging, MACHINE, derive(acquisition, imaging, MACHINE)))
+
+    assert '9990 Hz' in text(9990.0) and '10 kHz' in text(10_000.0)
 
 
 def test_both_sides_of_the_track():

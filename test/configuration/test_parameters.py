@@ -99,7 +99,8 @@ def test_names_of_sections(key):
 def test_nested_namespaces_and_the_common_section():
     configuration = read("""
 /**:
-  ros__parameters: {pulses_per_aperture: 64, use_sim_time: true}
+  ros__parameters: {pulses_per_aperture: 64, use_sim_time: true,
+                    start_type_description_service: true}
 /radar1:
   backprojection:
     ros__parameters: {"grid.spacing": 0.5, qos_overrides: {/image: {publisher: {depth: 2}}}}

@@ -31,6 +31,7 @@ def status(track, times_ms, **arguments):
     ready = sample.status == PoseStatus.READY
     assert np.array_equal(ready, np.isfinite(sample.position_m).all(axis=1))
     assert np.array_equal(ready, sample.frame >= 0)
+    assert not sample.attitude[~ready].magnitude().any()  # no rotation unless ready
     return [PoseStatus(s).name for s in sample.status]
 
 
@@ -51,6 +52,28 @@ def test_later_poses_change_nothing_that_was_ready():
     np.testing.assert_array_equal(before.position_m, track.sample(times).position_m)
     # Poses of a parabola: the cubic is exact.
     np.testing.assert_allclose(before.position_m, [position(t) for t in times], atol=1e-12)
+
+
+def test_later_poses_change_nothing_of_a_track_that_no_polynomial_is():
+    def swaying(stamp_ns):
+        return [np.sin(20e-9 * stamp_ns), 0.1 * np.cos(33e-9 * stamp_ns), 0.0]
+
+    track = PoseTrack(jump_m=1.0)  # 400 m/s^2
+    for stamp in range(0, 100, 10):
+        track.add(stamp * MS, swaying(stamp * MS), LEVEL)
+    times = np.arange(0, 70) * MS  # all that is ready
+    before = track.sample(times)
+    assert (before.status == PoseStatus.READY).all()
+    for stamp in range(100, 200, 10):
+        track.add(stamp * MS, swaying(stamp * MS), LEVEL)
+        np.testing.assert_array_equal(before.position_m, track.sample(times).position_m)
+
+
+def test_what_lies_before_a_break_is_ready_with_the_pose_behind_it():
+    for stamps, shift in (([*range(0, 100, 10), 500], 0.0), (range(0, 110, 10), 3.0)):
+        track, verdicts = make_track(stamps, lambda s, shift=shift: shift if s >= 100 else 0.0)
+        assert verdicts[-1] in (PoseVerdict.GAP, PoseVerdict.JUMP)
+        assert status(track, [65, 75, 85, 90]) == ['READY'] * 4
 
 
 def test_a_gap_up_to_the_limit_is_bridged_and_a_wider_one_refused():
@@ -185,3 +208,61 @@ def test_any_stream_of_poses_gives_finite_positions_or_a_reason(stream, times, f
     assert np.isnan(sample.position_m[~ready]).all()
     if final:
         assert PoseStatus.WAIT not in sample.status
+
+
+def test_quaternions_that_flip_their_sign_are_the_same_attitude():
+    track = PoseTrack()
+    turn = np.array([0, 0, np.sin(0.3), np.cos(0.3)])
+    verdicts = {track.add(s * MS, position(s * MS), (-1) ** (s // 10) * turn)
+                for s in range(0, 100, 10)}
+    assert verdicts == {PoseVerdict.TAKEN}
+    [found] = track.sample(np.array([45 * MS])).attitude.as_rotvec()
+    np.testing.assert_allclose(found, [0, 0, 0.6], atol=1e-12)
+
+
+def judged(step_ms, *, away_m=0.0, turned_rad=0.0, n=5, **limits):
+    """Verdict on a pose after n of 1 m/s along x that is off by so much, across or in heading."""
+    track = PoseTrack(**limits)
+    for k in range(n):
+        assert track.add(k * step_ms * MS, [1e-3 * k * step_ms, 0, 0], LEVEL) == PoseVerdict.TAKEN
+    return track.add(n * step_ms * MS, [1e-3 * n * step_ms, away_m, 0],
+                     [0, 0, np.sin(turned_rad / 2), np.cos(turned_rad / 2)]).name
+
+
+# What 20 m/s^2 explain: the velocity is that of the middle of the poses before, so that it has
+# changed over half their time and half the step: 20 dt (T + dt) / 2, with T = 4 dt for five poses
+# and dt for two.
+@pytest.mark.parametrize(('step_ms', 'n', 'explained_m'), [
+    (10, 5, 0.005), (50, 5, 0.125), (50, 2, 0.05), (100, 9, 0.5)])
+@pytest.mark.parametrize('jump_m', [0.05, 0.2])
+def test_a_jump_begins_where_acceleration_ends_to_explain(step_ms, n, explained_m, jump_m):
+    limit = jump_m + explained_m
+    assert judged(step_ms, away_m=0.99 * limit, n=n, jump_m=jump_m) == 'TAKEN'
+    assert judged(step_ms, away_m=1.01 * limit, n=n, jump_m=jump_m) == 'JUMP'
+
+
+@pytest.mark.parametrize('step_ms', [10, 100])
+@pytest.mark.parametrize('jump_rad', [0.1, 0.4])
+def test_a_turn_is_a_jump_from_its_limit_on(step_ms, jump_rad):
+    limit = jump_rad + 7.0 * 1e-3 * step_ms
+    for sign in (-1, 1):
+        assert judged(step_ms, turned_rad=sign * 0.99 * limit, jump_rad=jump_rad) == 'TAKEN'
+        assert judged(step_ms, turned_rad=sign * 1.01 * limit, jump_rad=jump_rad) == 'JUMP'
+
+
+@pytest.mark.parametrize(('norm', 'verdict'), [
+    (0.9901, 'TAKEN'), (1.0099, 'TAKEN'), (0.9899, 'CORRUPT'), (1.0101, 'CORRUPT')])
+def test_the_norm_of_a_quaternion_may_be_off_by_one_percent(norm, verdict):
+    assert PoseTrack().add(0, [0, 0, 0], [0, 0, 0, norm]).name == verdict
+
+
+def test_poses_of_an_interval():
+    track = PoseTrack()
+    for k in range(10):
+        track.add(k * 10**7 + (k > 5) * 10**9, [0.1 * k, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0])
+    stamp_ns, position_m, attitude, segment = track.between(2 * 10**7, 10**9 + 7 * 10**7)
+    np.testing.assert_array_equal(stamp_ns[[0, -1]], [2 * 10**7, 10**9 + 7 * 10**7])
+    np.testing.assert_allclose(position_m[:, 0], 0.1 * np.arange(2, 8))
+    assert len(attitude) == 6
+    np.testing.assert_array_equal(np.diff(segment), [0, 0, 0, 1, 0])  # a gap of a second
+    assert len(track.between(5 * 10**9, 6 * 10**9)[0]) == 0

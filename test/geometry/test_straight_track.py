@@ -68,6 +68,42 @@ def test_only_deviations_that_change_the_path_count():
     check(0.1 * up)        # at a right angle to the line of sight: 1 um
     with pytest.raises(ValueError, match=r'pulse 20, channel \d is 0\.0019\d* m \(0\.06\d* '
                                          r'wavelengths\) off the best-fit line and .* off its '
-                                         r'place along it; steps.*wrong by 0\.13\d* wavelengths'):
+                                         r'place along it; steps between pulses are 0\.7 to '
+                                         r'0\.70000\d m; .*wrong by 0\.13\d* wavelengths'):
         check(0.002 * across)
     check(0.002 * across, wavelength_m=0.06)
+
+
+@pytest.mark.parametrize('scale_m', [0.5, 1e6])
+def test_two_pulses_that_just_move_are_a_track(scale_m):
+    """A billionth of the coordinates, and of a metre where these are small."""
+    for share, moves in ((1.1, True), (0.9, False)):
+        step = share * 1e-9 * max(1.0, scale_m)
+        tx = np.full((2, 1, 3), scale_m)
+        tx[1, :, 0] += step
+        if moves:
+            track = fit_straight_track(tx, tx)
+            # float64 holds 1e6 m to 1.2e-10 m
+            assert track.spacing_m == pytest.approx(step, rel=0.2)
+            np.testing.assert_allclose(track.direction, [1, 0, 0], atol=1e-9)
+        else:
+            with pytest.raises(ValueError, match='expected a moving platform'):
+                fit_straight_track(tx, tx)
+
+
+def test_the_tolerance_is_the_largest_error_of_a_path():
+    tx, rx = _centres()
+    track = fit_straight_track(tx, rx)
+    point = ORIGIN + 1e4 * np.cross(DIRECTION, [0.0, 0.0, 1.0])
+    moved = rx + [0.0, 0.0, 0.01]
+
+    def check(tolerance):
+        check_straight(track, tx, moved, point[None], wavelength_m=0.03,
+                       tolerance_wavelengths=tolerance)
+
+    exact = sum(np.linalg.norm(a - point, axis=-1) for a in (tx, moved))
+    u, (along, distance) = track.along_m, track.coordinates(point[None])
+    error = np.abs(exact - 2 * np.hypot(distance, along - u)).max() / 0.03
+    check(error * (1 + 1e-9))
+    with pytest.raises(ValueError, match='use backprojection for this track'):
+        check(error * (1 - 1e-6))

@@ -84,6 +84,16 @@ def test_a_block_across_apertures_is_shared_out():
     assert [i.aperture for i in (first, second)] == [0, 1]
 
 
+def test_a_block_around_a_whole_aperture_is_shared_out():
+    """Ten pulses before it and ten behind."""
+    stage = imager(min_pulse_fraction=0.0)
+    before, whole, after = run(stage, [profiles(range(30, 90))]) + stage.flush()
+    assert_image_of(before, profiles(range(30, 40)))
+    assert_image_of(whole, profiles(range(40, 80)))
+    assert_image_of(after, profiles(range(80, 90)))
+    assert stage.statistics.duplicate == stage.statistics.late == 0
+
+
 def test_an_aperture_is_closed_by_a_pulse_of_a_later_one():
     stage = imager()
     [result] = run(stage, [profiles(range(0, 30)), profiles(range(80, 90))])
@@ -145,7 +155,7 @@ def test_a_looping_recording_gives_the_same_images_again(n_pulses):
     assert [i.aperture for i in images] == list(range(per_loop)) * 3
     for i, image in enumerate(images):
         np.testing.assert_array_equal(image.image, images[i % per_loop].image)
-    assert stage.statistics.restarts == 2
+    assert (stage.statistics.restarts, stage.statistics.images) == (2, len(images))
     assert len(events(stage, 'restart')) == 2
 
 

@@ -11,6 +11,8 @@ from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.imaging.ffbp import FfbpImager
 from sar_imaging.imaging.ffbp_kernels import TAPS, kernel_weights
+from sar_imaging.imaging.ffbp_plan import Node, half_bands
+from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 from sar_imaging.signal.spectra import band_spectrum
 
 # Worst measured over the cases below, with up to five interpolations one after the other, is
@@ -214,3 +216,40 @@ def test_progress_bar(make_case, capsys):
     case = make_case(1e3)
     _plan(case, progress=True)(case.block)
     assert '3/3' in capsys.readouterr().err
+
+
+def test_half_bands_are_the_largest_local_frequencies():
+    """Numerical derivatives of the half path by range and by direction cosine."""
+    rng = np.random.default_rng(4)
+    n_pulses = 5  # those that are looked at
+    tx, rx = (np.column_stack([np.linspace(-3.0, 3.0, n_pulses) + x, rng.normal(0, 0.1, n_pulses),
+                               100 + rng.normal(0, 0.1, n_pulses)])[:, None] for x in (0.2, -0.4))
+    radar = RadarParameters(carrier_hz=2e9, bandwidth_hz=300e6, sample_rate_hz=400e6,
+                            first_sample_delay_s=0.0)
+    centre = np.array([0.1, 0.05, 100.0])
+    points = np.column_stack([rng.uniform(-150, 150, 20), rng.uniform(300, 600, 20), np.zeros(20)])
+    r = np.linalg.norm(points - centre, axis=1)
+    alpha = (points[:, 0] - centre[0]) / r
+
+    def half_path(r, alpha):
+        ground = np.sqrt(r ** 2 * (1 - alpha ** 2) - centre[2] ** 2)
+        place = np.column_stack([centre[0] + r * alpha, centre[1] + ground, 0 * r])
+        return 0.5 * sum(np.linalg.norm(c - place, axis=-1) for c in (tx, rx))
+
+    step = 1e-4
+    by_range = (half_path(r + step, alpha) - half_path(r - step, alpha)) / (2 * step)
+    by_alpha = (half_path(r, alpha + step / 500) - half_path(r, alpha - step / 500)) / (
+        2 * step / 500)
+    band = 2 * np.pi * 300e6 / SPEED_OF_LIGHT  # half of the wavenumbers of both ways
+    highest = 4 * np.pi * 2.15e9 / SPEED_OF_LIGHT
+    wanted = (band * np.abs(by_range).max() + highest * np.abs(by_range - 1).max(),
+              highest * np.abs(by_alpha).max())
+    found = half_bands([Node(slice(0, n_pulses), 0, [], centre)], tx, rx, points, radar)
+    assert found == pytest.approx(np.multiply(1.02, wanted), rel=1e-5)  # 2 % for what lies between
+
+
+@pytest.mark.parametrize(('range_m', 'segment'), [(100.0, 48), (1e3, 112), (5e3, 112)])
+def test_geometry_is_expanded_along_long_segments(make_case, range_m, segment):
+    """Which is what makes merges quick; near the track over fewer pixels."""
+    plan = _plan(make_case(range_m))
+    assert [level.segment for level in plan.levels[1:]] == [segment]

@@ -6,7 +6,7 @@ import scipy.fft
 from hypothesis import given, settings, strategies as st
 
 from sar_imaging.compilation import numba
-from sar_imaging.imaging.row_transform import row_length, transform_rows
+from sar_imaging.imaging.row_transform import plan_row, row_length, transform_rows
 from sar_imaging.imaging.work_space import aligned_empty
 
 # multiples of LANES and others, all radices; too short, no two factors, and too large ones
@@ -73,6 +73,14 @@ def test_lengths_are_little_longer(least):
 def test_lengths_of_long_rows_are_closer():
     for least in range(2000, 30000, 37):
         assert least <= row_length(least) <= 1.03 * least
+
+
+@pytest.mark.parametrize('n', [12288, 18432, 24000, 30000])
+def test_rows_become_nearly_square_matrices(n):
+    """Columns of a long one would take more passes or leave the cache."""
+    plan = plan_row(n, False)
+    assert plan.height * plan.width == n
+    assert max(plan.height, plan.width) < 2 * min(plan.height, plan.width)
 
 
 def test_other_arrays_are_refused():

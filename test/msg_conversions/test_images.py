@@ -216,12 +216,21 @@ def test_impossible_grids_are_refused(resolution, width, text):
         images.map_metadata_from_message(message)
 
 
-@pytest.mark.parametrize('z, w', [(0.5**0.5, 0.5**0.5), (0.5, 1.0), (0.0, 0.0)])
+@pytest.mark.parametrize('z, w', [(0.5**0.5, 0.5**0.5), (0.5, 1.0), (0.0, 0.0), (-2e-9, 1.0),
+                                  (0.0, 1.0 - 2e-9), (0.0, -1.0 - 2e-9)])
 def test_rotated_maps_are_refused(z, w):
     message = images.map_metadata_to_message(MapGrid((0, 0, 0), 2, 2, 1.0), Time())
     message.origin.orientation.z, message.origin.orientation.w = z, w
     with pytest.raises(WireFormatError, match=r'orientation=.*; expected \(0, 0, 0, 1\): a north'):
         images.map_metadata_from_message(message)
+
+
+@pytest.mark.parametrize(('z', 'w'), [(0.0, -1.0), (9e-10, 1.0), (0.0, 1.0 - 9e-10)])
+def test_either_quaternion_of_a_north_up_map_is_read(z, w):
+    grid = MapGrid((3.0, 4.0, 5.0), 2, 6, 1.0)
+    message = images.map_metadata_to_message(grid, Time())
+    message.origin.orientation.z, message.origin.orientation.w = z, w
+    assert images.map_metadata_from_message(message) == grid
 
 
 @pytest.mark.parametrize('convert', [
@@ -261,6 +270,13 @@ def test_occupancy_is_linear_in_db_above_the_median():
     assert cells[1].tolist() == [0, 0, 25, 50, 100, 100]
     assert (cells[0] == 0).all()
     assert cells[3].tolist() == [images.UNKNOWN] * 3 + [0] * 3
+
+
+@pytest.mark.parametrize('n_unknown', [0, 7, 90])
+def test_the_median_is_that_of_the_pixels_that_were_imaged(n_unknown):
+    amplitude = np.r_[np.full(6, 1.0), np.full(5, 100.0), np.zeros(n_unknown)]
+    cells = images.occupancy(amplitude[None], free_db=6.0, range_db=24.0)
+    assert cells[0].tolist() == [0] * 6 + [100] * 5 + [images.UNKNOWN] * n_unknown
 
 
 @given(hnp.arrays(np.float32, SHAPES, elements=st.floats(0, 2**100, width=32)),

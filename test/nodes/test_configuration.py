@@ -1,12 +1,16 @@
 """Configuration, launch and documentation say the same as the nodes' parameter tables."""
 
 import re
+import signal
+import subprocess
+import sys
 
 import pytest
+import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from std_msgs.msg import Float32MultiArray
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float32MultiArray, UInt8MultiArray
 
 from sar_imaging.nodes import (
     afbp_fusion,
@@ -151,9 +155,53 @@ def test_an_incompatible_publisher_is_reported(start_node, make_observer):
     observer.node.create_publisher(
         Float32MultiArray, 'pulses', QoSProfile(depth=1,
                                                 reliability=ReliabilityPolicy.BEST_EFFORT))
-    node.wait_for_log('pulse_buffer', 'asks for another RELIABILITY: no messages flow')
+    node.wait_for_log('pulse_buffer', 'no messages flow on /pulses: a publisher offers another '
+                      'reliability than the subscription of this node; make both the same, here '
+                      'by the parameter qos_overrides./pulses.subscription.reliability')
     observer.wait_for_counters('pulse_buffer', qos_incompatible=1)
     assert observer.status('pulse_buffer').level == DiagnosticStatus.WARN
+
+
+def test_an_incompatible_subscriber_is_reported(start_node, make_observer):
+    node = start_node('range_compression')
+    make_observer().node.create_subscription(
+        Float32MultiArray, 'range_profiles', lambda message: None,
+        QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    node.wait_for_log('range_compression', 'no messages flow on /range_profiles: a subscriber '
+                      'asks for another durability than the publisher of this node; make both '
+                      'the same, here by the parameter '
+                      'qos_overrides./range_profiles.publisher.durability')
+
+
+def test_messages_of_another_type_are_reported(start_node, ros_environment):
+    node = start_node('pulse_buffer')
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    try:
+        driver = rclpy.create_node('driver', context=context)
+        driver.create_publisher(UInt8MultiArray, 'pulses', 1)
+        node.wait_for_log('pulse_buffer', r'/pulses carries std_msgs/msg/UInt8MultiArray; '
+                          r'expected std_msgs/msg/Float32MultiArray \(docs/wire_format.md\)')
+        driver.destroy_node()
+    finally:
+        rclpy.shutdown(context=context)
+
+
+@pytest.mark.parametrize('first', ['file', 'argument'])
+def test_the_command_line_counts_whatever_the_file_says(ros_environment, tmp_path, first):
+    path = tmp_path / 'radar.yaml'
+    path.write_text('/**:\n  ros__parameters: {window: hann}\n'
+                    '/**/range_compression:\n  ros__parameters: {window: taylor}\n')
+    options = [['--params-file', str(path)], ['-p', 'window:=hamming']]
+    if first == 'argument':
+        options.reverse()
+    with subprocess.Popen(
+            [sys.executable, '-m', 'sar_imaging.nodes.range_compression', '--ros-args',
+             *options[0], *options[1]], env=ros_environment, stderr=subprocess.PIPE, text=True,
+            start_new_session=True) as process:
+        line = next((line for line in process.stderr if 'ready' in line), '')
+        process.send_signal(signal.SIGINT)
+    assert 'hamming' in line
 
 
 def test_a_flood_of_bad_messages_is_counted_and_summed_up_in_the_log(start_node, make_observer):

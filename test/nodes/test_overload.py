@@ -115,6 +115,23 @@ def test_no_aperture_begins_until_half_of_the_queue_is_free(make_slow):
     assert slow.done == [0, 1, 2, 48, 49]
 
 
+@pytest.mark.parametrize(('worked', 'admitted'), [(1, False), (9, False), (10, True)])
+def test_the_next_aperture_waits_until_no_more_than_half_of_the_queue_waits(make_slow, worked,
+                                                                            admitted):
+    slow = make_slow(APERTURES, capacity=20)
+    slow.put(0, 0)
+    slow.wait_until_busy()
+    for _ in range(20):
+        assert slow.put(1, 1) == []
+    assert slow.put(16, 16) == [16]
+    for _ in range(worked):
+        slow.work(1)
+        slow.wait_until_busy()
+    assert slow.worker.waiting == 20 - worked
+    assert slow.put(32, 33) == ([] if admitted else [32, 33])
+    assert slow.gate.skipped == (None if admitted else 2)
+
+
 def test_blocks_across_apertures_are_divided(make_slow):
     slow = make_slow(APERTURES, capacity=2)
     slow.put(0, 0)
@@ -140,6 +157,21 @@ def test_a_recording_of_one_aperture_in_a_loop_gets_in_again(make_slow):
     slow.finish()
     assert slow.done == [*pulses(0, 7), *pulses(0, 7)]
     assert slow.said == [(0, 8), (None, 8)]
+
+
+def test_a_late_block_of_the_aperture_left_out_does_not_hide_the_loop(make_slow):
+    slow = make_slow(APERTURES, capacity=1)
+    slow.put(0, 7)
+    slow.wait_until_busy()
+    slow.put(8, 11)
+    assert slow.put(12, 15) == pulses(8, 15)
+    assert slow.put(8, 8) == [8]  # half an aperture behind the furthest: late, no loop
+    assert slow.gate.skipped == 0
+    slow.work(1)
+    assert slow.put(7, 10) == []  # further behind
+    assert slow.gate.skipped is None
+    slow.finish()
+    assert slow.done == [*pulses(0, 7), *pulses(7, 10)]
 
 
 def test_single_blocks_are_dropped_when_that_is_wanted(make_slow):

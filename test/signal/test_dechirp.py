@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.imaging.backprojection import Backprojector
-from sar_imaging.signal.dechirp import fmcw_parameters
+from sar_imaging.signal.dechirp import check_fmcw, fmcw_parameters
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
@@ -216,3 +216,28 @@ def test_range_window_beyond_the_unambiguous_interval_is_refused(limits):
 def test_range_window_must_ascend():
     with pytest.raises(ValueError, match='nearest and a larger farthest'):
         RangeCompressor(_radar(), 256, range_window_m=(30.0, 20.0))
+
+
+@pytest.mark.parametrize(('share', 'refused'), [
+    (0.9905, False), (1.0095, False), (0.9895, True), (1.0105, True)])
+def test_bandwidth_and_slope_may_differ_by_one_percent(share, refused):
+    """As they do where a data sheet rounds the slope."""
+    radar = _radar()
+    # The limit counts from the bandwidth that is stated, not from what the samples sweep.
+    radar = dataclasses.replace(radar, bandwidth_hz=radar.bandwidth_hz / share)
+    if refused:
+        with pytest.raises(ValueError, match='use fmcw_parameters'):
+            check_fmcw(radar, 256)
+    else:
+        check_fmcw(radar, 256)
+
+
+@pytest.mark.parametrize('slope', [5e12, -5e12])
+def test_parameters_worked_out_by_hand(slope):
+    radar = _radar(slope, n_samples=251, reference_delay_s=3e-7)
+    # 6 us and half of 250 intervals of 0.2 us after the start of the ramp.
+    assert radar.carrier_hz == pytest.approx(9.5e9 + slope * 31e-6, rel=1e-12)
+    assert radar.bandwidth_hz == pytest.approx(5e12 * 251 * 0.2e-6, rel=1e-12)
+    assert radar.pulse_length_s == pytest.approx(251 * 0.2e-6, rel=1e-12)
+    assert (radar.chirp_rate_hz_per_s, radar.sample_rate_hz) == (slope, 5e6)
+    assert radar.first_sample_delay_s == 3e-7 and radar.waveform is Waveform.FMCW

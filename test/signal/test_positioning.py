@@ -78,6 +78,9 @@ def test_pulses_get_the_phase_centres_of_their_times():
                                    atol=1e-9)
     assert block.radar.range_start_m == pytest.approx(RADAR.range_start_m - 0.3)
     np.testing.assert_array_equal(block.stamp_ns, pulses(50, 150).stamp_ns)  # the radar's clock
+    [alone] = positioner.push(pulses(150, 151), 0.0)
+    np.testing.assert_allclose(alone.tx_m[0, 0], place(0.15) + turn(0.15).apply([0.5, 0, 0]),
+                               atol=1e-9)
 
 
 def test_pulses_wait_for_their_poses_and_keep_their_order():
@@ -171,6 +174,8 @@ def test_a_looping_recording_gives_the_same_positions_again():
                                    atol=1e-9, err_msg=str(n))
     s = positioner.statistics
     assert (s.pose_restarts, s.other_frame) == (2, 0)
+    # 30 poses each time; the first four of a loop come behind the newest, the fifth tells.
+    assert (s.poses, s.poses_old, s.poses_corrupt, s.pose_gaps) == (90, 8, 0, 0)
     assert balanced(positioner)
 
 
@@ -243,3 +248,18 @@ def test_a_range_bias_moves_the_profiles_and_nothing_else():
     radar = without_range_bias(RADAR, Alignment(range_bias_m=0.3))
     assert radar.first_sample_delay_s == pytest.approx(1e-6 - 2 * 0.3 / SPEED_OF_LIGHT)
     assert dataclasses.replace(radar, first_sample_delay_s=1e-6) == RADAR
+
+
+def test_a_jump_between_the_turns_of_a_pulse_costs_that_pulse():
+    """Channel 0 is sent 15 ms after the stamp; poses at 140 and 150 ms have no common frame."""
+    positioner = make(channel_offset_s=[0.015, 0.0])
+    send_poses(positioner, range(0, 145, 10))
+    send_poses(positioner, range(150, 300, 10), shift_m=1.0)
+    emitted = positioner.push(pulses(100, 130), 0.0) + positioner.push(pulses(150, 200), 0.0)
+    assert numbers(emitted) == [*range(100, 126)]  # 125 + 15 ms is the last in the first frame
+    positioner.take_events()
+    # Both turns of 135 to 140 have poses, before the jump and after it.
+    assert positioner.push(pulses(130, 150), 0.0) == []
+    [text] = texts(positioner, 'without_pose')
+    assert text == 'dropped pulses 130..149 (20): the frame of the poses jumped'
+    assert balanced(positioner)

@@ -300,3 +300,12 @@ def test_a_reset_drops_what_is_held_and_begins_anew():
     s = buffer.statistics
     assert (s.late, s.restarts, s.missing) == (0, 0, 0)
     assert s.received == s.emitted + s.reset
+
+
+def test_a_single_straggler_delivered_twice_does_not_restart_the_sequence():
+    buffer = PulseBuffer(pulses_per_aperture=50, reorder_window_pulses=16)
+    emitted = run(buffer, [make_block(range(32, 192)), make_block([3]), make_block([3]),
+                           make_block(range(192, 224))])
+    assert numbers(emitted) == list(range(32, 224))
+    s = buffer.statistics
+    assert (s.restarts, s.late, s.missing) == (0, 2, 0)

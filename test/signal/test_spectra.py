@@ -32,7 +32,8 @@ def test_profile_gives_the_phase_of_its_delay():
 def test_phase_history_is_referred_to_zero_delay():
     radar = RadarParameters(9.6e9, 600e6, 600e6, 6.7e-5, waveform=Waveform.STEPPED_FREQUENCY)
     frequencies = phase_history_frequencies(9.6e9, 600e6, 32)
-    assert np.ptp(frequencies) == pytest.approx(600e6 * 31 / 32)
+    # 32 frequencies around the carrier, as equally spaced as the band is divided into.
+    np.testing.assert_allclose(frequencies, 9.6e9 + (2 * np.arange(32) - 31) * 600e6 / 64)
     delay = 6.71e-5
     history = np.exp(-2j * np.pi * frequencies * (delay - 6.7e-5))
     found, spectra = band_spectrum(_block(radar, False, history))

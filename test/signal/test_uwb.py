@@ -71,6 +71,14 @@ def test_band_that_the_samples_cannot_hold_is_refused(changes):
         RangeCompressor(_radar(**changes), 960)
 
 
+@pytest.mark.parametrize('changes', [{'sample_rate_hz': 9.41e9}, {'bandwidth_hz': 7.89e9}])
+def test_band_that_the_samples_just_hold_is_accepted(changes):
+    """Up to 4.7 GHz of 4.705; and down to 5 MHz."""
+    radar = _radar(**changes)
+    output = RangeCompressor(radar, 960).output_radar
+    assert 1.0 <= output.sample_rate_hz / (2 * radar.bandwidth_hz) < 1.05
+
+
 def test_background_is_removed_and_the_moving_echo_stays():
     radar, n = _radar(), 960
     centres = np.zeros((41, 1, 3))

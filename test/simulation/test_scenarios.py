@@ -64,6 +64,17 @@ def test_table_1_of_rosenberg_and_gray():
     assert SCENARIOS['letter_s']().n_samples == 130
 
 
+def test_antennas_stand_at_their_offsets_from_the_track():
+    scenario = dataclasses.replace(SCENARIOS['psf'](), n_pulses=3,
+                                   tx_offsets_m=((0.5, -0.25, 2.0),) * 2,
+                                   rx_offsets_m=((1.0, 0.0, -0.5), (-2.0, 4.0, 0.125)))
+    track = scenario.trajectory.positions(scenario.times_s())[:, None]
+    tx, rx = scenario.phase_centres()
+    # Rounded to the grid of positions, whose step is a power of two.
+    np.testing.assert_array_equal(tx - track, np.tile([[0.5, -0.25, 2.0]], (3, 2, 1)))
+    np.testing.assert_array_equal(rx - track, np.tile(scenario.rx_offsets_m, (3, 1, 1)))
+
+
 @pytest.mark.parametrize('name', ['psf', 'spotlight'])
 def test_samples_do_not_depend_on_the_size_of_blocks(name):
     scenario = dataclasses.replace(SCENARIOS[name](), n_pulses=40)

@@ -21,6 +21,7 @@ def test_letter_is_as_stated():
     letter = spotlight_letter()
     assert (letter.n_pulses, letter.n_samples) == (16384, 16384)
     assert letter.radar.bandwidth_hz == 1.16e9
+    assert letter.radar.range_start_m == pytest.approx(letter.scene_centre_m[0])
     # 2100 pulses a second for 7.8 s is 16380 of them
     assert letter.n_pulses / 2100 == pytest.approx(7.8, abs=0.01)
     assert letter.aperture_m == pytest.approx(1049, abs=1)
@@ -53,10 +54,12 @@ def test_pair_differs_in_azimuth_only(small):
         pytest.approx(1j))
 
 
-def test_phase_history_agrees_with_the_echo_simulator(small):
-    quiet = dataclasses.replace(small, noise_db=-math.inf)
+@pytest.mark.parametrize('n_samples', [None, 100])
+def test_phase_history_agrees_with_the_echo_simulator(small, n_samples):
+    """With as many frequencies as the experiment has, and with another number."""
+    quiet = dataclasses.replace(small, noise_db=-math.inf, n_samples=n_samples or small.n_samples)
     positions, amplitudes = positions_and_amplitudes(small.scatterers)
-    simulate = EchoSimulator(small.radar, small.n_samples, compressed=False, points_m=positions,
+    simulate = EchoSimulator(small.radar, quiet.n_samples, compressed=False, points_m=positions,
                              amplitudes=amplitudes)
     part = slice(1000, 1003)
     centres = small.phase_centres()[part]

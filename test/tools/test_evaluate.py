@@ -32,6 +32,7 @@ from sar_imaging.tools.node_processes import (
     isolated_environment,
     parameters_from_truth,
 )
+from sar_imaging.tools.observer import counter_increase
 
 ROOT = Path(__file__).resolve().parents[2]
 PSF, SPOTLIGHT = ROOT / 'bags' / 'psf', ROOT / 'bags' / 'spotlight'
@@ -113,6 +114,19 @@ def run(runs):
     output, result = runs['exact']
     assert result.returncode == 0, result.stderr
     return output, result
+
+
+@pytest.mark.parametrize(('before', 'after', 'expected'), [
+    ({'pulses_received': 7, 'blocks': 1}, {'pulses_received': 12, 'blocks': 1, 'new': 3},
+     {'pulses_received': 5, 'blocks': 0, 'new': 3}),
+    ({'pulses_received': 7, 'blocks': 1}, {'pulses_received': 5, 'blocks': 2},
+     {'pulses_received': 5, 'blocks': 2}),
+    # A figure that goes up and down, such as what waits, is no sign of a new start.
+    ({'pulses_received': 7, 'waiting': 4}, {'pulses_received': 7, 'waiting': 1},
+     {'pulses_received': 0, 'waiting': -3}),
+    ({}, {'pulses_received': 5}, {'pulses_received': 5})])
+def test_counters_that_fall_are_those_of_a_node_that_started_anew(before, after, expected):
+    assert counter_increase(before, after) == expected
 
 
 @nodes

@@ -16,15 +16,16 @@ from sar_imaging.tools.recorded_poses import ODOMETRY_TOPIC
 
 ROOT = pathlib.Path(launching.__file__).parents[2]
 FILES = sorted((ROOT / 'sar_imaging' / 'launch').glob('*.launch.py'))
-REPLAY = dict(use_sim_time='false', bag='my bag', rate='2.0', delay='5.0', namespace='')
+REPLAY = dict(use_sim_time='', bag='my bag', rate='2.0', delay='5.0', namespace='')
 
 
 def executables():
+    """Of `ros2 run`; pip has one program instead."""
     setup = ast.parse((ROOT / 'setup.py').read_text())
-    [scripts] = [ast.literal_eval(v) for node in ast.walk(setup) if isinstance(node, ast.Dict)
-                 for k, v in zip(node.keys, node.values, strict=True)
-                 if k is not None and getattr(k, 'value', '') == 'console_scripts']
-    return {script.split(' = ')[0] for script in scripts}
+    scripts = [ast.literal_eval(v) for node in ast.walk(setup) if isinstance(node, ast.Dict)
+               for k, v in zip(node.keys, node.values, strict=True)
+               if k is not None and getattr(k, 'value', '') == 'console_scripts']
+    return {script.split(' = ')[0] for script in max(scripts, key=len)}
 
 
 def strings(path):
@@ -58,8 +59,8 @@ def test_executables_are_those_of_setup():
     mentioned = {*launching.node_names('image', pipeline=False),
                  *launching.node_names('subapertures', pipeline=False),
                  *launching.node_names('image', pipeline=True), 'check_config'}
-    assert 'check_config' in strings(pathlib.Path(launching.__file__))
-    assert mentioned <= executables()
+    assert {'check_config', 'wait_until_active'} <= strings(pathlib.Path(launching.__file__))
+    assert {*mentioned, 'wait_until_active'} <= executables()
     for name in mentioned - {'check_config'}:
         assert (ROOT / 'sar_imaging' / 'nodes' / f'{name}.py').is_file()
 
@@ -67,10 +68,9 @@ def test_executables_are_those_of_setup():
 def test_parameters_are_those_of_the_nodes():
     tree = yaml.safe_load((launching.CONFIG / 'sar_imaging.yaml').read_text())
     known = {name for section in tree.values() for name in section['ros__parameters']}
-    set_by_arguments = set(launching.overrides(
-        {'use_sim_time': 'true', 'autostart': 'false', 'mode': 'image'})) - {'use_sim_time'}
-    assert set_by_arguments == {'autostart', 'mode'}
-    assert set_by_arguments <= known
+    words = launching.overrides({'use_sim_time': 'True', 'autostart': 'false', 'mode': 'image'})
+    assert words == ['-p', 'mode:=image', '-p', 'autostart:=false', '-p', 'use_sim_time:=true']
+    assert {'autostart', 'mode'} <= known
 
 
 def test_files_exist():
@@ -112,26 +112,53 @@ def test_the_mode_decides_about_the_fusion_node(tmp_path, text, argument, expect
 def test_arguments_that_make_no_sense(tmp_path):
     with pytest.raises(ValueError, match='mode:=fast is unknown; use image or subapertures'):
         launching.mode_of(tmp_path, 'fast')
-    with pytest.raises(ValueError, match='autostart:=yes; expected true or false'):
-        launching.overrides({'use_sim_time': 'false', 'autostart': 'yes', 'mode': ''})
+    good = {'use_sim_time': '', 'autostart': '', 'mode': ''}
+    for name in ('autostart', 'use_sim_time'):
+        with pytest.raises(ValueError, match=f'{name}:=yes; expected true or false'):
+            launching.overrides(good | {name: 'yes'})
+    with pytest.raises(ValueError, match='mode:=fast is unknown'):
+        launching.overrides(good | {'mode': 'fast'})
 
 
 def test_what_is_left_out_stays_as_configured():
     arguments = {name: default for name, default, _ in launching.ARGUMENTS}
-    assert launching.overrides(arguments) == {'use_sim_time': False}
+    assert launching.overrides(arguments) == []
 
 
-def test_replay_reaches_the_topics_of_the_nodes():
-    plain = ['ros2', 'bag', 'play', 'my bag', '--rate', '2.0', '--delay', '5.0']
-    assert launching.replay_command(REPLAY) == plain
-    assert launching.replay_command(REPLAY | {'use_sim_time': 'true'}) == [*plain, '--clock']
-    moved = launching.replay_command(REPLAY | {'namespace': '/radar1/'})
-    assert moved == [*plain, '--remap', f'{TOPIC}:=/radar1{TOPIC}',
-                     f'{ODOMETRY_TOPIC}:=/radar1{ODOMETRY_TOPIC}']
+@pytest.fixture(name='bag')
+def bag_fixture(tmp_path):
+    """A folder that looks like a recording."""
+    folder = tmp_path / 'my bag'
+    folder.mkdir()
+    (folder / 'metadata.yaml').write_text('')
+    return str(folder)
+
+
+def test_replay_reaches_the_topics_of_the_nodes(bag):
+    arguments = REPLAY | {'bag': bag}
+    plain = ['ros2', 'bag', 'play', bag, '--rate', '2.0', '--delay', '5.0']
+    assert launching.replay_command(arguments) == plain
+    assert launching.replay_command(arguments | {'use_sim_time': 'true'}) == [*plain, '--clock']
+    moved = launching.replay_command(arguments | {'namespace': '/radar1/'})
+    assert moved == [*plain, '--remap', *(f'{topic}:=/radar1{topic}'
+                                          for topic in (TOPIC, ODOMETRY_TOPIC, '/pose'))]
+
+
+@pytest.mark.parametrize(('change', 'message'), [
+    ({'bag': 'nowhere'}, 'bag:=nowhere is no recording: expected a folder with a metadata.yaml'),
+    ({'rate': '0'}, 'rate:=0; expected a number of 0.001 or more'),
+    ({'rate': 'fast'}, 'rate:=fast; expected a number'),
+    ({'delay': '-0.1'}, 'delay:=-0.1; expected a number of 0 or more'),
+    ({'delay': 'inf'}, 'delay:=inf; expected a number'),
+    ({'use_sim_time': 'maybe'}, 'use_sim_time:=maybe; expected true or false'),
+])
+def test_a_replay_that_makes_no_sense_is_refused(bag, change, message):
+    with pytest.raises(ValueError, match=message):
+        launching.replay_command(REPLAY | {'bag': bag} | change)
 
 
 @pytest.mark.parametrize('path', FILES, ids=lambda p: p.name)
-def test_launch_files_describe_what_they_start(path):
+def test_launch_files_describe_what_they_start(path, bag):
     pytest.importorskip('launch_ros', reason='launch files need a ROS installation')
     from launch import LaunchContext
     from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction
@@ -146,7 +173,8 @@ def test_launch_files_describe_what_they_start(path):
         table += launching.REPLAY_ARGUMENTS
     assert arguments == {name for name, *_ in table}
     context = LaunchContext()
-    context.launch_configurations.update({name: default or 'bag' for name, default, _ in table})
+    context.launch_configurations.update({name: bag if default is None else default
+                                          for name, default, _ in table})
     [function] = [e for e in entities if isinstance(e, OpaqueFunction)]
     started = function.execute(context)
     assert any(isinstance(e, ExecuteProcess) for e in started)  # check_config

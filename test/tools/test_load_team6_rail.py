@@ -1,4 +1,4 @@
-"""The loader of the team 6 rail recording: on a made-up file of the same form, and measured."""
+"""The loader of the rail recordings: on made-up files of the same form, and measured."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_the_bag_has_raw_pulses_and_odometry_on_two_clocks(folder, tmp_path, cap
 
 def test_other_files_are_refused(tmp_path, capsys):
     assert load_team6_rail.main([str(tmp_path), '--output', str(tmp_path / 'bag')]) == 1
-    assert 'holds no team6_rail_trial6.npz' in capsys.readouterr().err
+    assert 'holds no team6_rail_trial6.npz and no team5_rail_pass_a.npz' in capsys.readouterr().err
     (tmp_path / load_team6_rail.FILE).write_text('no archive')
     with pytest.raises(BagError, match='cannot be read'):
         load_team6_rail.read_folder(tmp_path)
@@ -136,3 +136,50 @@ def test_too_little_to_see_leaves_the_alignment(folder):
     found, report = load_team6_rail.estimate_alignment(block, poses, nominal)
     assert not report.accepted
     assert found is nominal
+
+
+@pytest.fixture
+def other_folder(folder):
+    """The same rail with the file of team 5: other names, the moving interval in the file."""
+    with np.load(folder / load_team6_rail.FILE) as data:
+        kept = {name: data[name] for name in data.files if not name.startswith(('fit', 'nominal'))}
+    (folder / load_team6_rail.FILE).unlink()
+    np.savez(folder / load_team6_rail.TEAM_5.file, **kept, moving_s=[5.0, 7.0],
+             reference_time_offset_s=OFFSET_S, reference_range_bias_m=BIAS_M)
+    return folder
+
+
+def test_the_other_recording_has_its_own_interval_and_alignment(other_folder, tmp_path, capsys):
+    block, poses = load_team6_rail.read_folder(other_folder)
+    start = load_team6_rail.START_NS
+    assert 5.0 <= (block.stamp_ns[0] - start) * 1e-9 <= 5.02
+    assert 6.98 <= (block.stamp_ns[-1] - start) * 1e-9 <= 7.0
+    # three seconds of poses around, for clocks that are wrong
+    assert (poses.stamp_ns[0] - start) * 1e-9 == pytest.approx(5.0 + OFFSET_S - 3.0, abs=0.03)
+    alignment = load_team6_rail.read_alignment(other_folder, 'nominal')
+    assert (alignment.time_offset_s, alignment.range_bias_m) == (OFFSET_S, BIAS_M)
+    assert not alignment.tx_m.any()
+    output = tmp_path / 'bag'
+    arguments = [str(other_folder), '--output', str(output)]
+    assert load_team6_rail.main([*arguments, '--alignment', 'fitted']) == 1
+    assert 'the team 5 recording has no fitted alignment; use nominal or estimated' in \
+        capsys.readouterr().err
+    assert load_team6_rail.main([*arguments, '--wrong-by', '-1.5']) == 0
+    truth = read_truth(output)
+    assert truth['scenario'] == 'team5_rail'
+    assert truth['alignment']['time_offset_s'] == pytest.approx(OFFSET_S - 1.5)
+    assert truth['grid']['centre_m'] == list(load_team6_rail.TEAM_5.grid.centre_m)
+
+
+TEAM_5 = pathlib.Path(__file__).parents[3] / 'shared' / 'data' / 'bwsi2019_team5_rail'
+
+
+@pytest.mark.data
+@pytest.mark.skipif(not TEAM_5.is_dir(), reason='needs the team 5 recording in '
+                    '../shared/data/bwsi2019_team5_rail beside the repository')
+def test_the_reflector_of_team_5_is_where_an_independent_image_has_it():
+    block, _ = load_team6_rail.read_folder(TEAM_5)
+    assert block.samples.shape == (500, 1, 1152)
+    # A float64 backprojection put it at (-1.00, 1.14) and a second object at (-0.10, 4.38) m.
+    for place in ((-1.00, 1.14, 0.067), (-0.10, 4.38, 0.067)):
+        assert np.abs(peak(TEAM_5, 'nominal', place, 0.6) - place[:2]).max() <= 0.03

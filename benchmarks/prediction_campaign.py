@@ -1,0 +1,217 @@
+"""Measure how far images are above their predicted errors, over random radars, tracks and maps.
+
+Every case follows from its seed (`sar_imaging.simulation.random_cases`). Its image by each imager
+is compared with float64 correlation of the same pulses at the brightest and at random pixels.
+Cases are written down one by one, so that a campaign that was stopped goes on where it was.
+
+Run from the repository root: ``make prediction-campaign``, or
+``python -m benchmarks.prediction_campaign --cases 2000``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import json
+import logging
+import math
+import pathlib
+import time
+import traceback
+
+import numba
+import numpy as np
+from tqdm import tqdm
+
+from sar_imaging.imaging.afbp import AfbpImager
+from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.ffbp import FfbpImager
+from sar_imaging.imaging.live_fusion import LiveFusion
+from sar_imaging.imaging.live_subapertures import LiveSubapertures
+from sar_imaging.imaging.verification import measure_error
+from sar_imaging.simulation.random_cases import RandomCase, random_case
+
+from .machine import machine
+
+RESULTS = pathlib.Path(__file__).parent / 'results' / 'predictions.json'
+RECORDS = pathlib.Path('out/prediction_campaign.jsonl')
+ALLOWED_DB = 3.0  # above the prediction
+_BLOCK_PULSES = 16
+_AMBIGUOUS = 'ambiguous'  # of pulses too far apart: true of any image, and no error
+
+
+def exact(case: RandomCase, rng):
+    """Backprojection of the profiles to the default target."""
+    p = case.profiles
+    plan = Backprojector(case.grid, p.radar, p.n_samples)
+    image = plan(p)
+    return image, plan.predicted_error_db, plan.warnings, slice(None), {'method': plan.method}
+
+
+def afbp(case: RandomCase, rng):
+    """AFBP of the profiles or of the phase histories to a random target."""
+    p, target_db = case.pulses, -rng.uniform(40, 75)
+    plan = AfbpImager(case.grid, p.radar, p.n_samples, p.tx_m, p.rx_m, target_db=target_db,
+                      compressed=p.compressed)
+    return plan(p), plan.predicted_error_db, plan.warnings, slice(None), {
+        'target_db': target_db, 'subapertures': plan.subapertures.n_subapertures,
+        'beams': plan.subapertures.beams is not None}
+
+
+def ffbp(case: RandomCase, rng):
+    """FFBP, which predicts nothing."""
+    p = case.profiles
+    plan = FfbpImager(case.grid, p.radar, p.n_samples, p.tx_m, p.rx_m, merge_factor=4)
+    return plan(p), None, plan.warnings, slice(None), {}
+
+
+def live(case: RandomCase, rng):
+    """AFBP while the pulses arrive, of one aperture."""
+    return _live(case, -rng.uniform(40, 75), case.profiles.n_pulses, sliding=False)
+
+
+def sliding(case: RandomCase, rng):
+    """The last image of an aperture of half the length that slides over the pulses."""
+    return _live(case, -rng.uniform(40, 75), case.profiles.n_pulses // 2, sliding=True)
+
+
+def _live(case, target_db, length, *, sliding):
+    n = case.profiles.n_pulses // length * length
+    p = case.profiles.select(slice(0, n))
+    stage = LiveSubapertures(case.grid, pulses_per_aperture=length, target_db=target_db,
+                             sliding=sliding)
+    parts = [s for first in range(0, n, _BLOCK_PULSES)
+             for s in stage.add(p.select(slice(first, first + _BLOCK_PULSES)))] + stage.flush()
+    fusion = LiveFusion()
+    images = [image for part in parts for image in fusion.add(part)] + fusion.flush()
+    told = [event.text for event in stage.take_events()]
+    images = [image for image in images if not image.n_missing]
+    if not images:
+        raise ValueError('; '.join(told) or 'no image of all pulses')
+    result = images[-1]
+    warnings = [text for text in told if 'planned anew' not in text and 'awaited' not in text]
+    return result.image, result.predicted_error_db, warnings, slice(
+        n - result.n_pulses, n), {'target_db': target_db}
+
+
+#: Imagers, and in one of how many cases each has its turn.
+IMAGERS = {'exact': (exact, 1), 'afbp': (afbp, 1), 'ffbp': (ffbp, 8), 'live': (live, 8),
+           'sliding': (sliding, 16)}
+
+
+def measure(case: RandomCase, name: str) -> dict:
+    """Form one image of a case and compare it with correlation.
+
+    Returns
+    -------
+    dict
+        `predicted_db`, `error_db` and `warnings`; `refused` with the reason, or `crash` with the
+        trace, where there is no image.
+    """
+    rng = np.random.default_rng([case.traits['seed'], list(IMAGERS).index(name)])
+    try:
+        image, predicted_db, warnings, pulses, more = IMAGERS[name][0](case, rng)
+    except ValueError as reason:
+        return {'refused': str(reason)}
+    except Exception:
+        return {'crash': traceback.format_exc()}
+    found = measure_error(image * np.float32(case.scale), case.grid, case.pulses.select(pulses),
+                          n_pixels=120, n_brightest=80)
+    return {'predicted_db': predicted_db, 'error_db': found.error_db,
+            'warnings': list(warnings), **more}
+
+
+def exceeds(entry: dict) -> bool:
+    """True for an image above its prediction by more than allowed, without a word."""
+    return (entry.get('predicted_db') is not None
+            and not entry['error_db'] <= entry['predicted_db'] + ALLOWED_DB
+            and all(_AMBIGUOUS in warning for warning in entry['warnings']))
+
+
+def run(seeds, records: pathlib.Path) -> list[dict]:
+    """Measure the cases that `records` lacks and return all that were asked for."""
+    records.parent.mkdir(parents=True, exist_ok=True)
+    known = {}
+    if records.exists():
+        lines = records.read_text().splitlines()
+        known = {record['seed']: record for record in map(json.loads, lines)}
+    with records.open('a') as file:
+        for seed in tqdm([s for s in seeds if s not in known], unit='case'):
+            started = time.process_time()
+            case = random_case(seed)
+            known[seed] = {**case.traits, **{
+                name: measure(case, name) for name, (_, every) in IMAGERS.items()
+                if seed % every == 0}, 'seconds': time.process_time() - started}
+            file.write(json.dumps(known[seed]) + '\n')
+            file.flush()
+    return [known[seed] for seed in seeds]
+
+
+def summary(records: list[dict]) -> dict:
+    """Shares and distributions of each imager, and every image above its prediction."""
+    return {name: _summary([(r, r[name]) for r in records if name in r]) for name in IMAGERS}
+
+
+def _summary(entries) -> dict:
+    formed = [(record, e) for record, e in entries if 'error_db' in e]
+    refused = collections.Counter(_reason(e['refused']) for _, e in entries if 'refused' in e)
+    by_track = collections.defaultdict(list)
+    for record, e in formed:
+        if e['predicted_db'] is not None and not _warned(e):
+            by_track[record['track']].append(e['error_db'] - e['predicted_db'])
+    above = [d for values in by_track.values() for d in values]
+    result = {'cases': len(entries), 'imaged': len(formed), 'refused': dict(refused),
+              'crashed': sum('crash' in e for _, e in entries),
+              'warned': sum(_warned(e) for _, e in formed),
+              'error_db': _distribution([e['error_db'] for _, e in formed])}
+    if above:
+        result |= {'above_prediction_db': _distribution(above),
+                   'by_track': {t: _distribution(v) for t, v in sorted(by_track.items())}}
+    result['exceeding'] = [{'seed': r['seed'], 'track': r['track'],
+                            'predicted_db': round(e['predicted_db'], 1),
+                            'error_db': round(e['error_db'], 1)}
+                           for r, e in formed if exceeds(e)]
+    return result
+
+
+def _warned(entry) -> bool:
+    return any(_AMBIGUOUS not in warning for warning in entry['warnings'])
+
+
+def _reason(text: str) -> str:
+    """The words of a reason, without its numbers."""
+    return ' '.join(w for w in text.split(':')[0].split(';')[0].split()
+                    if not any(c.isdigit() for c in w))[:90]
+
+
+def _distribution(values) -> dict:
+    values = np.array([v for v in values if math.isfinite(v)])
+    if not len(values):
+        return {'n': 0}
+    low, median, high = np.percentile(values, [5, 50, 95]).round(1).tolist()
+    return {'n': len(values), 'least': round(float(values.min()), 1), 'p5': low,
+            'median': median, 'p95': high, 'most': round(float(values.max()), 1)}
+
+
+def main() -> None:
+    """Run what is missing and write the results."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--cases', type=int, default=2000)
+    parser.add_argument('--first-seed', type=int, default=0)
+    parser.add_argument('--records', type=pathlib.Path, default=RECORDS)
+    parser.add_argument('--output', type=pathlib.Path, default=RESULTS)
+    arguments = parser.parse_args()
+    logging.disable(logging.WARNING)  # warnings go into the records
+    seeds = range(arguments.first_seed, arguments.first_seed + arguments.cases)
+    records = run(seeds, arguments.records)
+    results = {'machine': {**machine(), 'threads': numba.get_num_threads()},
+               'first_seed': seeds.start, 'cases': len(records),
+               'minutes': round(sum(r['seconds'] for r in records) / 60, 1),
+               'tracks': dict(collections.Counter(r['track'] for r in records)),
+               'imagers': summary(records)}
+    arguments.output.write_text(json.dumps(results, indent=1) + '\n')
+    print(json.dumps(results['imagers'], indent=1))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,144 @@
+"""Where the phase centres were before, during and after an aperture, for autofocus."""
+
+from __future__ import annotations
+
+import collections
+import time
+from collections.abc import Mapping
+
+from rclpy.clock import Clock, ClockType
+
+from sar_imaging.autofocus.track import PhaseCentreTrack
+from sar_imaging.geometry.alignment import Alignment
+from sar_imaging.geometry.poses import PoseTrack, PoseVerdict
+from sar_imaging.signal.pulses import PulseBlock
+
+from .health import Health, Part
+from .pose_input import BLOCK, PoseInput, alignment_from, track_from
+from .stage import Stage
+
+_PAUSE_S = 3.0  # by the wall clock: nothing more is waited for
+_WAIT_PERIOD_S = 0.1
+_APERTURES = 2  # whose pulses are remembered
+
+
+class KnownPositions:
+    """The track of the poses, or of the phase centres that came with the pulses.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Current values of `pose_input.TRACK_PARAMETERS` and of ``pulses_per_aperture``.
+    health : Health or Part
+        Log.
+    reach_s : float
+        How far before and behind an aperture the track is wanted, seconds.
+
+    Attributes
+    ----------
+    awaited : bool
+        Whether an image waits for more: the worker is then woken from time to time.
+    """
+
+    def __init__(self, parameters: Mapping[str, object], health: Health | Part, reach_s: float):
+        self._parameters, self._reach_ns = parameters, round(reach_s * 1e9)
+        self._of_pulses = parameters['pose.source'] == BLOCK
+        self._input: PoseInput | None = None
+        self._alignment: Alignment | None = None
+        self._poses: PoseTrack | None = None
+        if not self._of_pulses:
+            self._input = PoseInput(parameters, health, self._pose_came)
+            self._poses = track_from(parameters)
+        self._blocks: collections.deque[PulseBlock] = collections.deque()
+        self._n_pulses = 0
+        self._last_input_s = time.monotonic()
+        self._timer = None
+        self.awaited = False
+
+    @property
+    def source(self) -> str:
+        """Where the positions come from, in words."""
+        return 'the pulses' if self._of_pulses else self._input.topic
+
+    def configure(self, node: Stage) -> None:
+        """Read lever arms, from tf where they are there."""
+        if not self._of_pulses:
+            self._alignment = alignment_from(self._parameters, node)
+
+    def activate(self, node: Stage) -> None:
+        """Subscribe to poses, and have the node's worker look from time to time."""
+        def look():
+            if self.awaited:
+                self.awaited = False  # until an image waits again
+                node.wake()
+
+        self._timer = node.create_timer(_WAIT_PERIOD_S, look,
+                                        clock=Clock(clock_type=ClockType.STEADY_TIME))
+        if self._input is not None:
+            self._input.activate(node)
+
+    def deactivate(self, node: Stage) -> None:
+        """Undo `activate`."""
+        if self._input is not None:
+            self._input.deactivate()
+        if self._timer is not None:
+            node.destroy_timer(self._timer)
+            self._timer = None
+
+    def add(self, block: PulseBlock) -> None:
+        """Remember the phase centres of pulses that came in the order of their times."""
+        self._last_input_s = time.monotonic()
+        if not self._of_pulses or not block.n_pulses or not block.has_positions:
+            return
+        if self._blocks and (block.stamp_ns[0] <= self._blocks[-1].stamp_ns[-1]
+                             or block.n_channels != self._blocks[-1].n_channels):
+            self._blocks.clear()
+            self._n_pulses = 0
+        self._blocks.append(_without_samples(block))
+        self._n_pulses += block.n_pulses
+        wanted = _APERTURES * self._parameters['pulses_per_aperture']
+        oldest = block.stamp_ns[-1] - 2 * self._reach_ns
+        while (self._n_pulses - self._blocks[0].n_pulses > wanted
+               and self._blocks[0].stamp_ns[-1] < oldest):
+            self._n_pulses -= self._blocks.popleft().n_pulses
+
+    def suffices(self, pulses: PulseBlock) -> bool:
+        """Whether the track reaches far enough behind pulses, or nothing more comes."""
+        self._take_poses()
+        if time.monotonic() - self._last_input_s > _PAUSE_S:
+            return True
+        end = int(pulses.stamp_ns[-1]) + self._reach_ns
+        if self._of_pulses:
+            return bool(self._blocks) and int(self._blocks[-1].stamp_ns[-1]) >= end
+        span = self._poses.span_ns
+        return span is not None and span[1] >= end + self._alignment.time_offset_ns
+
+    def around(self, pulses: PulseBlock) -> PhaseCentreTrack:
+        """Track from the reach before some pulses to the reach behind them."""
+        span = (int(pulses.stamp_ns[0]) - self._reach_ns, int(pulses.stamp_ns[-1])
+                + self._reach_ns)
+        if not self._of_pulses:
+            return PhaseCentreTrack.of_poses(self._poses, self._alignment, pulses.n_channels,
+                                             span, self._parameters['antenna.offset_s'])
+        near = [b for b in self._blocks if b.stamp_ns[-1] >= span[0] and b.stamp_ns[0] <= span[1]]
+        first = near[0].stamp_ns[0] if near else pulses.stamp_ns[-1]
+        if first > pulses.stamp_ns[0]:
+            near = [pulses]  # their time has been gone back to meanwhile
+        return PhaseCentreTrack.of_pulses(near)
+
+    def _take_poses(self) -> None:
+        if self._input is None:
+            return
+        for pose in self._input.take():
+            self._last_input_s = time.monotonic()
+            if self._poses.add(*pose) == PoseVerdict.RESTART:
+                self._poses = self._poses.successor()
+
+    def _pose_came(self) -> None:
+        """Poses wait until an image asks for them."""
+
+
+def _without_samples(block: PulseBlock) -> PulseBlock:
+    """The phase centres alone, copied: the samples need not be kept."""
+    return PulseBlock(block.radar, block.compressed, block.stamp_ns.copy(), block.counter.copy(),
+                      block.samples[..., :0].copy(), block.tx_m.copy(), block.rx_m.copy())

@@ -1,0 +1,66 @@
+"""One program for all tools: `sar-imaging COMMAND ...`, such as `sar-imaging simulate psf`."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import importlib.util
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import sar_imaging
+
+#: Words of a command, and the module of this package whose `main` it is.
+COMMANDS = {
+    ('simulate',): 'simulate',
+    ('evaluate',): 'evaluate',
+    ('check-config',): 'check_config',
+    ('calibrate',): 'calibrate',
+    ('compile',): 'compile_kernels',
+    ('load', 'gotcha'): 'load_gotcha',
+    ('load', 'rail'): 'load_team6_rail',
+    ('load', 'arcsar'): 'load_arcsar',
+    ('load', 'mimo-60ghz'): 'load_mimo_60ghz',
+    ('image', 'arcsar'): 'image_arcsar',
+    ('image', 'mimo-60ghz'): 'image_mimo_60ghz',
+    ('reproduce', 'multichannel'): 'reproduce_multichannel',
+    ('reproduce', 'spotlight-letter'): 'reproduce_spotlight_letter',
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command; returns its exit status, 2 where there is no such command."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    if not words or words[0] in ('-h', '--help'):
+        print(overview())
+        return 0 if words else 2
+    if words[0] == '--version':
+        print(sar_imaging.__version__)
+        return 0
+    for length in (2, 1):
+        module = COMMANDS.get(tuple(words[:length]))
+        if module is not None:
+            name = f'sar_imaging.tools.{module}'
+            return importlib.import_module(name).main(words[length:])
+    asked = ' '.join(words[:2] if any(words[0] == c[0] for c in COMMANDS) else words[:1])
+    print(f'sar-imaging: there is no command {asked!r}\n\n{overview(words[0])}', file=sys.stderr)
+    return 2
+
+
+def overview(first: str = '') -> str:
+    """The commands, a line each; those that begin with a word, where there are any."""
+    chosen = [words for words in COMMANDS if words[0] == first] or list(COMMANDS)
+    width = max(len(' '.join(words)) for words in chosen)
+    rows = [f'  {" ".join(words):{width}}  {_purpose(COMMANDS[words])}' for words in chosen]
+    return '\n'.join(['usage: sar-imaging COMMAND [ARGUMENTS]; each has --help', '', *rows])
+
+
+def _purpose(module: str) -> str:
+    """First line of a module's docstring, without loading what it imports."""
+    path = Path(importlib.util.find_spec(f'sar_imaging.tools.{module}').origin)
+    return ast.get_docstring(ast.parse(path.read_text())).split('\n')[0]
+
+
+if __name__ == '__main__':
+    sys.exit(main())

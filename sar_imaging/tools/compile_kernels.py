@@ -1,0 +1,61 @@
+"""Compile all kernels of the nodes once, so that their first start does not wait for it.
+
+Run: python -m sar_imaging.tools.compile_kernels
+
+Numba keeps machine code beside the modules or below the home folder, whichever can be written to,
+or in the folder that NUMBA_CACHE_DIR names.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Sequence
+
+from tqdm import tqdm
+
+from sar_imaging.compilation import counted
+
+_DESCRIPTION = """\
+Compile what the nodes compute with, or load what was compiled before. It takes half a minute on a
+desktop and minutes on a small board, once for each version of the package on each machine. Run it
+as the user who will run the nodes.
+"""
+
+
+def _jobs() -> list[tuple[str, Callable[[], None]]]:
+    """What is compiled, in words, and the functions that do it."""
+    from sar_imaging.autofocus.live import compile_autofocus
+    from sar_imaging.imaging import backprojection, live_kernels
+
+    return [('exact backprojection', backprojection.compile_kernels),
+            ('sub-aperture images', live_kernels.compile_subaperture_kernels),
+            ('fusion of sub-apertures', live_kernels.compile_fusion_kernels),
+            ('autofocus', compile_autofocus)]
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line of this program."""
+    return argparse.ArgumentParser(
+        description=_DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the program; returns the exit status."""
+    parser().parse_args(argv)
+    started = time.monotonic()
+    try:
+        with counted() as kernels, tqdm(_jobs(), unit='stage') as bar:
+            for name, compile_them in bar:
+                bar.set_description(name)
+                compile_them()
+    except KeyboardInterrupt:
+        print('interrupted; what was compiled so far is kept')
+        return 130
+    print(f'{kernels.n} functions compiled in {time.monotonic() - started:.0f} s, ready'
+          if kernels.n else 'nothing to compile, all kernels were there already')
+    return 0
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,306 @@
+"""Predicted errors on random radars, tracks and maps; `make prediction-campaign` has thousands."""
+
+import dataclasses
+import logging
+
+import numpy as np
+import pytest
+
+from sar_imaging.geometry import MapGrid
+from sar_imaging.imaging.afbp import AfbpImager
+from sar_imaging.imaging.aperture import ApertureImager
+from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.correlation import correlate
+from sar_imaging.imaging.ffbp import FfbpImager
+from sar_imaging.imaging.interpolation import design_interpolator
+from sar_imaging.imaging.live_fusion import LiveFusion
+from sar_imaging.imaging.live_subapertures import LiveSubapertures
+from sar_imaging.imaging.range_window import RangeWindow
+from sar_imaging.imaging.row_weights import row_weights
+from sar_imaging.imaging.verification import measure_error
+from sar_imaging.signal.radar import SPEED_OF_LIGHT
+from sar_imaging.signal.spectra import band_spectrum
+from sar_imaging.simulation.random_cases import TRACKS, random_case
+
+SEEDS = (1, 2, 3)
+# Of an image above its prediction: an image of few scatterers has an error of its own, the
+# campaign found 3 dB to hold in all cases.
+ALLOWED_DB = 3.0
+
+
+def _error_db(case, image, pulses=slice(None)):
+    return measure_error(image * np.float32(case.scale), case.grid, case.pulses.select(pulses),
+                         n_pixels=100, n_brightest=60).error_db
+
+
+def _exact(case):
+    plan = Backprojector(case.grid, case.profiles.radar, case.profiles.n_samples)
+    return plan, plan(case.profiles)
+
+
+def _afbp(case, target_db=-60.0):
+    p = case.pulses
+    plan = AfbpImager(case.grid, p.radar, p.n_samples, p.tx_m, p.rx_m, target_db=target_db,
+                      compressed=p.compressed)
+    return plan, plan(p)
+
+
+def _names_a_reason(warnings):
+    return any('ambiguous' not in warning for warning in warnings)
+
+
+# ------------------------------------------------------------------------------ any geometry
+
+@pytest.mark.parametrize('seed', SEEDS)
+@pytest.mark.parametrize('track', TRACKS)
+def test_no_image_is_above_its_prediction(track, seed):
+    case = random_case(seed, track)
+    plan, image = _exact(case)
+    assert (_error_db(case, image) <= plan.predicted_error_db + ALLOWED_DB
+            or _names_a_reason(plan.warnings))
+    try:
+        plan, image = _afbp(case)
+    except ValueError as refusal:
+        assert 'Backprojector' in str(refusal)
+    else:
+        assert (_error_db(case, image) <= plan.predicted_error_db + ALLOWED_DB
+                or _names_a_reason(plan.warnings))
+
+
+def test_predictions_of_the_exact_imager_are_tight():
+    """Bounded from both sides: what an image loses to a wrong term shows."""
+    above = []
+    for track in TRACKS:
+        case = random_case(1, track)
+        plan, image = _exact(case)
+        above.append(_error_db(case, image) - plan.predicted_error_db)
+    # Measured: -3.4 to 0.7, median -2.0; over the campaign's cases about the same.
+    assert -5.0 <= min(above) and -3.0 <= np.median(above) <= -1.0
+
+
+# Wrong by 4 to 20 dB before: frequencies at the end of a band have more error than its mean, rows
+# from one place have more power than others, bands of lines may be wider than those of map rows,
+# parts of a block are added to other references than the whole, ranges need guards, too.
+@pytest.mark.parametrize(('seed', 'target_db'), [
+    (15, -62.0), (72, -45.0), (80, -53.0), (12, -70.0), (100, -45.0), (10, -75.0), (3025, -74.0)])
+def test_geometries_whose_afbp_was_worse_than_predicted(seed, target_db):
+    case = random_case(seed)
+    plan, image = _afbp(case, target_db)
+    assert _error_db(case, image) <= plan.predicted_error_db + ALLOWED_DB
+
+
+@pytest.mark.parametrize('seed', [34, 80, 126, 3068, 3076])
+def test_geometries_whose_exact_image_was_worse_than_predicted(seed):
+    case = random_case(seed)
+    plan, image = _exact(case)
+    assert -8.0 <= _error_db(case, image) - plan.predicted_error_db <= 2.0
+
+
+@pytest.mark.parametrize(('options', 'target_db'), [
+    ({'range_m': 60.0, 'height_m': 30.0}, -90.0), ({'range_m': 40.0, 'spacing_m': 0.1}, -80.0),
+    ({'range_m': 60.0}, -80.0)], ids=str)
+def test_near_images_err_as_predicted(make_case, options, target_db):
+    """The third derivative of the path, a third wrong, costs 4 to 12 dB here."""
+    case = make_case(**options)
+    plan = Backprojector(case.grid, case.block.radar, case.block.n_samples, target_db=target_db)
+    points = case.grid.points()[::2, ::2]
+    reference = correlate(*band_spectrum(case.block), case.block.tx_m, case.block.rx_m, points)
+    error = 10 * np.log10(np.sum(np.abs(plan(case.block)[::2, ::2] - reference) ** 2)
+                          / np.sum(np.abs(reference) ** 2))
+    assert plan.predicted_error_db <= target_db
+    # Measured: 0.9 to 3.6 dB better than predicted
+    assert -5.0 <= error - plan.predicted_error_db <= 1.0
+
+
+# --------------------------------------------------------------------------------- live AFBP
+
+def _live(case, n_pulses, length, **options):
+    fusion = LiveFusion()
+    stage = LiveSubapertures(case.grid, pulses_per_aperture=length, **options)
+    block = case.profiles.select(slice(0, n_pulses))
+    parts = [s for first in range(0, n_pulses, 16)
+             for s in stage.add(block.select(slice(first, first + 16)))] + stage.flush()
+    return [image for part in parts for image in fusion.add(part)] + fusion.flush(), parts, stage
+
+
+@pytest.mark.parametrize('track', ['climbing', 'stopping', 'back and forth'])
+def test_no_live_image_is_above_its_prediction(track):
+    case = random_case(1, track)
+    n = case.profiles.n_pulses
+    images, _, stage = _live(case, n, n, target_db=-50.0)
+    if not images:
+        assert 'cannot be imaged' in stage.take_events()[-1].text
+        return
+    assert images[-1].n_missing == 0
+    assert _error_db(case, images[-1].image) <= images[-1].predicted_error_db + ALLOWED_DB
+
+
+def test_windows_of_a_track_that_turns_back_are_as_good_as_predicted():
+    """The widest window decides how fine the polar grid is: -17 dB where -51 were predicted."""
+    case = random_case(3016)
+    n = case.profiles.n_pulses // 2 * 2
+    images, parts, _ = _live(case, n, n // 2, target_db=-41.0, sliding=True)
+    assert len(images) >= 2 and all(image.n_pulses == n // 2 for image in images)
+    first, last = images[0], images[-1]
+    for image, pulses in ((first, slice(0, n // 2)), (last, slice(n // 2, n))):
+        assert _error_db(case, image.image, pulses) <= image.predicted_error_db + ALLOWED_DB
+    for sequence in {part.sequence for part in parts}:  # no pulse twice, none left out
+        own = sorted((p.first_counter, p.n_pulses) for p in parts if p.sequence == sequence)
+        assert all(a + length == b for (a, length), (b, _) in zip(own, own[1:], strict=False))
+
+
+def test_an_aperture_cut_anew_at_its_end_keeps_its_last_pulses():
+    case = random_case(3056)
+    n = case.profiles.n_pulses
+    images, _, stage = _live(case, n, n, target_db=-72.1)
+    assert any('awaited' in event.text for event in stage.take_events())
+    assert [(image.n_pulses, image.n_missing) for image in images] == [(n, 0)]
+    assert _error_db(case, images[0].image) <= images[0].predicted_error_db + ALLOWED_DB
+
+
+# --------------------------------------------------------------- ranges that leave the profiles
+
+@pytest.fixture(name='short', scope='module')
+def short_fixture(make_case):
+    """A grid whose near sixth and far sixth lie beyond the profiles for some pulses."""
+    case = make_case(1e3, n=96, pulses=96, aperture_m=60.0)
+    return dataclasses.replace(case, grid=MapGrid(case.grid.centre_m, 280, 64, 0.25))
+
+
+def _outside(case):
+    """(n_y, n_x) share of the pulses whose ranges are not in the profiles."""
+    block, points = case.block, case.grid.points()
+    place = [(np.linalg.norm(points - tx, axis=-1) - block.radar.range_start_m)
+             / block.radar.sample_spacing_m for tx in block.tx_m[:, 0]]
+    return np.mean([(v < 0) | (v > block.n_samples - 1) for v in place], axis=0)
+
+
+def test_backprojector_says_which_share_leaves_the_profiles(short, caplog):
+    block, outside = short.block, _outside(short)
+    plan = Backprojector(short.grid, block.radar, block.n_samples)
+    assert plan.warnings == ()
+    with caplog.at_level(logging.WARNING):
+        image = plan(block)
+    (warning,) = plan.warnings
+    assert warning in caplog.text
+    told = [float(word) for word, unit in zip(warning.split(), warning.split()[1:], strict=False)
+            if unit == '%']
+    # 24 x 24 pixels and all pulses are looked at
+    assert told == pytest.approx([100 * (outside > 0).mean(), 100 * outside.mean()], abs=4.0)
+    missing_db = 10 * np.log10(outside.mean())
+    assert plan.predicted_error_db == pytest.approx(missing_db, abs=1.5)
+    reference = correlate(*band_spectrum(block), block.tx_m, block.rx_m,
+                          short.grid.points()[::4, ::4])
+    inside = outside[::4, ::4] == 0
+    error = np.abs(image[::4, ::4] - reference)[inside]
+    assert np.sum(error ** 2) <= 1e-8 * np.sum(np.abs(reference[inside]) ** 2)  # the rest is right
+    within = Backprojector(MapGrid(short.grid.centre_m, 64, 64, 0.25), block.radar,
+                           block.n_samples)
+    within(block)
+    assert within.warnings == () and within.predicted_error_db <= -80.0
+
+
+def test_other_imagers_say_so_too(short):
+    block = short.block
+    arguments = short.grid, block.radar, block.n_samples, block.tx_m, block.rx_m
+    for imager in (AfbpImager, FfbpImager):
+        assert any('leave the profiles' in warning for warning in imager(*arguments).warnings)
+    assert AfbpImager(*arguments).predicted_error_db > -10.0
+    points = Backprojector(short.grid.points(), block.radar, block.n_samples)
+    points(block)
+    assert 'leave the profiles' in points.warnings[0] and points.predicted_error_db > -10.0
+    for stage in (LiveSubapertures(short.grid, pulses_per_aperture=96),
+                  ApertureImager(short.grid, pulses_per_aperture=96)):
+        stage.add(block)
+        stage.flush()
+        assert any('leave the profiles' in event.text for event in stage.take_events())
+
+
+# ----------------------------------------------------------------------- what predictions use
+
+def test_rows_from_one_place_have_the_power():
+    rng = np.random.default_rng(0)
+    case = random_case(1, 'straight')
+    radar, wavelength = case.profiles.radar, case.profiles.radar.wavelength_m
+    u = np.linspace(-1, 1, 200)
+    moving = 1e3 * np.c_[-np.ones(200), 0.05 * u, 0 * u]
+    standing = np.repeat(moving[-1:], 100, axis=0)
+    track = np.concatenate([moving, standing])
+    size = 40 * wavelength / 0.2  # 40 cells wide
+    sides = [[size, 0, 0], [0, size, 0]]
+    weight = row_weights(track, track, (0.0, 0.0, 0.0), sides, radar)
+    assert weight.mean() == pytest.approx(1.0)
+    image = np.zeros(400, complex)  # of scatterers everywhere, along the track
+    y = np.linspace(-0.5, 0.5, 400) * size
+    share = np.zeros(2)
+    for part, rows in enumerate((moving, standing)):
+        image[:] = 0
+        for centre in rows:
+            path = np.hypot(1e3, y - centre[1])
+            image += np.exp(2j * np.pi * np.fmod(2 * path / wavelength, 1.0)
+                            - 2j * np.pi * np.fmod(2 * np.hypot(1e3, y[200] - centre[1])
+                                                   / wavelength, 1.0))
+        share[part] = np.sum(np.abs(image) ** 2)
+    assert rng is not None
+    # 200 rows in some 80 cells, 100 in one
+    assert weight[200:].sum() / weight[:195].sum() == pytest.approx(share[1] / share[0], rel=0.5)
+
+
+def test_error_at_a_frequency_is_that_of_a_tone():
+    interpolator = design_interpolator(1.3, taps=14, degree=5)
+    t = np.linspace(0, 1, 200)
+    for frequency in (0.1, 0.3, 0.38, 0.42):
+        tones = np.exp(2j * np.pi * frequency * (np.arange(14) + interpolator.first))
+        read = tones @ (interpolator.weights.T.astype(float) @ t ** np.arange(6)[:, None])
+        measured = np.mean(np.abs(read - np.exp(2j * np.pi * frequency * t)) ** 2)
+        assert 10 * np.log10(interpolator.error_at(frequency)) == pytest.approx(
+            10 * np.log10(measured), abs=0.3)  # quadrature and table
+    assert interpolator.error_at(0.6) == 2.0
+
+
+def test_error_with_drift_is_that_of_positions_that_drift():
+    interpolator = design_interpolator(2.4, 0.5, degree=4)
+    rng = np.random.default_rng(1)
+    frequency = rng.uniform(0, 0.5 / 2.4, 400)
+    for drift in (0.0, 0.2, 0.5):
+        t = rng.random(400) + drift * rng.uniform(-1, 1, 400)
+        tones = np.exp(2j * np.pi * np.outer(frequency, np.arange(10) + interpolator.first))
+        read = tones @ (interpolator.weights.T.astype(float) @ t ** np.arange(5)[:, None])
+        measured = np.mean(np.abs(read - np.exp(2j * np.pi * np.outer(frequency, t))) ** 2)
+        assert 10 * np.log10(interpolator.error_with_drift(drift)) == pytest.approx(
+            10 * np.log10(measured), abs=0.5)  # 400 tones
+
+
+@pytest.mark.parametrize('oversampling', [1.14, 1.24, 1.4, 1.58])
+def test_gain_of_a_spectrum_stays_near_its_line(oversampling):
+    """Sharp features beyond the band would spread what tapers do: -41 dB over all lines."""
+    interpolator = design_interpolator(oversampling, taps=6, degree=5, corrected=True)
+    n = 512
+    kernel = np.abs(np.fft.ifft(interpolator.gain(np.fft.fftfreq(n))))
+    far = kernel[40:n - 40].max() / kernel.max()
+    assert 20 * np.log10(far) < -70.0
+
+
+@pytest.mark.parametrize(('first', 'last'), [(0.0, 0.3), (0.35, 1.0)])
+def test_what_the_ends_of_a_window_cost(make_case, first, last):
+    """Of band-limited noise, read as far from the ends as half the reach and more."""
+    radar = make_case(1e3, pulses=2).block.radar
+    n = 1024
+    rng = np.random.default_rng(2)
+    spectrum = rng.normal(size=(64, n)) + 1j * rng.normal(size=(64, n))
+    spectrum[:, np.abs(np.fft.fftfreq(n)) > 0.5 * radar.bandwidth_hz / radar.sample_rate_hz] = 0
+    samples = np.fft.ifft(spectrum).astype(np.complex64)
+    spacing = SPEED_OF_LIGHT / 2 / radar.sample_rate_hz
+    start = radar.range_start_m
+    reach = start + first * n * spacing, start + last * n * spacing
+    window = RangeWindow.around(radar, n, reach)
+    back = np.fft.ifft(window.spectrum(samples, window.n_samples, lambda *a: np.empty(*a[1:]))
+                       * window.gain(window.n_samples) * window.n_samples)
+    place = np.arange(window.n_samples)
+    expected = window.end_error(window.range_start_m + place * spacing)
+    error = np.mean(np.abs(back - samples[:, window.first:][:, :window.n_samples]) ** 2, axis=0)
+    error /= np.mean(np.abs(samples) ** 2)
+    some = (expected < 1e-3) & (expected > 1e-9)  # above float32
+    assert some.sum() > 10
+    ratio = 10 * np.log10(error[some] / expected[some])
+    assert np.median(np.abs(ratio)) < 3.0 and ratio.max() < 6.0

@@ -1,0 +1,20 @@
+"""Bounds of the half paths to a polar grid, which say what of the profiles is needed."""
+
+import numpy as np
+import pytest
+
+from sar_imaging.geometry.polar import PolarGrid
+from sar_imaging.imaging.subapertures import _bounds
+
+
+@pytest.mark.parametrize('depth_m', [20.0, 200.0])
+def test_bounds_hold_and_are_close(depth_m):
+    n_range, n_alpha = 41, 61
+    polar = PolarGrid((0.0, 0.0, 50.0), (1.0, 0.0), 1, 0.0, 400.0, depth_m / (n_range - 1),
+                      n_range, -0.2, 0.4 / (n_alpha - 1), n_alpha)
+    track = np.column_stack([np.linspace(-10, 10, 64), np.zeros(64), np.full(64, 50.0)])[:, None]
+    points = polar.lines(*np.meshgrid(polar.range_m, polar.alpha))[0].reshape(-1, 3)
+    path = np.linalg.norm(points - track, axis=-1)
+    near, far = _bounds(polar, track, track)
+    # What may lie between the samples adds 0.20 m measured, a step between directions and pulses.
+    assert path.min() - 0.3 < near <= path.min() and path.max() <= far < path.max() + 0.3

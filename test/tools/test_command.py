@@ -1,0 +1,48 @@
+"""The one program: its commands are the tools."""
+
+import subprocess
+import sys
+
+import pytest
+
+from sar_imaging.tools import command
+
+
+@pytest.mark.parametrize('words', command.COMMANDS, ids=' '.join)
+def test_every_command_explains_itself(words, capsys):
+    with pytest.raises(SystemExit) as end:
+        command.main([*words, '--help'])
+    assert end.value.code == 0
+    assert 'usage:' in capsys.readouterr().out
+
+
+def test_the_overview_has_every_command_and_its_purpose(capsys):
+    assert command.main(['--help']) == 0
+    text = capsys.readouterr().out
+    for words in command.COMMANDS:
+        [line] = [line for line in text.splitlines()
+                  if line.split()[:len(words)] == list(words)]
+        assert line.endswith('.')
+
+
+@pytest.mark.parametrize(('argv', 'message', 'absent'), [
+    (['imagine'], "there is no command 'imagine'", None),
+    (['load', 'cphd'], "there is no command 'load cphd'", 'simulate'),
+    (['load'], "there is no command 'load'", 'simulate')])
+def test_what_does_not_exist_is_named(argv, message, absent, capsys):
+    assert command.main(argv) == 2
+    text = capsys.readouterr().err
+    assert message in text and 'load gotcha' in text
+    assert absent is None or absent not in text
+
+
+def test_arguments_reach_the_command(capsys):
+    assert command.main(['check-config', 'nowhere.yaml']) == 1
+    captured = capsys.readouterr()
+    assert 'nowhere.yaml cannot be read' in captured.out + captured.err
+
+
+def test_no_command_loads_what_it_does_not_need():
+    code = ("import sys; from sar_imaging.tools.command import main; main(['--help']);"
+            "sys.exit('numpy' in sys.modules)")
+    subprocess.run([sys.executable, '-c', code], check=True, stdout=subprocess.DEVNULL)
