@@ -142,7 +142,9 @@ class System:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            self.status[status.name] = {v.key: float(v.value) for v in status.values}
+            self.status[status.name] = {
+                v.key: float(v.value) for v in status.values
+                if v.key not in ('last_rejection', 'mistake')}  # texts
 
     def publish(self, cdr: bytes) -> None:
         """Send a serialised message now."""

@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.imaging.aperture import ApertureImage
 from sar_imaging.quality import contrast, entropy, focus_figure
 
 
@@ -73,3 +75,10 @@ def test_nan_is_counted():
 
 def test_figure_in_words():
     assert 'contrast 1' in str(focus_figure(speckle((300, 300), 7)))
+
+
+def test_images_of_apertures_carry_it():
+    image = speckle((20, 30), 8)
+    product = ApertureImage(image, MapGrid((0.0, 0.0, 0.0), 30, 20, 1.0), 0, 0, np.arange(3),
+                            np.arange(0), -80.0)
+    assert product.focus_figure == focus_figure(image)

@@ -17,17 +17,17 @@ from ..signal.pulses import PulseBlock
 from .agreement import disagreement_rad
 from .models import Geometry, GeometryModel, apply_geometry, nominal, with_track_error
 from .offset_search import OffsetCurve, OffsetSearch
+from .points import bright_points
 from .report import PARAMETERS, PHASES, AutofocusReport, AutofocusResult, found_in_words
 from .residual import Residual, absorb, along_sight, estimate_residual
 from .search import search
 
-__all__ = ['Autofocus', 'AutofocusReport', 'AutofocusResult', 'bright_points']
+__all__ = ['Autofocus', 'AutofocusReport', 'AutofocusResult']
 _logger = logging.getLogger(__name__)
 OFFSET = 'time_offset_s'  # parameter that is searched for over a wide range
 _FEWEST_TO_CLAIM = 4  # bright points without which success is not claimed
 _FEWEST_TO_ABSORB = 12
 _FEWEST_PULSES = 32  # below it there is no telling a phase error from the scene
-_APART = 4.0  # bright points stand so many range resolutions apart
 # Of points in phase: simulated ones that are focused have 0.89 to 0.97, those of the Gotcha data
 # 0.82; ghosts had up to 0.57, and once 0.76.
 LEAST_COHERENCE, _LEAST_TO_CLAIM = 0.7, 0.8
@@ -35,7 +35,6 @@ N_PHASES = 512
 _VARYING_RAD = 0.03  # smooth phase over the scene from which the model is asked again
 _MOST_PASSES = 2
 _PHASES_TO_JUDGE = 128  # where none are to be corrected
-_FAINTEST_DB = -30.0  # of a bright point, relative to the brightest
 _NARROWED_STEPS = 2.0  # what an offset may still be wrong by, after the coarse search
 # Visible phase over all offsets: below the first an offset only displaces, below the second the
 # search from the middle finds it, and there is no surrounding to judge by.
@@ -148,14 +147,9 @@ class Autofocus:
                                    f'{_FEWEST_PULSES} are needed')
         model, curve = self._model(block), None
         if self._offset_reach_s:
-            curve = OffsetSearch(block, _by_offset(model), self.grid, self._offset_reach_s).run()
-            model = _within(model, *curve.offset_s[[0, -1]])
-            if curve.visible_range_rad >= _WIDE_RAD:
-                model = _narrowed(model, curve)
-            elif curve.visible_range_rad < _LEAST_VISIBLE_RAD and model.names == (OFFSET,):
+            model, curve = self._try_offsets(block, model)
+            if curve is not None and curve.visible_range_rad < _LEAST_VISIBLE_RAD:
                 return self._displaced_only(block, image, curve)
-            else:
-                curve = None
         start, segments, n_unknowns = model.start, None, 1
         if curve is None:
             found = search(block, model, self._points(image, block, self._n_points // 3))
@@ -163,6 +157,8 @@ class Autofocus:
             n_unknowns = found.n_visible
         answers = [self._answer(PARAMETERS, n_unknowns, block, start, model(start))]
         points = self._points(answers[0].image, block, self._n_points)
+        if not len(points):
+            return self._unchanged(block, image, 'the corrected image is zero everywhere')
         found = search(block, model, points[:max(self._n_points // 2, 1)], start,
                        first_segments=segments)
         parameters, residual = self._finish(block, model, found.parameters, points)
@@ -182,14 +178,33 @@ class Autofocus:
             phased = self._answer(PHASES, self._n_phases, block, parameters, geometry)
             known[PHASES] = residual.error_db
             # As sharp with well-known phases is better: they hold what no parameter describes.
-            # Phases that are not known well and sharpen a little are not worth the doubt.
+            # Others that sharpen a little are not worth the doubt where the parameters hold.
             known_well = (residual.coherence >= _LEAST_TO_CLAIM
                           and residual.error_db <= self._claim_db)
-            needed = 1 - self._margin if known_well else _CLEARLY
+            holds = apart <= _LARGEST_DISAGREEMENT_RAD
+            needed = (1 - self._margin if known_well else
+                      _CLEARLY if holds else 1 + self._margin)
             if (phased.contrast > needed * best.contrast
                     and residual.coherence >= self._least_coherence):
                 best = phased
         return self._decide(block, image, model, best, known[best.kind], details)
+
+    def _try_offsets(self, block, model) -> tuple[GeometryModel, OffsetCurve | None]:
+        """The model begun where the curve of all offsets says, and the curve if it is of use."""
+        if OFFSET not in model.names:
+            raise ValueError(f'offset_reach_s={self._offset_reach_s:g} needs a model with the '
+                             f'parameter {OFFSET}; this one has '
+                             f'{", ".join(model.names) or "none"}')
+        curve = OffsetSearch(block, _by_offset(model), self.grid, self._offset_reach_s).run()
+        model = _within(model, *curve.offset_s[[0, -1]])
+        alone = model.names == (OFFSET,)
+        if curve.visible_range_rad < _LEAST_VISIBLE_RAD and alone:
+            return model, curve
+        # where the track is wrong, too, no offset alone may be sharp
+        lost = len(model.names) > _FEW_UNKNOWNS and curve.doubts()
+        if curve.visible_range_rad < _WIDE_RAD or lost:
+            return model, None
+        return _narrowed(model, curve), curve
 
     def _points(self, image, block: PulseBlock, n: int) -> np.ndarray:
         return bright_points(image, self.grid, block, max(n, 1))
@@ -365,35 +380,3 @@ def _narrowed(model: GeometryModel, curve: OffsetCurve) -> GeometryModel:
 def _largest_move(block: PulseBlock, corrected: PulseBlock) -> float:
     return float(max(np.linalg.norm(after - before, axis=-1).max() for before, after in (
         (block.tx_m, corrected.tx_m), (block.rx_m, corrected.rx_m))))
-
-
-def bright_points(image, grid: MapGrid, block: PulseBlock, n: int) -> np.ndarray:
-    """Positions of the brightest pixels of an image, apart from each other.
-
-    Parameters
-    ----------
-    image : (n_y, n_x) array
-        Image.
-    grid : MapGrid
-        Its pixels.
-    block : PulseBlock
-        Its pulses; their bandwidth says how far points stand apart.
-    n : int
-        How many at most.
-
-    Returns
-    -------
-    (K, 3) float64
-        Brightest first, metres; none fainter than -30 dB of the brightest.
-    """
-    power = np.square(np.abs(image), dtype=np.float64)
-    faintest = power.max() * 10 ** (_FAINTEST_DB / 10)
-    half = max(2, round(_APART * block.radar.range_resolution_m / grid.spacing_m))
-    points = []
-    while len(points) < n:
-        row, column = np.unravel_index(power.argmax(), power.shape)
-        if power[row, column] <= faintest:
-            break
-        points.append((grid.x_m[column], grid.y_m[row], grid.z_m))
-        power[max(0, row - half):row + half + 1, max(0, column - half):column + half + 1] = 0.0
-    return np.array(points).reshape(-1, 3)

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 
 from ..geometry.grids import MapGrid
+from ..quality.focus import FocusFigure, focus_figure
 from ..signal.pulses import PulseBlock
 from ..signal.sequence import describe_counters
 from .aperture_pulses import AperturePulses
@@ -56,6 +57,11 @@ class ApertureImage:
     def n_missing(self) -> int:
         """Number of pulses that the aperture lacks."""
         return len(self.missing)
+
+    @property
+    def focus_figure(self) -> FocusFigure:
+        """How much the image stands out from noise; computed at each call."""
+        return focus_figure(self.image)
 
 
 class _ImagedAperture(Aperture):

@@ -6,19 +6,22 @@ import numpy as np
 
 from .sequence import COUNTER_MASK, describe_counters
 
-_SECONDS = (1e-9, 1e11)  # magnitudes of float times that are seconds, not nanoseconds
+_MOST_SECONDS = 1e11  # of times since any epoch
 
 
 def integer_stamps(stamp_ns) -> np.ndarray:
     """(P,) int64 times; ValueError for floats, which are seconds more often than not."""
     stamps = np.asarray(stamp_ns)
     if stamps.size and stamps.dtype.kind not in 'iu':
-        largest = float(np.abs(stamps).max()) if stamps.dtype.kind == 'f' else 0.0
-        seconds = _SECONDS[0] < largest < _SECONDS[1]
-        raise ValueError(
-            f'stamp_ns is {stamps.dtype}; expected whole nanoseconds as int64, which float64 '
-            'rounds to 256 ns' + (f'; {largest:.6g} is probably in seconds: pass '
-                                  'np.rint(1e9 * seconds).astype(np.int64)' if seconds else ''))
+        text = (f'stamp_ns is {stamps.dtype}; expected whole nanoseconds as int64, which float64 '
+                'rounds to 256 ns')
+        if stamps.dtype.kind == 'f':
+            largest = float(np.abs(stamps).max())
+            seconds = largest < _MOST_SECONDS and np.any(stamps != np.rint(stamps))
+            text += (f'; {largest:.6g} is probably in seconds: pass '
+                     'np.rint(1e9 * seconds).astype(np.int64)' if seconds else
+                     '; pass np.rint(stamp_ns).astype(np.int64)')
+        raise ValueError(text)
     return stamps.astype(np.int64, copy=False)
 
 

@@ -249,6 +249,10 @@ def _echoes(rng, radar, n_samples: int, half_m: float, tx_m, rx_m) -> np.ndarray
     points = np.zeros((n, 3))
     points[:, :2] = half_m * rng.uniform(-1, 1, (n, 2))
     points[:_N_BRIGHT * 2 // 3, :2] *= 0.9 / _WIDER  # most of the bright ones are in the image
+    last_m = radar.range_start_m + (n_samples - 1) * radar.sample_spacing_m
+    while radar.waveform == Waveform.PASSBAND and (beyond := np.linalg.norm(
+            tx_m - points, axis=-1).max(axis=0) > last_m).any():
+        points[beyond] *= 0.7  # else the record would not hold their echoes
     level_db = np.concatenate([rng.uniform(*_BRIGHT_DB, _N_BRIGHT), rng.uniform(*_FAINT_DB,
                                                                                _N_FAINT)])
     amplitudes = 10 ** (level_db / 20) * np.exp(2j * np.pi * rng.random(n))

@@ -105,8 +105,9 @@ def flawed_aperture(kind: str, size: float, seed: int, *, n_pulses: int = 512,
     profiles = profiles + _NOISE / math.sqrt(2) * (
         rng.standard_normal(profiles.shape) + 1j * rng.standard_normal(profiles.shape))
     number = np.arange(n_pulses)
-    blocks = [PulseBlock(radar, True, np.rint(number * 1e9 / _PRF_HZ), number, profiles,
-                         track[:, None], track[:, None]) for track in (stated, true)]
+    stamp_ns = np.rint(number * 1e9 / _PRF_HZ).astype(np.int64)
+    blocks = [PulseBlock(radar, True, stamp_ns, number, profiles, track[:, None], track[:, None])
+              for track in (stated, true)]
     side = 2 * round((half_scene_m + 2.0) / spacing_m)
     return FlawedAperture(kind, size, *blocks, points, _N_BRIGHT,
                           MapGrid((0.0, _GROUND_RANGE_M, 0.0), side, side, spacing_m))

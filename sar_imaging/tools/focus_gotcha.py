@@ -85,7 +85,7 @@ def compare(profiles: PulseBlock, grid: MapGrid = GRID) -> tuple[dict, dict[str,
     images['autofocus'] = result.image
     blocks = {'recorded': profiles, 'wrong': wrong, 'autofocus': result.block}
     figures = {name: measure(image, blocks[name], grid) for name, image in images.items()}
-    figures['report'] = dataclasses.asdict(result.report)
+    figures['report'] = dataclasses.asdict(dataclasses.replace(result.report, curve=None))
     return figures, images
 
 

@@ -19,8 +19,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from sar_imaging.autofocus.autofocus import bright_points
 from sar_imaging.autofocus.models import Geometry, GeometryModel
+from sar_imaging.autofocus.points import bright_points
 from sar_imaging.autofocus.search import search
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.backprojection import Backprojector

@@ -180,6 +180,9 @@ def test_radius_of_the_rotating_arm():
 
 def test_refusals():
     case = flawed_aperture('smooth', 0.1, 6, n_pulses=64)
+    with pytest.raises(ValueError, match='offset_reach_s=1 needs a model with the parameter '
+                       'time_offset_s; this one has track_0_1_m'):
+        Autofocus(case.grid, offset_reach_s=1.0).process(case.stated)
     with pytest.raises(ValueError, match='n_points=2; expected 4 or more'):
         Autofocus(case.grid, n_points=2)
     with pytest.raises(ValueError, match='margin=0'):

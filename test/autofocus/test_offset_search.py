@@ -63,8 +63,8 @@ def test_trial_images_are_those_of_exact_backprojection():
     pixels = starts[:, None] + np.arange(LENGTH)[:, None] * step
     exact = Backprojector(pixels, radar, profiles.n_samples)(profiles)
     error = np.linalg.norm((out[0] + 1j * out[1]).reshape(exact.shape) - exact)
-    # Linear interpolation of profiles at twice their rate: 11 % of the amplitude measured.
-    assert error < 0.2 * np.linalg.norm(exact)
+    # Linear interpolation of profiles at twice their rate: 9 % of the amplitude measured.
+    assert error < 0.15 * np.linalg.norm(exact)
 
 
 @pytest.mark.parametrize(('seed', 'motion', 'radar_kind', 'offset_s'), [
@@ -75,7 +75,7 @@ def test_a_clock_that_is_wrong_is_found_and_claimed(seed, motion, radar_kind, of
     result, wanted = focus(flight, offset_s, expected_s)
     report = result.report
     assert report.accepted and report.success, report
-    # what the images of all 200 flights of the benchmark had in common: 0.98 and more
+    # 0.98 and more measured, of these and of the benchmark's flights that were claimed
     assert report.contrast_after > 0.95 * wanted
     assert report.contrast_before < 0.8 * wanted
     assert report.parameters['time_offset_s'] == pytest.approx(-offset_s, abs=0.01)

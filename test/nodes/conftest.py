@@ -251,7 +251,9 @@ class Observer:
     def counters(self, node, part='stage'):
         """Latest diagnostics as numbers."""
         status = self.status(node, part)
-        return {v.key: float(v.value) for v in status.values} if status else {}
+        texts = 'last_rejection', 'mistake'
+        return {v.key: float(v.value) for v in status.values
+                if v.key not in texts} if status else {}
 
     def wait_for_counters(self, node, part='stage', **expected):
         """Wait until the diagnostics have these values."""

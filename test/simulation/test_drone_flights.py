@@ -40,6 +40,11 @@ def test_a_seed_is_a_flight():
     np.testing.assert_array_equal(first.position_m, second.position_m)
 
 
+def test_all_scatterers_are_within_the_record():
+    # seed 50078 drifts so far back that some were not
+    assert drone_flight(50_078, radar_kind='uwb', n_pixels=16, n_pulses=64).block.samples.any()
+
+
 def test_unknown_kinds_are_refused():
     with pytest.raises(ValueError, match="motion='loop', .*use one of hover, turn"):
         drone_flight(0, motion='loop')
