@@ -67,14 +67,15 @@ fault-campaign: environment
 	@FAULT_SEED=$${FAULT_SEED:-$$(date +%s)} FAULT_ROUNDS=$${FAULT_ROUNDS:-20} \
 	    $(RUN) -m pytest -m campaign test/nodes/test_fault_campaign.py
 
-# cosmic-ray and coverage live in an environment of their own. What runs which test is measured
-# once, in half an hour. An unfinished campaign goes on; another sample needs MUTATION_RESULTS.
+# cosmic-ray and coverage live in an environment of their own. Which test executes what is measured
+# once, in a quarter of an hour; remove build/mutation/work to have it measured anew. A campaign
+# that was stopped goes on; another sample needs other MUTATION_RESULTS.
 MUTATION = build/mutation
 MUTATIONS ?= 310
 MUTATION_SEED ?= 17
 MUTATION_FOLDERS ?= signal geometry autofocus exploitation quality configuration simulation \
-    msg_conversions imaging nodes
-MUTATION_RESULTS ?= benchmarks/results/mutations.json
+    diagnosis msg_conversions imaging nodes
+MUTATION_RESULTS ?= $(MUTATION)/mutations.json
 
 mutation-campaign:
 	@$(MAKE) --no-print-directory environment VENV=$(MUTATION)

@@ -36,12 +36,13 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 RESULTS = pathlib.Path(__file__).with_name('results') / 'mutations.json'
 WORK = ROOT / 'build' / 'mutation' / 'work'
 FOLDERS = ('signal', 'geometry', 'autofocus', 'exploitation', 'quality', 'configuration',
-           'simulation', 'msg_conversions', 'imaging', 'nodes')
+           'simulation', 'diagnosis', 'msg_conversions', 'imaging', 'nodes')
 # Tests that start processes are measured one by one: processes know no test, but a variable.
 IN_PROCESS = ('msg_conversions', 'geometry', 'signal', 'configuration', 'test_quality.py',
-              'simulation', 'exploitation', 'autofocus', 'imaging')
+              'test_focus.py', 'simulation', 'exploitation', 'autofocus', 'diagnosis', 'imaging')
 IN_PROCESSES = ('nodes',)
 NOT_MEASURED = ('fault_campaign', 'two_hosts')  # minutes, or a network of its own
+# One thread each: what threads share is not tried.
 THREADS = dict.fromkeys(('NUMBA_NUM_THREADS', 'OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS'), '1')
 EQUIVALENT, SURVIVED, UNKNOWN = 'equivalent', 'survived', 'unknown'
 
@@ -184,14 +185,16 @@ def _try(work: pathlib.Path, entries: list[dict], results: dict,
             print(f'{mutation.key}: these lines are gone', flush=True)
             continue
         chosen = tests.of(mutation.file, line, arguments.budget_s)
-        entry |= runner.result(mutation, chosen, tests.seconds(chosen))
+        result = runner.result(mutation, chosen, tests.seconds(chosen))
+        message = result.pop('message')  # may hold paths of this machine
+        entry |= result
         entry['tests'] = len(chosen)
         entry['seconds'] = round(time.monotonic() - begun, 1)
         if entry['status'] != SURVIVED:
             entry.pop('verdict', None), entry.pop('reason', None)
         _merge(arguments.results, results, entry)
         print(f'{number}/{len(entries)} {entry["seconds"]:.0f} s, {entry["tests"]} tests, '
-              f'{entry["status"]} {entry["test"]}\n    {mutation.key}', flush=True)
+              f'{entry["status"]} {entry["test"]}\n    {mutation.key}\n    {message}', flush=True)
 
 
 def _merge(path: pathlib.Path, results: dict, entry: dict) -> None:
