@@ -19,7 +19,7 @@ from .mutation_tests import around, units
 
 CPU_S, CPU_FACTOR = 60.0, 4.0  # processor time that a run may need beyond the tests', and of it
 COMPILING_S = 120.0  # that kernels may need, all of them
-WALL_FACTOR = 8.0  # waiting counts too, and other work on the machine
+WALL_FACTOR = 4.0  # waiting counts too, and other work on the machine
 COMPILERS = {'njit', 'jit', 'intrinsic', 'vectorize', 'guvectorize'}
 
 
