@@ -15,6 +15,8 @@ from .lattice import plan_lattice, sample_paths
 from .live_fusion import LiveFusion
 from .live_plan import LivePlan
 from .live_subapertures import LiveSubapertures
+from .profiles import Profiles
+from .projection import PolarLines
 from .range_window import RangeWindow
 from .row_transform import transform_rows
 from .subaperture_image import SubapertureImage
@@ -36,19 +38,20 @@ def compile_subaperture_kernels() -> None:
                              target_db=_TARGET_DB)
     stage.add(_block().select(slice(0, _N_PULSES)))
     transform_rows(np.zeros((1, _LENGTH), np.complex64))
-    _compile_beams(_block().select(slice(0, _CUT)))
+    _compile_both_ways(_block().select(slice(0, _CUT)))
 
 
-def _compile_beams(block: PulseBlock) -> None:
-    """Apertures as short as the one above are imaged without."""
+def _compile_both_ways(block: PulseBlock) -> None:
+    """From beams and directly: the aperture above is imaged in one of these ways."""
     polar = PolarGrid((-_RANGE_M, 0.0, 0.0), (0.0, 1.0), -1, 0.0, _RANGE_M, 0.25, 32, 0.0, 1e-3, 4)
     rows = block.tx_m.reshape(-1, 3), block.rx_m.reshape(-1, 3)
     paths = sample_paths(*rows, polar.lines(polar.range_m[[0, -1]], 0.0))
     lattice = plan_lattice(paths, 0.25, 32, block.radar, _N_SAMPLES, _TARGET_DB)
     beams = plan_beams(polar, block.radar, lattice, lattice.n_padded, [rows], _TARGET_DB, 8.0)
-    lines = BeamLines(polar, RangeWindow.whole(block.radar, _N_SAMPLES), lattice, beams,
-                      (_RANGE_M, _RANGE_M + 8.0))
-    lines.fill(block.samples.reshape(_CUT, -1), *rows, np.zeros((2, 4, 32), np.float32))
+    window, range_m = RangeWindow.whole(block.radar, _N_SAMPLES), (_RANGE_M, _RANGE_M + 8.0)
+    for lines in (BeamLines(polar, window, lattice, beams, range_m),
+                  PolarLines(polar, Profiles(window, lattice, range_m))):
+        lines.fill(block.samples.reshape(_CUT, -1), *rows, np.zeros((2, 4, 32), np.float32))
 
 
 def compile_fusion_kernels() -> None:
