@@ -262,7 +262,7 @@ def test_grids_out_of_place_are_refused(centre, message):
 def test_blocks_that_cannot_be_imaged_are_named():
     grid, block = _record()
     imager = WavenumberImager(grid)
-    narrow = dataclasses.replace(block.radar, bandwidth_hz=1.0)
+    narrow = dataclasses.replace(block.radar, bandwidth_hz=1e4)  # the least of any radar
     for bad, message in (
             (dataclasses.replace(block, tx_m=None, rx_m=None), 'no phase centres'),
             (dataclasses.replace(block, compressed=False), 'apply range compression first'),

@@ -192,13 +192,13 @@ def test_a_clock_that_is_a_second_wrong_is_found_with_poses_from_odometry(make_c
         publisher = node.create_publisher(Odometry, 'odometry', 2000)
         # two subscribers: pulse_buffer's positions and backprojection's autofocus
         chain.observer.wait(lambda p=publisher: p.get_subscription_count() == 2, 'subscribers')
-        for _, cdr in poses.messages(bag_io._STORE):
+        for _, cdr in poses.messages(bag_io._store()):
             publisher.publish(cdr)
         chain.observer.send(list(split(flight.block)))
     for chain in chains:
         images.append(complex_from_message(chain.observer.wait_for('image_complex', 1)[0]))
-        assert re.search('image of aperture 0: 160 pulses, missing none, focused by autofocus; ',
-                         chain.all_logs())
+        chain.wait_for_log(chain.names[-1], 'image of aperture 0: 160 pulses, missing none, '
+                           'focused by autofocus; ')
     # The pulses, their positions and the track are the same to the last bit.
     np.testing.assert_array_equal(*images)
     # 0.993 measured; the two images differ by what the offset found lacks, milliseconds

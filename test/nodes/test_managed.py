@@ -113,7 +113,8 @@ class Bench:
         self.node.publish_diagnostics()
         self.wait(lambda: self.reports[-1][0] >= asked, 'a report')
         latest = self.reports[-1][1]
-        return latest.level, latest.message, {v.key: float(v.value) for v in latest.values}
+        return latest.level, latest.message, {
+            v.key: float(v.value) for v in latest.values if v.key != 'last_rejection'}
 
     def wait_for(self, **counters):
         self.wait(lambda: counters.items() <= self.status()[2].items(), str(counters))

@@ -66,7 +66,12 @@ def test_everything_about_a_pipeline(make_chain, make_observer, spotlight):
     chain.wait_for_log('sar_pipeline', 'subscriber on .*range_profiles joined')
     observer.send(blocks[4:])
     observer.wait_for('image_complex', 2)
-    profiles = [pulse_block.from_message(m) for m in observer.messages['range_profiles']]
+    # Topics keep no order among each other: the image may overtake the last profiles.
+    def received():
+        return [pulse_block.from_message(m) for m in observer.messages['range_profiles']]
+
+    observer.wait(lambda: sum(b.n_pulses for b in received()) >= 156, 'profiles of 156 pulses')
+    profiles = received()
     assert [b.compressed for b in profiles] == [True] * len(profiles)
     assert np.concatenate([b.counter for b in profiles]).tolist() == list(range(100, 256))
     observer.wait_for('map', 2)

@@ -158,7 +158,7 @@ def test_check_ends_the_replay(ros, messages):
             raise Stop
 
     replayer, _, _ = ros(holds=1)
-    replayer._check = check
+    replayer.check = check
     with pytest.raises(Stop):
         replayer.replay(messages(1000))
 
