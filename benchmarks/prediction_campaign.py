@@ -106,7 +106,7 @@ def measure(case: RandomCase, name: str) -> dict:
     -------
     dict
         `predicted_db`, `error_db` and `warnings`; `refused` with the reason, or `crash` with the
-        trace, where there is no image.
+        trace, where there is no image, `not_judged` where no pixel can be compared.
     """
     rng = np.random.default_rng([case.traits['seed'], list(IMAGERS).index(name)])
     try:
@@ -115,8 +115,11 @@ def measure(case: RandomCase, name: str) -> dict:
         return {'refused': str(reason)}
     except Exception:
         return {'crash': traceback.format_exc()}
-    found = measure_error(image * np.float32(case.scale), case.grid, case.pulses.select(pulses),
-                          n_pixels=120, n_brightest=80)
+    try:
+        found = measure_error(image * np.float32(case.scale), case.grid,
+                              case.pulses.select(pulses), n_pixels=120, n_brightest=80)
+    except ValueError as reason:  # profiles cover no pixel: there is nothing to compare
+        return {'not_judged': str(reason), 'warnings': list(warnings)}
     return {'predicted_db': predicted_db, 'error_db': found.error_db,
             'warnings': list(warnings), **more}
 
@@ -163,6 +166,9 @@ def _summary(entries) -> dict:
     result = {'cases': len(entries), 'imaged': len(formed), 'refused': dict(refused),
               'crashed': sum('crash' in e for _, e in entries),
               'warned': sum(_warned(e) for _, e in formed),
+              'not_judged': sum('not_judged' in e for _, e in entries),
+              'not_judged_silently': sum('not_judged' in e and not _warned(e)
+                                         for _, e in entries),
               'error_db': _distribution([e['error_db'] for _, e in formed])}
     if above:
         result |= {'above_prediction_db': _distribution(above),
