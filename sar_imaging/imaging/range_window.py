@@ -88,7 +88,6 @@ class RangeWindow:
         if self.n_fall:
             out[:, n - self.n_fall:n] *= _rise(self.n_fall)[::-1]
 
-
     def end_error(self, range_m) -> np.ndarray:
         """Mean squared error at half paths of what is read, because the window ends.
 

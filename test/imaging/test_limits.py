@@ -141,14 +141,14 @@ def _around(first, last, n=1000):
 
 
 @pytest.mark.parametrize(('first', 'last', 'expected'), [
-    # First sample, how many, rise and fall: three quarters of 48.
-    (200.2, 299.8, (152, 196, 36, 36)), (48.2, 299.8, (0, 348, 0, 36)),
-    (49.2, 299.8, (1, 347, 36, 36)), (700.2, 951.8, (652, 348, 36, 0)),
-    (700.2, 950.8, (652, 347, 36, 36)),
+    # First sample, how many, rise and fall: three tenths of 48.
+    (200.2, 299.8, (152, 196, 14, 14)), (48.2, 299.8, (0, 348, 0, 14)),
+    (49.2, 299.8, (1, 347, 14, 14)), (700.2, 951.8, (652, 348, 14, 0)),
+    (700.2, 950.8, (652, 347, 14, 14)),
     # Nine tenths are worth a copy, more are not.
-    (148.2, 999.0, (100, 900, 36, 0)), (147.2, 999.0, (0, 1000, 0, 0)),
+    (148.2, 999.0, (100, 900, 14, 0)), (147.2, 999.0, (0, 1000, 0, 0)),
     # A window of less than both of its slopes is none.
-    (-47.8, -0.2, (0, 1000, 0, 0)), (30.2, 47.8, (0, 96, 0, 36)), (30.2, 46.8, (0, 1000, 0, 0))])
+    (-47.8, -0.2, (0, 1000, 0, 0)), (30.2, 47.8, (0, 96, 0, 14)), (30.2, 46.8, (0, 1000, 0, 0))])
 def test_a_window_keeps_what_its_slopes_need(first, last, expected):
     window = _around(first, last)
     assert (window.first, window.n_samples, window.n_rise, window.n_fall) == expected
