@@ -93,16 +93,17 @@ def runs(tmp_path_factory):
                          bag_io.read_truth(SPOTLIGHT))
     (folder / 'few pulses').mkdir()
     (folder / 'few pulses' / 'quality.json').write_text('{}')  # of an earlier run
-    first_domain = free_domain()
+    domains = set()  # two that looked for a free one at once might find the same
+    while len(domains) < len(RUNS):
+        domains.add(free_domain())
+    domains = dict(zip(RUNS, domains, strict=True))
 
     def run(name):
-        # Two that looked for a free domain at once might find the same one.
-        domain = 1 + (first_domain + list(RUNS).index(name)) % 100
         bag, *options = RUNS[name]
         return folder / name, evaluate(
             bag or folder / (f'{name} bag' if name in MISTAKES else 'few'),
             '--output', folder / name, '--launch-nodes', *options,
-            environment=os.environ | {'ROS_DOMAIN_ID': str(domain)})
+            environment=os.environ | {'ROS_DOMAIN_ID': str(domains[name])})
 
     with concurrent.futures.ThreadPoolExecutor(3) as pool:
         return dict(zip(RUNS, pool.map(run, RUNS), strict=True))
