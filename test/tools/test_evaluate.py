@@ -10,7 +10,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +25,6 @@ from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.tools import bag_io, load_gotcha
 from sar_imaging.tools.evaluate import main
 from sar_imaging.tools.node_processes import (
-    NodeProcessError,
     NodeProcesses,
     free_domain,
     isolated_environment,
@@ -307,19 +305,6 @@ def test_no_image_is_an_error_with_the_state_of_the_nodes(runs):
 
 
 @nodes
-def test_node_that_refuses_its_parameters_is_quoted(tmp_path):
-    truth = bag_io.read_truth(PSF)
-    truth['grid'] |= {'n_x': 100_000, 'n_y': 100_000}
-    with NodeProcesses(parameters_from_truth(truth), tmp_path, isolated_environment()) as nodes:
-        deadline = time.monotonic() + 60
-        with pytest.raises(NodeProcessError, match='backprojection ended with status 1') as error:
-            while time.monotonic() < deadline:
-                nodes.check()
-                time.sleep(0.05)
-    assert 'max_image_pixels' in str(error.value)
-
-
-@nodes
 def test_absent_nodes_are_named(tmp_path):
     result = evaluate(PSF, '--output', tmp_path, '--timeout', 0.5,
                       environment=isolated_environment())
@@ -352,26 +337,6 @@ def test_interruption_ends_the_nodes(tmp_path, number, moment):
     for child in children:
         with pytest.raises(ProcessLookupError):
             os.kill(child, 0)
-
-
-@nodes
-def test_processes_can_be_stopped_killed_and_started_again(tmp_path):
-    parameters = parameters_from_truth(bag_io.read_truth(PSF))
-    with NodeProcesses(parameters, tmp_path, isolated_environment(),
-                       nodes=['pulse_buffer']) as processes:
-        with pytest.raises(NodeProcessError, match='runs already'):
-            processes.start('pulse_buffer')
-        while 'ready' not in processes.log_tail('pulse_buffer'):
-            processes.check()
-            time.sleep(0.05)
-        mapped = Path(f'/proc/{processes.pid("pulse_buffer")}/maps').read_text()
-        segments = {Path(name) for name in re.findall(r'/dev/shm/fastrtps_[0-9a-f]{16}', mapped)}
-        assert sum(s.stat().st_size for s in segments) > 64 * 2**20
-        processes.kill('pulse_buffer')
-        assert not [s for s in segments if s.exists()]  # a killed process removes nothing
-        processes.check()  # the caller ended it: nothing is wrong
-        processes.start('pulse_buffer')
-        processes.check()
 
 
 @pytest.mark.parametrize('arguments, reason', [
