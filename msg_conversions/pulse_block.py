@@ -27,7 +27,7 @@ def to_message(block: PulseBlock) -> Float32MultiArray:
         The block does not fit into the format; see `msg_conversions.wire.to_array`.
     """
     return multi_array.from_parts(wire.preamble(block), block.samples,
-                                  wire.dimensions(block.samples.shape))
+                                  wire.dimensions(block.samples.shape, block.frame))
 
 
 def from_message(msg: Float32MultiArray, *,

@@ -19,6 +19,8 @@ from .layout import DEFAULT_MAX_ELEMENTS, Dims, Layout, as_floats, check_finite,
 MAGIC = 0x534152  # 'SAR' in ASCII, exact in a float32
 VERSION = 1
 LAYOUT = Layout(('pulse', 'channel', 'sample'), content='samples', unit='block')
+FRAME_MARK = '@'  # the first label may name the frame of the positions: pulse@odom
+LONGEST_FRAME = 255
 
 # Header of version 1. Its length is even and so is that of a row: samples stay 8-byte aligned.
 HEADER_LENGTH = 24
@@ -44,9 +46,41 @@ def row_length(n_channels: int, has_positions: bool) -> int:
     return PHASE_CENTRES.start + (FLOATS_PER_CHANNEL * n_channels if has_positions else 0)
 
 
-def dimensions(shape: tuple[int, int, int]) -> list[tuple[str, int, int]]:
-    """``(label, size, stride)`` of each dimension for samples of shape (P, C, N)."""
-    return LAYOUT.dimensions(shape)
+def dimensions(shape: tuple[int, int, int], frame: str = '') -> list[tuple[str, int, int]]:
+    """``(label, size, stride)`` of each dimension for samples of shape (P, C, N).
+
+    The first label names the frame of the positions, where it is known.
+
+    Raises
+    ------
+    WireFormatError
+        The name of the frame is too long.
+    """
+    (label, *sizes), *others = LAYOUT.dimensions(shape)
+    _check_frame(frame)
+    return [(f'{label}{FRAME_MARK}{frame}' if frame else label, *sizes), *others]
+
+
+def _check_frame(frame: str) -> None:
+    if len(frame) > LONGEST_FRAME:
+        raise WireFormatError(f'the frame of the positions has a name of {len(frame)} characters; '
+                              f'expected at most {LONGEST_FRAME}')
+
+
+def split_frame(dims: Dims) -> tuple[Dims, str]:
+    """Dimensions with plain labels, and the frame that the first of them names, empty without.
+
+    Raises
+    ------
+    WireFormatError
+        The name of the frame is too long.
+    """
+    if not dims or FRAME_MARK not in dims[0][0]:
+        return dims, ''
+    (label, *sizes), *others = dims
+    label, _, frame = label.partition(FRAME_MARK)
+    _check_frame(frame)
+    return [(label, *sizes), *others], frame
 
 
 # ------------------------------------------------------------------------------------- writing
@@ -78,7 +112,7 @@ def to_array(block: PulseBlock) -> tuple[np.ndarray, list[tuple[str, int, int]],
     data = np.empty(head.size + 2 * block.samples.size, np.float32)
     data[:head.size] = head
     data[head.size:].view(np.complex64).reshape(block.samples.shape)[...] = block.samples
-    return data, dimensions(block.samples.shape), head.size
+    return data, dimensions(block.samples.shape, block.frame), head.size
 
 
 def preamble(block: PulseBlock) -> np.ndarray:
@@ -147,6 +181,7 @@ def from_array(data, dims: Dims, data_offset: int, *,
     WireFormatError
         The message does not follow the format, or holds numbers that are not finite.
     """
+    dims, frame = split_frame(dims)
     shape = LAYOUT.check_dims(dims, max_elements)
     if data_offset == 0:
         raise WireFormatError('data_offset=0: a bare cube of samples without block header, which '
@@ -168,7 +203,7 @@ def from_array(data, dims: Dims, data_offset: int, *,
             radar=_read_radar(header), compressed=bool(header[COMPRESSED]),
             stamp_ns=_read_times(table, float_pairs.join_int64(header[EPOCH])),
             counter=_read_counters(table),
-            samples=LAYOUT.read_content(values, shape, data_offset, SAMPLES_ADVICE),
+            samples=LAYOUT.read_content(values, shape, data_offset, SAMPLES_ADVICE), frame=frame,
             **_read_positions(table, shape[1]))
     except WireFormatError:
         raise

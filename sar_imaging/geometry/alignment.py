@@ -57,6 +57,11 @@ class Alignment:
         """Time offset to the nanosecond."""
         return round(self.time_offset_s * 1e9)
 
+    @property
+    def one_place(self) -> bool:
+        """True when the lever arms of all channels are the same."""
+        return all((arms == arms[0]).all() for arms in (self.tx_m, self.rx_m))
+
     def check_channels(self, n_channels: int) -> None:
         """Raise ValueError unless there is one lever arm, or one for each channel."""
         for name in ('tx_m', 'rx_m'):

@@ -16,7 +16,7 @@ from sar_imaging.imaging.backprojection import compile_kernels
 from sar_imaging.imaging.live_kernels import compile_subaperture_kernels
 from sar_imaging.imaging.live_subapertures import LiveSubapertures
 from sar_imaging.imaging.subaperture_image import SubapertureImage
-from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.sequence import describe_counters, describe_range
 
 from . import autofocus, focus_watch, image_products, pose_input
@@ -99,6 +99,7 @@ class BackprojectionStep(Step):
 
     def process(self, block: PulseBlock) -> list:
         """Add profiles to their aperture; returns the products that became complete."""
+        check_frame(block, self.parameters['frame_id'])
         self._check(block)
         self._watch.see(block)
         try:

@@ -35,7 +35,6 @@ PARAMETERS = (
               'free (0).', 'dB', -MAX_DYNAMIC_RANGE_DB, MAX_DYNAMIC_RANGE_DB, changes=ANY_TIME),
     Parameter('map.range_db', 24.0, 'From map.free_db so much higher a cell of map is occupied '
               '(100).', 'dB', 0.1, MAX_DYNAMIC_RANGE_DB, changes=ANY_TIME),
-    Parameter('frame_id', 'map', 'Frame of the phase centres and of the images.'),
 )
 
 

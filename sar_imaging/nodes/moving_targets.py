@@ -21,7 +21,7 @@ from sar_imaging.exploitation.moving_targets import (
     MovingTargets,
 )
 from sar_imaging.imaging.backprojection import compile_kernels
-from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.sequence import describe_counters
 from sar_imaging.signal.windows import parse_window
 
@@ -46,7 +46,6 @@ PARAMETERS = (
               'by the wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME),
     Parameter('min_pulse_fraction', 0.5, 'Share of its pulses that an aperture must have.', '',
               0.0, 1.0, changes=ANY_TIME),
-    Parameter('frame_id', 'map', 'Frame of the phase centres and of the targets.'),
 )
 
 
@@ -97,6 +96,7 @@ class MovingTargetsStep(Step):
 
     def process(self, block: PulseBlock) -> list[MovingTargets]:
         """Add profiles to their aperture; returns the movers of those that became complete."""
+        check_frame(block, self.parameters['frame_id'])
         return self._follow(self._live.add, block)
 
     def flush(self) -> list[MovingTargets]:

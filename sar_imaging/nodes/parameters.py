@@ -25,6 +25,11 @@ CONFIGURE = 'configure'  # while the node is unconfigured; it counts when it is 
 ANY_TIME = 'any time'
 
 
+def plain_frame(name: str) -> str:
+    """Name of a frame without the leading slash that tf took before ROS 2."""
+    return name.lstrip('/')
+
+
 class ConfigurationError(ValueError):
     """A node cannot work with its parameters; the text says which and what to set."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+import contextlib
 import functools
 import time
 from collections.abc import Callable, Mapping
@@ -18,7 +19,7 @@ from sar_imaging.geometry.poses import CAPACITY, PoseTrack
 
 from .health import Health, Part
 from .managed import QOS_ERRORS, ManagedNode
-from .parameters import ConfigurationError, Parameter, one_of
+from .parameters import ConfigurationError, Parameter, one_of, plain_frame
 from .tf_input import TfSampler, import_tf, read_lever_arms, split_frames
 
 BLOCK, ODOMETRY, POSE, TF = SOURCES = ('block', 'odometry', 'pose', 'tf')
@@ -46,8 +47,8 @@ PARAMETERS = (
               'pulses', 1, 10_000_000),
     Parameter('pose.jump_m', 0.05, 'Departure from the motion so far that no acceleration below '
               '20 m/s^2 explains and that means a jump of the frame.', 'm', 1e-4, 1e4),
-    Parameter('pose.frame_id', '', 'Frame of the poses; others are dropped. Empty takes that of '
-              'the first one; tf needs it.'),
+    Parameter('pose.frame_id', '', 'Frame of the poses, which must be that of the images; empty '
+              'takes frame_id.'),
     Parameter('pose.child_frame_id', 'base_link', 'Body frame to look up in tf.'),
     Parameter('pose.tf_rate_hz', 100.0, 'How often tf is sampled.', 'Hz', 1.0, 10_000.0),
     Parameter('antenna.tx', [0.0, 0.0, 0.0], 'Lever arms: transmit phase centres in the body '
@@ -96,6 +97,35 @@ def alignment_from(parameters: Mapping[str, object], node: ManagedNode) -> Align
                      range_bias_m=parameters['pose.range_bias_m'])
 
 
+def imaging_frame(parameters: Mapping[str, object]) -> str:
+    """Frame of poses, grid and images alike.
+
+    Raises
+    ------
+    ConfigurationError
+        Poses are to be in another frame than the images.
+    """
+    poses, images = (plain_frame(parameters[name]) for name in ('pose.frame_id', 'frame_id'))
+    if not images:
+        raise ConfigurationError('parameter frame_id is empty; expected the frame of positions '
+                                 'and images, such as odom')
+    if poses and poses != images:
+        raise ConfigurationError(f'parameter pose.frame_id={poses}: the images are in frame_id='
+                                 f'{images}, and poses are not transformed; set both to the frame '
+                                 'of the poses, or leave pose.frame_id empty')
+    return images
+
+
+def clock_notice(parameters: Mapping[str, object]) -> str:
+    """That nothing checks the clocks of poses and pulses; empty where autofocus does."""
+    with contextlib.suppress(KeyError):  # pulse_buffer alone has no autofocus
+        if parameters['autofocus.time_offset']:
+            return ''
+    return (f'nothing checks pose.time_offset_s={parameters["pose.time_offset_s"]:g}: poses '
+            'stamped 0.1 s late move an image from 2 m/s by 0.2 m, as sharp as ever; '
+            'autofocus.time_offset of backprojection estimates it')
+
+
 def track_from(parameters: Mapping[str, object]) -> PoseTrack:
     """Empty track with the limits of the parameters."""
     return PoseTrack(max_gap_s=parameters['pose.max_gap_s'], jump_m=parameters['pose.jump_m'])
@@ -123,7 +153,8 @@ class PoseInput:
     Raises
     ------
     ConfigurationError
-        The source is tf, and it is not installed or no frame is named.
+        The source is tf, and it is not installed, or the poses are to be in another frame than
+        the images.
     """
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part,
@@ -131,8 +162,8 @@ class PoseInput:
         self._parameters, self._health, self._on_pose = parameters, health, on_pose
         self._source = parameters['pose.source']
         self._poses: collections.deque = collections.deque(maxlen=CAPACITY)
-        self._frame = parameters['pose.frame_id']
-        self._wrong_frame = ''
+        self._frame = imaging_frame(parameters)
+        self._told: set[str] = set()  # frames of poses that the log has told of
         self._last_s: float | None = None
         self._stalled = False
         self._release: list[Callable[[], None]] = []
@@ -140,9 +171,6 @@ class PoseInput:
         self.n_other_frame = 0
         if self._source == TF:
             import_tf('pose.source is tf', 'set pose.source to odometry or pose')
-            if not self._frame:
-                raise ConfigurationError('parameter pose.frame_id is empty; tf needs the frame '
-                                         'of the images, such as odom')
             self.topic = f'tf {self._frame} <- {parameters["pose.child_frame_id"]}'
 
     def activate(self, node: ManagedNode) -> None:
@@ -194,22 +222,25 @@ class PoseInput:
 
     def _receive(self, message: Odometry | PoseStamped) -> None:
         pose = message.pose.pose if self._source == ODOMETRY else message.pose
-        frame = message.header.frame_id
+        frame = plain_frame(message.header.frame_id)
         if self._frame != frame:
-            if self._frame:
-                self._reject(frame)
-                return
-            self._frame = frame
-            self._health.info(f'poses in frame {frame or "without name"}; the images are in it')
+            self._reject(frame)
+            return
+        if frame not in self._told:
+            self._told.add(frame)
+            self._health.info(f'poses in frame {frame}, as are grid and images')
         stamp = message.header.stamp
         self._take(stamp.sec * 10**9 + stamp.nanosec, pose.position, pose.orientation)
 
     def _reject(self, frame: str) -> None:
         self.n_other_frame += 1
-        if frame != self._wrong_frame:
-            self._wrong_frame = frame
-            self._health.warning(f'dropped poses in frame {frame}; expected {self._frame}, see '
-                                 'pose.frame_id')
+        if frame not in self._told:
+            self._told.add(frame)
+            what, advice = ((f'in frame {frame}', f'set frame_id: {frame} in all nodes, with the '
+                             'grid in that frame, or ') if frame else
+                            ('without header.frame_id', ''))
+            self._health.warning(f'dropped poses of {self.topic} {what}: grid and images are in '
+                                 f'frame_id={self._frame}; {advice}send poses in {self._frame}')
 
     def _take(self, stamp_ns: int, p, q) -> None:
         self._last_s = time.monotonic()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 import time
 from collections.abc import Mapping
@@ -11,13 +12,20 @@ from rclpy.clock import Clock, ClockType
 from msg_conversions.pulse_block import as_received
 from sar_imaging.signal.positioning import Positioner
 from sar_imaging.signal.pulse_buffer import PulseBuffer
-from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.pulses import PulseBlock, check_frame
 
 from .block_output import BlockOutput
 from .health import Health, Part
 from .managed import ManagedNode, run
-from .parameters import ANY_TIME, Parameter
-from .pose_input import BLOCK, PARAMETERS as POSE_PARAMETERS, PoseInput, alignment_from, track_from
+from .parameters import ANY_TIME, Parameter, plain_frame
+from .pose_input import (
+    BLOCK,
+    PARAMETERS as POSE_PARAMETERS,
+    PoseInput,
+    alignment_from,
+    clock_notice,
+    track_from,
+)
 from .stage import Stage
 from .step import Step
 
@@ -54,6 +62,7 @@ class PulseBufferStep(Step):
             positions_required=parameters['pose.source'] == BLOCK)
         self._poses = self._positioner = self._timer = None
         self._woken = False
+        self._frame = plain_frame(parameters['frame_id'])
         if parameters['pose.source'] != BLOCK:
             self._poses = PoseInput(parameters, health, self._pose_came)
 
@@ -75,6 +84,8 @@ class PulseBufferStep(Step):
             self._timer = node.create_timer(_WAIT_PERIOD_S, self._look_for_ends,
                                             clock=Clock(clock_type=ClockType.STEADY_TIME))
             self._poses.activate(node)
+            if notice := clock_notice(self.parameters):
+                self.health.info(notice)
 
     def deactivate(self, node: Stage) -> None:
         """Unsubscribe; see `Step`."""
@@ -94,6 +105,8 @@ class PulseBufferStep(Step):
 
     def process(self, block: PulseBlock) -> list[PulseBlock]:
         """Buffer pulses; returns the blocks that became complete."""
+        if self._poses is None:
+            check_frame(block, self._frame)
         return self._emitted(self._buffer.push(block))
 
     def publish(self, product: PulseBlock) -> None:
@@ -144,7 +157,11 @@ class PulseBufferStep(Step):
         self.report(self._buffer.take_events())
         if self._positioner is not None:
             blocks = self._located(blocks)
-        return [as_received(block) for block in blocks]
+        return [as_received(self._in_frame(block)) for block in blocks]
+
+    def _in_frame(self, block: PulseBlock) -> PulseBlock:
+        """Positions from poses are in their frame; those of the pulses where the sender says."""
+        return dataclasses.replace(block, frame=self._frame) if self._poses else block
 
     def _located(self, blocks: list[PulseBlock]) -> list[PulseBlock]:
         """The blocks, and those that waited, as far as their poses are decided."""

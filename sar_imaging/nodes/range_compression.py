@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from msg_conversions.pulse_block import as_received
 from sar_imaging.signal.background import BackgroundFilter
 from sar_imaging.signal.calibration import ChannelCalibration
-from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.range_compression import RANGE_FILTERS, RangeCompressor
 from sar_imaging.signal.windows import WINDOW_NAMES, parse_window
 
@@ -75,6 +75,7 @@ class RangeCompressionStep(Step):
 
     def process(self, block: PulseBlock) -> list[PulseBlock]:
         """Range profiles of a block."""
+        check_frame(block, self.parameters['frame_id'])
         profiles = as_received(self._plan_for(block)(self._without_background(block)))
         self.health.count('blocks_compressed')
         return [profiles]

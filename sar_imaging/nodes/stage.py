@@ -29,6 +29,8 @@ INPUT_TYPE = 'std_msgs/msg/Float32MultiArray'
 COMMON_PARAMETERS = (
     Parameter('pulses_per_aperture', 1024, 'Length of an aperture; the same in all nodes.',
               'pulses', 1, 2**31 - 1),
+    Parameter('frame_id', 'map', 'Frame of the phase centres, the grid and the images; the same '
+              'in all nodes.'),
     Parameter('queue_depth', 50, 'Depth of the reliable queues of the middleware for pulse '
               'blocks, in and out; covers the largest burst.', 'messages', 1, 10_000),
     Parameter('worker_queue_size', 512, 'Blocks that may wait for the worker thread.', 'blocks',

@@ -188,6 +188,7 @@ class Positioner(EventSource):
         self._last_verdict = PoseVerdict.TAKEN
         self._aperture: tuple[int, int] | None = None  # number and frame
         self._last_counter = 0
+        self._told_channels = 0
         self.statistics = PositioningStatistics()
 
     @property
@@ -232,10 +233,21 @@ class Positioner(EventSource):
         if len(self._turn) not in (1, block.n_channels):
             raise ValueError(f'{len(self._turn)} channel offsets for {block.n_channels} channels; '
                              'give one for all or one for each')
+        self._tell_of_one_place(block.n_channels)
         self.statistics.received += block.n_pulses
         self._waiting.append((block, now_s))
         self._n_waiting += block.n_pulses
         return self.advance(now_s)
+
+    def _tell_of_one_place(self, n_channels: int) -> None:
+        """Say once that all channels share their phase centres."""
+        if n_channels == self._told_channels:
+            return
+        self._told_channels = n_channels
+        if n_channels > 1 and self._alignment.one_place and len(self._turn) == 1:
+            self._report('one_place', f'{n_channels} channels with the same lever arms: all are '
+                         'imaged as if they were at one place; give antenna.tx or antenna.rx x, '
+                         'y, z of each channel unless they are')
 
     def advance(self, now_s: float) -> list[PulseBlock]:
         """Blocks that are decided now: their poses came, or the wait is over."""

@@ -155,8 +155,8 @@ class PulseBuffer(EventSource):
     def _change_configuration(self) -> list[PulseBlock]:
         emitted = self.flush()
         self.statistics.configuration_changes += 1
-        self._report('configuration', 'radar parameters, channels or samples changed; '
-                     'a new pulse sequence begins')
+        self._report('configuration', 'radar parameters, frame, channels or samples '
+                     'changed; a new pulse sequence begins')
         self._detector.reset()
         self._begin_sequence()
         return emitted

@@ -40,6 +40,8 @@ class PulseBlock:
     tx_m, rx_m : (P, C, 3) float64 or None
         Transmit and receive phase centre of each pulse and channel in the imaging frame,
         metres; None when positions come from elsewhere.
+    frame : str
+        Name of the imaging frame; empty where the sender does not tell.
 
     Raises
     ------
@@ -56,6 +58,7 @@ class PulseBlock:
     samples: np.ndarray
     tx_m: np.ndarray | None = None
     rx_m: np.ndarray | None = None
+    frame: str = ''
 
     def __post_init__(self):
         if (self.tx_m is None) != (self.rx_m is None):
@@ -108,8 +111,9 @@ class PulseBlock:
             samples=self.samples[index], tx_m=pick(self.tx_m), rx_m=pick(self.rx_m))
 
     def matches(self, other: PulseBlock) -> bool:
-        """True when `other` comes from the same radar with the same channels and samples."""
+        """True when `other` is of the same radar, frame, channels and samples."""
         return (self.radar == other.radar and self.compressed == other.compressed
+                and self.frame == other.frame
                 and self.samples.shape[1:] == other.samples.shape[1:]
                 and self.has_positions == other.has_positions)
 
@@ -128,7 +132,7 @@ def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
     if len(blocks) == 1:
         return first
     if not all(first.matches(b) for b in blocks[1:]):
-        raise ValueError('blocks differ in radar parameters, channels or samples; '
+        raise ValueError('blocks differ in radar parameters, frame, channels or samples; '
                          'concatenate blocks of one configuration only')
 
     def join(name):
@@ -137,6 +141,20 @@ def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
     positions = {'tx_m': join('tx_m'), 'rx_m': join('rx_m')} if first.has_positions else {}
     return dataclasses.replace(first, stamp_ns=join('stamp_ns'), counter=join('counter'),
                                samples=join('samples'), **positions)
+
+
+def check_frame(block: PulseBlock, frame: str) -> None:
+    """Check that phase centres are in the frame that the grid is in.
+
+    Raises
+    ------
+    ValueError
+        The block names another frame.
+    """
+    if block.has_positions and block.frame and block.frame.lstrip('/') != frame.lstrip('/'):
+        raise ValueError(f'the phase centres are in frame {block.frame!r}, the image grid is in '
+                         f'frame_id={frame!r}; set frame_id to the same frame in all nodes, with '
+                         'the grid in it, or send positions in that of the grid')
 
 
 def check_profiles(block: PulseBlock, radar: RadarParameters, n_samples: int, *,

@@ -234,7 +234,8 @@ def read_truth(path: Path | str) -> dict | None:
 def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], grid,
                pulses_per_aperture: int, n_pulses: int, n_channels: int,
                cut_half_width_m: tuple[float, float], radar: RadarParameters, compressed: bool,
-               notes: str = '', window: str = 'none', alignment: Alignment | None = None) -> dict:
+               notes: str = '', window: str = 'none', alignment: Alignment | None = None,
+               frame: str = 'map') -> dict:
     """Truth dictionary of a recording.
 
     Parameters
@@ -242,7 +243,7 @@ def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], g
     scenario, description, notes : str
         Name, one sentence, origin.
     scatterers : iterable of dict
-        Each ``{'name', 'position_m': [x, y, z], 'amplitude_db'}``; metres in the map frame.
+        Each ``{'name', 'position_m': [x, y, z], 'amplitude_db'}``; metres in the imaging frame.
     grid : MapGrid
         Where to image the scene.
     pulses_per_aperture, n_pulses, n_channels : int
@@ -257,6 +258,8 @@ def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], g
         Spectral weighting for which the measures are meant.
     alignment : Alignment, optional
         Between the pulses and the poses of `/odometry`, where positions come from those.
+    frame : str
+        Name of the imaging frame.
 
     Returns
     -------
@@ -266,7 +269,7 @@ def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], g
     range_m, azimuth_m = cut_half_width_m
     return {
         'version': TRUTH_VERSION, 'scenario': scenario, 'description': description,
-        'frame': 'map', 'scatterers': list(scatterers),
+        'frame': frame, 'scatterers': list(scatterers),
         'grid': {'centre_m': list(grid.centre_m), 'n_x': grid.n_x, 'n_y': grid.n_y,
                  'spacing_m': grid.spacing_m},
         'pulses_per_aperture': pulses_per_aperture, 'n_pulses': n_pulses,

@@ -58,17 +58,17 @@ def parameters_from_truth(truth: Mapping, mode: str = 'image') -> dict[str, dict
     grid = truth['grid']
     x, y, z = (float(v) for v in grid['centre_m'])
     spacing = float(grid['spacing_m'])
-    pulses = {'pulses_per_aperture': int(truth['pulses_per_aperture'])}
+    frame = {'frame_id': truth['frame']}
+    pulses = {'pulses_per_aperture': int(truth['pulses_per_aperture'])} | frame
     return {
         'pulse_buffer': pulses | _alignment_parameters(truth),
-        'range_compression': {'window': truth.get('window', 'none')},
+        'range_compression': {'window': truth.get('window', 'none')} | frame,
         # the same poses, for autofocus
         'backprojection': pulses | _alignment_parameters(truth) | {
             'mode': mode, 'grid.centre_x': x, 'grid.centre_y': y, 'grid.centre_z': z,
             'grid.size_x': (grid['n_x'] - 1) * spacing,
-            'grid.size_y': (grid['n_y'] - 1) * spacing, 'grid.spacing': spacing,
-            'frame_id': truth['frame']},
-        'afbp_fusion': {'frame_id': truth['frame']},
+            'grid.size_y': (grid['n_y'] - 1) * spacing, 'grid.spacing': spacing},
+        'afbp_fusion': dict(frame),
     }
 
 

@@ -34,7 +34,7 @@ check_config:
 """
 
 
-def scenario_truth(scenario: Scenario, *, window: str = 'none') -> dict:
+def scenario_truth(scenario: Scenario, *, window: str = 'none', frame: str = 'map') -> dict:
     """Truth to store with a recording of the scenario, see `bag_io.make_truth`."""
     truth = make_truth(
         scenario=scenario.name, description=scenario.description,
@@ -44,7 +44,7 @@ def scenario_truth(scenario: Scenario, *, window: str = 'none') -> dict:
         grid=scenario.grid, pulses_per_aperture=scenario.pulses_per_aperture,
         n_pulses=scenario.n_pulses, n_channels=scenario.n_channels,
         cut_half_width_m=scenario.cut_half_width_m, radar=scenario.radar,
-        compressed=scenario.compressed, notes=scenario.notes, window=window)
+        compressed=scenario.compressed, notes=scenario.notes, window=window, frame=frame)
     if scenario.movers:  # time zero of their positions is the middle of the recording
         truth['movers'] = [{'name': m.name, 'position_m': list(m.position_m),
                             'velocity_m_per_s': list(m.velocity_m_per_s),
@@ -132,21 +132,25 @@ def _write_configured(arguments: argparse.Namespace) -> str:
         imaging = configuration.imaging()
         scenario = configured_scenario(arguments.config.stem, configuration.acquisition(),
                                        imaging, apertures=arguments.apertures)
-        return _write(scenario, arguments, window=imaging.window)
+        return _write(scenario, arguments, window=imaging.window,
+                      frame=configuration.nodes['backprojection']['frame_id'])
     except ValueError as error:
         raise ConfigurationFileError(f'{arguments.config}: {error}; check_config tells more'
                                      ) from error
 
 
-def _write(scenario: Scenario, arguments: argparse.Namespace, *, window: str = 'none') -> str:
+def _write(scenario: Scenario, arguments: argparse.Namespace, *, window: str = 'none',
+           frame: str = '') -> str:
     if arguments.noise_std is not None:
         scenario = dataclasses.replace(scenario, noise_std=arguments.noise_std)
     if arguments.seed is not None:
         scenario = dataclasses.replace(scenario, seed=arguments.seed)
     output = arguments.output or Path('out/bags') / scenario.name
     check_target(output, overwrite=arguments.force)
-    blocks = with_progress(scenario.blocks(arguments.pulses_per_message), scenario.n_pulses)
-    count = write_bag(output, blocks, scenario_truth(scenario, window=window),
+    pulses = (dataclasses.replace(block, frame=frame)
+              for block in scenario.blocks(arguments.pulses_per_message))
+    count = write_bag(output, with_progress(pulses, scenario.n_pulses),
+                      scenario_truth(scenario, window=window, frame=frame or 'map'),
                       overwrite=arguments.force)
     return (f'{output}: {scenario.n_pulses} pulses of {scenario.n_channels} channels in {count} '
             f'messages, {len(scenario.scatterers)} scatterers')

@@ -66,6 +66,7 @@ def _blocks(draw):
         centres = hnp.arrays(np.float64, (n_pulses, n_channels, 3),
                              elements=st.floats(-6.4e6, 6.4e6))
         fields |= {'tx_m': draw(centres), 'rx_m': draw(centres)}
+    fields['frame'] = draw(st.sampled_from(['', 'odom', 'robot1/map']))
     return PulseBlock(**fields)
 
 
@@ -79,6 +80,7 @@ def blocks():
 def assert_same_block():
     def check(received: PulseBlock, sent: PulseBlock):
         assert received.compressed == sent.compressed
+        assert received.frame == sent.frame
         assert received.radar.waveform == sent.radar.waveform
         for name in ('carrier_hz', 'bandwidth_hz', 'sample_rate_hz', 'first_sample_delay_s',
                      'pulse_length_s', 'chirp_rate_hz_per_s'):

@@ -228,6 +228,19 @@ def test_size_limit_is_the_callers(make_block, assert_same_block):
         wire.from_array(*message, max_elements=47)
 
 
+def test_the_first_label_names_the_frame_of_the_positions(make_block):
+    _, dims, _ = wire.to_array(make_block(frame='odom'))
+    assert [label for label, *_ in dims] == ['pulse@odom', 'channel', 'sample', 'iq']
+    data, dims, offset = wire.to_array(make_block())
+    assert dims[0][0] == 'pulse' and wire.from_array(data, dims, offset).frame == ''
+    named = replaced(dims, 0, ('pulse@a@b', *dims[0][1:]))  # a frame may be called anything
+    assert wire.from_array(data, named, offset).frame == 'a@b'
+    with pytest.raises(WireFormatError, match='has a name of 256 characters; expected at most'):
+        wire.from_array(data, replaced(dims, 0, ('pulse@' + 256 * 'x', *dims[0][1:])), offset)
+    with pytest.raises(WireFormatError, match='layout.dim labels are'):
+        wire.from_array(data, replaced(dims, 1, ('channel@odom', *dims[1][1:])), offset)
+
+
 # ------------------------------------------------------------------------------- fuzz
 
 def read_or_refuse(data, dims, offset):

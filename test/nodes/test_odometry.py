@@ -117,6 +117,7 @@ class Buffer:
                  **parameters):
         self.node = start_node('pulse_buffer', {
             'pulses_per_aperture': 100, 'reorder_window_pulses': 0, 'pose.source': topic,
+            'frame_id': 'odom',
             'pose.time_offset_s': OFFSET_NS * 1e-9} | parameters)
         self.observer = observer
         self.blocks = []
@@ -171,7 +172,8 @@ def test_missing_odometry_and_a_frame_that_jumps(start_node, make_observer):
         poses_rejected=2, poses_late=1, pose_restarts=0, blocks_rejected=0, errors=0)
     log = buffer.node.log('pulse_buffer')
     for text in ('poses in frame odom', 'no pose came in time', 'no pose for 5 s of their clock',
-                 'the frame of the poses jumped', 'dropped poses in frame map; expected odom',
+                 'the frame of the poses jumped', 'nothing checks pose.time_offset_s=1000',
+                 'dropped poses of /odometry in frame map: grid and images are in frame_id=odom',
                  'dropped pulses 696..699 (4): the frame of the poses jumped within'):
         assert text in log
 
@@ -203,8 +205,12 @@ IMPOSSIBLE = [
      'odometry, pose, tf'),
     ({'antenna.tx': [0.0, 1.0]}, 'parameter antenna.tx: 2 numbers; expected x, y, z of one'),
     ({'antenna.rx': 'left'}, "parameter antenna.rx='left'; expected a list of numbers (m)"),
-    ({'pose.source': 'tf'}, 'parameter pose.frame_id is empty; tf needs the frame of the images'
-     if TF else 'tf2_ros is not installed: it comes with a ROS installation'),
+    ({'pose.source': 'tf', 'frame_id': ''}, 'parameter frame_id is empty; expected the frame of '
+     'positions and images'),
+    ({'pose.source': 'odometry', 'pose.frame_id': 'map', 'frame_id': 'odom'},
+     'parameter pose.frame_id=map: the images are in frame_id=odom'),
+    *([] if TF else [({'pose.source': 'tf'}, 'tf2_ros is not installed: it comes with a ROS '
+                      'installation')]),
 ]
 
 

@@ -12,6 +12,8 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 
 from sar_imaging.nodes import pose_input
+from sar_imaging.nodes.backprojection_steps import BackprojectionStep
+from sar_imaging.nodes.moving_targets import MovingTargetsStep
 from sar_imaging.nodes.parameters import ConfigurationError
 from sar_imaging.nodes.pulse_buffer import PulseBufferStep
 from sar_imaging.nodes.range_compression import RangeCompressionStep
@@ -74,7 +76,8 @@ def flight(request):
     """Step that takes positions from a topic, its log, its node, and how to send it poses."""
     step, log = make(PulseBufferStep, **{
         'pose.source': request.param, 'antenna.tx': [1.0, 0.0, 0.0], 'antenna.rx': [0.0] * 3,
-        'pulses_per_block': 10, 'reorder_window_pulses': 0, 'stall_timeout_s': 5.0})
+        'pulses_per_block': 10, 'reorder_window_pulses': 0, 'stall_timeout_s': 5.0,
+        'frame_id': 'odom'})
     node = Node()
     step.create_outputs(node)
     step.activate(node)
@@ -119,8 +122,39 @@ def test_poses_of_another_frame_are_counted_and_told_of_once(flight):
     assert numbers(flight.step.process(pulses(0, 10))) == list(range(10))
     flight.step.update_counters()
     assert (flight.log['poses_rejected'], flight.log['poses_received']) == (3, 5)
-    assert flight.log.lines.count('poses in frame odom; the images are in it') == 1
-    assert len([line for line in flight.log.lines if 'dropped poses in frame map' in line]) == 1
+    assert flight.log.lines.count('poses in frame odom, as are grid and images') == 1
+    [line] = [line for line in flight.log.lines if 'dropped poses' in line]
+    assert line.endswith(' in frame map: grid and images are in frame_id=odom; set frame_id: map '
+                         'in all nodes, with the grid in that frame, or send poses in odom')
+
+
+def test_poses_without_a_frame_are_told_of_and_a_leading_slash_is_none(flight):
+    flight.send([0], frame='')
+    flight.send([10], frame='/odom')
+    flight.step.collect()
+    flight.step.update_counters()
+    assert (flight.log['poses_rejected'], flight.log['poses_received']) == (1, 1)
+    assert any('without header.frame_id: grid and images are in frame_id=odom; send poses in odom'
+               in line for line in flight.log.lines)
+
+
+def test_blocks_say_in_which_frame_their_positions_are(flight):
+    flight.step.process(pulses(10, 30))
+    flight.send(range(0, 70, 10))
+    assert {block.frame for block in flight.step.collect()} == {'odom'}
+
+
+@pytest.mark.parametrize(('autofocus', 'told'), [({}, 1), ({'autofocus.time_offset': 0.0}, 1),
+                                                 ({'autofocus.time_offset': 2.0}, 0)])
+def test_that_nothing_checks_the_clocks_is_told(autofocus, told):
+    step, log = make(PulseBufferStep, **{'pose.source': 'odometry', 'pose.time_offset_s': 0.5},
+                     **autofocus)  # parameters of the pipeline
+    node = Node()
+    step.create_outputs(node)
+    step.activate(node)
+    found = [line for line in log.lines if 'nothing checks pose.time_offset_s=0.5' in line]
+    assert len(found) == told
+    assert all('autofocus.time_offset of backprojection estimates it' in line for line in found)
 
 
 def test_the_timer_looks_for_ends_only_where_something_waits(flight):
@@ -178,8 +212,25 @@ def test_pulses_with_positions_need_no_poses():
 
 
 def test_tf_needs_a_frame_or_is_missing():
-    with pytest.raises(ConfigurationError, match='pose.frame_id is empty|not installed'):
-        make(PulseBufferStep, **{'pose.source': 'tf'})
+    with pytest.raises(ConfigurationError, match='frame_id is empty'):
+        make(PulseBufferStep, **{'pose.source': 'tf', 'frame_id': ''})
+
+
+def test_poses_in_another_frame_than_the_images_are_no_configuration():
+    with pytest.raises(ConfigurationError, match='pose.frame_id=map: the images are in frame_id='
+                       'odom, and poses are not transformed'):
+        make(PulseBufferStep, **{'pose.source': 'pose', 'pose.frame_id': 'map',
+                                 'frame_id': 'odom'})
+
+
+def test_positions_that_pulses_bring_are_in_the_frame_of_the_images():
+    centres = np.ones((10, 1, 3))
+    block = dataclasses.replace(pulses(0, 10), tx_m=centres, rx_m=centres, frame='odom')
+    for step, options in ((PulseBufferStep, {'reorder_window_pulses': 0}),
+                          (RangeCompressionStep, {}), (BackprojectionStep, {}),
+                          (MovingTargetsStep, {})):
+        with pytest.raises(ValueError, match="in frame 'odom', the image grid is in frame_id"):
+            make(step, **options)[0].process(block)
 
 
 # ------------------------------------------------------------------------------- compression

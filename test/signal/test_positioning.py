@@ -195,6 +195,21 @@ def test_lever_arms_that_do_not_fit_reject_the_block():
     assert positioner.statistics.received == 0
 
 
+@pytest.mark.parametrize(('arms', 'told'), [
+    (Alignment(), 1), (Alignment(rx_m=[[0.4, 0.0, 0.0]] * 2), 1), (ALIGNMENT, 0)])
+def test_channels_without_lever_arms_of_their_own_are_told_of_once(arms, told):
+    positioner = Positioner(PoseTrack(), arms, pulses_per_aperture=100)
+    for first in (0, 10, 20):
+        positioner.push(pulses(first, first + 10), 0.0)
+    found = texts(positioner, 'one_place')
+    assert len(found) == told
+    assert all(text.startswith('2 channels with the same lever arms: all are imaged as if')
+               for text in found)
+    single = Positioner(PoseTrack(), Alignment(), pulses_per_aperture=100)
+    single.push(dataclasses.replace(pulses(0, 10), samples=np.zeros((10, 1, 8))), 0.0)
+    assert not texts(single, 'one_place')
+
+
 def test_channels_that_take_turns_have_places_of_their_own():
     positioner = make(channel_offset_s=[0.004, 0.0])
     send_poses(positioner, range(0, 101, 10))

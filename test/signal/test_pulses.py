@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.signal import PulseBlock, RadarParameters, Waveform, concatenate
+from sar_imaging.signal.pulses import check_frame
 
 RADAR = RadarParameters(10e9, 300e6, 400e6, 66.6e-6, 1e-6, 3e14)
 
@@ -75,5 +76,16 @@ def test_select_and_concatenate_are_inverse(with_positions):
 def test_different_blocks_do_not_join():
     with pytest.raises(ValueError, match='blocks differ'):
         concatenate([make_block(), make_block(samples=np.zeros((4, 2, 9)))])
+    with pytest.raises(ValueError, match='blocks differ in radar parameters, frame'):
+        concatenate([make_block(frame='odom'), make_block(frame='map')])
     with pytest.raises(ValueError, match='at least one block'):
         concatenate([])
+
+
+def test_positions_in_another_frame_than_the_grid_are_refused():
+    for block in (make_block(), make_block(frame='map'), make_block(frame='/map'),
+                  make_block(frame='odom', tx_m=None, rx_m=None)):  # poses will tell
+        check_frame(block, 'map')
+    with pytest.raises(ValueError, match="centres are in frame 'odom', the image grid is in "
+                       "frame_id='map'; set frame_id to the same frame in all nodes"):
+        check_frame(make_block(frame='odom'), 'map')

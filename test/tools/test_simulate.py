@@ -152,9 +152,11 @@ def test_a_configured_radar_is_recorded(tmp_path, capsys):
     blocks = list(read_blocks(folder))
     assert sum(b.n_pulses for b in blocks) == 256
     assert {b.radar for b in blocks} == {acquisition.radar}
+    assert {b.frame for b in blocks} == {'odom'}  # as the file says
     assert blocks[0].samples.shape[1:] == (acquisition.n_channels, acquisition.n_samples)
     truth = read_truth(folder)
     assert (truth['scenario'], truth['window']) == ('automotive_77ghz', 'taylor:4:35')
+    assert truth['frame'] == 'odom'
     assert len(truth['scatterers']) == 5
     assert '256 pulses of 4 channels' in capsys.readouterr().out
 
