@@ -15,7 +15,7 @@ import numba
 from llvmlite import binding
 from numba.core import config, event
 
-_OLDEST_NUMBA = (0, 59)
+_OLDEST_NUMBA = (0, 58)
 
 
 def check_version(version: str) -> None:

@@ -72,13 +72,13 @@ def test_a_folder_that_the_user_names_is_used(tmp_path):
     assert result.returncode == 0 and not result.stderr
 
 
-@pytest.mark.parametrize('version', ['0.58.1', '0.9', '0.58.0rc1'])
+@pytest.mark.parametrize('version', ['0.57.1', '0.9', '0.57.0rc1'])
 def test_old_numba_is_refused(version):
-    with pytest.raises(ImportError, match=f'Numba {version} is installed; 0.59 or later'):
+    with pytest.raises(ImportError, match=f'Numba {version} is installed; 0.58 or later'):
         compilation.check_version(version)
 
 
-@pytest.mark.parametrize('version', ['0.59.0', '0.59.0rc1', '0.60.1', '0.62.0dev0+12.g12', '1.0'])
+@pytest.mark.parametrize('version', ['0.58.1', '0.58.0rc1', '0.60.1', '0.62.0dev0+12.g12', '1.0'])
 def test_newer_numba_is_accepted(version):
     compilation.check_version(version)
 

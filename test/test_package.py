@@ -85,6 +85,36 @@ def test_manifest_is_an_ament_python_package():
     assert re.fullmatch(r'[-\w%+]+(\.[-\w%+]+)*@[-\w%]+(\.[-\w%]+)*\.[a-zA-Z]{2,}', address)
 
 
+def test_who_maintains_it_is_the_same_everywhere():
+    maintainer, setup = _manifest().find('maintainer'), _setup_keywords()
+    assert maintainer.get('email') == setup['maintainer_email']
+    assert maintainer.text == setup['maintainer']
+
+
+def missing_addresses(manifest, changelog):
+    """What a published version needs and a manifest lacks; nothing while none is published."""
+    [newest, *_] = re.findall(r'^(.+)\n-+$', changelog, re.MULTILINE)
+    if newest == 'Forthcoming':
+        return []
+    missing = [kind for kind in ('repository', 'bugtracker')
+               if manifest.find(f"url[@type='{kind}']") is None]
+    if manifest.find('maintainer').get('email').endswith('.example'):  # RFC 2606: never exists
+        missing.append('maintainer')
+    return missing
+
+
+def test_a_release_has_addresses_that_can_exist():
+    assert missing_addresses(_manifest(), (ROOT / 'CHANGELOG.rst').read_text()) == []
+    released = '1.0.0 (2030-01-01)\n------------------\n'
+    text = '<package><maintainer email="{}"/>{}</package>'
+    bare = ElementTree.fromstring(text.format('somebody@place.example', ''))
+    assert missing_addresses(bare, released) == ['repository', 'bugtracker', 'maintainer']
+    assert missing_addresses(bare, 'Forthcoming\n-----------\n') == []
+    full = ElementTree.fromstring(text.format(
+        'somebody@place.org', '<url type="repository">a</url><url type="bugtracker">b</url>'))
+    assert missing_addresses(full, released) == []
+
+
 def test_one_version_everywhere():
     setup = _setup_keywords()
     assert _manifest().findtext('version') == setup['version'] == sar_imaging.__version__

@@ -278,6 +278,10 @@ def _set(targets: Mapping[str, dict], section: str, name: str, value) -> Iterato
                      bool: 'true or false', list: 'a list of numbers'}[kind]
             yield Finding('error', f'section {section!r}: {name}={value!r}; expected {words}')
             return
+        if kind is list and len({type(v) for v in value}) > 1:
+            yield Finding('error', f'section {section!r}: {name}={value!r} mixes whole numbers '
+                          'and others, which ROS refuses; write all of them with a point')
+            return
         values[name] = value
 
 

@@ -127,7 +127,9 @@ def test_lists_of_numbers():
         tree = {'/**': {'ros__parameters': {'antenna.tx': value}}}
         return [f.text for f in interpret(tree, defaults).findings]
 
-    assert found([1, 2.0, 3.0, 4.0, 5.0, 6.0]) == []
+    assert found([1, 2, 3, 4, 5, 6]) == []
+    assert found([1, 2.5, 3]) == ["section '**': antenna.tx=[1, 2.5, 3] mixes whole numbers and "
+                                  'others, which ROS refuses; write all of them with a point']
     for value in ([1.0, '2'], [float('inf')], 3.0, '[1.0]'):
         assert found(value) == [f"section '**': antenna.tx={value!r}; expected a list of numbers"]
 

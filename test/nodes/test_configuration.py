@@ -9,9 +9,11 @@ import pytest
 import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
+from nav_msgs.msg import MapMetaData
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float32MultiArray, UInt8MultiArray
 
+from msg_conversions.images import map_metadata_from_message
 from sar_imaging.nodes import (
     afbp_fusion,
     backprojection,
@@ -138,6 +140,9 @@ def test_parameters_are_checked_and_used_while_the_node_runs(start_node, make_ob
     successful, reason = set_parameter('window', 'box')
     assert not successful
     assert "window='box' is unknown; use one of none" in reason
+    assert set_parameter('oversampling', 2.5) == (True, '')
+    successful, reason = set_parameter('oversampling', 3)  # which at the start would be taken
+    assert not successful and 'DOUBLE' in reason
     successful, reason = set_parameter('oversampling', 100.0)
     assert not successful
     successful, reason = set_parameter('queue_depth', 7)
@@ -147,6 +152,21 @@ def test_parameters_are_checked_and_used_while_the_node_runs(start_node, make_ob
     successful, reason = set_parameter('autostart', False)
     assert not successful
     assert 'read-only' in reason
+
+
+def test_map_metadata_is_there_before_any_image_for_who_asks_for_the_past(start_node,
+                                                                         make_observer):
+    start_node('backprojection').wait_for_log('backprojection', 'ready: ')
+    observer = make_observer()  # which subscribes transient local
+    volatile = []
+    subscription = observer.node.create_subscription(MapMetaData, 'map_metadata', volatile.append,
+                                                     10)
+    observer.wait(subscription.get_publisher_count, 'the publisher of map_metadata')
+    [message] = observer.wait_for('map_metadata', 1)
+    assert map_metadata_from_message(message).shape == (401, 401)
+    assert observer.node.get_publishers_info_by_topic('map_metadata')[0].qos_profile.durability \
+        == DurabilityPolicy.TRANSIENT_LOCAL
+    assert not volatile
 
 
 def test_an_incompatible_publisher_is_reported(start_node, make_observer):
