@@ -98,9 +98,9 @@ def check_settings(imaging: Imaging, machine: Machine) -> list[Finding]:
 def _check_profiles(d: Derived):
     radar = d.profile_radar
     if radar.sample_rate_hz < LEAST_OVERSAMPLING * radar.bandwidth_hz:
-        yield Finding('error', 'range profiles have '
-                      f'{radar.sample_rate_hz / radar.bandwidth_hz:.3g} samples per resolution '
-                      f'cell; backprojection needs {LEAST_OVERSAMPLING}: raise oversampling '
+        yield Finding('error', 'range profiles are sampled at '
+                      f'{radar.sample_rate_hz / radar.bandwidth_hz:.3g} times their bandwidth; '
+                      f'backprojection needs {LEAST_OVERSAMPLING}: raise oversampling '
                       '(2.0 is the default)')
 
 
@@ -161,12 +161,12 @@ def _check_direction(a: Acquisition, d: Derived):
     if d.scene.both_sides:
         yield Finding('warning', 'the grid reaches across the track: what lies left and right of '
                       'it at equal ranges is told apart by the antenna alone', from_track=True)
-    if d.azimuth_null_m > d.scene.range_m:
+    if d.azimuth_width_m > d.scene.range_m:
         yield Finding('error', f'the aperture of {d.aperture_m:.3g} m resolves '
-                      f'{d.azimuth_null_m:.3g} m in azimuth, more than the range: raise '
+                      f'{d.azimuth_width_m:.3g} m in azimuth, more than the range: raise '
                       'pulses_per_aperture, or look away from the direction of flight',
                       from_track=True)
-    if d.range_null_m > d.scene.range_m:
+    if d.range_width_m > d.scene.range_m:
         yield Finding('error', f'{d.scene.range_m:.4g} m from the platform to the middle of the '
                       'grid lie one below the other: ranges on the ground are not resolved; '
                       'image beside the track', from_track=True)
@@ -177,16 +177,16 @@ def _check_pixels(imaging: Imaging, d: Derived):
     for name, null in (('range', d.range_null_m), ('azimuth', d.azimuth_null_m)):
         if spacing >= 2 * null:
             yield Finding('error', f'grid.spacing={spacing:g} m: scatterers between pixels '
-                          f'vanish, the resolution in {name} is {null:.3g} m; use at most '
-                          f'{_round_down(null / 2):g} m, or lower the '
+                          f'vanish, the null spacing in {name} is {null:.3g} m; use at most '
+                          f'half of it, {_round_down(null / 2):g} m, or lower the '
                           + ('bandwidth' if name == 'range' else 'number of pulses per aperture'),
                           from_track=True)
         elif spacing > 0.5 * null * _ROUNDING:
             loss = -20 * math.log10(_sinc(spacing / (2 * null)))
             yield Finding('warning', f'grid.spacing={spacing:g} m is more than half of the '
-                          f'resolution in {name}, {null:.3g} m: a scatterer between pixels loses '
-                          f'up to {loss:.1f} dB; {_round_down(null / 2):g} m or less keep it '
-                          'below 1 dB', from_track=True)
+                          f'null spacing in {name}, {null:.3g} m: a scatterer between pixels '
+                          f'loses up to {loss:.1f} dB; {_round_down(null / 2):g} m or less keep '
+                          'it below 1 dB', from_track=True)
 
 
 def _check_blocks(a: Acquisition, imaging: Imaging, d: Derived):

@@ -1,4 +1,4 @@
-"""Derived quantities as lines of text: name, value, formula."""
+"""Derived quantities as lines of text: name, value, and what it means without knowing radar."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .settings import Acquisition, Imaging, Machine
 
 def rows(acquisition: Acquisition, imaging: Imaging, machine: Machine,
          derived: Derived) -> list[tuple[str, str, str]]:
-    """Name, value with unit, and formula of what an operator wants to know.
+    """Name, value with unit, and meaning of what an operator wants to know.
 
     Parameters
     ----------
@@ -22,12 +22,12 @@ def rows(acquisition: Acquisition, imaging: Imaging, machine: Machine,
 
     Returns
     -------
-    list of (name, value, formula)
+    list of (name, value, meaning)
     """
     return [*_geometry_rows(acquisition, imaging, derived),
             *_pulse_rows(acquisition, derived),
             *_load_rows(imaging, machine, derived),
-            *((f'memory of {m.node}', f'{m.n_bytes / 1e6:.0f} MB', f'at most: {m.formula}')
+            *((f'memory of {m.node}', f'{m.n_bytes / 1e6:.0f} MB', f'at most, = {m.formula}')
               for m in derived.memory)]
 
 
@@ -39,47 +39,57 @@ def lines(table: list[tuple[str, str, str]]) -> list[str]:
 
 def _geometry_rows(a: Acquisition, imaging: Imaging, d: Derived):
     scene = d.scene
-    yield 'wavelength', f'{1e3 * a.radar.wavelength_m:.3g} mm', 'c / f'
+    yield ('wavelength', f'{1e3 * a.radar.wavelength_m:.3g} mm',
+           'positions within an aperture should be right to a tenth of it')
     yield ('range to the scene', _metres(scene.range_m),
-           f'{_metres(scene.near_m)} to {_metres(scene.far_m)} over grid and aperture')
+           f'distance from the radar; nearest pixel {_metres(scene.near_m)}, farthest '
+           f'{_metres(scene.far_m)}')
     yield ('range window', f'{_metres(d.window_m[0])} to {_metres(d.window_m[1])}',
-           f'where {d.n_profile} samples of a profile hold whole responses')
+           'distances whose echoes are recorded as a whole; pixels elsewhere stay dark')
     if is_phase_history(a):
-        yield ('unambiguous depth', _metres(d.unambiguous_depth_m), 'N c / 2 B')
+        yield ('unambiguous depth', _metres(d.unambiguous_depth_m),
+               'a scene that is deeper lies on top of itself')
     yield ('range resolution', f'{d.range_width_m:.3g} m',
-           f'width at -3 dB on the ground, window {imaging.window}; c / (2 B cos psi) = '
-           f'{d.range_null_m:.3g} m')
+           'points nearer together, one behind the other, merge (width at -3 dB on the ground, '
+           f'window {imaging.window})')
     yield ('azimuth resolution', f'{d.azimuth_width_m:.3g} m',
-           f'width at -3 dB; lambda / (4 sin(angle / 2)) = {d.azimuth_null_m:.3g} m')
+           'points nearer together, side by side, merge (width at -3 dB)')
     yield ('pixel spacing', f'{imaging.grid.spacing_m:g} m',
-           f'half of the resolution: {0.5 * min(d.range_null_m, d.azimuth_null_m):.3g} m')
+           f'{0.5 * min(d.range_null_m, d.azimuth_null_m):.3g} m or less loses no point between '
+           f'pixels: half of the null spacing, {d.range_null_m:.3g} m in range and '
+           f'{d.azimuth_null_m:.3g} m in azimuth')
     yield ('aperture', _metres(d.aperture_m),
-           f'{imaging.pulses_per_aperture} pulses, {d.aperture_s:.3g} s, '
-           f'{math.degrees(d.aperture_rad):.3g} degrees seen from the scene')
+           f'way flown for one image: {imaging.pulses_per_aperture} pulses in {d.aperture_s:.3g} '
+           f's, {math.degrees(d.aperture_rad):.3g} degrees seen from the scene')
 
 
 def _pulse_rows(a: Acquisition, d: Derived):
-    yield 'pulse spacing', _metres(d.pulse_spacing_m), 'v / PRF'
+    yield 'pulse spacing', _metres(d.pulse_spacing_m), 'way flown from pulse to pulse'
     yield ('scene in direction', f'{d.needed_direction:.3g}',
-           'direction cosines of grid' + (' and beam' if a.beamwidth_rad else ''))
+           'directions that the scene' + (' in the beam' if a.beamwidth_rad else '')
+           + ' takes, as cosine of the angle to the flight')
     yield ('unambiguous direction', f'{d.unambiguous_direction:.3g}',
-           f'lambda PRF / 2 v; scatterers repeat every {_metres(d.ambiguity_m)} in azimuth')
+           'directions that pulses this close tell apart; of a wider scene every point appears '
+           f'again {_metres(d.ambiguity_m)} away in azimuth')
     yield ('PRF', _hertz(a.prf_hz),
-           f'{_hertz(d.least_prf_hz)} (2 v directions / lambda)'
+           f'pulses per second; at least {_hertz(d.least_prf_hz)}, or points appear twice'
            + ('' if a.compressed or a.radar.waveform != Waveform.LFM else
-              f' to {_hertz(d.largest_prf_hz)} (recording ends before the next pulse)'))
-    yield 'unambiguous range', _metres(d.unambiguous_range_m), 'c / 2 PRF'
+              f'; at most {_hertz(d.largest_prf_hz)}, or a recording meets the next pulse'))
+    yield ('unambiguous range', _metres(d.unambiguous_range_m),
+           'echoes from beyond it come after the next pulse has gone out')
 
 
 def _load_rows(imaging: Imaging, machine: Machine, d: Derived):
     grid = imaging.grid
     yield ('input', f'{d.input_rate / 1e6:.3g} MB/s',
-           f'profiles {d.profile_rate / 1e6:.3g} MB/s; blocks {d.block_bytes / 1e6:.2g} and '
+           f'into the nodes, in messages of {d.block_bytes / 1e6:.2g} MB; behind '
+           f'range_compression {d.profile_rate / 1e6:.3g} MB/s, in messages of '
            f'{d.profile_block_bytes / 1e6:.2g} MB')
-    yield 'image', f'{grid.n_x} x {grid.n_y}', f'{d.n_pixels / 1e6:.3g} Mpixel'
+    yield 'image', f'{grid.n_x} x {grid.n_y}', f'pixels, {d.n_pixels / 1e6:.3g} million'
     yield ('exact imaging', f'{d.imaging_s:.3g} s',
-           f'pixels x pulses x channels at {machine.rate_per_s / 1e9:.3g} G/s '
-           f'({machine.rate_source}); an aperture takes {d.aperture_s:.3g} s')
+           f'of work for an image; a new one is due every {d.aperture_s:.3g} s (at '
+           f'{machine.rate_per_s / 1e9:.3g}e9 pixels x pulses x channels per second, '
+           f'{machine.rate_source})')
 
 
 def _metres(value: float) -> str:

@@ -20,7 +20,7 @@ GRID_PARAMETERS = (
               -1e8, 1e8),
     Parameter('grid.size_x', 100.0, 'Extent of the image along x.', 'm', 0.0, 1e6),
     Parameter('grid.size_y', 100.0, 'Extent of the image along y.', 'm', 0.0, 1e6),
-    Parameter('grid.spacing', 0.25, 'Pixel spacing along x and y; at most half the resolution.',
+    Parameter('grid.spacing', 0.25, 'Pixel spacing along x and y; at most half the null spacing.',
               'm', 1e-4, 1e4),
     MAX_IMAGE_PIXELS,
 )

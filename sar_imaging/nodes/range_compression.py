@@ -34,7 +34,7 @@ PARAMETERS = (
     Parameter('range_filter', 'equalised', 'Filter for LFM pulses: equalised (the response is '
               "the window's alone) or matched (least loss of signal to noise).",
               check=one_of(*RANGE_FILTERS), changes=ANY_TIME),
-    Parameter('oversampling', 2.0, 'Range samples per resolution cell c/2B of the output.',
+    Parameter('oversampling', 2.0, 'Range samples per null spacing c/2B of the output.',
               'samples per cell', 1.0, 16.0, changes=ANY_TIME),
     Parameter('near_range', 0.0, 'Profiles begin at this distance (half the two-way path).', 'm',
               0.0, LARGEST_RANGE_M, changes=ANY_TIME),
@@ -71,7 +71,7 @@ class RangeCompressionStep(Step):
         seconds = self.parameters['background_s']
         background = f', background averaged over {seconds:g} s subtracted' if seconds else ''
         return (f' -> {self._output.topic}, window {self.parameters["window"]}, '
-                f'{self.parameters["oversampling"]:g} samples per resolution cell{background}')
+                f'{self.parameters["oversampling"]:g} samples per null spacing{background}')
 
     def process(self, block: PulseBlock) -> list[PulseBlock]:
         """Range profiles of a block."""

@@ -21,6 +21,7 @@ from sar_imaging.configuration.parameters import (
     ConfigurationFileError,
     read_configuration,
 )
+from sar_imaging.configuration.positions import check_positions, position_rows
 from sar_imaging.configuration.report import lines, rows
 from sar_imaging.configuration.settings import Acquisition, Imaging, Machine
 from sar_imaging.configuration.subapertures import forecast_subapertures
@@ -66,14 +67,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (ConfigurationFileError, MemoryError, ValueError) as error:
         print(f'error: {error}', file=sys.stderr)
         return 1
+    sys.stdout.flush()  # the table first, also where both go into one log
     for finding in findings:
         print(f'{finding.severity}: {finding.text}', file=sys.stderr)
-    errors = sum(f.severity == 'error' for f in findings)
+    errors, warnings = (_counted(findings, severity) for severity in ('error', 'warning'))
     if errors:
-        print(f'{arguments.file} cannot work: {errors} '
-              f'{"error" if errors == 1 else "errors"}', file=sys.stderr)
+        print(f'{arguments.file} cannot work: {errors}', file=sys.stderr)
         return 1
+    sys.stderr.flush()
+    known = '' if configuration.describes_radar else ' as far as can be told without a radar'
+    print(f'{arguments.file} can work{known}: no errors, {warnings or "no warnings"}')
     return 0
+
+
+def _counted(findings: Sequence[Finding], severity: str) -> str:
+    """How many findings there are of a severity, in words; empty for none."""
+    count = sum(f.severity == severity for f in findings)
+    return f'{count} {severity}{"s" * (count > 1)}' if count else ''
 
 
 def _check(configuration: Configuration, *, measure: bool) -> list[Finding]:
@@ -82,18 +92,20 @@ def _check(configuration: Configuration, *, measure: bool) -> list[Finding]:
     if not configuration.describes_radar:
         print(f'no section /**/{CHECKER}: nothing is known about radar and platform, names, '
               'types and sizes alone were checked')
-        return check_settings(imaging, machine)
+        return check_positions(configuration.nodes, None) + check_settings(imaging, machine)
     acquisition = configuration.acquisition()
     derived = derive(acquisition, imaging, machine)
-    findings = check(acquisition, imaging, machine, derived)
+    positions = check_positions(configuration.nodes, acquisition)
+    findings = positions + check(acquisition, imaging, machine, derived)
     # What is impossible is told without planning or measuring it.
     possible = not any(f.severity == 'error' for f in findings)
     if possible and measure:
         machine = Machine(measure_rate(acquisition, imaging, derived), 'measured',
                           machine.memory_bytes)
         derived = derive(acquisition, imaging, machine)
-        findings = check(acquisition, imaging, machine, derived)
-    table = rows(acquisition, imaging, machine, derived)
+        findings = positions + check(acquisition, imaging, machine, derived)
+    table = [*position_rows(configuration.nodes, acquisition),
+             *rows(acquisition, imaging, machine, derived)]
     if possible:
         row, forecast_findings = _forecast(acquisition, imaging, derived)
         table.append(row)
@@ -108,7 +120,7 @@ def _forecast(acquisition: Acquisition, imaging: Imaging,
     forecast = forecast_subapertures(acquisition, imaging, derived)
     if forecast.count:
         return ('sub-apertures', str(forecast.count),
-                f'of up to {forecast.pulses} pulses, for mode subapertures; predicted error '
+                f'pieces of up to {forecast.pulses} pulses, in mode subapertures; predicted error '
                 f'{forecast.predicted_error_db:.0f} dB'), []
     findings = []
     if imaging.mode == 'subapertures':

@@ -29,7 +29,7 @@ def test_nothing_is_wrong_with_the_example(acquisition, imaging):
 
 # Severity, text, and the changes that bring it about.
 CASES = {
-    'oversampling': ('error', r'range profiles have 1 samples per resolution cell; '
+    'oversampling': ('error', r'range profiles are sampled at 1 times their bandwidth; '
                      'backprojection needs 1.25: raise oversampling',
                      {}, {'oversampling': 1.0}),
     'autofocus': ('error', 'autofocus.track_error=0.1 and autofocus.time_offset=0 are of no use '
@@ -64,9 +64,9 @@ CASES = {
     'below': ('error', 'lie one below the other: ranges on the ground are not resolved',
               {'centre_m': (0.0, 0.0, 1000.0)}, {}),
     'pixels far apart': ('error', 'grid.spacing=2 m: scatterers between pixels vanish, the '
-                         r'resolution in azimuth is 0.234 m; use at most 0.11 m',
+                         r'null spacing in azimuth is 0.234 m; use at most half of it, 0.11 m',
                          {}, {'grid': grid(50.0, 50.0, 2.0)}),
-    'pixels apart': ('warning', 'grid.spacing=0.2 m is more than half of the resolution in '
+    'pixels apart': ('warning', 'grid.spacing=0.2 m is more than half of the null spacing in '
                      'azimuth, 0.234 m: a scatterer between pixels loses up to 2.8 dB; 0.11 m',
                      {}, {'grid': grid(50.0, 50.0, 0.2)}),
     'block too large': ('error', 'a block of 32 pulses has 153728 floats, more than '
@@ -123,10 +123,10 @@ def test_profiles_need_five_samples_for_four_cells(acquisition, imaging, samples
     derived = derive(acquisition, imaging, MACHINE)
     radar = dataclasses.replace(derived.profile_radar, sample_rate_hz=samples_per_cell * 300e6)
     found = check(acquisition, imaging, MACHINE, dataclasses.replace(derived, profile_radar=radar))
-    assert any('samples per resolution cell' in f.text for f in found) is expected
+    assert any('times their bandwidth' in f.text for f in found) is expected
 
 
-def test_pixels_are_judged_by_half_of_the_resolution_and_by_twice():
+def test_pixels_are_judged_by_half_of_the_null_spacing_and_by_twice():
     null = derive(make_acquisition(), make_imaging(), MACHINE).azimuth_null_m
 
     def severities(share):

@@ -273,9 +273,9 @@ def test_a_buffer_lets_go_of_what_it_holds_when_an_aperture_is_left_out(psf):
      'window 128 pulses'),
     (PulseBufferStep, {'pose.source': 'odometry'}, ' with positions from odometry -> '
      '/pulse_blocks, 32 pulses per block, 100 per aperture, reorder window 128 pulses'),
-    (RangeCompressionStep, {}, ' -> /range_profiles, window none, 2 samples per resolution cell'),
+    (RangeCompressionStep, {}, ' -> /range_profiles, window none, 2 samples per null spacing'),
     (RangeCompressionStep, {'background_s': 0.5}, ' -> /range_profiles, window none, 2 samples '
-     'per resolution cell, background averaged over 0.5 s subtracted'),
+     'per null spacing, background averaged over 0.5 s subtracted'),
     (FusionStep, {}, ' -> /image in frame map, final images only'),
     (FusionStep, {'images_every': 3}, ' -> /image in frame map, an image every 3 sub-apertures')])
 def test_the_first_line_says_what_a_step_does(kind, parameters, text):

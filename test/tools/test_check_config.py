@@ -33,7 +33,9 @@ def test_a_good_configuration_is_a_table(run):
                  'pixel spacing', 'input', 'memory of pulse_buffer', 'memory of backprojection',
                  'exact imaging', 'sub-apertures'):
         assert names.count(name) == 1, name
-    assert '0.0594 m  width at -3 dB on the ground, window taylor:4:35' in out
+    assert 'merge (width at -3 dB on the ground, window taylor:4:35)' in out
+    assert '0.0209 m or less loses no point between pixels: half of the null spacing' in out
+    assert out.endswith('my_radar.yaml can work: no errors, no warnings\n')
     assert 'assumed for' in out
 
 
@@ -42,7 +44,7 @@ def test_measuring_replaces_the_assumption(run):
     code, out, _ = run(('size_x: 6.0', 'size_x: 1.0'), ('size_y: 6.0', 'size_y: 1.0'),
                        options=['--measure'])
     assert code == 0
-    assert 'G/s (measured)' in out
+    assert 'per second, measured)' in out
 
 
 def test_an_impossible_configuration_ends_with_one(run):
@@ -55,8 +57,9 @@ def test_an_impossible_configuration_ends_with_one(run):
 
 
 def test_a_warning_is_no_failure(run):
-    code, _, err = run(('samples_per_pulse: 512', 'samples_per_pulse: 150'))
+    code, out, err = run(('samples_per_pulse: 512', 'samples_per_pulse: 150'))
     assert code == 0
+    assert out.endswith('my_radar.yaml can work: no errors, 1 warning\n')
     assert 'warning: the scene lies' in err
 
 
@@ -74,6 +77,75 @@ def test_errors_say_what_to_change(run, replacement, expected):
     assert code == 1
     assert expected in err
     assert 'Traceback' not in err
+
+
+# Odometry in the car's file, and what is said of its four receivers.
+POSES = 'frame_id: odom', 'frame_id: odom\n    pose: {source: odometry}\n    antenna: {%s}'
+FOUR = '[-0.00285, 0.0, 0.0, -0.00095, 0.0, 0.0, 0.00095, 0.0, 0.0, 0.00285, 0.0, 0.0]'
+
+
+@pytest.mark.parametrize(('arms', 'expected'), [
+    ('rx: [0.0, 0.0, 0.0]', 'positions come from odometry and 4 channels have no lever arms of '
+     'their own: all would be imaged as if they were at one place; give the place of each antenna '
+     f'on the platform, such as antenna.rx: {FOUR} for receivers 0.0019 m apart along the flight'),
+    ('rx: [0.0, 0.0, 0.0, 0.1, 0.0, 0.0]', 'antenna.rx has 2 phase centres for 4 channels: the '
+     'nodes would reject every block of pulses; give one for all or one for each'),
+    ("rx_frames: 'rx_1, rx_2'", 'antenna.rx has 2 phase centres for 4 channels'),
+    ('offset_s: [0.0, 0.1]', 'antenna.offset_s has 2 times for 4 channels'),
+    ('tx: [0.0, 0.0]', 'antenna.tx has 2 numbers; expected x, y, z of one phase centre'),
+])
+def test_lever_arms_that_cannot_work_are_refused(run, arms, expected):
+    code, _, err = run((POSES[0], POSES[1] % arms))
+    assert code == 1
+    assert f'error: {expected}' in err
+    assert err.endswith('my_radar.yaml cannot work: 1 error\n')
+
+
+@pytest.mark.parametrize('arms', [f'rx: {FOUR}', "rx_frames: 'rx_1, rx_2, rx_3, rx_4'",
+                                  "tx_frames: 'tx_1, tx_2, tx_1, tx_2'"])
+def test_lever_arms_of_each_channel_can_work_and_the_clock_is_told_of(run, arms):
+    code, out, err = run((POSES[0], POSES[1] % arms))
+    assert (code, err) == (0, '')
+    assert 'of the platform, in frame odom as grid and images' in out
+    assert 'nothing checks it: 0.1 s would move images by 0.2 m' in out  # at 2 m/s
+    _, out, _ = run((POSES[0], (POSES[1] % arms) + '\n    autofocus: {time_offset: 1.5}'))
+    assert 'autofocus looks for up to 1.5 s' in out and 'nothing checks' not in out
+
+
+def test_channels_at_one_place_must_be_said(run):
+    together = ('channel_spacing_m: 0.0019', 'channel_spacing_m: 0.0')
+    said = f'rx: [{", ".join(["0.1, 0.0, 0.0"] * 4)}]'
+    assert run(together, (POSES[0], POSES[1] % said))[0] == 0  # such as polarisations
+    code, _, err = run((POSES[0], POSES[1] % said))
+    assert code == 1 and 'have no lever arms of their own' in err  # the radar says otherwise
+    code, _, err = run(together, (POSES[0], POSES[1] % 'rx: [0.1, 0.0, 0.0]'))
+    assert code == 1 and 'x, y, z of each channel in antenna.rx, also where they are' in err
+
+
+def test_pulses_with_positions_need_no_lever_arms(run):
+    code, out, err = run(('frame_id: odom', 'frame_id: odom\n    antenna: {rx: [0.0, 1.0]}'))
+    assert (code, err) == (0, '')
+    assert 'every pulse brings those of its antennas, in odom' in out
+
+
+@pytest.mark.parametrize(('change', 'expected'), [
+    ('frame_id: odom\n/**/backprojection:\n  ros__parameters: {frame_id: map}',
+     'frame_id is not the same in all nodes: odom in pulse_buffer, range_compression, '
+     'afbp_fusion, moving_targets; map in backprojection; set it once, in the section /**'),
+    (f'frame_id: odom\n    pose: {{source: odometry, frame_id: map}}\n    antenna: {{rx: {FOUR}}}',
+     'pose.frame_id=map, but grid and images are in frame_id=odom: poses are not transformed')])
+def test_positions_and_grid_in_different_frames_are_refused(run, change, expected):
+    code, _, err = run(('frame_id: odom', change))
+    assert code == 1
+    assert f'error: {expected}' in err
+
+
+def test_without_a_radar_lever_arms_must_still_agree(tmp_path, capsys):
+    path = tmp_path / 'arms.yaml'
+    path.write_text('/**:\n  ros__parameters:\n    pose: {source: pose}\n    antenna:\n'
+                    f'      rx: {FOUR}\n      tx: [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]\n')
+    assert check_config.main([str(path)]) == 1
+    assert 'antenna.tx has 2 phase centres for 4 channels' in capsys.readouterr().err
 
 
 def test_sub_apertures_where_they_cannot_be(run):
