@@ -125,7 +125,7 @@ def read_configuration(path: Path | str) -> Configuration:
     ConfigurationFileError
         The file cannot be read, or is no ROS parameter file.
     """
-    return interpret(_load(path), _load(default_file()))
+    return interpret(load_tree(path), load_tree(default_file()))
 
 
 def interpret(tree, defaults) -> Configuration:
@@ -221,7 +221,14 @@ def parse(text: str):
     return yaml.load(text, _Loader)
 
 
-def _load(path: Path | str):
+def load_tree(path: Path | str):
+    """Content of a YAML file.
+
+    Raises
+    ------
+    ConfigurationFileError
+        It cannot be read.
+    """
     try:
         return parse(Path(path).read_text(encoding='utf-8'))
     except (OSError, UnicodeDecodeError) as error:

@@ -28,8 +28,10 @@ from msg_conversions import WireFormatError
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.quality import ScattererQuality, measure_scatterer
 
-from . import examination
+from . import evaluation_nodes, examination
 from .bag_io import BagError, pose_messages, raw_messages
+from .evaluation_nodes import LaunchError, plan_launch
+from .evaluation_summary import summary
 from .node_processes import (
     MODES,
     NO_LOG_FILES,
@@ -38,8 +40,6 @@ from .node_processes import (
     NodeProcesses,
     isolated_environment,
     node_names,
-    parameters_from_truth,
-    pipeline_parameters,
 )
 from .observer import Observer, ObserverError, ReceivedImage, counter_increase
 from .plots import save_image_png
@@ -56,6 +56,8 @@ measured, 1 with a reason when not, 3 when it looks like noise or shows a mistak
 
   python -m sar_imaging.tools.evaluate bags/spotlight --output out/demo --launch-nodes
   python -m sar_imaging.tools.evaluate bags/psf --output out/psf      (nodes run already)
+  python -m sar_imaging.tools.evaluate out/bags/my_radar --output out/my_radar --launch-nodes \\
+      --config my_radar.yaml -p grid.spacing:=0.1
 """
 
 
@@ -77,9 +79,10 @@ def parser() -> argparse.ArgumentParser:
                    help='folder for the results, made when missing')
     p.add_argument('--launch-nodes', action='store_true',
                    help="start the nodes for this run, with the recording's own grid and aperture")
-    p.add_argument('--mode', choices=MODES, default=MODES[0],
-                   help='of backprojection: exact images, or sub-apertures joined by '
-                        'afbp_fusion (default: %(default)s)')
+    evaluation_nodes.add_arguments(p)
+    p.add_argument('--mode', choices=MODES, help='of backprojection: exact images, or '
+                   'sub-apertures joined by afbp_fusion (default: as configured, else '
+                   f'{MODES[0]})')
     p.add_argument('--pipeline', action='store_true',
                    help='through sar_pipeline instead of separate nodes')
     p.add_argument('--namespace', type=_namespace, default='', metavar='NAME',
@@ -112,12 +115,16 @@ def _namespace(text: str) -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
-    arguments = parser().parse_args(argv)
+    p = parser()
+    arguments = p.parse_args(argv)
+    if not arguments.launch_nodes and (arguments.config or arguments.params or arguments.values):
+        p.error('--config, --params and -p tell parameters of nodes that --launch-nodes starts; '
+                'those that run already keep theirs')
     previous = signal.signal(signal.SIGTERM, _interrupt)  # ends the nodes, too
     try:
         return run(arguments)
-    except (BagError, EvaluationError, NodeProcessError, ObserverError, OSError, ReplayError,
-            WireFormatError) as error:
+    except (BagError, EvaluationError, LaunchError, NodeProcessError, ObserverError, OSError,
+            ReplayError, WireFormatError) as error:
         print(f'error: {error}', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
@@ -142,21 +149,19 @@ def run(arguments: argparse.Namespace) -> int:
                               'tell them; the nodes cannot image them')
     output = _prepared(arguments.output)
     with contextlib.ExitStack() as stack:
-        check = _nothing
+        check, names, own_grid = _nothing, None, True
         if arguments.launch_nodes:
-            if recording.truth is None:
-                raise EvaluationError(f'{arguments.bag} has no truth, so no grid to start the '
-                                      'nodes with; start them yourself, without --launch-nodes')
+            launch = plan_launch(arguments, recording.truth)
+            names, own_grid = launch.nodes, launch.own
             environment = isolated_environment()
             os.environ.update(environment)  # for this process, before its middleware starts
-            parameters = parameters_from_truth(recording.truth, arguments.mode)
-            nodes = stack.enter_context(NodeProcesses(
-                pipeline_parameters(parameters) if arguments.pipeline else parameters,
-                output / 'log', environment, namespace=arguments.namespace,
-                nodes=node_names(arguments.mode, pipeline=arguments.pipeline)))
-            check = nodes.check
-        result = _replay(recording, arguments, check)
-    grid = _checked_grid(recording, result.grid, result.received, arguments.launch_nodes)
+            check = stack.enter_context(NodeProcesses(
+                launch.parameters, output / 'log', environment, namespace=arguments.namespace,
+                arguments=dict.fromkeys(names, launch.arguments), nodes=names,
+                files=launch.files)).check
+        names = names or node_names(arguments.mode or MODES[0], pipeline=arguments.pipeline)
+        result = _replay(recording, arguments, names, check)
+    grid = _checked_grid(recording, result.grid, result.received, own_grid)
     quality = _measure(recording, result, grid)
     np.save(output / 'image.npy', result.received.image)
     save_image_png(output / 'image.png', result.received.image, grid,
@@ -164,7 +169,7 @@ def run(arguments: argparse.Namespace) -> int:
                    title=_title(recording, result))
     text = json.dumps(quality, indent=2, allow_nan=False)
     (output / 'quality.json').write_text(text + '\n')
-    print(_table(quality))
+    print(summary(quality))
     print(f'written: {", ".join(str(output / name) for name in PRODUCTS)}')
     return DOUBTFUL_STATUS if examination.doubtful(quality['focus']) else 0
 
@@ -193,9 +198,10 @@ class _Result:
     seconds: float
     grid: MapGrid
     counters: dict[str, dict[str, int]]
+    predicted_error_db: float | None
 
 
-def _replay(recording: Recording, arguments: argparse.Namespace,
+def _replay(recording: Recording, arguments: argparse.Namespace, names: Sequence[str],
             check: Callable[[], None]) -> _Result:
     """Replay the recording and wait for the image."""
     rclpy.init(args=list(NO_LOG_FILES),
@@ -205,8 +211,8 @@ def _replay(recording: Recording, arguments: argparse.Namespace,
         node = rclpy.create_node('evaluate', namespace=arguments.namespace)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        observer = Observer(node, executor,
-                            node_names(arguments.mode, pipeline=arguments.pipeline))
+        observer = Observer(node, executor, names, past=arguments.launch_nodes,
+                            tell=lambda line: tqdm.write(line, file=sys.stderr))
         replayer = Replayer(node, executor, check=check, imager=(
             PIPELINE[0] if arguments.pipeline else 'backprojection'))
         timeout_s = START_TIMEOUT_S if arguments.launch_nodes else arguments.timeout
@@ -227,13 +233,19 @@ def _replay(recording: Recording, arguments: argparse.Namespace,
         counters = {name: counter_increase(before[name], observer.counters(name))
                     for name in observer.stages}
         return _Result(aperture, length, observer.image, observer.image.received_s - sent_s,
-                       observer.grid, counters)
+                       observer.grid, counters, _predicted_error_db(observer, counters))
     finally:
         if executor is not None:
             executor.shutdown()
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _predicted_error_db(observer: Observer, counters: dict[str, dict[str, int]]) -> float | None:
+    """Of the latest image, as the node says that formed it."""
+    imagers = [name for name in observer.stages if counters[name].get('images_published')]
+    return observer.figure(imagers[-1], 'predicted_error_db') if imagers else None
 
 
 def _choose_aperture(apertures: list[Aperture], length: int, wanted: int | None) -> Aperture:
@@ -276,6 +288,8 @@ def _await_image(observer: Observer, aperture: Aperture, timeout_s: float,
     bar.set_description('waiting for the image')
     deadline = time.monotonic() + timeout_s
     while observer.image is None or observer.grid is None:
+        if reason := observer.refusal(sent_all=True) or observer.refused(aperture.number):
+            raise EvaluationError(f'{reason}; the nodes report:\n{observer.report()}')
         if time.monotonic() > deadline:
             others = f', but {observer.n_images} of other apertures' if observer.n_images else ''
             raise EvaluationError(f'no image of aperture {aperture.number} came within '
@@ -286,8 +300,8 @@ def _await_image(observer: Observer, aperture: Aperture, timeout_s: float,
 
 
 def _checked_grid(recording: Recording, grid: MapGrid, received: ReceivedImage,
-                  launched: bool) -> MapGrid:
-    """Grid of the image; a warning when it is not the one that the recording proposes."""
+                  own: bool) -> MapGrid:
+    """Grid of the image; where it may be the nodes' own, another one is but a warning."""
     if received.image.shape != grid.shape:
         raise EvaluationError(f'image of {received.image.shape} pixels, but map_metadata says '
                               f'{grid.shape}; several backprojection nodes may be running')
@@ -295,7 +309,7 @@ def _checked_grid(recording: Recording, grid: MapGrid, received: ReceivedImage,
     if expected is None or _same(grid, expected):
         return grid if expected is None else expected
     message = f'the nodes image {grid}, the recording proposes {expected}'
-    if launched:
+    if not own:
         raise EvaluationError(message)
     print(f'warning: {message}', file=sys.stderr)
     return grid
@@ -320,6 +334,7 @@ def _measure(recording: Recording, result: _Result, grid: MapGrid) -> dict:
         'seconds_last_pulse_to_image': round(result.seconds, 4),
         'focus': examination.examine(recording, result.aperture.number,
                                      result.pulses_per_aperture, result.received.image, grid),
+        'predicted_error_db': result.predicted_error_db,
         'recording': str(recording.path),
         'aperture': result.aperture.number,
         'pulses_per_aperture': result.pulses_per_aperture,
@@ -348,37 +363,6 @@ def _title(recording: Recording, result: _Result) -> str:
     radar = recording.radar
     return (f'{name}: aperture {result.aperture.number}, {result.aperture.n_pulses} pulses, '
             f'{radar.carrier_hz / 1e9:.4g} GHz, {radar.bandwidth_hz / 1e6:.4g} MHz')
-
-
-_COLUMNS = (('IRW (m)', 'irw', 'm', 3), ('PSLR (dB)', 'pslr', 'db', 2),
-            ('ISLR (dB)', 'islr', 'db', 2), ('error (m)', 'position_error', 'm', 3))
-
-
-def _table(quality: dict) -> str:
-    """Readable summary."""
-    lines = []
-    if quality['scatterers']:
-        width = max(len('range, azimuth'), *(len(s['name']) for s in quality['scatterers']))
-        lines.append('  '.join([f'{"range, azimuth":{width}}',
-                                *(f'{title:>15}' for title, *_ in _COLUMNS)]))
-    for s in quality['scatterers']:
-        pairs = [', '.join(_number(s[f'{key}_{axis}_{unit}'], n) for axis in ('range', 'azimuth'))
-                 for _, key, unit, n in _COLUMNS]
-        lines.append('  '.join([f'{s["name"]:{width}}', *(f'{p:>15}' for p in pairs)]))
-        if s['reason']:
-            lines.append(f'{"":{width}}    {s["reason"]}')
-    unplaced = quality['nodes'].get('pulse_buffer', {}).get('pulses_without_pose')
-    if unplaced:
-        lines.append(f'warning: {unplaced} pulses had no pose in time and are not in the image')
-    lines.append(f'pulses received {quality["pulses_received"]}, missing '
-                 f'{quality["pulses_missing"]}; blocks rejected {quality["blocks_rejected"]}; '
-                 f'last pulse to image {quality["seconds_last_pulse_to_image"]:.2f} s')
-    lines.append(examination.describe(quality['focus']))
-    return '\n'.join(lines)
-
-
-def _number(value: float | None, digits: int) -> str:
-    return '-' if value is None else f'{value:.{digits}f}'
 
 
 if __name__ == '__main__':

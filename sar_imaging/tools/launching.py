@@ -58,13 +58,18 @@ def mode_of(config: Path, mode: str) -> str:
         The mode asked for is unknown.
     """
     mode_of_words(mode)
-    return mode or _configured_mode(parse(config.read_text())) or MODES[0]
+    return mode or configured_mode(config) or MODES[0]
 
 
 def mode_of_words(mode: str) -> None:
     """Refuse a mode that does not exist; empty means as configured."""
     if mode not in ('', *MODES):
         raise ValueError(f'mode:={mode} is unknown; use {" or ".join(MODES)}')
+
+
+def configured_mode(config: Path) -> str:
+    """Mode of backprojection that a parameter file says, empty when it does not."""
+    return _configured_mode(parse(config.read_text()))
 
 
 def _configured_mode(tree) -> str:

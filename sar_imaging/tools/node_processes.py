@@ -170,19 +170,23 @@ class NodeProcesses:
         Namespace of the nodes and their topics, such as ``radar1``; empty for none.
     nodes : sequence of str
         Which nodes.
+    files : sequence of Path
+        Further parameter files, which count over `parameters`, the last one most.
     """
 
     def __init__(self, parameters: Mapping[str, Mapping], folder: Path,
                  environment: Mapping[str, str], *,
                  arguments: Mapping[str, list[str]] | None = None, namespace: str = '',
-                 nodes: Sequence[str] = NODES):
+                 nodes: Sequence[str] = NODES, files: Sequence[Path] = ()):
         self._folder = Path(folder)
         self._folder.mkdir(parents=True, exist_ok=True)
         self._environment = dict(environment)
         self._arguments = arguments or {}
         self._namespace = ['-r', f'__ns:=/{namespace}'] if namespace else []
-        self._parameters_file = self._folder / 'parameters.yaml'
-        write_parameters(self._parameters_file, parameters)
+        written = self._folder / 'parameters.yaml'
+        write_parameters(written, parameters)
+        self._files = [word for path in (written, *files)
+                       for word in ('--params-file', str(path))]
         self._processes: dict[str, subprocess.Popen] = {}
         self._nodes = nodes
         for name in nodes:
@@ -211,7 +215,7 @@ class NodeProcesses:
         if name in self._processes:
             raise NodeProcessError(f'{name} runs already')
         command = [sys.executable, '-m', f'sar_imaging.nodes.{name}', *NO_LOG_FILES,
-                   '--params-file', str(self._parameters_file), *self._namespace,
+                   *self._files, *self._namespace,
                    *self._arguments.get(name, [])]
         with open(self.log_file(name), 'ab') as log:
             try:

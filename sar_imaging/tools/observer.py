@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -19,8 +20,9 @@ from msg_conversions.images import complex_from_message, map_metadata_from_messa
 from sar_imaging.geometry.grids import MapGrid
 
 from .node_processes import AFBP_NODES, PIPELINE
+from .node_warnings import NodeWarnings
 
-_ALL_REJECTED = 4  # blocks from which on it is no accident
+_ALL_REJECTED = 4  # blocks or poses from which on it is no accident
 INPUTS = ('pulses', 'pulse_blocks', 'range_profiles', 'subaperture_images')  # of AFBP_NODES
 
 
@@ -58,6 +60,10 @@ class Observer:
         Executor of that node, spun here while waiting.
     nodes : sequence of str
         The observed nodes, in the order of the work.
+    tell : callable
+        Called with what the nodes warn of, a line each.
+    past : bool
+        Also what they warned of before.
 
     Attributes
     ----------
@@ -67,10 +73,12 @@ class Observer:
         All images that came.
     """
 
-    def __init__(self, node: Node, executor: Executor, nodes: Sequence[str]):
+    def __init__(self, node: Node, executor: Executor, nodes: Sequence[str], *,
+                 tell: Callable[[str], object] = lambda line: None, past: bool = False):
         self._node = node
         self._nodes = tuple(nodes)
         self._executor = executor
+        self._warnings = NodeWarnings(node, nodes, tell, past=past)
         self._window_ns = (0, 0)
         self._map_metadata: MapMetaData | None = None
         self._status: dict[str, tuple[float, DiagnosticStatus]] = {}
@@ -174,19 +182,43 @@ class Observer:
                 continue  # a measured figure, not a counter
         return out
 
-    def refusal(self) -> str:
-        """Which node has rejected every block since `expect`, and why; empty when none has."""
+    def refusal(self, *, sent_all: bool = False) -> str:
+        """Which node has refused everything since `expect`, and why; empty when none has.
+
+        Parameters
+        ----------
+        sent_all : bool
+            Nothing more will be sent: a single block that was refused is enough.
+        """
         def increase(name, key):
             return self.counters(name).get(key, 0) - self._before.get(name, {}).get(key, 0)
 
+        least = 1 if sent_all else _ALL_REJECTED
         for name in self.stages:
             rejected = increase(name, 'blocks_rejected')
             all_of_them = (rejected >= increase(name, 'blocks_received') if (name,) != PIPELINE
                            else not increase('backprojection', 'pulses_imaged'))
-            if rejected >= _ALL_REJECTED and all_of_them:
+            if rejected >= least and all_of_them:
                 return (f'{name} rejected all of {rejected} blocks so far: '
                         f'{self._text(name, "last_rejection") or "see its log"}')
+        poses = increase('pulse_buffer', 'poses_rejected')
+        if poses >= _ALL_REJECTED and poses >= increase('pulse_buffer', 'poses_received'):
+            why = self._warnings.of(self._nodes[0], 'dropped poses') or 'see its log'
+            return f'{self._nodes[0]} rejected all of {poses} poses so far: {why}'
         return ''
+
+    def refused(self, aperture: int) -> str:
+        """Which node has given up the image of an aperture, and why; empty when none has."""
+        for name in self._nodes:
+            for words in ('dropped', 'cannot be imaged'):
+                if why := self._warnings.of(name, f'aperture {aperture} {words}'):
+                    return f'{name} forms no image: {why}'
+        return ''
+
+    def figure(self, name: str, key: str) -> float | None:
+        """A measured figure in the last report of a node; None where it has none."""
+        text = self._text(name, key) if name in self._status else ''
+        return float(text) if text and math.isfinite(float(text)) else None
 
     def _text(self, name: str, key: str) -> str:
         return next((pair.value for pair in self._status[name][1].values if pair.key == key), '')
