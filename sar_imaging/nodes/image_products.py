@@ -13,6 +13,8 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
 from msg_conversions.images import (
+    ANCHORS,
+    CLUTTER,
     MAX_DYNAMIC_RANGE_DB,
     amplitude_to_message,
     complex_to_message,
@@ -23,14 +25,17 @@ from msg_conversions.images import (
 from sar_imaging.geometry.grids import MapGrid
 
 from .managed import LATCHED
-from .parameters import ANY_TIME, Parameter
+from .parameters import ANY_TIME, Parameter, one_of
 
 if TYPE_CHECKING:
     from .stage import Stage
 
 PARAMETERS = (
-    Parameter('quicklook.dynamic_range_db', 60.0, 'Range of image_quicklook below the brightest '
-              'pixel.', 'dB', 1.0, MAX_DYNAMIC_RANGE_DB, changes=ANY_TIME),
+    Parameter('quicklook.anchor', CLUTTER, 'What is dark in image_quicklook: clutter, the median '
+              'of the image, or what lies so much below the peak.', check=one_of(*ANCHORS),
+              changes=ANY_TIME),
+    Parameter('quicklook.dynamic_range_db', 60.0, 'Range of image_quicklook from black to white.',
+              'dB', 1.0, MAX_DYNAMIC_RANGE_DB, changes=ANY_TIME),
     Parameter('map.free_db', 6.0, 'Up to this level above the median amplitude a cell of map is '
               'free (0).', 'dB', -MAX_DYNAMIC_RANGE_DB, MAX_DYNAMIC_RANGE_DB, changes=ANY_TIME),
     Parameter('map.range_db', 24.0, 'From map.free_db so much higher a cell of map is occupied '
@@ -104,7 +109,8 @@ class ImageProducts:
         if self._quicklook in wanted:
             self._quicklook.publish(quicklook_to_message(
                 amplitude, header,
-                dynamic_range_db=self._parameters['quicklook.dynamic_range_db']))
+                dynamic_range_db=self._parameters['quicklook.dynamic_range_db'],
+                anchor=self._parameters['quicklook.anchor']))
         self._unmapped = image, header
         self._publish_map()
 

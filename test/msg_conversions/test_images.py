@@ -152,6 +152,58 @@ def test_quicklook_follows_its_definition(amplitude, dynamic_range_db):
                                atol=0.5 + 255 * 1e-5 * (1 + 1 / dynamic_range_db))
 
 
+def speckle(reflector_db, n=256):
+    """Amplitudes of clutter with a median of one, and a reflector so much brighter."""
+    rng = np.random.default_rng(3)
+    amplitude = np.sqrt(rng.exponential(1 / np.log(2), (n, n)))
+    amplitude[n // 2, n // 2] = 10 ** (reflector_db / 20)
+    return amplitude
+
+
+@pytest.mark.parametrize('reflector_db', [60.0, 80.0, 140.0])
+def test_clutter_is_dark_grey_beside_any_reflector(reflector_db):
+    amplitude = speckle(reflector_db)
+    levels = images.quicklook(amplitude, 60.0, 'clutter')
+    assert levels.max() == levels[128, 128] == 255
+    # The median is 10 of 60 dB above black; the rest of it is the rounding of the level.
+    assert np.median(levels) == pytest.approx(255 * 10 / 60, abs=1)
+    # exp(-0.1 ln 2): the share of speckle above a tenth of its median intensity
+    assert np.mean(levels > 0) == pytest.approx(2 ** -0.1, abs=0.01)
+    shown = np.mean(images.quicklook(amplitude, 60.0, 'peak') > 0)
+    assert shown < (0.6 if reflector_db == 60.0 else 0.001)  # by the peak it is half or all black
+
+
+def test_a_quicklook_of_little_contrast_uses_all_levels():
+    levels = images.quicklook(speckle(20.0), 60.0, 'clutter')
+    assert levels.max() == 255
+    assert np.median(levels) == pytest.approx(255 * 10 / 30, abs=1)  # 10 dB down, 20 dB up
+
+
+@given(hnp.arrays(np.float32, SHAPES, elements=st.floats(0, 2.0**127, width=32)),
+       st.floats(1.0, 200.0))
+def test_a_quicklook_by_the_clutter_follows_its_definition(amplitude, dynamic_range_db):
+    levels = images.quicklook(amplitude, dynamic_range_db, 'clutter')
+    known = amplitude[amplitude > 0].astype(float)
+    if not known.size:
+        assert not levels.any()
+        return
+    peak_db = 20 * np.log10(known.max())
+    black_db = max(20 * np.log10(np.median(amplitude[amplitude > 0]).astype(float)),
+                   peak_db - 250) - 10
+    white_db = min(black_db + dynamic_range_db, peak_db)
+    with np.errstate(divide='ignore'):
+        db = 20 * np.log10(amplitude.astype(float))
+    exact = 255 * np.clip((db - black_db) / (white_db - black_db), 0, 1)
+    # Half a level of rounding; float32 keeps levels of up to 300 dB to some 1e-5 of them.
+    np.testing.assert_allclose(levels, exact, rtol=0,
+                               atol=0.5 + 255 * 1e-4 * (1 + 1 / (white_db - black_db)))
+
+
+def test_an_unknown_anchor_is_refused():
+    with pytest.raises(ValueError, match="anchor='noise' is unknown; use one of clutter, peak"):
+        images.quicklook(PICTURE, 60.0, 'noise')
+
+
 @pytest.mark.parametrize('amplitude, text', [
     (np.zeros((0, 4)), r'amplitude.shape=\(0, 4\) is empty'),
     (np.array([[1.0, np.nan]]), 'largest amplitude is nan; expected finite amplitudes'),

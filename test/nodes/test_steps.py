@@ -183,7 +183,7 @@ def test_every_product_goes_to_who_listens(grid, profiles):
         np.testing.assert_array_equal(complex_from_message(message), image.image)
         np.testing.assert_array_equal(
             quicklook_from_message(quicklook),
-            images_of_messages.quicklook(np.abs(image.image), 40.0))
+            images_of_messages.quicklook(np.abs(image.image), 40.0, 'clutter'))
         stamp = message.header.stamp
         assert stamp.sec * 10**9 + stamp.nanosec == image.stamp_ns
         assert 0 <= stamp.nanosec < 10**9
