@@ -56,6 +56,7 @@ arguments = dict(
             'compile_kernels = sar_imaging.tools.compile_kernels:main',
             'check_config = sar_imaging.tools.check_config:main',
             'evaluate = sar_imaging.tools.evaluate:main',
+            'layouts = sar_imaging.tools.layouts:main',
             'calibrate = sar_imaging.tools.calibrate:main',
             'load_gotcha = sar_imaging.tools.load_gotcha:main',
             'load_team6_rail = sar_imaging.tools.load_team6_rail:main',

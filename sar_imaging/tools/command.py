@@ -17,6 +17,7 @@ COMMANDS = {
     ('evaluate',): 'evaluate',
     ('check-config',): 'check_config',
     ('calibrate',): 'calibrate',
+    ('layouts',): 'layouts',
     ('compile',): 'compile_kernels',
     ('load', 'gotcha'): 'load_gotcha',
     ('load', 'rail'): 'load_team6_rail',
