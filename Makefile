@@ -25,7 +25,7 @@ INSTALLED = $(VENV)/installed-requirements.txt
 .DEFAULT_GOAL := help
 
 help:
-	@echo 'make demo    replay bags/spotlight through the ROS 2 nodes into out/demo'
+	@echo 'make demo    replay bags/countryside through the ROS 2 nodes into out/demo'
 	@echo 'make test    ruff, then every test, real nodes over real DDS among them'
 	@echo 'make lint    ruff only'
 	@echo 'make fault-campaign'
@@ -51,8 +51,8 @@ help:
 	@echo 'Variables: PYTHON=python3.12 (interpreter), VENV=path (environment)'
 
 demo: environment
-	@echo 'Replaying bags/spotlight through pulse_buffer, range_compression and backprojection ...'
-	@$(RUN) -m sar_imaging.tools.evaluate bags/spotlight --output out/demo --launch-nodes
+	@echo 'Replaying bags/countryside through pulse_buffer, range_compression and backprojection ...'
+	@$(RUN) -m sar_imaging.tools.evaluate bags/countryside --output out/demo --launch-nodes
 
 test: lint
 	@echo 'pytest ...'
@@ -103,6 +103,8 @@ bags: environment
 	    --pulses-per-message 25 --force
 	@$(RUN) -m sar_imaging.tools.simulate spotlight --output bags/spotlight \
 	    --pulses-per-message 16 --force
+	@$(RUN) -m sar_imaging.tools.simulate countryside --output bags/countryside \
+	    --pulses-per-message 24 --force
 
 reproduce-multichannel: environment
 	@$(RUN) -m sar_imaging.tools.reproduce_multichannel --output out/multichannel

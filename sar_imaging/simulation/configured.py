@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..configuration.derived import derive
 from ..configuration.settings import Acquisition, Imaging, Machine
-from .scenarios import Scenario
+from .scenario import Scenario
 from .scene import Scatterer
 from .trajectory import Trajectory
 

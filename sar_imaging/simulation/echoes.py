@@ -19,6 +19,9 @@ from scipy import fft
 from ..signal.dechirp import check_fmcw
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from ..signal.waveforms import check_lfm, lfm_spectrum, n_pulse_samples
+from .dense_scenes import dense_spectrum
+
+DENSE = 4096  # scatterers from which the spectrum of all together is the faster one
 
 
 def two_way_delays(tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray) -> np.ndarray:
@@ -170,6 +173,13 @@ class EchoSimulator:
             A scatterer returns nothing inside the recorded interval; it would appear at the
             wrong delay.
         """
+        if self._amplitudes.size < DENSE:
+            return self._samples(tx_m, rx_m)
+        # One by one: the delays of a block would be gigabytes.
+        return np.concatenate([self._samples(tx_m[p:p + 1], rx_m[p:p + 1])
+                               for p in range(len(tx_m))])
+
+    def _samples(self, tx_m: np.ndarray, rx_m: np.ndarray) -> np.ndarray:
         delays_s = two_way_delays(tx_m, rx_m, self._points_m)
         self._check_recorded(delays_s)
         return self._synthesise(delays_s)
@@ -185,8 +195,9 @@ class EchoSimulator:
                 'first_sample_delay_s or record more samples')
 
     def _spectrum(self, first_bin: float, n_bins: int, step_hz: float, delays_s) -> np.ndarray:
-        return scene_spectrum(self.radar.carrier_hz, first_bin, n_bins, step_hz, delays_s,
-                              self._amplitudes, self.radar.first_sample_delay_s)
+        spectrum = scene_spectrum if self._amplitudes.size < DENSE else dense_spectrum
+        return spectrum(self.radar.carrier_hz, first_bin, n_bins, step_hz, delays_s,
+                        self._amplitudes, self.radar.first_sample_delay_s)
 
     def _plan_compressed(self) -> Callable:
         n, radar = self.n_samples, self.radar

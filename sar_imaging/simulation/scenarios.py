@@ -1,180 +1,19 @@
-"""Scenarios: radar, track and scene together, and those of the papers."""
+"""The scenarios of `simulate`: those of the papers, a spotlight, moving targets, countryside."""
 
 from __future__ import annotations
 
-import dataclasses
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
 from ..geometry.grids import MapGrid
-from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
-from .echoes import EchoSimulator, quantise
-from .jammer import Jammer
-from .movers import Mover, mover_echoes
+from .countryside import countryside
+from .movers import Mover
 from .noise import complex_gaussian
-from .scene import Scatterer, letter_s, positions_and_amplitudes
-from .trajectory import POSITION_STEP_M, Trajectory, Vibration
-
-START_NS = 1_700_000_000_000_000_000  # of every recording: the clock of a simulation is its own
-
-
-@dataclasses.dataclass(frozen=True)
-class Scenario:
-    """Everything that a simulated recording follows from.
-
-    Parameters
-    ----------
-    name : str
-        Key in `SCENARIOS`.
-    description : str
-        One sentence for people.
-    radar : RadarParameters
-        Of the recorded samples.
-    compressed : bool
-        True when range profiles are recorded, False for raw pulses.
-    n_samples : int
-        Fast-time samples per pulse and channel.
-    prf_hz : float
-        Pulses per second.
-    n_pulses : int
-        Pulses of the recording.
-    pulses_per_aperture : int
-        Pulses that make one image.
-    trajectory : Trajectory
-        Of the platform's reference point.
-    tx_offsets_m, rx_offsets_m : tuple of (3,) floats
-        Phase centres of each channel relative to the reference point, axes of the imaging frame,
-        metres.
-    scatterers : tuple of Scatterer
-        The scene.
-    grid : MapGrid
-        Where to image it.
-    cut_half_width_m : (2,) floats
-        Half widths of the cuts over which sidelobes are measured, in range and azimuth, metres.
-    noise_std : float
-        Standard deviation of complex noise per sample; 1 is the echo of a unit scatterer.
-    seed : int
-        Of the noise.
-    resolution_bits : int
-        Of the recorded samples, see `sar_imaging.simulation.echoes.quantise`.
-    notes : str
-        Where the parameters come from.
-    movers : tuple of Mover
-        What moves in the scene; time zero is the middle of the recording.
-    jammers : tuple of Jammer
-        Sources of noise.
-    """
-
-    name: str
-    description: str
-    radar: RadarParameters
-    compressed: bool
-    n_samples: int
-    prf_hz: float
-    n_pulses: int
-    pulses_per_aperture: int
-    trajectory: Trajectory
-    tx_offsets_m: tuple[tuple[float, float, float], ...]
-    rx_offsets_m: tuple[tuple[float, float, float], ...]
-    scatterers: tuple[Scatterer, ...]
-    grid: MapGrid
-    cut_half_width_m: tuple[float, float]
-    noise_std: float = 0.0
-    seed: int = 1
-    resolution_bits: int = 20
-    notes: str = ''
-    movers: tuple[Mover, ...] = ()
-    jammers: tuple[Jammer, ...] = ()
-
-    @property
-    def n_channels(self) -> int:
-        """Number of channels C."""
-        return len(self.rx_offsets_m)
-
-    @property
-    def full_scale(self) -> float:
-        """Largest recorded part: the power of two above all echoes in phase and 5 sigma."""
-        # A band-limited chirp overshoots by up to a fifth at its ends.
-        noise_std = math.hypot(self.noise_std, *(jammer.std for jammer in self.jammers))
-        peak = (1.25 * sum(abs(s.amplitude) for s in (*self.scatterers, *self.movers))
-                + 5 * noise_std)
-        return 2.0 ** math.ceil(math.log2(peak))
-
-    def phase_centres(self) -> tuple[np.ndarray, np.ndarray]:
-        """Transmit and receive phase centres ``(n_pulses, C, 3)`` float64, metres."""
-        track = self.trajectory.positions(self.times_s())[:, None]
-        return track + _on_grid(self.tx_offsets_m), track + _on_grid(self.rx_offsets_m)
-
-    def times_s(self) -> np.ndarray:
-        """(n_pulses,) float64 times of the pulses from the middle of the recording, seconds."""
-        return (np.arange(self.n_pulses) - (self.n_pulses - 1) / 2) / self.prf_hz
-
-    def stamps_ns(self) -> np.ndarray:
-        """(n_pulses,) int64 transmission times, nanoseconds."""
-        period_ns = np.rint(np.arange(self.n_pulses) * (1e9 / self.prf_hz))
-        return START_NS + period_ns.astype(np.int64)
-
-    def blocks(self, pulses_per_block: int = 25) -> Iterator[PulseBlock]:
-        """Simulate the recording block by block.
-
-        Parameters
-        ----------
-        pulses_per_block : int
-            Pulses per block; the last block has the rest. Samples do not depend on it.
-
-        Yields
-        ------
-        PulseBlock
-            With phase centres, in the order of the pulses.
-
-        Raises
-        ------
-        ValueError
-            `pulses_per_block` is not positive, or a scatterer lies outside the record.
-        """
-        if pulses_per_block < 1:
-            raise ValueError(f'pulses_per_block={pulses_per_block}; expected at least 1')
-        points, amplitudes = positions_and_amplitudes(self.scatterers)
-        simulator = EchoSimulator(self.radar, self.n_samples, compressed=self.compressed,
-                                  points_m=points, amplitudes=amplitudes)
-        tx_m, rx_m = self.phase_centres()
-        stamps_ns, times_s = self.stamps_ns(), self.times_s()
-        for first in range(0, self.n_pulses, pulses_per_block):
-            counter = np.arange(first, min(first + pulses_per_block, self.n_pulses))
-            samples = simulator(tx_m[counter], rx_m[counter])
-            if self.movers:
-                samples += mover_echoes(
-                    self.movers, self.radar, self.n_samples, compressed=self.compressed,
-                    tx_m=tx_m[counter], rx_m=rx_m[counter], time_s=times_s[counter])
-            for jammer in self.jammers:
-                samples += jammer.samples(self.radar, self.n_samples, rx_m[counter], counter)
-            if self.noise_std:
-                samples += self.noise_std * self._noise(counter)
-            yield PulseBlock(self.radar, self.compressed, stamps_ns[counter], counter,
-                             quantise(samples, self.resolution_bits, self.full_scale),
-                             tx_m[counter], rx_m[counter])
-
-    def _noise(self, counter: np.ndarray) -> np.ndarray:
-        shape = (self.n_channels, self.n_samples)
-        return np.stack([complex_gaussian(self.seed, int(c), math.prod(shape)).reshape(shape)
-                         for c in counter])
-
-
-def _on_grid(offsets_m) -> np.ndarray:
-    """Phase centres on the trajectory's grid of positions, so that sums with it are exact."""
-    return np.round(np.array(offsets_m, float) / POSITION_STEP_M) * POSITION_STEP_M
-
-
-def receive_array(n_channels: int, spacing_m: float) -> tuple[tuple[float, float, float], ...]:
-    """Offsets ``d_n = n spacing`` along y, n from ``-(N-1)/2`` to ``(N-1)/2``.
-
-    Rosenberg & Gray, equation 2; their ``(n - 1) spacing`` contradicts their range of n.
-    """
-    return tuple((0.0, (n - (n_channels - 1) / 2) * spacing_m, 0.0) for n in range(n_channels))
-
+from .scenario import Scenario, receive_array
+from .scene import Scatterer, letter_s
+from .trajectory import Trajectory, Vibration
 
 # ------------------------------------------------------------------ Rosenberg & Gray, table 1
 
@@ -349,4 +188,4 @@ def moving_targets(seed: int = 6, *, movers: tuple[Mover, ...] | None = None,
 
 SCENARIOS: dict[str, Callable[[], Scenario]] = {
     'psf': psf, 'psf_raw': psf_raw, 'two_scatterers': two_scatterers, 'letter_s': letter,
-    'spotlight': spotlight, 'moving_targets': moving_targets}
+    'spotlight': spotlight, 'moving_targets': moving_targets, 'countryside': countryside}

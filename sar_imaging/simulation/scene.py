@@ -49,6 +49,39 @@ class Scatterer:
         return 20.0 * math.log10(abs(self.amplitude))
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Clutter:
+    """Many scatterers without names, whose phases are random.
+
+    Parameters
+    ----------
+    positions_m : (S, 3) float64
+        Places in the imaging frame, metres.
+    amplitudes : (S,) complex128
+        Amplitudes of their echoes; 1 gives a compressed peak of 1.
+
+    Raises
+    ------
+    ValueError
+        The shapes do not fit, or a number is not finite.
+    """
+
+    positions_m: np.ndarray
+    amplitudes: np.ndarray
+
+    def __post_init__(self):
+        if self.positions_m.shape != (self.amplitudes.size, 3):
+            raise ValueError(f'positions_m.shape={self.positions_m.shape} does not fit '
+                             f'{self.amplitudes.size} amplitudes; expected three numbers each')
+        if not (np.isfinite(self.positions_m).all() and np.isfinite(self.amplitudes).all()):
+            raise ValueError('clutter has positions or amplitudes that are not finite')
+
+    @property
+    def std(self) -> float:
+        """Standard deviation of the sum of all echoes."""
+        return float(np.sqrt((np.abs(self.amplitudes) ** 2).sum()))
+
+
 def positions_and_amplitudes(scatterers) -> tuple[np.ndarray, np.ndarray]:
     """``(S, 3)`` float64 positions in metres and ``(S,)`` complex128 amplitudes."""
     positions = np.array([s.position_m for s in scatterers], float).reshape(-1, 3)

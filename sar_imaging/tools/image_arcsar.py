@@ -204,7 +204,7 @@ def run(file: Path, output: Path) -> dict:
     image = image_within_beam(profiles, grid.points())
     np.save(output / 'image.npy', image)
     save_image_png(
-        output / 'image.png', image, grid, dynamic_range_db=50.0,
+        output / 'image.png', image, grid,
         truth=[{'name': f'point_{i}', 'position_m': (x, y, 0.0)}
                for i, (x, y) in enumerate(POINTS_M, 1)],
         title=f'arc SAR: {block.n_pulses} pulses on a half circle of {RADIUS_M * 100:.2f} cm, '

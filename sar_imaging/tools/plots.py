@@ -23,10 +23,13 @@ MAX_PIXELS = 1600  # along the longer side of what is drawn; finer images are mu
 FAR_M = 1000.0  # axes with longer numbers are labelled from the middle of the grid
 MOST_NAMES = 20  # more scatterers than these are marked without their names
 MARK = '#ffb454'
+WHITE_SHARE = 0.01  # of the summed amplitude that may lie in white pixels
+BLACK_DB = 10.0  # below the median: 7 % of speckle lie lower
+MOST_DB = 60.0  # from black to white
 
 
 def save_image_png(path: Path | str, image, grid: MapGrid, *, truth: Sequence[dict] = (),
-                   title: str = '', dynamic_range_db: float = 60.0) -> None:
+                   title: str = '', limits_db: tuple[float, float] | None = None) -> None:
     """Draw the magnitude of an image in decibels on axes in metres.
 
     Parameters
@@ -41,8 +44,9 @@ def save_image_png(path: Path | str, image, grid: MapGrid, *, truth: Sequence[di
         Scatterers to mark, each with ``name`` and ``position_m`` (x, y, z in metres).
     title : str
         Title line.
-    dynamic_range_db : float
-        Level below the brightest pixel that is drawn black.
+    limits_db : (2,) floats, optional
+        Levels that are drawn black and white, dB relative to the brightest pixel; from
+        `grey_limits_db` if left out.
 
     Raises
     ------
@@ -51,14 +55,16 @@ def save_image_png(path: Path | str, image, grid: MapGrid, *, truth: Sequence[di
     """
     image = np.asarray(image)
     grid.check_image(image)
-    level = _decibels(_multilook(image), dynamic_range_db)
+    magnitude = _multilook(image)
+    black_db, white_db = grey_limits_db(magnitude) if limits_db is None else limits_db
+    level = _decibels(magnitude, black_db)
     (x_ref, x_label), (y_ref, y_label) = _axis('x', grid.x_m), _axis('y', grid.y_m)
     half = grid.spacing_m / 2
     extent = (grid.x_m[0] - half - x_ref, grid.x_m[-1] + half - x_ref,
               grid.y_m[-1] - half - y_ref, grid.y_m[0] + half - y_ref)
     figure, axes, bar_axes = _layout(extent[1] - extent[0], extent[3] - extent[2])
     drawn = axes.imshow(level, extent=extent, cmap='gray', interpolation='bilinear',
-                        norm=Normalize(-dynamic_range_db, 0), aspect='auto')
+                        norm=Normalize(black_db, white_db), aspect='auto')
     for scatterer in truth:
         x, y = scatterer['position_m'][0] - x_ref, scatterer['position_m'][1] - y_ref
         _mark(axes, extent, x, y, scatterer['name'] if len(truth) <= MOST_NAMES else '')
@@ -84,12 +90,41 @@ def _multilook(image: np.ndarray) -> np.ndarray:
     return np.sqrt(np.mean(np.abs(blocks) ** 2, axis=(1, 3), dtype=float))
 
 
-def _decibels(magnitude: np.ndarray, dynamic_range_db: float) -> np.ndarray:
-    """Decibels below the maximum, no lower than the dynamic range."""
+def grey_limits_db(magnitude: np.ndarray) -> tuple[float, float]:
+    """Levels to draw black and white so that clutter is grey beside any reflector.
+
+    The brightest pixels that together hold a hundredth of the summed amplitude are white. In an
+    image of few points those are the points; in clutter they are reflectors, however bright, and
+    what is beside them keeps its shades.
+
+    Parameters
+    ----------
+    magnitude : (n_y, n_x) float
+        Image, not negative.
+
+    Returns
+    -------
+    black_db, white_db : float
+        Relative to the brightest pixel, dB: black is 10 dB below the median, at most 60 dB below
+        white.
+    """
+    falling = np.sort(np.asarray(magnitude, float), axis=None)[::-1]
+    peak = falling[0]
+    if not (math.isfinite(peak) and peak > 0):
+        return -MOST_DB, 0.0
+    share = np.cumsum(falling) / falling.sum()
+    white_db = 20 * math.log10(falling[np.searchsorted(share, WHITE_SHARE)] / peak)
+    median = falling[falling.size // 2] / peak
+    black_db = 20 * math.log10(median) - BLACK_DB if median > 0 else -math.inf
+    return max(black_db, white_db - MOST_DB), white_db
+
+
+def _decibels(magnitude: np.ndarray, black_db: float) -> np.ndarray:
+    """Decibels relative to the maximum, no lower than black."""
     peak = float(magnitude.max())
     if not (math.isfinite(peak) and peak > 0):
-        return np.full(magnitude.shape, -dynamic_range_db)
-    return 20 * np.log10(np.maximum(magnitude / peak, 10 ** (-dynamic_range_db / 20)))
+        return np.full(magnitude.shape, black_db)
+    return 20 * np.log10(np.maximum(magnitude / peak, 10 ** (black_db / 20)))
 
 
 def _axis(name: str, values: np.ndarray) -> tuple[float, str]:

@@ -14,7 +14,8 @@ from pathlib import Path
 
 from sar_imaging.configuration.parameters import ConfigurationFileError, read_configuration
 from sar_imaging.simulation.configured import configured_scenario
-from sar_imaging.simulation.scenarios import SCENARIOS, Scenario
+from sar_imaging.simulation.scenario import Scenario
+from sar_imaging.simulation.scenarios import SCENARIOS
 
 from .bag_io import check_target, make_truth, write_bag
 from .writing import run_writing, with_progress

@@ -5,7 +5,7 @@ import pytest
 from matplotlib.image import imread
 
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.tools.plots import save_image_png
+from sar_imaging.tools.plots import grey_limits_db, save_image_png
 
 
 def draw(path, image, grid, **options):
@@ -74,3 +74,26 @@ def test_scatterers_are_marked_inside_the_image_only(tmp_path):
 def test_image_of_another_shape_is_refused(tmp_path):
     with pytest.raises(ValueError, match='does not match grid.shape'):
         draw(tmp_path / 'a.png', np.ones((3, 3)), MapGrid((0.0, 0.0, 0.0), 2, 3, 1.0))
+
+
+def test_clutter_is_grey_however_bright_a_reflector_is():
+    rng = np.random.default_rng(8)
+    speckle = np.abs(rng.normal(size=(300, 400)) + 1j * rng.normal(size=(300, 400)))
+    levels = []
+    for reflector_db in (30.0, 50.0):
+        image = speckle.copy()
+        image[100:102, 200:202] = 10 ** (reflector_db / 20) * np.median(speckle)
+        black_db, white_db = grey_limits_db(image)
+        levels.append([reflector_db + black_db, reflector_db + white_db])
+    black, white = np.transpose(levels)
+    np.testing.assert_allclose(black, -10, atol=0.01)  # below the median
+    # The tail of Rayleigh's distribution that holds 1 % of the amplitude begins 9 dB above the
+    # median; of that percent four pixels of 50 dB hold up to four fifths.
+    np.testing.assert_allclose(white, [9.0, 11.0], atol=1)
+
+
+def test_few_points_are_shown_over_60_db():
+    image = np.full((200, 200), 1e-5)
+    image[20, 30] = image[150, 60] = 1
+    assert grey_limits_db(image) == (-60, 0)
+    assert grey_limits_db(np.zeros((4, 4))) == (-60, 0)

@@ -15,7 +15,8 @@ import pytest
 
 from sar_imaging.configuration.parameters import default_file, read_configuration
 from sar_imaging.signal.pulses import concatenate
-from sar_imaging.simulation.scenarios import SCENARIOS, Scenario
+from sar_imaging.simulation.scenario import Scenario
+from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.tools import simulate
 from sar_imaging.tools.bag_io import raw_messages, read_blocks, read_truth
 
@@ -37,7 +38,7 @@ def regenerated(tmp_path_factory):
     return folders
 
 
-@pytest.mark.parametrize('name', ['psf', 'spotlight'])
+@pytest.mark.parametrize('name', ['psf', 'spotlight', 'countryside'])
 def test_recording_is_regenerated_bit_for_bit(regenerated, name):
     recorded, new = regenerated[name]
     assert list(raw_messages(new)) == list(raw_messages(recorded))
@@ -53,7 +54,7 @@ def test_recording_is_regenerated_bit_for_bit(regenerated, name):
 def test_recordings_are_small_and_all_are_listed(regenerated):
     folders = {p.name for p in BAGS.iterdir() if p.is_dir()}
     assert folders == set(regenerated)
-    assert sum(f.stat().st_size for f in BAGS.rglob('*.mcap')) < 6e6
+    assert sum(f.stat().st_size for f in BAGS.rglob('*.mcap')) < 8e6
     for recorded, _ in regenerated.values():
         sizes = {b.n_pulses for b in read_blocks(recorded)}
         assert min(sizes) >= 10 and max(sizes) <= 32
@@ -61,9 +62,12 @@ def test_recordings_are_small_and_all_are_listed(regenerated):
 
 @pytest.mark.parametrize('name', SCENARIOS)
 def test_truth_describes_the_recording(tmp_path, name):
-    assert simulate.main([name, '--output', str(tmp_path / name)]) == 0
-    truth = read_truth(tmp_path / name)
-    block = concatenate(list(read_blocks(tmp_path / name)))
+    path = BAGS / name  # what lies there is what the command writes, see above
+    if not path.is_dir():
+        path = tmp_path / name
+        assert simulate.main([name, '--output', str(path)]) == 0
+    truth = read_truth(path)
+    block = concatenate(list(read_blocks(path)))
     scenario = SCENARIOS[name]()
     assert truth['scenario'] == name and truth['frame'] == 'map'
     assert truth['compressed'] == block.compressed
