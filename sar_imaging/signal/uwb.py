@@ -39,6 +39,7 @@ def subtract_background(block: PulseBlock) -> PulseBlock:
     if block.n_pulses < 3:
         raise ValueError(f'{block.n_pulses} pulses have no background to tell from echoes; '
                          'pass at least three pulses of a moving platform')
-    parts = block.samples.view(np.float32).reshape(*block.samples.shape, 2)
+    samples = np.ascontiguousarray(block.samples)  # parts of others have no view as numbers
+    parts = samples.view(np.float32).reshape(*samples.shape, 2)
     background = np.median(parts, axis=0)
     return dataclasses.replace(block, samples=(parts - background).view(np.complex64)[..., 0])

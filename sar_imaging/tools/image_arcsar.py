@@ -29,7 +29,7 @@ from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
 
 from .bag_io import BagError
-from .load_arcsar import POINTS_M, RADIUS_M, arc, arm_angles, read_file
+from .load_arcsar import RADIUS_M, arc, arm_angles, known_points, read_file
 from .plots import save_image_png
 from .reproduction import run_and_report
 
@@ -38,7 +38,8 @@ PULSES_PER_STEP = 10  # 4.5 degrees: how finely the beam is cut out
 START_RADIUS_M = 0.20
 RADII_M = START_RADIUS_M + np.arange(-4, 21) * 1e-3
 N_BRIGHT = 12
-FAR_POINT_M = (-0.52, 8.48)  # brightest spot of the extended reflector
+N_UNKNOWN = 3  # brightest places that stand for the points of a recording that has none known
+FAR_POINT_M = (-0.52, 8.48)  # brightest spot of the extended reflector of recording 7
 
 
 def image_within_beam(profiles: PulseBlock, points_m: np.ndarray,
@@ -147,17 +148,28 @@ def radius_by_direction(profiles: PulseBlock, image: np.ndarray, grid: MapGrid,
             np.array([autofocus_radius(profiles, place) for place in places]))
 
 
-def measure_points(image: np.ndarray, grid: MapGrid, profiles: PulseBlock) -> list[dict]:
-    """Position, widths and sidelobes of the two points, as `evaluate` measures them."""
+def brightest(profiles: PulseBlock, image: np.ndarray, grid: MapGrid
+              ) -> dict[str, tuple[float, float]]:
+    """Names and places of the brightest pixels, metres."""
+    places = bright_points(image, grid, profiles, N_UNKNOWN)[:, :2].tolist()
+    return {f'bright_{i}': tuple(place) for i, place in enumerate(places, 1)}
+
+
+def measure_points(image: np.ndarray, grid: MapGrid, profiles: PulseBlock,
+                   points: dict[str, tuple[float, float]]) -> list[dict]:
+    """Position, widths and sidelobes of points, as `evaluate` measures them.
+
+    What cannot be measured is None: a bright place need not be a point.
+    """
     # The middle of the pulses that see a point; cuts and baseband depend on it.
     angle = arm_angles(profiles.n_pulses)
     out = []
-    for i, (x, y) in enumerate(POINTS_M, 1):
+    for name, (x, y) in points.items():
         seen = np.abs(angle - np.arctan2(y, x)) <= np.radians(HALF_BEAM_DEG)
         quality = measure_scatterer(
             image, grid, (x, y, 0.0), aperture_centre_m=profiles.phase_centre_m[seen].mean(axis=0),
             wavenumber_rad_per_m=profiles.radar.wavenumber_rad_per_m,
-            cut_half_width_range_m=0.3, cut_half_width_azimuth_m=0.3, name=f'point_{i}')
+            cut_half_width_range_m=0.3, cut_half_width_azimuth_m=0.3, name=name)
         out.append(quality.as_json())
     return out
 
@@ -187,8 +199,9 @@ def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
     p = argparse.ArgumentParser(
         prog='image_arcsar', description='Image a recording of the 77 GHz radar on a rotating '
-        'arm (Prova_Esterna_7.bin), measure its two points and the radius of the arm.')
-    p.add_argument('file', type=Path, help='Prova_Esterna_7.bin')
+        'arm, measure its two points, or the brightest places where none are known, and the '
+        'radius of the arm.')
+    p.add_argument('file', type=Path, help='Prova_Esterna_7.bin or another')
     p.add_argument('--output', type=Path, default=Path('out/arcsar'), metavar='FOLDER',
                    help='folder for image.npy, image.png, radius.png and results.json '
                         '(default: %(default)s)')
@@ -203,20 +216,21 @@ def run(file: Path, output: Path) -> dict:
     output.mkdir(parents=True, exist_ok=True)
     image = image_within_beam(profiles, grid.points())
     np.save(output / 'image.npy', image)
+    known = known_points(file)
+    points = known or brightest(profiles, image, grid)
     save_image_png(
         output / 'image.png', image, grid,
-        truth=[{'name': f'point_{i}', 'position_m': (x, y, 0.0)}
-               for i, (x, y) in enumerate(POINTS_M, 1)],
+        truth=[{'name': name, 'position_m': (x, y, 0.0)} for name, (x, y) in points.items()],
         title=f'arc SAR: {block.n_pulses} pulses on a half circle of {RADIUS_M * 100:.2f} cm, '
               f'{HALF_BEAM_DEG:g}\N{DEGREE SIGN} of beam')
-    places = {'point_1': POINTS_M[0], 'point_2': POINTS_M[1], 'far reflector': FAR_POINT_M}
+    places = points | ({'far reflector': FAR_POINT_M} if known else {})
     curves = {name: radius_sharpness(profiles, place) for name, place in places.items()}
     angle_rad, radius_m = radius_by_direction(profiles, image, grid)
     save_radius_png(output / 'radius.png', curves, angle_rad, radius_m)
     return {
         'bright_places': {'direction_deg': np.degrees(angle_rad).round(1).tolist(),
                           'radius_m': radius_m.round(5).tolist()},
-        'points': measure_points(image, grid, profiles),
+        'points': measure_points(image, grid, profiles, points),
         'radius_m': {name: round(autofocus_radius(profiles, place), 5)
                      for name, place in places.items()}}
 
@@ -230,13 +244,21 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def summary(figures: dict) -> str:
     """One line for each point and for each radius."""
-    points = [f'{point["name"]}: ({point["peak_x_m"]:.3f}, {point["peak_y_m"]:.3f}) m, width '
-              f'{point["irw_range_m"] * 100:.1f} cm in range, '
-              f'{point["irw_azimuth_m"] * 100:.1f} cm in azimuth' for point in figures['points']]
+    points = [f'{point["name"]}: {_measured(point)}' for point in figures['points']]
     radii = [f'radius by autofocus of {name}: {radius_m * 1e3:.2f} mm, '
              f'started at {START_RADIUS_M * 1e3:.0f} mm'
              for name, radius_m in figures['radius_m'].items()]
     return '\n'.join([*points, *radii])
+
+
+def _measured(point: dict) -> str:
+    if point['peak_x_m'] is None:
+        return point['reason']
+    widths = [f'{width * 100:.1f} cm in {axis}' for axis in ('range', 'azimuth')
+              if (width := point[f'irw_{axis}_m']) is not None]
+    return (f'({point["peak_x_m"]:.3f}, {point["peak_y_m"]:.3f}) m, '
+            + (f'width {", ".join(widths)}' if widths else 'its widths cannot be measured')
+            + (f'; {point["reason"]}' if point['reason'] else ''))
 
 
 if __name__ == '__main__':

@@ -10,6 +10,7 @@ converter board writes them, and nothing else; all numbers below come with the d
 from __future__ import annotations
 
 import argparse
+import hashlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,6 +30,8 @@ START_HZ, SLOPE_HZ_PER_S, SAMPLE_RATE_HZ, ADC_START_S = 77e9, 39.058e12, 2.652e6
 NOMINAL_PRF_HZ = 20.0  # the files hold no times
 START_NS = 1_700_000_000_000_000_000
 POINTS_M = ((1.32, 2.96), (-0.94, 3.58))  # where recording 7 has point scatterers
+# Of Prova_Esterna_7.bin, whatever it is called: the others have their scatterers elsewhere.
+RECORDING_7_SHA256 = '145bee94a998321c3dc451e540bab98d03b44138dd7bf34878da07d88c3ca534'
 
 _DESCRIPTION = """\
 Convert a recording of the arc SAR (Prova_Esterna_7.bin or _10.bin, TI AWR1642 at 77 GHz on a
@@ -90,26 +93,55 @@ def arc(n_pulses: int, radius_m: float) -> np.ndarray:
     return radius_m * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1)[:, None]
 
 
-def arc_truth(block: PulseBlock) -> dict:
-    """Truth of recording 7: the two point scatterers that the data's description names."""
+def known_points(path: Path | str) -> dict[str, tuple[float, float]]:
+    """Names and places x, y of the point scatterers of a recording, metres.
+
+    Only those of recording 7 are known; the other recordings have none.
+
+    Raises
+    ------
+    BagError
+        The file cannot be read.
+    """
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise BagError(f'{path} cannot be read: {error}') from error
+    if hashlib.sha256(content).hexdigest() != RECORDING_7_SHA256:
+        return {}
+    return {f'point_{i}': place for i, place in enumerate(POINTS_M, 1)}
+
+
+def arc_truth(block: PulseBlock, points: dict[str, tuple[float, float]]) -> dict:
+    """Truth of a recording.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        Its pulses.
+    points : dict
+        Its point scatterers, see `known_points`.
+    """
+    origin = ('The points stand where an independent float64 backprojection focused them'
+              if points else 'No scatterer is known')
     return make_truth(
-        scenario='arcsar', description='FMCW radar at 77 GHz on a rotating arm: two point '
-        'scatterers and an extended one behind them',
-        scatterers=[{'name': f'point_{i}', 'position_m': [x, y, 0.0], 'amplitude_db': 0.0}
-                    for i, (x, y) in enumerate(POINTS_M, 1)],
+        scenario='arcsar', description='FMCW radar at 77 GHz on a rotating arm'
+        + (': two point scatterers and an extended one behind them' if points else ''),
+        scatterers=[{'name': name, 'position_m': [x, y, 0.0], 'amplitude_db': 0.0}
+                    for name, (x, y) in points.items()],
         grid=MapGrid.from_size((0.0, 5.0, 0.0), 12.0, 9.0, 0.01),
         pulses_per_aperture=block.n_pulses, n_pulses=block.n_pulses, n_channels=1,
         cut_half_width_m=(0.3, 0.3), radar=block.radar, compressed=False, window='taylor:4:35',
-        notes='Measured, not simulated; Apache-2.0. The points stand where an independent float64 '
-              'backprojection of recording 7 focused them; nothing was surveyed, and amplitudes '
-              f'and times are not known: {NOMINAL_PRF_HZ:g} pulses per second are nominal.')
+        notes=f'Measured, not simulated; Apache-2.0. {origin}; nothing was surveyed, and '
+              f'amplitudes and times are not known: {NOMINAL_PRF_HZ:g} pulses per second are '
+              'nominal.')
 
 
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
     p = argparse.ArgumentParser(prog='load_arcsar', description=_DESCRIPTION,
                                 formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument('file', type=Path, help='Prova_Esterna_7.bin')
+    p.add_argument('file', type=Path, help='Prova_Esterna_7.bin or another')
     p.add_argument('--output', type=Path, default=Path('out/bags/arcsar'), metavar='FOLDER',
                    help='bag folder to make (default: %(default)s)')
     p.add_argument('--radius', type=float, default=RADIUS_M, metavar='METRES',
@@ -121,7 +153,8 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    return convert(lambda: read_file(arguments.file, radius_m=arguments.radius), arc_truth,
+    return convert(lambda: read_file(arguments.file, radius_m=arguments.radius),
+                   lambda block: arc_truth(block, known_points(arguments.file)),
                    arguments.output, overwrite=arguments.force)
 
 

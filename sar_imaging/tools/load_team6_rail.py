@@ -40,7 +40,11 @@ POSES_AROUND_S = 3.0  # kept before the first and after the last pulse
 ALIGNMENTS = ('nominal', 'fitted', 'estimated')
 # What the alignment may be wrong by, for autofocus
 EXPECTED_ERROR = {'time_offset_s': 0.05, 'range_bias_m': 0.2}
-
+_MARGIN_M = 1.0  # of a grid around its reflectors
+_STEP_S = 0.25  # between the places whose distance tells motion from the jitter of motion capture
+_AT_REST_M_PER_S = 0.02
+_EDGE_S = 0.5  # the platform starts and stops
+_SHARE = 0.9  # of the path within the interval, and of the interval in which the platform moves
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,7 +59,7 @@ class Recording:
         Name of its file.
     moving_s : (2,) floats or None
         When the platform moves, on the radar's clock, seconds; before and after it stands still.
-        None where the file tells it.
+        The file's own `moving_s` goes before it; None where every file has that.
     alignments : dict
         Names of the fields with time offset, range bias and, where there is one, lever arm, for
         each kind of alignment that came with it.
@@ -128,6 +132,7 @@ def read_folder(folder: Path) -> tuple[PulseBlock, RecordedPoses]:
         The file is not there or not of this kind.
     """
     with _opened(folder) as (recording, data):
+        _check_moving(data, recording)
         return _pulses(data, recording), _poses(data, recording)
 
 
@@ -143,7 +148,7 @@ def _opened(folder: Path) -> Iterator[tuple[Recording, dict[str, np.ndarray]]]:
         raise BagError(f'{file} cannot be read: {error}') from error
     try:
         yield recording, arrays
-    except (KeyError, ValueError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise BagError(f'{file} is not the {recording.team} recording: {error}') from error
 
 
@@ -153,8 +158,33 @@ def _nanoseconds(time_s) -> np.ndarray:
 
 def _moving(data, recording: Recording) -> np.ndarray:
     time_s = data['scan_time_s']
-    first, last = recording.moving_s or data['moving_s']
+    first, last = data.get('moving_s', recording.moving_s)
     return (time_s >= first) & (time_s <= last)
+
+
+def _check_moving(data, recording: Recording) -> None:
+    """Another pass of the rail moves at other times, and its pulses at rest spoil the image."""
+    first, last = data.get('moving_s', recording.moving_s)
+    pulse_s = data['scan_time_s']
+    time_s = np.arange(pulse_s[0], pulse_s[-1], _STEP_S)
+    mocap_s = data['mocap_time_s'] - float(data[recording.alignments['nominal'][0]])
+    place_m = np.stack([np.interp(time_s, mocap_s, p) for p in data['mocap_pos_m'].T], axis=-1)
+    step_m = np.linalg.norm(np.diff(place_m, axis=0), axis=1)
+    middle_s = (time_s[1:] + time_s[:-1]) / 2
+    moves = step_m > _AT_REST_M_PER_S * _STEP_S
+    # The file's own interval may be a part of the pass; the known one is meant to be all of it.
+    near = ((middle_s > first - _EDGE_S) & (middle_s < last + _EDGE_S)) | ('moving_s' in data)
+    inside = (middle_s > first + _EDGE_S) & (middle_s < last - _EDGE_S)
+    if not moves.any():
+        raise BagError('the platform stands still while the radar sends, as motion capture and '
+                       'the nominal time offset have it; pass a recording of a moving platform')
+    if (step_m[near].sum() < _SHARE * step_m[moves].sum()
+            or np.mean(moves[inside]) < _SHARE):
+        seen = middle_s[moves]
+        raise BagError(
+            f'the pulses of {first:g} to {last:g} s would be imaged, but the platform moves from '
+            f'{seen[0]:.1f} to {seen[-1]:.1f} s of the radar clock: this is another pass; store '
+            'its interval in the file as moving_s, two numbers')
 
 
 def _pulses(data, recording: Recording) -> PulseBlock:
@@ -205,6 +235,18 @@ def read_reflectors(folder: Path) -> np.ndarray:
         return np.asarray(data['reflector_pos_m'], float)
 
 
+def scene_grid(recording: Recording, reflectors_m: np.ndarray) -> MapGrid:
+    """The recording's own grid, or one about the reflectors where they lie elsewhere."""
+    grid = recording.grid
+    rows, columns = grid.to_pixels(reflectors_m[:, 0], reflectors_m[:, 1])
+    if np.all((rows >= 0) & (rows < grid.n_y) & (columns >= 0) & (columns < grid.n_x)):
+        return grid
+    low_m, high_m = reflectors_m.min(axis=0), reflectors_m.max(axis=0)
+    size_x_m, size_y_m = np.maximum((high_m - low_m)[:2] + 2 * _MARGIN_M,
+                                    grid.spacing_m * np.array([grid.n_x - 1, grid.n_y - 1]))
+    return MapGrid.from_size(tuple((low_m + high_m) / 2), size_x_m, size_y_m, grid.spacing_m)
+
+
 def read_attitudes(folder: Path) -> np.ndarray:
     """(N, 4) float64 quaternions x, y, z, w at the poses that `read_folder` returns.
 
@@ -247,14 +289,14 @@ def estimate_alignment(block: PulseBlock, poses: RecordedPoses, start: Alignment
 
 
 def rail_truth(recording: Recording, block: PulseBlock, reflectors_m: np.ndarray,
-               alignment: Alignment, kind: str) -> dict:
+               grid: MapGrid, alignment: Alignment, kind: str) -> dict:
     """Truth of a recording: the surveyed reflectors, and the alignment to image with."""
     return make_truth(
         scenario=recording.name, description=f'{recording.team.capitalize()} rail: UWB radar on '
         f'a rail, poses of motion capture on another clock, {kind} alignment',
         scatterers=[{'name': f'reflector_{i + 1}', 'position_m': place.tolist(),
                      'amplitude_db': 0.0} for i, place in enumerate(reflectors_m)],
-        grid=recording.grid,
+        grid=grid,
         pulses_per_aperture=block.n_pulses, n_pulses=block.n_pulses, n_channels=1,
         cut_half_width_m=(1.0, 1.0), radar=block.radar, compressed=False, alignment=alignment,
         notes='Measured, not simulated. MIT licence, Beaver Works Summer Institute UAS-SAR 2019.')
@@ -294,16 +336,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         check_target(arguments.output, overwrite=arguments.force)
         recording = recording_in(arguments.folder)
         block, poses = read_folder(arguments.folder)
+        reflectors_m = read_reflectors(arguments.folder)
+        grid = scene_grid(recording, reflectors_m)
+        if grid != recording.grid:
+            print('the reflectors lie outside the grid of the known pass: imaging around them')
         if arguments.alignment == 'estimated':
             nominal = read_alignment(arguments.folder, 'nominal')
-            alignment, report = estimate_alignment(block, poses, nominal, recording.grid)
+            alignment, report = estimate_alignment(block, poses, nominal, grid)
             print(f'{report}; {_estimates(report)}')
         else:
             alignment = read_alignment(arguments.folder, arguments.alignment)
         alignment = dataclasses.replace(
             alignment, time_offset_s=alignment.time_offset_s + arguments.wrong_by)
-        truth = rail_truth(recording, block, read_reflectors(arguments.folder), alignment,
-                           arguments.alignment)
+        truth = rail_truth(recording, block, reflectors_m, grid, alignment, arguments.alignment)
         count = write_bag(arguments.output, with_progress(split(block), block.n_pulses), truth,
                           overwrite=arguments.force, poses=poses)
         return (f'{arguments.output}: {block.n_pulses} pulses in {count} messages, '

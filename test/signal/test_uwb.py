@@ -97,6 +97,21 @@ def test_background_is_removed_and_the_moving_echo_stays():
                                rtol=0, atol=1e-5)
 
 
+def test_background_of_samples_that_are_not_contiguous():
+    rng = np.random.default_rng(3)
+    samples = (rng.normal(size=(2, 5, 8)) + 1j * rng.normal(size=(2, 5, 8))).astype(np.complex64)
+    turned = PulseBlock(_radar(), True, np.arange(5), np.arange(5), samples.swapaxes(0, 1))
+    assert not turned.samples.flags.c_contiguous
+    copied = dataclasses.replace(turned, samples=np.ascontiguousarray(turned.samples))
+    for block in (turned, dataclasses.replace(turned, samples=turned.samples[..., ::2])):
+        expected = block.samples - (np.median(block.samples.real, axis=0)
+                                    + 1j * np.median(block.samples.imag, axis=0))
+        np.testing.assert_allclose(subtract_background(block).samples, expected, rtol=0,
+                                   atol=1e-6)  # a float32's last digits
+    np.testing.assert_array_equal(subtract_background(turned).samples,
+                                  subtract_background(copied).samples)
+
+
 def test_background_of_too_few_pulses_is_refused():
     block = PulseBlock(_radar(), False, [0, 1], [0, 1], np.zeros((2, 1, 8)))
     with pytest.raises(ValueError, match='at least three pulses'):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pathlib
 
 import numpy as np
@@ -75,6 +76,45 @@ def test_pulses_go_only_where_the_antenna_looks(tmp_path):
     # 70 of 180 degrees are 62 pulses, to the nearest step of 10: measured 60
     assert abs(image[0]) / 1e3 == pytest.approx(62, abs=10.5)
     assert image[1] == 0  # behind the arm
+
+
+def test_other_recordings_do_not_get_the_points_of_recording_7(tmp_path, capsys):
+    file, output = _write(tmp_path / 'Prova_Esterna_7.bin'), tmp_path / 'bag'
+    assert load_arcsar.known_points(file) == {}  # the name alone says nothing
+    assert load_arcsar.main([str(file), '--output', str(output)]) == 0
+    truth = read_truth(output)
+    assert truth['scatterers'] == [] and 'No scatterer is known' in truth['notes']
+    # Imaged and measured all the same, at its brightest places: here the two simulated points.
+    assert image_arcsar.main([str(file), '--output', str(tmp_path / 'image')]) == 0
+    results = json.loads((tmp_path / 'image' / 'results.json').read_text())
+    found = [(p['peak_x_m'], p['peak_y_m']) for p in results['points'][:2]]
+    assert [p['name'] for p in results['points'][:2]] == ['bright_1', 'bright_2']
+    # pixels of 2 cm
+    np.testing.assert_allclose(sorted(found), sorted(load_arcsar.POINTS_M), atol=0.03)
+    assert 'far reflector' not in results['radius_m']
+
+
+def test_what_cannot_be_measured_is_told_not_formatted():
+    measured = dict.fromkeys(('peak_x_m', 'peak_y_m', 'irw_range_m', 'irw_azimuth_m'), 0.05)
+    points = [measured | {'name': 'a', 'reason': ''},
+              measured | {'name': 'b', 'irw_azimuth_m': None, 'reason': 'no null'},
+              measured | {'name': 'c', 'irw_range_m': None, 'irw_azimuth_m': None, 'reason': 'x'},
+              dict.fromkeys(measured) | {'name': 'd', 'reason': 'no peak near the truth'}]
+    lines = image_arcsar.summary({'points': points, 'radius_m': {}}).splitlines()
+    assert lines == [
+        'a: (0.050, 0.050) m, width 5.0 cm in range, 5.0 cm in azimuth',
+        'b: (0.050, 0.050) m, width 5.0 cm in range; no null',
+        'c: (0.050, 0.050) m, its widths cannot be measured; x', 'd: no peak near the truth']
+
+
+@pytest.mark.data
+@needs_data
+def test_known_and_other_measured_recordings(tmp_path, capsys):
+    assert list(load_arcsar.known_points(MEASURED)) == ['point_1', 'point_2']
+    other = MEASURED.with_name('Prova_Esterna_10.bin')
+    assert load_arcsar.known_points(other) == {}
+    assert image_arcsar.main([str(other), '--output', str(tmp_path)]) == 0
+    assert 'bright_3: (' in capsys.readouterr().out
 
 
 @pytest.mark.parametrize('numbers', [0, 512, 1000, 1027])

@@ -45,7 +45,7 @@ def folder(tmp_path):
     mocap = np.arange(0.0, 20.7, 1 / 360)
     np.savez(path / load_team6_rail.FILE, scan=profiles(time, 2.0, 0.009149, 960),
              scan_time_s=time, range_start_m=2.0, range_bin_m=0.009149, mocap_time_s=mocap,
-             mocap_pos_m=rail(mocap), reflector_pos_m=np.stack([REFLECTOR, REFLECTOR + 9]),
+             mocap_pos_m=rail(mocap), reflector_pos_m=REFLECTOR + [[0, 0, 0], [0.5, 2.0, 0.0]],
              fit_time_offset_s=OFFSET_S, fit_range_bias_m=BIAS_M, fit_lever_arm_m=ARM_M,
              nominal_time_offset_s=9.2, nominal_range_bias_m=0.4)
     return path
@@ -169,6 +169,53 @@ def test_the_other_recording_has_its_own_interval_and_alignment(other_folder, tm
     assert truth['scenario'] == 'team5_rail'
     assert truth['alignment']['time_offset_s'] == pytest.approx(OFFSET_S - 1.5)
     assert truth['grid']['centre_m'] == list(load_team6_rail.TEAM_5.grid.centre_m)
+
+
+def changed(folder, **values):
+    """The same file with other arrays."""
+    with np.load(folder / load_team6_rail.FILE) as data:
+        kept = dict(data)
+    np.savez(folder / load_team6_rail.FILE, **kept | values)
+
+
+def test_another_pass_is_not_cut_as_the_known_one(folder):
+    with np.load(folder / load_team6_rail.FILE) as data:
+        late = data['mocap_time_s'] + 2.0  # the platform moves from 6.2 to 10.1 s
+        still = np.tile(data['mocap_pos_m'][:1], (len(late), 1))
+    changed(folder, mocap_time_s=late)
+    with pytest.raises(BagError, match=r'pulses of 4.2 to 8.1 s .* moves from 6.\d to 10.\d s'):
+        load_team6_rail.read_folder(folder)
+    changed(folder, moving_s=[6.3, 10.1])
+    block, _ = load_team6_rail.read_folder(folder)
+    start = load_team6_rail.START_NS
+    assert 6.3 <= (block.stamp_ns[0] - start) * 1e-9 <= 6.32
+    changed(folder, mocap_pos_m=still)
+    with pytest.raises(BagError, match='stands still'):
+        load_team6_rail.read_folder(folder)
+
+
+def test_a_short_motion_within_the_interval_is_told(folder):
+    with np.load(folder / load_team6_rail.FILE) as data:
+        time = data['mocap_time_s']
+    # Moves for 1.9 of the 3.9 s; the rest would be imaged at rest.
+    changed(folder, mocap_pos_m=rail(np.where(time > OFFSET_S + 6.1, OFFSET_S + 6.1, time)))
+    with pytest.raises(BagError, match='another pass'):
+        load_team6_rail.read_folder(folder)
+
+
+def test_another_scene_gets_a_grid_around_its_reflectors(folder, tmp_path, capsys):
+    far_m = np.array([[12.0, 1.0, 0.0], [15.0, 13.0, 0.0]])
+    changed(folder, reflector_pos_m=far_m)
+    assert load_team6_rail.main([str(folder), '--output', str(tmp_path / 'bag')]) == 0
+    assert 'imaging around them' in capsys.readouterr().out
+    grid = MapGrid(**read_truth(tmp_path / 'bag')['grid'])
+    assert grid.centre_m == (13.5, 7.0, 0.0)
+    assert grid.spacing_m == load_team6_rail.TEAM_6.grid.spacing_m
+    # the known grid's 6.5 m along x, and a metre on both sides of the reflectors along y
+    assert np.ptp(grid.x_m) == pytest.approx(6.5, abs=0.03)
+    assert np.ptp(grid.y_m) == pytest.approx(14.0, abs=0.03)
+    known = load_team6_rail.scene_grid(load_team6_rail.TEAM_6, np.array([[2.0, 1.0, 0.0]]))
+    assert known == load_team6_rail.TEAM_6.grid
 
 
 TEAM_5 = pathlib.Path(__file__).parents[3] / 'shared' / 'data' / 'bwsi2019_team5_rail'
