@@ -111,7 +111,7 @@ class AfbpImager:
                                                       target_db, band)
             polar, oversampling = self._cover.polar, self._cover.oversampling
             ratio = self._cover.ratio
-            coverage = map_coverage(polar, grid)
+            coverage = map_coverage(polar, grid, self._cover)
         self.subapertures = SubaperturePlan(polar, radar, n_samples, tx_m, rx_m,
                                             target_db=target_db,
                                             pulses_per_subaperture=pulses_per_subaperture,
@@ -157,22 +157,22 @@ class AfbpImager:
             raise ValueError(f'block has {block.n_pulses} pulses; the plan is for '
                              f'{s.pulses[-1].stop}')
         self.fusion.clear()
-        parts, brightness = None, EdgeBrightness(stage.fusion_grid)
+        parts, brightness = None, EdgeBrightness(stage.fusion_grid, s.coverage)
         for number, some in enumerate(tqdm(s.pulses, desc='sub-apertures',
                                            unit='sub-aperture', disable=not self._progress)):
             weights = None if self._pulse_weights is None else self._pulse_weights[some]
             parts = stage.image(number, block.select(some), weights, parts)
             brightness.add(parts)
             self.fusion.add(number, parts, s.centre[number])
-        self._judge_edges(brightness.excess_db)
+        self._judge_edges(brightness.uneven_db)
         return self.form(self.fusion.take_polar_image(planes=True), overwrite=True)
 
-    def _judge_edges(self, excess_db: float) -> None:
+    def _judge_edges(self, uneven_db: float) -> None:
         """Predictions are for scenes that are as bright beyond their edges as within."""
         self.predicted_error_db, self.warnings = self._even_db, self._plan_warnings
-        if excess_db > _UNEVEN_DB:
-            self.predicted_error_db += excess_db
-            warning = (f'what lies right beyond the edges is {excess_db:.1f} dB brighter than the '
+        self.predicted_error_db += uneven_db
+        if uneven_db > _UNEVEN_DB:
+            warning = (f'what lies right beyond the edges is {uneven_db:.1f} dB brighter than the '
                        'image, and so may be its error: image a larger grid')
             self.warnings = (*self.warnings, warning)
             _logger.warning(warning)

@@ -35,6 +35,10 @@ from .projection import add_to_lines, line_middles, shared_phase
 from .range_window import RangeWindow
 
 _logger = logging.getLogger(__name__)
+# Predictions are for scenes that are evenly bright. Of some dozen scatterers, images are by chance
+# darker than their pulses.
+_CHANCE_DB = 0.5
+_LEAST_TARGET_DB = -100.0  # that float32 reaches
 
 
 class Backprojector:
@@ -99,11 +103,12 @@ class Backprojector:
                 f'profiles sampled at {radar.sample_rate_hz:g} Hz for a bandwidth of '
                 f'{radar.bandwidth_hz:g} Hz; sample them at 1.25 times the bandwidth or more '
                 '(parameter oversampling of the range compression)')
-        if not -100.0 <= target_db <= -20.0:
+        if not _LEAST_TARGET_DB <= target_db <= -20.0:
             raise ValueError(f'target_db={target_db}; expected -100 to -20 dB, float32 '
                              'arithmetic reaches -100 dB')
         self.radar, self.n_samples = radar, int(n_samples)
         self.target_db = float(target_db)
+        self._plan_db = max(self.target_db - _CHANCE_DB, _LEAST_TARGET_DB)
         self.per_channel, self.midpoint = per_channel, midpoint
         self._weights = None if weights is None else _checked_weights(weights)
         self.grid = grid if isinstance(grid, MapGrid) else None
@@ -204,7 +209,7 @@ class Backprojector:
             self.method, error = 'points', self._add_by_points(self._points, range_m, rows, image)
         else:
             error = self._add_to_map(rows, image)
-        self.predicted_error_db = max(self.predicted_error_db, error)
+        self.predicted_error_db = max(self.predicted_error_db, error + _CHANCE_DB)
 
     def _add_to_map(self, rows, image) -> float:
         """Add rows in the quickest way; returns the predicted error."""
@@ -212,15 +217,15 @@ class Backprojector:
         self._check_reach(lines.range_m, rows)
         window = RangeWindow.around(self.radar, self.n_samples, lines.range_m)
         lattice = plan_lattice(lines.paths, 1.0, lines.n_pixels, self.radar, window.n_samples,
-                               self.target_db)
-        costs = {'points': point_lattice(self.radar, self.n_samples, self.target_db).cost
+                               self._plan_db)
+        costs = {'points': point_lattice(self.radar, self.n_samples, self._plan_db).cost
                  * len(rows[0])}
         if lattice is not None:
             costs['lines'] = lattice.cost * len(rows[0])
         polar = None
         if min(costs.values()) > polar_plans.COST_RESAMPLING:  # for fewer pulses it cannot pay
             polar = polar_plans.plan_polar(self.grid, *rows[1:], self.radar, self.n_samples,
-                                           self.target_db)
+                                           self._plan_db)
         if polar is not None:
             costs['polar'] = polar.cost
         self.method = min(costs, key=costs.get)
@@ -241,7 +246,7 @@ class Backprojector:
                      image.reshape(-1).view(np.float32))
 
     def _add_by_points(self, points: ImagePoints, range_m, rows, image) -> float:
-        return points.add(self.radar, self.target_db, range_m, *rows,
+        return points.add(self.radar, self._plan_db, range_m, *rows,
                           image.reshape(-1).view(np.float32))
 
     def _image_shape(self, n_channels):

@@ -4,6 +4,9 @@ Fusing spectra interpolates each sub-aperture image with the period of the whole
 image is not periodic. It is therefore extended by guard cells over which a taper takes it to zero;
 what the taper's spectrum carries beyond the spare band is aliased. Both grids being regular, the
 error of a complex exponential follows from the taper's transform.
+
+A map is read from the fine grid by an interpolator for which the spectrum was corrected. The
+correction mixes neighbouring lines, near the guards with some that the taper has changed.
 """
 
 from __future__ import annotations
@@ -14,10 +17,14 @@ import math
 
 import numpy as np
 
+from .interpolation import Interpolator, design_interpolator
+
 _STEPS_PER_BIN = 4
 _FINER = 2  # samples of the taper in a cell: its spectrum is wanted beyond the cells' own
 _LEAST_ROWS = 8  # of a table; one in each cell where that is more
 _CELLS_BETWEEN = 128  # the guards, in a table: errors are those of the edges
+TONES = 16  # cycles per line, 0 to 0.5, of a table of errors
+_PLACES = 4  # between two lines
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,10 +35,17 @@ class Coverage:
     ----------
     along_alpha, along_range : (B,) float64
         Density of wanted pixels from the first line, or range, to the last, of mean one.
+    between : Interpolator or None
+        By which a map is read between lines, with the spectrum corrected for it; None where the
+        polar image itself is wanted.
+    tones : (TONES,) float64
+        Share of the power by cycles per line of the fused image, equal steps from 0 to 0.5.
     """
 
     along_alpha: np.ndarray = dataclasses.field(default_factory=lambda: np.ones(1))
     along_range: np.ndarray = dataclasses.field(default_factory=lambda: np.ones(1))
+    between: Interpolator | None = None
+    tones: np.ndarray = dataclasses.field(default_factory=lambda: np.full(TONES, 1 / TONES))
 
     @property
     def range_margins(self) -> tuple[float, float]:
@@ -147,6 +161,61 @@ def _error_table(n: int, n_guard: float, beta: float) -> np.ndarray:
     terms = turn[:, :, None] * spectrum.reshape(n, _STEPS_PER_BIN)
     beyond = np.cumsum(terms[:, ::-1], axis=1)[:, ::-1].reshape(len(position), -1)
     return 2 * (beyond.real ** 2 + beyond.imag ** 2)
+
+
+def correction_error(coverage: Coverage, n: int, n_guard: float, beta: float) -> float:
+    """Mean squared error on a map because its correction mixes tapered lines with wanted ones.
+
+    Parameters
+    ----------
+    coverage : Coverage
+        Which lines are wanted, how they are read, and the frequencies of the image.
+    n : int
+        Lines of the fused grid.
+    n_guard : float
+        Of these, lines of each guard.
+    beta : float
+        Shape of the taper.
+
+    Returns
+    -------
+    float
+        Relative to the power of the image; 0 where no map is read.
+    """
+    if coverage.between is None:
+        return 0.0
+    lines = min(n, math.ceil(2 * n_guard) + _CELLS_BETWEEN)
+    between = coverage.between
+    table = _correction_table(between.oversampling, between.n_taps, len(between.weights) - 1,
+                              lines, n_guard, beta)
+    density = coverage.along_alpha
+    # As in `mean_error`: the edges' share of the grid falls with its length.
+    edge = (lines - 2 * n_guard) / (n - 2 * n_guard)
+    row = (np.arange(lines) - n_guard) / (lines - 2 * n_guard)
+    where = np.where(row < 0.5, row * edge, 1 - (1 - row) * edge)
+    share = np.interp(where, (np.arange(len(density)) + 0.5) / len(density), density, 0.0, 0.0)
+    return float(coverage.tones @ table @ share) / (n - 2 * n_guard)
+
+
+@functools.lru_cache(maxsize=64)
+def _correction_table(oversampling: float, taps: int, degree: int, n: int, n_guard: float,
+                      beta: float) -> np.ndarray:
+    """(TONES, n) mean squared error of tones by the line before the place that is read."""
+    between = design_interpolator(oversampling, taps=taps, degree=degree, corrected=True)
+    taper, line = edge_taper(n, n_guard, beta), np.arange(n)
+    cycles = 0.5 * (np.arange(TONES) + 0.5) / TONES
+    tones = np.exp(2j * np.pi * np.outer(cycles, line))
+    # what is read less what would be if all lines were right
+    mixed = np.fft.ifft(between.gain(np.fft.fftfreq(n)) * np.fft.fft(taper * tones))
+    mixed -= between.gain(cycles)[:, None] * tones
+    powers = ((np.arange(_PLACES) + 0.5) / _PLACES)[:, None] ** np.arange(len(between.weights))
+    error = np.zeros((TONES, n))
+    for weights in powers @ between.weights:
+        taps = np.zeros(n)
+        np.add.at(taps, -(between.first + np.arange(between.n_taps)) % n, weights)
+        read = np.fft.ifft(np.fft.fft(mixed) * np.fft.fft(taps))
+        error += (read.real ** 2 + read.imag ** 2) / _PLACES
+    return error
 
 
 def taper_shape(n_guard: float, oversampling: float) -> float:

@@ -10,9 +10,8 @@ from ..geometry.polar import PolarGrid
 from .fusion_grid import FusionGrid
 from .interpolation import design_interpolator
 from .kernels import _cos_cycles, _fraction, _sin_cycles
+from .map_edges import edge_positions
 from .resampling import CORRECTED_TAPS, DEGREE, NOT_READ, TAPS, margin, polar_to_map
-
-_EDGE_SAMPLES = 65  # per edge of the map
 
 
 def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid,
@@ -79,20 +78,18 @@ def covers(polar: PolarGrid, grid: MapGrid) -> bool:
     """True when a polar grid reaches as far beyond a map as interpolation reads."""
     if grid.z_m != polar.z_m or min(grid.shape) < TAPS:
         return False
-    x, y = (np.linspace(v[0], v[-1], _EDGE_SAMPLES) for v in (grid.x_m, grid.y_m))
-    edges = [np.stack(np.broadcast_arrays(*pair)) for pair in (
-        (x, y[0]), (x, y[-1]), (x[0], y), (x[-1], y))]
-    edges = np.concatenate(edges, axis=1)
-    axis = _axis(polar, grid)
-    ahead = edges[axis] - polar.origin_m[axis]
-    across = (edges.T - polar.origin_m[:2]) @ polar.across
-    if across.min() <= 0 or ahead.min() * ahead.max() <= 0:
+    axis, reach = _axis(polar, grid), margin(TAPS) - NOT_READ
+    corners = np.array([[x, y] for x in grid.x_m[[0, -1]] for y in grid.y_m[[0, -1]]])
+    offset = corners - polar.origin_m[:2]
+    ahead = offset[:, axis]
+    if (offset @ polar.across).min() <= 0 or ahead.min() * ahead.max() <= 0:
         return False
-    r, alpha = polar.from_map(*edges)
-    axes = (((r - polar.range_start_m) / polar.range_spacing_m, polar.n_range, TAPS),
-            ((alpha - polar.alpha_start) / polar.alpha_spacing, polar.n_alpha, CORRECTED_TAPS))
-    return all(read <= v.min() and v.max() <= n - read - 1
-               for v, n, read in ((v, n, margin(taps) - NOT_READ) for v, n, taps in axes))
+    r, alpha = edge_positions(grid, polar.origin_m, polar.track, axis,
+                              reach * polar.range_spacing_m)
+    axes = (((r - polar.range_start_m) / polar.range_spacing_m, polar.n_range, reach),
+            ((alpha - polar.alpha_start) / polar.alpha_spacing, polar.n_alpha,
+             margin(CORRECTED_TAPS) - NOT_READ))
+    return all(read <= v.min() and v.max() <= n - read - 1 for v, n, read in axes)
 
 
 def _axis(polar: PolarGrid, grid: MapGrid) -> int:

@@ -12,6 +12,7 @@ from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
+from .edge_brightness import EdgeBrightness
 from .interpolation import Interpolator
 from .lattice import total_db
 from .local_bands import Bands, local_bands
@@ -99,7 +100,7 @@ class LivePlan:
                                    target_db=self._target_db - margin_db,
                                    pulses_per_subaperture=length,
                                    oversampling=cover.oversampling, ratio=cover.ratio,
-                                   coverage=map_coverage(polar, grid))
+                                   coverage=map_coverage(polar, grid, cover))
 
         def windows(n_pulses):
             return _for_windows(polar, radar, tx_m, rx_m, n_pulses, cover.between.oversampling)
@@ -147,7 +148,7 @@ class LivePlan:
             return None
         return centre_m, total_db(error_db, self._map_db)
 
-    def image(self, block: PulseBlock) -> np.ndarray:
+    def image(self, block: PulseBlock) -> tuple[np.ndarray, float]:
         """Backproject a sub-aperture.
 
         Parameters
@@ -157,8 +158,11 @@ class LivePlan:
 
         Returns
         -------
-        (n_alpha, n_range) complex64
+        image : (n_alpha, n_range) complex64
             On ``fusion.coarse``, at range baseband.
+        uneven_db : float
+            By how much its error exceeds the predicted one, because what lies right beyond the
+            edges is brighter than the image, dB.
 
         Raises
         ------
@@ -168,7 +172,9 @@ class LivePlan:
         parts = self._stage.image(0, block)
         image = np.empty(parts.shape[1:], np.complex64)
         image.real, image.imag = parts
-        return image
+        brightness = EdgeBrightness(self.fusion, self._stage.sampling.coverage)
+        brightness.add(parts)
+        return image, brightness.uneven_db
 
 
 def _for_windows(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window: int,

@@ -288,12 +288,13 @@ class LiveSubapertures(ApertureSequence):
         # Apertures are equally long but for the last before the counter wraps around.
         counts = [self._count_parts(target.first + i) for i in range(target.n_apertures)]
         before = sum(counts[:aperture.number - target.first])
+        image, uneven_db = target.plan.image(block)
         return SubapertureImage(
-            target.plan.image(block), target.plan.fusion, band[0], target.plan.grid,
+            image, target.plan.fusion, band[0], target.plan.grid,
             block.radar.bandwidth_hz, self._session, target.sequence, target.revision,
             aperture.number, before + number, sum(counts), counts[0], aperture.first + part.start,
             block.n_pulses, part.stop - part.start - block.n_pulses,
-            len(target.apertures[0].seen), aperture.centre_ns(part), band[1])
+            len(target.apertures[0].seen), aperture.centre_ns(part), band[1] + uneven_db)
 
     def _count_parts(self, number: int) -> int:
         """Sub-apertures of an aperture."""

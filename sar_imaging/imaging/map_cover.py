@@ -14,17 +14,17 @@ import numpy as np
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
-from .fusion_error import Coverage
+from .fusion_error import TONES, Coverage
 from .interpolation import Interpolator, coarsest_interpolator, finer_interpolator
 from .lattice import Lattice, half_paths, plan_lattice, remaining_db, sample_paths, total_db
 from .local_bands import TAPERS_NEEDED, used_share
+from .map_edges import EDGE_SAMPLES, edge_positions
 from .range_band import RangeBand
 from .range_window import RangeWindow
 from .resampling import CORRECTED_TAPS, DEGREE, LANES, TAPS, margin
 from .row_weights import row_weights
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
-_EDGE_SAMPLES = 65  # per edge of the map, to find the directions it spans
 _COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
 _MIXED_LINES = 4  # on either side
 _WAVENUMBERS = 7  # of the band
@@ -148,8 +148,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
                            fit_spacing=True, periodic=window.periodic)
     if lattice is None:
         return None
-    polar = _cover(grid, origin, track, side, lattice.spacing * ratio[0] / ratio[1], half_alpha,
-                   between)
+    polar = _cover(grid, frame, lattice.spacing * ratio[0] / ratio[1], half_alpha, between)
     if polar is None:
         return None
     return MapCover(polar, ratio, lattice, window, range_m, axis, between, along, slope_alpha,
@@ -195,8 +194,11 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     return cover, remaining_db(target_db, cover.resampling_db)
 
 
-def map_coverage(polar: PolarGrid, grid: MapGrid) -> Coverage:
-    """How densely what is read for the pixels of a map fills the lines and ranges of its cover."""
+def map_coverage(polar: PolarGrid, grid: MapGrid, cover: MapCover) -> Coverage:
+    """How densely what is read for the pixels of a map fills the lines and ranges of its cover.
+
+    `polar` is that of `cover` or, for images of parts of the track, one with fewer lines.
+    """
     x, y = (np.linspace(v[0], v[-1], _COVERAGE_SAMPLES) for v in (grid.x_m, grid.y_m))
     r, alpha = polar.from_map(*(v.ravel() for v in np.meshgrid(x, y)))
     along_alpha, along_range = (
@@ -208,7 +210,19 @@ def map_coverage(polar: PolarGrid, grid: MapGrid) -> Coverage:
     # What the spectrum's correction for the interpolation between lines mixes is read, too.
     beside = math.ceil(_MIXED_LINES / polar.n_alpha * _COVERAGE_BINS)
     spread = np.convolve(along_alpha, np.full(2 * beside + 1, 1 / (2 * beside + 1)), 'same')
-    return Coverage(spread / spread.mean(), along_range)
+    return Coverage(spread / spread.mean(), along_range, cover.between, _tones(polar, cover))
+
+
+def _tones(polar: PolarGrid, cover: MapCover) -> np.ndarray:
+    """Power of the image by cycles per line, as `Coverage` has it."""
+    k = np.linspace(*cover.wavenumber, _WAVENUMBERS)[:, None, None]
+    cycles = np.abs(k * cover.slope_alpha) * (polar.alpha_spacing / (2 * math.pi))
+    if cycles.max() > 0.5:  # images of parts of the track, which may lie anywhere in its band
+        even = (np.arange(TONES) < TONES / cover.between.oversampling).astype(float)
+        return even / even.sum()
+    weight = np.broadcast_to(cover.weight[:, None], cycles.shape)
+    power = np.histogram(cycles, TONES, (0.0, 0.5), weights=weight)[0]
+    return power / power.sum()
 
 
 def _frame(grid: MapGrid, centres):
@@ -310,20 +324,13 @@ def _range_ratio(spacing: float, n_range: int, local: float) -> tuple[int, int]:
     return next((ratio for ratio in _RANGE_RATIOS if ratio[0] / ratio[1] >= needed), (1, 1))
 
 
-def _cover(grid, origin, track, side, spacing, half_alpha, between) -> PolarGrid | None:
-    """Polar grid that reaches `margin` pixels beyond the map."""
-    x = np.linspace(grid.x_m[0], grid.x_m[-1], _EDGE_SAMPLES)
-    y = np.linspace(grid.y_m[0], grid.y_m[-1], _EDGE_SAMPLES)
-    edges = np.concatenate([np.stack(np.broadcast_arrays(x, side_y), axis=-1)
-                            for side_y in (y[0], y[-1])]
-                           + [np.stack(np.broadcast_arrays(side_x, y), axis=-1)
-                              for side_x in (x[0], x[-1])])
-    dx, dy = edges[:, 0] - origin[0], edges[:, 1] - origin[1]
-    r = np.sqrt(dx ** 2 + dy ** 2 + (origin[2] - grid.z_m) ** 2)
-    alpha = (dx * track[0] + dy * track[1]) / r
+def _cover(grid, frame, spacing, half_alpha, between) -> PolarGrid | None:
+    """Polar grid that reaches `margin` pixels beyond the map, and beyond what its rows read."""
+    origin, track, side, axis = frame
     before, beside = margin(TAPS), margin(between.n_taps)
+    r, alpha = edge_positions(grid, origin, track, axis, before * spacing)
     # between two edge samples
-    slack = 0.5 * max(np.ptp(x), np.ptp(y)) / (_EDGE_SAMPLES - 1)
+    slack = 0.5 * grid.spacing_m * (max(grid.shape) - 1) / (EDGE_SAMPLES - 1)
     extent = np.ptp(alpha) + 2 * slack / r.min()
     alpha_spacing = extent
     if half_alpha:

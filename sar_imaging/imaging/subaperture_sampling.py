@@ -18,7 +18,7 @@ import scipy.fft
 from ..geometry.polar import PolarGrid
 from .aperture_cut import cut_pulses, pieces_between_gaps
 from .first_stage import FirstStage
-from .fusion_error import EVERYTHING, Coverage, mean_error, taper_shape
+from .fusion_error import EVERYTHING, Coverage, correction_error, mean_error, taper_shape
 from .local_bands import SAMPLES_PER_SIDE, Bands, ranges_before, usual_guard
 from .row_transform import row_length
 from .transform_length import quick_length
@@ -31,6 +31,9 @@ _AHEAD = (4, 2, 1, 0)  # choices to look ahead in both
 _LEAST_RANGE_GUARD = 16
 _WIDE_GUARD = 3.0  # times those along direction: there the error is far less
 _NEARER = (0.7, 0.9)  # shares of the furthest distance from the centre, which are told apart
+# Most of the error is that of the rows at the two ends of a sub-aperture's band: where these are
+# few, it is theirs by chance. Relative deviation of one of them, in images of few scatterers.
+_CHANCE = 1.2
 # At which errors are looked up: sub-apertures, rows of each, wavenumbers of each row
 _CUTS_FOR_ERROR, _ROWS_FOR_ERROR, _WAVENUMBERS = 16, 24, 6
 
@@ -254,6 +257,7 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, weight, cent
     weight = np.broadcast_to(np.reshape(weight, (-1, 1)), (len(slope), 1))
     error = mean_error(s.n_coarse, s.n_guard, s.beta, frequency, weight, bands.position,
                        s.coverage.along_alpha)
+    error += correction_error(s.coverage, s.n_fine, s.n_guard * s.n_fine / s.n_coarse, s.beta)
     # Along range the same happens over a length that grows with the distance from the centre.
     away = np.broadcast_to(np.abs(np.ravel(centre_m)), len(slope))
     furthest = max(float(np.abs(s.centre).max()), float(away.max()), 1e-9)
@@ -264,7 +268,7 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, weight, cent
                  / polar.range_spacing_m)
         error += (weight[some].sum() / weight.sum()) * _range_error(
             s, polar, frequency[:, some], weight[some], shift)
-    return error
+    return error * (1 + _CHANCE / math.sqrt(2 * len(s.pulses)))
 
 
 def _range_error(s: Sampling, polar: PolarGrid, frequency, weight, shift: float) -> float:

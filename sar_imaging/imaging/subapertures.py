@@ -31,6 +31,7 @@ from .work_space import aligned_empty
 
 _STAGE_SHARE_DB = 6.0  # of the target: by so much less the error of sub-aperture images
 _MARGIN_DB = 0.5  # predictions are as good as that (docs/benchmarks.md)
+_MOST_FILLED = 0.93  # of the band along range: tapers widen it (measured: no harm up to 0.89)
 _SAMPLES_PER_SIDE = 5  # grid positions at which the paths are bounded
 _SAMPLES_PER_EDGE = 33
 _ROWS_FOR_PATHS = 512  # enough to bound how paths differ along a line
@@ -163,6 +164,12 @@ class SubaperturePlan:
         usual = dataclasses.replace(polar, n_range=polar.n_range * ratio[0] // ratio[1],
                                     range_spacing_m=polar.range_spacing_m * ratio[1] / ratio[0])
         lattice = self._plan_lattice(paths, usual.range_spacing_m, self.n_samples)
+        filled = bands.half_range * usual.range_spacing_m / math.pi
+        if filled > _MOST_FILLED:
+            raise ValueError(
+                f'the sub-aperture images fill {filled:.0%} of what the ranges of the polar grid '
+                f'hold, at most {_MOST_FILLED:.0%} can be fused: the elevation changes too much '
+                'over this aperture; use Backprojector')
         lengths = (pulses_per_subaperture,) if pulses_per_subaperture else LENGTHS
         self.sampling = choose_sampling(polar, bands, tx_m, rx_m, lengths,
                                         self._first_stage(usual, lattice, tx_m, rx_m,
@@ -183,8 +190,13 @@ class SubaperturePlan:
         range_m = _bounds(self.coarse, tx_m, rx_m)
         window = band or RangeWindow.around(radar, self.n_samples, range_m)
         padding = 0 if window.periodic else _PADDING
+        # rows of one sub-aperture share phases, never those of two
+        per_path = tx_m[..., 0].size / len(paths.length)
+        first = {int(p.start * self._n_channels / per_path) for p in s.pulses}
+        paths = dataclasses.replace(paths, parts=tuple(sorted(first)))
         self.lattice = self._plan_lattice(paths, self.coarse.range_spacing_m,
-                                          window.n_samples + padding)
+                                          window.n_samples + padding,
+                                          remaining_db(target_db, s.error_db))
         self.beams = self._first_stage(
             self.coarse, self.lattice, tx_m, rx_m, range_m).choose_beams(
                 s.pulses, self.coarse.n_alpha * self.coarse.n_range)
@@ -205,13 +217,15 @@ class SubaperturePlan:
         return FirstStage(grid, span, self.radar, lattice, tx_m, rx_m, self._lattice_db, range_m,
                           padding_m)
 
-    def _plan_lattice(self, paths, spacing, n_samples):
-        lattice = plan_lattice(paths, spacing, self.polar.n_range, self.radar, n_samples,
-                               self._lattice_db, periodic=self._band is not None)
-        if lattice is None:
-            raise ValueError('the polar grid does not follow the range of this track (too near, '
-                             'or around the antenna); use Backprojector')
-        return lattice
+    def _plan_lattice(self, paths, spacing, n_samples, *more_db):
+        """Lattice with the usual error, or where there is none, with one of `more_db`."""
+        for error_db in (self._lattice_db, *more_db):
+            lattice = plan_lattice(paths, spacing, self.polar.n_range, self.radar, n_samples,
+                                   error_db, periodic=self._band is not None)
+            if lattice is not None:
+                return lattice
+        raise ValueError('the polar grid does not follow the range of this track (too near, or '
+                         'around the antenna); use Backprojector')
 
     def _cut_warnings(self, length, guard_m: float):
         """Profiles that end within the guards, where the taper should find whole responses."""

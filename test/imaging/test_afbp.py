@@ -54,10 +54,11 @@ def test_target_is_met_and_predicted(make_case, options, target_db, clutter):
     case = make_case(n=128, pulses=128, n_points=n_points, extent=extent, **options)
     plan = _plan(case.grid, case.block, target_db=target_db)
     error = _error_db(plan(case.block), _exact(case.grid, case.block))
-    # Measured: 0.6 dB worse to 0.7 dB better than predicted where clutter is everywhere, 0.5 to
-    # 2.5 dB better where less of it reaches into the guards.
-    better = 1.5 if clutter == 'everywhere' else 3.0
-    assert error <= target_db and -better <= error - plan.predicted_error_db <= 1.2
+    # Measured: 0.3 dB worse to 2.6 dB better than predicted where clutter is everywhere, 0.9 to
+    # 3.6 dB better where less of it reaches into the guards. Few sub-apertures are predicted by 1
+    # to 2 dB more, since rows at the ends of their bands may be bright by chance.
+    better = 3.0 if clutter == 'everywhere' else 4.0
+    assert error <= target_db and -better <= error - plan.predicted_error_db <= 1.0
 
 
 @pytest.mark.parametrize('options', GEOMETRIES, ids=str)

@@ -1,0 +1,108 @@
+"""What tapers do to the lines that a map is read from, against lines that were tapered."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from sar_imaging.geometry import MapGrid
+from sar_imaging.imaging.afbp import AfbpImager
+from sar_imaging.imaging.edge_brightness import EdgeBrightness
+from sar_imaging.imaging.fusion_error import TONES, Coverage, correction_error, edge_taper
+from sar_imaging.imaging.fusion_map import covers
+from sar_imaging.imaging.interpolation import design_interpolator
+from sar_imaging.imaging.map_cover import cover_map
+from sar_imaging.imaging.resampling import CORRECTED_TAPS, DEGREE
+from sar_imaging.simulation.random_cases import random_case
+
+
+def _read_error(between, cycles, n, guard, beta, places):
+    """Mean squared error of a tapered tone that is corrected and read at some places."""
+    tone = np.exp(2j * np.pi * cycles * np.arange(n)) * edge_taper(n, guard, beta)
+    spectrum = np.fft.fft(tone) * between.gain(np.fft.fftfreq(n))
+    lines = np.fft.ifft(spectrum)
+    read = np.zeros(len(places), complex)
+    for i, place in enumerate(places):
+        first, t = int(place), place % 1
+        for tap in range(between.n_taps):
+            weight = sum(w * t ** q for q, w in enumerate(between.weights[:, tap].astype(float)))
+            read[i] += weight * lines[(first + between.first + tap) % n]
+    return np.mean(np.abs(read - np.exp(2j * np.pi * cycles * places)) ** 2)
+
+
+@pytest.mark.parametrize('oversampling', [1.12, 1.22, 1.5])
+@pytest.mark.parametrize(('n', 'guard', 'beta'), [(36, 4.0, 4.0), (48, 5.2, 2.6), (400, 9.0, 6.0)])
+def test_lines_mixed_with_tapered_ones_err_as_told(oversampling, n, guard, beta):
+    between = design_interpolator(oversampling, taps=CORRECTED_TAPS, degree=DEGREE,
+                                  corrected=True)
+    share = 0.5 / TONES
+    for number in (0, TONES // 2, int(TONES / oversampling) - 1):
+        tones = (np.arange(TONES) == number).astype(float)
+        cycles = (number + 0.5) * share
+        # all of the grid between its guards is wanted, but for eight lines at each end
+        density = np.zeros(n * 8)
+        wanted = slice(*(round(8 * n * v / (n - 2 * guard)) for v in (8, n - 2 * guard - 8)))
+        density[wanted] = 1
+        density /= density.mean()
+        told = correction_error(Coverage(density, between=between, tones=tones), n, guard, beta)
+        places = np.linspace(guard + 8, n - guard - 8, 2000)
+        all_lines = float(between.error_at(cycles))
+        measured = _read_error(between, cycles, n, guard, beta, places)
+        # Both errors add up but for what they have in common; a table of lines is coarse
+        assert 10 * np.log10(measured) == pytest.approx(10 * np.log10(told + all_lines), abs=2.0)
+
+
+def test_nothing_is_mixed_where_no_map_is_read():
+    assert correction_error(Coverage(), 64, 5.0, 3.0) == 0.0
+
+
+def _brightness(brighter_db, where):
+    """Of an image of noise that is brighter in one place, judged for a map in its middle."""
+    case = random_case(7)
+    p = case.profiles
+    plan = AfbpImager(case.grid, p.radar, p.n_samples, p.tx_m, p.rx_m, target_db=-50.0)
+    fusion = plan.subapertures.fusion_grid
+    rng = np.random.default_rng(1)
+    parts = rng.normal(size=(2, fusion.n_coarse, fusion.n_coarse_range)).astype(np.float32)
+    parts[(slice(None), *where(fusion))] *= np.float32(10 ** (brighter_db / 20))
+    brightness = EdgeBrightness(fusion, plan.subapertures.sampling.coverage)
+    brightness.add(parts)
+    return brightness
+
+
+@pytest.mark.parametrize('where', [
+    lambda g: (slice(0, math.ceil(g.n_guard)),), lambda g: (slice(-math.ceil(g.n_guard), None),),
+    lambda g: (slice(None), slice(0, g.range_guard)),
+    lambda g: (slice(None), slice(-g.range_guard, None))], ids=['first', 'last', 'near', 'far'])
+def test_bright_guards_are_noticed_on_each_side(where):
+    # noise of a few hundred samples is known within 0.5 dB
+    assert _brightness(20.0, where).uneven_db == pytest.approx(20.0, abs=1.0)
+    assert _brightness(0.0, where).uneven_db == 0.0
+
+
+def test_an_empty_image_beside_a_bright_edge_has_a_finite_figure():
+    brightness = _brightness(-400.0, lambda g: (slice(math.ceil(g.n_guard), None),))
+    assert 20.0 < brightness.uneven_db <= 100.0
+
+
+def test_a_bright_map_is_not_uneven():
+    middle = _brightness(20.0, lambda g: (slice(math.ceil(g.n_guard), -math.ceil(g.n_guard)),
+                                          slice(g.range_guard, -g.range_guard)))
+    assert middle.uneven_db == 0.0 and middle.excess_db < -15.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 1999))
+def test_a_cover_reaches_as_far_as_the_rows_of_its_map_read(seed):
+    """Slanting rows, too; and what ends with the directions of the map itself does not."""
+    case = random_case(seed)
+    p = case.profiles
+    rows = (a.reshape(-1, 3) for a in (p.tx_m, p.rx_m))
+    cover = cover_map(case.grid, *rows, p.radar, p.n_samples, -60.0, -60.0, corrected=True)
+    if cover is None:
+        return
+    assert covers(cover.polar, case.grid)
+    grid = case.grid
+    wider = MapGrid(grid.centre_m, grid.n_x + 64, grid.n_y + 64, grid.spacing_m)
+    assert not covers(cover.polar, wider)
