@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import zipfile
 from collections.abc import Mapping
 
 import numpy as np
 
+from sar_imaging.files import check_file
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.imaging.memory import available_bytes
 from sar_imaging.imaging.terrain import Terrain
 
 from .parameters import ConfigurationError, Parameter
@@ -28,6 +32,19 @@ def terrain_heights(parameters: Mapping[str, object], grid: MapGrid) -> np.ndarr
     if not path:
         return None
     try:
+        _check_size(path)
         return Terrain.load(path).heights(grid)
     except ValueError as error:
         raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: {error}') from error
+
+
+def _check_size(path: str) -> None:
+    """Refuse files whose arrays do not fit into half of the memory, packed as they may be."""
+    most = available_bytes() // 2
+    check_file(path, most)
+    with contextlib.suppress(OSError, zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
+        # What is no archive is told of when it is read.
+        total = sum(member.file_size for member in archive.infolist())
+        if total > most:
+            raise ValueError(f'terrain {path} unpacks to {total / 1e6:.3g} MB, more than half of '
+                             'the memory; write fewer heights')

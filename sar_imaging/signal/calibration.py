@@ -16,8 +16,10 @@ import numpy as np
 import yaml
 from scipy import fft
 
+from ..files import check_file
 from .pulses import PulseBlock
 
+MOST_BYTES = 1_000_000  # of a file: thousands of channels
 _HEADER = """\
 # Channel calibration: what each channel records relative to a perfect one, and is divided by.
 # amplitude: factor; phase_deg: at the carrier; delay_s: of the envelope. In order of channels.
@@ -137,9 +139,18 @@ class ChannelCalibration:
             The file is missing, is not YAML of this form, or holds impossible numbers.
         """
         try:
+            check_file(path, MOST_BYTES)
             values = yaml.safe_load(Path(path).read_text())
-        except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-            raise CalibrationError(f'calibration {path} cannot be read: {error}') from error
+        except yaml.YAMLError as error:
+            # The text of the error quotes the file, which need not be meant for whoever asked.
+            mark = getattr(error, 'problem_mark', None)
+            where = '' if mark is None else f' in line {mark.line + 1}'
+            raise CalibrationError(f'calibration {path} is no YAML{where}; expected what the tool '
+                                   'calibrate writes') from error
+        except UnicodeDecodeError as error:
+            raise CalibrationError(f'calibration {path} is no text') from error
+        except (OSError, ValueError) as error:
+            raise CalibrationError(f'calibration {error}') from error
         if not isinstance(values, dict) or set(values) != set(_FIELDS):
             raise CalibrationError(f'calibration {path}: expected the lists {", ".join(_FIELDS)} '
                                    'and nothing else')
@@ -153,8 +164,11 @@ class ChannelCalibration:
 
 def _numbers(values) -> np.ndarray:
     if not isinstance(values, list) or any(isinstance(v, bool) for v in values):
-        raise ValueError(f'{values!r} is no list of numbers, one per channel')
-    return np.array([float(v) for v in values])
+        raise ValueError('expected lists of numbers, one per channel')
+    try:
+        return np.array([float(v) for v in values])
+    except ValueError:
+        raise ValueError('expected lists of numbers, one per channel') from None
 
 
 def _wrapped(phase_rad: np.ndarray) -> np.ndarray:

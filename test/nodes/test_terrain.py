@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from msg_conversions.images import complex_from_message
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.terrain import Terrain
+from sar_imaging.nodes import terrain
+from sar_imaging.nodes.parameters import ConfigurationError
 from sar_imaging.tools.node_processes import parameters_from_truth
 
 
@@ -45,3 +48,13 @@ def test_impossible_terrain_is_refused(start_node, tmp_path):
         assert node.exit_code('backprojection') == 1
         assert text in node.log('backprojection')
         assert 'parameter terrain.file' in node.log('backprojection')
+
+
+def test_terrain_that_unpacks_to_more_than_the_memory_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(terrain, 'available_bytes', lambda: 10_000_000)
+    axis = np.linspace(0.0, 1.0, 1000)
+    path = tmp_path / 'flat.npz'
+    Terrain(axis, axis, np.zeros((1000, 1000))).save(path)  # 8 MB of zeros
+    assert path.stat().st_size < 100_000
+    with pytest.raises(ConfigurationError, match='unpacks to 8.02 MB, more than half of the mem'):
+        terrain.terrain_heights({'terrain.file': str(path)}, MapGrid((0, 0, 0), 2, 2, 0.1))

@@ -111,3 +111,42 @@ def test_pulses_from_another_host_give_the_same_images(two_hosts, spotlight, tmp
     assert spotlight.error_db(image, grid, np.arange(128, 256)) < LARGEST_ERROR_DB
     assert 'image of aperture 0: 128 pulses, missing none' in logs
     assert 'image of aperture 1: 128 pulses, missing none' in logs
+
+
+PROBE = """
+import rclpy, sys, time
+rclpy.init()
+node = rclpy.create_node('probe')
+deadline = time.monotonic() + float(sys.argv[2])
+seen = set()
+while sys.argv[1] not in seen and time.monotonic() < deadline:
+    time.sleep(0.05)
+    seen |= set(node.get_node_names())
+print(' '.join(sorted(seen)))
+"""
+
+
+def test_localhost_discovery_hides_a_node_but_keeps_nobody_out(two_hosts, tmp_path):
+    """As docs/security.md says: a host that names this one as its static peer reaches it."""
+    other_host, robot = two_hosts
+    environment = isolated_environment() | {'ROS_LOG_DIR': str(tmp_path)}
+    visible, hidden = 'range_compression', 'pulse_buffer'
+
+    def seen(until, **variables):
+        probe = subprocess.run(
+            [*other_host, sys.executable, '-c', PROBE, until, str(PATIENCE_S)], text=True,
+            env=environment | variables, stdout=subprocess.PIPE, check=True)
+        return probe.stdout.split()
+
+    with contextlib.ExitStack() as stack:
+        for name, reach in ((hidden, 'LOCALHOST'), (visible, 'SUBNET')):
+            node = stack.enter_context(subprocess.Popen(
+                [*robot, sys.executable, '-m', f'sar_imaging.nodes.{name}', *NO_LOG_FILES],
+                env=environment | {'ROS_AUTOMATIC_DISCOVERY_RANGE': reach}, text=True,
+                stderr=subprocess.PIPE))
+            stack.callback(node.send_signal, signal.SIGINT)
+            assert any('ready' in line for line in node.stderr)
+        # The one that was there first would have been seen by the time the other one is.
+        assert hidden not in seen(visible, ROS_AUTOMATIC_DISCOVERY_RANGE='SUBNET')
+        assert hidden in seen(hidden, ROS_AUTOMATIC_DISCOVERY_RANGE='SUBNET',
+                              ROS_STATIC_PEERS='10.77.0.2')

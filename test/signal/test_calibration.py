@@ -114,10 +114,11 @@ def test_a_file_written_by_hand_is_read(tmp_path):
 
 
 @pytest.mark.parametrize(('text', 'message'), [
-    (None, 'cannot be read'), ('{', 'cannot be read'), ('a', 'expected the lists'),
+    (None, 'cannot be read: No such file'), ('a: b\n{', 'is no YAML in line 2'),
+    ('a', 'expected the lists'),
     ('amplitude: [1]\nphase_deg: [1]', 'expected the lists'),
-    ('amplitude: 1\nphase_deg: [1]\ndelay_s: [1]', 'no list of numbers'),
-    ('amplitude: [x]\nphase_deg: [1]\ndelay_s: [1]', 'could not convert'),
+    ('amplitude: 1\nphase_deg: [1]\ndelay_s: [1]', 'expected lists of numbers'),
+    ('amplitude: [x]\nphase_deg: [1]\ndelay_s: [1]', 'expected lists of numbers'),
     ('amplitude: [[1]]\nphase_deg: [1]\ndelay_s: [1]', 'must be a string or a real number'),
     ('amplitude: [1]\nphase_deg: [1, 2]\ndelay_s: [1]', 'one number per channel'),
     ('amplitude: []\nphase_deg: []\ndelay_s: []', 'one number per channel'),
@@ -128,6 +129,24 @@ def test_impossible_files_are_refused(tmp_path, text, message):
     if text is not None:
         path.write_text(text)
     with pytest.raises(CalibrationError, match=message):
+        ChannelCalibration.load(path)
+
+
+@pytest.mark.parametrize('text', ['password: [hunter2', 'amplitude: [hunter2]\nphase_deg: [1]\n'
+                                  'delay_s: [1]', 'amplitude: hunter2\nphase_deg: 1\ndelay_s: 1'])
+def test_what_is_said_of_a_file_does_not_quote_it(tmp_path, text):
+    """Who may set the parameter need not be one who may read the file."""
+    path = tmp_path / 'secret'
+    path.write_text(text)
+    with pytest.raises(CalibrationError) as error:
+        ChannelCalibration.load(path)
+    assert 'hunter2' not in str(error.value) and 'secret' in str(error.value)
+
+
+def test_large_files_are_not_read(tmp_path):
+    path = tmp_path / 'large'
+    path.write_bytes(bytes(1_000_001))
+    with pytest.raises(CalibrationError, match='has 1 MB; expected at most 1 MB'):
         ChannelCalibration.load(path)
 
 
