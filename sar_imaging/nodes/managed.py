@@ -16,6 +16,7 @@ from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.logging import get_logger
 from rclpy.publisher import Publisher
@@ -32,6 +33,7 @@ from .parameters import (
     command_line_parameters,
 )
 
+RCLError = rclpy_implementation.RCLError
 DIAGNOSTICS_PERIOD_S = 1.0
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -264,7 +266,7 @@ def run(node_class: type[ManagedNode], args: list[str] | None = None) -> int:
     try:
         _init(args)
         if not interrupted.is_set():
-            node = node_class()
+            node = _created(node_class)
             executor = SingleThreadedExecutor()
             executor.add_node(node)
             if node.parameters['autostart'] and not node.start():
@@ -286,6 +288,15 @@ def run(node_class: type[ManagedNode], args: list[str] | None = None) -> int:
         # rclpy has put the default back: another Ctrl-C would look like a crash from here on.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     return 0
+
+
+def _created(node_class: type[ManagedNode]) -> ManagedNode:
+    try:
+        return node_class()
+    except RCLError as error:
+        if not rclpy.ok():
+            raise  # Ctrl-C has just shut the context down
+        raise ConfigurationError(f'the middleware cannot create the node: {error}') from error
 
 
 def fail(name: str, error: ConfigurationError) -> int:

@@ -1,5 +1,7 @@
 """Access control of SROS 2: the policy names what the nodes really have, and who may do what."""
 
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -174,3 +176,25 @@ def test_files_that_are_none_are_refused_and_the_node_lives_on(ros_environment, 
     finally:
         node.destroy_node()
         rclpy.try_shutdown()
+
+
+# What rmw looks for in an enclave before it asks the middleware.
+ARTIFACTS = ('identity_ca.cert.pem', 'cert.pem', 'key.pem', 'permissions_ca.cert.pem',
+             'governance.p7s', 'permissions.p7s')
+
+
+def test_security_that_cannot_be_enforced_ends_the_node_with_one_line(ros_environment, tmp_path):
+    """The Fast DDS of the wheels has no security; elsewhere the empty keys are wrong."""
+    enclave = tmp_path / 'enclaves' / 'sar_imaging' / 'pulse_buffer'
+    enclave.mkdir(parents=True)
+    for name in ARTIFACTS:
+        (enclave / name).write_text('')
+    security = {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce',
+                'ROS_SECURITY_KEYSTORE': str(tmp_path)}
+    result = subprocess.run(
+        [sys.executable, '-m', 'sar_imaging.nodes.pulse_buffer', '--ros-args', '--enclave',
+         '/sar_imaging/pulse_buffer'], env=ros_environment | security, capture_output=True,
+        text=True)
+    assert result.returncode == 1
+    assert 'Traceback' not in result.stderr
+    assert 'the middleware cannot create the node: ' in result.stderr
