@@ -34,7 +34,7 @@ PARAMETERS = (
     Parameter('quicklook.anchor', CLUTTER, 'What is dark in image_quicklook: clutter, the median '
               'of the image, or what lies so much below the peak.', check=one_of(*ANCHORS),
               changes=ANY_TIME),
-    Parameter('quicklook.dynamic_range_db', 60.0, 'Range of image_quicklook from black to white.',
+    Parameter('quicklook.dynamic_range_db', 40.0, 'Range of image_quicklook from black to white.',
               'dB', 1.0, MAX_DYNAMIC_RANGE_DB, changes=ANY_TIME),
     Parameter('map.free_db', 6.0, 'Up to this level above the median amplitude a cell of map is '
               'free (0).', 'dB', -MAX_DYNAMIC_RANGE_DB, MAX_DYNAMIC_RANGE_DB, changes=ANY_TIME),
