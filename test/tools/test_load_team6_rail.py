@@ -144,6 +144,7 @@ def other_folder(folder):
     with np.load(folder / load_team6_rail.FILE) as data:
         kept = {name: data[name] for name in data.files if not name.startswith(('fit', 'nominal'))}
     (folder / load_team6_rail.FILE).unlink()
+    kept['reflector_pos_m'] = np.array([[-1.0, 1.1, 0.0]])
     np.savez(folder / load_team6_rail.TEAM_5.file, **kept, moving_s=[5.0, 7.0],
              reference_time_offset_s=OFFSET_S, reference_range_bias_m=BIAS_M)
     return folder
