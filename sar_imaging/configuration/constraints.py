@@ -53,6 +53,7 @@ def check(acquisition: Acquisition, imaging: Imaging, machine: Machine,
                 *_check_profiles(derived), *_check_window(derived),
                 *_check_pulse_rate(acquisition, derived),
                 *_check_direction(acquisition, derived), *_check_pixels(imaging, derived),
+                *_check_strip(acquisition, imaging, derived),
                 *_check_blocks(acquisition, imaging, derived),
                 *_check_load(imaging, machine, derived)]
     return sorted(findings, key=lambda f: f.severity != 'error')
@@ -187,6 +188,21 @@ def _check_pixels(imaging: Imaging, d: Derived):
                           f'null spacing in {name}, {null:.3g} m: a scatterer between pixels '
                           f'loses up to {loss:.1f} dB; {_round_down(null / 2):g} m or less keep '
                           'it below 1 dB', from_track=True)
+
+
+def _check_strip(a: Acquisition, imaging: Imaging, d: Derived):
+    if not (imaging.subaperture_follow and imaging.mode == 'subapertures'):
+        return
+    grid = imaging.grid
+    # Sliding or not, the map moves on when an aperture begins.
+    for axis, n_pixels, speed in zip('xy', (grid.n_x, grid.n_y), a.velocity_m_per_s, strict=False):
+        size_m, moved_m = n_pixels * grid.spacing_m, abs(speed) * d.aperture_s
+        if moved_m > size_m * _ROUNDING:
+            yield Finding('warning', f'the image follows the antenna, {moved_m:.4g} m along '
+                          f'{axis} from aperture to aperture, and is {size_m:.4g} m long there: '
+                          f'{moved_m - size_m:.4g} m in between are never imaged; raise '
+                          f'grid.size_{axis} to {moved_m:.4g} m or more, or lower '
+                          f'pulses_per_aperture={imaging.pulses_per_aperture}', from_track=True)
 
 
 def _check_blocks(a: Acquisition, imaging: Imaging, d: Derived):

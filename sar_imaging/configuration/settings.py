@@ -111,7 +111,7 @@ class Imaging:
         Limit, too.
     mode : str
         ``'image'`` or ``'subapertures'``.
-    subaperture_target_db, subaperture_pulses, subaperture_sliding
+    subaperture_target_db, subaperture_pulses, subaperture_sliding, subaperture_follow
         Of mode ``'subapertures'``; a length of 0 is the quickest.
     autofocus_track_error, autofocus_time_offset : float
         What autofocus of mode ``'image'`` looks for, metres and seconds; 0 for none.
@@ -141,6 +141,7 @@ class Imaging:
     subaperture_target_db: float = -60.0
     subaperture_pulses: int = 0
     subaperture_sliding: bool = False
+    subaperture_follow: bool = False
     autofocus_track_error: float = 0.0
     autofocus_time_offset: float = 0.0
 

@@ -20,6 +20,9 @@ from .parameters import IMAGING_PARAMETERS, imaging_from_parameters
 from .report import lines, rows
 from .settings import Acquisition, Imaging, Machine
 
+_STRAIGHT_SHARE = 0.75  # of an aperture that was flown straight, before it counts as such
+_OFF_SHARE = 0.25  # of the way flown by which a straight track may be off
+
 
 class Parameters(Protocol):
     """Values by name, such as those of a node; KeyError for a name that it does not have."""
@@ -37,11 +40,58 @@ class StartupReport:
         Derived quantities; empty where they are not known.
     warnings, errors : tuple of str
         What will disappoint, and what makes the configuration impossible.
+    track : TrackWarnings, optional
+        Warnings that hold if the track goes on straight.
     """
 
     lines: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     errors: tuple[str, ...] = ()
+    track: TrackWarnings | None = None
+
+
+class TrackWarnings:
+    """Warnings that wait until the track has gone on straight, as its first block did.
+
+    The row of a raster is straight as well, and what follows from carrying it on is wrong.
+
+    Parameters
+    ----------
+    texts : tuple of str
+        The warnings.
+    block : PulseBlock
+        The first block.
+    acquisition : Acquisition
+        Its straight track.
+    n_pulses : int
+        Of an aperture.
+    """
+
+    def __init__(self, texts: tuple[str, ...], block: PulseBlock, acquisition: Acquisition,
+                 n_pulses: int):
+        self.texts = texts
+        first = int(np.argmin(block.counter))
+        self._counter, self._place_m = int(block.counter[first]), block.phase_centre_m[first]
+        self._step_m = np.array(acquisition.velocity_m_per_s) / acquisition.prf_hz
+        self._enough = _STRAIGHT_SHARE * n_pulses
+
+    def straight(self, block: PulseBlock) -> bool | None:
+        """Whether the track is straight so far; None while too little of it is known.
+
+        Parameters
+        ----------
+        block : PulseBlock
+            The first or a later one, with phase centres.
+        """
+        count = block.counter.astype(np.int64) - self._counter
+        off_m = block.phase_centre_m - self._place_m - count[:, None] * self._step_m
+        flown_m = np.maximum(count, 1) * np.linalg.norm(self._step_m)
+        later = count > 0
+        if np.any(np.linalg.norm(off_m, axis=1)[later] > _OFF_SHARE * flown_m[later]):
+            # Vibration and noise are large beside the first steps, not beside an aperture.
+            if count.max() >= _OFF_SHARE * self._enough:
+                return False
+        return True if count.max() + 1 >= self._enough else None
 
 
 def report_parameters(parameters: Parameters) -> StartupReport:
@@ -69,7 +119,8 @@ def report_block(parameters: Parameters, block: PulseBlock) -> StartupReport:
     """Derive and check everything that a first block and the parameters tell.
 
     The track is carried on straight from the block, so what follows from the track is a warning
-    here where `check_config` has an error.
+    here where `check_config` has an error, and waits in `StartupReport.track` until the track has
+    gone on so.
 
     Parameters
     ----------
@@ -102,9 +153,11 @@ def report_block(parameters: Parameters, block: PulseBlock) -> StartupReport:
         # What follows from the track is not worth reading then.
         findings = [Finding('warning', f'none of the grid lies within the profiles; {advice}'),
                     *(f for f in findings if not f.from_track)]
-    findings = [dataclasses.replace(f, severity='warning') if f.from_track else f
-                for f in findings]
-    return _report(lines(rows(acquisition, imaging, machine, derived)), findings)
+    waiting = tuple(f.text for f in findings if f.from_track)
+    report = _report(lines(rows(acquisition, imaging, machine, derived)),
+                     [f for f in findings if not f.from_track])
+    return dataclasses.replace(report, track=TrackWarnings(
+        waiting, block, acquisition, imaging.pulses_per_aperture) if waiting else None)
 
 
 def acquisition_of(block: PulseBlock, imaging: Imaging) -> Acquisition | None:

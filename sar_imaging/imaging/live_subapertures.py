@@ -21,6 +21,7 @@ from .track_prediction import predict_track
 _LEAST_PULSES = 16  # from which a track is carried on, where nothing came before
 _SHARE_TO_PLAN_AHEAD = 0.75  # of an aperture that must be known
 _SAME_LEG = np.cos(np.deg2rad(15.0))
+_SAME_PLACE = 0.1  # of an aperture, within which a leg begins where another did
 _MOST_REVISIONS = 3  # after which the whole track is awaited
 
 
@@ -58,6 +59,8 @@ class LiveSubapertures(ApertureSequence):
     sub-aperture is checked with its real phase centres; where the error would exceed the target,
     the aperture is planned anew from what is known by then and imaged again from the profiles
     kept, as another revision. Where that happens too often, the end of the aperture is awaited.
+    An aperture that begins where the one before began, as when a radar flies its leg again, takes
+    over that one's plan.
 
     Memory is bounded: the profiles of one aperture, two of a sliding one, and one sub-aperture.
 
@@ -135,6 +138,10 @@ class LiveSubapertures(ApertureSequence):
         if not share.any() or number * self._length > COUNTER_MASK or number == self._tried:
             return
         self._tried = number
+        if self._again and self._targets and self._targets[-1].plan is not None:
+            self._ahead = self._new_target(number)
+            self._ahead.plan = self._targets[-1].plan  # and so on, as far as can be told
+            return
         try:
             # Another cut has to wait: the aperture being filled is cut like this to its end.
             plan = self._plan_for(_Target(number, self._n_apertures, 0), self._cut, slack=1.0)
@@ -158,6 +165,8 @@ class LiveSubapertures(ApertureSequence):
         self._previous: AperturePulses | None = None
         self._memory.clear()
         self._warned = False
+        self._former: _Target | None = None  # the latest that ended, and its plan
+        self._again = False  # the leg before was flown again
         self._flight: np.ndarray | None = None  # direction of the leg that a strip follows
 
     def _begin(self, number: int) -> AperturePulses:
@@ -198,6 +207,8 @@ class LiveSubapertures(ApertureSequence):
                 results += self._image_again(target, slack=0.0)
             if target.refused and ends:
                 self.statistics.apertures_dropped += 1
+            if target.plan is not None and ends:
+                self._former = target
         if aperture.next < len(aperture.seen):  # the last plan has cut it anew
             results += self._advance(aperture, closing=True) + self.catch_up()
         done = aperture if self._n_apertures == 1 else self._previous
@@ -245,11 +256,36 @@ class LiveSubapertures(ApertureSequence):
         block = aperture.block(aperture.part(number, self._cut))
         band = target.plan.check(block.tx_m, block.rx_m)
         if band is None:
-            return self._image_again(target)
+            images = self._fly_again(target)
+            return self._image_again(target) if images is None else images
         return [self._form(target, aperture, number, block, band)]
+
+    def _fly_again(self, target: _Target) -> list[SubapertureImage] | None:
+        """Images with the plan of the aperture before; None where this is not its leg."""
+        former, foreseen = self._former, target.plan
+        if (target.revision or former is None or former.plan in (None, foreseen)
+                or former.plan.length != self._cut
+                or not all(map(self._begin_alike, target.apertures, former.apertures))):
+            return None
+        target.plan, target.revision = former.plan, 1
+        if (images := self._form_all(target)) is None:
+            target.plan, target.revision = foreseen, 0
+            return None
+        self._again = True
+        self._report('plan', f'aperture {target.first} begins where aperture {former.first} began '
+                     'and takes over its plan')
+        return images
+
+    def _begin_alike(self, one: AperturePulses, other: AperturePulses) -> bool:
+        first, before = (a.rx_m[:self._cut, 0][a.seen[:self._cut]] for a in (one, other))
+        track = other.rx_m[other.seen, 0]
+        return (len(first) > 0 < len(before)
+                and np.linalg.norm(first.mean(axis=0) - before.mean(axis=0))
+                < _SAME_PLACE * np.linalg.norm(track[-1] - track[0]))
 
     def _image_again(self, target: _Target, slack: float | None = None) -> list[SubapertureImage]:
         """Plan an aperture anew and image what it has so far."""
+        self._again = False
         while target.revision < _MOST_REVISIONS or slack == 0.0:
             target.revision += 1
             self.statistics.plans_anew += 1

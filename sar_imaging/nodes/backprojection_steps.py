@@ -9,7 +9,7 @@ from std_msgs.msg import Float32MultiArray
 
 from msg_conversions.subaperture_image import to_message
 from msg_conversions.subaperture_wire import as_received
-from sar_imaging.configuration.startup import report_block
+from sar_imaging.configuration.startup import TrackWarnings, report_block
 from sar_imaging.imaging.aperture import ApertureImage, ApertureImager
 from sar_imaging.imaging.aperture_sequence import ApertureSequence
 from sar_imaging.imaging.backprojection import compile_kernels
@@ -89,6 +89,7 @@ class BackprojectionStep(Step):
         self._dropped = False  # by the latest flush
         self._reported_for: tuple | None = None  # radar and shape of the blocks
         self._refusal = ''  # why these cannot be imaged
+        self._track: TrackWarnings | None = None  # that wait for more of it
 
     @classmethod
     def create(cls, parameters: Mapping[str, object],
@@ -123,9 +124,21 @@ class BackprojectionStep(Step):
                 self.health.info('\n  '.join(('derived quantities:', *report.lines)))
             for text in report.warnings:
                 self.health.warning(text)
-            self._refusal = '; '.join(report.errors)
+            self._refusal, self._track = '; '.join(report.errors), report.track
+        self._judge_track(block)
         if self._refusal:
             raise ValueError(self._refusal)
+
+    def _judge_track(self, block: PulseBlock) -> None:
+        """Give the warnings that hold for a straight track, once it has proved straight."""
+        if self._track is None or (straight := self._track.straight(block)) is None:
+            return
+        for text in self._track.texts if straight else ():
+            self.health.warning(text)
+        if not straight:
+            self.health.info('the track does not go on straight; the derived quantities of its '
+                             'aperture hold for a straight one')
+        self._track = None
 
     def flush(self) -> list:
         """Close the aperture: the input pauses, or somebody asks."""

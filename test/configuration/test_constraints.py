@@ -69,6 +69,11 @@ CASES = {
     'pixels apart': ('warning', 'grid.spacing=0.2 m is more than half of the null spacing in '
                      'azimuth, 0.234 m: a scatterer between pixels loses up to 2.8 dB; 0.11 m',
                      {}, {'grid': grid(50.0, 50.0, 0.2)}),
+    # 0.25 m from pulse to pulse, 256 of them.
+    'strip with gaps': ('warning', 'the image follows the antenna, 64 m along y from aperture to '
+                        r'aperture, and is 50.1 m long there: 13.9 m in between are never imaged; '
+                        'raise grid.size_y to 64 m',
+                        {}, {'mode': 'subapertures', 'subaperture_follow': True}),
     'block too large': ('error', 'a block of 32 pulses has 153728 floats, more than '
                         'max_message_elements=1000; lower pulses_per_block',
                         {}, {'max_message_elements': 1000}),
@@ -103,6 +108,14 @@ LIMITS = {
     # Half a second of pulses is enough, however small the blocks are.
     'long blocks': ('are many and small', [{'prf_hz': 10.0}, {'pulses_per_block': 5}],
                     [{'prf_hz': 10.5}, {'pulses_per_block': 5}]),
+    'strip': ('are never imaged',
+              [{}, {'mode': 'subapertures', 'subaperture_follow': True,
+                    'grid': MapGrid((0.0, 0.0, 0.0), 500, 640, 0.1)}],
+              [{}, {'mode': 'subapertures', 'subaperture_follow': True,
+                    'grid': MapGrid((0.0, 0.0, 0.0), 500, 639, 0.1)}]),
+    'no strip': ('are never imaged', [{}, {'mode': 'subapertures', 'subaperture_sliding': True}],
+                 [{}, {'mode': 'subapertures', 'subaperture_sliding': True,
+                       'subaperture_follow': True}]),
     'long recording': ('takes longer than', [{'prf_hz': 400e6 / 1200}, {}],
                        [{'prf_hz': 400e6 / 1199.9}, {}]),
 }

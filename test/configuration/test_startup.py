@@ -83,8 +83,36 @@ def test_what_follows_from_the_track_is_a_warning(car):
     configuration, blocks = car
     far = configuration.nodes['backprojection'] | {'grid.centre_x': 1000.0}
     report = report_block(far, blocks[16])
-    assert report.errors == ()
-    assert any('nothing of it was recorded' in text for text in report.warnings)
+    assert report.errors == report.warnings == ()
+    assert any('nothing of it was recorded' in text for text in report.track.texts)
+
+
+def flown(blocks, n_pulses, track):
+    """Blocks of 16 pulses with other phase centres: (P,) positions along and across, metres."""
+    for start in range(0, n_pulses, 16):
+        counter = np.arange(start, start + 16)
+        place = np.zeros((16, 1, 3))
+        place[:, 0, 0], place[:, 0, 2] = track(counter)
+        place = np.repeat(place, blocks[0].n_channels, axis=1)
+        yield dataclasses.replace(
+            blocks[0], counter=counter, stamp_ns=blocks[0].stamp_ns[0] + counter * 10**7,
+            tx_m=place, rx_m=place)
+
+
+@pytest.mark.parametrize(('track', 'verdict', 'after'), [
+    (lambda n: (0.02 * n, 0 * n), True, 96),
+    (lambda n: (0.02 * n + 0.005 * np.sin(n), 0 * n), True, 96),  # vibration
+    # A raster: 48 steps to and fro, one to the next row; it turns in the fourth block.
+    (lambda n: (0.02 * np.where(n // 48 % 2, 47 - n % 48, n % 48), 0.02 * (n // 48)), False, 64),
+])
+def test_a_track_proves_straight_before_it_is_warned_of(car, track, verdict, after):
+    configuration, blocks = car
+    far = configuration.nodes['backprojection'] | {'grid.centre_x': 1000.0,
+                                                   'pulses_per_aperture': 128}
+    passed = list(flown(blocks, 128, track))
+    waiting = report_block(far, passed[0]).track
+    verdicts = [waiting.straight(block) for block in passed[:after // 16]]
+    assert verdicts == [None] * (len(verdicts) - 1) + [verdict]
 
 
 def test_what_cannot_work_is_an_error(car):

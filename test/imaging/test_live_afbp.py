@@ -331,6 +331,55 @@ def test_the_end_of_a_track_that_cannot_be_foreseen_is_awaited(make_case):
     assert _error_db(result.image, _exact(case, slice(None))) <= result.predicted_error_db + 3.0
 
 
+def _legs(case, starts, length=LENGTH):
+    """One aperture after the other as its counters go on: pulses from these starts of the case."""
+    parts = []
+    for number, start in enumerate(starts):
+        counter = np.arange(number * length, (number + 1) * length)
+        parts.append(dataclasses.replace(
+            case.block.select(slice(start, start + length)), counter=counter.astype(np.uint32),
+            stamp_ns=case.block.stamp_ns[0] + counter * 10**6))
+    return parts
+
+
+@pytest.mark.parametrize('sliding', [False, True])
+def test_a_leg_flown_again_is_not_planned_anew_every_time(fly, sliding):
+    """A player in a loop, or a rail that goes back: the track carried on is not the one flown."""
+    case, starts = fly(), [0, 0, 0, 0, 0]
+    stage = _stage(case, pulses_per_subaperture=CUT, sliding=sliding)
+    fusion, images = LiveFusion(), []
+    for leg in _legs(case, starts):
+        for piece in _pieces(leg, CUT):
+            images += _fuse(fusion, stage.add(piece))
+            images += _fuse(fusion, stage.catch_up())
+            stage.plan_ahead()
+    images += _fuse(fusion, stage.flush()) + fusion.flush()
+    # The second leg alone shows that it comes again; before, two sliding windows were begun.
+    assert stage.statistics.plans_anew <= 2 * sliding
+    assert any('takes over its plan' in text for text in _events(stage, 'plan'))
+    whole = {i.stamp_ns: i for i in images if i.n_pulses == LENGTH}
+    exact = _exact(case, slice(0, LENGTH))
+    for number in range(len(starts)):
+        middle = case.block.stamp_ns[0] + (number * LENGTH + (LENGTH - 1) / 2) * 10**6
+        [image] = [i for stamp, i in whole.items() if abs(stamp - middle) <= 1]
+        assert _error_db(image.image, exact) <= -60.0
+
+
+def test_a_leg_that_goes_on_after_all_is_planned(fly):
+    case = fly(n_pulses=4 * LENGTH)
+    starts = [0, 0, 0, LENGTH, 2 * LENGTH, 3 * LENGTH]
+    stage = _stage(case, pulses_per_subaperture=CUT)
+    fusion, images = LiveFusion(), []
+    for leg in _legs(case, starts):
+        for piece in _pieces(leg, CUT):
+            images += _fuse(fusion, stage.add(piece))
+            stage.plan_ahead()
+    assert len(images) == len(starts)
+    for image, start in zip(images, starts, strict=True):
+        assert _error_db(image.image, _exact(case, slice(start, start + LENGTH))) <= -60.0
+    assert stage.statistics.plans_anew <= 2  # where it goes on, and the first again
+
+
 def test_profiles_that_end_in_the_guards_are_warned_about_once(fly):
     case, cut = fly(), 40  # samples at both ends
     radar = case.block.radar

@@ -65,10 +65,16 @@ def ros_environment(tmp_path_factory):
         yield environment
 
 
-def wait(condition, what, *, describe=lambda: '', work=lambda: time.sleep(0.02)):
-    """Value of `condition` once it is true, doing `work` meanwhile; fails after a long time."""
-    deadline = time.monotonic() + PATIENCE_S
+def wait(condition, what, *, describe=lambda: '', work=lambda: time.sleep(0.02),
+         progress=lambda: None):
+    """Value of `condition` once it is true, doing `work` meanwhile; fails after a long time.
+
+    The time is that since `progress` last had another value, so that a slow machine may go on.
+    """
+    seen, deadline = progress(), time.monotonic() + PATIENCE_S
     while not (value := condition()):
+        if (now := progress()) != seen:
+            seen, deadline = now, time.monotonic() + PATIENCE_S
         if time.monotonic() > deadline:
             pytest.fail(f'waited {PATIENCE_S:g} s for {what}\n{describe()}')
         work()
@@ -190,13 +196,13 @@ class Observer:
         for message in messages:
             self._pulses.publish(message)
 
-    def wait(self, condition, what):
-        """Receive messages until a condition holds; returns its value."""
+    def wait(self, condition, what, **options):
+        """Receive messages until a condition holds; returns its value. Options as of `wait`."""
         def receive():
             self._check()
             self._executor.spin_once(timeout_sec=0.1)
 
-        return wait(condition, what, describe=self._describe, work=receive)
+        return wait(condition, what, describe=self._describe, work=receive, **options)
 
     def call(self, node, service, **fields):
         """Response of a service of a node."""

@@ -30,6 +30,7 @@ LARGEST_DIFFERENCE = {'image': 1e-4, 'subapertures': 2e-3}
 BLOCK = 25  # pulses in a message
 PACE_S = 0.02  # between messages; an aperture of eight takes a sixth of a second
 MOST_UNDERWAY = 16  # messages; more would be a test of the machine's speed
+MOST_APERTURES = 400  # sent while one image is awaited: it is not only late then
 DEAF_S = 0.5  # between messages while more are underway: a node may be down
 SECOND_NS = 10**9
 FIRST_SEED = int(os.environ.get('FAULT_SEED', '5'))
@@ -109,15 +110,27 @@ class Flight:
         self.aperture, self._queue = 0, []
 
     def fly(self, condition, what):
-        """Send at the radar's pace until a condition holds; returns its value."""
+        """Send at the radar's pace until a condition holds; returns its value.
+
+        Waits as long as the nodes make progress, whatever the machine, but not for ever.
+        """
+        most = self.n_sent + MOST_APERTURES * len(self.blocks)
+
         def step():
+            if self.n_sent >= most:
+                pytest.fail(f'{MOST_APERTURES} apertures were sent without {what}')
             pause = PACE_S if self._underway() <= MOST_UNDERWAY * BLOCK else DEAF_S
             if time.monotonic() >= self._sent_s + pause:
                 self.send_next()
                 self._sent_s = time.monotonic()
             return condition()
 
-        return self.observer.wait(step, what)
+        return self.observer.wait(step, what, progress=self._progress)
+
+    def _progress(self):
+        """What the nodes have done so far; sending alone is none."""
+        messages = self.observer.messages
+        return (len(messages['image_complex']), len(messages[f'{self.imager}/progress']))
 
     def _underway(self):
         """Pulses sent that the last node has not finished."""

@@ -168,6 +168,40 @@ def test_what_cannot_be_imaged_is_said_once_and_refused_every_time(grid, profile
     assert len([line for line in log.lines if line.startswith('derived quantities')]) == 2
 
 
+STRIP = 'the image follows the antenna'
+
+
+def strip(grid, **parameters):
+    """Step of a strip: 30 m of flight in an aperture of 100 pulses, images of 20 m of it."""
+    return backprojection(grid, mode=SUBAPERTURES, pulses_per_aperture=100, **{
+        'grid.size_y': 20.0, 'subapertures.follow': True, 'subapertures.pulses': CUT,
+        'subapertures.follow_ahead': 0.0, 'subapertures.follow_left': -10e3} | parameters)
+
+
+def test_gaps_of_a_strip_are_warned_of_once_the_track_is_straight(grid, profiles):
+    step, log = strip(grid)
+    for start in range(0, 200, CUT):
+        step.process(profiles.select(slice(start, start + CUT)))
+        told = [line for line in log.lines if line.startswith(STRIP)]
+        assert len(told) == (start + CUT >= 75)
+    assert 'm in between are never imaged; raise grid.size_y to 29.9' in told[0]
+    step, log = strip(grid, **{'grid.size_y': 40.0})
+    step.process(profiles)
+    assert not any(line.startswith(STRIP) for line in log.lines)
+
+
+def test_a_raster_is_not_warned_of_what_its_first_row_carried_on_would_be(grid, profiles):
+    to_and_fro = np.r_[0:50, 50:0:-1, 0:50, 50:0:-1]
+    places = {name: getattr(profiles, name)[to_and_fro] for name in ('tx_m', 'rx_m')}
+    step, log = strip(grid)
+    for start in range(0, 200, CUT):
+        block = profiles.select(slice(start, start + CUT))
+        step.process(dataclasses.replace(block, **{
+            name: place[start:start + CUT] for name, place in places.items()}))
+    assert not any(line.startswith(STRIP) for line in log.lines)
+    assert any('the track does not go on straight' in line for line in log.lines)
+
+
 def test_every_product_goes_to_who_listens(grid, profiles):
     step, log = backprojection(grid, frame_id='odom', **{'quicklook.dynamic_range_db': 40.0})
     outputs = Outputs('image_complex', 'image_quicklook')
