@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: help demo test lint fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign
+.PHONY: installed help demo test lint fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign
 .DEFAULT_GOAL := help
 
 help:
@@ -47,6 +47,8 @@ help:
 	@echo 'make reproduce-spotlight-letter'
 	@echo '             figures and numbers of Zhang et al., AFBP and FFBP, into out/spotlight_letter'
 	@echo 'make colcon  build and start the package as a ROS workspace does, in build/colcon'
+	@echo 'make environment'
+	@echo '             the virtual environment alone; its Python imports the package from anywhere'
 	@echo 'make clean   remove what these commands made, the environment excepted'
 	@echo 'Variables: PYTHON=python3.12 (interpreter), VENV=path (environment)'
 
@@ -78,7 +80,7 @@ MUTATION_FOLDERS ?= signal geometry autofocus exploitation quality configuration
 MUTATION_RESULTS ?= $(MUTATION)/mutations.json
 
 mutation-campaign:
-	@$(MAKE) --no-print-directory environment VENV=$(MUTATION)
+	@$(MAKE) --no-print-directory installed VENV=$(MUTATION)
 	@$(MUTATION)/bin/python -m pip install --quiet --disable-pip-version-check \
 	    cosmic-ray==8.7.0 coverage==7.17.3
 	@test -e $(MUTATION)/work/coverage || $(MUTATION)/bin/python -m benchmarks.mutations measure
@@ -117,13 +119,21 @@ reproduce-spotlight-letter: environment
 COLCON = build/colcon
 
 colcon:
-	@$(MAKE) --no-print-directory environment VENV=$(COLCON)
+	@$(MAKE) --no-print-directory installed VENV=$(COLCON)
 	@$(COLCON)/bin/python -m pip install --quiet --disable-pip-version-check \
 	    colcon-common-extensions==0.3.0
 	@echo 'colcon build, copied and linked, and every executable ...'
 	@$(COLCON)/bin/python -m pytest test/test_colcon.py
 
-environment:
+# The path from the environment to the checkout, so that both may be moved together, makes the
+# package importable from anywhere.
+environment: installed
+	@$(RUN) -c 'import os, pathlib, sysconfig; site = sysconfig.get_path("purelib"); \
+	    file = pathlib.Path(site, "sar_imaging.pth"); line = os.path.relpath(os.getcwd(), site) + "\n"; \
+	    file.exists() and file.read_text() == line or file.write_text(line)'
+
+# Colcon and the mutation campaign bring copies of the package of their own.
+installed:
 	@if $(RUN) -c 'import rclpy' 2>/dev/null && $(REQUIREMENTS) | cmp -s - "$(INSTALLED)"; then exit 0; fi; \
 	"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null || { \
 	    echo 'Python 3.10 or later is needed, but PYTHON=$(PYTHON) is:' \
