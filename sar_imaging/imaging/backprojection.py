@@ -25,7 +25,7 @@ from ..signal.radar import RadarParameters
 from . import merging, polar as polar_plans
 from .image_points import ImagePoints
 from .interpolation import design_interpolator
-from .lattice import plan_lattice, point_lattice, total_db
+from .lattice import Lattice, plan_lattice, point_lattice, total_db
 from .map_lines import MapLines
 from .memory import check_memory
 from .polar_image import add_by_polar
@@ -41,8 +41,27 @@ _CHANCE_DB = 0.5
 _LEAST_TARGET_DB = -100.0  # that float32 reaches
 
 
+@dataclasses.dataclass(frozen=True)
+class _TrackPlan:
+    """How pulses from some phase centres (R, 3) are added to a map, and the error of that."""
+
+    tx_m: np.ndarray
+    rx_m: np.ndarray
+    lines: MapLines
+    window: RangeWindow
+    lattice: Lattice | None
+    polar: polar_plans.PolarPlan | None
+    method: str
+    error_db: float
+
+    def is_for(self, tx_m, rx_m) -> bool:
+        return np.array_equal(tx_m, self.tx_m) and np.array_equal(rx_m, self.rx_m)
+
+
 class Backprojector:
     """Backproject range profiles of one radar onto one grid.
+
+    Pulses from the same places as those before them are imaged by the same plan.
 
     Parameters
     ----------
@@ -127,6 +146,7 @@ class Backprojector:
         self.predicted_error_db = -math.inf
         self.warnings: tuple[str, ...] = ()
         self.method = ''
+        self._plan: _TrackPlan | None = None
 
     def __call__(self, block: PulseBlock) -> np.ndarray:
         """Image of one block.
@@ -213,30 +233,45 @@ class Backprojector:
 
     def _add_to_map(self, rows, image) -> float:
         """Add rows in the quickest way; returns the predicted error."""
-        lines = MapLines(self.grid, *rows[1:])
-        self._check_reach(lines.range_m, rows)
+        plan = self._plan_for(*rows[1:])
+        self._check_reach(plan.lines.range_m, rows)
+        self.method = plan.method
+        if plan.method == 'polar':
+            add_by_polar(plan.polar, self.radar, rows, self.grid, image)
+        elif plan.method == 'lines':
+            self._add_by_lines(plan.lattice, plan.window, plan.lines, rows, image)
+        else:
+            return self._add_by_points(ImagePoints.of_map(self.grid), plan.lines.range_m, rows,
+                                       image)
+        return plan.error_db
+
+    def _plan_for(self, tx_m, rx_m) -> _TrackPlan:
+        """Plan of these phase centres; the latest one is kept for those that come again."""
+        if self._plan is None or not self._plan.is_for(tx_m, rx_m):
+            self._plan = self._plan_track(tx_m, rx_m)
+        return self._plan
+
+    def _plan_track(self, tx_m, rx_m) -> _TrackPlan:
+        lines = MapLines(self.grid, tx_m, rx_m)
         window = RangeWindow.around(self.radar, self.n_samples, lines.range_m)
         lattice = plan_lattice(lines.paths, 1.0, lines.n_pixels, self.radar, window.n_samples,
                                self._plan_db)
         costs = {'points': point_lattice(self.radar, self.n_samples, self._plan_db).cost
-                 * len(rows[0])}
+                 * len(tx_m)}
+        errors = {'points': 0.0}  # told when they are added
         if lattice is not None:
-            costs['lines'] = lattice.cost * len(rows[0])
+            costs['lines'] = lattice.cost * len(tx_m)
+            errors['lines'] = total_db(lattice.predicted_error_db,
+                                       window.mean_end_error_db(lines.paths.length))
         polar = None
         if min(costs.values()) > polar_plans.COST_RESAMPLING:  # for fewer pulses it cannot pay
-            polar = polar_plans.plan_polar(self.grid, *rows[1:], self.radar, self.n_samples,
+            polar = polar_plans.plan_polar(self.grid, tx_m, rx_m, self.radar, self.n_samples,
                                            self._plan_db)
         if polar is not None:
-            costs['polar'] = polar.cost
-        self.method = min(costs, key=costs.get)
-        if self.method == 'polar':
-            add_by_polar(polar, self.radar, rows, self.grid, image)
-            return polar.predicted_error_db
-        if self.method == 'lines':
-            self._add_by_lines(lattice, window, lines, rows, image)
-            return total_db(lattice.predicted_error_db, window.mean_end_error_db(
-                lines.paths.length))
-        return self._add_by_points(ImagePoints.of_map(self.grid), lines.range_m, rows, image)
+            costs['polar'], errors['polar'] = polar.cost, polar.predicted_error_db
+        method = min(costs, key=costs.get)
+        return _TrackPlan(tx_m.copy(), rx_m.copy(), lines, window, lattice, polar, method,
+                          errors[method])
 
     def _add_by_lines(self, lattice, window, lines, rows, image) -> None:
         profiles = Profiles(window, lattice, lines.range_m)

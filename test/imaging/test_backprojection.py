@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry import MapGrid
+from sar_imaging.imaging import polar as polar_plans
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.signal.spectra import band_spectrum
@@ -163,3 +164,29 @@ def test_impossible_plans_are_refused(make_case):
         Backprojector(case.grid, coarse, 100)
     with pytest.raises(ValueError, match='target_db=-150'):
         _plan(case, target_db=-150.0)
+
+
+def test_pulses_from_the_same_places_need_no_new_plan(make_case, monkeypatch):
+    case = make_case(1e3, pulses=64)
+    moved = dataclasses.replace(case.block, tx_m=case.block.tx_m + [0.0, 3.0, 0.0],
+                                rx_m=case.block.rx_m + [0.0, 3.0, 0.0])
+    fresh = [Backprojector(case.grid, case.block.radar, case.block.n_samples)(block)
+             for block in (case.block, moved)]
+    planned = []
+    plan_polar = polar_plans.plan_polar
+
+    def counted(grid, tx_m, *others):
+        planned.append(tx_m[0, 1])
+        return plan_polar(grid, tx_m, *others)
+
+    monkeypatch.setattr(polar_plans, 'plan_polar', counted)
+    imager = Backprojector(case.grid, case.block.radar, case.block.n_samples)
+    for block, image in zip((case.block, case.block, moved, moved, case.block),
+                            (fresh[0], fresh[0], fresh[1], fresh[1], fresh[0]), strict=True):
+        np.testing.assert_array_equal(imager(block), image)
+    first = case.block.tx_m[0, 0, 1]
+    assert planned == pytest.approx([first, first + 3.0, first])
+    # Phase centres that the caller changes in place are other ones.
+    case.block.tx_m[:] += [0.0, 3.0, 0.0]
+    case.block.rx_m[:] += [0.0, 3.0, 0.0]
+    np.testing.assert_array_equal(imager(case.block), fresh[1])
