@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed help demo test lint fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign
+.PHONY: installed help demo test lint fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign
 .DEFAULT_GOAL := help
 
 help:
@@ -41,6 +41,8 @@ help:
 	@echo 'make prediction-campaign'
 	@echo '             images of 2,000 random geometries beside their predicted errors, 15 minutes of a core;'
 	@echo '             goes on where it was stopped, CASES=100 for few'
+	@echo 'make obstacle-campaign'
+	@echo '             obstacle maps of 300 random scenes beside the truth, 15 minutes of a core; SCENES=10 for few'
 	@echo 'make bags    write the recordings in bags/ again'
 	@echo 'make reproduce-multichannel'
 	@echo '             figures and tables of Rosenberg & Gray into out/multichannel'
@@ -98,6 +100,11 @@ mistakes: environment
 # Every case follows from its seed; what is measured lies in out/prediction_campaign.jsonl.
 prediction-campaign: environment
 	@$(RUN) -m benchmarks.prediction_campaign --cases $${CASES:-2000}
+
+# Results go to benchmarks/results, unless RESULTS names another file.
+obstacle-campaign: environment
+	@$(RUN) -m benchmarks.obstacle_campaign --scenes $${SCENES:-100} \
+	    --results $${RESULTS:-benchmarks/results/obstacles.json}
 
 # The commands of bags/README.md.
 bags: environment

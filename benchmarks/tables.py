@@ -100,6 +100,26 @@ def live(results: dict) -> str:
                         *(f'### {part}\n\n{tables[part]}' for part in tables if part in results)])
 
 
+def obstacles(results: dict) -> str:
+    """Maps of obstacles beside the former rule."""
+    names = {'former': 'former rule, one image', 'first': 'one image', 'all': 'three images'}
+    strengths = [[name, names[rule], *(f'{found} of {n}' for found, n in
+                                       platform[rule]['by_strength'].values())]
+                 for name, platform in results['platforms'].items() for rule in names]
+    columns = next(iter(results['platforms'].values()))['all']['by_strength']
+    return '\n\n'.join([
+        table('platform', 'map', 'found of those 10 dB above clutter', 'false cells per image',
+              'most', 'scenes with any', rows=[
+                  [name, names[rule], f'{100 * p[rule]["detection_probability"]:.1f} %',
+                   p[rule]['false_cells_mean'], p[rule]['false_cells_max'],
+                   f'{p[rule]["scenes_with_false_cells"]} of {p["scenes"]}']
+                  for name, p in results['platforms'].items() for rule in names]),
+        table('platform', 'map', *columns, rows=strengths),
+        table('platform', 'error, median (cells)', '95 %', 'free', 'unknown', 's per image', rows=[
+            [name, p['error_cells_median'], p['error_cells_95_percent'], p['free'], p['unknown'],
+             p['seconds']] for name, p in results['platforms'].items()])])
+
+
 def _entry(row: dict, column: str):
     """Value of a column of a table; ``a.b`` is within a group."""
     for key in column.split('.'):
@@ -122,7 +142,7 @@ def main() -> None:
     parser.add_argument('--results', type=pathlib.Path, default=RESULTS)
     folder = parser.parse_args().results
     for name, describe in (('backprojection', backprojection), ('afbp', afbp),
-                           ('live', live)):
+                           ('live', live), ('obstacles', obstacles)):
         path = folder / f'{name}.json'
         if path.exists():
             print(f'## {name}\n\n{describe(json.loads(path.read_text()))}\n')

@@ -110,56 +110,29 @@ def _median_db(amplitude: np.ndarray, peak) -> float:
     return max(20 * math.log10(float(median) / float(peak)), -250.0)
 
 
-def occupancy(amplitude: np.ndarray, *, free_db: float, range_db: float) -> np.ndarray:
-    """How sure an obstacle reflects at each pixel, from its level above the median.
-
-    The median of the amplitudes is the level of ground or noise, whatever the calibration and
-    however bright the brightest scatterer.
+def occupancy_to_message(cells: np.ndarray, grid: MapGrid, header: Header) -> OccupancyGrid:
+    """Cells of a map for planners, with their place; the bottom row comes first.
 
     Parameters
     ----------
-    amplitude : (n_y, n_x) float
-        Linear amplitude, not negative.
-    free_db : float
-        Up to this level above the median a pixel is free: 0.
-    range_db : float
-        This much higher and beyond it is occupied: 100; in between it is linear in dB.
-
-    Returns
-    -------
-    (n_y, n_x) int8
-        0 to 100, `UNKNOWN` where the amplitude is zero, since nothing was imaged there.
+    cells : (n_y, n_x) int8
+        0 to 100, or `UNKNOWN`; row 0 is the largest y.
+    grid : MapGrid
+        Where the cells are.
+    header : std_msgs.msg.Header
+        Time and frame.
 
     Raises
     ------
     ValueError
-        The image is empty, an amplitude is not finite, or the range is not positive.
+        The cells have another shape or type, or one is out of range.
     """
-    amplitude = np.asarray(amplitude, np.float32)
-    if not 0 < range_db < math.inf or not math.isfinite(free_db):
-        raise ValueError(f'free_db={free_db}, range_db={range_db}; expected finite levels and a '
-                         'range above 0')
-    if amplitude.size == 0 or not np.isfinite(amplitude.sum(dtype=np.float64)):
-        raise ValueError(f'amplitude.shape={amplitude.shape}; expected at least one pixel and '
-                         'finite amplitudes; check the samples that the image was formed from')
-    known = amplitude > 0
-    out = np.full(amplitude.shape, UNKNOWN, np.int8)
-    if known.any():
-        median = np.median(amplitude[known])
-        for cells, row, some in zip(out, amplitude, known, strict=True):
-            # A whole image in double precision would take more memory than all else.
-            level = 20 * np.log10(np.divide(row[some], median, dtype=np.float64))
-            cells[some] = np.rint(np.clip((level - free_db) * (100 / range_db), 0, 100))
-    return out
-
-
-def occupancy_to_message(amplitude: np.ndarray, grid: MapGrid, header: Header, *, free_db: float,
-                         range_db: float) -> OccupancyGrid:
-    """Amplitude as a map for planners: `occupancy`, bottom row first, with its place."""
-    grid.check_image(amplitude)
-    cells = np.ascontiguousarray(occupancy(amplitude, free_db=free_db, range_db=range_db)[::-1])
+    grid.check_image(cells)
+    if cells.dtype != np.int8 or cells.min() < UNKNOWN or cells.max() > 100:
+        raise ValueError(f'cells are {cells.dtype} from {cells.min()} to {cells.max()}; expected '
+                         f'int8 from {UNKNOWN} to 100')
     msg = OccupancyGrid(header=header, info=map_metadata_to_message(grid, header.stamp))
-    msg.data.frombytes(cells.reshape(-1).view(np.uint8))
+    msg.data.frombytes(np.ascontiguousarray(cells[::-1]).reshape(-1).view(np.uint8))
     return msg
 
 

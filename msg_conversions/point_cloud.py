@@ -1,7 +1,9 @@
-"""Moving targets to sensor_msgs/PointCloud2 and back.
+"""Moving targets and obstacles to sensor_msgs/PointCloud2 and back.
 
-Fields, all FLOAT32: ``x``, ``y``, ``z`` (metres, frame of the header), ``radial_velocity`` (m/s,
-positive away from the radar), ``snr`` (dB) and ``radial_velocity_std`` (m/s). Viewers expect
+Fields, all FLOAT32, of moving targets: ``x``, ``y``, ``z`` (metres, frame of the header),
+``radial_velocity`` (m/s, positive away from the radar), ``snr`` (dB) and ``radial_velocity_std``
+(m/s); of obstacles: ``x``, ``y``, ``z``, ``intensity`` (dB above the clutter around) and ``width``
+(metres). Viewers expect
 FLOAT32 places; farther than some 100 km from the origin of the frame these are coarser than 8 mm.
 """
 
@@ -16,19 +18,22 @@ from std_msgs.msg import Header
 from .errors import WireFormatError
 
 FIELDS = ('x', 'y', 'z', 'radial_velocity', 'snr', 'radial_velocity_std')
-_POINT_STEP = 4 * len(FIELDS)
+OBSTACLE_FIELDS = ('x', 'y', 'z', 'intensity', 'width')
 
 
-def to_message(points: np.ndarray, header: Header) -> PointCloud2:
-    """Point cloud of moving targets.
+def to_message(points: np.ndarray, header: Header, fields: tuple[str, ...] = FIELDS
+               ) -> PointCloud2:
+    """Point cloud of moving targets or obstacles.
 
     Parameters
     ----------
-    points : (n, 6) array_like
-        One row per target in the order of `FIELDS`. Infinities and NaN are kept; a place that is
+    points : (n, len(fields)) array_like
+        One row per target in the order of the fields. Infinities and NaN are kept; a place that is
         none makes the cloud one that is not dense.
     header : std_msgs.msg.Header
         Time and frame of the places.
+    fields : tuple of str
+        `FIELDS` or `OBSTACLE_FIELDS`.
 
     Returns
     -------
@@ -41,22 +46,23 @@ def to_message(points: np.ndarray, header: Header) -> PointCloud2:
         The array has another shape.
     """
     points = np.asarray(points, float)
-    if points.ndim != 2 or points.shape[1] != len(FIELDS):
-        raise ValueError(f'points.shape={points.shape}; expected (n, {len(FIELDS)}): '
-                         f'{", ".join(FIELDS)}')
+    if points.ndim != 2 or points.shape[1] != len(fields):
+        raise ValueError(f'points.shape={points.shape}; expected (n, {len(fields)}): '
+                         f'{", ".join(fields)}')
+    step = 4 * len(fields)
     message = PointCloud2(
         header=header, height=1, width=len(points), is_bigendian=sys.byteorder == 'big',
-        point_step=_POINT_STEP, row_step=_POINT_STEP * len(points),
+        point_step=step, row_step=step * len(points),
         is_dense=bool(np.isfinite(points[:, :3]).all()),
         fields=[PointField(name=name, offset=4 * i, datatype=PointField.FLOAT32, count=1)
-                for i, name in enumerate(FIELDS)])
+                for i, name in enumerate(fields)])
     with np.errstate(over='ignore'):  # what float32 cannot hold is infinite to it
         message.data.frombytes(points.astype(np.float32).tobytes())
     return message
 
 
-def from_message(message: PointCloud2) -> np.ndarray:
-    """(n, 6) float64 targets of a point cloud, columns in the order of `FIELDS`.
+def from_message(message: PointCloud2, fields: tuple[str, ...] = FIELDS) -> np.ndarray:
+    """(n, len(fields)) float64 targets of a point cloud, columns in the order of the fields.
 
     The message may have further fields, others in between, and any order.
 
@@ -66,11 +72,11 @@ def from_message(message: PointCloud2) -> np.ndarray:
         A field is missing or has another type, or sizes and data do not fit together.
     """
     known = {field.name: field for field in message.fields}
-    missing = [name for name in FIELDS if name not in known]
+    missing = [name for name in fields if name not in known]
     if missing:
         raise WireFormatError(f'the point cloud has no fields {", ".join(missing)}; expected '
-                              f'{", ".join(FIELDS)} of moving targets')
-    for name in FIELDS:
+                              f'{", ".join(fields)}')
+    for name in fields:
         field = known[name]
         if field.datatype != PointField.FLOAT32 or field.count != 1:
             raise WireFormatError(f'field {name} has datatype {field.datatype} and count '
@@ -85,12 +91,12 @@ def from_message(message: PointCloud2) -> np.ndarray:
                               f'expected {message.height} rows of {message.width} points of '
                               f'{message.point_step} bytes')
     order = '>' if message.is_bigendian else '<'
-    table = np.dtype({'names': FIELDS, 'formats': [f'{order}f4'] * len(FIELDS),
-                      'offsets': [known[name].offset for name in FIELDS],
+    table = np.dtype({'names': fields, 'formats': [f'{order}f4'] * len(fields),
+                      'offsets': [known[name].offset for name in fields],
                       'itemsize': max(message.point_step, 1)})
-    out = np.empty((message.height, message.width, len(FIELDS)))
+    out = np.empty((message.height, message.width, len(fields)))
     for row in range(message.height):
         points = np.frombuffer(message.data, table, message.width, row * message.row_step)
-        for column, name in enumerate(FIELDS):
+        for column, name in enumerate(fields):
             out[row, :, column] = points[name]
-    return out.reshape(-1, len(FIELDS))
+    return out.reshape(-1, len(fields))

@@ -7,12 +7,13 @@ import sys
 import time
 from collections.abc import Mapping
 
+from sar_imaging.exploitation.subaperture_tracks import SubapertureTracks
 from sar_imaging.imaging.live_fusion import FusedImage, LiveFusion
 from sar_imaging.imaging.live_kernels import compile_fusion_kernels
 from sar_imaging.imaging.mosaic import StripMosaic
 from sar_imaging.imaging.subaperture_image import SubapertureImage
 
-from . import autofocus, focus_watch, image_products
+from . import autofocus, focus_watch, image_products, obstacle_products
 from .autofocus import PHASE_GRADIENT, Note, PolarFocus
 from .backprojection_steps import MIN_PULSE_FRACTION
 from .health import Health, Part
@@ -20,6 +21,7 @@ from .image_grid import MAX_IMAGE_PIXELS
 from .image_products import ImageProducts
 from .inlet import SubapertureImages
 from .managed import ManagedNode, run
+from .obstacle_products import ObstacleProducts
 from .parameters import ANY_TIME, Parameter
 from .stage import Stage
 from .step import Step
@@ -36,6 +38,7 @@ PARAMETERS = (
               'pixels; 0 for no strip.', 'pixels', 0, 2**31 - 1),
     PHASE_GRADIENT,
     *image_products.PARAMETERS,
+    *obstacle_products.PARAMETERS,
 )
 
 
@@ -48,9 +51,11 @@ class FusionStep(Step):
     COUNTERS = ('images_published', 'images_progressive', 'images_final', 'subapertures_fused',
                 'subapertures_skipped', 'pulses_missing_in_last_aperture', 'last_image_seconds',
                 'image_latency_seconds', 'predicted_error_db', 'revisions',
-                *focus_watch.COUNTERS, *autofocus.FUSION_COUNTERS)
+                *focus_watch.COUNTERS, *autofocus.FUSION_COUNTERS,
+                *obstacle_products.COUNTERS)
     FAULTS = ('subapertures_missing', 'subapertures_late', 'subapertures_duplicate',
-              'subapertures_refused', 'pulses_missing', 'apertures_dropped', 'restarts')
+              'subapertures_refused', 'pulses_missing', 'apertures_dropped', 'restarts',
+              *obstacle_products.FAULTS)
     IDLE_PARAMETER = 'fusion_timeout_s'
     FORMS_IMAGES = True
 
@@ -63,6 +68,7 @@ class FusionStep(Step):
             self._fusion.focus = PolarFocus(health)
         most = parameters['strip_max_pixels']
         self._strip = StripMosaic(most) if most else None
+        self._tracks = SubapertureTracks()
         self._seconds = 0.0  # of work since the last image
         self._n_window = 0  # sub-apertures of a complete image
         self._underway = 0  # pulses since the last aperture was closed
@@ -72,6 +78,7 @@ class FusionStep(Step):
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publishers of the images; see `Step`."""
         self._products = ImageProducts(node, self.parameters)
+        self._obstacles = ObstacleProducts(node, self.parameters, self.health)
         if self._strip is not None:
             self._strip_products = ImageProducts(node, self.parameters, 'strip/')
 
@@ -85,6 +92,7 @@ class FusionStep(Step):
         """Fuse a sub-aperture image; returns the images that this made possible."""
         before = dataclasses.replace(self._fusion.statistics)
         images = self._follow(self._fusion.add, subaperture)
+        self._tracks.add(subaperture)
         statistics = self._fusion.statistics
         self._underway += subaperture.n_pulses * (statistics.fused - before.fused)
         closed = [image.aperture for image in images if image.final]
@@ -106,6 +114,9 @@ class FusionStep(Step):
     def publish(self, product: FusedImage) -> None:
         """Publish an image on all its topics."""
         self._products.publish(product.image, product.grid, product.stamp_ns)
+        if product.final and self._tracks.is_new(product.aperture):
+            self._obstacles.publish(product.image, product.grid, product.stamp_ns,
+                                    lambda: self._tracks.view(product.aperture))
         if product.final and self._strip is not None:
             self._extend_strip(product)
         seconds, self._seconds = self._seconds, 0.0

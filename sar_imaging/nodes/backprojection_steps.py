@@ -10,6 +10,7 @@ from std_msgs.msg import Float32MultiArray
 from msg_conversions.subaperture_image import to_message
 from msg_conversions.subaperture_wire import as_received
 from sar_imaging.configuration.startup import TrackWarnings, report_block
+from sar_imaging.exploitation.aperture_view import PulseTracks
 from sar_imaging.imaging.aperture import ApertureImage, ApertureImager
 from sar_imaging.imaging.aperture_sequence import ApertureSequence
 from sar_imaging.imaging.backprojection import compile_kernels
@@ -19,13 +20,14 @@ from sar_imaging.imaging.subaperture_image import SubapertureImage
 from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.sequence import describe_counters, describe_range
 
-from . import autofocus, focus_watch, image_products, pose_input
+from . import autofocus, focus_watch, image_products, obstacle_products, pose_input
 from .autofocus import FocusedImage, ImageFocus
 from .focus_watch import FocusWatch, count_focus
 from .health import Health, Part
 from .image_grid import GRID_PARAMETERS, describe_grid, make_grid
 from .image_products import ImageProducts
 from .managed import ManagedNode
+from .obstacle_products import ObstacleProducts
 from .parameters import ANY_TIME, ConfigurationError, Parameter, one_of
 from .step import Step, stream_qos
 from .terrain import TERRAIN_FILE, terrain_heights
@@ -34,6 +36,7 @@ IMAGE, SUBAPERTURES = 'image', 'subapertures'
 MIN_PULSE_FRACTION = Parameter(
     'min_pulse_fraction', 0.5, 'Share of its pulses that an aperture must have to be imaged.', '',
     0.0, 1.0, changes=ANY_TIME)
+_REMEMBERED = 4  # apertures whose phase centres are kept: images may wait for autofocus
 
 PARAMETERS = (
     Parameter('mode', IMAGE, f'{IMAGE}: exact images of whole apertures; {SUBAPERTURES}: '
@@ -60,6 +63,7 @@ PARAMETERS = (
     *autofocus.PARAMETERS,
     *pose_input.TRACK_PARAMETERS,
     *image_products.PARAMETERS,
+    *obstacle_products.PARAMETERS,
 )
 
 
@@ -72,9 +76,10 @@ class BackprojectionStep(Step):
                 'pulses_imaged', 'pulses_missing_in_last_aperture', 'pulses_skipped',
                 'last_image_seconds', 'image_latency_seconds', 'last_plan_seconds',
                 'predicted_error_db', *focus_watch.COUNTERS,
-                *focus_watch.DIAGNOSIS_COUNTERS, *autofocus.COUNTERS)
+                *focus_watch.DIAGNOSIS_COUNTERS, *autofocus.COUNTERS,
+                *obstacle_products.COUNTERS)
     FAULTS = ('pulses_missing', 'pulses_late', 'pulses_duplicate', 'apertures_dropped',
-              'restarts')
+              'restarts', *obstacle_products.FAULTS)
     IDLE_PARAMETER = 'aperture_timeout_s'
     FORMS_IMAGES = True
 
@@ -203,11 +208,15 @@ class ImageStep(BackprojectionStep):
             target_db=parameters['target_db'],
             height_m=terrain_heights(parameters, self._grid),
             keep_pulses=self._focus is not None)
+        self._tracks = PulseTracks(_REMEMBERED * parameters['pulses_per_aperture'])
+        self._obstacles: ObstacleProducts | None = None  # images on terrain have none
         compile_kernels()  # the first image must not wait for it
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publishers of the images; see `Step`."""
         self._products = ImageProducts(node, self.parameters)
+        if not self.parameters[TERRAIN_FILE.name]:
+            self._obstacles = ObstacleProducts(node, self.parameters, self.health)
         if self._positions is not None:
             self._positions.configure(node)
 
@@ -226,6 +235,7 @@ class ImageStep(BackprojectionStep):
         """Add profiles to their aperture; see `BackprojectionStep`."""
         if self._positions is not None:
             self._positions.add(block)
+        self._tracks.add(block)
         return super().process(block)
 
     def collect(self) -> list[ApertureImage]:
@@ -251,6 +261,9 @@ class ImageStep(BackprojectionStep):
     def publish(self, product: ApertureImage) -> None:
         """Publish an image on all its topics."""
         self._products.publish(product.image, product.grid, product.stamp_ns)
+        if self._obstacles is not None:
+            self._obstacles.publish(product.image, product.grid, product.stamp_ns,
+                                    lambda: self._tracks.view(product.counters))
         seconds = self._count_product(product.n_missing, product.predicted_error_db)
         self.health.count('images_published')
         self.health.set('pulses_missing_in_last_aperture', product.n_missing)

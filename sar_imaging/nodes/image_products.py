@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from nav_msgs.msg import MapMetaData, OccupancyGrid
+from nav_msgs.msg import MapMetaData
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
@@ -19,7 +19,6 @@ from msg_conversions.images import (
     amplitude_to_message,
     complex_to_message,
     map_metadata_to_message,
-    occupancy_to_message,
     quicklook_to_message,
 )
 from sar_imaging.geometry.grids import MapGrid
@@ -36,10 +35,6 @@ PARAMETERS = (
               changes=ANY_TIME),
     Parameter('quicklook.dynamic_range_db', 40.0, 'Range of image_quicklook from black to white.',
               'dB', 1.0, MAX_DYNAMIC_RANGE_DB, changes=ANY_TIME),
-    Parameter('map.free_db', 6.0, 'Up to this level above the median amplitude a cell of map is '
-              'free (0).', 'dB', -MAX_DYNAMIC_RANGE_DB, MAX_DYNAMIC_RANGE_DB, changes=ANY_TIME),
-    Parameter('map.range_db', 24.0, 'From map.free_db so much higher a cell of map is occupied '
-              '(100).', 'dB', 0.1, MAX_DYNAMIC_RANGE_DB, changes=ANY_TIME),
 )
 
 
@@ -59,14 +54,11 @@ class ImageProducts:
     def __init__(self, node: Stage, parameters: Mapping[str, object], prefix: str = ''):
         self._parameters = parameters
         self._grid: MapGrid | None = None  # that map_metadata tells
-        self._unmapped: tuple[np.ndarray, Header] | None = None  # for who asks for a map later
         qos = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
         self._complex = node.create_output(Image, f'{prefix}image_complex', qos)
         self._amplitude = node.create_output(Image, f'{prefix}image', qos)
         self._quicklook = node.create_output(Image, f'{prefix}image_quicklook', qos)
         self._map_metadata = node.create_output(MapMetaData, f'{prefix}map_metadata', LATCHED)
-        self._map = node.create_output(OccupancyGrid, f'{prefix}map', LATCHED,
-                                       joined=lambda: node.in_worker(self._publish_map))
 
     @property
     def topic(self) -> str:
@@ -77,7 +69,7 @@ class ImageProducts:
     def wanted(self) -> bool:
         """Whether somebody subscribes to any of the topics."""
         return any(p.get_subscription_count() for p in (
-            self._complex, self._amplitude, self._quicklook, self._map_metadata, self._map))
+            self._complex, self._amplitude, self._quicklook, self._map_metadata))
 
     def announce(self, grid: MapGrid, stamp: Time) -> None:
         """Tell where the images will be, when that has changed."""
@@ -91,7 +83,7 @@ class ImageProducts:
         Parameters
         ----------
         image : (n_y, n_x) complex64
-            Row 0 is the largest y. The array is kept until the next image comes.
+            Row 0 is the largest y.
         grid : MapGrid
             Where its pixels are.
         stamp_ns : int
@@ -111,14 +103,3 @@ class ImageProducts:
                 amplitude, header,
                 dynamic_range_db=self._parameters['quicklook.dynamic_range_db'],
                 anchor=self._parameters['quicklook.anchor']))
-        self._unmapped = image, header
-        self._publish_map()
-
-    def _publish_map(self) -> None:
-        """Publish the latest image as a map, if there is a new one and somebody listens."""
-        if self._unmapped is None or not self._map.get_subscription_count():
-            return
-        (image, header), self._unmapped = self._unmapped, None
-        self._map.publish(occupancy_to_message(
-            np.abs(image), self._grid, header, free_db=self._parameters['map.free_db'],
-            range_db=self._parameters['map.range_db']))

@@ -89,13 +89,6 @@ def test_dynamic_ranges_up_to_their_ends_are_possible(dynamic_range_db):
         images.quicklook(np.ones((1, 1)), 200.001)
 
 
-@pytest.mark.parametrize('range_db', [1e-3, 1e3])
-def test_ranges_of_occupancy_may_have_any_width(range_db):
-    cells = images.occupancy(np.array([[1.0, 1.0, 1e30]]), free_db=6.0, range_db=range_db)
-    assert cells[0, :2].tolist() == [0, 0]
-    assert cells[0, 2] == (100 if range_db < 1 else round((600 - 6) / 10))
-
-
 def test_one_pixel_is_an_image():
     grid = MapGrid((0.0, 0.0, 0.0), 1, 1, 0.5)
     message = images.complex_to_message(np.full((1, 1), 1j), Header())

@@ -34,6 +34,16 @@ def test_round_trip(points):
     assert message.is_dense == bool(np.isfinite(points[:, :3]).all())
 
 
+def test_obstacles_have_fields_of_their_own():
+    rows = np.arange(10, dtype=float).reshape(2, 5)
+    message = through_cdr(point_cloud.to_message(rows, HEADER, point_cloud.OBSTACLE_FIELDS))
+    assert [f.name for f in message.fields] == ['x', 'y', 'z', 'intensity', 'width']
+    np.testing.assert_array_equal(
+        point_cloud.from_message(message, point_cloud.OBSTACLE_FIELDS), rows)
+    with pytest.raises(WireFormatError, match='no fields radial_velocity, snr'):
+        point_cloud.from_message(message)
+
+
 def test_layout_is_what_viewers_expect():
     message = point_cloud.to_message(ROWS, HEADER)
     assert [(f.name, f.offset, f.datatype) for f in message.fields[:3]] == [

@@ -11,7 +11,6 @@ from msg_conversions import pulse_block
 from msg_conversions.images import (
     complex_from_message,
     map_metadata_from_message,
-    occupancy,
     occupancy_from_message,
 )
 from sar_imaging.tools.node_processes import NODES, PIPELINE
@@ -54,14 +53,15 @@ def test_everything_about_a_pipeline(make_chain, make_observer, spotlight):
     assert observer.trigger('sar_pipeline/form_image') == (False, 'no aperture is being filled')
 
     # Who comes late gets the map of the latest image, and profiles while it listens.
-    observer.subscribe(OccupancyGrid, 'map', QoSProfile(
+    observer.subscribe(OccupancyGrid, 'obstacle_map', QoSProfile(
         depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
-    [occupancy_grid] = observer.wait_for('map', 1)
+    [occupancy_grid] = observer.wait_for('obstacle_map', 1)
     assert occupancy_grid.header == image.header
     cells, map_grid = occupancy_from_message(occupancy_grid)
     assert map_grid == grid
-    np.testing.assert_array_equal(cells, occupancy(np.abs(complex_from_message(image)),
-                                                   free_db=6.0, range_db=24.0))
+    row, column = (round(float(v)) for v in grid.to_pixels(
+        *truth['scatterers'][0]['position_m'][:2]))
+    assert cells[row, column] == 100 and np.mean(cells == 0) > 0.5
     observer.subscribe(Float32MultiArray, 'range_profiles')
     chain.wait_for_log('sar_pipeline', 'subscriber on .*range_profiles joined')
     observer.send(blocks[4:])
@@ -74,7 +74,7 @@ def test_everything_about_a_pipeline(make_chain, make_observer, spotlight):
     profiles = received()
     assert [b.compressed for b in profiles] == [True] * len(profiles)
     assert np.concatenate([b.counter for b in profiles]).tolist() == list(range(100, 256))
-    observer.wait_for('map', 2)
+    observer.wait_for('obstacle_map', 2)
 
     # Each stage has its own part in the diagnostics.
     observer.wait_for_counters('sar_pipeline', blocks_received=len(blocks), blocks_rejected=0,

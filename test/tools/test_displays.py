@@ -44,14 +44,14 @@ def foxglove():
 def test_the_source_tells_the_topics():
     topics = published_topics()
     assert topics['/image_quicklook'] == ('Image', False)
-    assert topics['/map'] == ('OccupancyGrid', True)
+    assert topics['/obstacle_map'] == ('OccupancyGrid', True)
 
 
 def test_rviz_shows_topics_of_the_nodes_with_their_quality_of_service(rviz):
     topics = published_topics()
     displays = rviz['Visualization Manager']['Displays']
     shown = {d['Topic']['Value']: d for d in displays if 'Topic' in d}
-    assert {'/image_quicklook', '/map'} <= set(shown) <= set(topics)
+    assert {'/image_quicklook', '/obstacle_map'} <= set(shown) <= set(topics)
     for topic, display in shown.items():
         kind, latched = topics[topic]
         assert DISPLAYS[display['Class']] == kind
@@ -76,7 +76,7 @@ def test_foxglove_shows_topics_of_the_nodes(foxglove):
     topics = published_topics()
     assert topics[panels['Image!quicklook']['imageMode']['imageTopic']][0] == 'Image'
     assert {topics[t][0] for t in panels['3D!map']['topics']} <= {'OccupancyGrid', 'PointCloud2'}
-    assert '/map' in panels['3D!map']['topics']
+    assert '/obstacle_map' in panels['3D!map']['topics']
     health = (PACKAGE / 'nodes' / 'health.py').read_text()
     assert f"'{panels['DiagnosticSummary!nodes']['topicToRender']}'" in health
 

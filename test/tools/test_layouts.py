@@ -70,7 +70,7 @@ def test_topics_are_those_of_the_namespace(tmp_path):
         return [*shown, *panels['3D!map']['topics'],
                 panels['Image!quicklook']['imageMode']['imageTopic']]
 
-    assert '/map' in topics(*plain)
+    assert '/obstacle_map' in topics(*plain)
     assert topics(*named) == [f'/radar1{topic}' for topic in topics(*plain)]
     # What all radars share stays where it is.
     assert named[1]['configById']['DiagnosticSummary!nodes']['topicToRender'] == '/diagnostics'

@@ -1,0 +1,123 @@
+"""The map of obstacles and the cloud of them, built only while somebody listens."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from nav_msgs.msg import OccupancyGrid
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+
+from msg_conversions.images import occupancy_to_message
+from msg_conversions.point_cloud import OBSTACLE_FIELDS, to_message
+from sar_imaging.exploitation.aperture_view import ApertureView
+from sar_imaging.exploitation.obstacle_map import ObstacleMap
+from sar_imaging.exploitation.obstacles import ObstacleDetector
+from sar_imaging.geometry.grids import MapGrid
+
+from .health import Health, Part
+from .managed import LATCHED
+from .parameters import ANY_TIME, Parameter
+
+if TYPE_CHECKING:
+    from .stage import Stage
+
+PARAMETERS = (
+    Parameter('obstacles.false_alarms', 0.1, 'Obstacles per image that clutter may make up in '
+              'obstacle_map, on average.', '', 1e-6, 10.0, changes=ANY_TIME),
+    Parameter('obstacles.memory_s', 60.0, 'Evidence for and against an obstacle fades to 1 / e in '
+              'this time; a cell not looked at for so long is unknown.', 's', 0.01, 1e9,
+              changes=ANY_TIME),
+    Parameter('obstacles.beamwidth', 0.0, 'Beam along the track of an antenna fixed to the '
+              'platform; cells outside of it are unknown. 0.0 where it covers the image or '
+              'follows it.', 'degrees', 0.0, 180.0, changes=ANY_TIME),
+    Parameter('obstacles.squint', 0.0, 'Axis of that beam from broadside, positive ahead.',
+              'degrees', -90.0, 90.0, changes=ANY_TIME),
+)
+COUNTERS = ('obstacle_maps_published', 'obstacles_in_last_map')
+FAULTS = ('obstacle_maps_refused',)
+
+
+class ObstacleProducts:
+    """Publishes `obstacle_map` and `obstacles` of one node.
+
+    Parameters
+    ----------
+    node : Stage
+        Node whose outputs they are.
+    parameters : mapping
+        Current values of `PARAMETERS`.
+    health : Health or Part
+        Where maps are counted, and told why there is none.
+    """
+
+    def __init__(self, node: Stage, parameters: Mapping[str, object], health: Health | Part):
+        self._parameters, self._health = parameters, health
+        self._map = ObstacleMap()
+        self._latest: tuple | None = None  # image that nobody has asked for yet
+        self._refusal = ''
+        joined = {'joined': lambda: node.in_worker(self._publish)}
+        self._grid_output = node.create_output(OccupancyGrid, 'obstacle_map', LATCHED, **joined)
+        self._cloud_output = node.create_output(
+            PointCloud2, 'obstacles', QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE),
+            **joined)
+
+    def publish(self, image: np.ndarray, grid: MapGrid, stamp_ns: int,
+                view: Callable[[], ApertureView]) -> None:
+        """Add the evidence of an image and publish, if somebody listens.
+
+        Parameters
+        ----------
+        image : (n_y, n_x) complex64
+            The array is kept until the next image comes.
+        grid : MapGrid
+            Where its pixels are.
+        stamp_ns : int
+            Middle of the aperture, nanoseconds.
+        view : callable
+            Returns the aperture, or raises ValueError where it cannot be told.
+        """
+        self._latest = image, grid, stamp_ns, view
+        self._publish()
+
+    def _publish(self) -> None:
+        outputs = [p for p in (self._grid_output, self._cloud_output)
+                   if p.get_subscription_count()]
+        if self._latest is None or not outputs:
+            return
+        (image, grid, stamp_ns, view), self._latest = self._latest, None
+        p = self._parameters
+        try:
+            detector = ObstacleDetector(
+                grid, view(), false_alarms=p['obstacles.false_alarms'],
+                beamwidth_rad=math.radians(p['obstacles.beamwidth']),
+                squint_rad=math.radians(p['obstacles.squint']))
+            self._map.memory_s = p['obstacles.memory_s']
+            self._map.add(detector(image), stamp_ns)
+        except (ValueError, MemoryError) as error:
+            self._refuse(str(error))
+            return
+        self._refusal = ''
+        header = Header(stamp=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9),
+                        frame_id=p['frame_id'])
+        obstacles = self._map.obstacles()
+        if self._grid_output in outputs:
+            self._grid_output.publish(occupancy_to_message(self._map.states(), grid, header))
+        if self._cloud_output in outputs:
+            rows = [(*o.position_m, o.intensity_db, o.width_m) for o in obstacles]
+            self._cloud_output.publish(to_message(
+                np.array(rows, float).reshape(-1, len(OBSTACLE_FIELDS)), header,
+                OBSTACLE_FIELDS))
+        self._health.count('obstacle_maps_published')
+        self._health.set('obstacles_in_last_map', len(obstacles))
+
+    def _refuse(self, why: str) -> None:
+        self._health.count('obstacle_maps_refused')
+        if why != self._refusal:
+            self._health.warning(f'no obstacle map of this image: {why}')
+        self._refusal = why
