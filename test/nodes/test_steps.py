@@ -203,7 +203,8 @@ def test_a_raster_is_not_warned_of_what_its_first_row_carried_on_would_be(grid, 
 
 
 def test_every_product_goes_to_who_listens(grid, profiles):
-    step, log = backprojection(grid, frame_id='odom', **{'quicklook.dynamic_range_db': 40.0})
+    step, log = backprojection(grid, frame_id='odom', **{
+        'quicklook.dynamic_range_db': 40.0, 'grid.size_x': 8.0, 'grid.size_y': 40.0})
     outputs = Outputs('image_complex', 'image_quicklook')
     step.create_outputs(outputs)
     images = step.process(profiles)
