@@ -21,6 +21,8 @@ from .reproduction import decibels, draw_grid
 
 DPI = 130
 FLOOR_DB = -50.0
+SCENE_FLOOR_DB = -70.0  # figure 5
+POINT_FLOOR_DB = -60.0  # figures 7 and 8: sidelobes of a Hamming window show
 POINT_SIZE_M = 1.5  # half of the images of figures 7 and 8
 _COLOURS = {'exact': 'black', 'FFBP linear': '#b5493a', 'FFBP cubic': '#e0a030',
             'FFBP knab8': '#5fb878', 'AFBP': '#1f5fa8'}
@@ -45,7 +47,7 @@ def _image(axes, image, grid: MapGrid, centre_m, *, reference=None, floor_db=FLO
     return drawn
 
 
-def shrink(image, n: int = 1000) -> np.ndarray:
+def shrink(image, n: int = 320) -> np.ndarray:
     """Magnitude of a large image with at most `n` pixels a side, the largest of each tile."""
     tile = max(1, math.ceil(max(image.shape) / n))
     rows, columns = (size // tile for size in image.shape)
@@ -59,18 +61,19 @@ def shrink(image, n: int = 1000) -> np.ndarray:
 def draw_scene(path: Path, images: dict[str, np.ndarray], experiment: SpotlightExperiment
                ) -> None:
     """Figure 5: the whole scene by the imagers that the letter compares, from `shrink`."""
-    figure, axes = _figure(1, len(COMPARED), width=5.2 * len(COMPARED) + 1, height=4.4,
-                           sharey=True)
+    figure, axes = _figure(len(COMPARED), 1, width=8.0, height=5.6 * len(COMPARED) + 0.5,
+                           sharex=True)
     centre = experiment.scene_centre_m
-    for panel, name in zip(axes[0], COMPARED, strict=True):
+    for panel, name in zip(axes[:, 0], COMPARED, strict=True):
         image = images[name]
         spacing = experiment.scene_m[0] / image.shape[1]
         grid = MapGrid(centre, image.shape[1], image.shape[0], spacing)
-        drawn = _image(panel, image, grid, centre, title=name, floor_db=-60,
-                       xlabel=f'range \u2212 {centre[0] / 1e3:.1f} km (m)')
-    axes[0, 0].set_ylabel('azimuth (m)')
-    figure.colorbar(drawn, ax=axes, label='dB relative to the maximum')
-    figure.suptitle('Figure 5: the whole scene', fontsize=11)
+        drawn = _image(panel, image, grid, centre, title=name, floor_db=SCENE_FLOOR_DB,
+                       ylabel='azimuth (m)')
+    axes[-1, 0].set_xlabel(f'range \u2212 {centre[0] / 1e3:.1f} km (m)')
+    figure.colorbar(drawn, ax=axes, label='dB relative to the maximum', shrink=0.6)
+    figure.suptitle(f'Figure 5: the whole scene, the brightest of every {spacing:.0f} m',
+                    fontsize=11)
     figure.savefig(path, dpi=DPI)
 
 
@@ -98,15 +101,17 @@ def _draw_point(path: Path, images: dict[str, SubsceneImage], grid: MapGrid, cen
                 cut_of, title: str, marks=()) -> None:
     """Images of a point by the imagers compared and azimuth cuts, those of `CUTS`."""
     shown = [EXACT, *COMPARED]
-    figure, axes = _figure(1, len(shown) + 1, width=3.6 * len(shown) + 8.4, height=4.2,
-                           width_ratios=(*[1.0] * len(shown), 1.8))
-    for panel, name in zip(axes[0], shown, strict=False):
+    figure = Figure(figsize=(9.6, 8.2), layout='constrained')
+    FigureCanvasAgg(figure)
+    above, below = figure.subfigures(2, 1)
+    panels = above.subplots(1, len(shown), sharey=True)
+    for panel, name in zip(panels, shown, strict=True):
         chip, chip_grid = crop(images[name].image, grid, centre_xy, (POINT_SIZE_M,) * 2)
-        drawn = _image(panel, chip, chip_grid, centre_xy, title=name, floor_db=-40,
+        drawn = _image(panel, chip, chip_grid, centre_xy, title=name, floor_db=POINT_FLOOR_DB,
                        xlabel='range (m)')
-    axes[0, 0].set_ylabel('azimuth (m)')
-    figure.colorbar(drawn, ax=axes[0, len(shown) - 1], label='dB', shrink=0.8)
-    cuts = axes[0, -1]
+    panels[0].set_ylabel('azimuth (m)')
+    above.colorbar(drawn, ax=panels, label='dB relative to the maximum', shrink=0.8)
+    cuts = below.subplots()
     for name in CUTS:
         kind = next(k for k in _COLOURS if name.startswith(k))
         line = _LINES.get(name.split(', ')[-1], '-')
@@ -116,7 +121,7 @@ def _draw_point(path: Path, images: dict[str, SubsceneImage], grid: MapGrid, cen
         cuts.axvline(x, color='#e0a030', linewidth=0.8, zorder=0)
     draw_grid(cuts, xlabel='azimuth from the middle (m)', ylabel='dB relative to the maximum',
               xlim=(-2.0, 2.0), ylim=(-70, 1))
-    cuts.legend(fontsize=8, loc='upper left', bbox_to_anchor=(1.01, 1.0))
+    cuts.legend(fontsize=8, loc='center left', bbox_to_anchor=(1.01, 0.5))
     figure.suptitle(title, fontsize=11)
     figure.savefig(path, dpi=DPI)
 

@@ -75,15 +75,17 @@ def draw(images: dict[str, tuple[np.ndarray, MapGrid, np.ndarray]], output: Path
         axis.set(title=f'{name} alignment', xlabel='x (m)', ylabel='y (m)')
     _save(figure, axes, picture, output / 'team6_rail.png')
     places = images[names[0]][2]
-    figure = Figure(figsize=(3 * len(names), 2.9 * len(places)), layout='constrained')
-    axes = figure.subplots(len(places), len(names), squeeze=False)
+    figure = Figure(figsize=(3.4 * len(names) + 1.2, 3.5 * len(places)), layout='constrained')
+    axes = figure.subplots(len(places), len(names), squeeze=False, sharex='row', sharey='row')
     for column, name in zip(axes.T, names, strict=True):
-        for axis, (x, y) in zip(column, places, strict=True):
+        for number, (axis, (x, y)) in enumerate(zip(column, places, strict=True), 1):
             picture = _show(axis, images[name], top, 30.0)
-            axis.plot(x, y, '+', color='tab:orange', ms=14)
-            axis.set(xlim=(x - _ZOOM_M, x + _ZOOM_M), ylim=(y - _ZOOM_M, y + _ZOOM_M))
-        column[0].set_title(name)
-        column[-1].set_xlabel('x (m)')
+            axis.plot(x, y, '+', color='tab:orange', ms=16, mew=2, label='survey')
+            axis.set(xlim=(x - _ZOOM_M, x + _ZOOM_M), ylim=(y - _ZOOM_M, y + _ZOOM_M),
+                     xlabel='x (m)', title=f'reflector {number}, {name} alignment')
+    for axis in axes[:, 0]:
+        axis.set_ylabel('y (m)')
+    axes[0, 0].legend(fontsize=9, loc='lower left')
     _save(figure, axes, picture, output / 'team6_reflectors.png')
 
 
@@ -92,7 +94,8 @@ def _show(axis, image, top: float, range_db: float):
     half = grid.spacing_m / 2
     extent = (grid.x_m[0] - half, grid.x_m[-1] + half, grid.y_m[-1] - half, grid.y_m[0] + half)
     level = 20 * np.log10(np.maximum(amplitude / top, 1e-6))
-    return axis.imshow(level, vmin=-range_db, vmax=0, extent=extent, cmap='gray')
+    return axis.imshow(level, vmin=-range_db, vmax=0, extent=extent, cmap='gray',
+                       interpolation='bilinear')
 
 
 def _save(figure, axes, picture, path: Path) -> None:

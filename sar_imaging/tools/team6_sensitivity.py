@@ -201,18 +201,21 @@ def draw(path: Path, level_db: np.ndarray, error_m: np.ndarray, marks: dict[str,
     marks : dict of str to float
         Range biases to mark, metres.
     """
-    figure = Figure(figsize=(9.0, 3.6), layout='constrained')
+    figure = Figure(figsize=(10.0, 4.6), layout='constrained')
     for axes, values, label in zip(
             figure.subplots(1, 2), (level_db, error_m),
-            ('focused level (dB)', 'distance from the survey (m)'), strict=True):
+            ('focused level relative to the best (dB)', 'distance from the survey (m)'),
+            strict=True):
         axes.plot(RANGE_BIASES_M, values, '.-', label=['reflector 1', 'reflector 2'])
-        for name, bias in marks.items():
-            axes.axvline(bias, color='0.6', lw=0.8)
-            axes.annotate(name, (bias, 0.02), xycoords=('data', 'axes fraction'), xytext=(3, 0),
-                          textcoords='offset points', fontsize=8, color='0.4', rotation=90)
-        axes.set(xlabel='range bias (m)', ylabel=label)
-    axes.axhline(_LIMIT_M, color='tab:red', lw=0.8, ls='--')
-    axes.legend(fontsize=8, loc='upper center')
+        for (name, bias), style in zip(marks.items(), ('--', ':'), strict=False):
+            axes.axvline(bias, color='0.35', lw=1.2, ls=style, label=f'{name}: {bias:g} m')
+        axes.set(xlabel='range bias (m)', ylabel=label, xlim=(RANGE_BIASES_M[0],
+                                                              RANGE_BIASES_M[-1]))
+        axes.grid(alpha=0.3)
+    axes.axhline(_LIMIT_M, color='tab:red', lw=1.0, label=f'limit: {_LIMIT_M:g} m')
+    axes.set_ylim(bottom=0.0)
+    figure.legend(*axes.get_legend_handles_labels(), fontsize=9, loc='outside lower center',
+                  ncols=5)
     figure.savefig(path, dpi=110)
 
 
