@@ -45,7 +45,7 @@ PAPER = {
 _EPILOG = """\
 Simulates the recording (2.1 GB of phase history at full size, in a temporary file in the output
 folder), images it and writes figures 3 to 8 as PNG and every number as results.json;
-docs/reproduce/spotlight_letter.md discusses the results. Full size needs some 10 GB of memory.
+docs/reproduce/spotlight_letter.md discusses the results. Full size needs some 13 GB of memory.
 NUMBA_NUM_THREADS limits the cores used.
 """
 
