@@ -1,5 +1,6 @@
 """Maps and clouds of obstacles as the steps publish them, read by the rules of Nav2's costmaps."""
 
+import ast
 import pathlib
 import re
 
@@ -13,6 +14,7 @@ from benchmarks.obstacle_scenes import Platform
 from msg_conversions.images import occupancy_from_message
 from msg_conversions.point_cloud import OBSTACLE_FIELDS, from_message
 from sar_imaging.imaging.live_subapertures import LiveSubapertures
+from sar_imaging.nodes import pose_input
 from sar_imaging.nodes.afbp_fusion import FusionStep
 from sar_imaging.nodes.backprojection_steps import IMAGE, BackprojectionStep
 from sar_imaging.signal.pulses import concatenate
@@ -137,6 +139,16 @@ def test_obstacles_are_points_for_obstacle_layers(car, profiles):
     assert radar['marking'] is True and radar['clearing'] is False
     assert radar['min_obstacle_height'] <= points[:, 2].min()
     assert points[:, 2].max() <= radar['max_obstacle_height']
+
+
+def test_the_launch_example_remaps_an_input_of_the_nodes():
+    """Jazzy's launch was tried with it; here it is absent, and what can be read is checked."""
+    [code] = re.findall(r'^```python\n(.*?)^```', PAGE, re.DOTALL | re.MULTILINE)
+    [remap] = [node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.Call)
+               and getattr(node.func, 'id', '') == 'SetRemap']
+    source, target = (argument.value for argument in remap.args)
+    assert source == pose_input.ODOMETRY  # the name of the topic, too
+    assert target == '/odometry/filtered'
 
 
 def test_nothing_is_built_for_nobody(car, profiles, monkeypatch):
