@@ -154,7 +154,7 @@ def main() -> None:
     """Run the campaign and write `RESULTS`."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--scenes', type=int, default=100, help='scenes of each platform')
-    parser.add_argument('--first', type=int, default=1000, help='seed of the first')
+    parser.add_argument('--first', type=int, default=2000, help='seed of the first')
     parser.add_argument('--platforms', nargs='+', default=sorted(SIZES), choices=sorted(SIZES))
     parser.add_argument('--texture', type=float, help='shape of the clutter of all scenes')
     parser.add_argument('--results', type=pathlib.Path, default=RESULTS)
