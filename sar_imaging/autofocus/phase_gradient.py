@@ -27,6 +27,9 @@ _WIDE = 3
 _NARROWEST = 12.0  # window in azimuth resolutions
 _PARTS = 16  # intervals of range that are dealt out to two halves of the image
 _WORST_DB = -10.0  # estimated error of an image that may replace another
+# Positions along the track to one line of the spectrum: where lines fall at the aperture's ends
+# would otherwise decide how much of it is corrected.
+_FINER = 4
 _DARK_DB = -12.0  # a range bin below this share of the brightest has no scatterer to follow
 
 
@@ -98,10 +101,11 @@ class PhaseGradient:
                              f'aperture of {self._ends[1] - self._ends[0]:.1f} m; sample '
                              f'directions by {needed:.3g} or finer')
         n = polar.n_alpha
-        # Angular wavenumbers in the order of ascending position along the track
         self._angular = -2 * np.pi * fft.fftfreq(n, polar.alpha_spacing)
-        order = np.argsort(self._angular)
-        position = self._angular[order] / self._wavenumber
+        # Angular wavenumbers in the order of ascending position along the track
+        finer = -2 * np.pi * fft.fftfreq(_FINER * n, polar.alpha_spacing)
+        order = np.argsort(finer)
+        position = finer[order] / self._wavenumber
         inside = (position >= self._ends[0]) & (position <= self._ends[1])
         self._bins, self.position_m = order[inside], position[inside]
 
@@ -225,8 +229,12 @@ class PhaseGradient:
         peaks = np.abs(work[:, bins]).argmax(axis=0)
         rows = (peaks + np.arange(n)[:, None]) % n  # brightest pixel first
         centred = np.take_along_axis(work[:, bins], rows, axis=0)
-        centred[width // 2 + 1:n - width // 2] = 0.0
-        aperture = fft.fft(centred, axis=0)[self._bins]
+        after = width // 2 + 1
+        before = min(width // 2, n - after)
+        padded = np.zeros((_FINER * n, len(bins)), centred.dtype)
+        padded[:after] = centred[:after]
+        padded[_FINER * n - before:] = centred[n - before:]
+        aperture = fft.fft(padded, axis=0)[self._bins]
         gradient = np.sum(np.conj(aperture[:-1]) * aperture[1:], axis=1)
         phase = np.concatenate([[0.0], np.cumsum(np.angle(gradient))])
         return -_without_line(phase) / self._wavenumber
