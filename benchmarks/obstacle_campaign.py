@@ -166,6 +166,7 @@ def main() -> None:
         scenes = [measure(platform, seed, texture_shape=arguments.texture)
                   for seed in tqdm(seeds, desc=name, mininterval=10)]
         results['platforms'][name] = summary(platform, scenes)
+        results['platforms'][name]['seeds'] = [seeds[0], seeds[-1]]
         worst = sorted(scenes, key=lambda s: -s['all']['false'])[:5]
         results['platforms'][name]['worst'] = [[s['seed'], s['all']['false']] for s in worst]
     results['minutes'] = round((time.time() - started) / 60, 1)
