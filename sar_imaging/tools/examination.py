@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from sar_imaging.diagnosis import Diagnosis, diagnose
@@ -43,6 +45,9 @@ def examine(recording: Recording, aperture: int, pulses_per_aperture: int, image
                              window=(recording.truth or {}).get('window', 'none'))
     except (ValueError, MemoryError) as error:
         diagnosis = Diagnosis(0.0, 0.0, '', f'the pulses could not be examined: {error}')
+    if diagnosis.coverage and not diagnosis.mistake and not figure.at_noise_level:
+        # Of clutter without strong reflectors the diagnosis of a few tiles sees nothing.
+        diagnosis = dataclasses.replace(diagnosis, advice='')
     return _as_json(figure, diagnosis)
 
 
