@@ -35,6 +35,7 @@ def test_an_image_tells_its_work_once_and_the_age_of_its_pulses(psf):
     defaults = {p.name: p.default for p in (*FusionStep.PARAMETERS, *COMMON_PARAMETERS)}
     step = FusionStep.create(defaults | {'pulses_per_aperture': 100}, figures)
     step._products = types.SimpleNamespace(publish=lambda *image: None)
+    step._obstacles = types.SimpleNamespace(publish=lambda *image: None)
     began = time.perf_counter()
     [image] = [image for sub in stage.add(profiles) for image in step.process(sub)]
     step.received_s = time.monotonic() - 3.0
