@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from .fusion_error import EVERYTHING, Coverage
+from .fusion_error import EVERYTHING, Coverage, density_at
 from .fusion_grid import FusionGrid
 
 _UNEVEN_DB = 1.0  # by which edges are brighter than an even scene's by chance
@@ -58,8 +58,7 @@ class EdgeBrightness:
 
 def _densities(density, n: int, guard: int) -> np.ndarray:
     """(n,) float64 density of what is wanted at the lines, or ranges, of an image."""
-    where = (np.arange(n) - guard + 0.5) / max(n - 2 * guard, 1)
-    return np.interp(where, (np.arange(len(density)) + 0.5) / len(density), density)
+    return density_at((np.arange(n) - guard + 0.5) / max(n - 2 * guard, 1), density)
 
 
 def _mean_square(values) -> float:

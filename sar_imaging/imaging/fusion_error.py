@@ -113,10 +113,9 @@ def mean_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, place
     cells = min(n, math.ceil(2 * n_guard) + _CELLS_BETWEEN)
     cells -= (n - cells) % 2  # even bands lack the highest bin
     row = _rows(cells, n_guard)
-    # The edges' share of the grid falls with its length.
     edge = (cells - 2 * n_guard) / (n - 2 * n_guard)
-    where = np.where(row < 0.5, row * edge, 1 - (1 - row) * edge)
-    share = np.interp(where, (np.arange(len(density)) + 0.5) / len(density), density)
+    where = _on_grid(row, edge)
+    share = density_at(where, density)
     if not share.any():
         return 0.0
     table = _error_table(cells, n_guard, beta)
@@ -133,6 +132,31 @@ def mean_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, place
         error += by_place[group, np.minimum(step, table.shape[1] - 1)]
     by_sample = (weight * error.reshape(weight.shape)).sum(axis=0) / weight.sum(axis=0)
     return float((np.bincount(group, by_sample) / np.bincount(group)).sum())
+
+
+def density_at(where, density, beyond: float | None = None) -> np.ndarray:
+    """Density of what is wanted at places of a grid.
+
+    Parameters
+    ----------
+    where : (...) float64
+        Places, 0 to 1 from guard to guard.
+    density : (B,) array_like
+        In equal parts from guard to guard.
+    beyond : float, optional
+        Value before the middle of the first part and after that of the last; theirs if left out.
+
+    Returns
+    -------
+    (...) float64
+    """
+    middle = (np.arange(len(density)) + 0.5) / len(density)
+    return np.interp(where, middle, density, beyond, beyond)
+
+
+def _on_grid(row, edge: float) -> np.ndarray:
+    """Places of a table, 0 to 1, on a grid whose edges it stands for: `edge` is its share."""
+    return np.where(row < 0.5, row * edge, 1 - (1 - row) * edge)
 
 
 def _rows(n: int, n_guard: float) -> np.ndarray:
@@ -188,12 +212,9 @@ def correction_error(coverage: Coverage, n: int, n_guard: float, beta: float) ->
     between = coverage.between
     table = _correction_table(between.oversampling, between.n_taps, len(between.weights) - 1,
                               lines, n_guard, beta)
-    density = coverage.along_alpha
-    # As in `mean_error`: the edges' share of the grid falls with its length.
     edge = (lines - 2 * n_guard) / (n - 2 * n_guard)
     row = (np.arange(lines) - n_guard) / (lines - 2 * n_guard)
-    where = np.where(row < 0.5, row * edge, 1 - (1 - row) * edge)
-    share = np.interp(where, (np.arange(len(density)) + 0.5) / len(density), density, 0.0, 0.0)
+    share = density_at(_on_grid(row, edge), coverage.along_alpha, beyond=0.0)
     return float(coverage.tones @ table @ share) / (n - 2 * n_guard)
 
 
@@ -211,9 +232,9 @@ def _correction_table(oversampling: float, taps: int, degree: int, n: int, n_gua
     powers = ((np.arange(_PLACES) + 0.5) / _PLACES)[:, None] ** np.arange(len(between.weights))
     error = np.zeros((TONES, n))
     for weights in powers @ between.weights:
-        taps = np.zeros(n)
-        np.add.at(taps, -(between.first + np.arange(between.n_taps)) % n, weights)
-        read = np.fft.ifft(np.fft.fft(mixed) * np.fft.fft(taps))
+        kernel = np.zeros(n)
+        np.add.at(kernel, -(between.first + np.arange(between.n_taps)) % n, weights)
+        read = np.fft.ifft(np.fft.fft(mixed) * np.fft.fft(kernel))
         error += (read.real ** 2 + read.imag ** 2) / _PLACES
     return error
 
