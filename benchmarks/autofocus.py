@@ -33,8 +33,6 @@ from sar_imaging.autofocus.models import Geometry, nominal, with_time_offset
 from sar_imaging.autofocus.phase_gradient import PhaseGradient
 from sar_imaging.autofocus.residual import along_sight
 from sar_imaging.imaging.backprojection import Backprojector
-from sar_imaging.imaging.live_fusion import LiveFusion
-from sar_imaging.imaging.live_subapertures import LiveSubapertures
 from sar_imaging.quality import error_db, measure_scatterer
 from sar_imaging.simulation.track_errors import (
     FlawedAperture,
@@ -42,6 +40,8 @@ from sar_imaging.simulation.track_errors import (
     moved_rigidly,
     random_size,
 )
+from sar_imaging.streaming.fusion import LiveFusion
+from sar_imaging.streaming.subapertures import LiveSubapertures
 
 from .machine import machine
 

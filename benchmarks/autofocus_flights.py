@@ -30,7 +30,6 @@ from tqdm import tqdm
 from sar_imaging.autofocus.models import Geometry
 from sar_imaging.autofocus.offset_search import visible_phase
 from sar_imaging.autofocus.track import PhaseCentreTrack
-from sar_imaging.imaging.aperture import ApertureImager
 from sar_imaging.nodes import backprojection_steps
 from sar_imaging.nodes.autofocus import ImageFocus
 from sar_imaging.nodes.stage import COMMON_PARAMETERS
@@ -38,6 +37,7 @@ from sar_imaging.quality import contrast
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.drone_flights import RADARS, DroneFlight, drone_flight
+from sar_imaging.streaming.aperture import ApertureImager
 
 from .machine import machine
 

@@ -18,11 +18,11 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.ffbp import FfbpImager
-from sar_imaging.imaging.live_fusion import LiveFusion
-from sar_imaging.imaging.live_subapertures import LiveSubapertures
 from sar_imaging.imaging.wavenumber import WavenumberImager
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters, Waveform
 from sar_imaging.simulation.echoes import scene_spectrum, two_way_delays
+from sar_imaging.streaming.fusion import LiveFusion
+from sar_imaging.streaming.subapertures import LiveSubapertures
 
 _CARRIER_HZ, _OVERSAMPLING = 10e9, 1.4
 _N_SCATTERERS = 40

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from std_msgs.msg import Float32MultiArray
 
-from sar_imaging.imaging.subaperture_image import SubapertureImage
+from sar_imaging.streaming.subaperture_image import SubapertureImage
 
 from . import multi_array, subaperture_wire
 from .layout import DEFAULT_MAX_ELEMENTS

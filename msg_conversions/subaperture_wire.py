@@ -10,8 +10,8 @@ import numpy as np
 
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.imaging.fusion_grid import FusionGrid
-from sar_imaging.imaging.subaperture_image import COUNTS, SubapertureImage
+from sar_imaging.planning.afbp.polar_grids import FusionGrid
+from sar_imaging.streaming.subaperture_image import COUNTS, SubapertureImage
 
 from . import float_pairs
 from .errors import WireFormatError

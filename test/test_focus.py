@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.aperture import ApertureImage
 from sar_imaging.quality import contrast, entropy, focus_figure
+from sar_imaging.streaming.aperture import ApertureImage
 
 
 def speckle(shape, seed):

@@ -217,3 +217,12 @@ def test_tools_explain_that_rosbags_is_missing(tool, arguments):
     assert result.returncode not in (0, None)
     assert 'recordings need the Python package rosbags, which is not installed' in result.stderr
     assert 'Traceback' not in result.stderr
+
+
+def test_imports_run_downward():
+    """The layers stand in pyproject.toml."""
+    pytest.importorskip('importlinter', reason='import-linter comes with requirements.txt')
+    run = subprocess.run([sys.executable, '-c', 'from importlinter.cli import lint_imports_command'
+                          ' as lint; lint()', '--no-cache'],
+                         cwd=ROOT, capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout

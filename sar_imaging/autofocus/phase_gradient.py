@@ -16,8 +16,8 @@ import numpy as np
 from scipy import fft
 
 from ..geometry.polar import PolarGrid
-from ..imaging.fusion_grid import FusionGrid
-from ..imaging.interpolation import Interpolator
+from ..planning.afbp.polar_grids import FusionGrid
+from ..planning.interpolators import Interpolator
 from ..quality.measures import contrast
 from ..signal.radar import RadarParameters
 

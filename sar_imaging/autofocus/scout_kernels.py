@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..backends.cpu.line_kernels import _cos_cycles, _fraction, _sin_cycles
 from ..compilation import njit, numba
-from ..imaging.kernels import _cos_cycles, _fraction, _sin_cycles
 
 LENGTH = 16  # pixels of a piece of a line
 

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from ..imaging.interpolation import design_interpolator
+from ..planning.interpolators import design_interpolator
 from ..signal.pulses import PulseBlock
 from . import tile_kernels
 from .models import Geometry

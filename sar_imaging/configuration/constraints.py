@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from ..imaging.memory import PUBLISHED_BYTES
+from ..planning.memory import PUBLISHED_BYTES
 from ..signal.radar import SPEED_OF_LIGHT
 from .derived import Derived, pulse_duration_s
 from .settings import Acquisition, Imaging, Machine

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from ..imaging.memory import IMAGE_BYTES
+from ..planning.memory import IMAGE_BYTES
 from .settings import Imaging
 
 # Interpreter, libraries and compiled kernels (measured; see docs/configuration.md).

@@ -1,6 +1,6 @@
 """Accelerated fast backprojection (AFBP) of a whole aperture, Zhang et al. 2014.
 
-Two stages with a seam between them: `SubaperturePlan` backprojects sub-apertures onto a common
+Two stages with a seam between them: `SubapertureImager` backprojects sub-apertures onto a common
 polar grid, `SpectrumFusion` joins their spectra. `AfbpImager` plans both for a target and chains
 them, to a polar grid or to a map.
 """
@@ -12,19 +12,20 @@ import logging
 import numpy as np
 from tqdm import tqdm
 
+from ..backends.cpu.fusion.spectra import SpectrumFusion
+from ..backends.cpu.fusion.to_map import form_map
+from ..backends.cpu.subapertures import SubapertureImager
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
+from ..planning.afbp.aliasing_error import EVERYTHING
+from ..planning.afbp.edge_brightness import EdgeBrightness
+from ..planning.afbp.subapertures import plan_subapertures
+from ..planning.error_budget import total_db
+from ..planning.phase_history import RangeBand
+from ..planning.polar_cover import cover_for_fusion, map_coverage
+from ..planning.profile_reach import reach_warning, some_pixels
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
-from .edge_brightness import EdgeBrightness
-from .fusion import SpectrumFusion
-from .fusion_error import EVERYTHING
-from .fusion_map import form_map
-from .lattice import total_db
-from .map_cover import cover_for_fusion, map_coverage
-from .profile_reach import reach_warning, some_pixels
-from .range_band import RangeBand
-from .subapertures import SubaperturePlan
 
 _UNEVEN_DB = 3.0  # by which edges may be brighter without a word
 _logger = logging.getLogger(__name__)
@@ -62,6 +63,8 @@ class AfbpImager:
     Attributes
     ----------
     subapertures : SubaperturePlan
+        Plan of the first stage.
+    stage : SubapertureImager
         First stage.
     fusion : SpectrumFusion
         Second stage.
@@ -112,11 +115,11 @@ class AfbpImager:
             polar, oversampling = self._cover.polar, self._cover.oversampling
             ratio = self._cover.ratio
             coverage = map_coverage(polar, grid, self._cover)
-        self.subapertures = SubaperturePlan(polar, radar, n_samples, tx_m, rx_m,
-                                            target_db=target_db,
-                                            pulses_per_subaperture=pulses_per_subaperture,
-                                            oversampling=oversampling, ratio=ratio,
-                                            coverage=coverage, band=band)
+        self.subapertures = plan_subapertures(
+            polar, radar, n_samples, tx_m, rx_m, target_db=target_db,
+            pulses_per_subaperture=pulses_per_subaperture, oversampling=oversampling,
+            ratio=ratio, coverage=coverage, band=band)
+        self.stage = SubapertureImager(self.subapertures)
         self.fusion = SpectrumFusion(self.subapertures.fusion_grid)
         self.predicted_error_db = self.subapertures.predicted_error_db
         if self._cover is not None:
@@ -152,16 +155,16 @@ class AfbpImager:
         ValueError
             The block does not match the plan.
         """
-        stage, s = self.subapertures, self.subapertures.sampling
+        s = self.subapertures.sampling
         if block.n_pulses != s.pulses[-1].stop:
             raise ValueError(f'block has {block.n_pulses} pulses; the plan is for '
                              f'{s.pulses[-1].stop}')
         self.fusion.clear()
-        parts, brightness = None, EdgeBrightness(stage.fusion_grid, s.coverage)
+        parts, brightness = None, EdgeBrightness(self.subapertures.fusion_grid, s.coverage)
         for number, some in enumerate(tqdm(s.pulses, desc='sub-apertures',
                                            unit='sub-aperture', disable=not self._progress)):
             weights = None if self._pulse_weights is None else self._pulse_weights[some]
-            parts = stage.image(number, block.select(some), weights, parts)
+            parts = self.stage.image(number, block.select(some), weights, parts)
             brightness.add(parts)
             self.fusion.add(number, parts, s.centre[number])
         self._judge_edges(brightness.uneven_db)

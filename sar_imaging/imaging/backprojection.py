@@ -13,49 +13,26 @@ terrain and for positions that form no grid.
 
 from __future__ import annotations
 
-import dataclasses
 import logging
 import math
 
 import numpy as np
 
+from ..backends.cpu.backprojection import Backprojection
+from ..backends.cpu.memory import WorkSpace
 from ..geometry import MapGrid
+from ..planning.backprojection import plan_backprojection
+from ..planning.memory import check_memory
+from ..planning.points import ImagePoints
+from ..planning.profile_reach import reach_warning, some_pixels
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
-from . import merging, polar as polar_plans
-from .image_points import ImagePoints
-from .interpolation import design_interpolator
-from .lattice import Lattice, plan_lattice, point_lattice, total_db
-from .map_lines import MapLines
-from .memory import check_memory
-from .polar_image import add_by_polar
-from .profile_reach import reach_warning, some_pixels
-from .profiles import Profiles
-from .projection import add_to_lines, line_middles, shared_phase
-from .range_window import RangeWindow
 
 _logger = logging.getLogger(__name__)
 # Predictions are for scenes that are evenly bright. Of some dozen scatterers, images are by chance
 # darker than their pulses.
 _CHANCE_DB = 0.5
 _LEAST_TARGET_DB = -100.0  # that float32 reaches
-
-
-@dataclasses.dataclass(frozen=True)
-class _TrackPlan:
-    """How pulses from some phase centres (R, 3) are added to a map, and the error of that."""
-
-    tx_m: np.ndarray
-    rx_m: np.ndarray
-    lines: MapLines
-    window: RangeWindow
-    lattice: Lattice | None
-    polar: polar_plans.PolarPlan | None
-    method: str
-    error_db: float
-
-    def is_for(self, tx_m, rx_m) -> bool:
-        return np.array_equal(tx_m, self.tx_m) and np.array_equal(rx_m, self.rx_m)
 
 
 class Backprojector:
@@ -136,17 +113,17 @@ class Backprojector:
         if self.grid is not None:
             self.shape = self.grid.shape
             self._check_memory(1)
-        # Positions of pixels that do not lie on the plane of a map
-        self._points = None
+        self._pixels = self.grid
         if self.grid is None:
-            self._points = ImagePoints.of_array(grid)
-            self.shape = self._points.shape
+            self._pixels = ImagePoints.of_array(grid)
+            self.shape = self._pixels.shape
         elif height_m is not None:
-            self._points = ImagePoints.of_map(grid, height_m)
+            self._pixels = ImagePoints.of_map(grid, height_m)
         self.predicted_error_db = -math.inf
         self.warnings: tuple[str, ...] = ()
         self.method = ''
-        self._plan: _TrackPlan | None = None
+        self._latest: dict[int, Backprojection] = {}  # of each channel, or of all at 0
+        self._memory = WorkSpace()
 
     def __call__(self, block: PulseBlock) -> np.ndarray:
         """Image of one block.
@@ -209,7 +186,8 @@ class Backprojector:
         check_profiles(block, self.radar, self.n_samples)
         self._check_channels(block.n_channels)
         self._check_image(image, self._image_shape(block.n_channels))
-        if block.n_pulses == 0 or (self._points is not None and self._points.empty):
+        nowhere = isinstance(self._pixels, ImagePoints) and self._pixels.empty
+        if block.n_pulses == 0 or nowhere:
             return
         samples, tx, rx = block.samples, block.tx_m, block.rx_m
         if self._weights is not None:
@@ -217,72 +195,29 @@ class Backprojector:
         if self.midpoint:
             tx = rx = 0.5 * (tx + rx)
         if not self.per_channel:
-            self._add_rows(_as_rows(samples, tx, rx), image)
+            self._add_rows(0, *_as_rows(samples, tx, rx), image)
             return
         for channel in range(block.n_channels):
-            self._add_rows(_as_rows(*(a[:, channel] for a in (samples, tx, rx))), image[channel])
+            rows = _as_rows(*(a[:, channel] for a in (samples, tx, rx)))
+            self._add_rows(channel, *rows, image[channel])
 
-    def _add_rows(self, rows, image):
-        if self._points is not None:
-            range_m = self._points.bounds(*rows[1:])
-            self._check_reach(range_m, rows)
-            self.method, error = 'points', self._add_by_points(self._points, range_m, rows, image)
-        else:
-            error = self._add_to_map(rows, image)
-        self.predicted_error_db = max(self.predicted_error_db, error + _CHANCE_DB)
-
-    def _add_to_map(self, rows, image) -> float:
-        """Add rows in the quickest way; returns the predicted error."""
-        plan = self._plan_for(*rows[1:])
-        self._check_reach(plan.lines.range_m, rows)
+    def _add_rows(self, channel, samples, tx_m, rx_m, image):
+        backprojection = self._planned_for(channel, tx_m, rx_m)
+        plan = backprojection.plan
+        self._check_reach(plan.range_m, tx_m, rx_m)
         self.method = plan.method
-        if plan.method == 'polar':
-            add_by_polar(plan.polar, self.radar, rows, self.grid, image)
-        elif plan.method == 'lines':
-            self._add_by_lines(plan.lattice, plan.window, plan.lines, rows, image)
-        else:
-            return self._add_by_points(ImagePoints.of_map(self.grid), plan.lines.range_m, rows,
-                                       image)
-        return plan.error_db
+        backprojection.add(samples, tx_m, rx_m, image)
+        self.predicted_error_db = max(self.predicted_error_db,
+                                      plan.predicted_error_db + _CHANCE_DB)
 
-    def _plan_for(self, tx_m, rx_m) -> _TrackPlan:
-        """Plan of these phase centres; the latest one is kept for those that come again."""
-        if self._plan is None or not self._plan.is_for(tx_m, rx_m):
-            self._plan = self._plan_track(tx_m, rx_m)
-        return self._plan
-
-    def _plan_track(self, tx_m, rx_m) -> _TrackPlan:
-        lines = MapLines(self.grid, tx_m, rx_m)
-        window = RangeWindow.around(self.radar, self.n_samples, lines.range_m)
-        lattice = plan_lattice(lines.paths, 1.0, lines.n_pixels, self.radar, window.n_samples,
-                               self._plan_db)
-        costs = {'points': point_lattice(self.radar, self.n_samples, self._plan_db).cost
-                 * len(tx_m)}
-        errors = {'points': 0.0}  # told when they are added
-        if lattice is not None:
-            costs['lines'] = lattice.cost * len(tx_m)
-            errors['lines'] = total_db(lattice.predicted_error_db,
-                                       window.mean_end_error_db(lines.paths.length))
-        polar = None
-        if min(costs.values()) > polar_plans.COST_RESAMPLING:  # for fewer pulses it cannot pay
-            polar = polar_plans.plan_polar(self.grid, tx_m, rx_m, self.radar, self.n_samples,
-                                           self._plan_db)
-        if polar is not None:
-            costs['polar'], errors['polar'] = polar.cost, polar.predicted_error_db
-        method = min(costs, key=costs.get)
-        return _TrackPlan(tx_m.copy(), rx_m.copy(), lines, window, lattice, polar, method,
-                          errors[method])
-
-    def _add_by_lines(self, lattice, window, lines, rows, image) -> None:
-        profiles = Profiles(window, lattice, lines.range_m)
-        middles = line_middles(lines.locate, lines.n_lines, lines.n_pixels, lattice.segment)
-        add_to_lines(profiles, *rows, middles, lines.layout, shared_phase(profiles,
-                                                                          lines.n_pixels),
-                     image.reshape(-1).view(np.float32))
-
-    def _add_by_points(self, points: ImagePoints, range_m, rows, image) -> float:
-        return points.add(self.radar, self._plan_db, range_m, *rows,
-                          image.reshape(-1).view(np.float32))
+    def _planned_for(self, channel, tx_m, rx_m) -> Backprojection:
+        """By the plan of these phase centres; the latest is kept for those that come again."""
+        latest = self._latest.get(channel)
+        if latest is None or not latest.plan.is_for(tx_m, rx_m):
+            latest = self._latest[channel] = Backprojection(plan_backprojection(
+                self._pixels, self.radar, self.n_samples, tx_m, rx_m, self._plan_db),
+                self._memory)
+        return latest
 
     def _image_shape(self, n_channels):
         return (n_channels, *self.shape) if self.per_channel else self.shape
@@ -303,7 +238,7 @@ class Backprojector:
             raise ValueError(f'image is {image.dtype} {image.shape}; expected complex64 {shape}, '
                              'contiguous in C order')
 
-    def _check_reach(self, range_m, rows):
+    def _check_reach(self, range_m, tx_m, rx_m):
         start = self.radar.range_start_m
         stop = start + (self.n_samples - 1) * self.radar.sample_spacing_m
         if range_m[1] < start or range_m[0] > stop:
@@ -312,8 +247,9 @@ class Backprojector:
                 f'profiles cover {start:.1f} to {stop:.1f} m; move the grid or the range window')
         if start <= range_m[0] and range_m[1] <= stop:
             return
-        pixels = some_pixels(self.grid) if self._points is None else self._points.some()
-        warning = reach_warning(pixels, *rows[1:], self.radar, self.n_samples)
+        pixels = (self._pixels.some() if isinstance(self._pixels, ImagePoints)
+                  else some_pixels(self._pixels))
+        warning = reach_warning(pixels, tx_m, rx_m, self.radar, self.n_samples)
         if warning is not None:
             self.warnings = (warning,)  # of the latest block that has one
 
@@ -329,25 +265,3 @@ def _checked_weights(weights) -> np.ndarray:
     if weights.ndim != 1 or not np.isfinite(weights).all():
         raise ValueError(f'weights={weights}; expected one finite complex number per channel')
     return weights
-
-
-def compile_kernels() -> None:
-    """Compile the kernels, or load them from the cache, before the first pulse arrives.
-
-    Takes some seconds the first time on a machine and well under one after that.
-    """
-    radar = RadarParameters(10e9, 300e6, 600e6, 0.0)
-    centres = np.zeros((1, 1, 3))
-    block = PulseBlock(radar, True, [0], [0], np.zeros((1, 1, 512)), centres, centres)
-    rows = (block.samples[0], centres[0], centres[0])
-    for x in (100.0, 1.0):  # by lines, and around the antenna by points
-        grid = MapGrid((x, 0.0, 0.0), 16, 16, 0.25)
-        plan = Backprojector(grid, radar, block.n_samples)
-        image = plan(block)
-        polar = polar_plans.plan_polar(grid, *rows[1:], radar, block.n_samples, plan.target_db)
-        if polar is not None:
-            interpolator = design_interpolator(2.0, taps=merging.TAPS, degree=merging.DEGREE)
-            parts = merging.AngularParts((slice(None),), np.zeros(1), polar.polar, polar.polar,
-                                         interpolator, 0.0, 0.0)
-            for plan in (polar, dataclasses.replace(polar, parts=parts)):
-                add_by_polar(plan, radar, rows, grid, image)

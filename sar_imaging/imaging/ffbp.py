@@ -15,12 +15,13 @@ import numba
 import numpy as np
 from tqdm import tqdm
 
+from ..backends.cpu.baselines import ffbp_kernels as loops
+from ..backends.cpu.line_kernels import LINES
+from ..backends.cpu.lines import add_to_lines
+from ..backends.cpu.profiles import Profiles
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
-from ..signal.pulses import PulseBlock, check_profiles
-from ..signal.radar import RadarParameters
-from . import ffbp_kernels as loops
-from .ffbp_plan import (
+from ..planning.ffbp import (
     Node,
     build_tree,
     check_side,
@@ -33,11 +34,10 @@ from .ffbp_plan import (
     plan_profiles,
     widest_spacing,
 )
-from .kernels import LINES
-from .profile_reach import reach_warning, some_pixels
-from .profiles import Profiles
-from .projection import add_to_lines
-from .range_window import RangeWindow
+from ..planning.profile_reach import reach_warning, some_pixels
+from ..planning.range_gate import RangeWindow
+from ..signal.pulses import PulseBlock, check_profiles
+from ..signal.radar import RadarParameters
 
 _logger = logging.getLogger(__name__)
 

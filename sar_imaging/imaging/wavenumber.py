@@ -16,12 +16,12 @@ import warnings
 import numpy as np
 import scipy.fft
 
+from ..backends.cpu.baselines.stolt import SlantImage, spread
 from ..geometry import MapGrid
 from ..geometry.straight_track import StraightTrack, check_straight, fit_straight_track
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT
 from ..signal.spectra import band_spectrum
-from .stolt import SlantImage, spread
 
 #: Largest error of the two-way path that the straight track may cause, wavelengths (11 degrees).
 PATH_TOLERANCE_WAVELENGTHS = 1 / 32

@@ -8,10 +8,10 @@ import time
 from collections.abc import Mapping
 
 from sar_imaging.exploitation.subaperture_tracks import SubapertureTracks
-from sar_imaging.imaging.live_fusion import FusedImage, LiveFusion
-from sar_imaging.imaging.live_kernels import compile_fusion_kernels
-from sar_imaging.imaging.mosaic import StripMosaic
-from sar_imaging.imaging.subaperture_image import SubapertureImage
+from sar_imaging.streaming.fusion import FusedImage, LiveFusion
+from sar_imaging.streaming.kernels import compile_fusion_kernels
+from sar_imaging.streaming.mosaic import StripMosaic
+from sar_imaging.streaming.subaperture_image import SubapertureImage
 
 from . import autofocus, focus_watch, image_products, obstacle_products
 from .autofocus import PHASE_GRADIENT, Note, PolarFocus

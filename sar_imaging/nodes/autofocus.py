@@ -15,9 +15,9 @@ from sar_imaging.autofocus.live import BEYOND, compile_autofocus, live_autofocus
 from sar_imaging.autofocus.phase_gradient import PhaseGradient
 from sar_imaging.autofocus.report import NOT_CHANGED, SHARPENED, AutofocusReport
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.aperture import ApertureImage
-from sar_imaging.imaging.fusion_grid import FusionGrid
+from sar_imaging.planning.afbp.polar_grids import FusionGrid
 from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.streaming.aperture import ApertureImage
 
 from .health import Health, Part
 from .known_positions import KnownPositions

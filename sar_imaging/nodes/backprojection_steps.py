@@ -9,16 +9,16 @@ from std_msgs.msg import Float32MultiArray
 
 from msg_conversions.subaperture_image import to_message
 from msg_conversions.subaperture_wire import as_received
+from sar_imaging.backends.cpu.backprojection import compile_kernels
 from sar_imaging.configuration.startup import TrackWarnings, report_block
 from sar_imaging.exploitation.aperture_view import PulseTracks
-from sar_imaging.imaging.aperture import ApertureImage, ApertureImager
-from sar_imaging.imaging.aperture_sequence import ApertureSequence
-from sar_imaging.imaging.backprojection import compile_kernels
-from sar_imaging.imaging.live_kernels import compile_subaperture_kernels
-from sar_imaging.imaging.live_subapertures import LiveSubapertures
-from sar_imaging.imaging.subaperture_image import SubapertureImage
 from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.sequence import describe_counters, describe_range
+from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
+from sar_imaging.streaming.aperture_sequence import ApertureSequence
+from sar_imaging.streaming.kernels import compile_subaperture_kernels
+from sar_imaging.streaming.subaperture_image import SubapertureImage
+from sar_imaging.streaming.subapertures import LiveSubapertures
 
 from . import autofocus, focus_watch, image_products, obstacle_products, pose_input
 from .autofocus import FocusedImage, ImageFocus

@@ -8,9 +8,9 @@ import numpy as np
 from std_msgs.msg import Float32MultiArray
 
 from msg_conversions import pulse_block, subaperture_image
-from sar_imaging.imaging.subaperture_image import SubapertureImage
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.sequence import COUNTER_MASK, describe_range
+from sar_imaging.streaming.subaperture_image import SubapertureImage
 
 
 class Inlet(abc.ABC):

@@ -15,12 +15,12 @@ from std_msgs.msg import Header
 
 from msg_conversions.images import complex_to_message, map_metadata_to_message
 from msg_conversions.point_cloud import to_message
+from sar_imaging.backends.cpu.backprojection import compile_kernels
 from sar_imaging.exploitation.moving_targets import (
     LiveMovingTargets,
     MovingTargetFinder,
     MovingTargets,
 )
-from sar_imaging.imaging.backprojection import compile_kernels
 from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.sequence import describe_counters
 from sar_imaging.signal.windows import parse_window

@@ -10,8 +10,8 @@ import numpy as np
 
 from sar_imaging.files import check_file
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.memory import available_bytes
-from sar_imaging.imaging.terrain import Terrain
+from sar_imaging.geometry.terrain import Terrain
+from sar_imaging.planning.memory import available_bytes
 
 from .parameters import ConfigurationError, Parameter
 

@@ -26,11 +26,12 @@ as the user who will run the nodes.
 def _jobs() -> list[tuple[str, Callable[[], None]]]:
     """What is compiled, in words, and the functions that do it."""
     from sar_imaging.autofocus.live import compile_autofocus
-    from sar_imaging.imaging import backprojection, live_kernels
+    from sar_imaging.backends.cpu import backprojection
+    from sar_imaging.streaming import kernels
 
     return [('exact backprojection', backprojection.compile_kernels),
-            ('sub-aperture images', live_kernels.compile_subaperture_kernels),
-            ('fusion of sub-apertures', live_kernels.compile_fusion_kernels),
+            ('sub-aperture images', kernels.compile_subaperture_kernels),
+            ('fusion of sub-apertures', kernels.compile_fusion_kernels),
             ('autofocus', compile_autofocus)]
 
 

@@ -79,7 +79,7 @@ def _form_by_afbp(grid: MapGrid, block: PulseBlock, **options) -> Formed:
     start = time.perf_counter()
     plan = AfbpImager(grid, block.radar, block.n_samples, block.tx_m, block.rx_m, **options)
     seconds = {'planning': time.perf_counter() - start}
-    _timed(plan.subapertures, {'image': 'stage 1'}, seconds)
+    _timed(plan.stage, {'image': 'stage 1'}, seconds)
     _timed(plan.fusion, {'add': 'fusion', 'take_polar_image': 'fusion'}, seconds)
     _timed(plan, {'form': 'resampling'}, seconds)
     image = plan(block)

@@ -6,11 +6,11 @@ import re
 import numpy as np
 import pytest
 
+from sar_imaging.backends.cpu.fusion.spectra import SpectrumFusion
 from sar_imaging.imaging.afbp import AfbpImager
-from sar_imaging.imaging.aperture_cut import cut_pulses, pieces_between_gaps
 from sar_imaging.imaging.backprojection import Backprojector
-from sar_imaging.imaging.fusion import SpectrumFusion
-from sar_imaging.imaging.fusion_error import edge_taper, mean_error
+from sar_imaging.planning.afbp.aliasing_error import edge_taper, mean_error
+from sar_imaging.planning.afbp.aperture_cut import cut_pulses, pieces_between_gaps
 
 
 def _error_db(image, reference):
@@ -105,12 +105,12 @@ def test_a_scene_no_wider_than_a_few_coarse_lines(make_case):
 
 def test_prefix_gives_the_image_of_its_pulses(case):
     plan = _plan(case.grid, case.block, pulses_per_subaperture=16)
-    stage = plan.subapertures
+    stage = plan.stage
     for count in (1, 3, 8):
         for number in range(len(plan.fusion.included), count):
-            some = stage.sampling.pulses[number]
+            some = stage.plan.sampling.pulses[number]
             plan.fusion.add(number, stage.image(number, case.block.select(some)),
-                            stage.sampling.centre[number])
+                            stage.plan.sampling.centre[number])
         image = plan.form(plan.fusion.polar_image())
         prefix = case.block.select(slice(0, 16 * count))
         assert _error_db(image, _exact(case.grid, prefix)) <= -50.0
@@ -118,18 +118,19 @@ def test_prefix_gives_the_image_of_its_pulses(case):
 
 def test_a_subaperture_is_replaced_and_removed_without_trace(case):
     plan = _plan(case.grid, case.block, pulses_per_subaperture=32)
-    stage, fusion = plan.subapertures, SpectrumFusion(plan.subapertures.fusion_grid, keep=True)
-    parts = [stage.image(u, case.block.select(p)) for u, p in enumerate(stage.sampling.pulses)]
+    stage, pulses = plan.stage, plan.subapertures.sampling.pulses
+    fusion = SpectrumFusion(plan.subapertures.fusion_grid, keep=True)
+    parts = [stage.image(u, case.block.select(p)) for u, p in enumerate(pulses)]
     for number, part in enumerate(parts):
-        fusion.add(number, part, stage.sampling.centre[number])
+        fusion.add(number, part, stage.plan.sampling.centre[number])
     whole = fusion.polar_image()
-    fusion.add(2, 3 * parts[2], stage.sampling.centre[2])
+    fusion.add(2, 3 * parts[2], stage.plan.sampling.centre[2])
     assert not np.array_equal(fusion.polar_image(), whole)
-    fusion.add(2, parts[2], stage.sampling.centre[2])
+    fusion.add(2, parts[2], stage.plan.sampling.centre[2])
     np.testing.assert_array_equal(fusion.polar_image(), whole)
     fusion.remove(2)
     assert fusion.included == {0, 1, 3}
-    without = np.concatenate([np.arange(128)[p] for u, p in enumerate(stage.sampling.pulses)
+    without = np.concatenate([np.arange(128)[p] for u, p in enumerate(stage.plan.sampling.pulses)
                               if u != 2])
     assert _error_db(plan.form(fusion.polar_image()),
                      _exact(case.grid, case.block.select(without))) <= -50.0
@@ -141,15 +142,15 @@ def test_a_window_that_slides_leaves_no_trace(case, lines):
     polar = _plan(case.grid, case.block).subapertures.polar
     polar = dataclasses.replace(polar, alpha_spacing=lines * polar.alpha_spacing,
                                 n_alpha=polar.n_alpha // lines)
-    stage = _plan(polar, case.block, pulses_per_subaperture=8).subapertures
-    parts = [(stage.image(u, case.block.select(p)), stage.sampling.centre[u])
-             for u, p in enumerate(stage.sampling.pulses)]
-    slides = SpectrumFusion(stage.fusion_grid, keep=True)
+    stage = _plan(polar, case.block, pulses_per_subaperture=8).stage
+    parts = [(stage.image(u, case.block.select(p)), stage.plan.sampling.centre[u])
+             for u, p in enumerate(stage.plan.sampling.pulses)]
+    slides = SpectrumFusion(stage.plan.fusion_grid, keep=True)
     for number, part in enumerate(parts):
         slides.add(number, *part)
         if number >= 5:
             slides.remove(number - 5)
-        fresh = SpectrumFusion(stage.fusion_grid, keep=True)
+        fresh = SpectrumFusion(stage.plan.fusion_grid, keep=True)
         for i in range(max(0, number - 4), number + 1):
             fresh.add(i, *parts[i])
         np.testing.assert_array_equal(slides.polar_image(), fresh.polar_image())
@@ -158,12 +159,12 @@ def test_a_window_that_slides_leaves_no_trace(case, lines):
 
 def test_contributions_arrive_in_any_order(case):
     plan = _plan(case.grid, case.block, pulses_per_subaperture=32)
-    stage = plan.subapertures
+    stage = plan.stage
     for number in (3, 0, 2, 1):
-        part = stage.image(number, case.block.select(stage.sampling.pulses[number]))
+        part = stage.image(number, case.block.select(stage.plan.sampling.pulses[number]))
         # As real and imaginary part or as it comes from a message
         plan.fusion.add(number, part if number % 2 else part[0] + 1j * part[1],
-                        stage.sampling.centre[number])
+                        stage.plan.sampling.centre[number])
     image = plan.form(plan.fusion.take_polar_image())
     assert _error_db(image, _exact(case.grid, case.block)) <= -50.0
     assert not plan.fusion.included
@@ -176,10 +177,10 @@ def test_the_map_lies_over_the_polar_image_where_range_follows_x(make_case, head
     case = make_case(1e3, pulses=64, heading_rad=heading_rad)
     grid = dataclasses.replace(case.grid, n_x=20, n_y=17, spacing_m=1.6)  # coarse: there is room
     plan = _plan(grid, case.block)
-    stage = plan.subapertures
-    for number, some in enumerate(stage.sampling.pulses):
+    stage = plan.stage
+    for number, some in enumerate(stage.plan.sampling.pulses):
         plan.fusion.add(number, stage.image(number, case.block.select(some)),
-                        stage.sampling.centre[number])
+                        stage.plan.sampling.centre[number])
     whole = plan.fusion.polar_image()
     lines = plan.fusion.take_polar_image(planes=True)
     expected = plan.form(lines)
@@ -260,12 +261,12 @@ def test_wrong_blocks_and_images_are_named(case):
         plan(case.block.select(slice(0, 100)))
     with pytest.raises(ValueError, match=re.escape('image.shape=(2, 3, 4)')):
         plan.fusion.add(0, np.zeros((2, 3, 4), np.float32), 0.0)
-    part = plan.subapertures.image(0, case.block.select(slice(0, 32)))
+    part = plan.stage.image(0, case.block.select(slice(0, 32)))
     plan.fusion.add(0, part, 0.0)
     for call, message in ((lambda: plan.fusion.add(0, part, 0.0), 'in the image already'),
                           (lambda: plan.fusion.add(1, part, np.nan), 'centre_m=nan'),
                           (lambda: plan.fusion.remove(0), 'not kept'),
-                          (lambda: plan.subapertures.image(-1, case.block), 'number=-1')):
+                          (lambda: plan.stage.image(-1, case.block), 'number=-1')):
         with pytest.raises(ValueError, match=message):
             call()
 

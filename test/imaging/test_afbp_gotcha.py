@@ -8,9 +8,9 @@ import pytest
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.backprojection import Backprojector
-from sar_imaging.imaging.live_fusion import LiveFusion
-from sar_imaging.imaging.live_subapertures import LiveSubapertures
 from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.streaming.fusion import LiveFusion
+from sar_imaging.streaming.subapertures import LiveSubapertures
 from sar_imaging.tools.load_gotcha import read_folder
 from sar_imaging.tools.writing import split
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.aperture import ApertureImager
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
+from sar_imaging.streaming.aperture import ApertureImager
 
 GRID = MapGrid((1000.0, 0.0, 0.0), 24, 16, 0.25)
 RADAR = RadarParameters(carrier_hz=10e9, bandwidth_hz=300e6, sample_rate_hz=600e6,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging import polar as polar_plans
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate
+from sar_imaging.planning import backprojection as plans
 from sar_imaging.signal.spectra import band_spectrum
 
 
@@ -74,7 +74,7 @@ def test_target_is_met_and_predicted(make_case, target_db):
     ({'range_m': 5e4}, -60.0),
 ], ids=str)
 def test_polar_way_meets_the_target(make_case, monkeypatch, options, target_db):
-    monkeypatch.setattr('sar_imaging.imaging.polar.COST_RESAMPLING', -np.inf)
+    monkeypatch.setattr('sar_imaging.planning.polar_image.COST_RESAMPLING', -np.inf)
     case = make_case(**options)
     plan = _plan(case, target_db=target_db)
     error = _error_db(case, plan(case.block))
@@ -173,13 +173,13 @@ def test_pulses_from_the_same_places_need_no_new_plan(make_case, monkeypatch):
     fresh = [Backprojector(case.grid, case.block.radar, case.block.n_samples)(block)
              for block in (case.block, moved)]
     planned = []
-    plan_polar = polar_plans.plan_polar
+    plan_polar = plans.plan_polar
 
     def counted(grid, tx_m, *others):
         planned.append(tx_m[0, 1])
         return plan_polar(grid, tx_m, *others)
 
-    monkeypatch.setattr(polar_plans, 'plan_polar', counted)
+    monkeypatch.setattr(plans, 'plan_polar', counted)
     imager = Backprojector(case.grid, case.block.radar, case.block.n_samples)
     for block, image in zip((case.block, case.block, moved, moved, case.block),
                             (fresh[0], fresh[0], fresh[1], fresh[1], fresh[0]), strict=True):

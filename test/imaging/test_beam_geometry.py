@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.imaging.beam_geometry import BeamGeometry, grid_edges
-from sar_imaging.imaging.beam_plan import BeamSampling, least_cost
+from sar_imaging.planning.afbp.beam_geometry import BeamGeometry, grid_edges
+from sar_imaging.planning.afbp.beams import BeamSampling, least_cost
 
 POLAR = PolarGrid((30.0, -20.0, 400.0), (0.6, 0.8), 1, 10.0, 900.0, 0.25, 512, -0.05, 1e-3, 100)
 

@@ -6,13 +6,13 @@ import numba
 import numpy as np
 import pytest
 
+from sar_imaging.backends.cpu.beams.forming import ROWS
+from sar_imaging.backends.cpu.beams.subaperture import BeamLines
 from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.backprojection import Backprojector
-from sar_imaging.imaging.beam_kernels import ROWS
-from sar_imaging.imaging.beam_plan import plan_beams
-from sar_imaging.imaging.beams import BeamLines
-from sar_imaging.imaging.lattice import plan_lattice, sample_paths
-from sar_imaging.imaging.range_window import RangeWindow
+from sar_imaging.planning.afbp.beams import plan_beams
+from sar_imaging.planning.range_gate import RangeWindow
+from sar_imaging.planning.range_resampling import plan_lattice, sample_paths
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock
 
 _PADDING = 64  # samples; rows lie further apart than they would in practice

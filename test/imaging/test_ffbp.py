@@ -6,12 +6,12 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from sar_imaging.backends.cpu.baselines.ffbp_kernels import TAPS, kernel_weights
 from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.imaging.ffbp import FfbpImager
-from sar_imaging.imaging.ffbp_kernels import TAPS, kernel_weights
-from sar_imaging.imaging.ffbp_plan import Node, half_bands
+from sar_imaging.planning.ffbp import Node, half_bands
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 from sar_imaging.signal.spectra import band_spectrum
 

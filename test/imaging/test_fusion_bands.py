@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from sar_imaging.imaging.column_transform import LANES, panel_groups, rows_to_transform
-from sar_imaging.imaging.fusion_bands import Band, add_transformed
-from sar_imaging.imaging.work_space import aligned_empty, aligned_zeros
+from sar_imaging.backends.cpu.fft.columns import LANES, panel_groups, rows_to_transform
+from sar_imaging.backends.cpu.fusion.bands import Band, add_transformed
+from sar_imaging.backends.cpu.memory import aligned_empty, aligned_zeros
 
 
 # 700 are transformed in two parts, 74 by SciPy; with 24 fine lines bands meet themselves.

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from sar_imaging.backends.cpu.fusion.to_map import covers
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.afbp import AfbpImager
-from sar_imaging.imaging.edge_brightness import EdgeBrightness
-from sar_imaging.imaging.fusion_error import TONES, Coverage, correction_error, edge_taper
-from sar_imaging.imaging.fusion_map import covers
-from sar_imaging.imaging.interpolation import design_interpolator
-from sar_imaging.imaging.map_cover import cover_map
-from sar_imaging.imaging.resampling import CORRECTED_TAPS, DEGREE
+from sar_imaging.planning.afbp.aliasing_error import TONES, Coverage, correction_error, edge_taper
+from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
+from sar_imaging.planning.interpolators import design_interpolator
+from sar_imaging.planning.polar_cover import cover_map
+from sar_imaging.planning.polar_to_map import CORRECTED_TAPS, DEGREE
 from sar_imaging.simulation.random_cases import random_case
 
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from sar_imaging.imaging.interpolation import (
+from sar_imaging.backends.cpu.farrow import polynomial_planes
+from sar_imaging.planning.interpolators import (
     LINE_DEGREE,
     POINT_DEGREE,
     TAPS,
     coarsest_interpolator,
     design_interpolator,
-    polynomial_planes,
 )
 
 

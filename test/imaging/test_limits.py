@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging import memory
-from sar_imaging.imaging.aperture import ApertureImager
-from sar_imaging.imaging.aperture_cut import cut_pulses, pieces_between_gaps
-from sar_imaging.imaging.live_fusion import LiveFusion
-from sar_imaging.imaging.live_plan import extension
-from sar_imaging.imaging.live_subapertures import LiveSubapertures
-from sar_imaging.imaging.mosaic import StripMosaic
-from sar_imaging.imaging.range_window import RangeWindow
-from sar_imaging.imaging.track_prediction import predict_track
+from sar_imaging.geometry.track_prediction import predict_track
+from sar_imaging.planning import memory
+from sar_imaging.planning.afbp.aperture_cut import cut_pulses, pieces_between_gaps
+from sar_imaging.planning.range_gate import RangeWindow
 from sar_imaging.signal import RadarParameters
+from sar_imaging.streaming.aperture import ApertureImager
+from sar_imaging.streaming.fusion import LiveFusion
+from sar_imaging.streaming.mosaic import StripMosaic
+from sar_imaging.streaming.plan import extension
+from sar_imaging.streaming.subapertures import LiveSubapertures
 
 LENGTH, CUT = 96, 24
 GRID = MapGrid((1e3, 0.0, 0.0), 8, 8, 0.5)

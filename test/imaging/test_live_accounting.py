@@ -6,10 +6,10 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from sar_imaging.imaging import live_fusion
-from sar_imaging.imaging.live_fusion import LiveFusion
-from sar_imaging.imaging.live_kernels import compile_fusion_kernels
-from sar_imaging.imaging.live_subapertures import LiveSubapertures
+from sar_imaging.streaming import fusion as fusion_module
+from sar_imaging.streaming.fusion import LiveFusion
+from sar_imaging.streaming.kernels import compile_fusion_kernels
+from sar_imaging.streaming.subapertures import LiveSubapertures
 
 STEP_M = 0.3  # from pulse to pulse
 LENGTH, CUT = 96, 16
@@ -51,7 +51,7 @@ def test_the_predicted_error_is_the_mean_of_those_of_its_subapertures(sent):
 def test_as_much_memory_is_asked_for_as_is_taken(make_case, monkeypatch, sliding):
     case = make_case(1e3, n=400, pulses=2 * LENGTH, n_points=1, aperture_m=2 * LENGTH * STEP_M)
     asked = []
-    monkeypatch.setattr(live_fusion, 'check_memory',
+    monkeypatch.setattr(fusion_module, 'check_memory',
                         lambda n_bytes, what, remedy: asked.append(n_bytes))
     sent = _sent(case, sliding=sliding)
     compile_fusion_kernels()

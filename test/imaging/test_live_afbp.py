@@ -9,9 +9,9 @@ from msg_conversions import subaperture_wire
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.backprojection import Backprojector
-from sar_imaging.imaging.live_fusion import LiveFusion
-from sar_imaging.imaging.live_subapertures import LiveSubapertures
 from sar_imaging.imaging.verification import measure_error
+from sar_imaging.streaming.fusion import LiveFusion
+from sar_imaging.streaming.subapertures import LiveSubapertures
 
 from .conftest import LENGTH, TRACKS
 

@@ -10,9 +10,9 @@ from hypothesis import given, settings, strategies as st
 
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.backprojection import Backprojector
-from sar_imaging.imaging.live_fusion import LiveFusion
-from sar_imaging.imaging.live_subapertures import LiveSubapertures
-from sar_imaging.imaging.mosaic import StripMosaic, patch_beside
+from sar_imaging.streaming.fusion import LiveFusion
+from sar_imaging.streaming.mosaic import StripMosaic, patch_beside
+from sar_imaging.streaming.subapertures import LiveSubapertures
 
 LENGTH, CUT = 48, 8  # pulses of an aperture and of a sub-aperture
 
@@ -171,19 +171,20 @@ def test_nothing_is_left_to_compile():
     program = """
 import numpy as np
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging import (beam_kernels, beam_reading, column_transform, fusion,
-                                 fusion_lines, fusion_map, interpolation, kernels, profiles,
-                                 resampling, row_transform)
-from sar_imaging.imaging.live_fusion import LiveFusion
-from sar_imaging.imaging.live_kernels import (compile_fusion_kernels,
+from sar_imaging.backends.cpu import farrow, line_kernels, polar_to_map, profiles
+from sar_imaging.backends.cpu.beams import forming, interpolation
+from sar_imaging.backends.cpu.fft import columns, rows
+from sar_imaging.backends.cpu.fusion import lines, spectra, to_map
+from sar_imaging.streaming.fusion import LiveFusion
+from sar_imaging.streaming.kernels import (compile_fusion_kernels,
                                               compile_subaperture_kernels)
-from sar_imaging.imaging.live_subapertures import LiveSubapertures
+from sar_imaging.streaming.subapertures import LiveSubapertures
 from sar_imaging.signal import PulseBlock, RadarParameters
 
 def compiled():
     return {name: len(kernel.signatures)
-            for module in (fusion, fusion_lines, fusion_map, resampling, interpolation, kernels,
-                           profiles, beam_kernels, beam_reading, column_transform, row_transform)
+            for module in (spectra, lines, to_map, polar_to_map, farrow, line_kernels, profiles,
+                           forming, interpolation, columns, rows)
             for name, kernel in vars(module).items() if hasattr(kernel, 'signatures')}
 
 compile_subaperture_kernels()
@@ -208,8 +209,8 @@ for sliding in (False, True):
             second.add(sub)
         assert second.statistics.images > 6
         first.reset()
-row_transform.transform_rows(np.zeros((3, 3000), np.complex64), inverse=True)
-column_transform.transform_columns(np.zeros((3000, 64), np.complex64), 50)
+rows.transform_rows(np.zeros((3, 3000), np.complex64), inverse=True)
+columns.transform_columns(np.zeros((3000, 64), np.complex64), 50)
 assert compiled() == before, (compiled(), before)
 """
     run = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)

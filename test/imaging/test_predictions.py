@@ -6,22 +6,23 @@ import logging
 import numpy as np
 import pytest
 
+from sar_imaging.backends.cpu.profile_spectra import spectra
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.afbp import AfbpImager
-from sar_imaging.imaging.aperture import ApertureImager
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
 from sar_imaging.imaging.ffbp import FfbpImager
-from sar_imaging.imaging.interpolation import design_interpolator
-from sar_imaging.imaging.live_fusion import LiveFusion
-from sar_imaging.imaging.live_subapertures import LiveSubapertures
-from sar_imaging.imaging.range_window import RangeWindow
-from sar_imaging.imaging.row_weights import row_weights
 from sar_imaging.imaging.verification import measure_error
+from sar_imaging.planning.echo_power import row_weights
+from sar_imaging.planning.interpolators import design_interpolator
+from sar_imaging.planning.range_gate import RangeWindow
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.signal.spectra import band_spectrum
 from sar_imaging.simulation.random_cases import TRACKS, random_case
+from sar_imaging.streaming.aperture import ApertureImager
+from sar_imaging.streaming.fusion import LiveFusion
+from sar_imaging.streaming.subapertures import LiveSubapertures
 
 SEEDS = (1, 2, 3)
 # Of an image above its prediction: an image of few scatterers has an error of its own, the
@@ -318,7 +319,7 @@ def test_what_the_ends_of_a_window_cost(make_case, first, last):
     start = radar.range_start_m
     reach = start + first * n * spacing, start + last * n * spacing
     window = RangeWindow.around(radar, n, reach)
-    back = np.fft.ifft(window.spectrum(samples, window.n_samples, lambda *a: np.empty(*a[1:]))
+    back = np.fft.ifft(spectra(window, samples, window.n_samples, lambda *a: np.empty(*a[1:]))
                        * window.gain(window.n_samples) * window.n_samples)
     place = np.arange(window.n_samples)
     expected = window.end_error(window.range_start_m + place * spacing)

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import scipy.fft
 
-from sar_imaging.imaging.lattice import point_lattice
-from sar_imaging.imaging.profiles import Profiles
-from sar_imaging.imaging.range_window import RangeWindow
+from sar_imaging.backends.cpu.profile_spectra import cut_profiles
+from sar_imaging.backends.cpu.profiles import Profiles
+from sar_imaging.planning.range_gate import RangeWindow
+from sar_imaging.planning.range_resampling import point_lattice
 from sar_imaging.signal import RadarParameters
 
 N, NEEDED = 4096, (1500.0, 2000.0)  # samples; half paths within the profile, metres
@@ -33,7 +34,7 @@ def test_samples_within_the_window_are_those_of_the_whole_profile(oversampling):
     profiles = _noise(radar)
     # the filter that Profiles applies, at the same samples
     out = np.empty((2, window.n_samples), complex)
-    window.cut(profiles, out)
+    cut_profiles(window, profiles, out)
     taper = _filtered(out, oversampling) - _filtered(
         profiles, oversampling)[:, window.first:window.first + window.n_samples]
     first, last = (round(r / radar.sample_spacing_m) - window.first for r in NEEDED)
@@ -79,5 +80,5 @@ def test_a_window_at_the_end_of_the_profile_keeps_that_end():
     window = RangeWindow.around(radar, N, (0.0, 300.0))
     assert window.first == 0 and window.n_rise == 0 and window.n_fall > 0
     out = np.empty((1, N), complex)
-    window.cut(np.ones((1, N)), out)
+    cut_profiles(window, np.ones((1, N)), out)
     assert out[0, 0] == 1.0 and not out[0, window.n_samples:].any()

@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from sar_imaging.backends.cpu.fusion.spectra import SpectrumFusion
 from sar_imaging.imaging.backprojection import Backprojector
-from sar_imaging.imaging.fusion import SpectrumFusion
-from sar_imaging.imaging.reimaging import RevisableImage
+from sar_imaging.streaming.reimaging import RevisableImage
 
 
 @pytest.fixture(name='case', scope='module')
@@ -33,11 +33,11 @@ def error_db(image, grid, block):
 def redone(revisable):
     """Every sub-aperture imaged again with the present phase centres and plan."""
     plan = revisable.plan
-    stage = plan.subapertures
-    fusion = SpectrumFusion(stage.fusion_grid)
-    for number, some in enumerate(stage.sampling.pulses):
+    stage = plan.stage
+    fusion = SpectrumFusion(stage.plan.fusion_grid)
+    for number, some in enumerate(stage.plan.sampling.pulses):
         part = revisable.block.select(some)
-        fusion.add(number, stage.image(number, part), stage.check(part.tx_m, part.rx_m)[0])
+        fusion.add(number, stage.image(number, part), stage.plan.check(part.tx_m, part.rx_m)[0])
     return plan.form(fusion.polar_image())
 
 

@@ -9,20 +9,17 @@ import numpy as np
 import pytest
 from hypothesis import example, given, reject, settings, strategies as st
 
-from sar_imaging.compilation import numba
-from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.imaging.interpolation import design_interpolator
-from sar_imaging.imaging.kernels import SINCOS_ERROR_DB
-from sar_imaging.imaging.lattice import total_db
-from sar_imaging.imaging.resampling import (
-    CORRECTED_TAPS,
-    DEGREE,
-    TAPS,
+from sar_imaging.backends.cpu.polar_to_map import (
     add_polar_to_map,
     overwriting_rounds,
     polar_to_map,
 )
+from sar_imaging.compilation import numba
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.polar import PolarGrid
+from sar_imaging.planning.error_budget import SINCOS_ERROR_DB, total_db
+from sar_imaging.planning.interpolators import design_interpolator
+from sar_imaging.planning.polar_to_map import CORRECTED_TAPS, DEGREE, TAPS
 
 WAVELENGTH_M, OVERSAMPLING = 0.03, 2.0
 # Cycles per sample, half the band's edge; the interpolators are better than the phasors

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.imaging.subapertures import _bounds
+from sar_imaging.planning.afbp.subapertures import _bounds
 
 
 @pytest.mark.parametrize('depth_m', [20.0, 200.0])

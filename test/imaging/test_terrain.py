@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging.terrain import Terrain
+from sar_imaging.geometry.terrain import Terrain
 
 GRID = MapGrid((10.0, -5.0, 3.0), 9, 7, 0.5)
 

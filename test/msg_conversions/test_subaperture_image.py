@@ -17,8 +17,8 @@ from hypothesis.extra import numpy as hnp
 from msg_conversions import WireFormatError, subaperture_wire as wire
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.imaging.fusion_grid import FusionGrid
-from sar_imaging.imaging.subaperture_image import COUNTS, SubapertureImage
+from sar_imaging.planning.afbp.polar_grids import FusionGrid
+from sar_imaging.streaming.subaperture_image import COUNTS, SubapertureImage
 
 # A pair keeps 48 bits; below about 1e-30 float32 itself ends at 2**-149.
 PAIR = {'rel': 2**-48, 'abs': 2**-149}

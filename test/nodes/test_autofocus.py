@@ -12,10 +12,7 @@ from msg_conversions import pulse_block
 from msg_conversions.images import complex_from_message
 from msg_conversions.subaperture_wire import as_received
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.aperture import ApertureImage, ApertureImager
 from sar_imaging.imaging.backprojection import Backprojector
-from sar_imaging.imaging.live_fusion import LiveFusion
-from sar_imaging.imaging.live_subapertures import LiveSubapertures
 from sar_imaging.nodes import autofocus as nodes_autofocus, known_positions
 from sar_imaging.nodes.autofocus import ImageFocus
 from sar_imaging.nodes.backprojection_steps import PARAMETERS, BackprojectionStep
@@ -28,6 +25,9 @@ from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.drone_flights import drone_flight
 from sar_imaging.simulation.track_errors import flawed_aperture
+from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
+from sar_imaging.streaming.fusion import LiveFusion
+from sar_imaging.streaming.subapertures import LiveSubapertures
 from sar_imaging.tools import bag_io
 from sar_imaging.tools.node_processes import NODES, PIPELINE
 from sar_imaging.tools.recorded_poses import RecordedPoses

@@ -12,8 +12,8 @@ from sensor_msgs.msg import Image
 from msg_conversions import subaperture_image
 from msg_conversions.images import complex_from_message, map_metadata_from_message
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.live_subapertures import LiveSubapertures
 from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.streaming.subapertures import LiveSubapertures
 from sar_imaging.tools.node_processes import AFBP_NODES, PIPELINE
 
 LARGEST_ERROR_DB = -60.0  # what backprojection plans for by default in this mode

@@ -10,8 +10,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from msg_conversions import subaperture_image
 from msg_conversions.images import complex_from_message, map_metadata_from_message
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.live_subapertures import LiveSubapertures
 from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.streaming.subapertures import LiveSubapertures
 from sar_imaging.tools.node_processes import parameters_from_truth, pipeline_parameters
 
 LARGEST_ERROR_DB = {'image': -80.0, 'subapertures': -60.0}  # what is planned for by default

@@ -13,11 +13,11 @@ pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 from benchmarks.obstacle_scenes import Platform
 from msg_conversions.images import occupancy_from_message
 from msg_conversions.point_cloud import OBSTACLE_FIELDS, from_message
-from sar_imaging.imaging.live_subapertures import LiveSubapertures
 from sar_imaging.nodes import pose_input
 from sar_imaging.nodes.afbp_fusion import FusionStep
 from sar_imaging.nodes.backprojection_steps import IMAGE, BackprojectionStep
 from sar_imaging.signal.pulses import concatenate
+from sar_imaging.streaming.subapertures import LiveSubapertures
 
 from .step_bench import Outputs, make
 
@@ -211,7 +211,7 @@ def _raise(text):
 
 
 def test_images_on_terrain_have_no_obstacle_map(car, tmp_path):
-    from sar_imaging.imaging.terrain import Terrain
+    from sar_imaging.geometry.terrain import Terrain
 
     path = tmp_path / 'hill.npz'
     Terrain(np.linspace(-3, 3, 5), np.linspace(-3, 3, 5), np.zeros((5, 5))).save(str(path))

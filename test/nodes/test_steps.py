@@ -16,12 +16,12 @@ from msg_conversions.images import (
     quicklook_from_message,
 )
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.live_subapertures import LiveSubapertures
 from sar_imaging.nodes.afbp_fusion import FusionStep
 from sar_imaging.nodes.backprojection_steps import IMAGE, SUBAPERTURES, BackprojectionStep
 from sar_imaging.nodes.pulse_buffer import PulseBufferStep
 from sar_imaging.nodes.range_compression import RangeCompressionStep
 from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.streaming.subapertures import LiveSubapertures
 
 from .step_bench import Outputs, make
 

@@ -1,0 +1,160 @@
+"""Compiled loop that interpolates polar images of parts to the lines of their sum."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...compilation import njit, numba
+from ...geometry.polar import PolarGrid
+from ...planning.azimuth_upsampling import DEGREE, TAPS, AngularParts
+from .memory import aligned_empty
+
+_BATCH_BYTES = 24 << 20  # of parts that are merged together
+_TILE_PAIRS, _TILE_RANGES = 32, 512  # of the sum; what it reads of the parts fits the cache
+_ALIGNED = 16  # floats of a cache line
+
+
+class AngularMerging:
+    """Interpolate images of parts to the lines of their sum.
+
+    Several parts are merged at a time, since reading and writing the sum takes longer than the
+    arithmetic of one part.
+
+    Parameters
+    ----------
+    parts : AngularParts
+        Plan.
+    """
+
+    def __init__(self, parts: AngularParts):
+        coarse, fine, interpolator = parts.coarse, parts.fine, parts.interpolator
+        v = (fine.alpha - coarse.alpha_start) / coarse.alpha_spacing
+        floor = np.clip(np.floor(v), -interpolator.first,
+                        coarse.n_alpha - TAPS - interpolator.first)
+        start = floor.astype(np.int64) + interpolator.first
+        powers = (v - floor)[:, None] ** np.arange(DEGREE + 1)
+        weights = powers @ interpolator.weights.astype(np.float64)
+        self._start = np.minimum(start[::2], coarse.n_alpha - TAPS - 1)
+        self._weights = _in_pairs(weights, start, self._start)
+        self._parts = parts
+
+    def add_all(self, form, total) -> None:
+        """Add the images of all parts to the sum.
+
+        Parameters
+        ----------
+        form : callable
+            ``form(number, image)`` adds a part to its image (2, n_alpha_coarse, n) float32, real
+            and imaginary parts; its lines end in padding, n is n_range or a little more.
+        total : (2, n_alpha, n_range) float32
+            Sum; changed in place.
+        """
+        coarse, fine = self._parts.coarse, self._parts.fine
+        width = -(-coarse.n_range // _ALIGNED) * _ALIGNED
+        shape = (2, coarse.n_alpha, width)
+        n_parts = len(self._parts.rows)
+        at_once = max(1, min(n_parts, _BATCH_BYTES // (4 * math.prod(shape))))
+        images = aligned_empty((at_once, *shape), np.float32)
+        for first in range(0, n_parts, at_once):
+            numbers = range(first, min(first + at_once, n_parts))
+            images[:] = 0.0
+            for image, number in zip(images, numbers, strict=False):
+                form(number, image)
+                _rotate_lines(image[0], image[1], self._phasor(number, coarse, -1))
+            up = np.concatenate([self._phasor(number, fine, 1) for number in numbers])
+            _merge(images.reshape(-1), (len(numbers), *shape[1:]), self._start,
+                   self._weights.reshape(-1), up, (fine.n_alpha, fine.n_range),
+                   total.reshape(-1))
+
+    def _phasor(self, number: int, grid: PolarGrid, sign: int) -> np.ndarray:
+        """(n_alpha,) complex64 carrier of a part's band along direction."""
+        cycles = sign * self._parts.frequency[number] * grid.alpha
+        return np.exp(1j * np.fmod(cycles, 2 * np.pi)).astype(np.complex64)
+
+
+@njit(parallel=True)
+def _rotate_lines(real, imag, phasor):
+    for line in numba.prange(real.shape[0]):
+        c, s = phasor[line].real, phasor[line].imag
+        for i in range(real.shape[1]):
+            re, im = real[line, i], imag[line, i]
+            real[line, i] = re * c - im * s
+            imag[line, i] = re * s + im * c
+
+
+def _in_pairs(weights, start, common) -> np.ndarray:
+    """(n_pairs, 2, TAPS + 1) float32 weights of neighbouring lines, from their common start.
+
+    They begin at the same coarse line or at the next one; a last single line gets a partner that
+    adds nothing.
+    """
+    pairs = np.zeros((2 * len(common), TAPS + 1), np.float32)
+    for shift in (0, 1):
+        some = np.flatnonzero(start - np.repeat(common, 2)[:len(start)] == shift)
+        pairs[some, shift:shift + TAPS] = weights[some]
+    return pairs.reshape(-1, 2, TAPS + 1)
+
+
+@njit(parallel=True)
+def _merge(images, shape, start, weights, phasor, fine_shape, total):
+    """Tiles of the sum take all parts in turn; free of views for the compiler, see `kernels`.
+
+    Two lines at a time, since reading the parts takes longer than the arithmetic.
+    """
+    n_parts, n_coarse, width = shape
+    n_lines, n_range = fine_shape
+    n_pairs, n = len(start), np.uint64(width)
+    n_chunks = (n_pairs + _TILE_PAIRS - 1) // _TILE_PAIRS
+    beyond, imag = np.uint64(n_lines * n_range), np.uint64(n_coarse * width)
+    for tile in numba.prange(n_chunks * ((n_range + _TILE_RANGES - 1) // _TILE_RANGES)):
+        left = (tile // n_chunks) * _TILE_RANGES
+        count = np.uint64(min(_TILE_RANGES, n_range - left))
+        first_pair = (tile % n_chunks) * _TILE_PAIRS
+        for pair in range(first_pair, min(first_pair + _TILE_PAIRS, n_pairs)):
+            w = np.uint64(2 * (TAPS + 1) * pair)
+            a0, a1, a2 = weights[w], weights[w + np.uint64(1)], weights[w + np.uint64(2)]
+            a3, a4 = weights[w + np.uint64(3)], weights[w + np.uint64(4)]
+            a5, a6 = weights[w + np.uint64(5)], weights[w + np.uint64(6)]
+            a7, a8 = weights[w + np.uint64(7)], weights[w + np.uint64(8)]
+            a9, a10 = weights[w + np.uint64(9)], weights[w + np.uint64(10)]
+            b0, b1 = weights[w + np.uint64(11)], weights[w + np.uint64(12)]
+            b2, b3 = weights[w + np.uint64(13)], weights[w + np.uint64(14)]
+            b4, b5 = weights[w + np.uint64(15)], weights[w + np.uint64(16)]
+            b6, b7 = weights[w + np.uint64(17)], weights[w + np.uint64(18)]
+            b8, b9, b10 = (weights[w + np.uint64(19)], weights[w + np.uint64(20)],
+                           weights[w + np.uint64(21)])
+            other = min(2 * pair + 1, n_lines - 1)
+            to, to2 = np.uint64(2 * pair * n_range + left), np.uint64(other * n_range + left)
+            also, also2 = to + beyond, to2 + beyond
+            for part in range(n_parts):
+                z, z2 = phasor[part * n_lines + 2 * pair], phasor[part * n_lines + other]
+                c, s, c2, s2 = z.real, z.imag, z2.real, z2.imag
+                p0 = np.uint64((part * 2 * n_coarse + start[pair]) * width + left)
+                p1, p2, p3 = p0 + n, p0 + np.uint64(2) * n, p0 + np.uint64(3) * n
+                p4, p5, p6 = p1 + np.uint64(3) * n, p2 + np.uint64(3) * n, p3 + np.uint64(3) * n
+                p7, p8, p9 = p4 + np.uint64(3) * n, p5 + np.uint64(3) * n, p6 + np.uint64(3) * n
+                p10 = p9 + n
+                q0, q1, q2, q3, q4 = p0 + imag, p1 + imag, p2 + imag, p3 + imag, p4 + imag
+                q5, q6, q7, q8, q9 = p5 + imag, p6 + imag, p7 + imag, p8 + imag, p9 + imag
+                q10 = p10 + imag
+                for i in range(count):
+                    v0, v1, v2, v3 = images[p0 + i], images[p1 + i], images[p2 + i], images[p3 + i]
+                    v4, v5, v6, v7 = images[p4 + i], images[p5 + i], images[p6 + i], images[p7 + i]
+                    v8, v9, v10 = images[p8 + i], images[p9 + i], images[p10 + i]
+                    re = (a0 * v0 + a1 * v1 + a2 * v2 + a3 * v3 + a4 * v4 + a5 * v5 + a6 * v6
+                          + a7 * v7 + a8 * v8 + a9 * v9 + a10 * v10)
+                    re2 = (b0 * v0 + b1 * v1 + b2 * v2 + b3 * v3 + b4 * v4 + b5 * v5 + b6 * v6
+                           + b7 * v7 + b8 * v8 + b9 * v9 + b10 * v10)
+                    v0, v1, v2, v3 = images[q0 + i], images[q1 + i], images[q2 + i], images[q3 + i]
+                    v4, v5, v6, v7 = images[q4 + i], images[q5 + i], images[q6 + i], images[q7 + i]
+                    v8, v9, v10 = images[q8 + i], images[q9 + i], images[q10 + i]
+                    im = (a0 * v0 + a1 * v1 + a2 * v2 + a3 * v3 + a4 * v4 + a5 * v5 + a6 * v6
+                          + a7 * v7 + a8 * v8 + a9 * v9 + a10 * v10)
+                    im2 = (b0 * v0 + b1 * v1 + b2 * v2 + b3 * v3 + b4 * v4 + b5 * v5 + b6 * v6
+                           + b7 * v7 + b8 * v8 + b9 * v9 + b10 * v10)
+                    total[to + i] += re * c - im * s
+                    total[also + i] += re * s + im * c
+                    total[to2 + i] += re2 * c2 - im2 * s2
+                    total[also2 + i] += re2 * s2 + im2 * c2

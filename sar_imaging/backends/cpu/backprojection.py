@@ -1,0 +1,130 @@
+"""Exact backprojection of range profiles, by the way that a plan says."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from ...geometry.grids import MapGrid
+from ...planning.azimuth_upsampling import DEGREE, TAPS, AngularParts
+from ...planning.backprojection import BackprojectionPlan, LinePlan, plan_backprojection
+from ...planning.interpolators import design_interpolator
+from ...planning.points import ImagePoints, PointPlan
+from ...planning.polar_image import PolarPlan, plan_polar
+from ...signal.radar import RadarParameters
+from .azimuth_upsampling import AngularMerging
+from .lines import PolarLines, add_to_lines, line_middles, shared_phase
+from .memory import WorkSpace
+from .points import add_to_points
+from .polar_to_map import add_polar_to_map
+from .profiles import Profiles
+
+
+class Backprojection:
+    """Adds range profiles to images by one plan; what blocks share is prepared once.
+
+    Parameters
+    ----------
+    plan : BackprojectionPlan
+        What is computed, and how.
+    memory : WorkSpace, optional
+        Shared with other plans whose rows are added in turn.
+
+    Attributes
+    ----------
+    plan : BackprojectionPlan
+        As given.
+    """
+
+    def __init__(self, plan: BackprojectionPlan, memory: WorkSpace | None = None):
+        ways = {PolarPlan: _Polar, LinePlan: _Lines, PointPlan: _Points}
+        self.plan, self._way = plan, ways[type(plan.way)](plan, memory or WorkSpace())
+
+    def add(self, samples, tx_m, rx_m, image) -> None:
+        """Add rows to an image.
+
+        Parameters
+        ----------
+        samples : (R, N) complex64
+            Profiles of the rows.
+        tx_m, rx_m : (R, 3) float64
+            Phase centres of the rows, metres; those of the plan.
+        image : (...) complex64
+            Changed in place; contiguous in C order.
+        """
+        self._way.add(samples, tx_m, rx_m, image)
+
+
+class _Polar:
+    """By a polar image, in parts that are merged or as a whole, interpolated to the map."""
+
+    def __init__(self, plan: BackprojectionPlan, memory: WorkSpace):
+        way = self._way = plan.way
+        self._grid: MapGrid = plan.grid
+        profiles = Profiles(way.window, way.lattice, way.range_m, memory)
+        self._lines = PolarLines(way.polar if way.parts is None else way.parts.coarse, profiles)
+        self._merging = way.parts and AngularMerging(way.parts)
+        self._memory = memory
+
+    def add(self, samples, tx_m, rx_m, image) -> None:
+        way, rows = self._way, (samples, tx_m, rx_m)
+        total = self._memory('polar image', (2, way.polar.n_alpha, way.polar.n_range), np.float32)
+        total[:] = 0.0
+        if self._merging is None:
+            self._lines.add(*rows, total)
+        else:
+            self._merging.add_all(lambda number, part: self._lines.add(
+                *(a[way.parts.rows[number]] for a in rows), part), total)
+        add_polar_to_map(*total, way.polar, self._grid, image, axis=way.axis,
+                         wavelength_m=way.wavelength_m, between=way.between, along=way.along)
+
+
+class _Lines:
+    """Along the lines of the map itself."""
+
+    def __init__(self, plan: BackprojectionPlan, memory: WorkSpace):
+        way, lines = plan.way, plan.way.lines
+        self._profiles = Profiles(way.window, way.lattice, lines.range_m, memory)
+        self._middles = line_middles(lines.locate, lines.n_lines, lines.n_pixels,
+                                     way.lattice.segment)
+        self._layout, self._phase = lines.layout, shared_phase(self._profiles, lines.n_pixels)
+
+    def add(self, samples, tx_m, rx_m, image) -> None:
+        add_to_lines(self._profiles, samples, tx_m, rx_m, self._middles, self._layout,
+                     self._phase, image.reshape(-1).view(np.float32))
+
+
+class _Points:
+    """Point by point."""
+
+    def __init__(self, plan: BackprojectionPlan, memory: WorkSpace):
+        self._plan, self._memory = plan.way, memory
+        self._points = (plan.grid if isinstance(plan.grid, ImagePoints)
+                        else ImagePoints.of_map(plan.grid))
+
+    def add(self, samples, tx_m, rx_m, image) -> None:
+        add_to_points(self._plan, self._points, samples, tx_m, rx_m,
+                      image.reshape(-1).view(np.float32), self._memory)
+
+
+def compile_kernels() -> None:
+    """Compile the kernels, or load them from the cache, before the first pulse arrives.
+
+    Takes some seconds the first time on a machine and well under one after that.
+    """
+    radar, target_db = RadarParameters(10e9, 300e6, 600e6, 0.0), -80.0
+    samples, centres = np.zeros((1, 512), np.complex64), np.zeros((1, 3))
+    for x in (100.0, 1.0):  # by lines, and around the antenna by points
+        grid = MapGrid((x, 0.0, 0.0), 16, 16, 0.25)
+        image = np.zeros(grid.shape, np.complex64)
+        plan = plan_backprojection(grid, radar, 512, centres, centres, target_db)
+        plans, polar = [plan], plan_polar(grid, centres, centres, radar, 512, target_db)
+        if polar is not None:
+            between = design_interpolator(2.0, taps=TAPS, degree=DEGREE)
+            parts = AngularParts((slice(None),), np.zeros(1), polar.polar, polar.polar, between,
+                                 0.0, 0.0)
+            plans += [dataclasses.replace(plan, way=dataclasses.replace(polar, parts=p))
+                      for p in (None, parts)]
+        for way in plans:
+            Backprojection(way).add(samples, centres, centres, image)

@@ -1,0 +1,270 @@
+"""Compiled loop that forms the beams of a sub-aperture from the spectra of its rows.
+
+Like `kernels.project_lines` it takes flat arrays and unsigned indices, without views, for the
+compiler's sake.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ....compilation import REPEATABLE, njit, numba
+from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
+from ..threads import take_job
+from .accumulation import LANES, ROWS, add_rows
+
+BINS = 128  # whose samples stay in the cache
+_GAUSS = 0.5 - 0.5 / 3 ** 0.5  # where a straight line agrees best with a parabola over 0 to 1
+_E0, _E2, _E3, _E4, _E5 = (np.float32(1 / v) for v in (1, 2, 6, 24, 120))
+
+_u = np.uint64
+
+
+@njit(parallel=True, fastmath=REPEATABLE)
+def form_beams(samples, shape, runs, common, weight, order, shift, carrier, slope, log_gain,
+               gain_step, beside, turn_step, phasor_step, cycles_per_bin, group, out, jobs,
+               base_re, base_im, turn_re, turn_im, turn_steps, rows, phasor_re, phasor_im, sums):
+    """Sum the rows' spectra for each beam, ``out_m[b] = sum_i g_i[b] S_i[b] exp(j k_b path_im)``.
+
+    What lies between the bins of positive and those of negative number is set to zero.
+
+    The phase is exact for the middle of each group of beams. On either side of it beams share
+    phasors, one of a couple taking the conjugates: what cosines and sines count is summed apart.
+    Their growth from bin to bin is held over a vector of bins. Rows on opposite sides of the
+    centre may share phasors likewise. The gain g of a row's frequency from beam to beam is that
+    of the group's middle, and its logarithm a straight line over each run of bins.
+
+    Parameters
+    ----------
+    samples : (2 * R * N,) float32
+        Spectra of R rows; real and imaginary parts in turn.
+    shape : tuple of int
+        ``(N, M, n, n_cells)``: bins, beams, from one beam's spectrum to the next, its length.
+    runs : (J, 4) int64
+        Bins of each job: the first one in `samples` and in `out`, its number counted from the
+        carrier's, how many.
+    common : (2 * N,) float32
+        Factor of each bin of `samples`, real and imaginary parts in turn.
+    weight : (R,) float32
+        Factor of each row.
+    order : (Q,) or (2 * Q,) int64
+        Row of each of `ROWS` phasors of a block, then of their conjugates if rows share them, then
+        those of the next block; -1 for none.
+    shift : (G * len(order),) float64
+        What a row's path is longer for the middle of a group of beams than the reference's,
+        metres, in that order.
+    carrier : (G * len(order),) float64
+        Phase of that at the carrier, cycles.
+    slope : (G * len(order),) float64
+        What a row's path grows from beam to beam, metres, in that order.
+    log_gain : (N,) float64
+        Natural logarithm of the gain by the magnitude of the frequency, from 0.
+    gain_step : float
+        Of its table, cycles per beam.
+    beside : (G * Q * H,) float64
+        What a row's path is longer for a beam than for the group's middle, metres: groups, blocks,
+        couples of beams from the outermost inwards, phasors of the block. The other beam's is the
+        negative.
+    turn_step : (2 * G * len(order),) float32
+        Phasors of `shift` over a vector of bins, real parts first.
+    phasor_step : (2 * G * Q * H,) float32
+        The same of `beside`.
+    cycles_per_bin : (2,) float64
+        Cycles per metre of half path at the carrier, and what they grow from bin to bin.
+    group : int
+        Beams of a group, of H couples; the middle one of an odd number is a couple's both.
+    out : (2 * M * n,) float32
+        Written to.
+    jobs : int
+        Address of a `work_sharing.job_counter`.
+    base_re, base_im : (T * BINS * len(order),) float32
+        Work space.
+    turn_re, turn_im : (T * G * len(order) * LANES,) float32
+        Work space.
+    turn_steps : (T * 2 * G * len(order),) float32
+        Work space.
+    rows : (T * ROWS * 4 * LANES,) float32
+        Work space.
+    phasor_re, phasor_im : (T * G * Q * H,) float32
+        Work space.
+    sums : (T * 4 * H * BINS,) float32
+        Work space.
+    """
+    n_bins, n_beams, n_out, n_cells = shape
+    kept = min(n_bins, n_cells)
+    n_rows, n_groups, half = len(order), (n_beams + group - 1) // group, (group + 1) // 2
+    n_turns, n_phasors = n_groups * n_rows * LANES, len(beside)
+    n_blocks = n_phasors // (n_groups * half * ROWS)
+    per_block = n_rows // n_blocks
+    middle, n_tasks = 0.5 * (LANES - 1), len(rows) // (ROWS * 4 * LANES)
+    for task in numba.prange(n_tasks):
+        run = take_job(jobs)
+        while run < len(runs):
+            for m in range(run * n_beams // len(runs), (run + 1) * n_beams // len(runs)):
+                for i in range(_u(2 * (m * n_out + (kept + 1) // 2)),
+                               _u(2 * (m * n_out + n_cells - kept // 2))):
+                    out[i] = 0.0
+            first, target, number, left = runs[run, 0], runs[run, 1], runs[run, 2], runs[run, 3]
+            base, turn, phasor = task * BINS * n_rows, task * n_turns, task * n_phasors
+            row, total = task * ROWS * 4 * LANES, task * 4 * half * BINS
+            n_steps = n_groups * n_rows
+            steps = 2 * task * n_steps
+            ends = (cycles_per_bin[0] + (number + _GAUSS * left) * cycles_per_bin[1],
+                    cycles_per_bin[0] + (number + (1.0 - _GAUSS) * left) * cycles_per_bin[1])
+            for k in range(n_steps):
+                cycles = cycles_per_bin[1] * shift[k]
+                start = _fraction(carrier[k] + number * cycles)
+                grown = _read_table(log_gain, np.abs(slope[k] * ends[0]) / gain_step)
+                rate = _read_table(log_gain, np.abs(slope[k] * ends[1]) / gain_step) - grown
+                rate /= (1.0 - 2.0 * _GAUSS) * left
+                first_gain = np.float32(np.exp(grown - _GAUSS * left * rate))
+                to, x = _u(turn + k * LANES), np.float32(rate)
+                for i in range(LANES):
+                    c = np.float32(_fraction(start + i * cycles))
+                    gain = first_gain * _exp(x * np.float32(i))
+                    turn_re[to + _u(i)] = gain * _cos_cycles(c * c)
+                    turn_im[to + _u(i)] = gain * _sin_cycles(c, c * c)
+                gain = _exp(x * np.float32(LANES))
+                turn_steps[_u(steps + k)] = gain * turn_step[_u(k)]
+                turn_steps[_u(steps + n_steps + k)] = gain * turn_step[_u(n_steps + k)]
+            per_metre = cycles_per_bin[0] + (number + middle) * cycles_per_bin[1]
+            for k in range(_u(n_phasors)):
+                c = np.float32(_fraction(per_metre * beside[k]))
+                phasor_re[_u(phasor) + k] = _cos_cycles(c * c)
+                phasor_im[_u(phasor) + k] = _sin_cycles(c, c * c)
+            while left > 0:
+                count = min(left, BINS)
+                n_vectors = (count + LANES - 1) // LANES
+                _load_rows(samples, n_bins, first, count, common, weight, order, per_block,
+                           base_re, base_im, base)
+                for g in range(n_groups):
+                    for i in range(_u(4 * half * BINS)):
+                        sums[_u(total) + i] = 0.0
+                    for b in range(g * n_blocks, (g + 1) * n_blocks):
+                        source = base + (b - g * n_blocks) * per_block * BINS
+                        for v in range(n_vectors):
+                            _turn(base_re, base_im, source + v * per_block * LANES, turn_re,
+                                  turn_im, turn + b * per_block * LANES, turn_steps,
+                                  steps + b * per_block, n_steps, per_block, rows, row)
+                            add_rows(rows, _u(row), phasor_re, phasor_im,
+                                     _u(phasor + b * half * ROWS), _u(half), sums,
+                                     _u(total + 4 * v * half * LANES))
+                            now, step = _u(phasor + b * half * ROWS), _u(b * half * ROWS)
+                            for i in range(_u(half * ROWS)):
+                                cosine, sine = phasor_re[now + i], phasor_im[now + i]
+                                re = phasor_step[step + i]
+                                im = phasor_step[_u(n_phasors) + step + i]
+                                phasor_re[now + i] = cosine * re - sine * im
+                                phasor_im[now + i] = cosine * im + sine * re
+                    n_some = min(group, n_beams - g * group)
+                    for m in range(n_some):
+                        source = total + 4 * min(m, n_some - 1 - m) * LANES
+                        side = np.float32(1.0 if 2 * m < n_some else -1.0)
+                        to = 2 * ((g * group + m) * n_out + target)
+                        _put_beam(sums, source, half, count, side, out, to)
+                first, target, left = first + count, target + count, left - count
+                number += count
+            run = take_job(jobs)
+
+
+@njit(inline='always')
+def _read_table(table, place):
+    i = min(np.int64(place), len(table) - 2)
+    return table[i] + min(place - i, 1.0) * (table[i + 1] - table[i])
+
+
+@njit(inline='always')
+def _exp(x):
+    """Of what a gain grows over a vector of bins, which is little."""
+    return _E0 + x * (_E0 + x * (_E2 + x * (_E3 + x * (_E4 + x * _E5))))
+
+
+@njit(inline='always')
+def _load_rows(samples, n_bins, first, count, common, weights, order, per_block, base_re,
+               base_im, base):
+    """Some bins of all rows times their factors, vector by vector, zero beyond the last."""
+    whole = count // LANES
+    for place in range(len(order)):
+        row = order[place]
+        begin = base + place // per_block * per_block * BINS + place % per_block * LANES
+        if row < 0:
+            for v in range((count + LANES - 1) // LANES):
+                to = _u(begin + v * per_block * LANES)
+                for lane in range(LANES):
+                    base_re[to + _u(lane)] = 0.0
+                    base_im[to + _u(lane)] = 0.0
+            continue
+        weight = weights[row]
+        source, factor = _u(2 * (row * n_bins + first)), _u(2 * first)
+        for v in range(whole):
+            to = _u(begin + v * per_block * LANES)
+            for lane in range(LANES):
+                i = _u(lane)
+                re, im = samples[source + _u(2) * i], samples[source + _u(2) * i + _u(1)]
+                cosine = weight * common[factor + _u(2) * i]
+                sine = weight * common[factor + _u(2) * i + _u(1)]
+                base_re[to + i] = re * cosine - im * sine
+                base_im[to + i] = re * sine + im * cosine
+            source += _u(2 * LANES)
+            factor += _u(2 * LANES)
+        for lane in range((count > whole * LANES) * LANES):
+            to = _u(begin + whole * per_block * LANES + lane)
+            base_re[to] = 0.0
+            base_im[to] = 0.0
+            if lane < count - whole * LANES:
+                i = _u(2 * lane)
+                re, im = samples[source + i], samples[source + i + _u(1)]
+                cosine, sine = weight * common[factor + i], weight * common[factor + i + _u(1)]
+                base_re[to] = re * cosine - im * sine
+                base_im[to] = re * sine + im * cosine
+
+
+@njit(inline='always')
+def _turned(base_re, base_im, source, turn_re, turn_im, now, cosine_step, sine_step):
+    """Sample times its phasor, which moves on by a vector."""
+    cosine, sine = turn_re[now], turn_im[now]
+    x, y = base_re[source], base_im[source]
+    turn_re[now] = cosine * cosine_step - sine * sine_step
+    turn_im[now] = cosine * sine_step + sine * cosine_step
+    return x * cosine - y * sine, x * sine + y * cosine
+
+
+@njit(inline='always')
+def _turn(base_re, base_im, base, turn_re, turn_im, turn, step, first, n_steps, n_rows, rows,
+          row):
+    """A block of rows seen from the group's middle: what a phasor's real and imaginary part count.
+
+    A row's phasor multiplies its samples and j times them; where rows share one, their sum and j
+    times their difference.
+    """
+    for k in range(ROWS):
+        source, now, to = _u(base + k * LANES), _u(turn + k * LANES), _u(row + 4 * k * LANES)
+        cosine, sine = step[_u(first + k)], step[_u(n_steps + first + k)]
+        if n_rows == ROWS:
+            for lane in range(LANES):
+                i = _u(lane)
+                re, im = _turned(base_re, base_im, source + i, turn_re, turn_im, now + i, cosine,
+                                 sine)
+                rows[to + i], rows[to + _u(LANES) + i] = re, im
+                rows[to + _u(2 * LANES) + i], rows[to + _u(3 * LANES) + i] = -im, re
+        else:
+            other, then = source + _u(ROWS * LANES), now + _u(ROWS * LANES)
+            c, s = step[_u(first + ROWS + k)], step[_u(n_steps + first + ROWS + k)]
+            for lane in range(LANES):
+                i = _u(lane)
+                re, im = _turned(base_re, base_im, source + i, turn_re, turn_im, now + i, cosine,
+                                 sine)
+                x, y = _turned(base_re, base_im, other + i, turn_re, turn_im, then + i, c, s)
+                rows[to + i], rows[to + _u(LANES) + i] = re + x, im + y
+                rows[to + _u(2 * LANES) + i], rows[to + _u(3 * LANES) + i] = y - im, re - x
+
+
+@njit(inline='always')
+def _put_beam(sums, first, half, count, side, out, target):
+    """Write some bins of the beam on one side of the group's middle."""
+    for v in range((count + LANES - 1) // LANES):
+        re, to = _u(first + 4 * v * half * LANES), _u(target + 2 * v * LANES)
+        im, odd = re + _u(LANES), _u(2 * LANES)
+        for i in range(_u(min(LANES, count - v * LANES))):
+            out[to + _u(2) * i] = sums[re + i] + side * sums[re + odd + i]
+            out[to + _u(2) * i + _u(1)] = sums[im + i] + side * sums[im + odd + i]

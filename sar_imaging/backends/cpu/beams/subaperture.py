@@ -1,0 +1,270 @@
+"""Sub-aperture images by way of beams, where direct backprojection would read each pulse per line.
+
+Seen from its own middle the rows of a short sub-aperture differ by little more than a delay that
+depends on direction alone: a beam is their sum with the delays of one direction, taken exactly,
+bin by bin of the spectrum. A few beams, no more than the sub-aperture can resolve, hold the image;
+the lines of the unified polar grid, whose coordinates bend away from the sub-aperture's own, are
+interpolated from them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+
+import numpy as np
+
+from ....compilation import numba
+from ....geometry.polar import PolarGrid
+from ....planning.afbp.beam_gain import DEGREE, bins_per_run
+from ....planning.afbp.beam_geometry import grid_edges
+from ....planning.afbp.beams import OUTSIDE, BeamSampling
+from ....planning.phase_history import RangeBand
+from ....planning.range_gate import RangeWindow
+from ....planning.range_resampling import Lattice
+from ..fft.rows import transform_rows
+from ..memory import WorkSpace
+from ..profile_spectra import spectra
+from ..threads import job_counter
+from . import forming as kernels, interpolation as reading
+from .accumulation import CELL_TAPS
+from .paths import CompiledBeamGeometry
+
+_PAGE, _STRIDE = 512, 40  # complex samples
+
+
+class BeamLines:
+    """Lines of a polar grid, filled from the beams of a sub-aperture.
+
+    Parameters
+    ----------
+    polar : PolarGrid
+        Pixels.
+    source : RangeWindow or RangeBand
+        What the profiles are made of.
+    lattice : Lattice
+        Its cells are those of the beams.
+    sampling : BeamSampling
+        From `plan_beams`.
+    range_m : (float, float)
+        Smallest and largest half path to the pixels, metres.
+    """
+
+    def __init__(self, polar: PolarGrid, source: RangeWindow | RangeBand, lattice: Lattice,
+                 sampling: BeamSampling, range_m: tuple[float, float]):
+        self._polar, self._source, self._lattice = polar, source, lattice
+        self._sampling = sampling
+        self._buffer = WorkSpace()
+        cells = math.floor((range_m[0] - source.range_start_m) / lattice.cell_m)
+        first = cells - CELL_TAPS
+        self._range_start_m = source.range_start_m + first * lattice.cell_m
+        # Beyond the profile's ends a period repeats, what was recorded does not.
+        self._known = (0, lattice.n_cells) if source.periodic else (
+            min(max(-first, 0), lattice.n_cells), min(max(lattice.n_cells - first, 0),
+                                                      lattice.n_cells))
+        gain = source.gain(lattice.n_padded)
+        self._cycles_per_bin = 1 / (lattice.n_cells * lattice.cell_m)
+        self._per_metre = 2 / source.radar.wavelength_m
+        longest = bins_per_run(len(gain), len(gain) * self._cycles_per_bin / self._per_metre)
+        self._runs, number = _runs(len(gain), lattice.n_cells, source.zero, longest)
+        # Each bin's share is changed beforehand by what reading the cells takes from it.
+        magnitudes = np.arange(np.abs(number).max() + 1)  # gains are the same on both sides
+        gain = gain * sampling.along.gain(magnitudes / lattice.n_cells)[np.abs(number)]
+        if lattice.n_cells < len(gain):
+            gain *= _taper(number / lattice.n_cells, 0.5 / sampling.along.oversampling)
+        shift = np.fmod(number * (first / lattice.n_cells), 1.0)
+        self._common = (gain * np.exp(2j * np.pi * shift)).astype(np.complex64)
+        self._lines, self._edges = self._positions(), grid_edges(polar)
+
+    def _positions(self) -> np.ndarray:
+        """(S, n_alpha, 12) float64 as `reading.read_beams` wants them."""
+        polar, segment = self._polar, self._sampling.segment
+        pixel = np.arange(-(-polar.n_range // segment)) * segment + segment // 2
+        step = polar.range_spacing_m
+        derivatives = polar.lines(polar.range_start_m + step * pixel[:, None], polar.alpha)[:4]
+        return np.concatenate([d * step ** order for order, d in enumerate(derivatives)], axis=-1)
+
+    def fill(self, samples, tx_m, rx_m, parts, weights=None) -> None:
+        """Image of some rows at range baseband.
+
+        Parameters
+        ----------
+        samples : (R, N) complex64
+            Profiles, or phase histories, of the rows.
+        tx_m, rx_m : (R, 3) float64
+            Phase centres of the rows, metres.
+        parts : (2, n_alpha, n_range) float32
+            Real and imaginary part of the image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0
+            the first range; written to, contiguous.
+        weights : (R,) float32, optional
+            Of the rows.
+
+        Raises
+        ------
+        ValueError
+            The plane is too steep below the rows for their directions to be told apart.
+        """
+        geometry = CompiledBeamGeometry.of(self._polar, self._edges, tx_m, rx_m)
+        if geometry is None:
+            raise ValueError(f'the imaging plane, {self._polar.z_m:g} m high, is too steep below '
+                             f'the phase centres around {tx_m.mean(axis=0).round(2)}; use '
+                             'Backprojector')
+        sampling = self._sampling
+        spread = geometry.spread(tx_m, rx_m, OUTSIDE * sampling.spacing)
+        if spread > sampling.spread_m:
+            sampling = dataclasses.replace(
+                sampling, spacing=sampling.spacing * (sampling.spread_m / spread))
+        spacing, (low, high) = sampling.spacing, geometry.direction
+        n_beams = sampling.n_beams(high - low)
+        start = low - OUTSIDE * spacing
+        directions = start + spacing * np.arange(n_beams)
+        paired = geometry.uneven(tx_m, rx_m) < self._sampling.uneven_m
+        beams = self._beams(samples, geometry.beam_path(tx_m, rx_m, directions), paired, weights)
+        self._read(beams, geometry, start, spacing, parts)
+
+    def _beams(self, samples, path, paired, weights) -> np.ndarray:
+        """(M, n_cells) complex64 beams at range baseband, valid until the next call."""
+        n_beams, n_rows = path.shape
+        group = self._sampling.group_of(n_beams)
+        n_cells = self._lattice.n_cells
+        spectrum = spectra(self._source, samples, self._lattice.n_padded,
+                           self._buffer)
+        rows, middle, slope, beside = _phasors(path, group, paired)
+        between = self._sampling.between
+        stride = _uncrowded(n_cells + reading.TILE)
+        beams = self._buffer('beams', (n_beams, stride), np.complex64)
+        n_tasks, lanes = numba.get_num_threads(), kernels.LANES
+        sizes = {'base re': kernels.BINS * len(rows), 'base im': kernels.BINS * len(rows),
+                 'turn re': middle.size * lanes, 'turn im': middle.size * lanes,
+                 'turn steps': 2 * middle.size,
+                 'rows': 4 * kernels.ROWS * lanes, 'phasor re': beside.size,
+                 'phasor im': beside.size, 'sums': 4 * beside.shape[2] * kernels.BINS}
+        work = [self._buffer(name, (n_tasks * size,), np.float32) for name, size in sizes.items()]
+        jobs = job_counter()
+        kernels.form_beams(
+            spectrum.reshape(-1).view(np.float32), (spectrum.shape[1], n_beams, stride, n_cells),
+            self._runs, self._common.view(np.float32),
+            np.ones(n_rows, np.float32) if weights is None else weights, rows,
+            middle.reshape(-1), np.fmod(self._per_metre * middle, 1.0).reshape(-1),
+            slope.reshape(-1), between.log_gain, between.step, beside.reshape(-1),
+            _step_phasors(self._cycles_per_bin * middle),
+            _step_phasors(self._cycles_per_bin * beside),
+            np.array([self._per_metre, self._cycles_per_bin]), group,
+            beams.reshape(-1).view(np.float32), jobs.ctypes.data, *work)
+        transform_rows(beams[:, :n_cells], inverse=True)
+        beams[:, :self._known[0]] = 0.0
+        beams[:, self._known[1]:] = 0.0
+        return beams
+
+    def _read(self, beams, geometry, start, spacing, parts) -> None:
+        polar, sampling, source = self._polar, self._sampling, self._source
+        segment = sampling.segment
+        cycles_per_m = self._per_metre
+        # Half the curvature and twice the weight of the second order cancel.
+        bend = -1 / (2 * np.pi * cycles_per_m * spacing ** 2)
+        index = np.arange(reading.mixed_cells(segment), dtype=np.float32) - segment // 2
+        size = numba.get_num_threads() * reading.work_size(segment)
+        work, jobs = self._buffer('read', (size,), np.float32), job_counter()
+        reading.read_beams(
+            beams.reshape(-1).view(np.float32), (*beams.shape, *parts.shape[1:], segment),
+            self._lines, geometry.centre_m, np.array(polar.track),
+            np.array([self._range_start_m, self._lattice.cell_m, polar.range_spacing_m]),
+            np.array([start, spacing]), cycles_per_m, -cycles_per_m * source.phase_range_m,
+            np.array([1 / geometry.range_m, bend]), _table(sampling.between.interpolator),
+            _table(sampling.along), index, parts.reshape(-1), work,
+            jobs.ctypes.data)
+
+
+def _runs(n_bins: int, n_cells: int, zero: int, longest: int):
+    """Bins of each task of `form_beams`, and every bin's number counted from the carrier's."""
+    number = (np.arange(n_bins) - zero + n_bins // 2) % n_bins - n_bins // 2
+    kept = min(n_bins, n_cells)
+    upper, lower = (kept + 1) // 2, kept // 2
+    runs = []
+    for first, target, start, count in ((zero, 0, 0, upper), ((zero - lower) % n_bins,
+                                                              n_cells - lower, -lower, lower)):
+        runs += [(first + i, target + i, start + i, min(longest, count - i))
+                 for i in range(0, count, longest)]
+    return np.array(runs), number
+
+
+def _taper(frequency, edge: float) -> np.ndarray:
+    """Falls from 1 at the edge of the band to 0 at the highest frequency that cells hold.
+
+    Beyond the band lies what the cut ends of profiles leave, which would ring far inside if it
+    ended at once.
+    """
+    return np.cos(0.5 * np.pi * np.clip((np.abs(frequency) - edge) / (0.5 - edge), 0, 1)) ** 2
+
+
+def _uncrowded(n_cells: int) -> int:
+    """Cells between beams, so that neighbours do not compete for the same lines of the cache."""
+    return n_cells + (_STRIDE - n_cells) % _PAGE
+
+
+@functools.lru_cache(maxsize=16)
+def _couples(n_beams: int, group: int):
+    """Beams of each group's couples, (G, H) each, and those before and after groups, (G,) each."""
+    n_groups, half = -(-n_beams // group), -(-group // 2)
+    first = np.arange(n_groups)[:, None] * group
+    last = np.minimum(first + group, n_beams) - 1
+    upper = np.minimum(first + np.arange(half), (first + last) // 2)
+    return (upper, first + last - upper, np.maximum(first[:, 0] - 1, 0),
+            np.minimum(last[:, 0] + 1, n_beams - 1))
+
+
+def _phasors(path, group: int, paired: bool):
+    """Rows by their phasors, and paths, in the order in which `form_beams` wants them.
+
+    Returns
+    -------
+    rows : (Q or 2 * Q,) int64
+        Row of each phasor of a block, then of their conjugates, block by block.
+    middle : (G, len(rows)) float64
+        Paths for the middle of each group of beams, metres.
+    slope : (G, len(rows)) float64
+        What they grow from beam to beam there, metres.
+    beside : (G, Q / ROWS, H, ROWS) float64
+        What they are longer for one beam of each couple of the group, metres.
+    """
+    n_beams, n_rows = path.shape
+    upper, lower, before, after = _couples(n_beams, group)
+    n_groups, half = upper.shape
+    n_phasors = -(-n_rows // 2) if paired else n_rows
+    rows = np.full((1 + paired, -(-n_phasors // kernels.ROWS) * kernels.ROWS), -1)
+    order = np.argsort(path[-1] - path[0]) if paired else np.arange(n_rows)
+    rows[0, :n_phasors] = order[:n_phasors]
+    if paired:
+        rows[1, :n_rows // 2] = order[::-1][:n_rows // 2]
+    path = path[:, rows.reshape(-1)]
+    slope = (path[after] - path[before]) / (after - before)[:, None]
+    upper, lower = path[upper], path[lower]
+    middle = (upper + lower).sum(axis=1) / (2 * half)
+    beside = 0.5 * (upper - lower)
+    if paired:
+        own, other = np.split(beside, 2, axis=2)
+        beside = 0.5 * (own - other)
+        alone = rows[1] < 0  # the middle of an odd number
+        beside[:, :, alone] = own[:, :, alone]
+
+    def by_block(values):
+        """Both rows of each phasor of a block, then those of the next block."""
+        return values.reshape(-1, 1 + paired, rows.shape[1] // kernels.ROWS, kernels.ROWS
+                              ).swapaxes(1, 2).reshape(len(values), -1)
+
+    return (by_block(rows.reshape(1, -1))[0], by_block(middle), by_block(slope),
+            np.ascontiguousarray(beside.reshape(n_groups, half, -1, kernels.ROWS).swapaxes(1, 2)))
+
+
+def _step_phasors(cycles) -> np.ndarray:
+    """Phasors over a vector of bins, real parts first, flat."""
+    cycles = kernels.LANES * cycles.reshape(-1)
+    angle = (2 * np.pi * (cycles - np.rint(cycles))).astype(np.float32)
+    return np.concatenate([np.cos(angle), np.sin(angle)])
+
+
+def _table(interpolator) -> np.ndarray:
+    weights = np.zeros((DEGREE + 1, reading.STORED), np.float32)
+    weights[:, :interpolator.weights.shape[1]] = interpolator.weights
+    return weights

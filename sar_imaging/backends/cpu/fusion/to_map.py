@@ -1,0 +1,99 @@
+"""Last step of AFBP: the fused polar image on a map."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ....compilation import njit, numba
+from ....geometry.grids import MapGrid
+from ....geometry.map_edges import edge_positions
+from ....geometry.polar import PolarGrid
+from ....planning.afbp.polar_grids import FusionGrid
+from ....planning.interpolators import design_interpolator
+from ....planning.polar_to_map import CORRECTED_TAPS, DEGREE, NOT_READ, TAPS, margin
+from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
+from ..polar_to_map import polar_to_map
+
+
+def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid,
+             centre_m: float = 0.0, *, overwrite: bool = False) -> np.ndarray:
+    """Interpolate a fused image to a map and put its carrier back.
+
+    Parameters
+    ----------
+    polar_image : (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
+        From `SpectrumFusion`, complex or as real and imaginary part; those are not copied.
+    fusion : FusionGrid
+        Its grid, oversampled as it says.
+    grid : MapGrid
+        Map; ``fusion.polar`` covers it, finely enough to be interpolated.
+    centre_m : float
+        As given to `SpectrumFusion.polar_image`.
+    overwrite : bool
+        The polar image is not needed any more: that of `SpectrumFusion.take_polar_image` with
+        ``planes=True`` may become the memory of the map, where range follows x and the map is not
+        much finer than the polar image. Otherwise the map gets memory of its own.
+
+    Returns
+    -------
+    (n_y, n_x) complex64
+        ``f(x) = sum_m sum_n s_mn(D_mn(x)) exp(+j k_c D_mn(x))``.
+
+    Raises
+    ------
+    ValueError
+        The grid is not for a map.
+    """
+    if fusion.between is None:
+        raise ValueError('the fused image is not sampled finely enough to be interpolated to a '
+                         'map; plan it for a MapGrid')
+    along = design_interpolator(fusion.range_oversampling, taps=TAPS, degree=DEGREE)
+    if np.iscomplexobj(polar_image):
+        polar_image = np.stack((polar_image.real, polar_image.imag))
+    image = polar_to_map(polar_image, fusion.polar, grid, axis=_axis(fusion.polar, grid),
+                         wavelength_m=fusion.wavelength_m, between=fusion.between, along=along,
+                         overwrite=overwrite)
+    if centre_m:
+        polar = fusion.polar
+        _restore_carrier(grid.x_m - polar.origin_m[0], grid.y_m - polar.origin_m[1],
+                         polar.height_m ** 2, *polar.track, polar.alpha_start,
+                         2 * centre_m / fusion.wavelength_m, image)
+    return image
+
+
+@njit(parallel=True)
+def _restore_carrier(x, y, height2, along_x, along_y, alpha_start, cycles_per_alpha, image):
+    """Put the carrier along direction back."""
+    for row in numba.prange(image.shape[0]):
+        beside2, along = y[row] * y[row] + height2, y[row] * along_y
+        for i in range(image.shape[1]):
+            alpha = (x[i] * along_x + along) / np.sqrt(x[i] * x[i] + beside2)
+            c = _fraction(cycles_per_alpha * (alpha - alpha_start))
+            sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
+            z = image[row, i]
+            image[row, i] = complex(z.real * cosine - z.imag * sine,
+                                    z.real * sine + z.imag * cosine)
+
+
+def covers(polar: PolarGrid, grid: MapGrid) -> bool:
+    """True when a polar grid reaches as far beyond a map as interpolation reads."""
+    if grid.z_m != polar.z_m or min(grid.shape) < TAPS:
+        return False
+    axis, reach = _axis(polar, grid), margin(TAPS) - NOT_READ
+    corners = np.array([[x, y] for x in grid.x_m[[0, -1]] for y in grid.y_m[[0, -1]]])
+    offset = corners - polar.origin_m[:2]
+    ahead = offset[:, axis]
+    if (offset @ polar.across).min() <= 0 or ahead.min() * ahead.max() <= 0:
+        return False
+    r, alpha = edge_positions(grid, polar.origin_m, polar.track, axis,
+                              reach * polar.range_spacing_m)
+    axes = (((r - polar.range_start_m) / polar.range_spacing_m, polar.n_range, reach),
+            ((alpha - polar.alpha_start) / polar.alpha_spacing, polar.n_alpha,
+             margin(CORRECTED_TAPS) - NOT_READ))
+    return all(read <= v.min() and v.max() <= n - read - 1 for v, n, read in axes)
+
+
+def _axis(polar: PolarGrid, grid: MapGrid) -> int:
+    """Map axis that follows range."""
+    look = [c - o for c, o in zip(grid.centre_m[:2], polar.origin_m[:2], strict=True)]
+    return int(abs(look[1]) > abs(look[0]))

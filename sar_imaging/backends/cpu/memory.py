@@ -1,0 +1,62 @@
+"""Memory that calls share, and transforms that stay in it.
+
+Fresh memory for every few profiles or images costs as much as filling it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from ...compilation import njit, numba
+
+_LINE, _PAGE = 64, 4096  # bytes of a line of the cache and of a page of memory
+
+
+class WorkSpace:
+    """Named buffers, grown when needed and valid until they are asked for again."""
+
+    def __init__(self):
+        self._buffers: dict[str, np.ndarray] = {}
+
+    def __call__(self, name: str, shape: tuple[int, ...], dtype) -> np.ndarray:
+        """Contiguous array of any contents."""
+        size = math.prod(shape)
+        if name not in self._buffers or self._buffers[name].size < size:
+            self._buffers[name] = aligned_empty((size,), dtype)
+        return self._buffers[name][:size].reshape(shape)
+
+
+def aligned_empty(shape: tuple[int, ...], dtype) -> np.ndarray:
+    """Array of any contents in which no vector of a kernel straddles two lines of the cache."""
+    return _aligned(np.empty, shape, dtype)
+
+
+def aligned_zeros(shape: tuple[int, ...], dtype) -> np.ndarray:
+    """The same of zeros; all threads together get them from the system, one takes longer."""
+    memory = _aligned(np.zeros, shape, dtype)
+    _touch(memory.reshape(-1).view(np.uint8))
+    return memory
+
+
+def _aligned(allocate, shape, dtype) -> np.ndarray:
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    memory = allocate(size + _LINE, np.uint8)
+    start = -memory.ctypes.data % _LINE
+    return memory[start:start + size].view(dtype).reshape(shape)
+
+
+@njit(parallel=True)
+def _touch(zeros):
+    for page in numba.prange(len(zeros) // _PAGE):
+        zeros[page * _PAGE] = 0
+
+
+def transform_in_place(transform: Callable[..., np.ndarray], lines: np.ndarray,
+                       **options) -> None:
+    """Replace lines, (n_lines, n) complex64, by their `scipy.fft.fft` or `scipy.fft.ifft`."""
+    result = transform(lines, axis=1, workers=numba.get_num_threads(), overwrite_x=True, **options)
+    if not np.may_share_memory(result, lines):  # SciPy may, but need not
+        lines[:] = result

@@ -1,0 +1,335 @@
+"""Polar image to map, in two passes of one-dimensional interpolation.
+
+A part of a strip of map rows at a time: first along direction, to where each polar range meets a
+row, then along range, to the pixels of the row. Both passes work on the image at range baseband
+and use the least-squares interpolators of `interpolation`, so that the error is known; the
+carrier ``exp(j k_c r)`` is put back from float64 at the end. What is between them stays in cache.
+Positions are found for many vectors before the first of them is interpolated, which keeps a
+processor from waiting for one result after the other.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+
+from ...compilation import REPEATABLE, njit, numba
+from ...geometry.grids import MapGrid
+from ...geometry.polar import PolarGrid
+from ...planning.interpolators import Interpolator
+from .fft.butterflies import (
+    BLOCK,
+    GROUP_BYTES,
+    LANES,
+    SAMPLE_BYTES,
+    VECTOR_BYTES,
+    integer_at,
+    transpose,
+)
+from .memory import aligned_empty
+from .polar_to_map_vectors import (
+    FIRST,
+    POSITION_BYTES,
+    fetch_lines,
+    interpolate,
+    interpolate_carrier,
+    locate_directions,
+    locate_ranges,
+    put_samples,
+    transpose_floats,
+)
+from .threads import job_counter, take_job
+
+FLOAT_BYTES, DOUBLE_BYTES = 4, 8
+_WORK_BYTES = LANES * (POSITION_BYTES + 2 * GROUP_BYTES)
+_MOST_LINES = 64  # fetched before they are needed
+_PIXELS = 512  # of a row between two passes: what is between them stays in cache
+_MOST_STRIPS = 16  # of a job: neighbours share lines of the polar image
+_JOBS_PER_THREAD = 4  # at least
+_ROUND_BYTES = 8 << 20  # written by a round on average: tasks wait for each other at its end
+
+
+def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis: int,
+                     wavelength_m: float, between: Interpolator, along: Interpolator) -> None:
+    """Interpolate a polar image at range baseband and add it to a map image.
+
+    Parameters
+    ----------
+    real, imag : (n_alpha, n_range) float32
+        Image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0 the first range. Lines are contiguous
+        and equally far apart in both.
+    polar : PolarGrid
+        Its grid; it must reach `margin` pixels beyond the map on all sides and have `LANES` ranges
+        or more.
+    grid : MapGrid
+        Grid of the map.
+    image : (n_y, n_x) complex64
+        Map to add to, contiguous in C order.
+    axis : int
+        Map axis that follows range: 0 when rows of the second pass follow x, 1 for y.
+    wavelength_m : float
+        At the carrier, metres.
+    between, along : Interpolator
+        Between lines and along them, of degree `DEGREE`.
+    """
+    _interpolate(real, imag, polar, grid, image, [0, image.shape[axis]], True, axis, wavelength_m,
+                 between, along)
+
+
+def polar_to_map(lines, polar: PolarGrid, grid: MapGrid, *, axis: int, wavelength_m: float,
+                 between: Interpolator, along: Interpolator,
+                 overwrite: bool = False) -> np.ndarray:
+    """Interpolate a polar image at range baseband to a map image.
+
+    Parameters
+    ----------
+    lines : (2, n_alpha, n_range) float32
+        Real and imaginary part, as `add_polar_to_map` takes them.
+    polar, grid, axis, wavelength_m, between, along :
+        As for `add_polar_to_map`.
+    overwrite : bool
+        The polar image is not needed any more: write the map over it, from its first line on,
+        where `overwriting_rounds` finds few rounds and each line's imaginary part follows its real
+        part in memory and the next line follows them. Elsewhere the map gets memory of its own.
+
+    Returns
+    -------
+    (n_y, n_x) complex64
+    """
+    whole, rounds = lines.swapaxes(0, 1), None
+    if overwrite and whole.flags.c_contiguous and whole.flags.writeable:
+        rounds = overwriting_rounds(polar, grid, axis=axis, between=between, along=along)
+    most = 1 + grid.n_y * grid.n_x * SAMPLE_BYTES // _ROUND_BYTES
+    if rounds is None or len(rounds) - 1 > most:
+        image, rounds = np.empty(grid.shape, np.complex64), [0, grid.shape[axis]]
+    else:
+        whole = whole.reshape(-1).view(np.complex64)
+        image = whole[:grid.n_y * grid.n_x].reshape(grid.shape)
+    _interpolate(*lines, polar, grid, image, rounds, False, axis, wavelength_m, between, along)
+    return image
+
+
+def overwriting_rounds(polar: PolarGrid, grid: MapGrid, *, axis: int, between: Interpolator,
+                       along: Interpolator) -> list[int] | None:
+    """Rounds in which a map can be written over the polar image that it is interpolated from.
+
+    Rows of a round, at their place from the first line on, lie before all lines that it and later
+    rounds read.
+
+    Parameters
+    ----------
+    polar, grid, axis, between, along :
+        As for `add_polar_to_map`.
+
+    Returns
+    -------
+    list of int or None
+        First row of each round, and the number of rows. None where lines become free too late:
+        they must ascend with the rows of the map, whose pixels must not be much finer, and where
+        rows of the second pass are columns of the map, its first row needs all of them.
+    """
+    if axis != 0:
+        return None
+    first = _first_lines(polar, grid, between, along)
+    free = np.minimum.accumulate(first[::-1])[::-1]  # lines before those that it and later read
+    fit = free * polar.n_range // grid.n_x
+    rounds = [0]
+    while rounds[-1] < grid.n_y:
+        end = int(fit[rounds[-1]])
+        end = grid.n_y if end >= grid.n_y else end - end % LANES
+        if end <= rounds[-1]:
+            return None
+        rounds.append(end)
+    return rounds
+
+
+def _positions(polar, grid, axis, between):
+    """Pixels ahead of and rows beside the origin, and how directions are told as lines.
+
+    The last is (ahead, beside, zero): a row meets range r in line ``(ahead sqrt(r^2 - row^2 -
+    height^2) + beside row) / r - zero``, the first that is interpolated from.
+    """
+    line = (grid.x_m, grid.y_m)[axis] - polar.origin_m[axis]
+    rows = (grid.y_m, grid.x_m)[axis] - polar.origin_m[1 - axis]
+    # side of the origin on which the pixels of a line lie
+    sign = 1.0 if line.mean() > 0 else -1.0
+    return line, rows, (sign * polar.track[axis] / polar.alpha_spacing,
+                        polar.track[1 - axis] / polar.alpha_spacing,
+                        polar.alpha_start / polar.alpha_spacing - between.first)
+
+
+def _first_lines(polar, grid, between, along) -> np.ndarray:
+    """(n_y,) int64 first line that each row of a map is interpolated from, or one before it."""
+    line, rows, (ahead, beside, zero) = _positions(polar, grid, 0, between)
+    beside2, along_track = rows ** 2 + polar.height_m ** 2, beside * rows
+    # ranges that the pixels at the ends of a row are interpolated from
+    near, far = (np.sqrt(ahead2 + beside2) + number * polar.range_spacing_m for ahead2, number in (
+        ((line ** 2).min(), along.first - 1), ((line ** 2).max(), along.first + along.n_taps)))
+    # between which directions have an extreme at most where their derivative by r is 0
+    with np.errstate(over='ignore'):
+        turn = np.divide(ahead * beside2, along_track, out=np.zeros_like(rows),
+                         where=along_track != 0)
+    r = np.clip([near, np.sqrt(beside2), np.hypot(turn, np.sqrt(beside2)), far], near, far)
+    v = (ahead * np.sqrt(np.maximum(r ** 2 - beside2, 0.0)) + along_track) / r - zero
+    # as the kernel bounds them, less what may be rounded otherwise
+    v = np.clip(v.min(axis=0), 1.0, polar.n_alpha - between.n_taps - 2.0)
+    return np.floor(v).astype(np.int64) - 1
+
+
+def _interpolate(real, imag, polar, grid, image, rounds, add, axis, wavelength_m, between,
+                 along) -> None:
+    """Rows from one of `rounds` to the next, one round after the other; added or stored."""
+    line, rows, direction = _positions(polar, grid, axis, between)
+    steps = np.array((grid.n_x, 1) if axis == 0 else (1, grid.n_x)) * SAMPLE_BYTES
+    step, pixel = polar.range_spacing_m, np.ptp(line) / max(len(line) - 1, 1)
+    # ranges that _PIXELS pixels read, begun and ended by whole vectors
+    length = LANES * (3 + math.ceil((_PIXELS * pixel / step + along.n_taps) / LANES))
+    r = polar.range_start_m + step * np.arange(-LANES, polar.n_range + 2 * LANES)
+    r = np.maximum(r, 0.5 * polar.range_start_m)
+    squares, inverses = r ** 2, 1 / r
+    n_tasks = numba.get_num_threads()
+    tables = aligned_empty((n_tasks, 3, LANES), np.float64)
+    work = aligned_empty((n_tasks, _WORK_BYTES + 2 * length * VECTOR_BYTES), np.uint8)
+    weights = [np.ascontiguousarray(v.centred[:, :v.n_taps // 2]) for v in (between, along)]
+    for begin, end in itertools.pairwise(rounds):
+        n_strips = -(-(end - begin) // LANES)
+        job = max(1, min(_MOST_STRIPS, n_strips // (_JOBS_PER_THREAD * n_tasks)))  # its strips
+        counter = job_counter()
+        _resample(real.ctypes.data, imag.ctypes.data, real.strides[0], polar.n_range,
+                  polar.n_alpha - between.n_taps - 2.0, squares.ctypes.data, inverses.ctypes.data,
+                  rows[begin:end], line, direction, (polar.range_start_m, 1 / step,
+                                                     2 / wavelength_m),
+                  polar.height_m ** 2, weights[0].ctypes.data, (0,) * between.n_taps,
+                  weights[1].ctypes.data, (0,) * along.n_taps, along.first,
+                  image.ctypes.data + begin * int(steps[0]), steps, int(add), tables,
+                  work.ctypes.data, work.strides[0], length * VECTOR_BYTES, n_strips, job,
+                  counter.ctypes.data)
+
+
+@njit(parallel=True, fastmath=REPEATABLE)
+def _resample(real, imag, apart, n_range, last, squares, inverses, rows, line, direction, ranges,
+              height2, weights_between, taps_between, weights, taps, first, image, steps, add,
+              tables, work, work_bytes, strip_bytes, n_strips, job, counter):
+    """Strip by strip; addresses instead of arrays where vectors are read or written."""
+    n_pixels = len(line)
+    for task in numba.prange(len(tables)):
+        panel = work + task * work_bytes
+        strip = panel + _WORK_BYTES
+        begin = take_job(counter) * job
+        while begin < n_strips:
+            for pixel in range(0, n_pixels, _PIXELS):
+                n_some = min(_PIXELS, n_pixels - pixel)
+                # strips of the same pixels one after the other share lines of the polar image
+                for number in range(begin, min(begin + job, n_strips)):
+                    for j in range(LANES):
+                        beside = rows[min(number * LANES + j, len(rows) - 1)]
+                        tables[task, 0, j] = beside
+                        tables[task, 1, j] = beside * beside + height2
+                    n_chunks = _set_off(tables[task], line[pixel] ** 2,
+                                        line[pixel + n_some // 2] ** 2,
+                                        line[pixel + n_some - 1] ** 2, ranges, first, len(taps))
+                    _to_ranges(real, imag, apart, n_range, last, squares, inverses, direction,
+                               weights_between, taps_between, tables[task], first, n_chunks,
+                               panel, strip, strip_bytes)
+                    _to_pixels(line, pixel, n_some, ranges, weights, taps, tables[task],
+                               LANES * n_chunks - len(taps) - 1.0, panel, strip, strip_bytes,
+                               image + number * LANES * steps[0], steps, add,
+                               min(LANES, len(rows) - number * LANES))
+            begin = take_job(counter) * job
+
+
+@njit(fastmath=REPEATABLE)
+def _set_off(table, from2, middle2, to2, ranges, first, n_taps):
+    """Ranges by which each row of a strip is set off, as shifts of its positions in the strip.
+
+    With them the pixels of a column read nearly the same place, and vectors of rows that are not
+    set off are aligned. Returns how many times LANES places of the strip are read.
+    """
+    start, inverse, _ = ranges
+    most = -np.inf
+    for j in range(LANES):
+        table[2, j] = np.floor(np.sqrt(middle2 + table[1, j]) * inverse)
+        most = max(most, table[2, j])
+    low, high = np.inf, -np.inf
+    for j in range(LANES):
+        table[2, j] = most - table[2, j]
+        for ahead2 in (from2, to2):
+            v = (np.sqrt(ahead2 + table[1, j]) - start) * inverse + table[2, j]
+            low, high = min(low, v), max(high, v)
+    low = np.floor((low + first) / LANES) * LANES
+    for j in range(LANES):
+        table[2, j] += first - low
+    return np.int64(high + first - low + n_taps + 2 + LANES - 1) // LANES
+
+
+@njit(fastmath=REPEATABLE)
+def _to_ranges(real, imag, apart, n_range, last, squares, inverses, direction, weights, taps,
+               table, first, n_chunks, positions, strip, strip_bytes):
+    """Lines of the polar image to where its ranges meet the rows of a strip."""
+    ahead, along, zero = direction
+    panel = positions + LANES * POSITION_BYTES
+    for chunk in range(n_chunks):
+        for j in range(LANES):
+            place = (LANES + _first_range(chunk, first, table[2, j], n_range)) * DOUBLE_BYTES
+            locate_directions(squares + place, inverses + place, table[1, j], ahead,
+                              along * table[0, j], zero, last, positions + j * POSITION_BYTES)
+        for j in range(LANES):
+            shift = _first_range(chunk, first, table[2, j], n_range) * FLOAT_BYTES
+            to = panel + j * VECTOR_BYTES
+            interpolate(real + shift, imag + shift, apart, weights, taps,
+                        positions + j * POSITION_BYTES, to, to + LANES * VECTOR_BYTES)
+        first_line = integer_at(positions + FIRST)
+        last_line = integer_at(positions + (LANES - 1) * POSITION_BYTES + FIRST)
+        place, number = _following_lines(first_line, last_line, len(taps))
+        place = place * apart + _first_range(chunk, first, table[2, 0], n_range) * FLOAT_BYTES
+        fetch_lines(real + place, apart, number)
+        fetch_lines(imag + place, apart, number)
+        for part in range(2):
+            transpose_floats(panel + part * LANES * VECTOR_BYTES,
+                             strip + part * strip_bytes + chunk * LANES * VECTOR_BYTES)
+
+
+@njit(inline='always')
+def _following_lines(first_row, last_row, n_taps):
+    """First and number of the lines that the next strip begins to read, by two rows' firsts."""
+    number = min((abs(last_row - first_row) * LANES + LANES - 2) // (LANES - 1) + 1, _MOST_LINES)
+    return (last_row + n_taps if last_row >= first_row else last_row - number), number
+
+
+@njit(inline='always')
+def _first_range(chunk, first, shift, n_range):
+    """Range at a place of a strip; none that is needed where it is far outside the lines."""
+    return min(max(chunk * LANES + first - np.int64(shift), -LANES), n_range)
+
+
+@njit(fastmath=REPEATABLE)
+def _to_pixels(line, pixel, n_pixels, ranges, weights, taps, table, last, positions, strip,
+               strip_bytes, image, steps, add, n_rows):
+    """Ranges of a strip to pixels of its rows."""
+    start, inverse, cycles_per_m = ranges
+    places = table.ctypes.data
+    group = positions + LANES * POSITION_BYTES
+    rows = group + LANES * GROUP_BYTES
+    for begin in range(0, n_pixels, LANES):
+        n_some = min(LANES, n_pixels - begin)
+        for p in range(n_some):
+            ahead = line[pixel + begin + p]
+            locate_ranges(ahead * ahead, places + LANES * DOUBLE_BYTES,
+                          places + 2 * LANES * DOUBLE_BYTES, start, inverse, cycles_per_m, last,
+                          positions + p * POSITION_BYTES)
+        for p in range(n_some):
+            interpolate_carrier(strip, strip + strip_bytes, VECTOR_BYTES, weights, taps,
+                                positions + p * POSITION_BYTES, group + p * GROUP_BYTES)
+        to = image + (pixel + begin) * steps[1]
+        if steps[0] == SAMPLE_BYTES:  # neighbours of a column lie side by side in the map
+            for p in range(n_some):
+                put_samples(group + p * GROUP_BYTES, to + p * steps[1], n_rows, add)
+            continue
+        for part in range(0, LANES * LANES, LANES * BLOCK):
+            for side in range(0, LANES, BLOCK):
+                transpose(group + (part + side) * SAMPLE_BYTES, GROUP_BYTES,
+                          rows + (side * LANES + part // LANES) * SAMPLE_BYTES, GROUP_BYTES)
+        for j in range(n_rows):
+            put_samples(rows + j * GROUP_BYTES, to + j * steps[0], n_some, add)

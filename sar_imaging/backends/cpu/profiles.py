@@ -1,0 +1,163 @@
+"""Range profiles on the lattice that backprojection reads: resampling and polynomials."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy.fft
+
+from ...compilation import njit, numba
+from ...planning.interpolators import TAPS
+from ...planning.phase_history import RangeBand
+from ...planning.range_gate import RangeWindow
+from ...planning.range_resampling import ROWS_PER_PASS, Lattice
+from ...signal.radar import RadarParameters
+from .farrow import polynomial_planes
+from .memory import WorkSpace
+from .profile_spectra import spectra
+
+_CHUNK_BYTES = 64 << 20  # coefficients of one pass over the image
+_GUARD = 8  # lattice cells beyond the ranges of the image
+
+
+class Profiles:
+    """Range profiles of one radar on a lattice, for the ranges that an image can reach.
+
+    Parameters
+    ----------
+    source : RangeWindow or RangeBand
+        What the profiles are made of; `lattice` was planned for as many samples.
+    lattice : Lattice
+        How to resample them.
+    range_m : (float, float)
+        Smallest and largest half path of the image, metres.
+    memory : WorkSpace, optional
+        Shared with other profiles that are made in turn.
+
+    Attributes
+    ----------
+    radar : RadarParameters
+        Of the profiles.
+    lattice : Lattice
+        As given.
+    """
+
+    def __init__(self, source: RangeWindow | RangeBand, lattice: Lattice,
+                 range_m: tuple[float, float], memory: WorkSpace | None = None):
+        self.radar: RadarParameters = source.radar
+        self.lattice, self._source = lattice, source
+        self._buffer = memory or WorkSpace()
+        self._pad = max(lattice.segment, _GUARD)
+        lo, hi = ((r - source.range_start_m) / lattice.cell_m for r in range_m)
+        if not source.periodic:
+            lo, hi = max(lo, 0), min(hi, lattice.n_cells)
+        self._first = math.floor(lo) - _GUARD - self._pad
+        self._count = math.ceil(hi) + _GUARD + self._pad - self._first
+        self._gain = np.repeat(source.gain(lattice.n_padded), 2)  # of real and imaginary part
+
+    @property
+    def cycles_per_step(self) -> float:
+        """Carrier phase per lattice step, cycles."""
+        return 2 * self.lattice.step_m / self.radar.wavelength_m
+
+    def range_at(self, cell: int) -> float:
+        """Half path at a cell of the planes, metres."""
+        return self._source.range_start_m + (self._first + cell) * self.lattice.cell_m
+
+    def cycles_at(self, cell: int) -> float:
+        """Carrier phase at a cell of the planes, fraction of a cycle."""
+        path_m = self.range_at(cell) - self._source.phase_range_m
+        return math.fmod(2 * path_m / self.radar.wavelength_m, 1.0)
+
+    def chunks(self, n_rows: int):
+        """Slices of rows that are added in one pass."""
+        row = 4 * self.lattice.interpolator.n_planes * self.lattice.n_phases * self._count
+        step = min(ROWS_PER_PASS, max(numba.get_num_threads(), _CHUNK_BYTES // row))
+        return (slice(lo, min(lo + step, n_rows)) for lo in range(0, n_rows, step))
+
+    def planes(self, samples) -> np.ndarray:
+        """Polynomial coefficients of some profiles.
+
+        Parameters
+        ----------
+        samples : (R, N) complex64
+            Profiles, or phase histories.
+
+        Returns
+        -------
+        (R, U, 2 * (degree + 1), n) float32
+            As `polynomial_planes` makes them. Valid until the next call, which writes to the same
+            memory: fresh memory for every few profiles costs as much as filling it.
+        """
+        lattice, n_rows = self.lattice, len(samples)
+        spectrum = spectra(self._source, samples, lattice.n_padded, self._buffer)
+        padded = self._buffer('padded', (n_rows, lattice.n_cells * lattice.n_phases),
+                              np.complex64)
+        _pad_band(spectrum.reshape(-1).view(np.float32), spectrum.shape, self._source.zero,
+                  self._gain, padded.reshape(-1).view(np.float32), padded.shape[1])
+        dense = scipy.fft.ifft(padded, axis=-1, workers=numba.get_num_threads(),
+                               overwrite_x=True, norm='forward')
+        length = self._count - 2 * self._pad + 2 * TAPS
+        first = self._first + self._pad - TAPS
+        parts = self._buffer('parts', (2, n_rows, lattice.n_phases, length), np.float32)
+        inside = (0, length) if self._source.periodic else (
+            min(max(-first, 0), length), max(min(lattice.n_cells - first, length), 0))
+        _split_phases(dense.reshape(-1).view(np.float32), lattice.n_cells, first, *inside, *parts)
+        planes = self._buffer('planes', (n_rows, lattice.n_phases, lattice.interpolator.n_planes,
+                                         self._count), np.float32)
+        polynomial_planes(*parts, lattice.interpolator.weights, lattice.interpolator.first,
+                          self._pad, planes)
+        return planes
+
+
+@njit(parallel=True)
+def _pad_band(spectrum, shape, zero, gain, out, n_out):
+    """Spectra times the gain, with zeros between positive and negative frequencies or cropped.
+
+    Real and imaginary parts come in turn. Positive frequencies start at bin `zero` of the
+    spectra, negative ones end before it. Written for the compiler, see `kernels`.
+    """
+    n_rows, n = shape
+    keep = min(n, n_out)
+    upper, lower = np.uint64(2 * ((keep + 1) // 2)), np.uint64(2 * (keep // 2))
+    positive, negative = np.uint64(2 * zero), np.uint64(2 * ((zero - keep // 2) % n))
+    for row in numba.prange(n_rows):
+        to, source = np.uint64(row * 2 * n_out), np.uint64(row * 2 * n)
+        for k in range(upper):
+            out[to + k] = spectrum[source + positive + k] * gain[positive + k]
+        to += upper
+        between = np.uint64(2 * (n_out - keep))
+        for k in range(between):
+            out[to + k] = 0.0
+        to += between
+        for k in range(lower):
+            out[to + k] = spectrum[source + negative + k] * gain[negative + k]
+
+
+@njit(parallel=True)
+def _split_phases(dense, n_cells, first, start, stop, real, imag):
+    """Real and imaginary part of cells, phase by phase; 0 before `start` and from `stop` on.
+
+    Cells are counted from `first` of the dense profile, which repeats.
+    """
+    n_rows, n_phases, length = real.shape
+    step = np.uint64(2 * n_phases)
+    for row in numba.prange(n_rows):
+        for phase in range(n_phases):
+            for i in range(start):
+                real[row, phase, i] = 0.0
+                imag[row, phase, i] = 0.0
+            done = start
+            while done < stop:
+                cell = (first + done) % n_cells
+                source = np.uint64(2 * ((row * n_cells + cell) * n_phases + phase))
+                some = min(stop - done, n_cells - cell)
+                for i in range(some):
+                    real[row, phase, done + i] = dense[source + np.uint64(i) * step]
+                    imag[row, phase, done + i] = dense[source + np.uint64(i) * step
+                                                       + np.uint64(1)]
+                done += some
+            for i in range(max(start, stop), length):
+                real[row, phase, i] = 0.0
+                imag[row, phase, i] = 0.0

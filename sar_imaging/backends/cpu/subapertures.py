@@ -1,0 +1,72 @@
+"""Backprojection of one sub-aperture onto its coarse polar grid, from beams or directly."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...planning.afbp.subapertures import SubaperturePlan
+from ...signal.pulses import PulseBlock, check_profiles
+from .beams.subaperture import BeamLines
+from .lines import PolarLines
+from .memory import aligned_empty
+from .profiles import Profiles
+
+
+class SubapertureImager:
+    """Images of the sub-apertures of a plan.
+
+    Parameters
+    ----------
+    plan : SubaperturePlan
+        What is computed, and where.
+
+    Attributes
+    ----------
+    plan : SubaperturePlan
+        As given.
+    """
+
+    def __init__(self, plan: SubaperturePlan):
+        self.plan = plan
+        args = plan.source, plan.lattice
+        self._lines = (PolarLines(plan.coarse, Profiles(*args, plan.range_m))
+                       if plan.beams is None else
+                       BeamLines(plan.coarse, *args, plan.beams, plan.range_m))
+
+    def image(self, number: int, block: PulseBlock, weights=None, out=None) -> np.ndarray:
+        """Backproject one sub-aperture (Zhang et al., equation 6).
+
+        Parameters
+        ----------
+        number : int
+            Which sub-aperture; its nominal pulses are ``plan.sampling.pulses[number]``.
+        block : PulseBlock
+            Its range profiles, or its phase histories, with phase centres.
+        weights : (P,) float32, optional
+            Window over its pulses.
+        out : (2, n_alpha, n_range) float32, optional
+            Memory for the image; fresh memory costs time.
+
+        Returns
+        -------
+        (2, n_alpha, n_range) float32
+            Real and imaginary part on `plan.coarse`, at range baseband: times
+            ``exp(-j 4 pi (r - r_0) / lambda)``, r_0 the first range of `plan.coarse`.
+
+        Raises
+        ------
+        ValueError
+            The block does not match the plan, or there is no such sub-aperture.
+        """
+        plan = self.plan
+        check_profiles(block, plan.given, plan.n_samples, compressed=plan.compressed)
+        if not 0 <= number < plan.n_subapertures:
+            raise ValueError(f'number={number}; the plan has sub-apertures 0 to '
+                             f'{plan.n_subapertures - 1}')
+        shape = (2, plan.coarse.n_alpha, plan.coarse.n_range)
+        parts = aligned_empty(shape, np.float32) if out is None else out
+        if weights is not None:
+            weights = np.repeat(weights, plan.n_channels)
+        self._lines.fill(block.samples.reshape(-1, plan.n_samples), block.tx_m.reshape(-1, 3),
+                         block.rx_m.reshape(-1, 3), parts, weights)
+        return parts

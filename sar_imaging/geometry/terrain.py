@@ -1,0 +1,142 @@
+"""Heights of the ground from a file, at the pixels of a map.
+
+The file is NumPy's ``.npz`` with three arrays: ``x_m`` (N,) and ``y_m`` (M,), both strictly
+ascending or descending, and ``height_m`` (M, N), all in the imaging frame in metres. Any elevation
+model can be written so in a few lines, without a library for geodata on the robot; what a ROS map
+offers instead (nav_msgs/OccupancyGrid) has 101 levels and none of them is a height.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import pathlib
+import zipfile
+
+import numpy as np
+
+from .grids import MapGrid
+
+_NAMES = ('x_m', 'y_m', 'height_m')
+
+
+@dataclasses.dataclass(frozen=True)
+class Terrain:
+    """Heights on a rectangular raster, linear between its points.
+
+    Parameters
+    ----------
+    x_m : (N,) float64
+        Columns of the raster, strictly monotonic, imaging frame, metres.
+    y_m : (M,) float64
+        Its rows, strictly monotonic, metres.
+    height_m : (M, N) float64
+        Heights, metres; NaN where they are not known.
+
+    Raises
+    ------
+    ValueError
+        Shapes disagree, coordinates are not monotonic, or no height is known.
+    """
+
+    x_m: np.ndarray
+    y_m: np.ndarray
+    height_m: np.ndarray
+
+    def __post_init__(self):
+        for name in _NAMES:
+            value = np.asarray(getattr(self, name))
+            if value.dtype.kind not in 'iuf':
+                raise ValueError(f'{name} has dtype {value.dtype}; expected real numbers')
+            object.__setattr__(self, name, value.astype(float))
+        for name in ('x_m', 'y_m'):
+            steps = np.diff(getattr(self, name)) if getattr(self, name).ndim == 1 else np.array([])
+            if not (len(steps) and np.isfinite(steps).all()
+                    and ((steps > 0).all() or (steps < 0).all())):
+                raise ValueError(f'{name} of shape {getattr(self, name).shape} must be two or '
+                                 'more finite numbers, ascending or descending')
+        if self.height_m.shape != (len(self.y_m), len(self.x_m)):
+            raise ValueError(f'height_m.shape={self.height_m.shape}; expected '
+                             f'{(len(self.y_m), len(self.x_m))}, one row for each of y_m')
+        if np.isinf(self.height_m).any() or np.isnan(self.height_m).all():
+            raise ValueError('height_m holds infinities, or nothing but NaN; expected heights in '
+                             'metres, NaN where one is not known')
+
+    @classmethod
+    def load(cls, path: pathlib.Path | str) -> Terrain:
+        """Terrain of a file.
+
+        Raises
+        ------
+        ValueError
+            The file does not exist, is no ``.npz``, or its arrays are not as described.
+        """
+        path = pathlib.Path(path)
+        try:
+            with np.load(path, allow_pickle=False) as arrays:
+                missing = [name for name in _NAMES if name not in arrays]
+                if missing:
+                    raise ValueError(f'it has no {" and no ".join(missing)}; expected the arrays '
+                                     f'{", ".join(_NAMES)}')
+                return cls(*(arrays[name] for name in _NAMES))
+        except (OSError, EOFError, zipfile.BadZipFile) as error:
+            raise ValueError(f'terrain {path} cannot be read: {error}') from error
+        except (TypeError, AttributeError):  # a single array, as .npy holds it
+            raise ValueError(f'terrain {path} is no .npz; expected one with the arrays '
+                             f'{", ".join(_NAMES)}') from None
+        except ValueError as error:
+            raise ValueError(f'terrain {path}: {error}') from error
+
+    def save(self, path: pathlib.Path | str) -> None:
+        """Write the file that `load` reads; the name should end in ``.npz``."""
+        np.savez_compressed(path, **{name: getattr(self, name) for name in _NAMES})
+
+    def heights(self, grid: MapGrid) -> np.ndarray:
+        """Heights at the pixels of a map.
+
+        Parameters
+        ----------
+        grid : MapGrid
+            Its own height does not matter.
+
+        Returns
+        -------
+        (n_y, n_x) float64
+            Metres, row 0 at the largest y; NaN outside the raster and next to unknown heights:
+            no pixel for `sar_imaging.imaging.backprojection.Backprojector`.
+
+        Raises
+        ------
+        ValueError
+            No pixel has a height.
+        """
+        row, down = _places(self.y_m, grid.y_m)
+        column, right = _places(self.x_m, grid.x_m)
+        out = np.zeros(grid.shape)
+        for step_y, weight_y in ((0, 1 - down), (1, down)):
+            for step_x, weight_x in ((0, 1 - right), (1, right)):
+                weight = weight_y[:, None] * weight_x
+                heights = self.height_m[np.ix_(row + step_y, column + step_x)]
+                # A neighbour of no weight does not count, be its height known or not.
+                out += np.where(weight == 0.0, 0.0, weight * heights)
+        if np.isnan(out).all():
+            raise ValueError(
+                f'the terrain covers x {self.x_m.min():g} to {self.x_m.max():g} m and y '
+                f'{self.y_m.min():g} to {self.y_m.max():g} m; none of its known heights lies in '
+                f'the grid of x {grid.x_m[0]:g} to {grid.x_m[-1]:g} m, y {grid.y_m[-1]:g} to '
+                f'{grid.y_m[0]:g} m')
+        return out
+
+
+def _places(raster_m, wanted_m):
+    """Index of the raster's point before each wanted one and the share of the next, NaN outside.
+
+    Points on the outermost line of the raster belong to it, up to rounding.
+    """
+    ascending = raster_m if raster_m[0] < raster_m[-1] else raster_m[::-1]
+    place = np.interp(wanted_m, ascending, np.arange(len(ascending)))
+    slack = 1e-9 * np.ptp(ascending)
+    inside = (wanted_m >= ascending[0] - slack) & (wanted_m <= ascending[-1] + slack)
+    if ascending is not raster_m:
+        place = len(ascending) - 1 - place
+    before = np.clip(place.astype(int), 0, len(ascending) - 2)
+    return before, np.where(inside, place - before, np.nan)

@@ -1,0 +1,244 @@
+"""Error of band-limited interpolation between a coarse and a fine grid by their spectra.
+
+Fusing spectra interpolates each sub-aperture image with the period of the whole grid, although the
+image is not periodic. It is therefore extended by guard cells over which a taper takes it to zero;
+what the taper's spectrum carries beyond the spare band is aliased. Both grids being regular, the
+error of a complex exponential follows from the taper's transform.
+
+A map is read from the fine grid by an interpolator for which the spectrum was corrected. The
+correction mixes neighbouring lines, near the guards with some that the taper has changed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+
+import numpy as np
+
+from ..interpolators import Interpolator, design_interpolator
+
+_STEPS_PER_BIN = 4
+_FINER = 2  # samples of the taper in a cell: its spectrum is wanted beyond the cells' own
+_LEAST_ROWS = 8  # of a table; one in each cell where that is more
+_CELLS_BETWEEN = 128  # the guards, in a table: errors are those of the edges
+TONES = 16  # cycles per line, 0 to 0.5, of a table of errors
+_PLACES = 4  # between two lines
+
+
+@dataclasses.dataclass(frozen=True)
+class Coverage:
+    """What of a fused polar image is wanted.
+
+    Attributes
+    ----------
+    along_alpha, along_range : (B,) float64
+        Density of wanted pixels from the first line, or range, to the last, of mean one.
+    between : Interpolator or None
+        By which a map is read between lines, with the spectrum corrected for it; None where the
+        polar image itself is wanted.
+    tones : (TONES,) float64
+        Share of the power by cycles per line of the fused image, equal steps from 0 to 0.5.
+    """
+
+    along_alpha: np.ndarray = dataclasses.field(default_factory=lambda: np.ones(1))
+    along_range: np.ndarray = dataclasses.field(default_factory=lambda: np.ones(1))
+    between: Interpolator | None = None
+    tones: np.ndarray = dataclasses.field(default_factory=lambda: np.full(TONES, 1 / TONES))
+
+    @property
+    def range_margins(self) -> tuple[float, float]:
+        """Shares of the ranges, the first and the last, that are not wanted."""
+        n, wanted = len(self.along_range), np.flatnonzero(self.along_range)
+        return wanted[0] / n, 1 - (wanted[-1] + 1) / n
+
+
+EVERYTHING = Coverage()
+
+
+def edge_taper(n: int, n_guard: float, beta: float) -> np.ndarray:
+    """Taper of a periodic grid: 1 from cell n_guard to n - n_guard, smoothly to 0 at 0 and n.
+
+    Parameters
+    ----------
+    n : int
+        Cells of the grid.
+    n_guard : float
+        Cells over which the taper rises.
+    beta : float
+        Shape: the rise is the integral of a Kaiser window.
+
+    Returns
+    -------
+    (n,) float64
+    """
+    t = np.linspace(-1, 1, 2001)
+    rise = np.cumsum(np.i0(beta * np.sqrt(1 - t ** 2)))
+    rise /= rise[-1]
+    cell = np.arange(n)
+    up, down = (np.interp(v / n_guard * 2 - 1, t, rise, 0.0, 1.0) for v in (cell, n - cell))
+    return up * down
+
+
+def mean_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, place=None,
+               density=(1.0,)) -> float:
+    """Mean squared error of interpolated exponentials, relative to their power.
+
+    Parameters
+    ----------
+    n : int
+        Cells of the coarse grid.
+    n_guard : float
+        Guard cells at each end.
+    beta : float
+        Shape of the taper.
+    frequency : (..., S) array_like
+        Frequencies, bins of the transform of n cells from the middle of the band.
+    weight : array_like
+        Shares of the frequencies, broadcast to their shape.
+    place : (S,) array_like, optional
+        Where they occur, 0 to 1 from guard to guard; everywhere if left out.
+    density : (B,) array_like
+        Of the cells that should be right, from guard to guard and of mean one.
+
+    Returns
+    -------
+    float
+        2, as if nothing fitted, where a frequency lies beyond the band.
+    """
+    frequency = np.atleast_1d(np.asarray(frequency, float))
+    if frequency.size == 0 or np.abs(frequency).max() > n / 2:
+        return 2.0
+    cells = min(n, math.ceil(2 * n_guard) + _CELLS_BETWEEN)
+    cells -= (n - cells) % 2  # even bands lack the highest bin
+    row = _rows(cells, n_guard)
+    edge = (cells - 2 * n_guard) / (n - 2 * n_guard)
+    where = _on_grid(row, edge)
+    share = density_at(where, density)
+    if not share.any():
+        return 0.0
+    table = _error_table(cells, n_guard, beta)
+    n_samples = frequency.shape[-1]
+    places, group = np.unique(np.zeros(n_samples) if place is None else place,
+                              return_inverse=True)
+    nearest = np.abs(np.subtract.outer(places, where)).argmin(axis=0)
+    by_place = edge / len(row) * np.stack([
+        (share * (nearest == number)) @ table for number in range(len(places))])
+    weight = np.broadcast_to(weight, frequency.shape).reshape(-1, n_samples)
+    error = np.zeros_like(frequency)
+    for distance in (n - n // 2 - frequency, frequency + n // 2 + 1):  # from both ends
+        step = np.rint(distance * (_STEPS_PER_BIN * cells / n)).astype(int)
+        error += by_place[group, np.minimum(step, table.shape[1] - 1)]
+    by_sample = (weight * error.reshape(weight.shape)).sum(axis=0) / weight.sum(axis=0)
+    return float((np.bincount(group, by_sample) / np.bincount(group)).sum())
+
+
+def density_at(where, density, beyond: float | None = None) -> np.ndarray:
+    """Density of what is wanted at places of a grid.
+
+    Parameters
+    ----------
+    where : (...) float64
+        Places, 0 to 1 from guard to guard.
+    density : (B,) array_like
+        In equal parts from guard to guard.
+    beyond : float, optional
+        Value before the middle of the first part and after that of the last; theirs if left out.
+
+    Returns
+    -------
+    (...) float64
+    """
+    middle = (np.arange(len(density)) + 0.5) / len(density)
+    return np.interp(where, middle, density, beyond, beyond)
+
+
+def _on_grid(row, edge: float) -> np.ndarray:
+    """Places of a table, 0 to 1, on a grid whose edges it stands for: `edge` is its share."""
+    return np.where(row < 0.5, row * edge, 1 - (1 - row) * edge)
+
+
+def _rows(n: int, n_guard: float) -> np.ndarray:
+    """Positions of a table of errors, evenly from one guard, 0, to the other, 1."""
+    n_rows = max(math.ceil(n - 2 * n_guard), _LEAST_ROWS)
+    return (np.arange(n_rows) + 0.5) / n_rows
+
+
+@functools.lru_cache(maxsize=16)
+def _error_table(n: int, n_guard: float, beta: float) -> np.ndarray:
+    """Squared error that an exponential causes by its tapered spectrum beyond an end of the band.
+
+    That part, summed, is missing there and appears n bins away: an error of twice its power on
+    average over the positions between two cells.
+
+    Returns
+    -------
+    (rows, distances) float64
+        Positions as `_rows` has them; distances from the frequency to the first bin beyond the
+        band, 0 to n in steps of 1 / `_STEPS_PER_BIN`.
+    """
+    spectrum = np.fft.fft(edge_taper(_FINER * n, _FINER * n_guard, beta),
+                          _FINER * n * _STEPS_PER_BIN)[:n * _STEPS_PER_BIN] / (_FINER * n)
+    position = n_guard + _rows(n, n_guard) * (n - 2 * n_guard)
+    turn = np.exp(2j * np.pi / n * np.outer(position, np.arange(n)))
+    terms = turn[:, :, None] * spectrum.reshape(n, _STEPS_PER_BIN)
+    beyond = np.cumsum(terms[:, ::-1], axis=1)[:, ::-1].reshape(len(position), -1)
+    return 2 * (beyond.real ** 2 + beyond.imag ** 2)
+
+
+def correction_error(coverage: Coverage, n: int, n_guard: float, beta: float) -> float:
+    """Mean squared error on a map because its correction mixes tapered lines with wanted ones.
+
+    Parameters
+    ----------
+    coverage : Coverage
+        Which lines are wanted, how they are read, and the frequencies of the image.
+    n : int
+        Lines of the fused grid.
+    n_guard : float
+        Of these, lines of each guard.
+    beta : float
+        Shape of the taper.
+
+    Returns
+    -------
+    float
+        Relative to the power of the image; 0 where no map is read.
+    """
+    if coverage.between is None:
+        return 0.0
+    lines = min(n, math.ceil(2 * n_guard) + _CELLS_BETWEEN)
+    between = coverage.between
+    table = _correction_table(between.oversampling, between.n_taps, len(between.weights) - 1,
+                              lines, n_guard, beta)
+    edge = (lines - 2 * n_guard) / (n - 2 * n_guard)
+    row = (np.arange(lines) - n_guard) / (lines - 2 * n_guard)
+    share = density_at(_on_grid(row, edge), coverage.along_alpha, beyond=0.0)
+    return float(coverage.tones @ table @ share) / (n - 2 * n_guard)
+
+
+@functools.lru_cache(maxsize=64)
+def _correction_table(oversampling: float, taps: int, degree: int, n: int, n_guard: float,
+                      beta: float) -> np.ndarray:
+    """(TONES, n) mean squared error of tones by the line before the place that is read."""
+    between = design_interpolator(oversampling, taps=taps, degree=degree, corrected=True)
+    taper, line = edge_taper(n, n_guard, beta), np.arange(n)
+    cycles = 0.5 * (np.arange(TONES) + 0.5) / TONES
+    tones = np.exp(2j * np.pi * np.outer(cycles, line))
+    # what is read less what would be if all lines were right
+    mixed = np.fft.ifft(between.gain(np.fft.fftfreq(n)) * np.fft.fft(taper * tones))
+    mixed -= between.gain(cycles)[:, None] * tones
+    powers = ((np.arange(_PLACES) + 0.5) / _PLACES)[:, None] ** np.arange(len(between.weights))
+    error = np.zeros((TONES, n))
+    for weights in powers @ between.weights:
+        kernel = np.zeros(n)
+        np.add.at(kernel, -(between.first + np.arange(between.n_taps)) % n, weights)
+        read = np.fft.ifft(np.fft.fft(mixed) * np.fft.fft(kernel))
+        error += (read.real ** 2 + read.imag ** 2) / _PLACES
+    return error
+
+
+def taper_shape(n_guard: float, oversampling: float) -> float:
+    """Shape of the taper with about the least error (fitted to `mean_error`)."""
+    return max(0.5, 1.5 * n_guard * (1 - 1 / oversampling))

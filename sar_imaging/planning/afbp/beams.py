@@ -1,0 +1,288 @@
+"""How many beams a sub-aperture needs, how they are read, and the error of both."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...geometry.polar import PolarGrid
+from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
+from ..error_budget import total_db
+from ..interpolators import Interpolator, design_interpolator
+from ..range_resampling import Lattice, half_paths, sample_paths
+from .beam_gain import (
+    BEAM_TAPS,
+    DEGREE,
+    STEP_BINS,
+    BeamGain,
+    beam_gain,
+    bins_per_run,
+    rms_of_rows,
+    shared_errors,
+)
+from .beam_geometry import BeamGeometry, grid_edges
+
+CELL_TAPS = 8  # neighbours along range
+_OVERSAMPLING = (1.16, 1.2, 1.24, 1.28, 1.34, 1.4, 1.5, 1.6, 1.8, 2.0,  # of beams
+                 2.4, 2.8, 3.2, 4.0)
+_MOST_CORRECTED = 2.0  # beyond, interpolation takes little from any frequency
+_LEAST_OVERSAMPLING = 1.1  # of cells: the interpolation could do with no less
+_GROUPS = (18, 16, 14, 12, 10, 8, 6, 4, 2, 1)  # beams whose phases grow alike from bin to bin
+_SEGMENTS = (128, 64, 32, 16)
+_SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
+_ROWS = 17  # at which paths are compared
+BEYOND = 1  # beams beyond those that interpolation needs, for rounding
+OUTSIDE = BEAM_TAPS // 2 - 1 + BEYOND  # beams before the first direction of the grid
+_SPREAD_STEP = 1.02  # factors between one spread that is planned for and the next
+_SLACK = 1.1  # sub-apertures that were not looked at may be as much worse
+_LEAST_UNEVEN = 1e-4  # wavelengths, which matters to no image
+_ARITHMETIC_DB = -80.0  # float32 phasors that turn from bin to bin (measured)
+# Time of a row, bin and beam, of a cell's transform and of a pixel, in pixels and rows of
+# `kernels.project_lines`; what is added to the first by rows of beams, to the last by segments
+_COST_TRIPLE, _COST_CELL, _COST_PIXEL = 0.072, 3.2, 2.6  # (measured)
+_COST_GROUP, _COST_SEGMENT = 5.8, 205.0
+
+
+@dataclasses.dataclass(frozen=True)
+class BeamSampling:
+    """Sampling of a sub-aperture's beams.
+
+    Attributes
+    ----------
+    spread_m : float
+        Largest derivative, by direction, of what a row's path is longer than the reference's.
+    spacing : float
+        Of the beams, in direction cosine.
+    group : int
+        Most beams whose phases are taken to grow alike over a vector of bins.
+    uneven_m : float
+        By how much rows on opposite sides of the centre may fail to be opposite, rms, for them to
+        share phasors; 0 where none do.
+    segment : int
+        Pixels that share one expansion of the geometry.
+    between : BeamGain
+        Interpolator between beams, and by what rows are multiplied for it.
+    along : Interpolator
+        Along range.
+    predicted_error_db : float
+        Predicted error of the sub-aperture images against time-domain correlation, dB.
+    """
+
+    spread_m: float
+    spacing: float
+    group: int
+    uneven_m: float
+    segment: int
+    between: BeamGain
+    along: Interpolator
+    predicted_error_db: float
+
+    @property
+    def paired(self) -> bool:
+        """Rows share phasors where they are opposite enough."""
+        return self.uneven_m > 0
+
+    def n_beams(self, span: float) -> int:
+        """Beams over some extent in direction cosine, with those that interpolation needs."""
+        return _n_beams(span, self.spacing)
+
+    def group_of(self, n_beams: int) -> int:
+        """Beams of each group, in no more groups than needed: even, or one."""
+        return _group_of(n_beams, self.group)
+
+    def cost(self, n_rows: int, n_bins: int, n_cells: int, n_pixels: int, span: float) -> float:
+        """Relative time of a sub-aperture image, in pixels and rows of `project_lines`."""
+        return _cost(self.n_beams(span), self.group, self.paired, self.segment, n_rows, n_bins,
+                     n_cells, n_pixels)
+
+
+def _n_beams(span: float, spacing: float) -> int:
+    return math.ceil(span / spacing) + BEAM_TAPS + 2 * BEYOND
+
+
+def _group_of(n_beams: int, most: int) -> int:
+    size = math.ceil(n_beams / math.ceil(n_beams / most))
+    return size + size % 2 if most > 1 else 1
+
+
+def _cost(n_beams, most, paired, segment, n_rows, n_bins, n_cells, n_pixels) -> float:
+    group = _group_of(n_beams, most)
+    triples = math.ceil(n_beams / group) * (group * (0.5 if paired else 1.0)
+                                            + _COST_GROUP) * n_rows * n_bins
+    return (triples * _COST_TRIPLE + n_beams * n_cells * _COST_CELL
+            + n_pixels * (_COST_PIXEL + _COST_SEGMENT / segment))
+
+
+def least_cost(n_rows: int, n_bins: int, n_cells: int, n_pixels: int) -> float:
+    """What `BeamSampling.cost` is not below, whatever the sampling."""
+    n_beams = BEAM_TAPS + 2 * BEYOND
+    return ((0.5 * n_beams + _COST_GROUP) * n_rows * n_bins * _COST_TRIPLE
+            + n_beams * n_cells * _COST_CELL
+            + n_pixels * (_COST_PIXEL + _COST_SEGMENT / max(_SEGMENTS)))
+
+
+def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bins: int,
+               subapertures, target_db: float, reach_m: float,
+               padding_m: float = math.inf) -> BeamSampling | None:
+    """Quickest sampling of beams that meets a target.
+
+    Parameters
+    ----------
+    polar : PolarGrid
+        Of the sub-aperture images.
+    radar : RadarParameters
+        Of the profiles.
+    lattice : Lattice
+        Of the profiles; its cells are those of the beams.
+    n_bins : int
+        Bins of a profile's spectrum.
+    subapertures : sequence of ((R, 3), (R, 3)) float64
+        Phase centres of some sub-apertures of the length that is looked at, metres.
+    target_db : float
+        Wanted error of the sub-aperture images, dB.
+    reach_m : float
+        Difference of the largest and the smallest half path, metres.
+    padding_m : float
+        Zeros between the ends of a padded profile, metres of half path: what the rows' delays
+        move beyond one end must not come in at the other. Periodic profiles have no ends.
+
+    Returns
+    -------
+    BeamSampling or None
+        None where no sampling meets the target.
+    """
+    oversampling_range = radar.range_resolution_m / lattice.cell_m
+    if oversampling_range < _LEAST_OVERSAMPLING:
+        return None
+    along = design_interpolator(oversampling_range, taps=CELL_TAPS, degree=DEGREE, corrected=True)
+    k = radar.wavenumber_rad_per_m
+    views, geometry = [], 0.0
+    for view in _views(polar, subapertures):
+        if view is None:
+            return None
+        geometry = max(geometry, view.phase_error(k, radar.bandwidth_hz / radar.carrier_hz))
+        if 20 * math.log10(geometry + 1e-12) > target_db:
+            return None
+        views.append(view)
+    slope, curvature = (np.stack([getattr(view, name) for view in views])
+                        for name in ('slope', 'curvature'))
+    uneven = max(_LEAST_UNEVEN * radar.wavelength_m, *(view.uneven_m for view in views))
+    highest = k + 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
+    spread = max(view.beams.spread(*view.centres) for view in views)
+    # Beams beside the grid count, too; there are fewer the wider the spread.
+    widest = max(spread, 1e-3 * radar.wavelength_m)
+    beyond = OUTSIDE * math.pi / (highest * widest * _OVERSAMPLING[0])
+    spread = max(view.beams.spread(*view.centres, beyond) for view in views)
+    # The last segment reaches beyond the image.
+    spare = lattice.n_cells - reach_m / lattice.cell_m - 2 * CELL_TAPS
+    segments = [segment for segment in _SEGMENTS if segment <= spare]
+    if 2 * spread > padding_m:
+        return None
+    # In steps: plans for nearly the same sub-apertures give the same images to the last bit.
+    steps = math.log(max(spread, 1e-3 * radar.wavelength_m), _SPREAD_STEP)
+    widest = _SPREAD_STEP ** math.ceil(steps)
+    bin_rad_per_m = 2 * math.pi / (lattice.n_cells * lattice.cell_m)
+    relative = [n * bin_rad_per_m / k
+                for n in (bins_per_run(n_bins, n_bins * bin_rad_per_m / k), STEP_BINS)]
+    n_rows, span = len(subapertures[0][0]), polar.n_alpha * polar.alpha_spacing
+    # The image has about as many lines as beams that lie as far apart as they may.
+    n_pixels = polar.n_range * span * highest * widest * _OVERSAMPLING[0] / math.pi
+    best = None
+    for oversampling in _OVERSAMPLING:
+        spacing = math.pi / (highest * widest * oversampling)
+        between = beam_gain(oversampling, oversampling <= _MOST_CORRECTED)
+        if between.interpolator.error_db > target_db:
+            continue
+        n_beams = _n_beams(span, spacing)
+        costs = {key: _cost(n_beams, *key, n_rows, n_bins, lattice.n_cells, n_pixels)
+                 for key in itertools.product(_GROUPS, (True, False), segments)}
+        cheaper = [key for key, cost in costs.items() if best is None or cost < best[0]]
+        if not cheaper:
+            break
+        always, grouped, shared = shared_errors(
+            between, *(k * spacing * v for v in (slope, spacing * curvature, uneven)), relative,
+            _GROUPS)
+        expansion = {segment: np.max([view.expansion_errors(
+            segment * polar.range_spacing_m / 2, lattice.cell_m, polar.range_spacing_m, spacing,
+            oversampling_range, oversampling, k) for view in views], axis=0)
+            for segment in segments}
+        for key in sorted(cheaper, key=costs.get):
+            group, paired, segment = key
+            i = _GROUPS.index(group)
+            errors = geometry, *always, *grouped[i], paired * shared[i], *expansion[segment]
+            error = total_db(between.interpolator.error_db, along.error_db, _ARITHMETIC_DB,
+                             *(20 * math.log10(e + 1e-12) for e in errors))
+            if error <= target_db:
+                best = costs[key], BeamSampling(widest, spacing, group, paired * _SLACK * uneven,
+                                                segment, between, along, error)
+                break
+    return best and best[1]
+
+
+@dataclasses.dataclass(frozen=True)
+class _View:
+    """Geometry of one sub-aperture, seen from its middle."""
+
+    beams: BeamGeometry
+    centres: tuple[np.ndarray, np.ndarray]  # phase centres of some rows, metres
+    uneven_m: float  # by which rows on opposite sides of the centre are not opposite, rms
+    slope: np.ndarray  # (R, D) first derivative of the rows' paths by direction, metres
+    curvature: np.ndarray  # (R, D) second derivative
+    difference: np.ndarray  # (R, S) of half paths from what beams assume, metres
+    bend: np.ndarray  # (R, S) what interpolation between beams makes good to first order, metres
+    # along lines: extremes of the distance's first derivative, magnitudes of its second and fourth
+    # and of the direction cosine's first and second
+    by_range: tuple[tuple[float, float], float, float, float, float]
+
+    def phase_error(self, k: float, relative_bandwidth: float) -> float:
+        """Rms over the rows of the largest phase error anywhere, rad."""
+        error = (k * np.abs(self.difference - self.bend)
+                 + np.abs(k * self.bend) * (relative_bandwidth / math.sqrt(12))
+                 + (k * self.bend) ** 2 / 2)
+        return float(rms_of_rows(error[None]))
+
+    def expansion_errors(self, half_m, cell_m, pixel_m, spacing, over_range, over_beams, k):
+        """Rms errors of expanding places between cells, between beams, and phases."""
+        slope, d2, d4, s1, s2 = self.by_range
+        d1 = max(abs(d - cell_m / pixel_m) for d in slope)
+        drifts = ((d1 * half_m + d2 * half_m ** 2 / 2) / cell_m,
+                  (s1 * half_m + s2 * half_m ** 2 / 2) / spacing)
+        return [*(t ** 3 / 6 * (math.pi / over) ** 3 / 7
+                  for t, over in zip(drifts, (over_range, over_beams), strict=True)),
+                k * d4 * half_m ** 4 / 24 / 3]
+
+
+def _views(polar: PolarGrid, subapertures) -> Iterator[_View | None]:
+    """Of each sub-aperture; None where the plane is too steep below one."""
+    r, alpha = (v.ravel() for v in np.meshgrid(
+        *(np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (polar.range_m, polar.alpha))))
+    lines, edges = polar.lines(r, alpha), grid_edges(polar)
+    geometries = [BeamGeometry.of(polar, edges, *centres) for centres in subapertures]
+    if None in geometries:
+        yield None
+        return
+    middles = np.stack([beams.centre_m for beams in geometries])
+    middle = sample_paths(middles, middles, lines)
+    derivatives = np.stack(middle.derivatives, axis=1)
+    along = np.array([*polar.track, 0.0])
+    for beams, centres, length, by_range in zip(geometries, subapertures, middle.length,
+                                                derivatives, strict=True):
+        direction = (lines[0] - beams.centre_m) @ along / length
+        first = (lines[1] @ along - direction * by_range[0]) / length
+        second = (lines[2] @ along - 2 * first * by_range[0] - direction * by_range[1]) / length
+        rows = np.linspace(0, len(centres[0]) - 1, _ROWS).round().astype(int)
+        rows = np.concatenate([rows, len(centres[0]) - 1 - rows])  # opposite ones, too
+        some = centres[0][rows], centres[1][rows]
+        slope = beams.slope(*some, direction).T
+        bend = slope ** 2 * (1 - direction ** 2) * (1 / length - 1 / beams.range_m) / 2
+        places = np.linspace(*beams.direction, 3)
+        paths = half_paths(*some, lines[0])[0]
+        yield _View(beams, some, beams.uneven(*some), beams.slope(*some, places).T,
+                    beams.curvature(*some, places).T,
+                    paths - length - beams.extra_path(*some, direction).T, bend,
+                    ((by_range[0].min(), by_range[0].max()), *(
+                        float(np.abs(d).max()) for d in (*by_range[[1, 3]], first, second))))

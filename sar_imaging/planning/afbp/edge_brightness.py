@@ -1,0 +1,65 @@
+"""How bright what lies right beyond an image is, which AFBP's tapers do not keep out entirely."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .aliasing_error import EVERYTHING, Coverage, density_at
+from .polar_grids import FusionGrid
+
+_UNEVEN_DB = 1.0  # by which edges are brighter than an even scene's by chance
+_MOST_DB = 100.0  # of an image that is empty
+_STEP = 2  # lines and ranges from one that is looked at to the next
+
+
+class EdgeBrightness:
+    """Mean power of sub-aperture images in their guards and where the image is wanted.
+
+    Parameters
+    ----------
+    grid : FusionGrid
+        Of the images.
+    coverage : Coverage
+        What of the image is wanted.
+    """
+
+    def __init__(self, grid: FusionGrid, coverage: Coverage = EVERYTHING):
+        line, cell = (max(1, math.ceil(n)) for n in (grid.n_guard, grid.range_guard))
+        inside = slice(line, -line, _STEP), slice(cell, -cell, _STEP)
+        self._edges = [(slice(0, line), inside[1]), (slice(-line, None), inside[1]),
+                       (inside[0], slice(0, cell)), (inside[0], slice(-cell, None))]
+        self._inside, self._power = inside, np.zeros(5)
+        self._wanted = [_densities(density, n, guard)[some] for density, n, guard, some in (
+            (coverage.along_alpha, grid.n_coarse, line, inside[0]),
+            (coverage.along_range, grid.n_coarse_range, cell, inside[1]))]
+
+    def add(self, parts: np.ndarray) -> None:
+        """Look at a sub-aperture image, (2, n_alpha, n_range) float32."""
+        self._power[:4] += [_mean_square(parts[:, rows, columns]) for rows, columns in self._edges]
+        inside, (lines, cells) = parts[(slice(None), *self._inside)], self._wanted
+        self._power[4] += float(np.einsum('ijk,ijk,k->j', inside, inside, cells) @ lines) / max(
+            len(parts) * lines.sum() * cells.sum(), 1e-30)
+
+    @property
+    def excess_db(self) -> float:
+        """By how much the brightest of the four edges exceeds the mean within, dB."""
+        edge, inside = self._power[:4].max(), self._power[4]
+        if not edge > 0:
+            return -math.inf
+        return 10 * math.log10(edge / inside) if inside > 0 else math.inf
+
+    @property
+    def uneven_db(self) -> float:
+        """By how much the error exceeds that of an evenly bright scene, dB; 0 where it is one."""
+        return min(self.excess_db, _MOST_DB) if self.excess_db > _UNEVEN_DB else 0.0
+
+
+def _densities(density, n: int, guard: int) -> np.ndarray:
+    """(n,) float64 density of what is wanted at the lines, or ranges, of an image."""
+    return density_at((np.arange(n) - guard + 0.5) / max(n - 2 * guard, 1), density)
+
+
+def _mean_square(values) -> float:
+    return float(np.einsum('ijk,ijk->', values, values)) / max(values.size, 1)

@@ -1,0 +1,170 @@
+"""What the fusion of AFBP must know besides the sub-aperture images themselves."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+
+from ...geometry.polar import PolarGrid
+from ...signal.radar import SPEED_OF_LIGHT
+from ..interpolators import Interpolator, design_interpolator
+from ..polar_to_map import CORRECTED_TAPS, DEGREE
+
+_MAX_PIXELS = 2 ** 31  # of each grid; far beyond any memory, and safe to multiply
+
+
+@dataclasses.dataclass(frozen=True)
+class FusionGrid:
+    """Polar grids that the sub-apertures of an aperture share, coarse and fused.
+
+    Together with the middle of each sub-aperture's band it is all that `SpectrumFusion` needs:
+    the plan of the backprojection stays with the first stage.
+
+    Parameters
+    ----------
+    polar : PolarGrid
+        Where the fused image is wanted.
+    n_coarse, n_fine : int
+        Directions of a sub-aperture image and of the fused one over the same extent, guards
+        included.
+    n_guard : float
+        Coarse directions of each guard.
+    beta : float
+        Shape of the taper over the guards.
+    n_coarse_range, n_fine_range : int
+        Ranges of a sub-aperture image, and of the fused one over the same extent, guards
+        included: those of `polar` lie in the middle.
+    half_range : float
+        Largest frequency of the images along range, relative to the carrier's, rad/m.
+    carrier_hz : float
+        Centre frequency of the range profiles, hertz.
+    range_oversampling, alpha_oversampling : float
+        By how much `polar` is sampled more finely than its image needs, to be interpolated to a
+        map; both 1 where the image itself is wanted.
+
+    Raises
+    ------
+    ValueError
+        A number is impossible, or the guards leave the plane.
+    """
+
+    polar: PolarGrid
+    n_coarse: int
+    n_fine: int
+    n_guard: float
+    beta: float
+    n_coarse_range: int
+    n_fine_range: int
+    half_range: float
+    carrier_hz: float
+    range_oversampling: float = 1.0
+    alpha_oversampling: float = 1.0
+
+    def __post_init__(self):
+        _check_polar(self.polar)
+        for name in ('n_guard', 'half_range', 'carrier_hz'):
+            value = getattr(self, name)
+            if not 0 < value < math.inf:
+                raise ValueError(f'{name}={value} must be positive and finite')
+        if not 0 <= self.beta <= 700:  # where the Kaiser window overflows
+            raise ValueError(f'beta={self.beta}; expected 0 to 700')
+        for name in ('range_oversampling', 'alpha_oversampling'):
+            if not 1.0 <= getattr(self, name) < math.inf:
+                raise ValueError(f'{name}={getattr(self, name)}; expected 1 or more')
+        if not 0 < self.n_coarse_range <= self.n_fine_range or self.range_guard < 1:
+            raise ValueError(f'n_coarse_range={self.n_coarse_range}, n_fine_range='
+                             f'{self.n_fine_range}; expected at least as many fine ranges as '
+                             f'coarse ones, the {self.polar.n_range} wanted ones and a guard at '
+                             'either end')
+        if not 2 * self.n_guard < self.n_coarse:
+            raise ValueError(f'n_coarse={self.n_coarse} directions do not hold two guards of '
+                             f'n_guard={self.n_guard:g}')
+        if self.fine_guard + self.polar.n_alpha > self.n_fine:
+            raise ValueError(f'n_fine={self.n_fine} directions do not hold the '
+                             f'{self.polar.n_alpha} wanted ones and a guard')
+        n_alpha = max(self.n_coarse, self.n_fine)
+        if self.n_fine_range * n_alpha > _MAX_PIXELS:
+            raise ValueError(f'{n_alpha} directions x {self.n_fine_range} ranges; expected at '
+                             f'most {_MAX_PIXELS} pixels')
+        if self.half_range > 2 * self.wavenumber_rad_per_m:
+            raise ValueError(f'half_range={self.half_range:g} rad/m exceeds the carrier itself')
+        self.coarse  # noqa: B018 refuses guards that leave the plane
+
+    @functools.cached_property
+    def coarse(self) -> PolarGrid:
+        """Grid of the sub-aperture images; it reaches beyond `polar` by the guards.
+
+        Raises
+        ------
+        ValueError
+            The guards leave the plane.
+        """
+        polar = self.polar
+        try:
+            return dataclasses.replace(
+                polar, n_alpha=self.n_coarse, alpha_spacing=self.extent / self.n_coarse,
+                alpha_start=polar.alpha_start - self.fine_guard * polar.alpha_spacing,
+                n_range=self.n_coarse_range,
+                range_spacing_m=self.range_extent_m / self.n_coarse_range,
+                range_start_m=polar.range_start_m - self.fine_range_guard * polar.range_spacing_m)
+        except ValueError as error:
+            raise ValueError(f'the guards around the polar grid leave the plane: {error}; use '
+                             'Backprojector') from error
+
+    @functools.cached_property
+    def between(self) -> Interpolator | None:
+        """Between lines, to a map; the spectrum is corrected for it. None for no map."""
+        if self.alpha_oversampling == 1:
+            return None
+        return design_interpolator(self.alpha_oversampling, taps=CORRECTED_TAPS, degree=DEGREE,
+                                   corrected=True)
+
+    @property
+    def extent(self) -> float:
+        """Extent of both grids in direction cosine, guards included."""
+        return self.n_fine * self.polar.alpha_spacing
+
+    @property
+    def fine_guard(self) -> int:
+        """Fine directions of the guard before the first one of `polar`."""
+        return math.ceil(self.n_guard * self.n_fine / self.n_coarse)
+
+    @property
+    def range_extent_m(self) -> float:
+        """Extent of both grids in range, guards included, metres."""
+        return self.n_fine_range * self.polar.range_spacing_m
+
+    @property
+    def fine_range_guard(self) -> int:
+        """Fine ranges of the guard before the first one of `polar`."""
+        return (self.n_fine_range - self.polar.n_range) // 2
+
+    @property
+    def range_guard(self) -> int:
+        """Whole coarse ranges of each guard."""
+        return self.fine_range_guard * self.n_coarse_range // self.n_fine_range
+
+    @property
+    def wavelength_m(self) -> float:
+        """Wavelength at the carrier, metres."""
+        return SPEED_OF_LIGHT / self.carrier_hz
+
+    @property
+    def wavenumber_rad_per_m(self) -> float:
+        """Two-way wavenumber at the carrier, radians per metre of half path."""
+        return 4.0 * math.pi * self.carrier_hz / SPEED_OF_LIGHT
+
+
+def _check_polar(grid: PolarGrid) -> None:
+    numbers = (*grid.origin_m, *grid.track, grid.z_m, grid.range_start_m, grid.range_spacing_m,
+               grid.alpha_start, grid.alpha_spacing)
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError(f'{grid} holds numbers that are NaN or infinite')
+    if grid.range_spacing_m <= 0 or grid.alpha_spacing <= 0:
+        raise ValueError(f'range_spacing_m={grid.range_spacing_m}, alpha_spacing='
+                         f'{grid.alpha_spacing}; expected positive spacings: both axes ascend')
+    if abs(math.hypot(*grid.track) - 1) > 1e-9:
+        raise ValueError(f'track={grid.track} is no unit vector; divide it by its length')
+    if grid.side not in (-1, 1):
+        raise ValueError(f'side={grid.side}; expected +1 (left of the track) or -1 (right)')

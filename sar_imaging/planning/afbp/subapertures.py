@@ -1,0 +1,377 @@
+"""First stage of AFBP: sub-aperture images on one polar grid, coarse in direction.
+
+Zhang et al., section II.A: all sub-apertures share unified polar coordinates, so that their
+spectra can be joined. How long a sub-aperture may be, how many lines its image needs and how far
+the grid must reach beyond the scene follow from the exact geometry: the derivatives of the half
+paths are the local frequencies of the image.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from ...geometry.polar import PolarGrid
+from ...signal.radar import RadarParameters
+from ..error_budget import remaining_db, total_db
+from ..local_spectrum import TAPERS_NEEDED, Bands, local_bands, used_share
+from ..phase_history import RangeBand
+from ..range_gate import RangeWindow
+from ..range_resampling import Lattice, half_paths, plan_lattice, sample_paths
+from .aliasing_error import EVERYTHING, Coverage
+from .beams import BeamSampling
+from .polar_grids import FusionGrid
+from .sampling import Sampling, choose_sampling, fusion_error
+from .subaperture_cost import FirstStage
+
+_STAGE_SHARE_DB = 6.0  # of the target: by so much less the error of sub-aperture images
+_MARGIN_DB = 0.5  # predictions are as good as that (docs/benchmarks.md)
+_MOST_FILLED = 0.93  # of the band along range: tapers widen it (measured: no harm up to 0.89)
+_SAMPLES_PER_SIDE = 5  # grid positions at which the paths are bounded
+_SAMPLES_PER_EDGE = 33
+_ROWS_FOR_PATHS = 512  # enough to bound how paths differ along a line
+_SAMPLING_SLACK = 0.02  # of what is bounded
+_PADDING = 32  # samples of windows, for the delays of rows of beams
+_DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
+LENGTHS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  # pulses to choose from
+
+
+@dataclasses.dataclass(frozen=True)
+class Limits:
+    """Extremes of the geometry between phase centres and a polar grid.
+
+    Attributes
+    ----------
+    range_m : (float, float)
+        Smallest and largest half path, metres.
+    slope : (float, float)
+        Of the half paths by range.
+    slope_m : float
+        Largest magnitude of their slope by direction over that by range, metres.
+    half_range : float
+        Largest frequency of the images along range, relative to the carrier's, rad/m.
+    """
+
+    range_m: tuple[float, float]
+    slope: tuple[float, float]
+    slope_m: float
+    half_range: float
+
+    @classmethod
+    def of(cls, bands: Bands) -> Limits:
+        """Extremes of half paths, of their derivatives and of local frequencies."""
+        steepest = float(max(bands.slope.max(), -bands.slope.min()))
+        return cls(bands.range_m, bands.by_range, steepest, bands.half_range)
+
+    def contain(self, other: Limits, slope_slack: float = 0.0) -> bool:
+        """True when what was planned for these limits holds for the other ones, too.
+
+        Parameters
+        ----------
+        other : Limits
+            Those of other phase centres.
+        slope_slack : float
+            By how much the half paths' slopes by range may exceed those planned for.
+        """
+        def within(a, b, least=0.0):
+            # The extremes of samples miss the true ones by less than this.
+            slack = max(_SAMPLING_SLACK * (b[1] - b[0]), least)
+            return b[0] - slack <= a[0] and a[1] <= b[1] + slack
+
+        return (within(other.range_m, self.range_m)
+                and within(other.slope, self.slope, slope_slack)
+                and within((0.0, other.slope_m), (0.0, self.slope_m))
+                and within((0.0, other.half_range), (0.0, self.half_range)))
+
+
+@dataclasses.dataclass(frozen=True)
+class SubaperturePlan:
+    """Cut of an aperture and polar grid of its sub-aperture images.
+
+    Attributes
+    ----------
+    polar : PolarGrid
+        Where the fused image is wanted.
+    given : RadarParameters
+        Of the blocks to come.
+    source : RangeWindow or RangeBand
+        What is needed of their profiles, or phase histories.
+    n_samples : int
+        Samples of a profile, or frequencies of a pulse.
+    n_channels : int
+        Channels of a pulse.
+    sampling : Sampling
+        Cut and coarse sampling.
+    fusion_grid : FusionGrid
+        What the second stage needs.
+    lattice : Lattice
+        How profiles are read.
+    beams : BeamSampling or None
+        Sampling of the beams that sub-aperture images are made from; None where each pulse is
+        added to them directly.
+    range_m : (float, float)
+        Smallest and largest half path to the pixels of the sub-aperture images, metres.
+    limits : Limits
+        Geometry that the plan was made for.
+    warnings : tuple of str
+        What may make the error larger than predicted.
+    """
+
+    polar: PolarGrid
+    given: RadarParameters
+    source: RangeWindow | RangeBand
+    n_samples: int
+    n_channels: int
+    sampling: Sampling
+    fusion_grid: FusionGrid
+    lattice: Lattice
+    beams: BeamSampling | None
+    range_m: tuple[float, float]
+    limits: Limits
+    warnings: tuple[str, ...]
+
+    @property
+    def compressed(self) -> bool:
+        """Whether blocks are range profiles."""
+        return not self.source.periodic
+
+    @property
+    def radar(self) -> RadarParameters:
+        """Of the profiles."""
+        return self.source.radar
+
+    @property
+    def coarse(self) -> PolarGrid:
+        """Grid of the sub-aperture images; it reaches beyond `polar` by the guards."""
+        return self.fusion_grid.coarse
+
+    @property
+    def n_subapertures(self) -> int:
+        """Number of sub-apertures."""
+        return len(self.sampling.pulses)
+
+    @property
+    def stage_error_db(self) -> float:
+        """Predicted error of the sub-aperture images, dB."""
+        return (self.beams or self.lattice).predicted_error_db
+
+    @property
+    def predicted_error_db(self) -> float:
+        """Predicted error of the fused polar image against exact backprojection, dB."""
+        return total_db(self.stage_error_db, self.sampling.error_db)
+
+    def __str__(self) -> str:
+        s, lengths = self.sampling, [p.stop - p.start for p in self.sampling.pulses]
+        way = 'directly' if self.beams is None else 'from beams'
+        return (f'{self.n_subapertures} sub-apertures of {min(lengths)} to {max(lengths)} pulses, '
+                f'backprojected {way}, '
+                f'{s.n_coarse} coarse lines each ({2 * s.n_guard:g} of them guards) of '
+                f'{self.coarse.n_range} ranges, fused to {s.n_fine} lines; predicted error '
+                f'{self.predicted_error_db:.1f} dB')
+
+    def check(self, tx_m, rx_m) -> tuple[float, float, bool]:
+        """Band of a sub-aperture from its phase centres, and how well it suits the plan.
+
+        Parameters
+        ----------
+        tx_m, rx_m : (P, C, 3) float64
+            Phase centres, metres; they need not be those that were planned for.
+
+        Returns
+        -------
+        centre_m : float
+            Middle of the band, metres, as `SpectrumFusion.add` wants it.
+        error_db : float
+            Predicted error against exact backprojection, dB.
+        within : bool
+            The phase centres lie within what was planned for.
+
+        Raises
+        ------
+        ValueError
+            Range does not grow along the lines of the grid.
+        """
+        bands = local_bands(self.polar, tx_m, rx_m, self.radar)
+        # Slopes as far beyond let pixels drift by this over half a segment, seen from the lattice.
+        slack = 2 * _DRIFT_SLACK * self.lattice.step_m / (
+            max(self.lattice.segment, 1) * self.lattice.spacing)
+        within = self.limits.contain(Limits.of(bands), slack)
+        centre = 0.5 * float(bands.slope.min() + bands.slope.max())
+        error = fusion_error(self.sampling, self.polar, bands, slice(None), bands.weight, centre)
+        error_db = total_db(self.stage_error_db, 10 * math.log10(error + 1e-16))
+        return centre, error_db, within
+
+
+def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
+                      target_db: float = -50.0, pulses_per_subaperture: int | None = None,
+                      oversampling: tuple[float, float] = (1.0, 1.0),
+                      ratio: tuple[int, int] = (1, 1), coverage: Coverage = EVERYTHING,
+                      band: RangeBand | None = None) -> SubaperturePlan:
+    """Plan the sub-apertures of an aperture.
+
+    Parameters
+    ----------
+    polar : PolarGrid
+        Where the fused image is wanted.
+    radar : RadarParameters
+        Of the compressed profiles, or of the phase histories.
+    n_samples : int
+        Samples of a profile, or frequencies of a pulse.
+    tx_m, rx_m : (P, C, 3) array_like
+        Phase centres of the whole aperture, metres, in the order of the pulses.
+    target_db : float
+        Wanted error of the fused image against exact backprojection, dB.
+    pulses_per_subaperture : int, optional
+        Length of the sub-apertures; the quickest if left out.
+    oversampling : (float, float)
+        Of `polar` along range and direction, for `FusionGrid`.
+    ratio : (int, int)
+        Ranges of a sub-aperture image to those of the fused one.
+    coverage : Coverage
+        What of `polar` must be right, see `map_coverage`.
+    band : RangeBand, optional
+        Takes phase histories as they came, in place of profiles.
+
+    Returns
+    -------
+    SubaperturePlan
+
+    Raises
+    ------
+    ValueError
+        No sampling of this geometry meets the target, or it does not suit a polar grid.
+    """
+    tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
+    planner = _Planner(polar, radar if band is None else band.radar, int(n_samples), tx_m, rx_m,
+                       target_db, band)
+    return planner.plan(radar, pulses_per_subaperture, oversampling, ratio, coverage)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Planner:
+    polar: PolarGrid
+    radar: RadarParameters  # of the profiles
+    n_samples: int
+    tx_m: np.ndarray
+    rx_m: np.ndarray
+    target_db: float
+    band: RangeBand | None
+
+    def plan(self, given, length, oversampling, ratio, coverage) -> SubaperturePlan:
+        polar, tx_m, rx_m = self.polar, self.tx_m, self.rx_m
+        paths = sample_paths(*_rows_and_samples(polar, tx_m, rx_m, _SAMPLES_PER_SIDE,
+                                                _SAMPLES_PER_SIDE))
+        bands = local_bands(polar, tx_m, rx_m, self.radar)
+        sampling = self._sampling(bands, paths, length, ratio, coverage)
+        grid = FusionGrid(polar, sampling.n_coarse, sampling.n_fine, sampling.n_guard,
+                          sampling.beta, sampling.n_coarse_range, sampling.n_fine_range,
+                          bands.half_range, self.radar.carrier_hz, *oversampling)
+        range_m = _bounds(grid.coarse, tx_m, rx_m)
+        source = self.band or RangeWindow.around(self.radar, self.n_samples, range_m)
+        lattice = self._lattice_for(sampling, grid.coarse, source, paths)
+        beams = self._cost(grid.coarse, lattice, range_m).choose_beams(
+            sampling.pulses, grid.coarse.n_alpha * grid.coarse.n_range)
+        guard_m = grid.fine_range_guard * polar.range_spacing_m
+        warnings = tuple(self._cut_warnings(paths.length, guard_m, coverage))
+        return SubaperturePlan(polar, given, source, self.n_samples, tx_m.shape[1], sampling, grid,
+                               lattice, beams, range_m, Limits.of(bands), warnings)
+
+    @property
+    def _lattice_db(self) -> float:
+        return min(self.target_db - _STAGE_SHARE_DB, -50.0)
+
+    def _sampling(self, bands, paths, length, ratio, coverage) -> Sampling:
+        polar = self.polar
+        share = used_share(bands.half_range, polar.range_spacing_m, polar.n_range,
+                           tapers=TAPERS_NEEDED)
+        if ratio[0] / ratio[1] < share:
+            ratio = 1, 1
+        usual = dataclasses.replace(polar, n_range=polar.n_range * ratio[0] // ratio[1],
+                                    range_spacing_m=polar.range_spacing_m * ratio[1] / ratio[0])
+        lattice = self._plan_lattice(paths, usual.range_spacing_m, self.n_samples)
+        filled = bands.half_range * usual.range_spacing_m / math.pi
+        if filled > _MOST_FILLED:
+            raise ValueError(
+                f'the sub-aperture images fill {filled:.0%} of what the ranges of the polar grid '
+                f'hold, at most {_MOST_FILLED:.0%} can be fused: the elevation changes too much '
+                'over this aperture; use Backprojector')
+        lengths = (length,) if length else LENGTHS
+        sampling = choose_sampling(polar, bands, self.tx_m, self.rx_m, lengths,
+                                   self._cost(usual, lattice, bands.range_m),
+                                   remaining_db(self.target_db - _MARGIN_DB, self._lattice_db),
+                                   coverage, ratio)
+        if sampling is None:
+            raise ValueError(
+                f'no sub-apertures of {", ".join(map(str, lengths))} pulses reach '
+                f'target_db={self.target_db:g} on this polar grid; ask for less, image a smaller '
+                'scene, or use Backprojector')
+        return sampling
+
+    def _lattice_for(self, sampling, coarse, source, paths) -> Lattice:
+        padding = 0 if source.periodic else _PADDING
+        # rows of one sub-aperture share phases, never those of two
+        per_path = self.tx_m[..., 0].size / len(paths.length)
+        first = {int(p.start * self.tx_m.shape[1] / per_path) for p in sampling.pulses}
+        paths = dataclasses.replace(paths, parts=tuple(sorted(first)))
+        return self._plan_lattice(paths, coarse.range_spacing_m, source.n_samples + padding,
+                                  remaining_db(self.target_db, sampling.error_db))
+
+    def _cost(self, grid, lattice, range_m) -> FirstStage:
+        span = self.polar.n_alpha * self.polar.alpha_spacing
+        padding_m = math.inf if self.band else _PADDING * self.radar.sample_spacing_m
+        return FirstStage(grid, span, self.radar, lattice, self.tx_m, self.rx_m, self._lattice_db,
+                          range_m, padding_m)
+
+    def _plan_lattice(self, paths, spacing, n_samples, *more_db) -> Lattice:
+        """Lattice with the usual error, or where there is none, with one of `more_db`."""
+        for error_db in (self._lattice_db, *more_db):
+            lattice = plan_lattice(paths, spacing, self.polar.n_range, self.radar, n_samples,
+                                   error_db, periodic=self.band is not None)
+            if lattice is not None:
+                return lattice
+        raise ValueError('the polar grid does not follow the range of this track (too near, or '
+                         'around the antenna); use Backprojector')
+
+    def _cut_warnings(self, length, guard_m: float, coverage: Coverage):
+        """Profiles that end within the guards, where the taper should find whole responses."""
+        if self.band is None:
+            start = self.radar.range_start_m
+            stop = start + self.n_samples * self.radar.sample_spacing_m
+        else:  # they repeat, which does no harm in the guards
+            start, guard_m = self.band.range_start_m, 0.0
+            stop = start + self.band.period_m
+        before, after = (share * self.polar.n_range * self.polar.range_spacing_m
+                         for share in coverage.range_margins)
+        short = max(start - length.min() - before, length.max() - after - stop) + guard_m
+        if short > 0 and self.band is None:
+            yield (f'the profiles end {short:.1f} m short of the guards, {guard_m:.1f} m wide, '
+                   'around the near and far edge; scatterers cut off there raise the error above '
+                   'the prediction: keep more of the profiles, or take longer sub-apertures')
+        elif short > 0:
+            yield (f'the scene reaches {short:.1f} m beyond the {stop - start:.1f} m that the '
+                   f'{self.n_samples} frequencies tell apart around the reference delay; what '
+                   'lies there appears in its place as well')
+
+
+def _rows_and_samples(polar: PolarGrid, tx_m, rx_m, n_range, n_alpha):
+    """Some rows, and ranges and directions of the grid, direction by direction."""
+    r, alpha = (v.ravel() for v in np.meshgrid(
+        np.linspace(polar.range_m[0], polar.range_m[-1], n_range),
+        np.linspace(polar.alpha[0], polar.alpha[-1], n_alpha)))
+    tx, rx = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
+    # neighbouring rows in groups, since they are added together
+    step = max(1, len(tx) // _ROWS_FOR_PATHS)
+    return tx[::step], rx[::step], polar.lines(r, alpha)
+
+
+def _bounds(polar: PolarGrid, tx_m, rx_m) -> tuple[float, float]:
+    """Smallest and largest half path to a grid along whose lines they grow, metres."""
+    tx_m, rx_m, lines = _rows_and_samples(polar, tx_m, rx_m, 2, _SAMPLES_PER_EDGE)
+    length = half_paths(tx_m, rx_m, lines[0])[0]
+    near, far = length[:, ::2], length[:, 1::2]
+    # what rows and directions between the samples may add
+    slack = [sum(np.abs(np.diff(edge, axis=axis)).max(initial=0.0) for axis in (0, 1))
+             for edge in (near, far)]
+    return float(near.min() - slack[0]), float(far.max() + slack[1])

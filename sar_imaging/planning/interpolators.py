@@ -1,0 +1,319 @@
+"""Polynomial interpolation of band-limited range profiles, with its error known beforehand.
+
+A profile sampled ``oversampling`` times above its bandwidth is represented in each interval
+between two samples by a polynomial in the fractional position (a Farrow structure); the
+coefficients are weighted sums of the neighbouring samples. Weights that minimise the mean squared
+error over the band and over the interval follow from one least-squares problem, whose residual is
+the predicted error.
+
+Where the spectrum is at hand before the samples are, each frequency may be multiplied by a gain
+that makes up for what the interpolation takes from it (the roll-off correction of gridding): the
+same error then needs less than half the taps.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+
+import numpy as np
+
+LINE_DEGREE, POINT_DEGREE = 4, 3  # of profiles read along image lines and point by point
+TAPS = 10
+# Polynomials made for a little more than their interval err evenly over it, not at its ends: all
+# ranges of an image may lie at the same place between samples.
+LEAST_MARGIN = 0.03
+_NODES = 12  # of the quadrature over band and interval: the error holds to 0.001 dB
+_ROUNDS = 40  # of weights and gains in turn
+_GAIN_STEP = 1e-3  # cycles per sample, for derivatives
+_OVERSAMPLING_STEP, _MOST_OVERSAMPLING = 0.02, 4.0  # to choose from
+_DRIFTS = 9  # of a table of errors
+_COARSER = 4  # a table of errors than that of gains
+
+
+@dataclasses.dataclass(frozen=True)
+class Interpolator:
+    """Weights that turn samples into polynomials.
+
+    Between samples n and n + 1, ``s(n + t) = sum_q (sum_k weights[q, k] s[n + k + first]) t^q``.
+
+    Parameters
+    ----------
+    weights : (degree + 1, taps) float32
+        Weight of each of the neighbouring samples in each coefficient.
+    first : int
+        Offset of the first neighbour.
+    error_db : float
+        Mean squared error over band and interval relative to the signal's power, dB.
+    oversampling : float
+        Sample rate over two-sided bandwidth that it is for.
+    corrected : bool
+        The spectrum of the samples was multiplied by `gain`.
+    margin : float
+        Samples beyond the interval for which the polynomials are made, too.
+    """
+
+    weights: np.ndarray
+    first: int
+    error_db: float
+    oversampling: float
+    corrected: bool = False
+    margin: float = 0.0
+
+    @property
+    def n_planes(self) -> int:
+        """Real and imaginary parts of the coefficients of an interval."""
+        return 2 * len(self.weights)
+
+    @property
+    def n_taps(self) -> int:
+        """Number of neighbours."""
+        return self.weights.shape[1]
+
+    @property
+    def centred(self) -> np.ndarray:
+        """(degree + 1, taps) float32 weights by powers of ``t - 1/2``.
+
+        Taps that mirror each other have the same even ones and opposite odd ones.
+        """
+        return _shifted(self.weights.astype(np.float64), 0.5).astype(np.float32)
+
+    def gain(self, frequency) -> np.ndarray:
+        """By what the spectrum of the samples is to be multiplied for the least error in the band.
+
+        Nearly 1 unless the interpolator was designed with ``corrected=True``. Smooth, also beyond
+        the band.
+
+        Parameters
+        ----------
+        frequency : (F,) array_like
+            Cycles per sample, -0.5 to 0.5.
+
+        Returns
+        -------
+        (F,) float64
+        """
+        return np.exp(np.interp(np.abs(frequency), _frequencies(), self._log_gain))
+
+    def error_at(self, frequency) -> np.ndarray:
+        """Mean squared error over the interval, relative to power, of some frequencies.
+
+        Parameters
+        ----------
+        frequency : (...) array_like
+            Cycles per sample.
+
+        Returns
+        -------
+        (...) float64
+            2 where a frequency is beyond what samples can hold.
+        """
+        return np.interp(np.abs(frequency), _frequencies()[::_COARSER], self._errors, right=2.0)
+
+    def error_with_drift(self, drift) -> np.ndarray:
+        """Mean squared error where positions begin anywhere in the interval and drift evenly.
+
+        Parameters
+        ----------
+        drift : (...) array_like
+            Furthest in either direction, samples, up to `margin`.
+
+        Returns
+        -------
+        (...) float64
+            Relative to the signal's power, over the band.
+        """
+        return np.interp(drift, np.linspace(0, self.margin, len(self._drift_errors)),
+                         self._drift_errors)
+
+    @functools.cached_property
+    def _drift_errors(self) -> np.ndarray:
+        """From no drift to `margin`."""
+        x, weight = _nodes()
+        drifts = np.linspace(0, self.margin, _DRIFTS if self.margin else 1)
+        position = 0.5 + 0.5 * x + np.multiply.outer(drifts, x)[..., None]
+        frequency = 0.5 / self.oversampling * (0.5 + 0.5 * x)
+        read, wanted = self._read(frequency, position.ravel())
+        error = weight @ np.sum((read - wanted) ** 2, axis=0)
+        return error.reshape(position.shape) @ weight @ weight / 8
+
+    @functools.cached_property
+    def _log_gain(self) -> np.ndarray:
+        """Of `_frequencies`."""
+        frequency, edge = _frequencies(), 0.5 / self.oversampling
+        gain = _best_gain(*self._read(np.minimum(frequency, edge)), _nodes()[1])
+        # The best gain has sharp features beyond the band, which would spread what tapers do far
+        # over the image: it goes on as it ends, and levels off towards half a cycle.
+        ends = edge - _GAIN_STEP * np.arange(3)
+        ends = np.log(_best_gain(*self._read(ends), _nodes()[1]))
+        width = 0.5 - edge
+        slope = (1.5 * ends[0] - 2 * ends[1] + 0.5 * ends[2]) * width / _GAIN_STEP
+        bend = (ends[0] - 2 * ends[1] + ends[2]) * (width / _GAIN_STEP) ** 2
+        x = np.maximum((frequency - edge) / width, 0.0)
+        return (np.log(gain) + slope * (x - x ** 3 + x ** 4 / 2)
+                + bend * (x ** 2 / 2 - 2 * x ** 3 / 3 + x ** 4 / 4))
+
+    @functools.cached_property
+    def _errors(self) -> np.ndarray:
+        """Of every `_COARSER`-th of `_frequencies`."""
+        read, wanted = self._read(_frequencies()[::_COARSER])
+        if self.corrected:
+            read *= np.exp(self._log_gain[::_COARSER])[:, None]
+        return np.sum((read - wanted) ** 2, axis=0) @ (0.5 * _nodes()[1])
+
+    def _read(self, frequency, position=None) -> tuple[np.ndarray, np.ndarray]:
+        """Tones as read at positions, those of the quadrature if left out, and as they are.
+
+        Real and imaginary parts, (2, F, T), seen from the middle of the interval.
+        """
+        x = _nodes()[0] if position is None else 2 * position - 1
+        by_position = self.weights.T @ (0.5 + 0.5 * x) ** np.arange(len(self.weights))[:, None]
+        if position is None:  # nodes lie in pairs, too
+            wanted = np.exp(1j * np.pi * np.outer(frequency, x[_NODES // 2:]))
+            wanted = np.concatenate([wanted[:, ::-1].conj(), wanted], axis=1)
+        else:
+            wanted = np.exp(1j * np.pi * np.outer(frequency, x))
+        # From the middle of the interval taps lie in pairs, of opposite phase.
+        step, half = np.exp(2j * np.pi * frequency), np.exp(1j * np.pi * frequency)
+        taps = [half]
+        for _ in range(self.n_taps // 2 - 1):
+            taps.append(taps[-1] * step)
+        taps = np.stack([*np.conj(taps[::-1]), *taps], axis=-1)
+        return _parts(taps) @ by_position, _parts(wanted)
+
+
+def design_interpolator(oversampling: float, margin: float = 0.0, *, taps: int = TAPS,
+                        degree: int = POINT_DEGREE, corrected: bool = False) -> Interpolator:
+    """Least-squares polynomial interpolator for a band-limited signal.
+
+    Parameters
+    ----------
+    oversampling : float
+        Sample rate over two-sided bandwidth, above 1.
+    margin : float
+        The polynomial is used for ``-margin <= t <= 1 + margin``, in samples.
+    taps, degree : int
+        Number of neighbours, even, and degree of the polynomial.
+    corrected : bool
+        The spectrum of the samples will have been multiplied by `Interpolator.gain`.
+
+    Returns
+    -------
+    Interpolator
+
+    Raises
+    ------
+    ValueError
+        The signal is not sampled above its bandwidth, or the margin is negative.
+    """
+    if not oversampling > 1:
+        raise ValueError(f'oversampling={oversampling}; the profile must be sampled above its '
+                         'bandwidth')
+    if margin < 0:
+        raise ValueError(f'margin={margin} must not be negative')
+    # Rounding against the safe side makes the cache useful for the values that geometry yields.
+    return _design(math.floor(50 * oversampling + 1e-6) / 50,
+                   math.ceil(margin * 100) / 100, taps, degree, corrected)
+
+
+@functools.lru_cache(maxsize=256)
+def _design(oversampling, margin, taps, degree, corrected):
+    # Real weights are as good at negative frequencies as at positive ones.
+    x, fw = _nodes()
+    f = (1 + x) / (4 * oversampling)
+    t = 0.5 + x * (0.5 + margin)
+    first = 1 - taps // 2
+    weight = np.sqrt(fw / 2)
+    powers = (t[:, None] - 0.5) ** np.arange(degree + 1)  # centred: better conditioned
+    place = np.arange(taps) + first
+    samples, wanted = (np.exp(2j * np.pi * np.outer(f, v)) for v in (place, t))
+    gain = _first_gain(samples, place, t, oversampling) if corrected else np.ones(_NODES)
+    samples, wanted = _parts(samples), _parts(wanted)
+    weighted = (wanted * weight[:, None]).reshape(2 * _NODES, -1)
+    to_powers = np.linalg.pinv(powers * weight[:, None], rcond=1e-13) * weight
+    for _ in range(_ROUNDS if corrected else 1):
+        # The model is a product of functions of frequency and of position: one problem after the
+        # other
+        by_position = np.linalg.lstsq(
+            (samples * (gain * weight)[:, None]).reshape(2 * _NODES, -1), weighted, rcond=1e-13)[0]
+        centred = to_powers @ by_position.T
+        read = samples @ (powers @ centred).T
+        if corrected:
+            gain = _best_gain(read, wanted, fw)
+    error = np.sum((gain[:, None] * read - wanted) ** 2, axis=0)
+    return Interpolator(_shifted(centred, -0.5).astype(np.float32), first,
+                        10 * math.log10(weight ** 2 @ error @ weight ** 2), oversampling,
+                        corrected, margin)
+
+
+@functools.cache
+def _frequencies() -> np.ndarray:
+    """Of tables, cycles per sample: reading them linearly adds 1e-6."""
+    return np.linspace(0, 0.5, 4097)
+
+
+@functools.cache
+def _nodes():
+    """Nodes from -1 to 1, and weights, of the quadrature."""
+    return np.polynomial.legendre.leggauss(_NODES)
+
+
+def _parts(values) -> np.ndarray:
+    """Real and imaginary parts, (2, ...)."""
+    return np.stack([values.real, values.imag])
+
+
+def _first_gain(samples, place, t, oversampling) -> np.ndarray:
+    """To start from: that of a Kaiser-Bessel window, which rolls off most steeply."""
+    taps = len(place)
+    beta = np.pi * taps * (1 - 0.5 / oversampling)
+    u = 2 * (t - place[:, None]) / taps
+    window = np.where(np.abs(u) < 1, np.i0(beta * np.sqrt(np.maximum(1 - u ** 2, 0))), 0.0)
+    return 1 / np.abs(samples @ window).mean(axis=1)
+
+
+def _best_gain(read, wanted, weight) -> np.ndarray:
+    """Real gains, by frequency, with which values read are nearest to those wanted, in parts."""
+    along, squared = (np.einsum('pft,pft,t->f', read, v, weight) for v in (wanted, read))
+    return along / squared
+
+
+def _shifted(weights, shift: float) -> np.ndarray:
+    """Coefficients of p(t + shift) by powers of t, given those of p(t)."""
+    result = np.zeros_like(weights)
+    for q in range(len(weights)):
+        for p in range(q + 1):
+            result[p] += math.comb(q, p) * shift ** (q - p) * weights[q]
+    return result
+
+
+def coarsest_interpolator(error_db: float, *, taps: int, degree: int,
+                          corrected: bool = False) -> Interpolator | None:
+    """Interpolator for the coarsest sampling with which it reaches an error.
+
+    Parameters
+    ----------
+    error_db : float
+        Wanted error of the interpolator, dB.
+    taps, degree, corrected :
+        As for `design_interpolator`.
+
+    Returns
+    -------
+    Interpolator or None
+        None where no oversampling below 4 does.
+    """
+    for oversampling in np.arange(1.1, _MOST_OVERSAMPLING, _OVERSAMPLING_STEP):
+        found = design_interpolator(oversampling, taps=taps, degree=degree, corrected=corrected)
+        if found.error_db <= error_db:
+            return found
+    return None
+
+
+def finer_interpolator(found: Interpolator) -> Interpolator | None:
+    """The next one for finer sampling, of the same kind; None at an oversampling of 4."""
+    if found.oversampling > _MOST_OVERSAMPLING:
+        return None
+    return design_interpolator(found.oversampling + _OVERSAMPLING_STEP, taps=found.n_taps,
+                               degree=len(found.weights) - 1, corrected=found.corrected)

@@ -1,0 +1,147 @@
+"""Local frequencies of sub-aperture images, and the guards that tapers over them need.
+
+The derivatives of the half paths times the wavenumber are the frequencies of the image.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from ..geometry.polar import PolarGrid
+from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .echo_power import row_weights
+from .range_resampling import half_paths
+
+SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
+TAPERS_NEEDED = 0.5  # of what tapers add to a band, what is beyond is faint enough to fold
+_TAPER_LOBES = 4  # times the inverse of the guards' length
+# Times the root of the ranges: narrower guards widen the tapers' spectrum, and the fused one
+_RANGE_GUARD = 1.2
+
+
+@dataclasses.dataclass(frozen=True)
+class Bands:
+    """Local frequencies of a grid's sub-aperture images.
+
+    Attributes
+    ----------
+    slope : (R, S) float64
+        Derivative of the half path by direction, over that by range, metres, from each row to
+        points direction by direction. Times the wavenumber it is the frequency along direction.
+    position : (S,) float64
+        Where the points lie along direction, 0 to 1.
+    wavenumber : (2,) floats
+        Lowest and highest of the band, rad/m.
+    half_range : float
+        Largest frequency along range, relative to the carrier's, rad/m.
+    range_m : (float, float)
+        Smallest and largest half path to the points, metres.
+    by_range : (float, float)
+        Smallest and largest derivative of the half paths by range.
+    weight : (R,) float64
+        Share that each row has in the power of the image, see `row_weights`.
+    """
+
+    slope: np.ndarray
+    position: np.ndarray
+    wavenumber: tuple[float, float]
+    half_range: float
+    range_m: tuple[float, float]
+    by_range: tuple[float, float]
+    weight: np.ndarray
+
+
+def local_bands(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Bands:
+    """Local frequencies of backprojected images at samples of a polar grid and its guards.
+
+    Parameters
+    ----------
+    polar : PolarGrid
+        Grid.
+    tx_m, rx_m : (P, C, 3) float64
+        Phase centres, metres.
+    radar : RadarParameters
+        Of the profiles.
+
+    Returns
+    -------
+    Bands
+
+    Raises
+    ------
+    ValueError
+        Range does not grow along the lines of the grid.
+    """
+    n = SAMPLES_PER_SIDE
+    where = np.linspace(0, 1, n)
+    # Frequencies in the guards count, too: the nearer, the more they change with direction.
+    guard = usual_guard(polar.n_range)
+    before = min(guard, max(0, ranges_before(polar, 0.0)) // 2)
+    r, share = (v.ravel() for v in np.meshgrid(
+        np.linspace(polar.range_m[0] - before * polar.range_spacing_m,
+                    polar.range_m[-1] + guard * polar.range_spacing_m, n), where))
+    alpha = polar.alpha[0] + share * (polar.alpha[-1] - polar.alpha[0])
+    position, along_range = polar.lines(r, alpha)[:2]
+    along_alpha = polar.by_direction(r, alpha)
+    tx_m, rx_m = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
+    length, by_range, slope = half_paths(tx_m, rx_m, position, along_range, along_alpha)
+    extremes = float(by_range.min()), float(by_range.max())
+    if extremes[0] <= 0.1:
+        raise ValueError('range does not grow along the lines of the polar grid; it lies beside '
+                         'or behind the track, use Backprojector')
+    slope /= by_range
+    half = 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
+    k = radar.wavenumber_rad_per_m
+    half_range = half * extremes[1] + (k + half) * max(1 - extremes[0], extremes[1] - 1)
+    middle = len(position) // 2
+    sides = (polar.n_range * polar.range_spacing_m * along_range[middle],
+             polar.n_alpha * polar.alpha_spacing * along_alpha[middle])
+    return Bands(slope, share, (k - half, k + half), half_range,
+                 (float(length.min()), float(length.max())), extremes,
+                 row_weights(tx_m, rx_m, position[middle], sides, radar))
+
+
+def usual_guard(n_range: int) -> int:
+    """Ranges of each guard where the geometry does not need more, nor leaves less."""
+    return math.ceil(_RANGE_GUARD * math.sqrt(n_range))
+
+
+def used_share(half_range: float, spacing_m: float, n_range: int, tapers: float = 1.0) -> float:
+    """Share of a sampling along range that a sub-aperture image needs.
+
+    Parameters
+    ----------
+    half_range : float
+        Largest frequency along range, relative to the carrier's, rad/m.
+    spacing_m : float
+        Of the ranges, metres.
+    n_range : int
+        Number of ranges, guards not included.
+    tapers : float
+        How much of what tapers over usual guards add is wanted, too.
+
+    Returns
+    -------
+    float
+        Above 1 where the ranges do not hold the band.
+    """
+    band = half_range + tapers * taper_band(usual_guard(n_range) * spacing_m)
+    return spacing_m / math.pi * band
+
+
+def taper_band(guard_m: float) -> float:
+    """By how much tapers over the guards widen a band along range on either side, rad/m."""
+    return _TAPER_LOBES * 2 * math.pi / guard_m
+
+
+def ranges_before(polar: PolarGrid, beyond: float) -> int:
+    """Ranges on the plane before the first one, in all directions up to so far beyond the grid."""
+    last = polar.alpha_start + (polar.n_alpha - 1) * polar.alpha_spacing
+    steepest = max(abs(polar.alpha_start), abs(last)) + beyond
+    if steepest >= 1:
+        return -1
+    nearest = abs(polar.height_m) / math.sqrt(1 - steepest ** 2)
+    return math.floor((polar.range_start_m - nearest) / polar.range_spacing_m)

@@ -1,0 +1,349 @@
+"""Polar grid that covers a map: where it must lie and how finely it must be sampled.
+
+Sampling follows from the local frequencies of the image, which are the derivatives of the half
+paths times the wavenumber.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from ..geometry.map_edges import EDGE_SAMPLES, edge_positions
+from ..geometry.polar import PolarGrid
+from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .afbp.aliasing_error import TONES, Coverage
+from .echo_power import row_weights
+from .error_budget import remaining_db, total_db
+from .interpolators import Interpolator, coarsest_interpolator, finer_interpolator
+from .local_spectrum import TAPERS_NEEDED, used_share
+from .phase_history import RangeBand
+from .polar_to_map import CORRECTED_TAPS, DEGREE, LEAST_RANGES, TAPS, margin
+from .range_gate import RangeWindow
+from .range_resampling import Lattice, half_paths, plan_lattice, sample_paths
+
+_SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
+_COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
+_MIXED_LINES = 4  # on either side
+_WAVENUMBERS = 7  # of the band
+_SLACK = 1.01  # frequencies between samples of the map, and beside it
+_RANGE_RATIOS = (2, 3), (5, 7), (3, 4), (4, 5), (5, 6), (7, 8), (9, 10)
+_ROWS_FOR_COVER = 256
+
+
+@dataclasses.dataclass(frozen=True)
+class MapCover:
+    """Polar grid that covers a map, fine enough to be interpolated to it.
+
+    Attributes
+    ----------
+    polar : PolarGrid
+        It reaches `margin` pixels beyond the map.
+    ratio : (int, int)
+        Ranges of images that are added to those of their sum, on `polar`.
+    lattice : Lattice
+        How lines of such images read the profiles.
+    window : RangeWindow or RangeBand
+        What it needs of the profiles.
+    range_m : (float, float)
+        Bounds of the half path over it, metres.
+    axis : int
+        Map axis along which the second pass of the resampling goes.
+    between, along : Interpolator
+        Of the resampling: between lines and along them.
+    slope_alpha : (R, S) float64
+        Derivative by direction of the half paths from the rows to samples of the map, metres.
+    weight : (R,) float64
+        Share of each row in the power of the image, see `row_weights`.
+    wavenumber : (2,) floats
+        Lowest and highest of the radar's band, rad/m.
+    between_db, along_db : float
+        Errors of the interpolation to the map, dB.
+    profile_db : float
+        Error on the map because profiles, or the part of them that is used, end, dB.
+    """
+
+    polar: PolarGrid
+    ratio: tuple[int, int]
+    lattice: Lattice
+    window: RangeWindow | RangeBand
+    range_m: tuple[float, float]
+    axis: int
+    between: Interpolator
+    along: Interpolator
+    slope_alpha: np.ndarray
+    weight: np.ndarray
+    wavenumber: tuple[float, float]
+    between_db: float
+    along_db: float
+    profile_db: float
+
+    @property
+    def resampling_db(self) -> float:
+        """Error of the interpolation to the map, dB."""
+        return total_db(self.between_db, self.along_db)
+
+    @property
+    def oversampling(self) -> tuple[float, float]:
+        """Along range and direction."""
+        return self.along.oversampling, self.between.oversampling
+
+
+def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
+              resampling_db: float, lattice_db: float,
+              band: RangeBand | None = None, corrected: bool = False) -> MapCover | None:
+    """Cover a map by a polar grid around the aperture.
+
+    Parameters
+    ----------
+    grid, tx_m, rx_m, radar, n_samples :
+        As for `plan_polar`.
+    resampling_db, lattice_db : float
+        Wanted errors of each pass of the interpolation to the map and of the backprojection, dB.
+    band : RangeBand, optional
+        Phase histories instead of profiles; `radar` is its own.
+    corrected : bool
+        The polar image will be formed by its spectrum and corrected for the interpolation between
+        lines, as that of `SpectrumFusion` is: lines may be fewer, and images that are added need
+        not be sampled as finely.
+
+    Returns
+    -------
+    MapCover or None
+        None where the map is tiny, too near, all around, or not ahead of the aperture.
+    """
+    frame = _frame(grid, 0.5 * (tx_m + rx_m))
+    if frame is None or min(grid.shape) < TAPS:
+        return None
+    origin, track, side, axis = frame
+    bands = _bands(grid, tx_m, rx_m, radar, origin, track, side, axis)
+    if bands is None:
+        return None
+    paths, (along_range, local), along_alpha, slope_alpha, k = bands
+    weight = row_weights(tx_m, rx_m, grid.centre_m, grid.spacing_m * np.array(
+        [[grid.n_x, 0, 0], [0, grid.n_y, 0]]), radar)
+    between, between_db = fitting_interpolator(
+        along_alpha, weight, resampling_db, taps=CORRECTED_TAPS if corrected else TAPS,
+        corrected=corrected)
+    along, along_db = fitting_interpolator(along_range, weight, resampling_db, taps=TAPS)
+    if between is None or along is None:
+        return None
+    half_alpha, half_range = (float(np.abs(f).max()) for f in (along_alpha, along_range))
+    spacing = math.pi / (half_range * along.oversampling) * 0.999
+    n_line = math.ceil(np.ptp(paths.length) / spacing)
+    if corrected:  # the band of a line, which may be wider than that of a row of the map, must fit
+        share = used_share(_SLACK * local, spacing, n_line, tapers=TAPERS_NEEDED)
+        spacing /= max(share, 1.0)
+        n_line = math.ceil(np.ptp(paths.length) / spacing)
+    ratio = _range_ratio(spacing, n_line, local) if corrected else (1, 1)
+    spacing *= ratio[1] / ratio[0]
+    # The sampled half paths miss the extremes by what range and direction add between samples.
+    lo, hi = float(paths.length.min()), float(paths.length.max())
+    slack = 2 * margin(TAPS) * spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
+    range_m = lo - slack, hi + slack
+    window = band or RangeWindow.around(radar, n_samples, range_m)
+    lattice = plan_lattice(paths, spacing, n_line, radar, window.n_samples, lattice_db,
+                           fit_spacing=True, periodic=window.periodic)
+    if lattice is None:
+        return None
+    polar = _cover(grid, frame, lattice.spacing * ratio[0] / ratio[1], half_alpha, between)
+    if polar is None:
+        return None
+    return MapCover(polar, ratio, lattice, window, range_m, axis, between, along, slope_alpha,
+                    weight, k, between_db, along_db,
+                    window.mean_end_error_db(paths.length))
+
+
+def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
+                     target_db: float, band: RangeBand | None = None,
+                     share_db: float = 8.0) -> tuple[MapCover, float]:
+    """Cover a map by the polar grid of an image that AFBP fuses.
+
+    Parameters
+    ----------
+    grid, radar, n_samples, band :
+        As for `cover_map`.
+    tx_m, rx_m : (P, C, 3) float64
+        Phase centres of the whole aperture, metres.
+    target_db : float
+        Wanted error of the map, dB.
+    share_db : float
+        By how much less each pass to the map may err; the more, the finer the polar grid.
+
+    Returns
+    -------
+    cover : MapCover
+    polar_db : float
+        What the interpolation to the map leaves of the target for the polar image, dB.
+
+    Raises
+    ------
+    ValueError
+        The map is tiny, too near, all around, or not ahead of the aperture.
+    """
+    step = max(1, len(tx_m) // _ROWS_FOR_COVER)
+    rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
+    cover = cover_map(grid, *rows, radar if band is None else band.radar, n_samples,
+                      target_db - share_db, min(target_db - 10.0, -50.0), band,
+                      corrected=True)
+    if cover is None:
+        raise ValueError('the map is too small, too near, around or beside the aperture for a '
+                         'polar image; use Backprojector')
+    return cover, remaining_db(target_db, cover.resampling_db)
+
+
+def map_coverage(polar: PolarGrid, grid: MapGrid, cover: MapCover) -> Coverage:
+    """How densely what is read for the pixels of a map fills the lines and ranges of its cover.
+
+    `polar` is that of `cover` or, for images of parts of the track, one with fewer lines.
+    """
+    x, y = (np.linspace(v[0], v[-1], _COVERAGE_SAMPLES) for v in (grid.x_m, grid.y_m))
+    r, alpha = polar.from_map(*(v.ravel() for v in np.meshgrid(x, y)))
+    along_alpha, along_range = (
+        _COVERAGE_BINS / len(r)
+        * np.histogram((v - start) / (n * spacing), _COVERAGE_BINS, (0.0, 1.0))[0]
+        for v, start, n, spacing in (
+            (alpha, polar.alpha_start, polar.n_alpha, polar.alpha_spacing),
+            (r, polar.range_start_m, polar.n_range, polar.range_spacing_m)))
+    # What the spectrum's correction for the interpolation between lines mixes is read, too.
+    beside = math.ceil(_MIXED_LINES / polar.n_alpha * _COVERAGE_BINS)
+    spread = np.convolve(along_alpha, np.full(2 * beside + 1, 1 / (2 * beside + 1)), 'same')
+    return Coverage(spread / spread.mean(), along_range, cover.between, _tones(polar, cover))
+
+
+def _tones(polar: PolarGrid, cover: MapCover) -> np.ndarray:
+    """Power of the image by cycles per line, as `Coverage` has it."""
+    k = np.linspace(*cover.wavenumber, _WAVENUMBERS)[:, None, None]
+    cycles = np.abs(k * cover.slope_alpha) * (polar.alpha_spacing / (2 * math.pi))
+    if cycles.max() > 0.5:  # images of parts of the track, which may lie anywhere in its band
+        even = (np.arange(TONES) < TONES / cover.between.oversampling).astype(float)
+        return even / even.sum()
+    weight = np.broadcast_to(cover.weight[:, None], cycles.shape)
+    power = np.histogram(cycles, TONES, (0.0, 0.5), weights=weight)[0]
+    return power / power.sum()
+
+
+def _frame(grid: MapGrid, centres):
+    """Origin, track direction, side and second-pass axis; None when the map is not ahead."""
+    middle = centres.mean(axis=0)
+    look = np.array(grid.centre_m[:2]) - middle[:2]
+    distance = math.hypot(*look)
+    if distance == 0:
+        return None
+    spread = centres[:, :2] - middle[:2]
+    _, lengths, axes = np.linalg.svd(spread, full_matrices=False)
+    broadside = np.array([-look[1], look[0]]) / distance
+    track = axes[0] if lengths[0] > 1e-6 * distance else broadside
+    axis = int(abs(look[1]) > abs(look[0]))
+    if axis == 0 and track[1] > 0:  # lines in the order of the rows of the map, north first
+        track = -track
+    along = spread @ track
+    origin = middle.copy()
+    origin[:2] += track * 0.5 * (along.min() + along.max())
+    side = 1 if -look[0] * track[1] + look[1] * track[0] >= 0 else -1
+    across = side * np.array([-track[1], track[0]])
+    corners = np.array([[x, y] for x in grid.x_m[[0, -1]] for y in grid.y_m[[0, -1]]])
+    offset = corners - origin[:2]
+    ahead = offset[:, axis] * np.sign(look[axis])
+    if (offset @ across).min() < 0.1 * distance or ahead.min() < 0.1 * distance:
+        return None
+    return tuple(origin), tuple(track), side, axis
+
+
+def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
+    """What the band of the image follows from.
+
+    Half paths along range; frequencies (K, R, S) of K wavenumbers, R rows and S samples of the map
+    along range on a row of the map, rad/m, and half the band at one direction; frequencies along
+    direction, rad, and the derivative of the half paths that they come from; the lowest and
+    highest wavenumber.
+    """
+    n = _SAMPLES_PER_SIDE
+    x, y = (v.ravel() for v in np.meshgrid(np.linspace(grid.x_m[0], grid.x_m[-1], n),
+                                           np.linspace(grid.y_m[0], grid.y_m[-1], n)))
+    unit = PolarGrid(origin, track, side, grid.z_m, abs(origin[2] - grid.z_m) + 1.0, 1.0, 1,
+                     0.0, 1.0, 1)
+    r, alpha = unit.from_map(x, y)
+    lines = unit.lines(r, alpha)
+    position = lines[0]
+    paths = sample_paths(tx_m, rx_m, lines)
+    slope = paths.derivatives[0]
+    if slope.min() <= 0:
+        return None
+    slope_alpha = half_paths(tx_m, rx_m, position, unit.by_direction(r, alpha))[1]
+    # along a row of the map the direction changes with range, too
+    step = (position[:, axis] - origin[axis]) / r
+    alpha_by_range = (track[axis] / step - alpha) / r
+    centre, band = radar.wavenumber_rad_per_m, 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
+    k = np.linspace(centre - band, centre + band, _WAVENUMBERS)[:, None, None]
+    local = band * slope.max() + (centre + band) * np.abs(slope - 1).max()
+    return (paths, (k * (slope + slope_alpha * alpha_by_range) - centre, float(local)),
+            k * slope_alpha, slope_alpha, (centre - band, centre + band))
+
+
+def fitting_interpolator(frequency, weight, wanted_db: float, *, taps: int,
+                         corrected: bool = False) -> tuple[Interpolator | None, float]:
+    """Interpolator for the coarsest sampling with which these frequencies are read well enough.
+
+    Parameters
+    ----------
+    frequency : (K, R, S) float64
+        Of K wavenumbers, R rows and S places; samples lie ``pi / oversampling`` over the highest
+        apart.
+    weight : (R,) float64
+        Share of each row in the power.
+    wanted_db : float
+        Mean error over all, dB.
+    taps, corrected :
+        As for `design_interpolator`.
+
+    Returns
+    -------
+    interpolator : Interpolator or None
+        None where no oversampling below 4 does.
+    error_db : float
+        Its mean error, dB.
+    """
+    found = coarsest_interpolator(wanted_db, taps=taps, degree=DEGREE, corrected=corrected)
+    half = max(float(np.abs(frequency).max()), 1e-12)
+    weight = weight[:, None] / weight.sum()
+    while found is not None:
+        error = found.error_at(frequency / (2 * half * found.oversampling))
+        error_db = 10 * math.log10(float((error.mean(axis=0) * weight).sum(axis=0).mean()) + 1e-16)
+        if error_db <= wanted_db:
+            return found, error_db
+        found = finer_interpolator(found)  # much of the power lies where the band ends
+    return None, math.inf
+
+
+def _range_ratio(spacing: float, n_range: int, local: float) -> tuple[int, int]:
+    """Fewest ranges that hold the band of a sub-aperture image, to those of the sum."""
+    needed = used_share(_SLACK * local, spacing, n_range)
+    return next((ratio for ratio in _RANGE_RATIOS if ratio[0] / ratio[1] >= needed), (1, 1))
+
+
+def _cover(grid, frame, spacing, half_alpha, between) -> PolarGrid | None:
+    """Polar grid that reaches `margin` pixels beyond the map, and beyond what its rows read."""
+    origin, track, side, axis = frame
+    before, beside = margin(TAPS), margin(between.n_taps)
+    r, alpha = edge_positions(grid, origin, track, axis, before * spacing)
+    # between two edge samples
+    slack = 0.5 * grid.spacing_m * (max(grid.shape) - 1) / (EDGE_SAMPLES - 1)
+    extent = np.ptp(alpha) + 2 * slack / r.min()
+    alpha_spacing = extent
+    if half_alpha:
+        alpha_spacing = min(math.pi / (half_alpha * between.oversampling), extent)
+    # whole vectors, so that lines begin alike
+    n_range = math.ceil((np.ptp(r) + 2 * slack) / spacing + 2 * before)
+    n_range = -(-n_range // LEAST_RANGES) * LEAST_RANGES
+    n_alpha = math.ceil(extent / alpha_spacing) + 2 * beside
+    try:
+        return PolarGrid(origin, track, side, grid.z_m, r.min() - slack - before * spacing,
+                         spacing, n_range,
+                         alpha.min() - slack / r.min() - beside * alpha_spacing, alpha_spacing,
+                         n_alpha)
+    except ValueError:
+        return None

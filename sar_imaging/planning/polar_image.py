@@ -1,0 +1,128 @@
+"""Polar image of a block: its grid, how its lines read the profiles, and what it costs.
+
+On unified polar coordinates around the aperture centre the half path is nearly the range itself,
+so that image lines read the profiles in step.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from ..geometry.polar import PolarGrid
+from ..signal.radar import RadarParameters
+from .azimuth_upsampling import AngularParts, plan_parts
+from .error_budget import total_db
+from .interpolators import Interpolator
+from .polar_cover import cover_map
+from .range_gate import RangeWindow
+from .range_resampling import Lattice, lattice_error_db, plan_lattice, sample_paths
+
+_SAMPLES_PER_SIDE = 5  # positions at which the geometry is bounded
+COST_RESAMPLING = 12.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
+
+
+@dataclasses.dataclass(frozen=True)
+class PolarPlan:
+    """Polar image of a block that meets an error target on the map.
+
+    Attributes
+    ----------
+    polar : PolarGrid
+        Its pixels.
+    lattice : Lattice
+        How its lines read the profiles.
+    window : RangeWindow
+        Part of the profiles that it needs.
+    range_m : (float, float)
+        Bounds of the half path over it, metres.
+    axis : int
+        Map axis along which the second pass of the resampling goes.
+    between, along : Interpolator
+        Of the resampling: between lines and along them.
+    parts : AngularParts or None
+        Cut into parts with fewer lines each; None where all rows go straight to `polar`.
+    wavelength_m : float
+        At the carrier, metres.
+    predicted_error_db : float
+        Predicted error of the map against time-domain correlation, dB.
+    cost : float
+        Relative time per map pixel.
+    """
+
+    polar: PolarGrid
+    lattice: Lattice
+    window: RangeWindow
+    range_m: tuple[float, float]
+    axis: int
+    between: Interpolator
+    along: Interpolator
+    parts: AngularParts | None
+    wavelength_m: float
+    predicted_error_db: float
+    cost: float
+
+
+def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
+               target_db: float) -> PolarPlan | None:
+    """Plan the polar image of rows of phase centres.
+
+    Parameters
+    ----------
+    grid : MapGrid
+        Map to be covered.
+    tx_m, rx_m : (R, 3) float64
+        Phase centres, metres.
+    radar : RadarParameters
+        Of the compressed profiles.
+    n_samples : int
+        Samples of a profile.
+    target_db : float
+        Wanted error of the map against time-domain correlation, dB.
+
+    Returns
+    -------
+    PolarPlan or None
+        None where the map is tiny, too near, all around, or not ahead of the aperture.
+    """
+    interpolation_db = target_db - 8.0
+    cover = cover_map(grid, tx_m, rx_m, radar, n_samples, interpolation_db, target_db - 3.0)
+    if cover is None:
+        return None
+    polar, lattice = cover.polar, cover.lattice
+    if polar.n_range * polar.n_alpha > 3 * grid.n_x * grid.n_y + 100_000:
+        return None
+    parts = plan_parts(polar, cover.slope_alpha, cover.weight, *cover.wavenumber, interpolation_db,
+                       lattice.cost)
+    if parts is not None:
+        lattice = _lattice_of_parts(parts, lattice, tx_m, rx_m, radar, cover.window,
+                                    target_db - 3.0)
+        if lattice is None:
+            lattice, parts = cover.lattice, None
+    share = polar.n_range * polar.n_alpha / (grid.n_x * grid.n_y)
+    per_pixel = lattice.cost * len(tx_m) if parts is None else parts.cost
+    errors = [cover.resampling_db, cover.profile_db]
+    errors += [p.error_db for p in [parts] if p]
+    return PolarPlan(polar, lattice, cover.window, cover.range_m, cover.axis, cover.between,
+                     cover.along, parts, radar.wavelength_m,
+                     total_db(lattice.predicted_error_db, *errors),
+                     per_pixel * share + COST_RESAMPLING)
+
+
+def _lattice_of_parts(parts, lattice, tx_m, rx_m, radar, window, target_db) -> Lattice | None:
+    """Lattice that is as good where rows are added part by part, to lines far beyond the map.
+
+    That of the map where it will do, None where none does.
+    """
+    coarse = parts.coarse
+    r, alpha = (v.ravel() for v in np.meshgrid(
+        *(np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (coarse.range_m, coarse.alpha))))
+    paths = dataclasses.replace(sample_paths(tx_m, rx_m, coarse.lines(r, alpha)),
+                                parts=tuple(rows.start for rows in parts.rows))
+    error_db = lattice_error_db(lattice, paths, radar)
+    if error_db <= target_db:
+        return dataclasses.replace(lattice, predicted_error_db=error_db)
+    return plan_lattice(paths, coarse.range_spacing_m, coarse.n_range, radar, window.n_samples,
+                        target_db)

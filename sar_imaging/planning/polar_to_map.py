@@ -1,0 +1,15 @@
+"""How a polar image is interpolated to a map: neighbours, degree, and margin around the map."""
+
+from __future__ import annotations
+
+# Neighbours that are read, and along direction where the spectrum is corrected for it. Along range
+# it cannot be: along a row of the map direction changes, too, and with it what range must take.
+TAPS, CORRECTED_TAPS = 14, 6
+NOT_READ = 3  # pixels of the margin
+DEGREE = 5  # of the polynomials
+LEAST_RANGES = 16  # of the polar image: a vector of the kernels
+
+
+def margin(taps: int) -> int:
+    """Pixels that a polar grid must reach beyond a map on all sides."""
+    return taps // 2 + 2 + NOT_READ

@@ -1,0 +1,149 @@
+"""Part of range profiles that an image needs: shorter profiles are prepared faster."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+
+import numpy as np
+import scipy.fft
+
+from ..signal.radar import RadarParameters
+from .afbp.aliasing_error import edge_taper
+
+# Samples beyond the needed ranges, times 1 - bandwidth over sample rate. What the cut changes
+# within them is below -94 dB of the profile there.
+_REACH = 24.0
+_TAPER_SHARE, _TAPER_SHAPE = 0.3, 4.0  # of these samples: longer tapers begin too near
+_TONES, _LONGEST = 8, 2048  # in the band, and samples of a table of errors
+_WORTHWHILE = 0.9  # longer windows are not worth a copy
+
+
+@dataclasses.dataclass(frozen=True)
+class RangeWindow:
+    """Window of a profile, with smooth ends where it cuts.
+
+    Attributes
+    ----------
+    radar : RadarParameters
+        Of the profiles.
+    first, n_samples : int
+        First sample and number of samples.
+    range_start_m : float
+        Half path of the first sample, metres.
+    n_rise, n_fall : int
+        Samples over which the window rises at its start and falls at its end; 0 where it ends
+        with the profile.
+    """
+
+    radar: RadarParameters
+    first: int
+    n_samples: int
+    range_start_m: float
+    n_rise: int
+    n_fall: int
+    periodic = False
+    phase_range_m = 0.0  # where the carrier phase of the profiles is zero
+    zero = 0  # bin of the carrier in `spectrum`
+
+    @classmethod
+    def around(cls, radar: RadarParameters, n_samples: int,
+               range_m: tuple[float, float]) -> RangeWindow:
+        """Window for half paths, as far as the profile has them.
+
+        Parameters
+        ----------
+        radar : RadarParameters
+            Of the profiles.
+        n_samples : int
+            Samples of a profile.
+        range_m : (float, float)
+            Smallest and largest half path that is read, metres.
+        """
+        beyond = math.ceil(_REACH / (1 - radar.bandwidth_hz / radar.sample_rate_hz))
+        lo, hi = ((r - radar.range_start_m) / radar.sample_spacing_m for r in range_m)
+        first = min(max(math.floor(lo) - beyond, 0), n_samples)
+        stop = min(max(math.ceil(hi) + beyond, 0), n_samples)
+        if not 2 * beyond <= stop - first <= _WORTHWHILE * n_samples:
+            first, stop = 0, n_samples
+        taper = int(_TAPER_SHARE * beyond)
+        return cls(radar, first, stop - first,
+                   radar.range_start_m + first * radar.sample_spacing_m,
+                   taper if first > 0 else 0, taper if stop < n_samples else 0)
+
+    @classmethod
+    def whole(cls, radar: RadarParameters, n_samples: int) -> RangeWindow:
+        """Window that takes all samples."""
+        return cls(radar, 0, n_samples, radar.range_start_m, 0, 0)
+
+    def end_error(self, range_m) -> np.ndarray:
+        """Mean squared error at half paths of what is read, because the window ends.
+
+        Relative to the power of the profile, which is taken to go on beyond its ends.
+
+        Parameters
+        ----------
+        range_m : (...) array_like
+            Half paths, metres.
+
+        Returns
+        -------
+        (...) float64
+            1 where nothing is read.
+        """
+        oversampling = round(self.radar.sample_rate_hz / self.radar.bandwidth_hz, 2)
+        after = (np.asarray(range_m) - self.range_start_m) / self.radar.sample_spacing_m
+        error = 0.0
+        for distance, taper in ((after, self.n_rise), (self.n_samples - 1 - after, self.n_fall)):
+            table = _end_errors(oversampling, taper)
+            error = error + np.interp(distance, np.arange(len(table)), table, left=1.0)
+        return np.minimum(error, 1.0)
+
+    def mean_end_error_db(self, range_m) -> float:
+        """Mean of `end_error` over an image, dB.
+
+        Parameters
+        ----------
+        range_m : (R, n * n) float64
+            Half paths from some rows to a square of positions, edge to edge, metres.
+        """
+        error = np.mean(self.end_error(range_m), axis=0)
+        side = np.ones(math.isqrt(len(error)))
+        side[[0, -1]] = 0.5  # they stand for half as much of the image
+        weight = np.outer(side, side).ravel()
+        return 10 * math.log10(float(error @ weight / weight.sum()) + 1e-16)
+
+    def gain(self, n_padded: int) -> np.ndarray:
+        """(n_padded,) float32 factor of each bin of `spectrum` on the way back to ranges.
+
+        Without its taper outside the band the ends of a profile, where sidelobes are cut off,
+        would ring far inside.
+        """
+        oversampling = self.radar.sample_rate_hz / self.radar.bandwidth_hz
+        return (_band_taper(n_padded, oversampling) / n_padded).astype(np.float32)
+
+
+def _band_taper(n: int, oversampling: float) -> np.ndarray:
+    beyond = 2 * np.abs(scipy.fft.fftfreq(n)) * oversampling - 1
+    return np.cos(0.5 * np.pi * np.clip(beyond / (oversampling - 1), 0, 1)) ** 2
+
+
+@functools.lru_cache(maxsize=64)
+def _end_errors(oversampling: float, n_rise: int) -> np.ndarray:
+    """Mean squared error of tones of the band by samples from the start of a window."""
+    n = _LONGEST
+    missing = np.concatenate([np.zeros(n // 2), -np.ones(n // 2), np.zeros(n)])
+    missing[n // 2:3 * n // 4] *= edge_taper(n, n // 4, _TAPER_SHAPE)[:n // 4]  # far away
+    missing[n:n + n_rise] = rise(n_rise) - 1 if n_rise else 0.0
+    frequency, weight = np.polynomial.legendre.leggauss(_TONES)
+    tones = np.exp(1j * np.pi / oversampling * np.outer(frequency, np.arange(2 * n)))
+    filtered = scipy.fft.ifft(scipy.fft.fft(missing * tones) * _band_taper(2 * n, oversampling))
+    error = 0.5 * weight @ np.abs(filtered[:, n:n + n // 2]) ** 2
+    return np.maximum.accumulate(error[::-1])[::-1]
+
+
+@functools.lru_cache(maxsize=16)
+def rise(n: int) -> np.ndarray:
+    """(n,) float32 rise of a window from 0 to 1 where it cuts a profile."""
+    return edge_taper(4 * n, 2 * n, _TAPER_SHAPE)[1:2 * n:2].astype(np.float32)

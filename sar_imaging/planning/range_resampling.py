@@ -1,0 +1,344 @@
+"""Range lattice of a block: spacing, oversampling and segment length that meet an error target.
+
+Backprojection reads range profiles on a lattice whose spacing is the half-path distance between
+neighbouring pixels of an image line. The more the true distance differs from it, the further a
+pixel drifts from its lattice interval along a segment; this module takes the drift from the exact
+geometry and chooses the quickest segment that keeps the predicted error.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .error_budget import total_db
+from .interpolators import LEAST_MARGIN, LINE_DEGREE, Interpolator, design_interpolator
+from .transform_length import cost_per_sample, smooth_lengths
+
+ROWS_PER_PASS = 32  # rows that share the reference for the phase along a segment
+_SEGMENTS = (256, 128, 64, 32, 16, 8)
+_MAX_PHASES = 8
+_ROWS_FOR_ERRORS = 256  # enough for averages over the rows, of which few have most of the error
+_ROWS_IN_CACHE = 512  # of paths at once
+_NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
+_DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
+_CLOSER_DB = 10.0  # by which the worst drift may be worse than the mean one
+_LONGER, _FINER, _FEW = 1.1, 1.03, 3  # padded length, cells, and cells around the best
+_COST_TRANSFORM = 0.012  # of a pass of the transform, in shares of the whole
+# Of a segment, and of a pixel of the routine for arbitrary points, in pixels of the kernel
+_COST_SEGMENT, _COST_POINT = 30.0, 5.0  # (measured)
+
+
+@dataclasses.dataclass(frozen=True)
+class Paths:
+    """Half path from rows of phase centres to sampled points of image lines.
+
+    Attributes
+    ----------
+    length : (R, S) float64
+        Half path, metres.
+    derivatives : tuple of four (R, S) float64
+        Its first to fourth derivative along the line.
+    parts : tuple of int
+        First row of each part of the rows that is added by itself.
+    """
+
+    length: np.ndarray
+    derivatives: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+    parts: tuple[int, ...] = (0,)
+
+    def reversed(self) -> Paths:
+        """The same points on lines that run the other way."""
+        first, second, third, fourth = self.derivatives
+        return Paths(self.length, (-first, second, -third, fourth))
+
+    def from_shared(self) -> Paths:
+        """Some rows, less the middle row of the `ROWS_PER_PASS` that each is added with."""
+        n = len(self.length)
+        rows = _some_rows(n)
+        part = np.searchsorted(self.parts, rows, 'right')
+        first, stop = np.take(self.parts, part - 1), np.append(self.parts, n)[part]
+        start = first + (rows - first) // ROWS_PER_PASS * ROWS_PER_PASS
+        middle = start + np.minimum(stop - start, ROWS_PER_PASS) // 2
+        return Paths(self.length[rows] - self.length[middle],
+                     tuple(d[rows] - d[middle] for d in self.derivatives))
+
+
+def _some_rows(n: int) -> np.ndarray:
+    return np.linspace(0, n - 1, min(n, _ROWS_FOR_ERRORS)).round().astype(int)
+
+
+def sample_paths(tx_m, rx_m, line) -> Paths:
+    """Half paths and their derivatives at points of image lines.
+
+    Parameters
+    ----------
+    tx_m, rx_m : (R, 3) float64
+        Phase centres, metres.
+    line : sequence of (S, 3) float64
+        Points, metres, and their first to at most fourth derivative along the line; the others
+        are zero.
+    """
+    position, first, *higher = line
+    second, third, fourth = (*higher, *[np.zeros_like(position)] * (3 - len(higher)))
+
+    def dot(a, b):
+        return np.einsum('sk,sk->s', a, b)
+
+    total = 0.0
+    centres = _distinct(tx_m, rx_m)
+    for centre in centres:
+        offset = position - np.asarray(centre)[:, None, :]
+        d = np.maximum(np.sqrt(np.einsum('rsk,rsk->rs', offset, offset)), _NEAREST_M)
+        p1, p2, p3, p4 = (np.einsum('rsk,sk->rs', offset, v)
+                          for v in (first, second, third, fourth))
+        # Leibniz' rule for d^2 = |offset|^2
+        d1 = p1 / d
+        d2 = (dot(first, first) + p2 - d1 ** 2) / d
+        d3 = (3 * dot(first, second) + p3 - 3 * d1 * d2) / d
+        d4 = (3 * dot(second, second) + 4 * dot(first, third) + p4 - 4 * d1 * d3
+              - 3 * d2 ** 2) / d
+        total = total + np.stack([d, d1, d2, d3, d4]) / len(centres)
+    return Paths(total[0], tuple(total[1:]))
+
+
+def _distinct(tx_m, rx_m) -> list:
+    """Ends of paths: both, or one if they are in the same places."""
+    return [tx_m] if np.array_equal(tx_m, rx_m) else [tx_m, rx_m]
+
+
+def half_paths(tx_m, rx_m, position, *directions) -> np.ndarray:
+    """Half paths to some points and their derivatives along directions at each.
+
+    Parameters
+    ----------
+    tx_m, rx_m : (R, 3) float64
+        Phase centres, metres.
+    position : (S, 3) float64
+        Points, metres.
+    directions : (S, 3) float64
+        Derivatives of the position by some parameters.
+
+    Returns
+    -------
+    (1 + len(directions), R, S) float64
+        Metres, and metres per unit of each parameter.
+    """
+    centres = _distinct(tx_m, rx_m)
+    found = np.zeros((1 + len(directions), len(position), len(tx_m)))
+    for start in range(0, len(tx_m), _ROWS_IN_CACHE):
+        some = slice(start, start + _ROWS_IN_CACHE)
+        for centre in centres:
+            offset = [position[:, axis, None] - centre[some, axis] for axis in range(3)]
+            length = np.maximum(np.sqrt(sum(o ** 2 for o in offset)), _NEAREST_M)
+            found[0, :, some] += length
+            for total, direction in zip(found[1:, :, some], directions, strict=True):
+                total += sum(o * d for o, d in zip(
+                    offset, direction.T[:, :, None], strict=True)) / length
+    if len(centres) > 1:
+        found /= len(centres)
+    return found.swapaxes(1, 2)
+
+
+@dataclasses.dataclass(frozen=True)
+class Lattice:
+    """How profiles are resampled and read.
+
+    Attributes
+    ----------
+    n_padded : int
+        Length to which a profile is zero-padded before its Fourier transform.
+    n_cells : int
+        Lattice cells over the padded profile; a cell is one pixel of an image line.
+    n_phases : int
+        Lattice positions per cell.
+    segment : int
+        Pixels that share one geometry expansion; 0 for the routine for arbitrary points.
+    step_m : float
+        Half-path distance between lattice positions, metres.
+    spacing : float
+        Pixel spacing along a line, in the unit of the planned paths.
+    interpolator : Interpolator
+        Weights for this oversampling and drift.
+    predicted_error_db : float
+        Predicted error of the image against time-domain correlation, dB.
+    cost : float
+        Relative time per pixel and row.
+    """
+
+    n_padded: int
+    n_cells: int
+    n_phases: int
+    segment: int
+    step_m: float
+    spacing: float
+    interpolator: Interpolator
+    predicted_error_db: float
+    cost: float
+
+    @property
+    def cell_m(self) -> float:
+        """Half-path distance between the lattice positions of neighbouring pixels, metres."""
+        return self.step_m * self.n_phases
+
+
+def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParameters,
+                 n_samples: int, target_db: float, *, fit_spacing: bool = False,
+                 periodic: bool = False) -> Lattice | None:
+    """Choose lattice, segment and interpolator for an error target.
+
+    Parameters
+    ----------
+    paths : Paths
+        Sampled over the image; derivatives by the same unit as `spacing`.
+    spacing : float
+        Pixel spacing along a line.
+    n_line : int
+        Pixels of a line.
+    radar : RadarParameters
+        Of the compressed profiles.
+    n_samples : int
+        Samples of a profile, or of the window that is taken of it.
+    target_db : float
+        Wanted error against time-domain correlation, dB.
+    fit_spacing : bool
+        The image may take the pixel spacing that fits the lattice, near `spacing`.
+    periodic : bool
+        The samples are a period, which no zeros may extend.
+
+    Returns
+    -------
+    Lattice or None
+        None where range does not follow the lines closely enough.
+    """
+    slope = paths.derivatives[0]
+    if slope.min() <= 0:
+        return None
+    middle = 0.5 * float(slope.min() + slope.max())
+    pitch = spacing * middle
+    errors = _expansion_errors(paths, radar)
+    slope = slope[_some_rows(len(slope))]
+    longest = next((s for s in reversed(_SEGMENTS) if s >= n_line), _SEGMENTS[0])
+    found = []
+    for phases in range(1, _MAX_PHASES + 1):
+        n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, phases,
+                                          finer=fit_spacing, periodic=periodic)
+        cell = n_padded * radar.sample_spacing_m / n_cells
+        if fit_spacing:
+            spacing = cell / middle
+        for segment in (s for s in _SEGMENTS if s <= longest):
+            found += _candidates(slope, errors, spacing, radar, n_padded, n_cells, cell, phases,
+                                 segment, target_db)
+        if found:  # more phases only cost memory
+            return min(found, key=lambda lattice: lattice.cost)
+    return None
+
+
+def _candidates(slope, errors, spacing, radar, n_padded, n_cells, cell, phases, segment,
+                target_db):
+    step, half = cell / phases, segment / 2
+    oversampling = radar.range_resolution_m / step
+    drift = np.abs(slope * spacing - cell) * (half / step)
+    furthest = float(drift.max())
+    if oversampling <= 1.25 or furthest > 2:
+        return
+    interpolator = design_interpolator(oversampling, max(furthest, LEAST_MARGIN),
+                                       degree=LINE_DEGREE)
+    # With the worst drift everywhere first: most candidates need no closer look.
+    lattice = Lattice(n_padded, n_cells, phases, segment, step, spacing, interpolator, 0.0,
+                      1.0 + _COST_SEGMENT / segment)
+    predicted = _predicted_db(lattice, interpolator.error_db, errors)
+    if predicted > target_db + _CLOSER_DB:
+        return
+    predicted = _predicted_db(lattice, _drifting_db(lattice, drift), errors)
+    if predicted <= target_db:
+        yield dataclasses.replace(lattice, predicted_error_db=predicted)
+
+
+def lattice_error_db(lattice: Lattice, paths: Paths, radar: RadarParameters) -> float:
+    """Predicted error of a lattice on other paths than it was planned for, dB.
+
+    It is inf where pixels drift further than the lattice was made for.
+    """
+    slope = paths.derivatives[0]
+    drift = (np.abs(slope[_some_rows(len(slope))] * lattice.spacing - lattice.cell_m)
+             * (lattice.segment / 2 / lattice.step_m))
+    if drift.max() > lattice.interpolator.margin + _DRIFT_SLACK:
+        return math.inf
+    return _predicted_db(lattice, _drifting_db(lattice, drift), _expansion_errors(paths, radar))
+
+
+def _drifting_db(lattice, drift) -> float:
+    return 10 * math.log10(float(lattice.interpolator.error_with_drift(drift).mean()))
+
+
+def _predicted_db(lattice, interpolation_db, errors) -> float:
+    half = lattice.spacing * lattice.segment / 2
+    return total_db(interpolation_db, *(20 * math.log10(error * half ** power + 1e-12)
+                                        for power, error in errors))
+
+
+def _expansion_errors(paths, radar):
+    """Rms errors over a segment of half length 1, and the powers of it that they grow with.
+
+    The path is expanded to third order, the envelope's position to second, the phasor to third.
+    """
+    k = radar.wavenumber_rad_per_m
+    band = 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT / math.sqrt(3)
+    a, b, c = (k * d / math.factorial(n + 1)
+               for n, d in enumerate(paths.from_shared().derivatives[:3]))
+    quartic = np.hypot(a ** 4 / 24 - b ** 2 / 2 - a * c, a ** 2 * b / 2) / 8 / math.sqrt(2)
+    quintic = np.hypot(a ** 3 * b / 6, a ** 5 / 120 - a * b ** 2 / 2 - a ** 2 * c / 2) / 4
+    return ((3, band / math.sqrt(7) / 6 * _rms(paths.derivatives[2])),
+            (4, k / 3 / 24 * _rms(paths.derivatives[3])), (4, _rms(quartic)), (5, _rms(quintic)))
+
+
+def point_lattice(radar: RadarParameters, n_samples: int, target_db: float) -> Lattice:
+    """Lattice for the routine that needs no common direction of range and lines.
+
+    Parameters
+    ----------
+    radar : RadarParameters
+        Of the compressed profiles.
+    n_samples : int
+        Samples of a profile, or of the window that is taken of it.
+    target_db : float
+        Wanted error against time-domain correlation, dB.
+    """
+    oversampling = next(v for v in np.arange(1.6, 8.0, 0.2)
+                        if design_interpolator(v, LEAST_MARGIN).error_db <= target_db - 3.0)
+    pitch = radar.range_resolution_m / oversampling
+    n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, 1)
+    step = n_padded * radar.sample_spacing_m / n_cells
+    interpolator = design_interpolator(radar.range_resolution_m / step, LEAST_MARGIN)
+    return Lattice(n_padded, n_cells, 1, 0, step, pitch, interpolator,
+                   total_db(interpolator.error_db), _COST_POINT)
+
+
+def _rms(values) -> float:
+    return math.sqrt(np.mean(np.square(values)))
+
+
+def _commensurate(n_samples, spacing_m, pitch, phases, *, finer=False, periodic=False):
+    """Padded length and number of cells, quick to transform, nearest to the pitch.
+
+    With `finer` the cells may be smaller than the pitch, not larger, which leaves room for
+    lengths whose transform is quick. Periodic samples are not padded.
+    """
+    best = None
+    for length in [n_samples] if periodic else smooth_lengths(n_samples, _LONGER):
+        ideal = length * spacing_m / pitch
+        near = _FEW if periodic else 0  # one length has to do
+        candidates = range(max(math.floor(ideal) - near, 1), math.ceil(ideal) + near + 1)
+        if finer:
+            candidates = [n // phases for n in smooth_lengths(
+                math.ceil(ideal) * phases, _FINER) if n % phases == 0] or candidates
+        for cells in candidates:
+            cost = (abs(cells / ideal - 1) + 1e-3 * (length / n_samples - 1)
+                    + (_COST_TRANSFORM if finer else 1e-4) * cost_per_sample(cells * phases))
+            if best is None or cost < best[0]:
+                best = (cost, length, cells)
+    return best[1:]

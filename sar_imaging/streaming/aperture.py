@@ -1,0 +1,160 @@
+"""Form one image per aperture from range profiles as they arrive."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from ..imaging.backprojection import Backprojector
+from ..quality.focus import FocusFigure, focus_figure
+from ..signal.pulses import PulseBlock
+from ..signal.sequence import describe_counters
+from .aperture_pulses import AperturePulses
+from .aperture_sequence import Aperture, ApertureSequence, ApertureStatistics
+
+
+@dataclasses.dataclass(frozen=True)
+class ApertureImage:
+    """Image of one aperture.
+
+    Parameters
+    ----------
+    image : (n_y, n_x) complex64
+        ``f(x) = sum_m sum_n s_mn(tau(x)) exp(+j 2 pi f_c tau(x))``; row 0 is the largest y.
+    grid : MapGrid
+        Where the pixels are.
+    stamp_ns : int
+        Time of the middle of the aperture, nanoseconds since the epoch of the pulses' clock.
+    aperture : int
+        Number of the aperture, ``counter // pulses_per_aperture``.
+    counters : (P,) uint32
+        Counters of the pulses in the image, ascending.
+    missing : (M,) int64
+        Counters of the pulses that the aperture should have had, ascending.
+    predicted_error_db : float
+        Expected error of the backprojection against exact correlation, dB.
+    pulses : PulseBlock or None
+        The pulses themselves, where they were to be kept.
+    """
+
+    image: np.ndarray
+    grid: MapGrid
+    stamp_ns: int
+    aperture: int
+    counters: np.ndarray
+    missing: np.ndarray
+    predicted_error_db: float
+    pulses: PulseBlock | None = None
+
+    @property
+    def n_pulses(self) -> int:
+        """Number of pulses in the image."""
+        return len(self.counters)
+
+    @property
+    def n_missing(self) -> int:
+        """Number of pulses that the aperture lacks."""
+        return len(self.missing)
+
+    @property
+    def focus_figure(self) -> FocusFigure:
+        """How much the image stands out from noise; computed at each call."""
+        return focus_figure(self.image)
+
+
+class _ImagedAperture(Aperture):
+    """The aperture being filled and its image so far; its pulses, too, with an `example`."""
+
+    def __init__(self, number: int, length: int, plan: Backprojector, example: PulseBlock | None):
+        super().__init__(number, length)
+        self.plan = plan
+        self.image = plan.new_image()
+        self.pulses = None if example is None else AperturePulses(number, length, example, [])
+
+    def add(self, block: PulseBlock) -> None:
+        self.plan.add(block, self.image)
+        if self.pulses is not None:
+            self.pulses.keep(block)
+        self.mark(block)
+
+
+class ApertureImager(ApertureSequence):
+    """Backproject range profiles while they arrive and return an image per aperture.
+
+    See `ApertureSequence` for what an aperture is. Its pulses may come in any order.
+
+    Parameters
+    ----------
+    grid : MapGrid
+        Pixels to image.
+    pulses_per_aperture : int
+        Length of an aperture in pulses.
+    min_pulse_fraction : float
+        Share of its pulses, 0 to 1, that an aperture must have to be imaged; may be changed at
+        any time through the attribute of this name.
+    target_db : float
+        Largest error against exact correlation to plan for, dB.
+    height_m : (n_y, n_x) float64, optional
+        Heights of the pixels instead of the plane of the grid, metres; NaN where there is none.
+    keep_pulses : bool
+        Keep the pulses of an aperture for its image.
+
+    Attributes
+    ----------
+    statistics : ApertureStatistics
+        What happened so far.
+
+    Raises
+    ------
+    ValueError
+        A length or fraction is out of range.
+    """
+
+    def __init__(self, grid: MapGrid, *, pulses_per_aperture: int,
+                 min_pulse_fraction: float = 0.5, target_db: float = -80.0,
+                 height_m: np.ndarray | None = None, keep_pulses: bool = False):
+        super().__init__(pulses_per_aperture, ApertureStatistics())
+        if not 0.0 <= min_pulse_fraction <= 1.0:
+            raise ValueError(f'min_pulse_fraction={min_pulse_fraction}; expected 0 to 1')
+        self.grid = grid
+        self.min_pulse_fraction = min_pulse_fraction
+        self._target_db = target_db
+        self._height_m = height_m
+        self._keep_pulses, self._warned = keep_pulses, False
+
+    def _configure(self, block: PulseBlock) -> Backprojector:
+        return Backprojector(self.grid, block.radar, block.n_samples, target_db=self._target_db,
+                             height_m=self._height_m)
+
+    def _begin(self, number: int) -> _ImagedAperture:
+        example = self._example if self._keep_pulses else None
+        return _ImagedAperture(number, self._length, self._plan, example)
+
+    def _fill(self, aperture: _ImagedAperture, block: PulseBlock) -> list[ApertureImage]:
+        aperture.add(block)
+        self.statistics.imaged += block.n_pulses
+        return []
+
+    def _finish(self, aperture: _ImagedAperture) -> list[ApertureImage]:
+        """An image, or a report why there is none."""
+        counters = aperture.first + np.flatnonzero(aperture.seen)
+        missing = aperture.first + np.flatnonzero(~aperture.seen)
+        if len(counters) < max(1, self.min_pulse_fraction * len(aperture.seen)):
+            self.statistics.apertures_dropped += 1
+            self._report('aperture', f'aperture {aperture.number} dropped: '
+                         f'{len(counters)} of {len(aperture.seen)} pulses, fewer than '
+                         f'min_pulse_fraction={self.min_pulse_fraction:g}; '
+                         f'missing {describe_counters(missing.tolist())}')
+            return []
+        if aperture.plan.warnings and not self._warned:
+            self._warned = True
+            self._report('plan', f'aperture {aperture.number}: '
+                         f'{"; ".join(aperture.plan.warnings)}')
+        self.statistics.images += 1
+        pulses = aperture.pulses
+        return [ApertureImage(aperture.image, self.grid, aperture.centre_ns(), aperture.number,
+                              counters.astype(np.uint32), missing,
+                              float(aperture.plan.predicted_error_db),
+                              pulses and pulses.block(slice(0, len(pulses.seen))))]

@@ -1,0 +1,399 @@
+"""Second stage of AFBP while sub-aperture images arrive: fused images of every aperture."""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from ..backends.cpu.fusion.spectra import SpectrumFusion
+from ..backends.cpu.fusion.to_map import covers, form_map
+from ..geometry.grids import MapGrid
+from ..planning.afbp.polar_grids import FusionGrid
+from ..planning.memory import IMAGE_BYTES, PUBLISHED_BYTES, check_memory
+from ..signal.sequence import EventSource, counter_distance
+from .subaperture_image import SubapertureImage
+
+_SESSIONS = 16  # former senders that are remembered
+Focus = Callable[[np.ndarray, FusionGrid, tuple[float, float]], tuple[np.ndarray, object]]
+
+
+@dataclasses.dataclass(frozen=True)
+class FusedImage:
+    """Image of one aperture, or of a part of it.
+
+    Parameters
+    ----------
+    image : (n_y, n_x) complex64
+        ``f(x) = sum_m sum_n s_mn(tau(x)) exp(+j 2 pi f_c tau(x))``; row 0 is the largest y.
+    grid : MapGrid
+        Where the pixels are.
+    stamp_ns : int
+        Time of the middle of the aperture, or of its part so far, nanoseconds since the epoch of
+        the pulses' clock.
+    aperture : int
+        Number of the aperture, ``counter // pulses_per_aperture``.
+    n_pulses, n_missing : int
+        Pulses in the image, and pulses that it lacks.
+    n_subapertures : int
+        Sub-apertures in the image.
+    final : bool
+        The aperture is closed; False for an image of what came so far.
+    predicted_error_db : float
+        Expected error against exact correlation, dB.
+    focus : object
+        What `LiveFusion.focus` has to tell; None where it was not called.
+    """
+
+    image: np.ndarray
+    grid: MapGrid
+    stamp_ns: int
+    aperture: int
+    n_pulses: int
+    n_missing: int
+    n_subapertures: int
+    final: bool
+    predicted_error_db: float
+    focus: object | None = None
+
+
+@dataclasses.dataclass
+class FusionStatistics:
+    """Counts of what `LiveFusion` did; sub-apertures unless the name says otherwise."""
+
+    fused: int = 0
+    duplicate: int = 0
+    late: int = 0
+    refused: int = 0
+    revisions: int = 0
+    restarts: int = 0
+    images: int = 0
+    apertures_dropped: int = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class _Header:
+    """What is remembered of a sub-aperture once it is fused."""
+
+    first_counter: int
+    n_pulses: int
+    n_missing: int
+    stamp_ns: int
+    centre_m: float
+    error: float
+
+    @property
+    def length(self) -> int:
+        return self.n_pulses + self.n_missing
+
+
+class _Fusing:
+    """An aperture being fused."""
+
+    def __init__(self, example: SubapertureImage, *, first: bool, every: int):
+        self.kind = _kind(example)
+        self.grid, self.sequence = example.map_grid, example.sequence
+        self.revision = example.revision
+        self.n_subapertures, self.n_window = example.n_subapertures, example.n_window
+        self.begins_stream = first  # there is no aperture before that it overlaps with
+        self.fusion = SpectrumFusion(example.fusion, keep=self.sliding)
+        self.headers: dict[int, _Header] = {}
+        self._n_parts = min(self.n_window, self.n_subapertures)  # of one aperture
+        self._length, before = example.pulses_per_aperture, self._n_parts - 1
+        is_last = before and example.number % self._n_parts == before
+        self._cut = (self._length - example.length) // before if is_last else example.length
+        self.newest = -1
+        self.aperture = example.aperture
+        self.imaged = False  # since the latest sub-aperture came
+        # of the images of a sliding aperture; those of the first half are of the one before
+        self.turn = 0 if first else self.n_window // every
+
+    @property
+    def sliding(self) -> bool:
+        return self.n_window < self.n_subapertures
+
+    def add(self, sub: SubapertureImage) -> None:
+        self.fusion.add(sub.number, sub.image, sub.centre_m)
+        self.headers[sub.number] = _Header(sub.first_counter, sub.n_pulses, sub.n_missing,
+                                           sub.stamp_ns, sub.centre_m,
+                                           10 ** (sub.predicted_error_db / 10))
+        if sub.number > self.newest:
+            self.newest, self.aperture = sub.number, sub.aperture
+        self.imaged = False
+        for number in [n for n in self.headers if n <= self.newest - self.n_window]:
+            self.fusion.remove(number)
+            del self.headers[number]
+
+    @property
+    def complete(self) -> bool:
+        return len(self.headers) == self.n_subapertures
+
+    def counts(self, *, final: bool) -> tuple[int, int]:
+        """Pulses in the image and missing ones; in those of a closed aperture all that lack."""
+        n_pulses = sum(h.n_pulses for h in self.headers.values())
+        first, last = self._extent(final=final)
+        return n_pulses, max(0, self._start(last + 1) - self._start(first) - n_pulses)
+
+    def stamp_ns(self, *, final: bool) -> int:
+        """Time of the middle, from the line through the first and last sub-aperture's stamps."""
+        low, high = min(self.headers), max(self.headers)
+        first, last = self.headers[low], self.headers[high]
+        begin, end = (self._start(n) + (h.length - 1) / 2
+                      for n, h in ((low, first), (high, last)))
+        if begin == end:
+            return first.stamp_ns
+        start, stop = self._extent(final=final)
+        middle = (self._start(start) + self._start(stop + 1) - 1) / 2
+        share = (middle - begin) / (end - begin)
+        return first.stamp_ns + round((last.stamp_ns - first.stamp_ns) * share)
+
+    def _start(self, number: int) -> int:
+        """First pulse of a sub-aperture, from the first one of sub-aperture 0."""
+        aperture, part = divmod(number, self._n_parts)
+        return aperture * self._length + part * self._cut
+
+    def _extent(self, *, final: bool) -> tuple[int, int]:
+        """First and last sub-aperture that an image is of, whether they came or not."""
+        if not final:
+            return min(self.headers), max(self.headers)
+        if not self.sliding:
+            return 0, self.n_subapertures - 1
+        return max(0, self.newest + 1 - self.n_window), max(self.newest, self.n_window - 1)
+
+    def image(self, *, final: bool, focus: Focus | None = None) -> FusedImage:
+        n_pulses, n_missing = self.counts(final=final)
+        centres = [h.centre_m for h in self.headers.values()]
+        # The grid of a sliding aperture is as fine as one of its windows needs.
+        centre_m = 0.5 * (min(centres) + max(centres)) if self.sliding else 0.0
+        polar = (self.fusion.take_polar_image() if final and not self.sliding
+                 else self.fusion.polar_image(centre_m))
+        self.imaged, told = True, None
+        if focus is not None and not self.sliding:
+            polar, told = focus(polar, self.fusion.grid, self._ends_m())
+        return FusedImage(
+            form_map(polar, self.fusion.grid, self.grid, centre_m), self.grid,
+            self.stamp_ns(final=final), self.aperture, n_pulses, n_missing, len(self.headers),
+            final, 10 * math.log10(np.average([h.error for h in self.headers.values()], weights=[
+                h.n_pulses for h in self.headers.values()])), told)
+
+    def _ends_m(self) -> tuple[float, float]:
+        """Ends of the aperture along its track, metres from the middle."""
+        first, last = (self.headers[n] for n in (min(self.headers), max(self.headers)))
+        pulses = last.first_counter - first.first_counter + (last.length - first.length) / 2
+        step = (last.centre_m - first.centre_m) / max(pulses, 1.0)
+        ends = first.centre_m - step * first.length / 2, last.centre_m + step * last.length / 2
+        return min(ends), max(ends)
+
+
+class LiveFusion(EventSource):
+    """Fuse sub-aperture images while they arrive, and return images of their apertures.
+
+    The images say themselves which aperture they belong to, on which grid they are, on which map
+    the result is wanted, and whether the aperture slides. They may come in any order. An image is
+    formed
+
+    - after every `images_every` sub-apertures, of those that came so far;
+    - when an aperture is closed: all of it came, one of a later aperture came, or by `flush`;
+    - of a sliding aperture, with every `images_every`-th sub-aperture once it has its length.
+
+    Sub-apertures that come twice, late, or of a revision that was replaced are counted and
+    dropped. Memory is bounded: one fused spectrum, for sliding apertures two with the
+    contributions of one aperture each, some six times that.
+
+    Parameters
+    ----------
+    images_every : int
+        Sub-apertures from image to image; 0 for final images only, or for every one of a sliding
+        aperture. May be changed at any time through the attribute of this name.
+    min_pulse_fraction : float
+        Share of its pulses, 0 to 1, that an aperture must have for a final image; an attribute,
+        too.
+    max_image_pixels : int
+        Maps with more are refused.
+
+    Attributes
+    ----------
+    statistics : FusionStatistics
+        What happened so far.
+    focus : callable or None
+        Called with the fused polar image, at range baseband, of every final image of an aperture
+        that does not slide, its `FusionGrid`, and the ends of the aperture in metres along the
+        track; returns the polar image to use, and what to tell in `FusedImage.focus`.
+
+    Raises
+    ------
+    ValueError
+        A number is out of range.
+    """
+
+    def __init__(self, *, images_every: int = 0, min_pulse_fraction: float = 0.5,
+                 max_image_pixels: int = 2**25):
+        if images_every < 0:
+            raise ValueError(f'images_every={images_every}; expected 0 or more')
+        if not 0.0 <= min_pulse_fraction <= 1.0:
+            raise ValueError(f'min_pulse_fraction={min_pulse_fraction}; expected 0 to 1')
+        super().__init__()
+        self.images_every = images_every
+        self.min_pulse_fraction = min_pulse_fraction
+        self.statistics = FusionStatistics()
+        self.focus: Focus | None = None
+        self._max_image_pixels = max_image_pixels
+        self._session: int | None = None
+        self._former: collections.deque[int] = collections.deque(maxlen=_SESSIONS)
+        self._open: dict[int, _Fusing] = {}  # by sequence
+        self._newest: int | None = None  # sequence
+
+    def add(self, sub: SubapertureImage) -> list[FusedImage]:
+        """Add a sub-aperture image and return the images that this made possible.
+
+        Raises
+        ------
+        ValueError
+            The map is too large or not within the polar grid, or the sub-aperture contradicts
+            others of its aperture; it is not used.
+        MemoryError
+            The fused spectrum, and the map with its message, are larger than the memory that is
+            available.
+        """
+        if sub.session in self._former:
+            return self._drop_late(sub)
+        if self._session is not None and sub.session != self._session:
+            return self._begin_session(sub) + self.add(sub)
+        current = self._open.get(sub.sequence)
+        if current is not None and sub.revision > current.revision:
+            self._check(sub)
+            self._open[sub.sequence] = _Fusing(sub, first=current.begins_stream,
+                                               every=self.images_every or 1)
+            # Windows that were imaged are not imaged again.
+            self._open[sub.sequence].turn = current.turn
+            self.statistics.revisions += 1
+            self._report('plan', f'aperture {sub.aperture} is fused anew: its track had been '
+                         'foreseen too poorly')
+            return self._fuse(sub)
+        if current is None:
+            if self._newest is not None and counter_distance(sub.sequence, self._newest) <= 0:
+                return self._drop_late(sub)
+            return self._begin(sub) + self._fuse(sub)
+        if sub.revision < current.revision or sub.number <= current.newest - current.n_window:
+            return self._drop_late(sub)
+        if sub.number in current.headers:
+            self.statistics.duplicate += 1
+            return []
+        if _kind(sub) != current.kind:
+            self.statistics.refused += 1
+            raise ValueError(f'sub-aperture {sub.number} of aperture {sub.aperture} has another '
+                             'grid, map, length or number of sub-apertures than those before of '
+                             'the same revision; the message is corrupt or two senders share a '
+                             'session')
+        return self._fuse(sub)
+
+    def is_open(self, sub: SubapertureImage) -> bool:
+        """Whether the aperture of a sub-aperture is being fused."""
+        return sub.sequence in self._open
+
+    def flush(self) -> list[FusedImage]:
+        """Close what is being fused; nothing more is expected for now."""
+        return [image for sequence in list(self._open) for image in self._close(sequence)]
+
+    def reset(self) -> int:
+        """Forget what is being fused and its sender; returns the sub-apertures so dropped."""
+        dropped = sum(len(f.headers) for f in self._open.values())
+        self._open, self._session, self._newest = {}, None, None
+        self._former.clear()
+        return dropped
+
+    def _begin_session(self, sub: SubapertureImage) -> list[FusedImage]:
+        images = self.flush()
+        self.statistics.restarts += 1
+        self._report('restart', 'sub-apertures come from another sender or it was started again; '
+                     'a new aperture begins')
+        self._former.append(self._session)
+        self._session, self._newest = None, None
+        return images
+
+    def _begin(self, sub: SubapertureImage) -> list[FusedImage]:
+        """Begin an aperture and close those that it follows."""
+        self._check(sub)
+        before = (sub.sequence - 1) % 2**32
+        overlaps = sub.n_window < sub.n_subapertures and before in self._open
+        images = [image for sequence in list(self._open)
+                  if not (overlaps and sequence == before) for image in self._close(sequence)]
+        self._open[sub.sequence] = _Fusing(sub, first=not overlaps, every=self.images_every or 1)
+        self._session, self._newest = sub.session, sub.sequence
+        return images
+
+    def _check(self, sub: SubapertureImage) -> None:
+        """Refuse what cannot be imaged before anything is changed."""
+        grid = sub.map_grid
+        try:
+            if grid.n_x * grid.n_y > self._max_image_pixels:
+                raise ValueError(f'the map has {grid.n_x} x {grid.n_y} pixels; expected at most '
+                                 f'max_image_pixels={self._max_image_pixels}')
+            if not covers(sub.fusion.polar, grid):
+                raise ValueError('the polar grid of the sub-aperture does not cover its map; the '
+                                 'message is corrupt')
+            copies = 8 if sub.n_window < sub.n_subapertures else 3
+            n_pixels = sub.fusion.n_fine * sub.fusion.n_fine_range
+            check_memory(copies * IMAGE_BYTES * n_pixels
+                         + PUBLISHED_BYTES * grid.n_x * grid.n_y,
+                         'fusing an aperture', 'choose a smaller map')
+        except (ValueError, MemoryError):
+            self.statistics.refused += 1
+            raise
+
+    def _fuse(self, sub: SubapertureImage) -> list[FusedImage]:
+        fusing = self._open[sub.sequence]
+        fusing.add(sub)
+        self.statistics.fused += 1
+        if fusing.sliding:
+            return self._slide(fusing, sub.number)
+        if fusing.complete:
+            return self._close(sub.sequence)
+        every = self.images_every
+        if every and len(fusing.headers) % every == 0:
+            self.statistics.images += 1
+            return [fusing.image(final=False)]
+        return []
+
+    def _slide(self, fusing: _Fusing, number: int) -> list[FusedImage]:
+        """Image of the window, where it belongs to this aperture and not to the one before."""
+        first = fusing.n_window - (1 if fusing.begins_stream else 0)
+        turn = (number + 1) // (self.images_every or 1)
+        if number != fusing.newest or number < first or turn <= fusing.turn:
+            return []
+        fusing.turn = turn
+        return self._final(fusing)
+
+    def _close(self, sequence: int) -> list[FusedImage]:
+        fusing = self._open.pop(sequence)
+        # Windows of a sliding aperture were imaged as they came, but a first one that is short.
+        if fusing.sliding and (fusing.imaged or not fusing.begins_stream
+                               or fusing.newest >= fusing.n_window):
+            return []
+        return self._final(fusing)
+
+    def _final(self, fusing: _Fusing) -> list[FusedImage]:
+        n_pulses, n_missing = fusing.counts(final=True)
+        if n_pulses < self.min_pulse_fraction * (n_pulses + n_missing):
+            self.statistics.apertures_dropped += 1
+            self._report('aperture', f'aperture {fusing.aperture} dropped: {n_pulses} of '
+                         f'{n_pulses + n_missing} pulses, fewer than '
+                         f'min_pulse_fraction={self.min_pulse_fraction:g}')
+            return []
+        self.statistics.images += 1
+        return [fusing.image(final=True, focus=self.focus)]
+
+    def _drop_late(self, sub: SubapertureImage) -> list[FusedImage]:
+        self.statistics.late += 1
+        self._report('late', f'dropped sub-aperture {sub.number} of aperture {sub.aperture}: '
+                     'closed before, or planned anew since')
+        return []
+
+
+def _kind(sub: SubapertureImage) -> tuple:
+    """What all sub-apertures of an aperture agree in."""
+    return (sub.fusion, sub.map_grid, sub.n_subapertures, sub.n_window,
+            sub.pulses_per_aperture)

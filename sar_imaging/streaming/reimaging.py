@@ -1,0 +1,144 @@
+"""Corrected trajectories for apertures imaged already: only what they touch is redone."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from ..backends.cpu.fusion.spectra import SpectrumFusion
+from ..geometry.grids import MapGrid
+from ..geometry.polar import PolarGrid
+from ..imaging.afbp import AfbpImager
+from ..planning.afbp.subapertures import Limits
+from ..signal.pulses import PulseBlock
+from ..signal.radar import RadarParameters
+
+
+class RevisableImage:
+    """AFBP image of an aperture whose phase centres may be corrected afterwards.
+
+    Profiles and the contribution of every sub-aperture are kept. A correction backprojects the
+    sub-apertures whose phase centres differ, and no other; the image then equals, bit for bit,
+    that of doing all of them again on the same polar grids. Where a correction leaves what those
+    grids were planned for, by more than a wavelength, the aperture is planned and imaged anew.
+
+    Parameters
+    ----------
+    grid : MapGrid or PolarGrid
+        Where the pixels are.
+    block : PulseBlock
+        Range profiles of the aperture with phase centres; its samples are kept, not copied.
+    target_db : float
+        Wanted error against exact backprojection, dB.
+    pulses_per_subaperture : int, optional
+        Length of the sub-apertures; the quickest if left out. A correction of few pulses costs
+        whole sub-apertures.
+
+    Attributes
+    ----------
+    block : PulseBlock
+        The aperture with its present phase centres.
+    plan : AfbpImager
+        Plan of the present image.
+    plans_made : int
+        How often the aperture was planned.
+
+    Raises
+    ------
+    ValueError
+        The geometry does not allow the target; see `AfbpImager`.
+    """
+
+    def __init__(self, grid: MapGrid | PolarGrid, block: PulseBlock, *, target_db: float = -50.0,
+                 pulses_per_subaperture: int | None = None):
+        self._grid, self._target_db = grid, target_db
+        self._length = pulses_per_subaperture
+        self.block, self.plans_made = block, 0
+        self._image_anew()
+
+    @property
+    def n_subapertures(self) -> int:
+        """Number of sub-apertures."""
+        return self.plan.subapertures.n_subapertures
+
+    def image(self) -> np.ndarray:
+        """(n_y, n_x) or (n_alpha, n_range) complex64 image, as `AfbpImager` gives it."""
+        return self.plan.form(self._fusion.polar_image())
+
+    def revise(self, tx_m, rx_m) -> tuple[int, ...]:
+        """Correct the phase centres.
+
+        Parameters
+        ----------
+        tx_m, rx_m : (P, C, 3) array_like
+            Of all pulses of the aperture, metres.
+
+        Returns
+        -------
+        tuple of int
+            Sub-apertures that were backprojected; all of them when the aperture had to be planned
+            anew.
+
+        Raises
+        ------
+        ValueError
+            There are not as many phase centres as before, one is not finite, or no plan meets
+            the target with them; the image then stays as it was.
+        """
+        before, block = self.block, dataclasses.replace(
+            self.block, tx_m=np.asarray(tx_m, np.float64), rx_m=np.asarray(rx_m, np.float64))
+        touched = [number for number, some in enumerate(self._cuts)
+                   if not (np.array_equal(block.tx_m[some], before.tx_m[some])
+                           and np.array_equal(block.rx_m[some], before.rx_m[some]))]
+        centres = {number: self._centre(block, number) for number in touched}
+        self.block = block
+        if None in centres.values():
+            try:
+                self._image_anew()
+            except ValueError:
+                self.block = before
+                raise
+            return tuple(range(self.n_subapertures))
+        for number, centre_m in centres.items():
+            self._add(number, centre_m)
+        return tuple(touched)
+
+    @property
+    def _cuts(self) -> tuple[slice, ...]:
+        return self.plan.subapertures.sampling.pulses
+
+    def _image_anew(self) -> None:
+        block = self.block
+        self.plan = AfbpImager(self._grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+                               target_db=self._target_db, pulses_per_subaperture=self._length)
+        self.plans_made += 1
+        stage = self.plan.subapertures
+        limits = _widened(stage.limits, block.radar)
+        self._stage = dataclasses.replace(stage, limits=limits)
+        self._fusion = SpectrumFusion(stage.fusion_grid, keep=True)
+        for number, centre_m in enumerate(stage.sampling.centre):
+            self._add(number, float(centre_m))
+
+    def _centre(self, block: PulseBlock, number: int) -> float | None:
+        """Middle of a sub-aperture's band; None where the plan does not suit it."""
+        some = self._cuts[number]
+        try:
+            centre_m, error_db, within = self._stage.check(block.tx_m[some], block.rx_m[some])
+        except ValueError:
+            return None
+        return centre_m if within and error_db <= self.plan.predicted_error_db + 1.0 else None
+
+    def _add(self, number: int, centre_m: float) -> None:
+        part = self.block.select(self._cuts[number])
+        self._fusion.add(number, self.plan.stage.image(number, part), centre_m)
+
+
+def _widened(limits: Limits, radar: RadarParameters) -> Limits:
+    """Limits for phase centres that moved by a wavelength, which no sampling notices."""
+    near, far = limits.range_m
+    move = radar.wavelength_m
+    turn = move / near
+    return Limits((near - move, far + move), (limits.slope[0] - turn, limits.slope[1] + turn),
+                  limits.slope_m + move,
+                  limits.half_range + 2 * radar.wavenumber_rad_per_m * turn)

@@ -1,0 +1,130 @@
+"""Coarse polar image of one sub-aperture: what travels from backprojection to AFBP fusion."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from ..geometry.polar import PolarGrid
+from ..planning.afbp.polar_grids import FusionGrid
+from ..signal.sequence import COUNTER_MASK
+
+#: Names of the fields that count something, unsigned with 32 bits.
+COUNTS = ('session', 'sequence', 'revision', 'aperture', 'number', 'n_subapertures', 'n_window',
+          'first_counter', 'n_pulses', 'n_missing', 'pulses_per_aperture')
+
+
+@dataclasses.dataclass(frozen=True)
+class SubapertureImage:
+    """Image of one sub-aperture in the polar coordinates of its aperture.
+
+    All sub-apertures of an aperture use one polar grid, with the aperture's centre as origin
+    (Zhang et al., unified polar coordinates), so that their spectra add without interpolation.
+
+    What belongs together is told by `session`, `sequence` and `revision`, whatever the counters
+    of the pulses do: a restarted radar or a looping recording has old counters, but a new
+    sequence.
+
+    Parameters
+    ----------
+    image : (n_alpha, n_range) complex64
+        On ``fusion.coarse``, at range baseband: ``f(x) exp(-j 4 pi (r - r_0) / wavelength)`` with
+        r_0 the first range of that grid.
+    fusion : FusionGrid
+        Grids that the sub-apertures of the aperture share.
+    centre_m : float
+        Middle of the image's band; see `SpectrumFusion.add`.
+    map_grid : MapGrid
+        Map that the fused image is wanted on; ``fusion.polar`` covers it.
+    bandwidth_hz : float
+        Two-sided bandwidth of the range profiles, hertz.
+    session : int
+        Number that a sender draws when it starts, to be told from its predecessor.
+    sequence : int
+        Running number of the aperture in the session; one more than that of the aperture right
+        before it, at least two more where others lie between.
+    revision : int
+        How often the aperture was planned anew because its track had been foreseen too poorly;
+        its sub-apertures are then sent again, on another grid, and replace the former ones.
+    aperture : int
+        Number of the aperture by its pulses, ``counter // pulses_per_aperture``.
+    number, n_subapertures : int
+        Place of this sub-aperture in the aperture, from 0, and how many make the aperture.
+    n_window : int
+        How many make an image: all of them, or fewer, the latest, of a sliding aperture.
+    first_counter : int
+        Counter of the sub-aperture's first pulse, whether it came or not.
+    n_pulses, n_missing : int
+        Pulses in the image and pulses that it lacks; together the sub-aperture's length.
+    pulses_per_aperture : int
+        Length of an aperture; its sub-apertures are equally long, but for a shorter last one.
+    stamp_ns : int
+        Time of the middle of the sub-aperture, nanoseconds since the epoch of the pulses' clock.
+    predicted_error_db : float
+        Expected error of the fused image on the map against exact correlation, dB.
+
+    Raises
+    ------
+    ValueError
+        The image does not have the shape of the grid, or a value is impossible.
+    """
+
+    image: np.ndarray
+    fusion: FusionGrid
+    centre_m: float
+    map_grid: MapGrid
+    bandwidth_hz: float
+    session: int
+    sequence: int
+    revision: int
+    aperture: int
+    number: int
+    n_subapertures: int
+    n_window: int
+    first_counter: int
+    n_pulses: int
+    n_missing: int
+    pulses_per_aperture: int
+    stamp_ns: int
+    predicted_error_db: float
+
+    def __post_init__(self):
+        object.__setattr__(self, 'image', np.asarray(self.image, np.complex64))
+        expected = (self.grid.n_alpha, self.grid.n_range)
+        if self.image.shape != expected:
+            raise ValueError(f'image.shape={self.image.shape} does not match the grid; expected '
+                             f'(n_alpha, n_range)={expected}')
+        if not 0 < self.bandwidth_hz < math.inf:
+            raise ValueError(f'bandwidth_hz={self.bandwidth_hz} must be positive and finite')
+        for name in ('predicted_error_db', 'centre_m'):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f'{name}={getattr(self, name)} must be finite')
+        for name in COUNTS:
+            value = getattr(self, name)
+            if not 0 <= value <= COUNTER_MASK:
+                raise ValueError(f'{name}={value}; expected 0 to {COUNTER_MASK}')
+        if self.number >= self.n_subapertures:
+            raise ValueError(f'number={self.number} of n_subapertures={self.n_subapertures}; '
+                             'numbers count from 0')
+        if not 1 <= self.n_window <= self.n_subapertures:
+            raise ValueError(f'n_window={self.n_window} of n_subapertures={self.n_subapertures}; '
+                             'expected at least one and at most all')
+        if not 1 <= self.n_pulses <= self.pulses_per_aperture - self.n_missing:
+            raise ValueError(f'n_pulses={self.n_pulses}, n_missing={self.n_missing}; expected at '
+                             f'least one pulse, and at most pulses_per_aperture='
+                             f'{self.pulses_per_aperture} together')
+        if not -2**63 <= self.stamp_ns < 2**63:
+            raise ValueError(f'stamp_ns={self.stamp_ns} exceeds 64 bits; expected nanoseconds')
+
+    @property
+    def grid(self) -> PolarGrid:
+        """Where the pixels are, in the imaging frame."""
+        return self.fusion.coarse
+
+    @property
+    def length(self) -> int:
+        """Pulses of the sub-aperture, whether they came or not."""
+        return self.n_pulses + self.n_missing

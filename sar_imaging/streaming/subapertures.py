@@ -1,0 +1,400 @@
+"""First stage of AFBP while the pulses arrive: sub-aperture images of every aperture."""
+
+from __future__ import annotations
+
+import dataclasses
+import secrets
+import time
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from ..geometry.track_prediction import predict_track
+from ..signal.pulses import PulseBlock
+from ..signal.sequence import COUNTER_MASK
+from .aperture_pulses import AperturePulses
+from .aperture_sequence import ApertureSequence, ApertureStatistics
+from .mosaic import patch_beside
+from .plan import LivePlan, extension
+from .subaperture_image import SubapertureImage
+
+_LEAST_PULSES = 16  # from which a track is carried on, where nothing came before
+_SHARE_TO_PLAN_AHEAD = 0.75  # of an aperture that must be known
+_SAME_LEG = np.cos(np.deg2rad(15.0))
+_SAME_PLACE = 0.1  # of an aperture, within which a leg begins where another did
+_MOST_REVISIONS = 3  # after which the whole track is awaited
+
+
+@dataclasses.dataclass
+class LiveStatistics(ApertureStatistics):
+    """Counts of `LiveSubapertures`; `images` are those of sub-apertures."""
+
+    plans: int = 0
+    plans_anew: int = 0
+    plan_seconds: float = 0.0
+
+
+@dataclasses.dataclass
+class _Target:
+    """An image to be: apertures that it is made of, and the plan of their sub-apertures."""
+
+    first: int  # aperture
+    n_apertures: int
+    sequence: int
+    apertures: list[AperturePulses] = dataclasses.field(default_factory=list)
+    plan: LivePlan | None = None
+    revision: int = 0
+    waits: bool = False  # for the whole track
+    refused: bool = False
+
+
+class LiveSubapertures(ApertureSequence):
+    """Backproject sub-apertures while their pulses arrive.
+
+    See `ApertureSequence` for what an aperture is. Its sub-apertures are cut by the pulse
+    counter, so that missing pulses do not move the cuts. One is imaged when its pulses are
+    complete, when a pulse of a later one came, or by `flush`.
+
+    The polar grids of an aperture are planned from the track as it is foreseen. Every
+    sub-aperture is checked with its real phase centres; where the error would exceed the target,
+    the aperture is planned anew from what is known by then and imaged again from the profiles
+    kept, as another revision. Where that happens too often, the end of the aperture is awaited.
+    An aperture that begins where the one before began, as when a radar flies its leg again, takes
+    over that one's plan.
+
+    Memory is bounded: the profiles of one aperture, two of a sliding one, and one sub-aperture.
+
+    Parameters
+    ----------
+    grid : MapGrid
+        Map that images are wanted on.
+    pulses_per_aperture : int
+        Length of an aperture, pulses.
+    pulses_per_subaperture : int
+        Length of a sub-aperture, pulses; 0 for the quickest.
+    target_db : float
+        Wanted error of an image against exact backprojection, dB.
+    sliding : bool
+        Every sub-aperture ends an image of one aperture's length. Each is imaged twice, on the
+        polar grids of the two apertures before and after.
+    follow_m : (float, float), optional
+        The map moves along with the antenna: its middle stays this far ahead and to the left of
+        the middle of the aperture, metres, on the pixels that `grid` continues to. Ahead is the
+        direction of the aperture that began the leg; another leg begins where an aperture's
+        differs by 15 degrees.
+
+    Attributes
+    ----------
+    statistics : LiveStatistics
+        What happened so far.
+
+    Raises
+    ------
+    ValueError
+        A length or the target is out of range.
+    """
+
+    def __init__(self, grid: MapGrid, *, pulses_per_aperture: int,
+                 pulses_per_subaperture: int = 0, target_db: float = -60.0,
+                 sliding: bool = False, follow_m: tuple[float, float] | None = None):
+        if not 0 <= pulses_per_subaperture <= pulses_per_aperture:
+            raise ValueError(f'pulses_per_subaperture={pulses_per_subaperture}; expected 0 (to be '
+                             f'planned) to pulses_per_aperture={pulses_per_aperture}')
+        if not -85.0 <= target_db <= -20.0:
+            raise ValueError(f'target_db={target_db}; expected -85 to -20 dB')
+        self.grid, self._follow_m = grid, follow_m
+        self._target_db, self._wanted_cut = target_db, pulses_per_subaperture
+        self._n_apertures = 2 if sliding else 1
+        self._session, self._sequence = secrets.randbits(32), 0
+        self._memory: list[np.ndarray] = []
+        super().__init__(pulses_per_aperture, LiveStatistics())
+
+    def catch_up(self) -> list[SubapertureImage]:
+        """Images that can wait until others were made use of; call this once they were.
+
+        Of a sliding aperture a sub-aperture's image on the older polar grid ends a window, that
+        on the newer one is needed no sooner than the next aperture. What is called next returns
+        them where this was not called.
+        """
+        waiting, self._waiting = self._waiting, []
+        images = [image for target, revision, aperture, number in waiting
+                  # a plan that was made anew has imaged what came before
+                  if target.revision == revision
+                  for image in self._image(target, aperture, number)]
+        self.statistics.images += len(images)
+        return images
+
+    def plan_ahead(self) -> None:
+        """Plan the next aperture, where it can be foreseen; call this while nothing waits.
+
+        It can from three quarters of the one before. What is planned ahead does not delay the
+        images of the first sub-apertures.
+        """
+        before = self._open or self._previous
+        if self._ahead is not None or not self._cut or before is None:
+            return
+        share = np.flatnonzero(before.seen)[-1:] + 1 >= _SHARE_TO_PLAN_AHEAD * len(before.seen)
+        number = before.number + 1
+        if not share.any() or number * self._length > COUNTER_MASK or number == self._tried:
+            return
+        self._tried = number
+        if self._again and self._targets and self._targets[-1].plan is not None:
+            self._ahead = self._new_target(number)
+            self._ahead.plan = self._targets[-1].plan  # and so on, as far as can be told
+            return
+        try:
+            # Another cut has to wait: the aperture being filled is cut like this to its end.
+            plan = self._plan_for(_Target(number, self._n_apertures, 0), self._cut, slack=1.0)
+        except ValueError:
+            return
+        self.statistics.plans += 1
+        self._ahead = self._new_target(number)
+        self._ahead.plan = plan
+
+    def _configure(self, block: PulseBlock) -> PulseBlock:
+        return block.select(slice(0, 0))
+
+    def _begin_sequence(self) -> None:
+        super()._begin_sequence()
+        self._cut = self._wanted_cut
+        self._targets: list[_Target] = []
+        # Images that can wait: target, its revision, aperture and number of the sub-aperture.
+        self._waiting: list[tuple[_Target, int, AperturePulses, int]] = []
+        self._ahead: _Target | None = None
+        self._tried: int | None = None  # aperture that was to be planned ahead
+        self._previous: AperturePulses | None = None
+        self._memory.clear()
+        self._warned = False
+        self._former: _Target | None = None  # the latest that ended, and its plan
+        self._again = False  # the leg before was flown again
+        self._flight: np.ndarray | None = None  # direction of the leg that a strip follows
+
+    def _begin(self, number: int) -> AperturePulses:
+        aperture = AperturePulses(number, self._length, self._plan, self._memory)
+        follows = self._previous is not None and number == self._previous.number + 1
+        self._targets = [t for t in self._targets
+                         if follows and number < t.first + t.n_apertures]
+        if self._ahead is not None and self._ahead.first == number:
+            self._targets.append(self._ahead)
+        else:
+            # Numbers that follow each other are of apertures that do.
+            self._targets.append(self._new_target(number, step=1 if follows else 2))
+        self._ahead = None
+        for target in self._targets:
+            target.apertures.append(aperture)
+        return aperture
+
+    def _new_target(self, number: int, step: int = 1) -> _Target:
+        self._sequence = (self._sequence + step) & COUNTER_MASK
+        return _Target(number, self._n_apertures, self._sequence)
+
+    def _fill(self, aperture: AperturePulses, block: PulseBlock) -> list[SubapertureImage]:
+        results = self.catch_up()
+        late = aperture.position(block) < aperture.next
+        if late.any():
+            self._count_late(block.select(late))
+            block = block.select(~late)
+        aperture.keep(block)
+        self.statistics.imaged += block.n_pulses
+        return results + self._advance(aperture, closing=False)
+
+    def _finish(self, aperture: AperturePulses) -> list[SubapertureImage]:
+        results = self._advance(aperture, closing=True) + self.catch_up()
+        for target in self._targets:
+            ends = aperture.number == target.first + target.n_apertures - 1
+            if target.waits and ends:
+                target.waits = False
+                results += self._image_again(target, slack=0.0)
+            if target.refused and ends:
+                self.statistics.apertures_dropped += 1
+            if target.plan is not None and ends:
+                self._former = target
+        if aperture.next < len(aperture.seen):  # the last plan has cut it anew
+            results += self._advance(aperture, closing=True) + self.catch_up()
+        done = aperture if self._n_apertures == 1 else self._previous
+        if done is not None and done.memory is not None:
+            self._memory.append(done.memory)
+            done.memory = None  # its track stays
+        self._previous = aperture
+        return results
+
+    def _advance(self, aperture: AperturePulses, *, closing: bool) -> list[SubapertureImage]:
+        """Image the sub-apertures that became complete."""
+        newest = int(np.flatnonzero(aperture.seen)[-1]) if aperture.seen.any() else -1
+        if not self._cut:
+            # A map that follows lies where the middle of the aperture is foreseen.
+            least = len(aperture.seen) // 2 if self._follow_m else 0
+            if (newest + 1 < max(least, _LEAST_PULSES) and self._previous is None
+                    and not closing):
+                return []
+            if not self._targets[-1].refused:
+                self._make_plan(self._targets[-1])  # chooses the cut, unless it refuses
+        results, number = [], 0
+        while self._cut and (part := aperture.part(number, self._cut)) is not None:
+            number += 1
+            if part.start < aperture.next:
+                continue
+            if not (closing or newest >= part.stop or aperture.seen[part].all()):
+                break
+            aperture.next = part.stop
+            if aperture.seen[part].any():
+                results += self._image(self._targets[0], aperture, number - 1)
+                self._waiting += [(target, target.revision, aperture, number - 1)
+                                  for target in self._targets[1:]]
+            # Another plan may have cut the aperture anew.
+            number = min(number, aperture.next // self._cut)
+        self.statistics.images += len(results)
+        return results
+
+    def _image(self, target: _Target, aperture: AperturePulses, number: int
+               ) -> list[SubapertureImage]:
+        """Image one sub-aperture, or all so far where the plan does not suit it."""
+        if target.plan is None and not target.refused:
+            self._make_plan(target)
+        if target.refused or target.waits:
+            return []
+        block = aperture.block(aperture.part(number, self._cut))
+        band = target.plan.check(block.tx_m, block.rx_m)
+        if band is None:
+            images = self._fly_again(target)
+            return self._image_again(target) if images is None else images
+        return [self._form(target, aperture, number, block, band)]
+
+    def _fly_again(self, target: _Target) -> list[SubapertureImage] | None:
+        """Images with the plan of the aperture before; None where this is not its leg."""
+        former, foreseen = self._former, target.plan
+        if (target.revision or former is None or former.plan in (None, foreseen)
+                or former.plan.length != self._cut
+                or not all(map(self._begin_alike, target.apertures, former.apertures))):
+            return None
+        target.plan, target.revision = former.plan, 1
+        if (images := self._form_all(target)) is None:
+            target.plan, target.revision = foreseen, 0
+            return None
+        self._again = True
+        self._report('plan', f'aperture {target.first} begins where aperture {former.first} began '
+                     'and takes over its plan')
+        return images
+
+    def _begin_alike(self, one: AperturePulses, other: AperturePulses) -> bool:
+        first, before = (a.rx_m[:self._cut, 0][a.seen[:self._cut]] for a in (one, other))
+        track = other.rx_m[other.seen, 0]
+        return (len(first) > 0 < len(before)
+                and np.linalg.norm(first.mean(axis=0) - before.mean(axis=0))
+                < _SAME_PLACE * np.linalg.norm(track[-1] - track[0]))
+
+    def _image_again(self, target: _Target, slack: float | None = None) -> list[SubapertureImage]:
+        """Plan an aperture anew and image what it has so far."""
+        self._again = False
+        while target.revision < _MOST_REVISIONS or slack == 0.0:
+            target.revision += 1
+            self.statistics.plans_anew += 1
+            self._make_plan(target, slack)
+            if target.refused or target.waits:
+                return []
+            if (images := self._form_all(target)) is not None:
+                return images
+        self._wait(target)
+        return []
+
+    def _wait(self, target: _Target) -> None:
+        target.waits = True
+        self._report('plan', f'the track of aperture {target.first} cannot be foreseen well '
+                     f'enough for target_db={self._target_db:g}; its end is awaited')
+
+    def _form_all(self, target: _Target) -> list[SubapertureImage] | None:
+        """Images of all closed sub-apertures; None where one does not suit the plan."""
+        found = []
+        for aperture in target.apertures:
+            number = 0
+            while ((part := aperture.part(number, self._cut)) is not None
+                   and part.stop <= aperture.next):
+                if aperture.seen[part].any():
+                    block = aperture.block(part)
+                    band = target.plan.check(block.tx_m, block.rx_m)
+                    if band is None:
+                        return None
+                    found.append((target, aperture, number, block, band))
+                number += 1
+        return [self._form(*some) for some in found]
+
+    def _form(self, target: _Target, aperture: AperturePulses, number: int, block: PulseBlock,
+              band: tuple[float, float]) -> SubapertureImage:
+        part = aperture.part(number, self._cut)
+        # Apertures are equally long but for the last before the counter wraps around.
+        counts = [self._count_parts(target.first + i) for i in range(target.n_apertures)]
+        before = sum(counts[:aperture.number - target.first])
+        image, uneven_db = target.plan.image(block)
+        return SubapertureImage(
+            image, target.plan.fusion, band[0], target.plan.grid,
+            block.radar.bandwidth_hz, self._session, target.sequence, target.revision,
+            aperture.number, before + number, sum(counts), counts[0], aperture.first + part.start,
+            block.n_pulses, part.stop - part.start - block.n_pulses,
+            len(target.apertures[0].seen), aperture.centre_ns(part), band[1] + uneven_db)
+
+    def _count_parts(self, number: int) -> int:
+        """Sub-apertures of an aperture."""
+        n_pulses = min(self._length, COUNTER_MASK + 1 - number * self._length)
+        return max(1, -(-n_pulses // self._cut))
+
+    def _make_plan(self, target: _Target, slack: float | None = None) -> None:
+        """Plan an aperture from what is known, or refuse it."""
+        slack = 2.0 ** target.revision if slack is None else slack
+        begin = time.perf_counter()
+        try:
+            try:
+                target.plan = self._plan_for(target, self._cut, slack)
+            except ValueError:
+                if not self._cut or self._wanted_cut or self._n_apertures > 1:
+                    raise
+                target.plan = self._plan_for(target, 0, slack)
+        except ValueError as error:
+            if target.revision and slack:
+                self._wait(target)
+                return
+            target.refused, target.plan, self._cut = True, None, self._wanted_cut
+            self._report('aperture', f'aperture {target.first} cannot be imaged by sub-apertures: '
+                         f'{error}; use mode image')
+            return
+        finally:
+            self.statistics.plans += 1
+            self.statistics.plan_seconds = time.perf_counter() - begin
+        if target.plan.warnings and not self._warned:
+            self._warned = True
+            self._report('plan', f'aperture {target.first}: {"; ".join(target.plan.warnings)}')
+        if target.revision:
+            self._report('plan', f'aperture {target.first} planned anew, its track differs from '
+                         f'the one foreseen: {target.plan}')
+        if target.plan.length != self._cut:
+            self._cut = target.plan.length
+            for aperture in target.apertures:
+                aperture.next = aperture.next // self._cut * self._cut
+
+    def _plan_for(self, target: _Target, cut: int, slack: float) -> LivePlan:
+        apertures = {a.number: a for a in target.apertures}
+        apertures |= {a.number: a for a in (self._previous, self._open)
+                      if a is not None and a.number < target.first}
+        known = [apertures[number] for number in sorted(apertures)]
+        n_pulses = target.n_apertures * self._length
+        before, after = extension(n_pulses, cut or 1, slack)
+        first = target.first * self._length
+        tx_m, rx_m = predict_track(
+            np.concatenate([a.known for a in known]),
+            *(np.concatenate([getattr(a, name)[a.seen] for a in known])
+              for name in ('tx_m', 'rx_m')),
+            np.arange(first - before, first + n_pulses + after))
+        return LivePlan(self._map(tx_m, rx_m), self._plan.radar, self._plan.n_samples, tx_m, rx_m,
+                        target_db=self._target_db, length=cut or None, slack=slack,
+                        n_window=self._length if self._n_apertures > 1 else 0)
+
+    def _map(self, tx_m, rx_m) -> MapGrid:
+        """Map of an aperture with these phase centres."""
+        if self._follow_m is None:
+            return self.grid
+        middles = 0.5 * (tx_m + rx_m).mean(axis=1)[:, :2]
+        way = middles[-1] - middles[0]
+        flight = way / max(np.hypot(*way), 1e-12)
+        # A few degrees of weaving would swing distant patches to and fro.
+        if self._flight is None or flight @ self._flight < _SAME_LEG:
+            self._flight = flight
+        return patch_beside(self.grid, middles.mean(axis=0), self._flight, self._follow_m)
