@@ -78,7 +78,7 @@ MUTATION = build/mutation
 MUTATIONS ?= 310
 MUTATION_SEED ?= 17
 MUTATION_FOLDERS ?= signal geometry autofocus exploitation quality configuration simulation \
-    diagnosis msg_conversions imaging nodes
+    diagnosis msg_conversions planning backends imaging streaming nodes
 MUTATION_RESULTS ?= $(MUTATION)/mutations.json
 
 mutation-campaign:

@@ -112,7 +112,7 @@ def shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:
 def _places(root: pathlib.Path, folder: str) -> dict[tuple[str, int], list[tuple[str, int]]]:
     """Operators and their occurrences, by file and line of a folder."""
     found = {}
-    for path in sorted((root / folder).glob('*.py')):
+    for path in sorted((root / folder).rglob('*.py')):
         file = path.relative_to(root).as_posix()
         for line, operator, occurrence in places(path.read_text()):
             found.setdefault((file, line), []).append((operator, occurrence))

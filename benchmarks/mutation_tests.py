@@ -157,7 +157,7 @@ def around(tree: ast.Module, line: int) -> tuple[range, list[ast.FunctionDef], s
 
 
 def _mirrors(test: str, file: str) -> bool:
-    module = pathlib.PurePath(file)
-    path = test.partition('::')[0]
-    return path.endswith((f'{module.parent.name}/test_{module.name}',
-                          f'test_{module.parent.name}.py'))
+    module, path = pathlib.PurePath(file), pathlib.PurePath(test.partition('::')[0])
+    package = module.parts[1] if module.parts[0] == 'sar_imaging' else module.parts[0]
+    return (package in path.parts and path.name == f'test_{module.name}'
+            or path.name == f'test_{module.parent.name}.py')

@@ -36,10 +36,12 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 RESULTS = pathlib.Path(__file__).with_name('results') / 'mutations.json'
 WORK = ROOT / 'build' / 'mutation' / 'work'
 FOLDERS = ('signal', 'geometry', 'autofocus', 'exploitation', 'quality', 'configuration',
-           'simulation', 'diagnosis', 'msg_conversions', 'imaging', 'nodes')
+           'simulation', 'diagnosis', 'msg_conversions', 'planning', 'backends', 'imaging',
+           'streaming', 'nodes')
 # Tests that start processes are measured one by one: processes know no test, but a variable.
-IN_PROCESS = ('msg_conversions', 'geometry', 'signal', 'configuration', 'test_quality.py',
-              'test_focus.py', 'simulation', 'exploitation', 'autofocus', 'diagnosis', 'imaging')
+IN_PROCESS = ('msg_conversions', 'geometry', 'signal', 'configuration', 'quality', 'simulation',
+              'exploitation', 'autofocus', 'diagnosis', 'planning', 'backends', 'imaging',
+              'streaming')
 IN_PROCESSES = ('nodes',)
 NOT_MEASURED = ('fault_campaign', 'two_hosts')  # minutes, or a network of its own
 # One thread each: what threads share is not tried.
@@ -233,7 +235,7 @@ def table(mutations: list[dict]) -> str:
             state = m['status']
             if state == SURVIVED and m.get('verdict') == EQUIVALENT:
                 state = EQUIVALENT
-            for name in (m['file'].rpartition('/')[0].removeprefix('sar_imaging/'), 'all'):
+            for name in (m['file'].removeprefix('sar_imaging/').partition('/')[0], 'all'):
                 rows[name][state if state in (SURVIVED, EQUIVALENT) else 'killed'] += 1
     lines = ['| folder | mutations | killed | equivalent | survived | killed of the others |',
              '|---|---|---|---|---|---|']

@@ -343,7 +343,7 @@ class TestMeasures:
 
 
 def test_example_of_the_documentation(capsys):
-    page = pathlib.Path(__file__).parents[1] / 'docs' / 'evaluate.md'
+    page = pathlib.Path(__file__).parents[2] / 'docs' / 'evaluate.md'
     [code] = re.findall(r'^```python\n(.*?)^```', page.read_text(), re.DOTALL | re.MULTILINE)
     exec(code, {})
     assert capsys.readouterr().out == 'ISLR -10.50 dB in range, -10.53 dB in azimuth\n'
