@@ -14,11 +14,10 @@ import math
 import numpy as np
 
 from ..geometry.polar import PolarGrid
+from .costs import costs
 from .interpolators import Interpolator, coarsest_interpolator, finer_interpolator
 
 TAPS, DEGREE = 10, 5
-# Time of a merged pixel and of one more part; a pixel and row of the kernel is 1 (measured)
-_COST_PIXEL, _COST_PART = 2.5, 4e5
 _LEAST_ROWS = 4  # in a part
 _WAVENUMBERS = 5  # of the band, at which errors are looked up
 
@@ -40,7 +39,7 @@ class AngularParts:
     error_db : float
         Of the interpolation, dB.
     cost : float
-        Relative time per pixel of the sum.
+        Nanoseconds per pixel of the sum.
     """
 
     rows: tuple[slice, ...]
@@ -94,7 +93,7 @@ def plan_parts(fine: PolarGrid, slope, weight, k_lo: float, k_hi: float, interpo
     interpolation_db : float
         Wanted error of the interpolation to the lines of the sum, dB.
     row_cost : float
-        Relative time of backprojecting one row to one pixel.
+        Nanoseconds of backprojecting one row to one pixel.
 
     Returns
     -------
@@ -121,7 +120,8 @@ def _quickest_parts(fine, slope, k_lo, k_hi, interpolator, row_cost) -> AngularP
         rows, middle, half = angular_bands(slope, k_lo, k_hi, n_parts)
         coarse = _coarse_grid(fine, math.pi / (half.max() * interpolator.oversampling))
         if coarse is not None:
-            merging = n_parts * (_COST_PIXEL + _COST_PART / (fine.n_alpha * fine.n_range))
+            merging = n_parts * (costs().upsampled_pixel
+                                 + costs().upsampled_part / (fine.n_alpha * fine.n_range))
             share = coarse.n_alpha / fine.n_alpha
             if merging + row_cost * len(slope) * share < least:
                 least = merging + row_cost * len(slope) * share

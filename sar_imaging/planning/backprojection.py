@@ -13,7 +13,7 @@ import numpy as np
 
 from ..geometry.grids import MapGrid
 from ..signal.radar import RadarParameters
-from . import polar_image
+from .costs import costs
 from .error_budget import total_db
 from .map_lines import MapLines
 from .points import ImagePoints, PointPlan, plan_points
@@ -119,7 +119,7 @@ def _way_to_map(grid, radar, n_samples, tx_m, rx_m, target_db):
         cost = lattice.cost * len(tx_m)
         way = LinePlan(lines, window, lattice, total_db(
             lattice.predicted_error_db, window.mean_end_error_db(lines.paths.length)))
-    if cost > polar_image.COST_RESAMPLING:  # for fewer pulses a polar image cannot pay
+    if cost > costs().map_pixel:  # for fewer pulses a polar image cannot pay
         polar = plan_polar(grid, tx_m, rx_m, radar, n_samples, target_db)
         if polar is not None and polar.cost < cost:
             way = polar

@@ -14,6 +14,7 @@ from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..signal.radar import RadarParameters
 from .azimuth_upsampling import AngularParts, plan_parts
+from .costs import costs
 from .error_budget import total_db
 from .interpolators import Interpolator
 from .polar_cover import cover_map
@@ -21,7 +22,6 @@ from .range_gate import RangeWindow
 from .range_resampling import Lattice, lattice_error_db, plan_lattice, sample_paths
 
 _SAMPLES_PER_SIDE = 5  # positions at which the geometry is bounded
-COST_RESAMPLING = 12.0  # of a map pixel, in units of a pixel and row of the kernel (measured)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,7 +49,7 @@ class PolarPlan:
     predicted_error_db : float
         Predicted error of the map against time-domain correlation, dB.
     cost : float
-        Relative time per map pixel.
+        Nanoseconds per map pixel.
     """
 
     polar: PolarGrid
@@ -108,7 +108,7 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     return PolarPlan(polar, lattice, cover.window, cover.range_m, cover.axis, cover.between,
                      cover.along, parts, radar.wavelength_m,
                      total_db(lattice.predicted_error_db, *errors),
-                     per_pixel * share + COST_RESAMPLING)
+                     per_pixel * share + costs().map_pixel)
 
 
 def _lattice_of_parts(parts, lattice, tx_m, rx_m, radar, window, target_db) -> Lattice | None:

@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .costs import costs
 from .error_budget import total_db
 from .interpolators import LEAST_MARGIN, LINE_DEGREE, Interpolator, design_interpolator
 from .transform_length import cost_per_sample, smooth_lengths
@@ -28,8 +29,6 @@ _DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned;
 _CLOSER_DB = 10.0  # by which the worst drift may be worse than the mean one
 _LONGER, _FINER, _FEW = 1.1, 1.03, 3  # padded length, cells, and cells around the best
 _COST_TRANSFORM = 0.012  # of a pass of the transform, in shares of the whole
-# Of a segment, and of a pixel of the routine for arbitrary points, in pixels of the kernel
-_COST_SEGMENT, _COST_POINT = 30.0, 5.0  # (measured)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -166,7 +165,7 @@ class Lattice:
     predicted_error_db : float
         Predicted error of the image against time-domain correlation, dB.
     cost : float
-        Relative time per pixel and row.
+        Nanoseconds per pixel and row.
     """
 
     n_padded: int
@@ -249,7 +248,7 @@ def _candidates(slope, errors, spacing, radar, n_padded, n_cells, cell, phases, 
                                        degree=LINE_DEGREE)
     # With the worst drift everywhere first: most candidates need no closer look.
     lattice = Lattice(n_padded, n_cells, phases, segment, step, spacing, interpolator, 0.0,
-                      1.0 + _COST_SEGMENT / segment)
+                      costs().line_pixel + costs().line_segment / segment)
     predicted = _predicted_db(lattice, interpolator.error_db, errors)
     if predicted > target_db + _CLOSER_DB:
         return
@@ -315,7 +314,7 @@ def point_lattice(radar: RadarParameters, n_samples: int, target_db: float) -> L
     step = n_padded * radar.sample_spacing_m / n_cells
     interpolator = design_interpolator(radar.range_resolution_m / step, LEAST_MARGIN)
     return Lattice(n_padded, n_cells, 1, 0, step, pitch, interpolator,
-                   total_db(interpolator.error_db), _COST_POINT)
+                   total_db(interpolator.error_db), costs().point_pixel)
 
 
 def _rms(values) -> float:

@@ -9,6 +9,7 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.planning import backprojection as plans
+from sar_imaging.planning.costs import DEFAULT, using
 from sar_imaging.signal.spectra import band_spectrum
 
 
@@ -73,11 +74,11 @@ def test_target_is_met_and_predicted(make_case, target_db):
     ({'range_m': 100.0, 'spacing_m': 0.1}, -80.0),
     ({'range_m': 5e4}, -60.0),
 ], ids=str)
-def test_polar_way_meets_the_target(make_case, monkeypatch, options, target_db):
-    monkeypatch.setattr('sar_imaging.planning.polar_image.COST_RESAMPLING', -np.inf)
+def test_polar_way_meets_the_target(make_case, options, target_db):
     case = make_case(**options)
     plan = _plan(case, target_db=target_db)
-    error = _error_db(case, plan(case.block))
+    with using(dataclasses.replace(DEFAULT, line_pixel=100.0, point_pixel=1e6, map_pixel=1e-9)):
+        error = _error_db(case, plan(case.block))
     assert plan.method == 'polar'
     assert error <= plan.predicted_error_db + 1.0 and plan.predicted_error_db <= target_db
 

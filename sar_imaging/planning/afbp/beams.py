@@ -11,6 +11,7 @@ import numpy as np
 
 from ...geometry.polar import PolarGrid
 from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
+from ..costs import costs
 from ..error_budget import total_db
 from ..interpolators import Interpolator, design_interpolator
 from ..range_resampling import Lattice, half_paths, sample_paths
@@ -41,10 +42,6 @@ _SPREAD_STEP = 1.02  # factors between one spread that is planned for and the ne
 _SLACK = 1.1  # sub-apertures that were not looked at may be as much worse
 _LEAST_UNEVEN = 1e-4  # wavelengths, which matters to no image
 _ARITHMETIC_DB = -80.0  # float32 phasors that turn from bin to bin (measured)
-# Time of a row, bin and beam, of a cell's transform and of a pixel, in pixels and rows of
-# `kernels.project_lines`; what is added to the first by rows of beams, to the last by segments
-_COST_TRIPLE, _COST_CELL, _COST_PIXEL = 0.072, 3.2, 2.6  # (measured)
-_COST_GROUP, _COST_SEGMENT = 5.8, 205.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,7 +92,7 @@ class BeamSampling:
         return _group_of(n_beams, self.group)
 
     def cost(self, n_rows: int, n_bins: int, n_cells: int, n_pixels: int, span: float) -> float:
-        """Relative time of a sub-aperture image, in pixels and rows of `project_lines`."""
+        """Nanoseconds of a sub-aperture image."""
         return _cost(self.n_beams(span), self.group, self.paired, self.segment, n_rows, n_bins,
                      n_cells, n_pixels)
 
@@ -110,19 +107,19 @@ def _group_of(n_beams: int, most: int) -> int:
 
 
 def _cost(n_beams, most, paired, segment, n_rows, n_bins, n_cells, n_pixels) -> float:
-    group = _group_of(n_beams, most)
-    triples = math.ceil(n_beams / group) * (group * (0.5 if paired else 1.0)
-                                            + _COST_GROUP) * n_rows * n_bins
-    return (triples * _COST_TRIPLE + n_beams * n_cells * _COST_CELL
-            + n_pixels * (_COST_PIXEL + _COST_SEGMENT / segment))
+    group, model = _group_of(n_beams, most), costs()
+    per_bin = math.ceil(n_beams / group) * (group * (0.5 if paired else 1.0) * model.beam_bin
+                                            + model.beam_group)
+    return (per_bin * n_rows * n_bins + n_beams * n_cells * model.beam_cell
+            + n_pixels * (model.beam_pixel + model.beam_segment / segment))
 
 
 def least_cost(n_rows: int, n_bins: int, n_cells: int, n_pixels: int) -> float:
     """What `BeamSampling.cost` is not below, whatever the sampling."""
-    n_beams = BEAM_TAPS + 2 * BEYOND
-    return ((0.5 * n_beams + _COST_GROUP) * n_rows * n_bins * _COST_TRIPLE
-            + n_beams * n_cells * _COST_CELL
-            + n_pixels * (_COST_PIXEL + _COST_SEGMENT / max(_SEGMENTS)))
+    n_beams, model = BEAM_TAPS + 2 * BEYOND, costs()
+    return ((0.5 * n_beams * model.beam_bin + model.beam_group) * n_rows * n_bins
+            + n_beams * n_cells * model.beam_cell
+            + n_pixels * (model.beam_pixel + model.beam_segment / max(_SEGMENTS)))
 
 
 def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bins: int,

@@ -16,6 +16,7 @@ import numpy as np
 import scipy.fft
 
 from ...geometry.polar import PolarGrid
+from ..costs import costs
 from ..local_spectrum import SAMPLES_PER_SIDE, Bands, ranges_before, usual_guard
 from ..transform_length import quick_length, row_length
 from .aliasing_error import EVERYTHING, Coverage, correction_error, mean_error, taper_shape
@@ -24,8 +25,6 @@ from .subaperture_cost import FirstStage
 
 _OVERSAMPLING = (1.1, 1.15, 1.2, 1.25, 1.3, 1.4, 1.6, 1.8, 2.0, 2.3, 2.7, 3.2)
 _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
-# Time of a coarse and a fine pixel in the fusion; a pixel and row of the kernel is 1 (measured)
-_COST_COARSE, _COST_FINE, _COST_SUBAPERTURE = 7.0, 8.0, 1e6
 _AHEAD = (4, 2, 1, 0)  # choices to look ahead in both
 _LEAST_RANGE_GUARD = 16
 _WIDE_GUARD = 3.0  # times those along direction: there the error is far less
@@ -62,7 +61,7 @@ class Sampling:
     error_db : float
         Predicted error of the fusion, dB.
     cost : float
-        Relative time.
+        Nanoseconds of both stages.
     """
 
     pulses: tuple[slice, ...]
@@ -95,7 +94,7 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths,
     lengths : sequence of int
         Pulses of a sub-aperture to try.
     first_stage : FirstStage
-        Tells the relative time of all sub-aperture images.
+        Tells the time of all sub-aperture images.
     target_db : float
         Wanted error of the fusion, dB.
     coverage : Coverage
@@ -185,8 +184,9 @@ def _sampling(polar, ratio, pulses, centre, furthest, half, oversampling, n_guar
                                  ranges_before(polar, (extent - wanted) / 2 + spacing)))
     n_coarse_range, n_fine_range = (n * row_length(
         math.ceil((polar.n_range + 2 * range_guard) / ratio[1]), ratio) for n in ratio)
-    cost = (len(pulses) * (_COST_COARSE * n_coarse * n_coarse_range + _COST_SUBAPERTURE)
-            + _COST_FINE * n_fine * n_fine_range)
+    model = costs()
+    cost = (len(pulses) * (model.coarse_pixel * n_coarse * n_coarse_range + model.subaperture)
+            + model.fine_pixel * n_fine * n_fine_range)
     return Sampling(pulses, centre, n_coarse, n_fine, extent, guard, beta, n_coarse_range,
                     n_fine_range, coverage, 0.0, cost)
 

@@ -51,7 +51,7 @@ class FirstStage:
     _planned: dict[tuple[int, int], BeamSampling | None] = dataclasses.field(default_factory=dict)
 
     def cost(self, pulses, n_pixels: int) -> float:
-        """Relative time of all images of a cut into sub-apertures.
+        """Nanoseconds of all images of a cut into sub-apertures.
 
         Parameters
         ----------
@@ -80,7 +80,7 @@ class FirstStage:
         return beams if from_beams < direct else None
 
     def _costs(self, beams, length, n_pixels) -> tuple[float, float]:
-        """Relative times of an image: directly, and from beams."""
+        """Nanoseconds of an image: directly, and from beams."""
         n_rows, lattice = length * self.tx_m.shape[1], self.lattice
         return (n_rows * lattice.cost * n_pixels, math.inf if beams is None else beams.cost(
             n_rows, lattice.n_padded, lattice.n_cells, n_pixels, self.span))

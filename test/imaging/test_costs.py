@@ -1,0 +1,46 @@
+"""Costs: plans follow them, files hold them, and what is no cost is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.planning.costs import DEFAULT, VARIABLE, CostModel, costs, using
+
+
+def test_the_quickest_way_follows_the_costs(make_case):
+    case = make_case(1e3, pulses=64)
+
+    def method(**changed):
+        with using(dataclasses.replace(DEFAULT, **changed)):
+            imager = Backprojector(case.grid, case.block.radar, case.block.n_samples)
+            imager(case.block)
+        return imager.method
+
+    assert method() == 'lines'
+    assert method(line_pixel=100.0, point_pixel=1e6) == 'polar'
+    assert method(line_pixel=1e3) == 'points'
+
+
+def test_a_file_holds_costs_and_the_environment_names_it(tmp_path, monkeypatch):
+    model = dataclasses.replace(DEFAULT, line_pixel=0.4, subaperture=3e5)
+    model.write(tmp_path / 'costs.json')
+    assert CostModel.read(tmp_path / 'costs.json') == model
+    monkeypatch.setenv(VARIABLE, str(tmp_path / 'costs.json'))
+    with using(None):  # as at the start of a process
+        assert costs() == model
+    monkeypatch.delenv(VARIABLE)
+    with using(None):
+        assert costs() == DEFAULT
+
+
+@pytest.mark.parametrize('text', ['', '[1]', '{"line_pixel": -1}', '{"pixel": 1}',
+                                  '{"line_pixel": "1"}', '{"line_pixel": NaN}'])
+def test_files_without_costs_are_refused(tmp_path, text):
+    (tmp_path / 'costs.json').write_text(text)
+    with pytest.raises(ValueError, match='measure-costs'):
+        CostModel.read(tmp_path / 'costs.json')
+    with pytest.raises(ValueError, match='costs.json'):
+        CostModel.read(tmp_path / 'absent' / 'costs.json')
