@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import functools
 import os
 import re
@@ -12,8 +13,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numba
-from llvmlite import binding
-from numba.core import config, event
+from numba.core import compiler, config, cpu, event
 
 _OLDEST_NUMBA = (0, 58)
 
@@ -33,52 +33,7 @@ def check_version(version: str) -> None:
             name='numba')
 
 
-def ensure_cache(folder: Path | None = None) -> None:
-    """Let Numba keep machine code in a temporary folder where it has no other place for it.
-
-    Numba writes it beside the modules or below the home folder, unless NUMBA_CACHE_DIR names a
-    folder. Where neither can be written to it refuses to make any function that is to be cached.
-
-    Parameters
-    ----------
-    folder : Path, optional
-        The temporary folder; one for each user if left out.
-    """
-    def probe():
-        pass
-
-    try:
-        numba.njit(cache=True)(probe)
-        return
-    except RuntimeError as error:
-        if 'no locator' not in str(error):
-            raise
-    config.CACHE_DIR = str(folder or _temporary_folder())
-    warnings.warn(
-        f'machine code is kept in {config.CACHE_DIR}: neither the installation nor the home '
-        'folder can be written to; set NUMBA_CACHE_DIR to a folder that survives a restart',
-        RuntimeWarning, stacklevel=2)
-
-
-def _temporary_folder() -> Path:
-    """Folder of this user alone: machine code of somebody else is not to be run."""
-    folder = Path(tempfile.gettempdir()) / f'sar_imaging-numba-{os.getuid()}'
-    with contextlib.suppress(FileExistsError):
-        folder.mkdir(mode=0o700)
-    status = folder.lstat()
-    if status.st_uid == os.getuid() and not status.st_mode & 0o022 and not folder.is_symlink():
-        return folder
-    return Path(tempfile.mkdtemp(prefix='sar_imaging-numba-'))
-
-
 check_version(numba.__version__)
-ensure_cache()
-
-# LLVM uses 256-bit vectors on processors with AVX-512 unless told otherwise; the imaging kernels
-# run about 1.5 times faster with 512. This must be set before the first function is compiled.
-_features = binding.get_host_cpu_features()
-if config.CPU_FEATURES is None and config.CPU_NAME is None and _features.get('avx512f'):
-    config.CPU_FEATURES = _features.flatten() + ',-prefer-256-bit'
 
 #: Reordering of float operations that keeps NaN and infinity meaningful.
 FASTMATH = {'contract', 'reassoc', 'nsz', 'arcp'}
@@ -87,8 +42,82 @@ FASTMATH = {'contract', 'reassoc', 'nsz', 'arcp'}
 #: after fewer passes of the optimiser than one from its cache: reordered sums may differ then.
 REPEATABLE = {'contract', 'nsz', 'arcp'}
 
-njit = functools.partial(numba.njit, nogil=True, cache=True, fastmath=FASTMATH)
-"""`numba.njit` that releases the GIL, caches on disk and may reassociate sums."""
+# LLVM keeps to 256-bit vectors on many processors with AVX-512 unless a function says otherwise;
+# the imaging kernels run about 1.5 times faster with 512. Other processors take no notice.
+_WIDEST = '"prefer-vector-width"="512"'
+
+
+class _WideContext(cpu.CPUContext):
+    def declare_function(self, module, fndesc):
+        function = super().declare_function(module, fndesc)
+        set.add(function.attributes, _WIDEST)  # llvmlite knows no attributes with a value
+        return function
+
+
+class _WideCompiler(compiler.Compiler):
+    """Numba's compiler; LLVM uses the widest vectors, in these functions alone."""
+
+    def __init__(self, typing_context, target_context, *others):
+        super().__init__(typing_context, target_context, *others)
+        self.state.targetctx = copy.copy(self.state.targetctx)  # as Numba does for its options
+        self.state.targetctx.__class__ = _WideContext
+
+
+def njit(function: Callable | None = None, **options):
+    """`numba.njit` that releases the GIL, caches on disk and may reassociate sums.
+
+    LLVM uses the processor's widest vectors. Other functions that Numba compiles in the process,
+    and `numba.config`, stay as they are.
+    """
+    if function is None:
+        return functools.partial(njit, **options)
+    options = {'nogil': True, 'cache': True, 'fastmath': FASTMATH} | options
+    return _cached(numba.njit(pipeline_class=_WideCompiler, **options), function)
+
+
+def cfunc(signature, **options):
+    """`numba.cfunc` with the same vectors and cache as `njit`."""
+    return functools.partial(_cached, numba.cfunc(signature, cache=True,
+                                                  pipeline_class=_WideCompiler, **options))
+
+
+def _cached(decorate: Callable, function: Callable):
+    """Decorate; where Numba has no place for machine code, it is kept in a temporary folder.
+
+    Numba writes it beside the modules or below the home folder, unless NUMBA_CACHE_DIR names a
+    folder. Where neither can be written to it refuses to make any function that is to be cached.
+    """
+    try:
+        return decorate(function)
+    except RuntimeError as error:
+        if 'no locator' not in str(error):
+            raise
+    given, config.CACHE_DIR = config.CACHE_DIR, _temporary_folder()
+    try:
+        return decorate(function)  # looks for the folder now, and not later
+    finally:
+        config.CACHE_DIR = given
+
+
+@functools.cache
+def _temporary_folder() -> str:
+    folder = _own_folder()
+    warnings.warn(
+        f'machine code is kept in {folder}: neither the installation nor the home folder can be '
+        'written to; set NUMBA_CACHE_DIR to a folder that survives a restart',
+        RuntimeWarning, stacklevel=4)
+    return str(folder)
+
+
+def _own_folder() -> Path:
+    """Folder of this user alone: machine code of somebody else is not to be run."""
+    folder = Path(tempfile.gettempdir()) / f'sar_imaging-numba-{os.getuid()}'
+    with contextlib.suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+    status = folder.lstat()
+    if status.st_uid == os.getuid() and not status.st_mode & 0o022 and not folder.is_symlink():
+        return folder
+    return Path(tempfile.mkdtemp(prefix='sar_imaging-numba-'))
 
 
 class CompilationInterrupted(Exception):

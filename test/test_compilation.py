@@ -5,9 +5,11 @@ import shutil
 import stat
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+from llvmlite import binding
 
 from sar_imaging import compilation
 from sar_imaging.compilation import counted, numba
@@ -35,6 +37,15 @@ def _without_places(tmp_path):
         (tmp_path / name).write_text('no folder')  # root may write to any folder, not to this
     kept = tmp_path / 'temporary'
     kept.mkdir(exist_ok=True)
+    (tmp_path / 'kernels.py').write_text(
+        'import compilation\n'
+        'given = compilation.config.CACHE_DIR\n'
+        '@compilation.njit\n'
+        'def f(x):\n'
+        '    return x + 1\n'
+        'g = compilation.njit(inline="always")(lambda x: f(x))\n'
+        'assert g(1) == 2\n'
+        'assert compilation.config.CACHE_DIR == given\n')
     environment = {k: v for k, v in os.environ.items() if not k.startswith('NUMBA')}
     return environment | {'HOME': str(tmp_path / 'home'), 'PYTHONDONTWRITEBYTECODE': '1',
                           'XDG_CACHE_HOME': str(tmp_path / 'home'), 'TMPDIR': str(kept)}
@@ -49,11 +60,12 @@ def test_machine_code_goes_to_a_temporary_folder_where_there_is_no_other(tmp_pat
     environment = _without_places(tmp_path)
     folder = tmp_path / 'temporary' / f'sar_imaging-numba-{os.getuid()}'
     for _ in range(2):  # a second process finds the folder there
-        result = _run(tmp_path, 'import compilation', environment)
+        result = _run(tmp_path, 'import kernels', environment)
         assert result.returncode == 0, result.stderr
         assert result.stderr.count('machine code is kept in') == 1
         assert str(folder) in result.stderr and 'set NUMBA_CACHE_DIR' in result.stderr
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    assert list(folder.rglob('kernels.f-*.nbc'))
 
 
 def test_a_temporary_folder_that_others_may_write_to_is_not_used(tmp_path):
@@ -61,15 +73,56 @@ def test_a_temporary_folder_that_others_may_write_to_is_not_used(tmp_path):
     folder = tmp_path / 'temporary' / f'sar_imaging-numba-{os.getuid()}'
     folder.mkdir()
     folder.chmod(0o777)  # somebody else may have put machine code there
-    result = _run(tmp_path, 'import compilation', environment)
+    result = _run(tmp_path, 'import kernels', environment)
     assert 'machine code is kept in' in result.stderr
     assert f'{folder}:' not in result.stderr
 
 
 def test_a_folder_that_the_user_names_is_used(tmp_path):
     environment = _without_places(tmp_path) | {'NUMBA_CACHE_DIR': str(tmp_path / 'mine')}
-    result = _run(tmp_path, 'import compilation', environment)
+    result = _run(tmp_path, 'import kernels', environment)
     assert result.returncode == 0 and not result.stderr
+    assert list((tmp_path / 'mine').rglob('kernels.f-*.nbc'))
+
+
+def test_functions_and_settings_of_the_user_stay_as_they_are(tmp_path):
+    """Compiled before the package is imported, and after."""
+    (tmp_path / 'user.py').write_text(
+        'import numba, numpy\n'
+        'from numba.core import config\n'
+        'def settings():\n'
+        '    return {k: v for k, v in vars(config).items() if k.isupper()}\n'
+        'def code():\n'
+        '    compiled = numba.njit(lambda x: x * x)\n'
+        '    compiled(numpy.ones(3, numpy.float32))\n'
+        '    return compiled.inspect_asm()[compiled.signatures[0]]\n'
+        'def count(code):\n'
+        '    return [code.count(kind) for kind in ("xmm", "ymm", "zmm", "v0.4s")]\n'
+        'before, first = settings(), count(code())\n'
+        'import sar_imaging.imaging.backprojection\n'
+        'assert settings() == before\n'
+        'assert count(code()) == first, (count(code()), first)\n')
+    environment = os.environ | {'PYTHONPATH': str(Path(compilation.__file__).parents[1])}
+    result = subprocess.run([sys.executable, tmp_path / 'user.py'], env=environment,
+                            capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+
+
+def _add_squares(x, y):
+    for line in numba.prange(y.shape[0]):
+        for i in range(y.shape[1]):
+            y[line, i] += x[i] * x[i]
+
+
+@pytest.mark.skipif(not binding.get_host_cpu_features().get('avx512f')
+                    or 'NUMBA_CPU_NAME' in os.environ, reason='no vectors of 512 bits here')
+@pytest.mark.parametrize('parallel', [False, True])
+def test_kernels_use_vectors_of_512_bits(parallel):
+    x, y = np.arange(1000, dtype=np.float32), np.zeros((2, 1000), np.float32)
+    compiled = compilation.njit(_add_squares, parallel=parallel, cache=False)
+    compiled(x, y)
+    np.testing.assert_array_equal(y, [x * x] * 2)
+    assert 'zmm' in ''.join(compiled.inspect_asm().values())
 
 
 @pytest.mark.parametrize('version', ['0.57.1', '0.9', '0.57.0rc1'])

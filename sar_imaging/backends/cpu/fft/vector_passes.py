@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....compilation import REPEATABLE, njit, numba
+from ....compilation import REPEATABLE, cfunc, njit, numba
 from ....planning.transform_length import radices_of
 from . import butterflies as vectors
 from .butterflies import SAMPLE_BYTES
@@ -95,7 +95,7 @@ def plan(length: int, inverse: bool, first_bytes: int, work_bytes: int, last_byt
 def compiled() -> int:
     """Address that `run` wants."""
     numbers = [numba.int64] * 7
-    return numba.cfunc(numba.int64(*numbers), cache=True, fastmath=REPEATABLE)(_passes).address
+    return cfunc(numba.int64(*numbers), fastmath=REPEATABLE)(_passes).address
 
 
 @njit
