@@ -12,9 +12,9 @@ import math
 
 import numpy as np
 
-from ..signal.phase_history import GUARD_SAMPLES
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from ..signal.range_compression import RangeCompressor
+from ..signal.range_compression.phase_history import GUARD_SAMPLES
 from ..signal.waveforms import n_pulse_samples
 from ..signal.windows import window as window_weights
 from .memory import NodeMemory, node_memory

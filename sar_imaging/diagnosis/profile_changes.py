@@ -15,9 +15,9 @@ import dataclasses
 import numpy as np
 from scipy import fft
 
-from ..signal.phase_history import GUARD_SAMPLES
 from ..signal.pulses import PulseBlock
 from ..signal.radar import Waveform
+from ..signal.range_compression.phase_history import GUARD_SAMPLES
 from ..signal.waveforms import lfm_spectrum
 
 REAL = (Waveform.FMCW_REAL, Waveform.PASSBAND)

@@ -13,7 +13,7 @@ from sar_imaging.backends.cpu.backprojection import compile_kernels
 from sar_imaging.configuration.startup import TrackWarnings, report_block
 from sar_imaging.exploitation.aperture_view import PulseTracks
 from sar_imaging.signal.pulses import PulseBlock, check_frame
-from sar_imaging.signal.sequence import describe_counters, describe_range
+from sar_imaging.signal.pulses.sequence import describe_counters, describe_range
 from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
 from sar_imaging.streaming.aperture_sequence import ApertureSequence
 from sar_imaging.streaming.kernels import compile_subaperture_kernels

@@ -9,7 +9,7 @@ from std_msgs.msg import Float32MultiArray
 
 from msg_conversions import pulse_block, subaperture_image
 from sar_imaging.signal.pulses import PulseBlock
-from sar_imaging.signal.sequence import COUNTER_MASK, describe_range
+from sar_imaging.signal.pulses.sequence import COUNTER_MASK, describe_range
 from sar_imaging.streaming.subaperture_image import SubapertureImage
 
 

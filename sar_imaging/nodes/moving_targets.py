@@ -22,7 +22,7 @@ from sar_imaging.exploitation.moving_targets import (
     MovingTargets,
 )
 from sar_imaging.signal.pulses import PulseBlock, check_frame
-from sar_imaging.signal.sequence import describe_counters
+from sar_imaging.signal.pulses.sequence import describe_counters
 from sar_imaging.signal.windows import parse_window
 
 from .health import Health, Part

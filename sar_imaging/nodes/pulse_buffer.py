@@ -11,8 +11,8 @@ from rclpy.clock import Clock, ClockType
 
 from msg_conversions.pulse_block import as_received
 from sar_imaging.signal.positioning import Positioner
-from sar_imaging.signal.pulse_buffer import PulseBuffer
 from sar_imaging.signal.pulses import PulseBlock, check_frame
+from sar_imaging.signal.pulses.buffer import PulseBuffer
 
 from .block_output import BlockOutput
 from .health import Health, Part

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from sar_imaging.signal.sequence import StreamEvent
+from sar_imaging.signal.pulses.sequence import StreamEvent
 
 from .health import Health, Part
 from .inlet import Inlet, PulseBlocks

@@ -11,8 +11,8 @@ import numpy as np
 from ..geometry.alignment import Alignment
 from ..geometry.poses import Poses, PoseStatus, PoseTrack, PoseVerdict
 from .pulses import PulseBlock
+from .pulses.sequence import COUNTER_MASK, EventSource, counter_distance, describe_counters
 from .radar import SPEED_OF_LIGHT, RadarParameters
-from .sequence import COUNTER_MASK, EventSource, counter_distance, describe_counters
 
 _REASONS = {
     PoseStatus.GAP: 'the poses around them are further apart than max_gap_s',

@@ -10,7 +10,7 @@ from ..geometry.grids import MapGrid
 from ..imaging.backprojection import Backprojector
 from ..quality.focus import FocusFigure, focus_figure
 from ..signal.pulses import PulseBlock
-from ..signal.sequence import describe_counters
+from ..signal.pulses.sequence import describe_counters
 from .aperture_pulses import AperturePulses
 from .aperture_sequence import Aperture, ApertureSequence, ApertureStatistics
 

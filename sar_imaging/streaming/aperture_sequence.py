@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..signal.pulses import PulseBlock
-from ..signal.sequence import (
+from ..signal.pulses.sequence import (
     COUNTER_MASK,
     EventSource,
     RestartDetector,

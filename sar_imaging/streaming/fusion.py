@@ -14,7 +14,7 @@ from ..backends.cpu.fusion.to_map import covers, form_map
 from ..geometry.grids import MapGrid
 from ..planning.afbp.polar_grids import FusionGrid
 from ..planning.memory import IMAGE_BYTES, PUBLISHED_BYTES, check_memory
-from ..signal.sequence import EventSource, counter_distance
+from ..signal.pulses.sequence import EventSource, counter_distance
 from .subaperture_image import SubapertureImage
 
 _SESSIONS = 16  # former senders that are remembered

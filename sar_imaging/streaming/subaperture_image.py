@@ -10,7 +10,7 @@ import numpy as np
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..planning.afbp.polar_grids import FusionGrid
-from ..signal.sequence import COUNTER_MASK
+from ..signal.pulses.sequence import COUNTER_MASK
 
 #: Names of the fields that count something, unsigned with 32 bits.
 COUNTS = ('session', 'sequence', 'revision', 'aperture', 'number', 'n_subapertures', 'n_window',

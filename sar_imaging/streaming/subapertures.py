@@ -11,7 +11,7 @@ import numpy as np
 from ..geometry.grids import MapGrid
 from ..geometry.track_prediction import predict_track
 from ..signal.pulses import PulseBlock
-from ..signal.sequence import COUNTER_MASK
+from ..signal.pulses.sequence import COUNTER_MASK
 from .aperture_pulses import AperturePulses
 from .aperture_sequence import ApertureSequence, ApertureStatistics
 from .mosaic import patch_beside

@@ -20,7 +20,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float32MultiArray, UInt32
 
 from sar_imaging.signal.pulses import PulseBlock
-from sar_imaging.signal.sequence import counter_distance
+from sar_imaging.signal.pulses.sequence import counter_distance
 
 from .bag_io import deserialise
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.signal.pulse_buffer import PulseBuffer
 from sar_imaging.signal.pulses import PulseBlock, concatenate
+from sar_imaging.signal.pulses.buffer import PulseBuffer
+from sar_imaging.signal.pulses.sequence import COUNTER_MASK, counter_distance, describe_counters
 from sar_imaging.signal.radar import RadarParameters
-from sar_imaging.signal.sequence import COUNTER_MASK, counter_distance, describe_counters
 
 RADAR = RadarParameters(carrier_hz=10e9, bandwidth_hz=300e6, sample_rate_hz=400e6,
                         first_sample_delay_s=60e-6)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from .pulses import PulseBlock
+    from .block import PulseBlock
 
 COUNTER_MASK = 0xFFFF_FFFF
 

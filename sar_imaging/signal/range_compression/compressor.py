@@ -16,12 +16,12 @@ import math
 
 import numpy as np
 
+from ..calibration import ChannelCalibration
+from ..pulses import PulseBlock
+from ..pulses.checks import check_samples
+from ..radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from .band_filter import BandFilter
-from .calibration import ChannelCalibration
 from .phase_history import GUARD_SAMPLES, PhaseHistoryPlan
-from .pulse_checks import check_samples
-from .pulses import PulseBlock
-from .radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 
 RANGE_FILTERS = ('equalised', 'matched')
 _PHASE_HISTORIES = (Waveform.STEPPED_FREQUENCY, Waveform.FMCW, Waveform.FMCW_REAL)

@@ -7,7 +7,7 @@ import dataclasses
 
 import numpy as np
 
-from .pulses import PulseBlock, concatenate
+from .block import PulseBlock, concatenate
 from .sequence import (
     COUNTER_MASK,
     EventSource,

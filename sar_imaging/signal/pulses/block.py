@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .pulse_checks import (
+from ..radar import RadarParameters
+from .checks import (
     check_counted,
     check_positions,
     check_samples,
@@ -15,7 +16,6 @@ from .pulse_checks import (
     integer_stamps,
     running_counters,
 )
-from .radar import RadarParameters
 
 
 @dataclasses.dataclass(frozen=True)

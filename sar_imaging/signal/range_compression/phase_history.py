@@ -16,10 +16,10 @@ import math
 import numpy as np
 from scipy import fft
 
-from ..compilation import njit, numba
-from .dechirp import check_fmcw
-from .radar import SPEED_OF_LIGHT, RadarParameters, Waveform
-from .windows import window as window_weights
+from ...compilation import njit, numba
+from ..dechirp import check_fmcw
+from ..radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from ..windows import window as window_weights
 
 _ROWS_PER_CALL = 256  # bounds the work space
 GUARD_SAMPLES = 16  # repeated at both ends of a periodic profile

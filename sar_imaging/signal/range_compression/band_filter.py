@@ -12,11 +12,11 @@ import math
 import numpy as np
 from scipy import fft
 
-from ..compilation import numba
+from ...compilation import numba
+from ..radar import RadarParameters
+from ..waveforms import check_lfm, lfm_spectrum, n_pulse_samples
+from ..windows import window as window_weights
 from .phase_history import fast_length
-from .radar import RadarParameters
-from .waveforms import check_lfm, lfm_spectrum, n_pulse_samples
-from .windows import window as window_weights
 
 
 class BandFilter:

@@ -1,0 +1,5 @@
+"""Blocks of multichannel pulses, their counters, and the buffer that puts a stream in order."""
+
+from .block import PulseBlock, check_frame, check_profiles, concatenate
+
+__all__ = ['PulseBlock', 'check_frame', 'check_profiles', 'concatenate']
