@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import pathlib
 import re
 import subprocess
@@ -217,6 +218,33 @@ def test_tools_explain_that_rosbags_is_missing(tool, arguments):
     assert result.returncode not in (0, None)
     assert 'recordings need the Python package rosbags, which is not installed' in result.stderr
     assert 'Traceback' not in result.stderr
+
+
+@functools.cache
+def _defined(path) -> set[str]:
+    """Names that the code of a module gives, to what it imports among others."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            names.add(node.id)
+        elif isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            names.add(node.name)
+        elif isinstance(node, ast.alias):
+            names.add(node.asname or node.name)
+    return names
+
+
+def test_what_is_imported_exists():
+    """Also what is imported when a function is called, and by tests that are skipped here."""
+    files = {'.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__'): path
+             for path in MODULES}
+    callers = [*MODULES, *(ROOT / 'test').rglob('*.py'), *(ROOT / 'benchmarks').rglob('*.py')]
+    for caller in callers:
+        ours = {name for name in _imports(caller) if name.split('.')[0] in PACKAGES}
+        for name in ours - files.keys():
+            module, _, last = name.rpartition('.')
+            assert module in files and last in _defined(files[module]), \
+                f'{_name(caller)} imports {name}, which does not exist'
 
 
 def test_imports_run_downward():

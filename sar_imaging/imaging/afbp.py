@@ -17,13 +17,13 @@ from ..backends.cpu.fusion.to_map import form_map
 from ..backends.cpu.subapertures import SubapertureImager
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
-from ..planning.afbp.aliasing_error import EVERYTHING
 from ..planning.afbp.edge_brightness import EdgeBrightness
 from ..planning.afbp.subapertures import plan_subapertures
+from ..planning.aliasing_error import EVERYTHING
 from ..planning.error_budget import total_db
-from ..planning.phase_history import RangeBand
 from ..planning.polar_cover import cover_for_fusion, map_coverage
-from ..planning.profile_reach import reach_warning, some_pixels
+from ..planning.profiles.phase_history import RangeBand
+from ..planning.profiles.profile_reach import reach_warning, some_pixels
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 

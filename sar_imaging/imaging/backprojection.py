@@ -21,10 +21,10 @@ import numpy as np
 from ..backends.cpu.backprojection import Backprojection
 from ..backends.cpu.memory import WorkSpace
 from ..geometry import MapGrid
-from ..planning.backprojection import plan_backprojection
+from ..planning.exact.backprojection import plan_backprojection
+from ..planning.exact.points import ImagePoints
 from ..planning.memory import check_memory
-from ..planning.points import ImagePoints
-from ..planning.profile_reach import reach_warning, some_pixels
+from ..planning.profiles.profile_reach import reach_warning, some_pixels
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
 

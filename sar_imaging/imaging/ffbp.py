@@ -34,8 +34,8 @@ from ..planning.ffbp import (
     plan_profiles,
     widest_spacing,
 )
-from ..planning.profile_reach import reach_warning, some_pixels
-from ..planning.range_gate import RangeWindow
+from ..planning.profiles.profile_reach import reach_warning, some_pixels
+from ..planning.profiles.range_gate import RangeWindow
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..signal.radar import RadarParameters
-from .range_resampling import half_paths
+from .profiles.range_resampling import half_paths
 
 
 def row_weights(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndarray:

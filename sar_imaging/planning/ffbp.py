@@ -15,7 +15,7 @@ import numpy as np
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
-from .range_resampling import Lattice, Paths, plan_lattice, sample_paths
+from .profiles.range_resampling import Lattice, Paths, plan_lattice, sample_paths
 
 MARGIN = 0.25  # how far beyond its interval a kernel is evaluated, pixels
 LANES = 16  # pixels beyond a segment, whole vectors

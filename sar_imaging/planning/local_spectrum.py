@@ -13,7 +13,7 @@ import numpy as np
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .echo_power import row_weights
-from .range_resampling import half_paths
+from .profiles.range_resampling import half_paths
 
 SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 TAPERS_NEEDED = 0.5  # of what tapers add to a band, what is beyond is faint enough to fold

@@ -15,15 +15,15 @@ from ..geometry.grids import MapGrid
 from ..geometry.map_edges import EDGE_SAMPLES, edge_positions
 from ..geometry.polar import PolarGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
-from .afbp.aliasing_error import TONES, Coverage
+from .aliasing_error import TONES, Coverage
 from .echo_power import row_weights
 from .error_budget import remaining_db, total_db
 from .interpolators import Interpolator, coarsest_interpolator, finer_interpolator
 from .local_spectrum import TAPERS_NEEDED, used_share
-from .phase_history import RangeBand
 from .polar_to_map import CORRECTED_TAPS, DEGREE, LEAST_RANGES, TAPS, margin
-from .range_gate import RangeWindow
-from .range_resampling import Lattice, half_paths, plan_lattice, sample_paths
+from .profiles.phase_history import RangeBand
+from .profiles.range_gate import RangeWindow
+from .profiles.range_resampling import Lattice, half_paths, plan_lattice, sample_paths
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64

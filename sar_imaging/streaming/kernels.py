@@ -12,8 +12,8 @@ from ..backends.cpu.profiles import Profiles
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..planning.afbp.beams import plan_beams
-from ..planning.range_gate import RangeWindow
-from ..planning.range_resampling import plan_lattice, sample_paths
+from ..planning.profiles.range_gate import RangeWindow
+from ..planning.profiles.range_resampling import plan_lattice, sample_paths
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .fusion import LiveFusion

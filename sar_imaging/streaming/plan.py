@@ -18,7 +18,7 @@ from ..planning.interpolators import Interpolator
 from ..planning.local_spectrum import Bands, local_bands
 from ..planning.polar_cover import cover_for_fusion, map_coverage
 from ..planning.polar_to_map import CORRECTED_TAPS, margin
-from ..planning.profile_reach import reach_warning, some_pixels
+from ..planning.profiles.profile_reach import reach_warning, some_pixels
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 

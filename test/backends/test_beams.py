@@ -11,8 +11,8 @@ from sar_imaging.backends.cpu.beams.subaperture import BeamLines
 from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.planning.afbp.beams import plan_beams
-from sar_imaging.planning.range_gate import RangeWindow
-from sar_imaging.planning.range_resampling import plan_lattice, sample_paths
+from sar_imaging.planning.profiles.range_gate import RangeWindow
+from sar_imaging.planning.profiles.range_resampling import plan_lattice, sample_paths
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock
 
 _PADDING = 64  # samples; rows lie further apart than they would in practice

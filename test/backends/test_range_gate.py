@@ -6,8 +6,8 @@ import scipy.fft
 
 from sar_imaging.backends.cpu.profile_spectra import cut_profiles
 from sar_imaging.backends.cpu.profiles import Profiles
-from sar_imaging.planning.range_gate import RangeWindow
-from sar_imaging.planning.range_resampling import point_lattice
+from sar_imaging.planning.profiles.range_gate import RangeWindow
+from sar_imaging.planning.profiles.range_resampling import point_lattice
 from sar_imaging.signal import RadarParameters
 
 N, NEEDED = 4096, (1500.0, 2000.0)  # samples; half paths within the profile, metres

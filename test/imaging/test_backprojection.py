@@ -8,8 +8,8 @@ import pytest
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate
-from sar_imaging.planning import backprojection as plans
 from sar_imaging.planning.costs import DEFAULT, using
+from sar_imaging.planning.exact import backprojection as plans
 from sar_imaging.signal.spectra import band_spectrum
 
 

@@ -15,7 +15,7 @@ from sar_imaging.imaging.ffbp import FfbpImager
 from sar_imaging.imaging.verification import measure_error
 from sar_imaging.planning.echo_power import row_weights
 from sar_imaging.planning.interpolators import design_interpolator
-from sar_imaging.planning.range_gate import RangeWindow
+from sar_imaging.planning.profiles.range_gate import RangeWindow
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.signal.spectra import band_spectrum

@@ -5,7 +5,7 @@ import pytest
 
 from sar_imaging.planning import memory
 from sar_imaging.planning.afbp.aperture_cut import cut_pulses, pieces_between_gaps
-from sar_imaging.planning.range_gate import RangeWindow
+from sar_imaging.planning.profiles.range_gate import RangeWindow
 from sar_imaging.signal import RadarParameters
 
 

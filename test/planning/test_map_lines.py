@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry import MapGrid
-from sar_imaging.planning.map_lines import MapLines
+from sar_imaging.planning.exact.map_lines import MapLines
 
 
 @pytest.mark.parametrize(('look', 'axis', 'sign'), [

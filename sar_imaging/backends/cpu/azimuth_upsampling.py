@@ -8,7 +8,7 @@ import numpy as np
 
 from ...compilation import njit, numba
 from ...geometry.polar import PolarGrid
-from ...planning.azimuth_upsampling import DEGREE, TAPS, AngularParts
+from ...planning.exact.azimuth_upsampling import DEGREE, TAPS, AngularParts
 from .memory import aligned_empty
 
 _BATCH_BYTES = 24 << 20  # of parts that are merged together

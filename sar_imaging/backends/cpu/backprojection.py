@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 
 from ...geometry.grids import MapGrid
-from ...planning.azimuth_upsampling import DEGREE, TAPS, AngularParts
-from ...planning.backprojection import BackprojectionPlan, LinePlan, plan_backprojection
+from ...planning.exact.azimuth_upsampling import DEGREE, TAPS, AngularParts
+from ...planning.exact.backprojection import BackprojectionPlan, LinePlan, plan_backprojection
+from ...planning.exact.points import ImagePoints, PointPlan
+from ...planning.exact.polar_image import PolarPlan, plan_polar
 from ...planning.interpolators import design_interpolator
-from ...planning.points import ImagePoints, PointPlan
-from ...planning.polar_image import PolarPlan, plan_polar
 from ...signal.radar import RadarParameters
 from .azimuth_upsampling import AngularMerging
 from .lines import PolarLines, add_to_lines, line_middles, shared_phase

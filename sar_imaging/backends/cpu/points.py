@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...planning.points import ImagePoints, PointPlan
+from ...planning.exact.points import ImagePoints, PointPlan
 from . import point_kernels
 from .memory import WorkSpace
 from .profiles import Profiles

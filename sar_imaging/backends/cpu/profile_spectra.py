@@ -6,8 +6,8 @@ import numpy as np
 import scipy.fft
 
 from ...compilation import numba
-from ...planning.phase_history import RangeBand
-from ...planning.range_gate import RangeWindow, rise
+from ...planning.profiles.phase_history import RangeBand
+from ...planning.profiles.range_gate import RangeWindow, rise
 
 
 def spectra(source: RangeWindow | RangeBand, samples: np.ndarray, n_padded: int,

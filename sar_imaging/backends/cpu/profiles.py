@@ -9,9 +9,9 @@ import scipy.fft
 
 from ...compilation import njit, numba
 from ...planning.interpolators import TAPS
-from ...planning.phase_history import RangeBand
-from ...planning.range_gate import RangeWindow
-from ...planning.range_resampling import ROWS_PER_PASS, Lattice
+from ...planning.profiles.phase_history import RangeBand
+from ...planning.profiles.range_gate import RangeWindow
+from ...planning.profiles.range_resampling import ROWS_PER_PASS, Lattice
 from ...signal.radar import RadarParameters
 from .farrow import polynomial_planes
 from .memory import WorkSpace

@@ -14,7 +14,7 @@ from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
 from ..costs import costs
 from ..error_budget import total_db
 from ..interpolators import Interpolator, design_interpolator
-from ..range_resampling import Lattice, half_paths, sample_paths
+from ..profiles.range_resampling import Lattice, half_paths, sample_paths
 from .beam_gain import (
     BEAM_TAPS,
     DEGREE,

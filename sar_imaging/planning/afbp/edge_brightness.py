@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from .aliasing_error import EVERYTHING, Coverage, density_at
+from ..aliasing_error import EVERYTHING, Coverage, density_at
 from .polar_grids import FusionGrid
 
 _UNEVEN_DB = 1.0  # by which edges are brighter than an even scene's by chance

@@ -16,10 +16,10 @@ import numpy as np
 import scipy.fft
 
 from ...geometry.polar import PolarGrid
+from ..aliasing_error import EVERYTHING, Coverage, correction_error, mean_error, taper_shape
 from ..costs import costs
 from ..local_spectrum import SAMPLES_PER_SIDE, Bands, ranges_before, usual_guard
-from ..transform_length import quick_length, row_length
-from .aliasing_error import EVERYTHING, Coverage, correction_error, mean_error, taper_shape
+from ..profiles.transform_length import quick_length, row_length
 from .aperture_cut import cut_pulses, pieces_between_gaps
 from .subaperture_cost import FirstStage
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
-from ..range_resampling import Lattice
+from ..profiles.range_resampling import Lattice
 from .beams import BeamSampling, least_cost, plan_beams
 
 _CUTS_FOR_BEAMS = 5  # sub-apertures whose geometry is looked at

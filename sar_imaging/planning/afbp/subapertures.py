@@ -15,12 +15,12 @@ import numpy as np
 
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
+from ..aliasing_error import EVERYTHING, Coverage
 from ..error_budget import remaining_db, total_db
 from ..local_spectrum import TAPERS_NEEDED, Bands, local_bands, used_share
-from ..phase_history import RangeBand
-from ..range_gate import RangeWindow
-from ..range_resampling import Lattice, half_paths, plan_lattice, sample_paths
-from .aliasing_error import EVERYTHING, Coverage
+from ..profiles.phase_history import RangeBand
+from ..profiles.range_gate import RangeWindow
+from ..profiles.range_resampling import Lattice, half_paths, plan_lattice, sample_paths
 from .beams import BeamSampling
 from .polar_grids import FusionGrid
 from .sampling import Sampling, choose_sampling, fusion_error

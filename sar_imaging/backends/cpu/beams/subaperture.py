@@ -20,9 +20,9 @@ from ....geometry.polar import PolarGrid
 from ....planning.afbp.beam_gain import DEGREE, bins_per_run
 from ....planning.afbp.beam_geometry import grid_edges
 from ....planning.afbp.beams import OUTSIDE, BeamSampling
-from ....planning.phase_history import RangeBand
-from ....planning.range_gate import RangeWindow
-from ....planning.range_resampling import Lattice
+from ....planning.profiles.phase_history import RangeBand
+from ....planning.profiles.range_gate import RangeWindow
+from ....planning.profiles.range_resampling import Lattice
 from ..fft.rows import transform_rows
 from ..memory import WorkSpace
 from ..profile_spectra import spectra

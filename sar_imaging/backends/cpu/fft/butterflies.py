@@ -16,7 +16,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from ....planning.transform_length import RADICES, VECTOR
+from ....planning.profiles.transform_length import RADICES, VECTOR
 
 LANES = VECTOR  # transformed together: one vector of float32
 SAMPLE_BYTES, VECTOR_BYTES = 8, 64

@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from ....planning.afbp.aliasing_error import edge_taper
 from ....planning.afbp.polar_grids import FusionGrid
+from ....planning.aliasing_error import edge_taper
 from ....planning.local_spectrum import taper_band
 from ..fft.columns import LANES, rows_to_transform, transform_columns
 from ..memory import aligned_empty, aligned_zeros

@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
-from ..signal.windows import window as window_weights
+from ...signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from ...signal.windows import window as window_weights
 
 
 class RangeBand:

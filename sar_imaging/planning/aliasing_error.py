@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from ..interpolators import Interpolator, design_interpolator
+from .interpolators import Interpolator, design_interpolator
 
 _STEPS_PER_BIN = 4
 _FINER = 2  # samples of the taper in a cell: its spectrum is wanted beyond the cells' own

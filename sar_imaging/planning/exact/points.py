@@ -8,11 +8,11 @@ import math
 
 import numpy as np
 
-from ..geometry.grids import MapGrid
-from ..signal.radar import RadarParameters
-from .error_budget import total_db
-from .range_gate import RangeWindow
-from .range_resampling import Lattice, half_paths, point_lattice
+from ...geometry.grids import MapGrid
+from ...signal.radar import RadarParameters
+from ..error_budget import total_db
+from ..profiles.range_gate import RangeWindow
+from ..profiles.range_resampling import Lattice, half_paths, point_lattice
 
 _ROUNDING_SHARE_DB = 6.0  # rounding inside tiles stays so far below the target
 # Rms error of a path in float32 over the radius of its tile; 1.4e-8 to 1.7e-8 were measured

@@ -11,15 +11,15 @@ import dataclasses
 
 import numpy as np
 
-from ..geometry.grids import MapGrid
-from ..signal.radar import RadarParameters
-from .costs import costs
-from .error_budget import total_db
+from ...geometry.grids import MapGrid
+from ...signal.radar import RadarParameters
+from ..costs import costs
+from ..error_budget import total_db
+from ..profiles.range_gate import RangeWindow
+from ..profiles.range_resampling import Lattice, plan_lattice, point_lattice
 from .map_lines import MapLines
 from .points import ImagePoints, PointPlan, plan_points
 from .polar_image import PolarPlan, plan_polar
-from .range_gate import RangeWindow
-from .range_resampling import Lattice, plan_lattice, point_lattice
 
 
 @dataclasses.dataclass(frozen=True)

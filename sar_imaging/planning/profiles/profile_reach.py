@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry.grids import MapGrid
-from ..geometry.polar import PolarGrid
-from ..signal.radar import RadarParameters
+from ...geometry.grids import MapGrid
+from ...geometry.polar import PolarGrid
+from ...signal.radar import RadarParameters
 from .range_resampling import half_paths
 
 _PIXELS_PER_SIDE, _ROWS = 24, 65  # at which ranges are looked at

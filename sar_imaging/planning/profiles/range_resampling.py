@@ -13,10 +13,10 @@ import math
 
 import numpy as np
 
-from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
-from .costs import costs
-from .error_budget import total_db
-from .interpolators import LEAST_MARGIN, LINE_DEGREE, Interpolator, design_interpolator
+from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
+from ..costs import costs
+from ..error_budget import total_db
+from ..interpolators import LEAST_MARGIN, LINE_DEGREE, Interpolator, design_interpolator
 from .transform_length import cost_per_sample, smooth_lengths
 
 ROWS_PER_PASS = 32  # rows that share the reference for the phase along a segment

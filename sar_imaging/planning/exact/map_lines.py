@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry.grids import MapGrid
-from .range_resampling import sample_paths
+from ...geometry.grids import MapGrid
+from ..profiles.range_resampling import sample_paths
 
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 

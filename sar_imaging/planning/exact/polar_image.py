@@ -10,16 +10,16 @@ import dataclasses
 
 import numpy as np
 
-from ..geometry.grids import MapGrid
-from ..geometry.polar import PolarGrid
-from ..signal.radar import RadarParameters
+from ...geometry.grids import MapGrid
+from ...geometry.polar import PolarGrid
+from ...signal.radar import RadarParameters
+from ..costs import costs
+from ..error_budget import total_db
+from ..interpolators import Interpolator
+from ..polar_cover import cover_map
+from ..profiles.range_gate import RangeWindow
+from ..profiles.range_resampling import Lattice, lattice_error_db, plan_lattice, sample_paths
 from .azimuth_upsampling import AngularParts, plan_parts
-from .costs import costs
-from .error_budget import total_db
-from .interpolators import Interpolator
-from .polar_cover import cover_map
-from .range_gate import RangeWindow
-from .range_resampling import Lattice, lattice_error_db, plan_lattice, sample_paths
 
 _SAMPLES_PER_SIDE = 5  # positions at which the geometry is bounded
 

@@ -13,9 +13,9 @@ import math
 
 import numpy as np
 
-from ..geometry.polar import PolarGrid
-from .costs import costs
-from .interpolators import Interpolator, coarsest_interpolator, finer_interpolator
+from ...geometry.polar import PolarGrid
+from ..costs import costs
+from ..interpolators import Interpolator, coarsest_interpolator, finer_interpolator
 
 TAPS, DEGREE = 10, 5
 _LEAST_ROWS = 4  # in a part
