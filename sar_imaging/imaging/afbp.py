@@ -18,14 +18,10 @@ from ..backends.cpu.subapertures import SubapertureImager
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..planning.afbp.edge_brightness import EdgeBrightness
-from ..planning.afbp.subapertures import plan_subapertures
-from ..planning.aliasing_error import EVERYTHING
-from ..planning.error_budget import total_db
-from ..planning.polar_cover import cover_for_fusion, map_coverage
-from ..planning.profiles.phase_history import RangeBand
-from ..planning.profiles.profile_reach import reach_warning, some_pixels
+from ..planning.afbp.plan import plan_afbp
+from ..planning.memory import check_memory
 from ..signal.pulses import PulseBlock
-from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from ..signal.radar import RadarParameters
 
 _UNEVEN_DB = 3.0  # by which edges may be brighter without a word
 _logger = logging.getLogger(__name__)
@@ -45,7 +41,7 @@ class AfbpImager:
     tx_m, rx_m : (P, C, 3) array_like
         Phase centres of the whole aperture, metres; multichannel paths are exact.
     target_db : float
-        Wanted error against exact backprojection, dB.
+        Wanted error against time-domain correlation, dB.
     pulses_per_subaperture : int, optional
         Length of the sub-apertures; the quickest if left out.
     compressed : bool
@@ -62,14 +58,16 @@ class AfbpImager:
 
     Attributes
     ----------
+    plan : AfbpPlan
+        What is computed, with which error by cause, time and memory.
     subapertures : SubaperturePlan
-        Plan of the first stage.
+        Its first stage.
     stage : SubapertureImager
-        First stage.
+        Forms the images of the sub-apertures.
     fusion : SpectrumFusion
-        Second stage.
+        Joins their spectra.
     predicted_error_db : float
-        Predicted error against exact backprojection, dB, of a scene that is evenly bright; once
+        Predicted error against time-domain correlation, dB, of a scene that is evenly bright; once
         an image was formed whose edges were much brighter, of that image.
     warnings : tuple of str
         What may make the image worse than wanted, or ambiguous.
@@ -78,6 +76,8 @@ class AfbpImager:
     ------
     ValueError
         The geometry does not allow the target, with the reason; `Backprojector` images any.
+    MemoryError
+        The image does not fit into the memory that is available.
 
     Notes
     -----
@@ -95,45 +95,23 @@ class AfbpImager:
                  rx_m, *, target_db: float = -50.0, pulses_per_subaperture: int | None = None,
                  compressed: bool = True, weighting: str = 'none', pulse_weights=None,
                  progress: bool = False):
-        if not -90.0 <= target_db <= -20.0:
-            raise ValueError(f'target_db={target_db}; expected -90 to -20 dB')
-        tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
-        if tx_m.shape != rx_m.shape or tx_m.ndim != 3 or tx_m.shape[-1] != 3 or not tx_m.size:
-            raise ValueError(f'tx_m.shape={tx_m.shape}, rx_m.shape={rx_m.shape}; expected '
-                             '(pulses, channels, 3) for both')
-        self.grid, self._progress, self._cover = grid, progress, None
-        self._pulse_weights = _checked_weights(pulse_weights, len(tx_m))
-        polar, oversampling, ratio, coverage = grid, (1.0, 1.0), (1, 1), EVERYTHING
-        if compressed and weighting != 'none':
-            raise ValueError(f'weighting={weighting!r} is for phase histories (compressed=False); '
-                             'profiles are weighted by range compression')
-        band = None if compressed else RangeBand(radar, n_samples, weighting)
-        self._periodic = band is not None
-        if isinstance(grid, MapGrid):
-            self._cover, target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples,
-                                                      target_db, band)
-            polar, oversampling = self._cover.polar, self._cover.oversampling
-            ratio = self._cover.ratio
-            coverage = map_coverage(polar, grid, self._cover)
-        self.subapertures = plan_subapertures(
-            polar, radar, n_samples, tx_m, rx_m, target_db=target_db,
-            pulses_per_subaperture=pulses_per_subaperture, oversampling=oversampling,
-            ratio=ratio, coverage=coverage, band=band)
-        self.stage = SubapertureImager(self.subapertures)
-        self.fusion = SpectrumFusion(self.subapertures.fusion_grid)
-        self.predicted_error_db = self.subapertures.predicted_error_db
-        if self._cover is not None:
-            self.predicted_error_db = total_db(self.predicted_error_db, self._cover.resampling_db,
-                                               self._cover.profile_db)
-        self._even_db = self.predicted_error_db
-        self.warnings = self._plan_warnings = (
-            *self.subapertures.warnings, *self._reach_warnings(tx_m, rx_m),
-            *_sampling_warnings(polar, radar, tx_m, rx_m))
+        plan = self.plan = plan_afbp(
+            grid, radar, n_samples, tx_m, rx_m, target_db=target_db,
+            pulses_per_subaperture=pulses_per_subaperture, compressed=compressed,
+            weighting=weighting)
+        self.grid, self._progress = grid, progress
+        self._pulse_weights = _checked_weights(pulse_weights, len(plan.tx_m))
+        check_memory(plan.n_bytes, f'an image by AFBP of {_size(grid)} pixels',
+                     'choose a smaller grid, a larger pixel spacing or a shorter aperture')
+        self.subapertures = plan.subapertures
+        self.stage = SubapertureImager(plan.subapertures)
+        self.fusion = SpectrumFusion(plan.subapertures.fusion_grid)
+        self.predicted_error_db, self.warnings = plan.predicted_error_db, plan.warnings
         for warning in self.warnings:
             _logger.warning(warning)
 
     def __str__(self) -> str:
-        return '\n'.join([f'AFBP: {self.subapertures}', *self.warnings])
+        return str(self.plan)
 
     def __call__(self, block: PulseBlock) -> np.ndarray:
         """Image of the aperture.
@@ -172,21 +150,13 @@ class AfbpImager:
 
     def _judge_edges(self, uneven_db: float) -> None:
         """Predictions are for scenes that are as bright beyond their edges as within."""
-        self.predicted_error_db, self.warnings = self._even_db, self._plan_warnings
-        self.predicted_error_db += uneven_db
+        self.predicted_error_db = self.plan.predicted_error_db + uneven_db
+        self.warnings = self.plan.warnings
         if uneven_db > _UNEVEN_DB:
             warning = (f'what lies right beyond the edges is {uneven_db:.1f} dB brighter than the '
                        'image, and so may be its error: image a larger grid')
             self.warnings = (*self.warnings, warning)
             _logger.warning(warning)
-
-    def _reach_warnings(self, tx_m, rx_m) -> list[str]:
-        """Of profiles; phase histories repeat."""
-        plan = self.subapertures
-        warning = None if self._periodic else reach_warning(
-            some_pixels(self.grid), tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), plan.radar,
-            plan.n_samples)
-        return [] if warning is None else [warning]
 
     def form(self, polar_image: np.ndarray, *, overwrite: bool = False) -> np.ndarray:
         """Image on the grid from the fused polar image at range baseband.
@@ -204,7 +174,7 @@ class AfbpImager:
         """
         plan = self.subapertures
         wavelength = plan.radar.wavelength_m
-        if self._cover is None:
+        if isinstance(self.grid, PolarGrid):
             cycles = np.fmod(2 * (plan.polar.range_m - plan.polar.range_start_m) / wavelength, 1.0)
             if not np.iscomplexobj(polar_image):
                 polar_image = polar_image[0] + np.complex64(1j) * polar_image[1]
@@ -222,14 +192,6 @@ def _checked_weights(weights, n_pulses: int) -> np.ndarray | None:
     return weights
 
 
-def _sampling_warnings(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m):
-    """Ambiguities that the pulses themselves cause, in any imager."""
-    if len(tx_m) < 3:
-        return
-    middles = 0.5 * (tx_m + rx_m).mean(axis=1)
-    step = float(np.median(np.linalg.norm(np.diff(middles, axis=0), axis=1)))
-    width = polar.n_alpha * polar.alpha_spacing
-    shortest = SPEED_OF_LIGHT / (radar.carrier_hz + radar.bandwidth_hz / 2)
-    if 2 * step * width > shortest:
-        yield (f'pulses are {step:.3g} m apart; scatterers within the scene, {width:.3g} wide in '
-               f'direction cosine, are ambiguous beyond {shortest / (2 * width):.3g} m')
+def _size(grid: MapGrid | PolarGrid) -> str:
+    n, m = ((grid.n_x, grid.n_y) if isinstance(grid, MapGrid) else (grid.n_range, grid.n_alpha))
+    return f'{n} x {m}'

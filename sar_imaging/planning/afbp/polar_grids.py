@@ -6,9 +6,12 @@ import dataclasses
 import functools
 import math
 
+import numpy as np
+
 from ...geometry.polar import PolarGrid
 from ...signal.radar import SPEED_OF_LIGHT
 from ..interpolators import Interpolator, design_interpolator
+from ..local_spectrum import taper_band
 from ..polar_to_map import CORRECTED_TAPS, DEGREE
 
 _MAX_PIXELS = 2 ** 31  # of each grid; far beyond any memory, and safe to multiply
@@ -144,6 +147,14 @@ class FusionGrid:
     def range_guard(self) -> int:
         """Whole coarse ranges of each guard."""
         return self.fine_range_guard * self.n_coarse_range // self.n_fine_range
+
+    @functools.cached_property
+    def range_wavenumbers(self) -> np.ndarray:
+        """(B,) float64 two-way range wavenumbers of the fused spectrum, ascending, rad/m."""
+        step = 2 * math.pi / self.range_extent_m
+        band = self.half_range + taper_band(self.range_guard * self.coarse.range_spacing_m)
+        most = min(math.ceil(band / step), (self.n_coarse_range - 1) // 2)
+        return self.wavenumber_rad_per_m + np.arange(-most, most + 1) * step
 
     @property
     def wavelength_m(self) -> float:

@@ -14,7 +14,6 @@ import numpy as np
 
 from ....planning.afbp.polar_grids import FusionGrid
 from ....planning.aliasing_error import edge_taper
-from ....planning.local_spectrum import taper_band
 from ..fft.columns import LANES, rows_to_transform, transform_columns
 from ..memory import aligned_empty, aligned_zeros
 from .bands import Band, add_band, add_transformed, clear_band
@@ -46,12 +45,9 @@ class SpectrumFusion:
 
     def __init__(self, grid: FusionGrid, *, keep: bool = False):
         self.grid, self._keep = grid, keep
-        coarse = grid.coarse
         n_coarse, n_fine = grid.n_coarse_range, grid.n_fine_range
-        step = 2 * math.pi / grid.range_extent_m
-        band = grid.half_range + taper_band(grid.range_guard * coarse.range_spacing_m)
-        most = min(math.ceil(band / step), (n_coarse - 1) // 2)
-        self._wavenumber = grid.wavenumber_rad_per_m + np.arange(-most, most + 1) * step
+        self._wavenumber = grid.range_wavenumbers
+        most = len(self._wavenumber) // 2
         # Turned by this along range, images have the lowest wavenumber at zero.
         turn = np.exp(2j * np.pi * (most * np.arange(n_coarse) % n_coarse) / n_coarse)
         self._taper = (edge_taper(grid.n_coarse, grid.n_guard, grid.beta).astype(np.float32),

@@ -1,0 +1,167 @@
+"""Plan of an image of one aperture by accelerated fast backprojection, Zhang et al. 2014."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from ...geometry.grids import MapGrid
+from ...geometry.polar import PolarGrid
+from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
+from ..costs import costs
+from ..error_budget import total_db
+from ..profiles.phase_history import RangeBand
+from ..polar_cover import cover_for_fusion, map_coverage
+from ..profiles.profile_reach import reach_warning, some_pixels
+from ..aliasing_error import EVERYTHING
+from .subapertures import SubaperturePlan, plan_subapertures
+
+_SAMPLE_BYTES = 8  # complex64
+_LEAST_DB, _MOST_DB = -90.0, -20.0  # targets
+
+
+@dataclasses.dataclass(frozen=True)
+class AfbpPlan:
+    """How the image of an aperture is formed by AFBP.
+
+    Attributes
+    ----------
+    grid : MapGrid or PolarGrid
+        Where the pixels are.
+    tx_m, rx_m : (P, C, 3) float64
+        Phase centres that it is for, metres.
+    subapertures : SubaperturePlan
+        Cut of the aperture, images of its parts and grids of their fusion.
+    errors_db : mapping of str to float
+        Predicted error against time-domain correlation by cause, dB, of a scene that is evenly
+        bright.
+    seconds : float
+        Predicted time on one thread.
+    n_bytes : int
+        Memory that forming the image takes, bytes.
+    warnings : tuple of str
+        What may make the image worse than wanted, or ambiguous.
+    """
+
+    grid: MapGrid | PolarGrid
+    tx_m: np.ndarray
+    rx_m: np.ndarray
+    subapertures: SubaperturePlan
+    errors_db: Mapping[str, float]
+    seconds: float
+    n_bytes: int
+    warnings: tuple[str, ...]
+
+    @property
+    def predicted_error_db(self) -> float:
+        """Predicted error against time-domain correlation, dB."""
+        return total_db(*self.errors_db.values())
+
+    def is_for(self, tx_m, rx_m) -> bool:
+        """Whether it was made for these phase centres."""
+        return np.array_equal(tx_m, self.tx_m) and np.array_equal(rx_m, self.rx_m)
+
+    def __str__(self) -> str:
+        return '\n'.join([f'AFBP: {self.subapertures}', *self.warnings])
+
+
+def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
+              target_db: float = -50.0, pulses_per_subaperture: int | None = None,
+              compressed: bool = True, weighting: str = 'none') -> AfbpPlan:
+    """Plan the image of an aperture.
+
+    Parameters
+    ----------
+    grid : MapGrid or PolarGrid
+        Where the pixels are. The origin of a polar grid should lie in the middle of the aperture.
+    radar : RadarParameters
+        Of the compressed profiles, or of the phase histories.
+    n_samples : int
+        Samples of a profile, or frequencies of a pulse.
+    tx_m, rx_m : (P, C, 3) array_like
+        Phase centres of the whole aperture, metres; multichannel paths are exact.
+    target_db : float
+        Wanted error against time-domain correlation, dB.
+    pulses_per_subaperture : int, optional
+        Length of the sub-apertures; the quickest if left out.
+    compressed : bool
+        False for stepped-frequency phase histories as they come.
+    weighting : str
+        Spectral weighting of phase histories, see `sar_imaging.signal.windows`.
+
+    Returns
+    -------
+    AfbpPlan
+
+    Raises
+    ------
+    ValueError
+        The geometry does not allow the target, with the reason; `Backprojector` images any.
+    """
+    tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
+    _check(grid, target_db, tx_m, rx_m, compressed, weighting)
+    band = None if compressed else RangeBand(radar, n_samples, weighting)
+    polar, cover, options = grid, None, {'coverage': EVERYTHING}
+    if isinstance(grid, MapGrid):
+        cover, target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples, target_db, band)
+        polar = cover.polar
+        options = {'oversampling': cover.oversampling, 'ratio': cover.ratio,
+                   'coverage': map_coverage(polar, grid, cover)}
+    plan = plan_subapertures(polar, radar, n_samples, tx_m, rx_m, target_db=target_db,
+                             pulses_per_subaperture=pulses_per_subaperture, band=band, **options)
+    errors = {'sub-aperture images': plan.stage_error_db, 'fusion': plan.sampling.error_db}
+    if cover is not None:
+        errors |= {'polar to map': cover.resampling_db, 'ends of profiles': cover.profile_db}
+    warnings = (*plan.warnings, *_reach_warnings(grid, plan, tx_m, rx_m),
+                *_sampling_warnings(polar, plan.radar, tx_m, rx_m))
+    return AfbpPlan(grid, tx_m.copy(), rx_m.copy(), plan, errors, _seconds(grid, plan),
+                    _n_bytes(grid, plan), warnings)
+
+
+def _check(grid, target_db, tx_m, rx_m, compressed, weighting) -> None:
+    if not isinstance(grid, MapGrid | PolarGrid):
+        raise ValueError(f'grid is a {type(grid).__name__}; AFBP images a MapGrid or a PolarGrid: '
+                         'use Backprojector')
+    if not _LEAST_DB <= target_db <= _MOST_DB:
+        raise ValueError(f'target_db={target_db}; expected {_LEAST_DB:g} to {_MOST_DB:g} dB')
+    if tx_m.shape != rx_m.shape or tx_m.ndim != 3 or tx_m.shape[-1] != 3 or not tx_m.size:
+        raise ValueError(f'tx_m.shape={tx_m.shape}, rx_m.shape={rx_m.shape}; expected '
+                         '(pulses, channels, 3) for both')
+    if compressed and weighting != 'none':
+        raise ValueError(f'weighting={weighting!r} is for phase histories (compressed=False); '
+                         'profiles are weighted by range compression')
+
+
+def _seconds(grid, plan: SubaperturePlan) -> float:
+    pixels = grid.n_x * grid.n_y if isinstance(grid, MapGrid) else 0
+    return 1e-9 * (plan.sampling.cost + costs().map_pixel * pixels)
+
+
+def _n_bytes(grid, plan: SubaperturePlan) -> int:
+    """Fused spectrum, two sub-aperture images, and the image: a map may take the spectrum's."""
+    fused, coarse = plan.fusion_grid, plan.coarse
+    spectrum = fused.n_fine * len(fused.range_wavenumbers)
+    pixels = grid.n_x * grid.n_y if isinstance(grid, MapGrid) else grid.n_alpha * grid.n_range
+    return _SAMPLE_BYTES * (spectrum + 2 * coarse.n_alpha * coarse.n_range + pixels)
+
+
+def _reach_warnings(grid, plan: SubaperturePlan, tx_m, rx_m) -> list[str]:
+    """Of profiles; phase histories repeat."""
+    warning = None if not plan.compressed else reach_warning(
+        some_pixels(grid), tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), plan.radar, plan.n_samples)
+    return [] if warning is None else [warning]
+
+
+def _sampling_warnings(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m) -> Iterator[str]:
+    """Ambiguities that the pulses themselves cause, in any imager."""
+    if len(tx_m) < 3:
+        return
+    middles = 0.5 * (tx_m + rx_m).mean(axis=1)
+    step = float(np.median(np.linalg.norm(np.diff(middles, axis=0), axis=1)))
+    width = polar.n_alpha * polar.alpha_spacing
+    shortest = SPEED_OF_LIGHT / (radar.carrier_hz + radar.bandwidth_hz / 2)
+    if 2 * step * width > shortest:
+        yield (f'pulses are {step:.3g} m apart; scatterers within the scene, {width:.3g} wide in '
+               f'direction cosine, are ambiguous beyond {shortest / (2 * width):.3g} m')
