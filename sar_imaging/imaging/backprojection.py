@@ -21,18 +21,13 @@ import numpy as np
 from ..backends.cpu.backprojection import Backprojection
 from ..backends.cpu.memory import WorkSpace
 from ..geometry import MapGrid
-from ..planning.exact.backprojection import plan_backprojection
+from ..planning.exact.backprojection import LEAST_TARGET_DB, plan_backprojection
 from ..planning.exact.points import ImagePoints
 from ..planning.memory import check_memory
-from ..planning.profiles.profile_reach import reach_warning, some_pixels
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
 
 _logger = logging.getLogger(__name__)
-# Predictions are for scenes that are evenly bright. Of some dozen scatterers, images are by chance
-# darker than their pulses.
-_CHANCE_DB = 0.5
-_LEAST_TARGET_DB = -100.0  # that float32 reaches
 
 
 class Backprojector:
@@ -99,12 +94,11 @@ class Backprojector:
                 f'profiles sampled at {radar.sample_rate_hz:g} Hz for a bandwidth of '
                 f'{radar.bandwidth_hz:g} Hz; sample them at 1.25 times the bandwidth or more '
                 '(parameter oversampling of the range compression)')
-        if not _LEAST_TARGET_DB <= target_db <= -20.0:
+        if not LEAST_TARGET_DB <= target_db <= -20.0:
             raise ValueError(f'target_db={target_db}; expected -100 to -20 dB, float32 '
                              'arithmetic reaches -100 dB')
         self.radar, self.n_samples = radar, int(n_samples)
         self.target_db = float(target_db)
-        self._plan_db = max(self.target_db - _CHANCE_DB, _LEAST_TARGET_DB)
         self.per_channel, self.midpoint = per_channel, midpoint
         self._weights = None if weights is None else _checked_weights(weights)
         self.grid = grid if isinstance(grid, MapGrid) else None
@@ -204,18 +198,17 @@ class Backprojector:
     def _add_rows(self, channel, samples, tx_m, rx_m, image):
         backprojection = self._planned_for(channel, tx_m, rx_m)
         plan = backprojection.plan
-        self._check_reach(plan.range_m, tx_m, rx_m)
         self.method = plan.method
+        self.warnings = plan.warnings or self.warnings  # of the latest block that has one
         backprojection.add(samples, tx_m, rx_m, image)
-        self.predicted_error_db = max(self.predicted_error_db,
-                                      plan.predicted_error_db + _CHANCE_DB)
+        self.predicted_error_db = max(self.predicted_error_db, plan.predicted_error_db)
 
     def _planned_for(self, channel, tx_m, rx_m) -> Backprojection:
         """By the plan of these phase centres; the latest is kept for those that come again."""
         latest = self._latest.get(channel)
         if latest is None or not latest.plan.is_for(tx_m, rx_m):
             latest = self._latest[channel] = Backprojection(plan_backprojection(
-                self._pixels, self.radar, self.n_samples, tx_m, rx_m, self._plan_db),
+                self._pixels, self.radar, self.n_samples, tx_m, rx_m, self.target_db),
                 self._memory)
         return latest
 
@@ -237,21 +230,6 @@ class Backprojector:
         if image.shape != shape or image.dtype != np.complex64 or not image.flags.c_contiguous:
             raise ValueError(f'image is {image.dtype} {image.shape}; expected complex64 {shape}, '
                              'contiguous in C order')
-
-    def _check_reach(self, range_m, tx_m, rx_m):
-        start = self.radar.range_start_m
-        stop = start + (self.n_samples - 1) * self.radar.sample_spacing_m
-        if range_m[1] < start or range_m[0] > stop:
-            raise ValueError(
-                f'the grid lies {range_m[0]:.1f} to {range_m[1]:.1f} m from the antenna, the '
-                f'profiles cover {start:.1f} to {stop:.1f} m; move the grid or the range window')
-        if start <= range_m[0] and range_m[1] <= stop:
-            return
-        pixels = (self._pixels.some() if isinstance(self._pixels, ImagePoints)
-                  else some_pixels(self._pixels))
-        warning = reach_warning(pixels, tx_m, rx_m, self.radar, self.n_samples)
-        if warning is not None:
-            self.warnings = (warning,)  # of the latest block that has one
 
 
 def _as_rows(samples, tx_m, rx_m):

@@ -10,20 +10,20 @@ import numpy as np
 from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
-from ..costs import costs
-from ..error_budget import total_db
-from ..profiles.phase_history import RangeBand
-from ..polar_cover import cover_for_fusion, map_coverage
-from ..profiles.profile_reach import reach_warning, some_pixels
 from ..aliasing_error import EVERYTHING
+from ..costs import costs
+from ..plan import Plan
+from ..polar_cover import cover_for_fusion, map_coverage
+from ..profiles.phase_history import RangeBand
+from ..profiles.profile_reach import reach_warning, some_pixels
 from .subapertures import SubaperturePlan, plan_subapertures
 
 _SAMPLE_BYTES = 8  # complex64
 _LEAST_DB, _MOST_DB = -90.0, -20.0  # targets
 
 
-@dataclasses.dataclass(frozen=True)
-class AfbpPlan:
+@dataclasses.dataclass(frozen=True, eq=False)
+class AfbpPlan(Plan):
     """How the image of an aperture is formed by AFBP.
 
     Attributes
@@ -53,11 +53,6 @@ class AfbpPlan:
     seconds: float
     n_bytes: int
     warnings: tuple[str, ...]
-
-    @property
-    def predicted_error_db(self) -> float:
-        """Predicted error against time-domain correlation, dB."""
-        return total_db(*self.errors_db.values())
 
     def is_for(self, tx_m, rx_m) -> bool:
         """Whether it was made for these phase centres."""

@@ -8,22 +8,31 @@ the antenna, for terrain and for positions that form no grid.
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from ...geometry.grids import MapGrid
 from ...signal.radar import RadarParameters
 from ..costs import costs
-from ..error_budget import total_db
+from ..plan import Plan
+from ..profiles.profile_reach import reach_warning, some_pixels
 from ..profiles.range_gate import RangeWindow
 from ..profiles.range_resampling import Lattice, plan_lattice, point_lattice
 from .map_lines import MapLines
 from .points import ImagePoints, PointPlan, plan_points
 from .polar_image import PolarPlan, plan_polar
 
+# Predictions are for scenes that are evenly bright. Of some dozen scatterers, images are by chance
+# darker than their pulses.
+_CHANCE_DB = 0.5
+LEAST_TARGET_DB = -100.0  # that float32 reaches
+_SAMPLE_BYTES = 8  # complex64
 
-@dataclasses.dataclass(frozen=True)
-class LinePlan:
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class LinePlan(Plan):
     """How rows are added to the lines of a map.
 
     Attributes
@@ -34,18 +43,21 @@ class LinePlan:
         Part of the profiles that is needed.
     lattice : Lattice
         How it is resampled.
-    predicted_error_db : float
-        Predicted error against time-domain correlation, dB.
+    errors_db : mapping of str to float
+        Predicted error against time-domain correlation by cause, dB.
+    cost : float
+        Nanoseconds per pixel.
     """
 
     lines: MapLines
     window: RangeWindow
     lattice: Lattice
-    predicted_error_db: float
+    errors_db: Mapping[str, float]
+    cost: float
 
 
-@dataclasses.dataclass(frozen=True)
-class BackprojectionPlan:
+@dataclasses.dataclass(frozen=True, eq=False)
+class BackprojectionPlan(Plan):
     """How pulses from some phase centres are added to an image.
 
     Attributes
@@ -60,6 +72,8 @@ class BackprojectionPlan:
         Bounds of the half path to the pixels, metres.
     way : PolarPlan, LinePlan or PointPlan
         The quickest of the three.
+    warnings : tuple of str
+        What makes the image worse than wanted.
     """
 
     grid: MapGrid | ImagePoints
@@ -68,6 +82,7 @@ class BackprojectionPlan:
     rx_m: np.ndarray
     range_m: tuple[float, float]
     way: PolarPlan | LinePlan | PointPlan
+    warnings: tuple[str, ...]
 
     @property
     def method(self) -> str:
@@ -75,9 +90,21 @@ class BackprojectionPlan:
         return {PolarPlan: 'polar', LinePlan: 'lines', PointPlan: 'points'}[type(self.way)]
 
     @property
-    def predicted_error_db(self) -> float:
-        """Predicted error against time-domain correlation, dB."""
-        return self.way.predicted_error_db
+    def errors_db(self) -> Mapping[str, float]:
+        """Predicted error against time-domain correlation by cause, dB."""
+        own = self.way.predicted_error_db
+        return {**self.way.errors_db, 'chance': own + 10 * math.log10(10 ** (_CHANCE_DB / 10) - 1)}
+
+    @property
+    def seconds(self) -> float:
+        """Predicted time on one thread."""
+        return 1e-9 * self.way.cost * math.prod(self.grid.shape)
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory that adding the rows takes besides the image, bytes."""
+        polar = getattr(self.way, 'polar', None)
+        return _SAMPLE_BYTES * polar.n_alpha * polar.n_range if polar else 0
 
     def is_for(self, tx_m, rx_m) -> bool:
         """Whether it was made for these phase centres."""
@@ -100,13 +127,24 @@ def plan_backprojection(grid: MapGrid | ImagePoints, radar: RadarParameters, n_s
         Phase centres, metres.
     target_db : float
         Wanted error against time-domain correlation, dB.
+
+    Returns
+    -------
+    BackprojectionPlan
+
+    Raises
+    ------
+    ValueError
+        None of the profiles reaches the pixels.
     """
+    target_db = max(target_db - _CHANCE_DB, LEAST_TARGET_DB)
     if isinstance(grid, ImagePoints):
         range_m = grid.bounds(tx_m, rx_m)
         way = plan_points(grid, radar, n_samples, tx_m, rx_m, range_m, target_db)
     else:
         range_m, way = _way_to_map(grid, radar, n_samples, tx_m, rx_m, target_db)
-    return BackprojectionPlan(grid, radar, tx_m.copy(), rx_m.copy(), range_m, way)
+    return BackprojectionPlan(grid, radar, tx_m.copy(), rx_m.copy(), range_m, way,
+                              _reach_warnings(grid, radar, n_samples, tx_m, rx_m, range_m))
 
 
 def _way_to_map(grid, radar, n_samples, tx_m, rx_m, target_db):
@@ -117,8 +155,9 @@ def _way_to_map(grid, radar, n_samples, tx_m, rx_m, target_db):
     cost, way = point_lattice(radar, n_samples, target_db).cost * len(tx_m), None
     if lattice is not None and lattice.cost * len(tx_m) < cost:
         cost = lattice.cost * len(tx_m)
-        way = LinePlan(lines, window, lattice, total_db(
-            lattice.predicted_error_db, window.mean_end_error_db(lines.paths.length)))
+        way = LinePlan(lines, window, lattice, {
+            'range profiles': lattice.predicted_error_db,
+            'ends of profiles': window.mean_end_error_db(lines.paths.length)}, cost)
     if cost > costs().map_pixel:  # for fewer pulses a polar image cannot pay
         polar = plan_polar(grid, tx_m, rx_m, radar, n_samples, target_db)
         if polar is not None and polar.cost < cost:
@@ -127,3 +166,25 @@ def _way_to_map(grid, radar, n_samples, tx_m, rx_m, target_db):
         way = plan_points(ImagePoints.of_map(grid), radar, n_samples, tx_m, rx_m, lines.range_m,
                           target_db)
     return lines.range_m, way
+
+
+def _reach_warnings(grid, radar: RadarParameters, n_samples: int, tx_m, rx_m,
+                    range_m) -> tuple[str, ...]:
+    """What profiles lack of the image.
+
+    Raises
+    ------
+    ValueError
+        Everything.
+    """
+    start = radar.range_start_m
+    stop = start + (n_samples - 1) * radar.sample_spacing_m
+    if range_m[1] < start or range_m[0] > stop:
+        raise ValueError(
+            f'the grid lies {range_m[0]:.1f} to {range_m[1]:.1f} m from the antenna, the '
+            f'profiles cover {start:.1f} to {stop:.1f} m; move the grid or the range window')
+    if start <= range_m[0] and range_m[1] <= stop:
+        return ()
+    pixels = grid.some() if isinstance(grid, ImagePoints) else some_pixels(grid)
+    warning = reach_warning(pixels, tx_m, rx_m, radar, n_samples)
+    return () if warning is None else (warning,)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from ...geometry.grids import MapGrid
 from ...signal.radar import RadarParameters
-from ..error_budget import total_db
+from ..plan import Plan
 from ..profiles.range_gate import RangeWindow
 from ..profiles.range_resampling import Lattice, half_paths, point_lattice
 
@@ -134,8 +135,8 @@ class ImagePoints:
         return math.sqrt(np.median(known)) if known.size else 0.0
 
 
-@dataclasses.dataclass(frozen=True)
-class PointPlan:
+@dataclasses.dataclass(frozen=True, eq=False)
+class PointPlan(Plan):
     """How rows are added to points.
 
     Attributes
@@ -150,8 +151,10 @@ class PointPlan:
         Rows and columns of the tiles in which points are taken.
     reach_m : float
         Largest radius of a tile whose paths are computed in float32, metres.
-    predicted_error_db : float
-        Predicted error against time-domain correlation, dB.
+    errors_db : mapping of str to float
+        Predicted error against time-domain correlation by cause, dB.
+    cost : float
+        Nanoseconds per pixel.
     """
 
     window: RangeWindow
@@ -159,7 +162,8 @@ class PointPlan:
     range_m: tuple[float, float]
     tile: tuple[int, int]
     reach_m: float
-    predicted_error_db: float
+    errors_db: Mapping[str, float]
+    cost: float
 
 
 def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_m, rx_m,
@@ -187,11 +191,11 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
     tile = points.tile(reach_m)
     some = np.linspace(0, len(tx_m) - 1, min(len(tx_m), _SAMPLED_ROWS)).round().astype(int)
     length = half_paths(tx_m[some], rx_m[some], points.some())[0]
-    error_db = total_db(
-        lattice.predicted_error_db,
-        rounding_db(radar.wavelength_m, min(reach_m, points.tile_radius(tile))),
-        10 * math.log10(float(window.end_error(length).mean()) + 1e-16))
-    return PointPlan(window, lattice, range_m, tile, reach_m, error_db)
+    errors = {
+        'range profiles': lattice.predicted_error_db,
+        'rounded paths': rounding_db(radar.wavelength_m, min(reach_m, points.tile_radius(tile))),
+        'ends of profiles': 10 * math.log10(float(window.end_error(length).mean()) + 1e-16)}
+    return PointPlan(window, lattice, range_m, tile, reach_m, errors, lattice.cost * len(tx_m))
 
 
 def largest_radius(wavelength_m: float, error_db: float) -> float:

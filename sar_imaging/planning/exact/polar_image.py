@@ -7,6 +7,7 @@ so that image lines read the profiles in step.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -14,8 +15,8 @@ from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
 from ..costs import costs
-from ..error_budget import total_db
 from ..interpolators import Interpolator
+from ..plan import Plan
 from ..polar_cover import cover_map
 from ..profiles.range_gate import RangeWindow
 from ..profiles.range_resampling import Lattice, lattice_error_db, plan_lattice, sample_paths
@@ -24,8 +25,8 @@ from .azimuth_upsampling import AngularParts, plan_parts
 _SAMPLES_PER_SIDE = 5  # positions at which the geometry is bounded
 
 
-@dataclasses.dataclass(frozen=True)
-class PolarPlan:
+@dataclasses.dataclass(frozen=True, eq=False)
+class PolarPlan(Plan):
     """Polar image of a block that meets an error target on the map.
 
     Attributes
@@ -46,8 +47,8 @@ class PolarPlan:
         Cut into parts with fewer lines each; None where all rows go straight to `polar`.
     wavelength_m : float
         At the carrier, metres.
-    predicted_error_db : float
-        Predicted error of the map against time-domain correlation, dB.
+    errors_db : mapping of str to float
+        Predicted error of the map against time-domain correlation by cause, dB.
     cost : float
         Nanoseconds per map pixel.
     """
@@ -61,7 +62,7 @@ class PolarPlan:
     along: Interpolator
     parts: AngularParts | None
     wavelength_m: float
-    predicted_error_db: float
+    errors_db: Mapping[str, float]
     cost: float
 
 
@@ -103,11 +104,12 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
             lattice, parts = cover.lattice, None
     share = polar.n_range * polar.n_alpha / (grid.n_x * grid.n_y)
     per_pixel = lattice.cost * len(tx_m) if parts is None else parts.cost
-    errors = [cover.resampling_db, cover.profile_db]
-    errors += [p.error_db for p in [parts] if p]
+    errors = {'range profiles': lattice.predicted_error_db, 'polar to map': cover.resampling_db,
+              'ends of profiles': cover.profile_db}
+    if parts is not None:
+        errors['azimuth upsampling'] = parts.error_db
     return PolarPlan(polar, lattice, cover.window, cover.range_m, cover.axis, cover.between,
-                     cover.along, parts, radar.wavelength_m,
-                     total_db(lattice.predicted_error_db, *errors),
+                     cover.along, parts, radar.wavelength_m, errors,
                      per_pixel * share + costs().map_pixel)
 
 

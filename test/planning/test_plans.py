@@ -1,0 +1,58 @@
+"""Plans: compared by value, pickled, with errors by cause, time and memory."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+from sar_imaging.planning import memory
+from sar_imaging.planning.afbp.plan import plan_afbp
+from sar_imaging.planning.exact.backprojection import plan_backprojection
+from sar_imaging.planning.exact.points import ImagePoints
+
+
+def _exact(case, grid=None, shift_m=0.0):
+    block = case.block
+    return plan_backprojection(grid or case.grid, block.radar, block.n_samples,
+                               block.tx_m.reshape(-1, 3) + shift_m, block.rx_m.reshape(-1, 3),
+                               -80.0)
+
+
+def _afbp(case, shift_m=0.0):
+    block = case.block
+    return plan_afbp(case.grid, block.radar, block.n_samples, block.tx_m + shift_m, block.rx_m)
+
+
+def _points(case, shift_m=0.0):
+    return _exact(case, ImagePoints.of_map(case.grid), shift_m)
+
+
+@pytest.mark.parametrize('plan', [_exact, _points, _afbp])
+def test_a_plan_travels_and_is_the_same_on_arrival(make_case, plan):
+    case = make_case(1e3, pulses=128)
+    made = plan(case)
+    there = pickle.loads(pickle.dumps(made))
+    assert there == made == plan(case)
+    assert made != plan(case, shift_m=0.1) and made != 'a plan'
+
+
+@pytest.mark.parametrize('plan', [_exact, _points, _afbp])
+def test_errors_by_cause_make_the_predicted_one(make_case, plan):
+    made = plan(make_case(1e3, pulses=128))
+    total = 10 * np.log10(sum(10 ** (e / 10) for e in made.errors_db.values()))
+    # besides them there is the rounding of float32, below -106 dB
+    assert total <= made.predicted_error_db <= max(total, -100.0) + 1.0
+    assert len(made.errors_db) >= 3 and 0 < made.seconds < 60.0
+
+
+def test_a_plan_knows_the_memory_of_its_image(make_case, monkeypatch):
+    case = make_case(1e3, pulses=128)
+    plan = _afbp(case)
+    assert plan.n_bytes >= 8 * case.grid.n_x * case.grid.n_y
+    monkeypatch.setattr(memory, 'available_bytes', lambda: plan.n_bytes - 1)
+    from sar_imaging.imaging.afbp import AfbpImager
+    block = case.block
+    with pytest.raises(MemoryError, match='AFBP'):
+        AfbpImager(case.grid, block.radar, block.n_samples, block.tx_m, block.rx_m)
