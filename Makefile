@@ -69,7 +69,7 @@ lint: environment
 # FAULT_SEED and FAULT_ROUNDS choose the random numbers; a failed test's name has its seed.
 fault-campaign: environment
 	@FAULT_SEED=$${FAULT_SEED:-$$(date +%s)} FAULT_ROUNDS=$${FAULT_ROUNDS:-20} \
-	    $(RUN) -m pytest -m campaign test/nodes/test_fault_campaign.py
+	    $(RUN) -m pytest -m campaign test/nodes/faults/test_fault_campaign.py
 
 # cosmic-ray and coverage live in an environment of their own. Which test executes what is measured
 # once, in a quarter of an hour; remove build/mutation/work to have it measured anew. A campaign

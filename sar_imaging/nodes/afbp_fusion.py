@@ -13,18 +13,18 @@ from sar_imaging.streaming.kernels import compile_fusion_kernels
 from sar_imaging.streaming.mosaic import StripMosaic
 from sar_imaging.streaming.subaperture_image import SubapertureImage
 
-from . import autofocus, focus_watch, image_products, obstacle_products
-from .autofocus import PHASE_GRADIENT, Note, PolarFocus
 from .backprojection_steps import MIN_PULSE_FRACTION
-from .health import Health, Part
-from .image_grid import MAX_IMAGE_PIXELS
-from .image_products import ImageProducts
-from .inlet import SubapertureImages
-from .managed import ManagedNode, run
-from .obstacle_products import ObstacleProducts
-from .parameters import ANY_TIME, Parameter
-from .stage import Stage
-from .step import Step
+from .images import autofocus, focus_watch, image_products, obstacle_products
+from .images.autofocus import PHASE_GRADIENT, Note, PolarFocus
+from .images.image_grid import MAX_IMAGE_PIXELS
+from .images.image_products import ImageProducts
+from .images.obstacle_products import ObstacleProducts
+from .runtime.health import Health, Part
+from .runtime.inlet import SubapertureImages
+from .runtime.managed import ManagedNode, run
+from .runtime.parameters import ANY_TIME, Parameter
+from .runtime.stage import Stage
+from .runtime.step import Step
 
 PARAMETERS = (
     Parameter('images_every', 0, 'Sub-apertures from one image of an aperture underway to the '

@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 
 from .backprojection_steps import PARAMETERS, BackprojectionStep
-from .managed import run
-from .stage import Stage
+from .runtime.managed import run
+from .runtime.stage import Stage
 
 __all__ = ['PARAMETERS', 'BackprojectionNode']
 

@@ -20,17 +20,18 @@ from sar_imaging.streaming.kernels import compile_subaperture_kernels
 from sar_imaging.streaming.subaperture_image import SubapertureImage
 from sar_imaging.streaming.subapertures import LiveSubapertures
 
-from . import autofocus, focus_watch, image_products, obstacle_products, pose_input
-from .autofocus import FocusedImage, ImageFocus
-from .focus_watch import FocusWatch, count_focus
-from .health import Health, Part
-from .image_grid import GRID_PARAMETERS, describe_grid, make_grid
-from .image_products import ImageProducts
-from .managed import ManagedNode
-from .obstacle_products import ObstacleProducts
-from .parameters import ANY_TIME, ConfigurationError, Parameter, one_of
-from .step import Step, stream_qos
-from .terrain import TERRAIN_FILE, terrain_heights
+from .images import autofocus, focus_watch, image_products, obstacle_products
+from .images.autofocus import FocusedImage, ImageFocus
+from .images.focus_watch import FocusWatch, count_focus
+from .images.image_grid import GRID_PARAMETERS, describe_grid, make_grid
+from .images.image_products import ImageProducts
+from .images.obstacle_products import ObstacleProducts
+from .images.terrain import TERRAIN_FILE, terrain_heights
+from .poses import pose_input
+from .runtime.health import Health, Part
+from .runtime.managed import ManagedNode
+from .runtime.parameters import ANY_TIME, ConfigurationError, Parameter, one_of
+from .runtime.step import Step, stream_qos
 
 IMAGE, SUBAPERTURES = 'image', 'subapertures'
 MIN_PULSE_FRACTION = Parameter(

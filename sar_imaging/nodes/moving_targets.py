@@ -25,12 +25,12 @@ from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.pulses.sequence import describe_counters
 from sar_imaging.signal.windows import parse_window
 
-from .health import Health, Part
-from .image_grid import GRID_PARAMETERS, describe_grid, make_grid
-from .managed import LATCHED, ManagedNode, run
-from .parameters import ANY_TIME, Parameter, one_of
-from .stage import Stage
-from .step import Step
+from .images.image_grid import GRID_PARAMETERS, describe_grid, make_grid
+from .runtime.health import Health, Part
+from .runtime.managed import LATCHED, ManagedNode, run
+from .runtime.parameters import ANY_TIME, Parameter, one_of
+from .runtime.stage import Stage
+from .runtime.step import Step
 
 PARAMETERS = (
     *GRID_PARAMETERS,

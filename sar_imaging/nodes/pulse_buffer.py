@@ -14,11 +14,7 @@ from sar_imaging.signal.positioning import Positioner
 from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.pulses.buffer import PulseBuffer
 
-from .block_output import BlockOutput
-from .health import Health, Part
-from .managed import ManagedNode, run
-from .parameters import ANY_TIME, Parameter, plain_frame
-from .pose_input import (
+from .poses.pose_input import (
     BLOCK,
     PARAMETERS as POSE_PARAMETERS,
     PoseInput,
@@ -26,8 +22,12 @@ from .pose_input import (
     clock_notice,
     track_from,
 )
-from .stage import Stage
-from .step import Step
+from .runtime.block_output import BlockOutput
+from .runtime.health import Health, Part
+from .runtime.managed import ManagedNode, run
+from .runtime.parameters import ANY_TIME, Parameter, plain_frame
+from .runtime.stage import Stage
+from .runtime.step import Step
 
 PARAMETERS = (
     Parameter('pulses_per_block', 32, 'Largest number of pulses in a published block.', 'pulses',

@@ -13,12 +13,12 @@ from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.range_compression import RANGE_FILTERS, RangeCompressor
 from sar_imaging.signal.windows import WINDOW_NAMES, parse_window
 
-from .block_output import BlockOutput
-from .health import Health, Part
-from .managed import ManagedNode, run
-from .parameters import ANY_TIME, Parameter, one_of
-from .stage import Stage
-from .step import Step
+from .runtime.block_output import BlockOutput
+from .runtime.health import Health, Part
+from .runtime.managed import ManagedNode, run
+from .runtime.parameters import ANY_TIME, Parameter, one_of
+from .runtime.stage import Stage
+from .runtime.step import Step
 
 LARGEST_RANGE_M = 1e8
 

@@ -7,15 +7,15 @@ import tempfile
 from pathlib import Path
 
 from .afbp_fusion import FusionStep
-from .autofocus import PHASE_GRADIENT
 from .backprojection_steps import SUBAPERTURES, BackprojectionStep
-from .managed import fail, run
-from .parameters import ConfigurationError
-from .pipeline_arguments import merged_arguments
+from .images.autofocus import PHASE_GRADIENT
 from .pulse_buffer import PulseBufferStep
 from .range_compression import RangeCompressionStep
-from .stage import Stage
-from .step import Step
+from .runtime.managed import fail, run
+from .runtime.parameters import ConfigurationError
+from .runtime.pipeline_arguments import merged_arguments
+from .runtime.stage import Stage
+from .runtime.step import Step
 
 
 class SarPipelineNode(Stage):

@@ -87,7 +87,7 @@ def overrides(arguments: Mapping[str, str]) -> list[str]:
     """ROS arguments that the arguments of a launch file become.
 
     They count whatever the parameter file says, see
-    `sar_imaging.nodes.parameters.command_line_parameters`.
+    `sar_imaging.nodes.runtime.parameters.command_line_parameters`.
 
     Raises
     ------

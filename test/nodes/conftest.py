@@ -48,7 +48,7 @@ JOINED = 'subscriber on .* joined'
 
 def pytest_collection_modifyitems(items):
     for item in items:
-        if item.path.parent == Path(__file__).parent:
+        if Path(__file__).parent in item.path.parents:
             item.add_marker(pytest.mark.nodes)
 
 

@@ -2,8 +2,8 @@
 
 import types
 
-from sar_imaging.nodes.health import Tally
-from sar_imaging.nodes.stage import COMMON_PARAMETERS
+from sar_imaging.nodes.runtime.health import Tally
+from sar_imaging.nodes.runtime.stage import COMMON_PARAMETERS
 
 
 class Log(Tally):

@@ -21,9 +21,9 @@ from sar_imaging.nodes import (
     pulse_buffer,
     range_compression,
 )
-from sar_imaging.nodes.managed import AUTOSTART
+from sar_imaging.nodes.runtime.managed import AUTOSTART
+from sar_imaging.nodes.runtime.stage import COMMON_PARAMETERS
 from sar_imaging.nodes.sar_pipeline import SarPipelineNode
-from sar_imaging.nodes.stage import COMMON_PARAMETERS
 
 MODULES = {'pulse_buffer': pulse_buffer, 'range_compression': range_compression,
            'backprojection': backprojection, 'afbp_fusion': afbp_fusion,

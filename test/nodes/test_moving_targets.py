@@ -13,7 +13,7 @@ from msg_conversions.images import complex_from_message
 from msg_conversions.point_cloud import from_message
 from sar_imaging.exploitation.moving_targets import LiveMovingTargets, MovingTargetFinder
 from sar_imaging.geometry import MapGrid
-from sar_imaging.nodes.managed import LATCHED
+from sar_imaging.nodes.runtime.managed import LATCHED
 from sar_imaging.simulation.scenarios import moving_targets
 from sar_imaging.tools import bag_io
 from sar_imaging.tools.simulate import scenario_truth

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from sar_imaging.configuration.startup import report_parameters
 from sar_imaging.geometry.grids import MapGrid
 
-from .parameters import ConfigurationError, Parameter
+from ..runtime.parameters import ConfigurationError, Parameter
 
 MAX_IMAGE_PIXELS = Parameter('max_image_pixels', 2**25, 'Larger images are refused.', 'pixels',
                              1, 2**31 - 1)

@@ -13,7 +13,7 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.quality.focus import FocusFigure, focus_figure
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 
-from .health import Health, Part
+from ..runtime.health import Health, Part
 
 COUNTERS = ('focus_peak_db', 'focus_entropy', 'focus_contrast', 'images_at_noise_level')
 DIAGNOSIS_COUNTERS = ('focus_coherence', 'diagnosis_seconds')

@@ -20,12 +20,12 @@ from sar_imaging.exploitation.obstacle_map import ObstacleMap
 from sar_imaging.exploitation.obstacles import ObstacleDetector
 from sar_imaging.geometry.grids import MapGrid
 
-from .health import Health, Part
-from .managed import LATCHED
-from .parameters import ANY_TIME, Parameter
+from ..runtime.health import Health, Part
+from ..runtime.managed import LATCHED
+from ..runtime.parameters import ANY_TIME, Parameter
 
 if TYPE_CHECKING:
-    from .stage import Stage
+    from ..runtime.stage import Stage
 
 PARAMETERS = (
     Parameter('obstacles.false_alarms', 0.1, 'Obstacles per image that clutter may make up in '

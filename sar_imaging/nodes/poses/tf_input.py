@@ -14,10 +14,10 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.time import Time
 
-from .parameters import ConfigurationError
+from ..runtime.parameters import ConfigurationError
 
 if TYPE_CHECKING:
-    from .managed import ManagedNode
+    from ..runtime.managed import ManagedNode
 
 _PERIOD_S = 0.02
 _MOST_STEPS = 1000  # at once; after a longer pause the rest is a gap

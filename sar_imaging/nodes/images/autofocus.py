@@ -19,9 +19,9 @@ from sar_imaging.planning.afbp.polar_grids import FusionGrid
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.streaming.aperture import ApertureImage
 
-from .health import Health, Part
-from .known_positions import KnownPositions
-from .parameters import ConfigurationError, Parameter
+from ..poses.known_positions import KnownPositions
+from ..runtime.health import Health, Part
+from ..runtime.parameters import ConfigurationError, Parameter
 from .terrain import TERRAIN_FILE
 
 TRACK_ERROR = Parameter(

@@ -7,9 +7,9 @@ import pytest
 
 pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 
-from sar_imaging.nodes.inlet import PulseBlocks
-from sar_imaging.nodes.overload import APERTURES, BLOCKS, Gate
-from sar_imaging.nodes.worker import Worker
+from sar_imaging.nodes.runtime.inlet import PulseBlocks
+from sar_imaging.nodes.runtime.overload import APERTURES, BLOCKS, Gate
+from sar_imaging.nodes.runtime.worker import Worker
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 

@@ -9,8 +9,9 @@ pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 import rclpy
 from rclpy.parameter import Parameter as RosParameter
 
-from sar_imaging.nodes import backprojection_steps, pulse_buffer, range_compression, stage
-from sar_imaging.nodes.parameters import (
+from sar_imaging.nodes import backprojection_steps, pulse_buffer, range_compression
+from sar_imaging.nodes.runtime import stage
+from sar_imaging.nodes.runtime.parameters import (
     ANY_TIME,
     START,
     ConfigurationError,

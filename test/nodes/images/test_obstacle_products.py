@@ -13,15 +13,15 @@ pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 from benchmarks.obstacle_scenes import Platform
 from msg_conversions.images import occupancy_from_message
 from msg_conversions.point_cloud import OBSTACLE_FIELDS, from_message
-from sar_imaging.nodes import pose_input
 from sar_imaging.nodes.afbp_fusion import FusionStep
 from sar_imaging.nodes.backprojection_steps import IMAGE, BackprojectionStep
+from sar_imaging.nodes.poses import pose_input
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.streaming.subapertures import LiveSubapertures
 
-from .step_bench import Outputs, make
+from ..step_bench import Outputs, make
 
-PAGE = (pathlib.Path(__file__).parents[2] / 'docs' / 'nav2.md').read_text()
+PAGE = (pathlib.Path(__file__).parents[3] / 'docs' / 'nav2.md').read_text()
 PLACES = ((0.0, 0.0, 0.0), (0.55, 0.4, 0.0), (-0.5, -0.62, 0.0))
 NO_INFORMATION, LETHAL, INSCRIBED, FREE = 255, 254, 253, 0
 
@@ -152,7 +152,7 @@ def test_the_launch_example_remaps_an_input_of_the_nodes():
 
 
 def test_nothing_is_built_for_nobody(car, profiles, monkeypatch):
-    from sar_imaging.nodes import obstacle_products
+    from sar_imaging.nodes.images import obstacle_products
 
     made = []
     detector = obstacle_products.ObstacleDetector

@@ -11,16 +11,16 @@ pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 
-from sar_imaging.nodes import pose_input
 from sar_imaging.nodes.backprojection_steps import BackprojectionStep
 from sar_imaging.nodes.moving_targets import MovingTargetsStep
-from sar_imaging.nodes.parameters import ConfigurationError
+from sar_imaging.nodes.poses import pose_input
 from sar_imaging.nodes.pulse_buffer import PulseBufferStep
 from sar_imaging.nodes.range_compression import RangeCompressionStep
+from sar_imaging.nodes.runtime.parameters import ConfigurationError
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 
-from .step_bench import Outputs, make
+from ..step_bench import Outputs, make
 
 RADAR = RadarParameters(10e9, 100e6, 250e6, 1e-6)
 MS = 1_000_000

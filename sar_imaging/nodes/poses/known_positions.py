@@ -13,9 +13,9 @@ from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.poses import PoseTrack, PoseVerdict
 from sar_imaging.signal.pulses import PulseBlock
 
-from .health import Health, Part
+from ..runtime.health import Health, Part
+from ..runtime.stage import Stage
 from .pose_input import BLOCK, PoseInput, alignment_from, track_from
-from .stage import Stage
 
 _PAUSE_S = 3.0  # by the wall clock: nothing more is waited for
 _WAIT_PERIOD_S = 0.1

@@ -13,12 +13,13 @@ from msg_conversions.images import complex_from_message
 from msg_conversions.subaperture_wire import as_received
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.backprojection import Backprojector
-from sar_imaging.nodes import autofocus as nodes_autofocus, known_positions
-from sar_imaging.nodes.autofocus import ImageFocus
 from sar_imaging.nodes.backprojection_steps import PARAMETERS, BackprojectionStep
-from sar_imaging.nodes.parameters import ConfigurationError
+from sar_imaging.nodes.images import autofocus as nodes_autofocus
+from sar_imaging.nodes.images.autofocus import ImageFocus
+from sar_imaging.nodes.poses import known_positions
+from sar_imaging.nodes.runtime.parameters import ConfigurationError
+from sar_imaging.nodes.runtime.stage import COMMON_PARAMETERS
 from sar_imaging.nodes.sar_pipeline import SarPipelineNode
-from sar_imaging.nodes.stage import COMMON_PARAMETERS
 from sar_imaging.quality import contrast, error_db
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import concatenate

@@ -16,13 +16,13 @@ from rclpy.time import Time
 from std_msgs.msg import Float32MultiArray
 
 from msg_conversions import pulse_block
-from sar_imaging.nodes.parameters import ConfigurationError, Parameter
-from sar_imaging.nodes.stage import Stage
-from sar_imaging.nodes.step import Step
+from sar_imaging.nodes.runtime.parameters import ConfigurationError, Parameter
+from sar_imaging.nodes.runtime.stage import Stage
+from sar_imaging.nodes.runtime.step import Step
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 
-from .conftest import wait
+from ..conftest import wait
 
 SUCCESS, FAILURE, ERROR = (getattr(TransitionCallbackReturn, name)
                            for name in ('SUCCESS', 'FAILURE', 'ERROR'))

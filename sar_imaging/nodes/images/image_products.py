@@ -23,11 +23,11 @@ from msg_conversions.images import (
 )
 from sar_imaging.geometry.grids import MapGrid
 
-from .managed import LATCHED
-from .parameters import ANY_TIME, Parameter, one_of
+from ..runtime.managed import LATCHED
+from ..runtime.parameters import ANY_TIME, Parameter, one_of
 
 if TYPE_CHECKING:
-    from .stage import Stage
+    from ..runtime.stage import Stage
 
 PARAMETERS = (
     Parameter('quicklook.anchor', CLUTTER, 'What is dark in image_quicklook: clutter, the median '

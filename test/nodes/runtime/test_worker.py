@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 
-from sar_imaging.nodes.worker import Worker
+from sar_imaging.nodes.runtime.worker import Worker
 
 PATIENCE_S = 30.0
 

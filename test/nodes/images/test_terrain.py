@@ -9,8 +9,8 @@ from msg_conversions.images import complex_from_message
 from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.terrain import Terrain
 from sar_imaging.imaging.backprojection import Backprojector
-from sar_imaging.nodes import terrain
-from sar_imaging.nodes.parameters import ConfigurationError
+from sar_imaging.nodes.images import terrain
+from sar_imaging.nodes.runtime.parameters import ConfigurationError
 from sar_imaging.tools.node_processes import parameters_from_truth
 
 

@@ -6,10 +6,10 @@ import pytest
 
 pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 
-from sar_imaging.nodes import chain
-from sar_imaging.nodes.chain import Chain
-from sar_imaging.nodes.inlet import PulseBlocks, SubapertureImages
-from sar_imaging.nodes.step import Step
+from sar_imaging.nodes.runtime import chain
+from sar_imaging.nodes.runtime.chain import Chain
+from sar_imaging.nodes.runtime.inlet import PulseBlocks, SubapertureImages
+from sar_imaging.nodes.runtime.step import Step
 
 
 class Keeper(Step):

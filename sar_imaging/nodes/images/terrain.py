@@ -13,7 +13,7 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.terrain import Terrain
 from sar_imaging.planning.memory import available_bytes
 
-from .parameters import ConfigurationError, Parameter
+from ..runtime.parameters import ConfigurationError, Parameter
 
 TERRAIN_FILE = Parameter(
     'terrain.file', '', 'File (.npz) with heights of the ground; empty for the plane '

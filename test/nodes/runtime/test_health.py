@@ -8,8 +8,8 @@ pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from sar_imaging.nodes import health
-from sar_imaging.nodes.health import Rates, Tally
+from sar_imaging.nodes.runtime import health
+from sar_imaging.nodes.runtime.health import Rates, Tally
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 

@@ -9,7 +9,7 @@ pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.nodes.afbp_fusion import FusionStep
-from sar_imaging.nodes.stage import COMMON_PARAMETERS
+from sar_imaging.nodes.runtime.stage import COMMON_PARAMETERS
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.streaming.subapertures import LiveSubapertures
 

@@ -17,9 +17,9 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.poses import CAPACITY, PoseTrack
 
-from .health import Health, Part
-from .managed import QOS_ERRORS, ManagedNode
-from .parameters import ConfigurationError, Parameter, one_of, plain_frame
+from ..runtime.health import Health, Part
+from ..runtime.managed import QOS_ERRORS, ManagedNode
+from ..runtime.parameters import ConfigurationError, Parameter, one_of, plain_frame
 from .tf_input import TfSampler, import_tf, read_lever_arms, split_frames
 
 BLOCK, ODOMETRY, POSE, TF = SOURCES = ('block', 'odometry', 'pose', 'tf')

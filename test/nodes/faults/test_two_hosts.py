@@ -21,7 +21,7 @@ from sar_imaging.tools.node_processes import (
     write_parameters,
 )
 
-from .conftest import wait
+from ..conftest import wait
 
 LARGEST_ERROR_DB = -80.0  # what backprojection plans for by default
 PATIENCE_S = 90.0

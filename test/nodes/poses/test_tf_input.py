@@ -6,8 +6,8 @@ import importlib.util
 
 import pytest
 
-from sar_imaging.nodes.parameters import ConfigurationError
-from sar_imaging.nodes.tf_input import import_tf, split_frames
+from sar_imaging.nodes.poses.tf_input import import_tf, split_frames
+from sar_imaging.nodes.runtime.parameters import ConfigurationError
 
 needs_no_tf = pytest.mark.skipif(importlib.util.find_spec('tf2_ros') is not None,
                                  reason='tf2_ros is installed here')
