@@ -18,16 +18,16 @@ from .errors import WireFormatError
 from .layout import DEFAULT_MAX_ELEMENTS, Dims, Layout, as_floats, check_finite, check_magic
 
 MAGIC = 0x534149  # 'SAI' in ASCII, exact in a float32
-VERSION = 4
+VERSION = 5
 LAYOUT = Layout(('angle', 'range'), content='pixels', unit='image')
 
-# Header of version 4; its even length keeps the pixels 8-byte aligned.
-HEADER_LENGTH = 88
+# Header of version 5; its even length keeps the pixels 8-byte aligned.
+HEADER_LENGTH = 90
 SIDE = 3
 STAMP = slice(4, 8)
 LIMBS = slice(8, 42)  # COUNTS, then the sizes
 SIZES = ('n_alpha', 'n_range', 'n_fine', 'n_fine_range', 'n_x', 'n_y')
-NUMBERS = slice(42, 88)
+NUMBERS = slice(42, 90)
 
 
 def to_array(subaperture: SubapertureImage) -> tuple[np.ndarray, list[tuple[str, int, int]], int]:
@@ -79,7 +79,7 @@ def preamble(subaperture: SubapertureImage) -> np.ndarray:
         *polar.origin_m, *polar.track, polar.z_m, polar.range_start_m, polar.range_spacing_m,
         polar.alpha_start, polar.alpha_spacing, fusion.n_guard, fusion.beta, fusion.half_range,
         fusion.range_oversampling, subaperture.centre_m, *target.centre_m, target.spacing_m,
-        fusion.alpha_oversampling]).ravel()
+        fusion.alpha_oversampling, fusion.propagation_speed_m_per_s]).ravel()
     return header
 
 
@@ -161,7 +161,7 @@ def _read(header: np.ndarray, image: np.ndarray) -> SubapertureImage:
     n_alpha, n_range, n_fine, n_fine_range, n_x, n_y = (numbers.pop(name) for name in SIZES)
     (carrier_hz, bandwidth_hz, error_db, *origin_m, u, v, z_m, range_start_m, range_spacing_m,
      alpha_start, alpha_spacing, n_guard, beta, half_range, range_oversampling, centre_m, x, y,
-     z, spacing_m, alpha_oversampling) = float_pairs.join_double(
+     z, spacing_m, alpha_oversampling, speed) = float_pairs.join_double(
          header[NUMBERS].reshape(-1, 2)).tolist()
     try:
         polar = PolarGrid(
@@ -170,7 +170,7 @@ def _read(header: np.ndarray, image: np.ndarray) -> SubapertureImage:
             alpha_start=alpha_start, alpha_spacing=alpha_spacing, n_alpha=n_alpha)
         fusion = FusionGrid(polar, image.shape[0], n_fine, n_guard, beta, image.shape[1],
                             n_fine_range, half_range, carrier_hz, range_oversampling,
-                            alpha_oversampling)
+                            alpha_oversampling, speed)
         return SubapertureImage(
             image, fusion, centre_m, MapGrid((x, y, z), n_x, n_y, spacing_m), bandwidth_hz,
             stamp_ns=float_pairs.join_int64(header[STAMP]), predicted_error_db=error_db,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from sar_imaging.signal.pulses import PulseBlock
-from sar_imaging.signal.radar import RadarParameters, Waveform
+from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 
 from . import float_pairs
 from .errors import WireFormatError
@@ -24,6 +24,7 @@ LONGEST_FRAME = 255
 
 # Header of version 1. Its length is even and so is that of a row: samples stay 8-byte aligned.
 HEADER_LENGTH = 24
+LONGER_HEADER = 26  # where the waves travel at another speed than c
 EPOCH = slice(4, 8)
 RADAR = slice(8, 20)
 RADAR_FIELDS = ('carrier_hz', 'sample_rate_hz', 'bandwidth_hz', 'chirp_rate_hz_per_s',
@@ -31,6 +32,7 @@ RADAR_FIELDS = ('carrier_hz', 'sample_rate_hz', 'bandwidth_hz', 'chirp_rate_hz_p
 COMPRESSED = 20
 WAVEFORM = 21
 POSITIONS = 22
+SPEED = slice(24, 26)
 
 # Row of the per-pulse table.
 COUNTER = slice(0, 2)
@@ -44,6 +46,11 @@ SAMPLES_ADVICE = 'drop faulty pulses in the sender'
 def row_length(n_channels: int, has_positions: bool) -> int:
     """Floats in one row of the per-pulse table."""
     return PHASE_CENTRES.start + (FLOATS_PER_CHANNEL * n_channels if has_positions else 0)
+
+
+def _header_length(radar: RadarParameters) -> int:
+    """Floats in the header; earlier readers refuse the longer one, which they would misread."""
+    return HEADER_LENGTH if radar.propagation_speed_m_per_s == SPEED_OF_LIGHT else LONGER_HEADER
 
 
 def dimensions(shape: tuple[int, int, int], frame: str = '') -> list[tuple[str, int, int]]:
@@ -118,23 +125,26 @@ def to_array(block: PulseBlock) -> tuple[np.ndarray, list[tuple[str, int, int]],
 def preamble(block: PulseBlock) -> np.ndarray:
     """(H + P * M,) float32: everything of a block that precedes its samples; see `to_array`."""
     row = row_length(block.n_channels, block.has_positions)
-    length = HEADER_LENGTH + block.n_pulses * row
+    n_header = _header_length(block.radar)
+    length = n_header + block.n_pulses * row
     LAYOUT.check_size('samples', block.samples.shape, length)
     head = np.empty(length, np.float32)
-    _write_header(block, head[:HEADER_LENGTH], row)
-    _write_table(block, head[HEADER_LENGTH:].reshape(block.n_pulses, row))
+    _write_header(block, head[:n_header], row)
+    _write_table(block, head[n_header:].reshape(block.n_pulses, row))
     return head
 
 
 def _write_header(block: PulseBlock, header: np.ndarray, row: int) -> None:
-    header[:EPOCH.start] = MAGIC, VERSION, HEADER_LENGTH, row
+    header[:EPOCH.start] = MAGIC, VERSION, len(header), row
     header[EPOCH] = float_pairs.split_limbs(int(block.stamp_ns[0]), 4)
     values = [getattr(block.radar, name) for name in RADAR_FIELDS]
     header[RADAR] = float_pairs.split_double(values).ravel()
     header[COMPRESSED] = block.compressed
     header[WAVEFORM] = block.radar.waveform
     header[POSITIONS] = block.has_positions
-    header[POSITIONS + 1:] = 0
+    header[POSITIONS + 1] = 0
+    if len(header) == LONGER_HEADER:
+        header[SPEED] = float_pairs.split_double([block.radar.propagation_speed_m_per_s]).ravel()
 
 
 def _write_table(block: PulseBlock, table: np.ndarray) -> None:
@@ -194,9 +204,10 @@ def from_array(data, dims: Dims, data_offset: int, *,
                               'docs/wire_format.md')
     values = as_floats(data)
     LAYOUT.check_length(values, shape, data_offset)
-    header = values[:HEADER_LENGTH]
+    longer = values[2] == LONGER_HEADER and data_offset >= LONGER_HEADER
+    header = values[:LONGER_HEADER if longer else HEADER_LENGTH]
     _check_header(header, shape, data_offset)
-    table = values[HEADER_LENGTH:data_offset].reshape(shape[0], -1)
+    table = values[len(header):data_offset].reshape(shape[0], -1)
     check_finite(table, 'per-pulse table', 'send only pulses with known time and positions')
     try:
         return PulseBlock(
@@ -246,21 +257,26 @@ def _check_header(header: np.ndarray, shape: tuple[int, int, int], data_offset: 
         raise WireFormatError(f'epoch limbs (data[4:8]) are {values[EPOCH]}; expected '
                               'whole numbers of 0 to 65535; split the time into 16-bit limbs')
     row = row_length(shape[1], bool(values[POSITIONS]))
-    if (values[2], values[3]) != (HEADER_LENGTH, row):
+    length = len(values)
+    if (values[2], values[3]) != (length, row):
         raise WireFormatError(f'header and row length are {values[2]:g} and {values[3]:g} floats; '
-                              f'expected {HEADER_LENGTH} and {row} for {shape[1]} channels '
-                              f'{"with" if values[POSITIONS] else "without"} positions; see '
+                              f'expected {length} and {row} for {shape[1]} channels '
+                              f'{"with" if values[POSITIONS] else "without"} positions '
+                              f'({LONGER_HEADER} with a speed of the waves); see '
                               'docs/wire_format.md')
-    if data_offset != HEADER_LENGTH + shape[0] * row:
+    if data_offset != length + shape[0] * row:
         raise WireFormatError(f'data_offset={data_offset}; expected '
-                              f'{HEADER_LENGTH + shape[0] * row}: a header of {HEADER_LENGTH} '
+                              f'{length + shape[0] * row}: a header of {length} '
                               f'floats and {shape[0]} rows of {row}')
 
 
 def _read_radar(header: np.ndarray) -> RadarParameters:
     values = float_pairs.join_double(header[RADAR].reshape(-1, 2)).tolist()
+    numbers = dict(zip(RADAR_FIELDS, values, strict=True))
+    if len(header) == LONGER_HEADER:
+        numbers['propagation_speed_m_per_s'] = float(float_pairs.join_double(header[SPEED]))
     try:
-        return RadarParameters(**dict(zip(RADAR_FIELDS, values, strict=True)),
+        return RadarParameters(**numbers,
                                waveform=Waveform(int(header[WAVEFORM])))
     except ValueError as error:
         raise WireFormatError(f'radar parameters of the block header are impossible: {error}; '

@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..signal.pulses import PulseBlock
-from ..signal.radar import SPEED_OF_LIGHT
 
 
 class Geometry(NamedTuple):
@@ -182,8 +181,9 @@ def with_range_bias(model: GeometryModel, *, scale_m: float) -> GeometryModel:
 
 def apply_geometry(block: PulseBlock, geometry: Geometry) -> PulseBlock:
     """Block with other phase centres, its delays corrected for the range bias."""
-    delay = block.radar.first_sample_delay_s - 2 * geometry.range_bias_m / SPEED_OF_LIGHT
     radar = block.radar
+    delay = (radar.first_sample_delay_s
+             - 2 * geometry.range_bias_m / radar.propagation_speed_m_per_s)
     if geometry.range_bias_m:
         radar = dataclasses.replace(radar, first_sample_delay_s=delay)
     return dataclasses.replace(block, radar=radar, tx_m=geometry.tx_m, rx_m=geometry.rx_m)

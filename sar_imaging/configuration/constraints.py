@@ -6,7 +6,6 @@ import dataclasses
 import math
 
 from ..planning.memory import PUBLISHED_BYTES
-from ..signal.radar import SPEED_OF_LIGHT
 from .derived import Derived, pulse_duration_s
 from .settings import Acquisition, Imaging, Machine
 
@@ -134,7 +133,7 @@ def _check_pulse_rate(a: Acquisition, d: Derived):
         return
     if length > 1 / a.prf_hz:
         return  # told above: the recording holds a whole pulse
-    ahead = math.floor(2 * d.scene.far_m / SPEED_OF_LIGHT * a.prf_hz)
+    ahead = math.floor(2 * d.scene.far_m / a.radar.propagation_speed_m_per_s * a.prf_hz)
     if ahead:
         yield Finding('warning', f'the scene at {d.scene.far_m:.4g} m is beyond the unambiguous '
                       f'range of {d.unambiguous_range_m:.4g} m: {ahead} later pulses are in the '

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from ..signal.radar import RadarParameters, Waveform
 from ..signal.range_compression import RangeCompressor
 from ..signal.range_compression.phase_history import GUARD_SAMPLES
 from ..signal.waveforms import n_pulse_samples
@@ -137,7 +137,7 @@ def derive(acquisition: Acquisition, imaging: Imaging, machine: Machine) -> Deri
     wavelength = radar.wavelength_m
     azimuth_null = _ratio(wavelength, 4 * math.sin(aperture_rad / 2) * scene.across_cosine)
     range_null = _ratio(radar.range_resolution_m, scene.grazing_cosine)
-    shortest = SPEED_OF_LIGHT / (radar.carrier_hz + radar.bandwidth_hz / 2)
+    shortest = radar.shortest_wavelength_m
     needed = scene.direction_extent
     if a.beamwidth_rad:
         needed = min(needed, 2 * math.sin(a.beamwidth_rad / 2))
@@ -149,7 +149,7 @@ def derive(acquisition: Acquisition, imaging: Imaging, machine: Machine) -> Deri
         scene=scene, profile_radar=profile_radar, n_profile=n_profile,
         window_m=_window(a, profile_radar, n_profile),
         unambiguous_depth_m=_unambiguous_depth(a),
-        unambiguous_range_m=SPEED_OF_LIGHT / (2 * a.prf_hz),
+        unambiguous_range_m=radar.propagation_speed_m_per_s / (2 * a.prf_hz),
         range_null_m=range_null, range_width_m=width_factor(imaging.window) * range_null,
         pulse_spacing_m=step, aperture_m=step * (imaging.pulses_per_aperture - 1),
         aperture_s=imaging.pulses_per_aperture / a.prf_hz, aperture_rad=aperture_rad,

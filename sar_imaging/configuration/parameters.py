@@ -28,7 +28,8 @@ OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')  # rclpy's; `
 CHECKER_PARAMETERS = {
     'radar.waveform': 'lfm', 'radar.compressed': False, 'radar.carrier_hz': float,
     'radar.bandwidth_hz': float, 'radar.sample_rate_hz': 0.0, 'radar.pulse_length_s': 0.0,
-    'radar.range_start_m': float, 'radar.samples_per_pulse': int, 'radar.channels': 1,
+    'radar.propagation_speed_m_per_s': SPEED_OF_LIGHT, 'radar.range_start_m': float,
+    'radar.samples_per_pulse': int, 'radar.channels': 1,
     'radar.channel_spacing_m': 0.0, 'radar.prf_hz': float, 'radar.beamwidth_deg': 0.0,
     'platform.centre_x': float, 'platform.centre_y': float, 'platform.centre_z': float,
     'platform.velocity_x': float, 'platform.velocity_y': float, 'platform.velocity_z': 0.0,
@@ -190,14 +191,16 @@ def _acquisition(v: Mapping) -> Acquisition:
         raise ValueError(f'radar.waveform={name!r} is unknown; use one of {kinds}')
     bandwidth, length = v['radar.bandwidth_hz'], v['radar.pulse_length_s']
     rate = v['radar.sample_rate_hz'] or bandwidth
-    waveform = Waveform[name.upper()]
+    waveform, speed = Waveform[name.upper()], v['radar.propagation_speed_m_per_s']
+    if not speed > 0:
+        raise ValueError(f'radar.propagation_speed_m_per_s={speed} must be positive')
     if waveform in (Waveform.FMCW, Waveform.FMCW_REAL):  # the bandwidth is what samples sweep
         length = v['radar.samples_per_pulse'] / rate
     radar = RadarParameters(
         carrier_hz=v['radar.carrier_hz'], bandwidth_hz=bandwidth, sample_rate_hz=rate,
-        first_sample_delay_s=2 * v['radar.range_start_m'] / SPEED_OF_LIGHT,
+        first_sample_delay_s=2 * v['radar.range_start_m'] / speed,
         pulse_length_s=length, chirp_rate_hz_per_s=bandwidth / length if length > 0 else 0.0,
-        waveform=waveform)
+        waveform=waveform, propagation_speed_m_per_s=speed)
     return Acquisition(
         radar=radar, compressed=v['radar.compressed'], n_samples=v['radar.samples_per_pulse'],
         n_channels=v['radar.channels'], prf_hz=v['radar.prf_hz'],

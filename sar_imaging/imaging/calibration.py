@@ -14,7 +14,6 @@ from scipy import fft
 
 from ..signal.calibration import ChannelCalibration
 from ..signal.pulses import PulseBlock
-from ..signal.radar import SPEED_OF_LIGHT
 from ..signal.spectra import band_spectrum
 from .backprojection import Backprojector
 
@@ -67,28 +66,29 @@ def calibrate_at_reflector(profiles: PulseBlock, position_m, *,
     if path_m.min() / 2 < radar.range_start_m or path_m.max() / 2 > end_m:
         raise ValueError(f'the reflector is {path_m.min() / 2:.2f} to {path_m.max() / 2:.2f} m '
                          f'away, the profiles cover {radar.range_start_m:.2f} to {end_m:.2f} m')
-    cycles = path_m[..., None] / SPEED_OF_LIGHT * frequency
+    speed = radar.propagation_speed_m_per_s
+    cycles = path_m[..., None] / speed * frequency
     response = np.mean(spectra * np.exp(2j * np.pi * np.remainder(cycles, 1.0)), axis=0)
     baseband = frequency - radar.carrier_hz
-    limit_s = 2 / SPEED_OF_LIGHT * (4 * radar.range_resolution_m if search_m is None
-                                    else search_m)
-    delay_s = np.array([_peak_delay(r, baseband, limit_s) for r in response])
+    limit_m = 4 * radar.range_resolution_m if search_m is None else search_m
+    delay_s = np.array([_peak_delay(r, baseband, limit_m, speed) for r in response])
     value = np.sum(response * np.exp(2j * np.pi * delay_s[:, None] * baseband), axis=1)
     return _relative(np.abs(value), np.angle(value), delay_s)
 
 
-def _peak_delay(response: np.ndarray, baseband_hz: np.ndarray, limit_s: float) -> float:
-    """Delay of the highest magnitude of a channel's response within the limit, seconds."""
+def _peak_delay(response: np.ndarray, baseband_hz: np.ndarray, limit_m: float,
+                speed_m_per_s: float) -> float:
+    """Delay of the highest magnitude of a channel's response within a range, seconds."""
     n = fft.next_fast_len(_PADDING * response.size)
     step_s = 1.0 / (n * (baseband_hz[1] - baseband_hz[0]))
     magnitude = np.abs(fft.ifft(response, n))
-    reach = min(int(limit_s / step_s), n // 2 - 1)
+    reach = min(int(2 / speed_m_per_s * limit_m / step_s), n // 2 - 1)
     near = np.roll(magnitude, reach)[:2 * reach + 1]
     top = int(near.argmax())
     stands_out = near[top] ** 2 > _STANDS_OUT * np.mean(magnitude**2)
     if top in (0, 2 * reach) or not stands_out:
-        raise ValueError(f'a channel has no peak within {limit_s * SPEED_OF_LIGHT / 2:.3f} m of '
-                         'the reflector that stands out; check its position, or search farther')
+        raise ValueError(f'a channel has no peak within {limit_m:.3f} m of the '
+                         'reflector that stands out; check its position, or search farther')
     low, middle, high = near[top - 1:top + 2]
     return (top - reach + 0.5 * (low - high) / (low - 2 * middle + high)) * step_s
 

@@ -22,7 +22,8 @@ _SERIES_ERROR_DB = -130.0  # of Knab's series: far below the -100 dB that float3
 _LEAST_SPARE = 0.05  # share of the sample rate without signal; less makes Knab's series endless
 
 
-def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *, progress: bool = False):
+def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *,
+              propagation_speed_m_per_s: float = SPEED_OF_LIGHT, progress: bool = False):
     """Correlate the spectra with the exact reference of every point.
 
     ``f(x) = sum_m sum_n sum_f S_mn(f) exp(+j 2 pi f tau_mn(x))`` with the two-way delay
@@ -38,6 +39,8 @@ def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *, progress: bool = F
         Transmit and receive phase centres, metres.
     points : (..., 3) array_like
         Positions to image, in the frame of the phase centres, metres.
+    propagation_speed_m_per_s : float
+        Speed of the waves, metres per second: c above.
     progress : bool
         Show a progress bar on standard error.
 
@@ -57,14 +60,14 @@ def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *, progress: bool = F
     points = np.asarray(points, np.float64)
     _check(frequencies, spectra, tx, rx, points)
     step = (frequencies[-1] - frequencies[0]) / max(len(frequencies) - 1, 1)
+    cycles_per_m = (frequencies[0] / propagation_speed_m_per_s, step / propagation_speed_m_per_s)
     flat = np.ascontiguousarray(points.reshape(-1, 3))
     out = np.empty(len(flat), np.complex128)
     re, im = np.ascontiguousarray(spectra.real), np.ascontiguousarray(spectra.imag)
     with tqdm(total=len(flat), desc='correlation', unit='pixel', disable=not progress) as bar:
         for start in range(0, len(flat), _POINTS_PER_CALL):
             part = slice(start, min(start + _POINTS_PER_CALL, len(flat)))
-            _correlate(frequencies[0] / SPEED_OF_LIGHT, step / SPEED_OF_LIGHT, re, im, tx, rx,
-                       flat[part], out[part])
+            _correlate(*cycles_per_m, re, im, tx, rx, flat[part], out[part])
             bar.update(part.stop - part.start)
     return out.reshape(points.shape[:-1])
 
@@ -124,8 +127,8 @@ def correlate_profiles(block: PulseBlock, points) -> tuple[np.ndarray, np.ndarra
     covered = np.ones(len(points), np.bool_)
     pulses = (np.ascontiguousarray(a) for a in (block.samples, block.tx_m, block.rx_m))
     _correlate_profiles(*pulses, points, radar.range_start_m, radar.sample_spacing_m,
-                        radar.carrier_hz / SPEED_OF_LIGHT, math.ceil(sharpness / np.pi / spare),
-                        sharpness, image, covered)
+                        1 / radar.wavelength_m, math.ceil(sharpness / np.pi / spare), sharpness,
+                        image, covered)
     return image, covered
 
 

@@ -225,7 +225,9 @@ def _correlate(points, blocks: PulseBlock | Iterable[PulseBlock], progress):
                     out += image
                     covered &= inside
                 else:
-                    out += correlate(*band_spectrum(part), part.tx_m, part.rx_m, points)
+                    out += correlate(
+                        *band_spectrum(part), part.tx_m, part.rx_m, points,
+                        propagation_speed_m_per_s=part.radar.propagation_speed_m_per_s)
                 bar.update(part.n_pulses)
     return out, covered
 

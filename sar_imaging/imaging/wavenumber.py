@@ -20,7 +20,6 @@ from ..backends.cpu.baselines.stolt import SlantImage, spread
 from ..geometry import MapGrid
 from ..geometry.straight_track import StraightTrack, check_straight, fit_straight_track
 from ..signal.pulses import PulseBlock
-from ..signal.radar import SPEED_OF_LIGHT
 from ..signal.spectra import band_spectrum
 
 #: Largest error of the two-way path that the straight track may cause, wavelengths (11 degrees).
@@ -127,7 +126,7 @@ class WavenumberImager:
                        tolerance_wavelengths=PATH_TOLERANCE_WAVELENGTHS)
         scene = _Scene(track, *track.coordinates(self._outline))
         frequencies, _ = band_spectrum(block.select(slice(0, 1)))
-        k = 4 * np.pi * frequencies / SPEED_OF_LIGHT
+        k = 4 * np.pi * frequencies / block.radar.propagation_speed_m_per_s
         _check_place(scene, block, frequencies)
         band = _doppler_band(scene, k[-1], self.azimuth_padding)
         slant = self._transform(scene, band, k, *_slow_time_spectrum(block, scene, band, k))
@@ -229,7 +228,7 @@ def _check_place(scene: _Scene, block: PulseBlock, frequencies) -> None:
     if len(frequencies) < 2:
         raise ValueError('the band of the profiles holds one frequency only; expected at least '
                          'two, record longer profiles')
-    period = SPEED_OF_LIGHT / (2 * (frequencies[1] - frequencies[0]))
+    period = block.radar.propagation_speed_m_per_s / (2 * (frequencies[1] - frequencies[0]))
     start = block.radar.range_start_m - (0.0 if block.compressed else period / 2)
     ranges = scene.ranges()
     if ranges[0] < start or ranges[1] > start + period:

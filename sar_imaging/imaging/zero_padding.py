@@ -17,7 +17,7 @@ import scipy.fft
 from ..compilation import njit, numba
 from ..geometry import MapGrid
 from ..signal.pulses import PulseBlock, check_profiles
-from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from ..signal.radar import RadarParameters
 from ..signal.spectra import resampled_from_spectrum
 
 #: How a zero-padded profile is read between its samples.
@@ -171,7 +171,8 @@ class ZeroPaddedBackprojector:
 
     def _add(self, profiles, legs, out, reads) -> None:
         start = self.radar.first_sample_delay_s * self._rate_hz
-        per_metre = (self._rate_hz / SPEED_OF_LIGHT, self.radar.carrier_hz / SPEED_OF_LIGHT)
+        speed = self.radar.propagation_speed_m_per_s
+        per_metre = (self._rate_hz / speed, self.radar.carrier_hz / speed)
         if self.interpolator == 'nearest':
             _add_nearest(profiles, *legs, self._points, start, *per_metre,
                          self.delay == 'steering', out, reads)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
-from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from ..signal.radar import RadarParameters
 from .profiles.range_resampling import Lattice, Paths, plan_lattice, sample_paths
 
 MARGIN = 0.25  # how far beyond its interval a kernel is evaluated, pixels
@@ -253,7 +253,7 @@ def half_bands(nodes: list[Node], tx, rx, points, radar: RadarParameters) -> tup
         ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
         slopes = slopes + 0.5 * np.array([np.einsum('nrkc,nkc->nrk', ray, d)
                                           for d in (by_range, by_alpha)])
-    band = 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
+    band = radar.half_band_rad_per_m
     k = radar.wavenumber_rad_per_m + band
     half_range = band * np.abs(slopes[0]).max() + k * np.abs(slopes[0] - 1).max()
     return _SAFETY * float(half_range), _SAFETY * float(k * np.abs(slopes[1]).max())

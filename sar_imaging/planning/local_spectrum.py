@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from ..geometry.polar import PolarGrid
-from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from ..signal.radar import RadarParameters
 from .echo_power import row_weights
 from .profiles.range_resampling import half_paths
 
@@ -93,7 +93,7 @@ def local_bands(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Bands:
         raise ValueError('range does not grow along the lines of the polar grid; it lies beside '
                          'or behind the track, use Backprojector')
     slope /= by_range
-    half = 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
+    half = radar.half_band_rad_per_m
     k = radar.wavenumber_rad_per_m
     half_range = half * extremes[1] + (k + half) * max(1 - extremes[0], extremes[1] - 1)
     middle = len(position) // 2

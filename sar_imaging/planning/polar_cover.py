@@ -14,7 +14,7 @@ import numpy as np
 from ..geometry.grids import MapGrid
 from ..geometry.map_edges import EDGE_SAMPLES, edge_positions
 from ..geometry.polar import PolarGrid
-from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from ..signal.radar import RadarParameters
 from .aliasing_error import TONES, Coverage
 from .echo_power import row_weights
 from .error_budget import remaining_db, total_db
@@ -277,7 +277,7 @@ def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
     # along a row of the map the direction changes with range, too
     step = (position[:, axis] - origin[axis]) / r
     alpha_by_range = (track[axis] / step - alpha) / r
-    centre, band = radar.wavenumber_rad_per_m, 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
+    centre, band = radar.wavenumber_rad_per_m, radar.half_band_rad_per_m
     k = np.linspace(centre - band, centre + band, _WAVENUMBERS)[:, None, None]
     local = band * slope.max() + (centre + band) * np.abs(slope - 1).max()
     return (paths, (k * (slope + slope_alpha * alpha_by_range) - centre, float(local)),

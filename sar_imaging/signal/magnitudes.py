@@ -38,9 +38,39 @@ SAMPLE_RATE = Magnitude(1e3, 1e13, 'Hz', (('MHz', 1e6), ('GHz', 1e9), ('kHz', 1e
 DELAY = Magnitude(0.0, 3.0, 's', _SECONDS)
 SLOPE = Magnitude(1e4, 1e20, 'Hz/s', (('MHz/us', 1e12), ('GHz/s', 1e9), ('MHz/s', 1e6)))
 
+SPEED_OF_LIGHT = 299_792_458.0  # m/s
+_FASTEST_SOUND = 2e4  # m/s; in diamond it is 1.8e4
+# Waves in mud to light; sound is told in km/s, light in the ground in m/ns.
+SPEED = Magnitude(10.0, SPEED_OF_LIGHT, 'm/s', (('m/ns', 1e9), ('km/s', 1e3)))
+
+
+class Device(NamedTuple):
+    """Magnitudes of the numbers of a radar or of a sonar."""
+
+    carrier: Magnitude
+    bandwidth: Magnitude
+    sample_rate: Magnitude
+    delay: Magnitude
+    slope: Magnitude
+
+
+_RADAR = Device(CARRIER, BANDWIDTH, SAMPLE_RATE, DELAY, SLOPE)
+_OF_SOUND = (('kHz', 1e3), ('MHz', 1e6), ('GHz', 1e9))
+# Sub-bottom profilers to acoustic microscopes; the farthest echo crosses 100 km of sea.
+_SONAR = Device(
+    *(Magnitude(least, most, 'Hz', _OF_SOUND)
+      for least, most in ((1e2, 1e10), (10.0, 1e10), (10.0, 1e11))),
+    Magnitude(0.0, 150.0, 's', (('ms', 1e-3), ('us', 1e-6), ('ns', 1e-9))),
+    Magnitude(1.0, 1e18, 'Hz/s', (('kHz/ms', 1e6), ('MHz/us', 1e12), ('kHz/s', 1e3))))
+
+
+def device(speed_m_per_s: float) -> Device:
+    """Magnitudes of a radar's numbers, or of a sonar's where waves are as slow as sound."""
+    return _SONAR if speed_m_per_s <= _FASTEST_SOUND else _RADAR
+
 
 def check_magnitude(name: str, value: float, kind: Magnitude) -> None:
-    """Refuse a value that no radar has.
+    """Refuse a value that no radar or sonar has.
 
     Raises
     ------
@@ -52,7 +82,8 @@ def check_magnitude(name: str, value: float, kind: Magnitude) -> None:
         return
     if value <= 0 and kind.least and kind is not SLOPE:
         raise ValueError(f'{name}={value} must be positive')
-    raise ValueError(f"{name}={value:.6g} {kind.unit} is not a radar's; expected {_span(kind)}"
+    owner = "a sonar's" if kind in _SONAR else "a radar's"
+    raise ValueError(f'{name}={value:.6g} {kind.unit} is not {owner}; expected {_span(kind)}'
                      f'{probable_unit(name, value, kind)}')
 
 

@@ -12,7 +12,7 @@ from ..geometry.alignment import Alignment
 from ..geometry.poses import Poses, PoseStatus, PoseTrack, PoseVerdict
 from .pulses import PulseBlock
 from .pulses.sequence import COUNTER_MASK, EventSource, counter_distance, describe_counters
-from .radar import SPEED_OF_LIGHT, RadarParameters
+from .radar import RadarParameters
 
 _REASONS = {
     PoseStatus.GAP: 'the poses around them are further apart than max_gap_s',
@@ -45,7 +45,8 @@ def without_range_bias(radar: RadarParameters, alignment: Alignment) -> RadarPar
     The samples stay as they are, and so does the phase that the carrier had when it came so much
     too late: images carry the constant factor ``exp(-j 4 pi f_c range_bias / c)``.
     """
-    delay_s = radar.first_sample_delay_s - 2 * alignment.range_bias_m / SPEED_OF_LIGHT
+    delay_s = (radar.first_sample_delay_s
+               - 2 * alignment.range_bias_m / radar.propagation_speed_m_per_s)
     return dataclasses.replace(radar, first_sample_delay_s=delay_s)
 
 

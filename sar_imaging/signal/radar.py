@@ -7,9 +7,7 @@ import enum
 import math
 
 from . import magnitudes
-from .magnitudes import check_magnitude
-
-SPEED_OF_LIGHT = 299_792_458.0  # m/s
+from .magnitudes import SPEED_OF_LIGHT, check_magnitude
 
 
 class Waveform(enum.IntEnum):
@@ -57,12 +55,16 @@ class RadarParameters:
         Frequency slope K of a linear frequency modulated pulse or ramp, hertz per second, signed.
     waveform : Waveform
         Kind of waveform.
+    propagation_speed_m_per_s : float
+        Speed v of the waves, metres per second: c in air, ``c / sqrt(eps_r)`` in the ground, that
+        of sound for a sonar. It is c in what the documentation writes as ``c / 2B`` and the like.
 
     Raises
     ------
     ValueError
-        A value is not finite, not positive where it must be, or of a magnitude that no radar has:
-        a unit was mistaken, and the text says which one was probably meant.
+        A value is not finite, not positive where it must be, or of a magnitude that no radar has
+        (no sonar, where the waves are as slow as sound): a unit was mistaken, and the text says
+        which one was probably meant.
     """
 
     carrier_hz: float
@@ -72,12 +74,14 @@ class RadarParameters:
     pulse_length_s: float = 0.0
     chirp_rate_hz_per_s: float = 0.0
     waveform: Waveform = Waveform.LFM
+    propagation_speed_m_per_s: float = SPEED_OF_LIGHT
 
     def __post_init__(self):
         for field in dataclasses.fields(self):
             if field.name != 'waveform' and not math.isfinite(getattr(self, field.name)):
                 raise ValueError(f'{field.name}={getattr(self, field.name)} is not finite')
-        for name in ('carrier_hz', 'bandwidth_hz', 'sample_rate_hz'):
+        for name in ('carrier_hz', 'bandwidth_hz', 'sample_rate_hz',
+                     'propagation_speed_m_per_s'):
             if getattr(self, name) <= 0:
                 raise ValueError(f'{name}={getattr(self, name)} must be positive')
         if self.pulse_length_s < 0:
@@ -86,34 +90,47 @@ class RadarParameters:
         object.__setattr__(self, 'waveform', Waveform(self.waveform))
 
     def _check_magnitudes(self):
-        check_magnitude('carrier_hz', self.carrier_hz, magnitudes.CARRIER)
-        check_magnitude('bandwidth_hz', self.bandwidth_hz, magnitudes.BANDWIDTH)
-        check_magnitude('sample_rate_hz', self.sample_rate_hz, magnitudes.SAMPLE_RATE)
-        check_magnitude('first_sample_delay_s', self.first_sample_delay_s, magnitudes.DELAY)
+        check_magnitude('propagation_speed_m_per_s', self.propagation_speed_m_per_s,
+                        magnitudes.SPEED)
+        device = magnitudes.device(self.propagation_speed_m_per_s)
+        check_magnitude('carrier_hz', self.carrier_hz, device.carrier)
+        check_magnitude('bandwidth_hz', self.bandwidth_hz, device.bandwidth)
+        check_magnitude('sample_rate_hz', self.sample_rate_hz, device.sample_rate)
+        check_magnitude('first_sample_delay_s', self.first_sample_delay_s, device.delay)
         if self.chirp_rate_hz_per_s:
-            check_magnitude('chirp_rate_hz_per_s', self.chirp_rate_hz_per_s, magnitudes.SLOPE)
+            check_magnitude('chirp_rate_hz_per_s', self.chirp_rate_hz_per_s, device.slope)
 
     @property
     def wavelength_m(self) -> float:
         """Wavelength at the carrier, metres."""
-        return SPEED_OF_LIGHT / self.carrier_hz
+        return self.propagation_speed_m_per_s / self.carrier_hz
 
     @property
     def wavenumber_rad_per_m(self) -> float:
         """Two-way wavenumber ``4 pi f / c`` at the carrier, radians per metre of half path."""
-        return 4.0 * math.pi * self.carrier_hz / SPEED_OF_LIGHT
+        return 4.0 * math.pi * self.carrier_hz / self.propagation_speed_m_per_s
+
+    @property
+    def half_band_rad_per_m(self) -> float:
+        """Half of the band as two-way wavenumber, ``2 pi B / c``, radians per metre."""
+        return 2 * math.pi * self.bandwidth_hz / self.propagation_speed_m_per_s
+
+    @property
+    def shortest_wavelength_m(self) -> float:
+        """Wavelength at the upper edge of the band, metres."""
+        return self.propagation_speed_m_per_s / (self.carrier_hz + self.bandwidth_hz / 2)
 
     @property
     def range_resolution_m(self) -> float:
         """Spacing of the nulls of an unweighted range response, ``c / 2B``, metres."""
-        return SPEED_OF_LIGHT / (2.0 * self.bandwidth_hz)
+        return self.propagation_speed_m_per_s / (2.0 * self.bandwidth_hz)
 
     @property
     def sample_spacing_m(self) -> float:
         """Half-path distance between fast-time samples, ``c / 2 f_s``, metres."""
-        return SPEED_OF_LIGHT / (2.0 * self.sample_rate_hz)
+        return self.propagation_speed_m_per_s / (2.0 * self.sample_rate_hz)
 
     @property
     def range_start_m(self) -> float:
         """Half-path distance of sample 0, metres."""
-        return SPEED_OF_LIGHT * self.first_sample_delay_s / 2.0
+        return self.propagation_speed_m_per_s * self.first_sample_delay_s / 2.0

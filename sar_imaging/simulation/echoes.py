@@ -24,7 +24,8 @@ from .dense_scenes import dense_spectrum
 DENSE = 4096  # scatterers from which the spectrum of all together is the faster one
 
 
-def two_way_delays(tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray) -> np.ndarray:
+def two_way_delays(tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray,
+                   propagation_speed_m_per_s: float = SPEED_OF_LIGHT) -> np.ndarray:
     """Exact two-way delay from transmitter over each point to receiver.
 
     Rosenberg & Gray, equation 3, first line, for any positions.
@@ -35,13 +36,16 @@ def two_way_delays(tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray) -> 
         Phase centres, metres.
     points_m : (S, 3) float64
         Scatterers, metres.
+    propagation_speed_m_per_s : float
+        Speed of the waves, metres per second.
 
     Returns
     -------
     (P, C, S) float64
         Delays, seconds.
     """
-    return (_distances(tx_m, points_m) + _distances(rx_m, points_m)) / SPEED_OF_LIGHT
+    path_m = _distances(tx_m, points_m) + _distances(rx_m, points_m)
+    return path_m / propagation_speed_m_per_s
 
 
 def _distances(centres_m: np.ndarray, points_m: np.ndarray) -> np.ndarray:
@@ -180,7 +184,8 @@ class EchoSimulator:
                                for p in range(len(tx_m))])
 
     def _samples(self, tx_m: np.ndarray, rx_m: np.ndarray) -> np.ndarray:
-        delays_s = two_way_delays(tx_m, rx_m, self._points_m)
+        delays_s = two_way_delays(tx_m, rx_m, self._points_m,
+                                  self.radar.propagation_speed_m_per_s)
         self._check_recorded(delays_s)
         return self._synthesise(delays_s)
 

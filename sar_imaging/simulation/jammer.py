@@ -8,7 +8,7 @@ import math
 import numpy as np
 from scipy import fft
 
-from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from ..signal.radar import RadarParameters
 from .noise import complex_gaussian
 
 
@@ -61,7 +61,7 @@ class Jammer:
         half = min(math.floor(radar.bandwidth_hz / 2 / step), (n_samples - 1) // 2)
         bins = np.arange(-half, half + 1)
         path = np.linalg.norm(np.asarray(rx_m) - np.array(self.position_m), axis=-1)
-        delay = (path - path.mean(axis=1, keepdims=True)) / SPEED_OF_LIGHT
+        delay = (path - path.mean(axis=1, keepdims=True)) / radar.propagation_speed_m_per_s
         cycles = np.remainder(delay[..., None] * (radar.carrier_hz + step * bins), 1.0)
         noise = np.stack([complex_gaussian(self.seed, int(c), bins.size) for c in counter])
         spectrum = np.zeros((*path.shape, n_samples), complex)

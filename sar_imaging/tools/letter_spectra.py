@@ -68,7 +68,7 @@ def _coarse_grid(recording: Recording) -> PolarGrid:
     r, alpha = math.hypot(x, y), y / math.hypot(x, y)
     range_spacing = radar.range_resolution_m / _OVERSAMPLING
     # the highest frequency of the band has the finest structure
-    wavelength = SPEED_OF_LIGHT / (radar.carrier_hz + radar.bandwidth_hz / 2)
+    wavelength = radar.shortest_wavelength_m
     alpha_spacing = wavelength / (2 * experiment.aperture_m / N_SUBAPERTURES) / _OVERSAMPLING
     n_range, n_alpha = (round(SUBSCENE_M / s) for s in (range_spacing, alpha_spacing * r))
     return PolarGrid((0.0, 0.0, 0.0), (0.0, 1.0), -1, 0.0, r - n_range // 2 * range_spacing,

@@ -69,6 +69,18 @@ def test_radar_and_platform():
     assert acquisition.beamwidth_rad == pytest.approx(3.14159265)
 
 
+def test_speed_of_the_waves():
+    sonar = RADAR.replace('radar: {', 'radar: {propagation_speed_m_per_s: 1480.0, ').replace(
+        '9.6e+9', '300e3').replace('400.0e+6', '60e3').replace('480.0e+6', '100e3').replace(
+        '5.0e-6', '1e-3').replace('4850.0', '30.0')
+    radar = read(sonar).acquisition().radar
+    assert radar.propagation_speed_m_per_s == 1480.0
+    assert radar.first_sample_delay_s == pytest.approx(2 * 30.0 / 1480.0)
+    assert read(RADAR).acquisition().radar.propagation_speed_m_per_s == SPEED_OF_LIGHT
+    with pytest.raises(ValueError, match='propagation_speed_m_per_s=0.0 must be positive'):
+        read(sonar.replace('1480.0', '0.0')).acquisition()
+
+
 @pytest.mark.parametrize('number', ['9.6e9', '96e8', '9.6E+9', '+9600.e6', '.96e10'])
 def test_numbers_as_ros_takes_them(number):
     acquisition = read(RADAR.replace('9.6e+9', number)).acquisition()

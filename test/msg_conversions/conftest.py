@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as hnp
 
 from msg_conversions.float_pairs import MAX_OFFSET_NS
 from sar_imaging.signal.pulses import PulseBlock
-from sar_imaging.signal.radar import RadarParameters, Waveform
+from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 
 
 @pytest.fixture(scope='session')
@@ -45,7 +45,9 @@ def _radars():
                      pulse_length_s=st.floats(0.0, 1.0),
                      chirp_rate_hz_per_s=st.floats(-1e18, -1e4) | st.floats(1e4, 1e18)
                      | st.just(0.0),
-                     waveform=st.sampled_from(Waveform))
+                     waveform=st.sampled_from(Waveform),
+                     propagation_speed_m_per_s=st.just(SPEED_OF_LIGHT)
+                     | st.floats(1e6, SPEED_OF_LIGHT))
 
 
 @st.composite
@@ -83,7 +85,7 @@ def assert_same_block():
         assert received.frame == sent.frame
         assert received.radar.waveform == sent.radar.waveform
         for name in ('carrier_hz', 'bandwidth_hz', 'sample_rate_hz', 'first_sample_delay_s',
-                     'pulse_length_s', 'chirp_rate_hz_per_s'):
+                     'pulse_length_s', 'chirp_rate_hz_per_s', 'propagation_speed_m_per_s'):
             # A pair keeps 48 bits; below about 1e-30 float32 itself ends at 2**-149.
             assert getattr(received.radar, name) == pytest.approx(
                 getattr(sent.radar, name), rel=2**-48, abs=2**-149)

@@ -18,6 +18,7 @@ from msg_conversions import WireFormatError, subaperture_wire as wire
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.planning.afbp.polar_grids import FusionGrid
+from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.streaming.subaperture_image import COUNTS, SubapertureImage
 
 # A pair keeps 48 bits; below about 1e-30 float32 itself ends at 2**-149.
@@ -32,7 +33,7 @@ def make_fusion(**changes):
     return FusionGrid(**{'polar': polar, 'n_coarse': 2, 'n_fine': 12, 'n_guard': 0.25,
                          'beta': 1.5, 'n_coarse_range': 3, 'n_fine_range': 5, 'half_range': 12.0,
                          'carrier_hz': 9.6e9, 'range_oversampling': 1.25,
-                         'alpha_oversampling': 1.5} | changes)
+                         'alpha_oversampling': 1.5, 'propagation_speed_m_per_s': 1e8} | changes)
 
 
 def make_image(fusion=None, **changes):
@@ -72,7 +73,8 @@ def fusions(draw):
     return FusionGrid(
         polar, n_coarse, draw(st.integers(2 * n_alpha + 2, 100)) + 2 * n_alpha, n_guard,
         draw(st.floats(0.0, 50.0)), n_coarse_range, n_fine_range, draw(st.floats(1e-3, 400.0)),
-        draw(st.floats(1e10, 1e12)), draw(st.floats(1.0, 4.0)), draw(st.floats(1.0, 4.0)))
+        draw(st.floats(1e10, 1e12)), draw(st.floats(1.0, 4.0)), draw(st.floats(1.0, 4.0)),
+        draw(st.floats(100.0, SPEED_OF_LIGHT)))
 
 
 @st.composite
@@ -154,17 +156,17 @@ def test_layout_is_the_documented_one():
     sent = make_image()
     data, dims, offset = wire.to_array(sent)
     assert dims == [('angle', 2, 12), ('range', 3, 6), ('iq', 2, 2)]
-    assert offset == 88
-    assert data[:8].tolist() == [5456201, 4, 88, -1, 0xCDEF, 0x89AB, 0x4567, 0x0123]
+    assert offset == 90
+    assert data[:8].tolist() == [5456201, 5, 90, -1, 0xCDEF, 0x89AB, 0x4567, 0x0123]
     assert data[8:28].tolist() == [0xBEEF, 0xDEAD, 8, 7, 2, 0, 2, 1, 3, 0, 5, 0, 4, 0, 1, 0xFFFF,
                                    60, 0, 4, 5]
     assert data[28:30].tolist() == [0x15, 0x16]
     assert data[30:42].tolist() == [4, 0, 1, 0, 12, 0, 5, 0, 5, 0, 3, 2]
     polar = sent.fusion.polar
-    assert data[42:88:2].tolist() == [np.float32(value) for value in (
+    assert data[42:90:2].tolist() == [np.float32(value) for value in (
         9.6e9, 5e8, -61.25, *polar.origin_m, *polar.track, polar.z_m, 1500.0, 0.3, -0.05, 1e-4,
-        0.25, 1.5, 12.0, 1.25, -3.25, *sent.map_grid.centre_m, 0.1, 1.5)]
-    assert data[88:].tobytes() == sent.image.tobytes()
+        0.25, 1.5, 12.0, 1.25, -3.25, *sent.map_grid.centre_m, 0.1, 1.5, 1e8)]
+    assert data[90:].tobytes() == sent.image.tobytes()
 
 
 def test_image_is_a_read_only_view():
@@ -185,26 +187,27 @@ def test_works_without_ros():
 
 # ------------------------------------------------------------------------------- refused
 
-# The valid message has 2 angles and 3 ranges: a header of 88 floats, 100 floats in all.
+# The valid message has 2 angles and 3 ranges: a header of 90 floats, 102 floats in all.
 MALFORMED = {
-    'truncated': (lambda d, m, o: (d[:-1], m, o), r'len\(data\)=99; expected 100: data_offset=88'),
-    'extended': (lambda d, m, o: (np.append(d, d[:2]), m, o), r'len\(data\)=102; expected 100'),
-    'without data': (lambda d, m, o: (d[:0], m, o), r'len\(data\)=0; expected 100'),
+    'truncated': (lambda d, m, o: (d[:-1], m, o),
+                  r'len\(data\)=101; expected 102: data_offset=90'),
+    'extended': (lambda d, m, o: (np.append(d, d[:2]), m, o), r'len\(data\)=104; expected 102'),
+    'without data': (lambda d, m, o: (d[:0], m, o), r'len\(data\)=0; expected 102'),
     'a pulse block': (lambda d, m, o: (d, [('pulse', 1, 12), *m], o), r"\('angle', 'range', 'iq'"),
     'no angle': (lambda d, m, o: (d, [('angle', 0, 0), *m[1:]], o),
                  r'at least one angle and range, and 2 for iq; do not send empty images'),
     'absurd size': (lambda d, m, o: (d, wire.LAYOUT.dimensions((2**32 - 1, 2**32 - 1)), o),
                     'mean 36893488130239234050 floats of pixels; accepted are at most 67108864'),
     'wrong stride': (lambda d, m, o: (d, [('angle', 2, 6), *m[1:]], o), r'strides are \(6, 6, 2'),
-    'no header': (lambda d, m, o: (d[o:], m, 0), 'data_offset=0; expected 88: the length'),
-    'absurd offset': (lambda d, m, o: (d, m, 2**32 - 1), 'data_offset=4294967295; expected 88'),
+    'no header': (lambda d, m, o: (d[o:], m, 0), 'data_offset=0; expected 90: the length'),
+    'absurd offset': (lambda d, m, o: (d, m, 2**32 - 1), 'data_offset=4294967295; expected 90'),
     'wrong magic': (edited(0, 5456210), 'magic number 5456201; .* carry sub-aperture images'),
-    'wrong version': (edited(1, 2), 'format version is 2; expected 4'),
-    'wrong header length': (edited(2, 48), 'header length is 48 floats; expected 88'),
+    'wrong version': (edited(1, 2), 'format version is 2; expected 5'),
+    'wrong header length': (edited(2, 48), 'header length is 48 floats; expected 90'),
     'no side': (edited(3, 0), r'side \(data\[3\]\) is 0; expected \+1'),
     'fractional side': (edited(3, 0.5), r'side \(data\[3\]\) is 0.5'),
     'NaN in the header': (edited(62, np.nan), 'header holds 1 numbers that are NaN .* index 62'),
-    'infinite low part': (edited(87, np.inf), 'header holds 1 numbers .* index 87'),
+    'infinite low part': (edited(89, np.inf), 'header holds 1 numbers .* index 89'),
     'fractional stamp': (edited(5, 0.5), r'stamp limbs \(data\[4:8\]\) are .* whole numbers'),
     'negative count': (edited(9, -1), r'count limbs \(data\[8:42\]\) are .* whole numbers'),
     'limb too large': (edited(41, 65536), r'count limbs .* 65536.0\]; expected'),
@@ -232,7 +235,8 @@ MALFORMED = {
     'absurd fine grid': (edited(35, 65535), 'expected at most 2147483648 pixels'),
     'empty map': (edited(38, 0), 'n_x=0, n_y=131075; expected at least one pixel'),
     'map without spacing': (edited([84, 85], 0), 'spacing_m=0.0 must be positive'),
-    'NaN pixel': (edited(88, np.nan), 'pixel array holds 1 numbers that are NaN .* its index 0'),
+    'standing waves': (edited(88, 0.0), 'propagation_speed_m_per_s=.* must be positive'),
+    'NaN pixel': (edited(90, np.nan), 'pixel array holds 1 numbers that are NaN .* its index 0'),
     'doubles': (lambda d, m, o: (d.astype(np.float64), m, o), "has format 'd'"),
 }
 

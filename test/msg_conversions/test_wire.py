@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import array
+import dataclasses
 import re
 import subprocess
 import sys
@@ -76,6 +77,31 @@ def test_layout_is_the_documented_one(make_block):
     assert data[56:].tobytes() == block.samples.tobytes()
 
 
+def test_the_speed_of_other_waves_lengthens_the_header(make_block, radar, assert_same_block):
+    light = make_block()
+    sound = make_block(radar=dataclasses.replace(
+        radar, carrier_hz=300e3, bandwidth_hz=60e3, sample_rate_hz=100e3, chirp_rate_hz_per_s=6e6,
+        propagation_speed_m_per_s=1480.3))
+    data, dims, offset = wire.to_array(sound)
+    assert data[2] == 26 and offset == wire.to_array(light)[2] + 2
+    assert float(data[24]) + float(data[25]) == pytest.approx(1480.3, rel=2**-48)
+    assert_same_block(wire.from_array(data, dims, offset), sound)
+    # What readers from before the speed check first: they refuse it and do not take it for light.
+    assert data[2] != wire.HEADER_LENGTH
+    for index, value, text in ((24, -1480.3, 'impossible: propagation_speed_m_per_s=-1480'),
+                               (24, 3.1e8, 'impossible: propagation_speed_m_per_s=3.1e'),
+                               (25, np.nan, 'block header holds 1 numbers that are NaN .* 25')):
+        changed = data.copy()
+        changed[index] = value
+        with pytest.raises(WireFormatError, match=text):
+            wire.from_array(changed, dims, offset)
+
+
+def test_messages_of_radars_in_air_are_those_of_before(make_block):
+    data, _, offset = wire.to_array(make_block(n_pulses=2))
+    assert data[2] == 24 and offset == 24 + 2 * (4 + 12 * 2)
+
+
 # ------------------------------------------------------------------------------- refused to write
 
 def test_empty_blocks_are_not_written(make_block):
@@ -145,6 +171,7 @@ MALFORMED = {
     'NaN magic': (put(0, np.nan), r'data\[0\]=nan; expected the magic number 5456210'),
     'wrong version': (put(1, 2), 'format version is 2; expected 1; use the same release'),
     'wrong header length': (put(2, 25), 'row length are 25 and 28 floats; expected 24 and 28'),
+    'longer header denied': (put(2, 26), 'data_offset=108; expected 110: a header of 26 floats'),
     'wrong row length': (put(3, 16), 'are 24 and 16 floats; expected 24 and 28 for 2 channels'),
     'positions denied': (put(22, 0), '24 and 28 floats; expected 24 and 4 for 2 channels without'),
     'NaN in the header': (put(9, np.nan), 'block header holds 1 numbers that are NaN .* index 9'),

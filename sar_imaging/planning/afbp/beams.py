@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...geometry.polar import PolarGrid
-from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
+from ...signal.radar import RadarParameters
 from ..costs import costs
 from ..error_budget import total_db
 from ..interpolators import Interpolator, design_interpolator
@@ -168,7 +168,7 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
     slope, curvature = (np.stack([getattr(view, name) for view in views])
                         for name in ('slope', 'curvature'))
     uneven = max(_LEAST_UNEVEN * radar.wavelength_m, *(view.uneven_m for view in views))
-    highest = k + 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT
+    highest = k + radar.half_band_rad_per_m
     spread = max(view.beams.spread(*view.centres) for view in views)
     # Beams beside the grid count, too; there are fewer the wider the spread.
     widest = max(spread, 1e-3 * radar.wavelength_m)

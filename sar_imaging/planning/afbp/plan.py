@@ -9,7 +9,7 @@ import numpy as np
 
 from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
-from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
+from ...signal.radar import RadarParameters
 from ..aliasing_error import EVERYTHING
 from ..costs import costs
 from ..plan import Plan
@@ -156,7 +156,7 @@ def _sampling_warnings(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m) -> 
     middles = 0.5 * (tx_m + rx_m).mean(axis=1)
     step = float(np.median(np.linalg.norm(np.diff(middles, axis=0), axis=1)))
     width = polar.n_alpha * polar.alpha_spacing
-    shortest = SPEED_OF_LIGHT / (radar.carrier_hz + radar.bandwidth_hz / 2)
+    shortest = radar.shortest_wavelength_m
     if 2 * step * width > shortest:
         yield (f'pulses are {step:.3g} m apart; scatterers within the scene, {width:.3g} wide in '
                f'direction cosine, are ambiguous beyond {shortest / (2 * width):.3g} m')

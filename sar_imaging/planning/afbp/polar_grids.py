@@ -45,6 +45,8 @@ class FusionGrid:
     range_oversampling, alpha_oversampling : float
         By how much `polar` is sampled more finely than its image needs, to be interpolated to a
         map; both 1 where the image itself is wanted.
+    propagation_speed_m_per_s : float
+        Speed of the waves, metres per second.
 
     Raises
     ------
@@ -63,10 +65,11 @@ class FusionGrid:
     carrier_hz: float
     range_oversampling: float = 1.0
     alpha_oversampling: float = 1.0
+    propagation_speed_m_per_s: float = SPEED_OF_LIGHT
 
     def __post_init__(self):
         _check_polar(self.polar)
-        for name in ('n_guard', 'half_range', 'carrier_hz'):
+        for name in ('n_guard', 'half_range', 'carrier_hz', 'propagation_speed_m_per_s'):
             value = getattr(self, name)
             if not 0 < value < math.inf:
                 raise ValueError(f'{name}={value} must be positive and finite')
@@ -159,12 +162,12 @@ class FusionGrid:
     @property
     def wavelength_m(self) -> float:
         """Wavelength at the carrier, metres."""
-        return SPEED_OF_LIGHT / self.carrier_hz
+        return self.propagation_speed_m_per_s / self.carrier_hz
 
     @property
     def wavenumber_rad_per_m(self) -> float:
         """Two-way wavenumber at the carrier, radians per metre of half path."""
-        return 4.0 * math.pi * self.carrier_hz / SPEED_OF_LIGHT
+        return 4.0 * math.pi * self.carrier_hz / self.propagation_speed_m_per_s
 
 
 def _check_polar(grid: PolarGrid) -> None:

@@ -267,7 +267,8 @@ class _Planner:
         sampling = self._sampling(bands, paths, length, ratio, coverage)
         grid = FusionGrid(polar, sampling.n_coarse, sampling.n_fine, sampling.n_guard,
                           sampling.beta, sampling.n_coarse_range, sampling.n_fine_range,
-                          bands.half_range, self.radar.carrier_hz, *oversampling)
+                          bands.half_range, self.radar.carrier_hz, *oversampling,
+                          self.radar.propagation_speed_m_per_s)
         range_m = _bounds(grid.coarse, tx_m, rx_m)
         source = self.band or RangeWindow.around(self.radar, self.n_samples, range_m)
         lattice = self._lattice_for(sampling, grid.coarse, source, paths)

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from ...signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from ...signal.radar import RadarParameters, Waveform
 from ...signal.windows import window as window_weights
 
 
@@ -58,7 +58,7 @@ class RangeBand:
         self.radar = dataclasses.replace(
             radar, sample_rate_hz=radar.bandwidth_hz,
             carrier_hz=radar.carrier_hz + (self.zero - (n_samples - 1) / 2) * step_hz)
-        self.period_m = SPEED_OF_LIGHT / (2 * step_hz)
+        self.period_m = radar.propagation_speed_m_per_s / (2 * step_hz)
         self.phase_range_m = radar.range_start_m
         self.range_start_m = radar.range_start_m - self.period_m / 2
         weights = window_weights(weighting, n_samples)

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
+from ...signal.radar import RadarParameters
 from ..costs import costs
 from ..error_budget import total_db
 from ..interpolators import LEAST_MARGIN, LINE_DEGREE, Interpolator, design_interpolator
@@ -286,7 +286,7 @@ def _expansion_errors(paths, radar):
     The path is expanded to third order, the envelope's position to second, the phasor to third.
     """
     k = radar.wavenumber_rad_per_m
-    band = 2 * math.pi * radar.bandwidth_hz / SPEED_OF_LIGHT / math.sqrt(3)
+    band = radar.half_band_rad_per_m / math.sqrt(3)
     a, b, c = (k * d / math.factorial(n + 1)
                for n, d in enumerate(paths.from_shared().derivatives[:3]))
     quartic = np.hypot(a ** 4 / 24 - b ** 2 / 2 - a * c, a ** 2 * b / 2) / 8 / math.sqrt(2)

@@ -19,7 +19,7 @@ import numpy as np
 from ..calibration import ChannelCalibration
 from ..pulses import PulseBlock
 from ..pulses.checks import check_samples
-from ..radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from ..radar import RadarParameters, Waveform
 from .band_filter import BandFilter
 from .phase_history import GUARD_SAMPLES, PhaseHistoryPlan
 
@@ -131,7 +131,7 @@ class RangeCompressor:
                              f'{radar.range_start_m + (n - 1) * radar.sample_spacing_m:.2f} m')
         self._kept = slice(start, stop)
         self._output_radar = dataclasses.replace(
-            radar, first_sample_delay_s=2 / SPEED_OF_LIGHT
+            radar, first_sample_delay_s=2 / radar.propagation_speed_m_per_s
             * (radar.range_start_m + start * radar.sample_spacing_m))
 
     @classmethod

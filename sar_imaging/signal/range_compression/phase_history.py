@@ -18,7 +18,7 @@ from scipy import fft
 
 from ...compilation import njit, numba
 from ..dechirp import check_fmcw
-from ..radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from ..radar import RadarParameters, Waveform
 from ..windows import window as window_weights
 
 _ROWS_PER_CALL = 256  # bounds the work space
@@ -176,7 +176,7 @@ def _kept_delays(radar: RadarParameters, step_hz: float,
                  range_window_m: tuple[float, float] | None) -> tuple[float, float]:
     """Delays beyond the reference that profiles cover, seconds."""
     period_s = 1.0 / step_hz
-    reference_s = radar.first_sample_delay_s
+    reference_s, speed = radar.first_sample_delay_s, radar.propagation_speed_m_per_s
     low_s, high_s = -period_s / 2, period_s / 2
     if radar.waveform == Waveform.FMCW_REAL:
         low_s = 0.0  # echoes at -u look as those at u do
@@ -184,9 +184,9 @@ def _kept_delays(radar: RadarParameters, step_hz: float,
         low_s, high_s = -reference_s, period_s - reference_s  # no echo comes before its pulse
     if range_window_m is None:
         return low_s, high_s
-    near_s, far_s = (2 * r / SPEED_OF_LIGHT - reference_s for r in range_window_m)
+    near_s, far_s = (2 * r / speed - reference_s for r in range_window_m)
     if near_s >= high_s or far_s <= low_s:
-        limits = (SPEED_OF_LIGHT / 2 * (d + reference_s) for d in (low_s, high_s))
+        limits = (speed / 2 * (d + reference_s) for d in (low_s, high_s))
         raise ValueError('range_window_m={} lies outside the {:.2f} to {:.2f} m that the samples '
                          'tell apart'.format(range_window_m, *limits))
     return max(low_s, near_s), min(high_s, far_s)
