@@ -21,8 +21,8 @@ import numpy as np
 from scipy import ndimage
 from tqdm import tqdm
 
-from sar_imaging.exploitation.obstacle_map import FREE, OCCUPIED, UNKNOWN, ObstacleMap
 from sar_imaging.exploitation.obstacles import ObstacleDetector
+from sar_imaging.exploitation.obstacles.obstacle_map import FREE, OCCUPIED, UNKNOWN, ObstacleMap
 
 from .machine import machine
 from .obstacle_scenes import SIZES, ObstacleScene, Platform, random_scene

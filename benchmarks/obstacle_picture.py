@@ -10,8 +10,8 @@ import pathlib
 
 import numpy as np
 
-from sar_imaging.exploitation.obstacle_map import FREE, OCCUPIED, ObstacleMap
 from sar_imaging.exploitation.obstacles import ObstacleDetector
+from sar_imaging.exploitation.obstacles.obstacle_map import FREE, OCCUPIED, ObstacleMap
 
 from .obstacle_campaign import former_map
 from .obstacle_scenes import Platform, random_scene

@@ -16,7 +16,7 @@ from scipy import fft
 
 from sar_imaging.compilation import njit
 from sar_imaging.configuration.parameters import read_configuration
-from sar_imaging.exploitation.aperture_view import ApertureView
+from sar_imaging.exploitation.obstacles.aperture_view import ApertureView
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.signal.pulses import PulseBlock

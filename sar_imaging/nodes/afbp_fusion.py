@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Mapping
 
-from sar_imaging.exploitation.subaperture_tracks import SubapertureTracks
+from sar_imaging.exploitation.obstacles.subaperture_tracks import SubapertureTracks
 from sar_imaging.streaming.fusion import FusedImage, LiveFusion
 from sar_imaging.streaming.kernels import compile_fusion_kernels
 from sar_imaging.streaming.mosaic import StripMosaic

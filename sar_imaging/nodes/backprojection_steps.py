@@ -11,7 +11,7 @@ from msg_conversions.subaperture_image import to_message
 from msg_conversions.subaperture_wire import as_received
 from sar_imaging.backends.cpu.backprojection import compile_kernels
 from sar_imaging.configuration.startup import TrackWarnings, report_block
-from sar_imaging.exploitation.aperture_view import PulseTracks
+from sar_imaging.exploitation.obstacles.aperture_view import PulseTracks
 from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.pulses.sequence import describe_counters, describe_range
 from sar_imaging.streaming.aperture import ApertureImage, ApertureImager

@@ -16,7 +16,7 @@ from std_msgs.msg import Header
 from msg_conversions.images import complex_to_message, map_metadata_to_message
 from msg_conversions.point_cloud import to_message
 from sar_imaging.backends.cpu.backprojection import compile_kernels
-from sar_imaging.exploitation.moving_targets import (
+from sar_imaging.exploitation.movers.moving_targets import (
     LiveMovingTargets,
     MovingTargetFinder,
     MovingTargets,

@@ -11,7 +11,7 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from msg_conversions.images import complex_from_message
 from msg_conversions.point_cloud import from_message
-from sar_imaging.exploitation.moving_targets import LiveMovingTargets, MovingTargetFinder
+from sar_imaging.exploitation.movers.moving_targets import LiveMovingTargets, MovingTargetFinder
 from sar_imaging.geometry import MapGrid
 from sar_imaging.nodes.runtime.managed import LATCHED
 from sar_imaging.simulation.scenarios import moving_targets

@@ -15,9 +15,9 @@ from std_msgs.msg import Header
 
 from msg_conversions.images import occupancy_to_message
 from msg_conversions.point_cloud import OBSTACLE_FIELDS, to_message
-from sar_imaging.exploitation.aperture_view import ApertureView
-from sar_imaging.exploitation.obstacle_map import ObstacleMap
 from sar_imaging.exploitation.obstacles import ObstacleDetector
+from sar_imaging.exploitation.obstacles.aperture_view import ApertureView
+from sar_imaging.exploitation.obstacles.obstacle_map import ObstacleMap
 from sar_imaging.geometry.grids import MapGrid
 
 from ..runtime.health import Health, Part
