@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from ..geometry.grids import MapGrid
+from ..geometry.polar import PolarGrid
+
 # Neighbours that are read, and along direction where the spectrum is corrected for it. Along range
 # it cannot be: along a row of the map direction changes, too, and with it what range must take.
 TAPS, CORRECTED_TAPS = 14, 6
@@ -13,3 +16,9 @@ LEAST_RANGES = 16  # of the polar image: a vector of the kernels
 def margin(taps: int) -> int:
     """Pixels that a polar grid must reach beyond a map on all sides."""
     return taps // 2 + 2 + NOT_READ
+
+
+def range_axis(polar: PolarGrid, grid: MapGrid) -> int:
+    """Map axis that follows range: 0 for x, 1 for y."""
+    look = [c - o for c, o in zip(grid.centre_m[:2], polar.origin_m[:2], strict=True)]
+    return int(abs(look[1]) > abs(look[0]))

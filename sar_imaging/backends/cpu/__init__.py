@@ -1,0 +1,16 @@
+"""The compiled backend: vectors, threads, own Fourier transforms and memory of their own.
+
+Its four entries (`sar_imaging.backends.Backend`) are imported when they are used first, so that
+exact backprojection does not load the beams and transforms of AFBP.
+"""
+
+import importlib
+
+_MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'subapertures',
+            'SpectrumFusion': 'fusion.spectra', 'form_map': 'fusion.to_map'}
+
+
+def __getattr__(name):
+    if name not in _MODULES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(importlib.import_module(f'.{_MODULES[name]}', __name__), name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...planning.afbp.subapertures import SubaperturePlan
-from ...signal.pulses import PulseBlock, check_profiles
+from ...signal.pulses import PulseBlock
 from .beams.subaperture import BeamLines
 from .lines import PolarLines
 from .memory import aligned_empty
@@ -59,10 +59,7 @@ class SubapertureImager:
             The block does not match the plan, or there is no such sub-aperture.
         """
         plan = self.plan
-        check_profiles(block, plan.given, plan.n_samples, compressed=plan.compressed)
-        if not 0 <= number < plan.n_subapertures:
-            raise ValueError(f'number={number}; the plan has sub-apertures 0 to '
-                             f'{plan.n_subapertures - 1}')
+        plan.check_block(number, block)
         shape = (2, plan.coarse.n_alpha, plan.coarse.n_range)
         parts = aligned_empty(shape, np.float32) if out is None else out
         if weights is not None:

@@ -87,6 +87,42 @@ class BeamSampling:
         """Beams over some extent in direction cosine, with those that interpolation needs."""
         return _n_beams(span, self.spacing)
 
+    def directions(self, beams: BeamGeometry, tx_m, rx_m) -> tuple[float, float, int]:
+        """First direction cosine, spacing and number of the beams of a sub-aperture.
+
+        They lie closer where its rows spread further than those that were planned for.
+        """
+        spacing, (low, high) = self.spacing, beams.direction
+        spread = beams.spread(tx_m, rx_m, OUTSIDE * spacing)
+        if spread > self.spread_m:
+            spacing *= self.spread_m / spread
+        return low - OUTSIDE * spacing, spacing, _n_beams(high - low, spacing)
+
+    def range_gain(self, gain, number, n_cells: int) -> np.ndarray:
+        """By what the bins of a profile's spectrum are multiplied on the way to cells.
+
+        Parameters
+        ----------
+        gain : (N,) float32
+            Of the profiles, by bin.
+        number : (N,) int64
+            Of each bin, counted from the carrier's.
+        n_cells : int
+            Cells of the period.
+
+        Returns
+        -------
+        (N,) float64
+            Times what interpolation along range takes from each frequency, and a taper where
+            cells do not hold all bins: beyond the band lies what the cut ends of profiles leave,
+            which would ring far inside if it ended at once.
+        """
+        magnitudes = np.arange(np.abs(number).max() + 1)  # gains are the same on both sides
+        gain = gain * self.along.gain(magnitudes / n_cells)[np.abs(number)]
+        if n_cells < len(gain):
+            gain *= _taper(number / n_cells, 0.5 / self.along.oversampling)
+        return gain
+
     def group_of(self, n_beams: int) -> int:
         """Beams of each group, in no more groups than needed: even, or one."""
         return _group_of(n_beams, self.group)
@@ -112,6 +148,11 @@ def _cost(n_beams, most, paired, segment, n_rows, n_bins, n_cells, n_pixels) -> 
                                             + model.beam_group)
     return (per_bin * n_rows * n_bins + n_beams * n_cells * model.beam_cell
             + n_pixels * (model.beam_pixel + model.beam_segment / segment))
+
+
+def _taper(frequency, edge: float) -> np.ndarray:
+    """Falls from 1 at the edge of the band to 0 at the highest frequency that cells hold."""
+    return np.cos(0.5 * np.pi * np.clip((np.abs(frequency) - edge) / (0.5 - edge), 0, 1)) ** 2
 
 
 def least_cost(n_rows: int, n_bins: int, n_cells: int, n_pixels: int) -> float:

@@ -153,7 +153,11 @@ class FusionGrid:
 
     @functools.cached_property
     def range_wavenumbers(self) -> np.ndarray:
-        """(B,) float64 two-way range wavenumbers of the fused spectrum, ascending, rad/m."""
+        """(K,) float64 two-way wavenumbers K_r of the images along range, rad/m, ascending.
+
+        Those of the carrier's bin, in the middle, and as many on either side as the band has that
+        tapers over the guards widen.
+        """
         step = 2 * math.pi / self.range_extent_m
         band = self.half_range + taper_band(self.range_guard * self.coarse.range_spacing_m)
         most = min(math.ceil(band / step), (self.n_coarse_range - 1) // 2)
@@ -168,6 +172,33 @@ class FusionGrid:
     def wavenumber_rad_per_m(self) -> float:
         """Two-way wavenumber at the carrier, radians per metre of half path."""
         return 4.0 * math.pi * self.carrier_hz / self.propagation_speed_m_per_s
+
+    def check_contribution(self, image, centre_m: float) -> None:
+        """Refuse what is no image of a sub-aperture on `coarse`, or its centre is not finite.
+
+        Raises
+        ------
+        ValueError
+            The image has another shape, or the centre is not finite.
+        """
+        shape = self.n_coarse, self.n_coarse_range
+        expected = shape if np.iscomplexobj(image) else (2, *shape)
+        if image.shape != expected:
+            raise ValueError(f'image.shape={image.shape}; expected {expected}')
+        if not math.isfinite(centre_m):
+            raise ValueError(f'centre_m={centre_m}; expected a finite number of metres')
+
+    def check_for_map(self) -> None:
+        """Refuse to interpolate an image to a map that is sampled too coarsely.
+
+        Raises
+        ------
+        ValueError
+            The grid is not for a map.
+        """
+        if self.between is None:
+            raise ValueError('the fused image is not sampled finely enough to be interpolated to '
+                             'a map; plan it for a MapGrid')
 
 
 def _check_polar(grid: PolarGrid) -> None:

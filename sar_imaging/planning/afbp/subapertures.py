@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from ...geometry.polar import PolarGrid
+from ...signal.pulses import PulseBlock, check_profiles
 from ...signal.radar import RadarParameters
 from ..aliasing_error import EVERYTHING, Coverage
 from ..error_budget import remaining_db, total_db
@@ -170,6 +171,19 @@ class SubaperturePlan:
                 f'{s.n_coarse} coarse lines each ({2 * s.n_guard:g} of them guards) of '
                 f'{self.coarse.n_range} ranges, fused to {s.n_fine} lines; predicted error '
                 f'{self.predicted_error_db:.1f} dB')
+
+    def check_block(self, number: int, block: PulseBlock) -> None:
+        """Refuse what cannot be imaged by this plan.
+
+        Raises
+        ------
+        ValueError
+            The block does not match the plan, or there is no such sub-aperture.
+        """
+        check_profiles(block, self.given, self.n_samples, compressed=self.compressed)
+        if not 0 <= number < self.n_subapertures:
+            raise ValueError(f'number={number}; the plan has sub-apertures 0 to '
+                             f'{self.n_subapertures - 1}')
 
     def check(self, tx_m, rx_m) -> tuple[float, float, bool]:
         """Band of a sub-aperture from its phase centres, and how well it suits the plan.

@@ -93,6 +93,12 @@ class ImagePoints:
         """True when no pixel has a position."""
         return not math.isfinite(self._radius)
 
+    def points(self) -> np.ndarray:
+        """(..., 3) float64 positions of all pixels, metres."""
+        row, column = (v.reshape(self.shape) for v in np.indices(self.size))
+        return np.stack([values[row * stride[0] + column * stride[1]] for values, stride in
+                         zip(self.coordinates, self.strides, strict=True)], axis=-1)
+
     def some(self) -> np.ndarray:
         """(S, 3) float64 positions of pixels all over the image, metres."""
         rng = np.random.default_rng(0)

@@ -9,7 +9,6 @@ interpolated from them.
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import math
 
@@ -19,7 +18,7 @@ from ....compilation import numba
 from ....geometry.polar import PolarGrid
 from ....planning.afbp.beam_gain import DEGREE, bins_per_run
 from ....planning.afbp.beam_geometry import grid_edges
-from ....planning.afbp.beams import OUTSIDE, BeamSampling
+from ....planning.afbp.beams import BeamSampling
 from ....planning.profiles.phase_history import RangeBand
 from ....planning.profiles.range_gate import RangeWindow
 from ....planning.profiles.range_resampling import Lattice
@@ -69,10 +68,7 @@ class BeamLines:
         longest = bins_per_run(len(gain), len(gain) * self._cycles_per_bin / self._per_metre)
         self._runs, number = _runs(len(gain), lattice.n_cells, source.zero, longest)
         # Each bin's share is changed beforehand by what reading the cells takes from it.
-        magnitudes = np.arange(np.abs(number).max() + 1)  # gains are the same on both sides
-        gain = gain * sampling.along.gain(magnitudes / lattice.n_cells)[np.abs(number)]
-        if lattice.n_cells < len(gain):
-            gain *= _taper(number / lattice.n_cells, 0.5 / sampling.along.oversampling)
+        gain = sampling.range_gain(gain, number, lattice.n_cells)
         shift = np.fmod(number * (first / lattice.n_cells), 1.0)
         self._common = (gain * np.exp(2j * np.pi * shift)).astype(np.complex64)
         self._lines, self._edges = self._positions(), grid_edges(polar)
@@ -110,14 +106,7 @@ class BeamLines:
             raise ValueError(f'the imaging plane, {self._polar.z_m:g} m high, is too steep below '
                              f'the phase centres around {tx_m.mean(axis=0).round(2)}; use '
                              'Backprojector')
-        sampling = self._sampling
-        spread = geometry.spread(tx_m, rx_m, OUTSIDE * sampling.spacing)
-        if spread > sampling.spread_m:
-            sampling = dataclasses.replace(
-                sampling, spacing=sampling.spacing * (sampling.spread_m / spread))
-        spacing, (low, high) = sampling.spacing, geometry.direction
-        n_beams = sampling.n_beams(high - low)
-        start = low - OUTSIDE * spacing
+        start, spacing, n_beams = self._sampling.directions(geometry, tx_m, rx_m)
         directions = start + spacing * np.arange(n_beams)
         paired = geometry.uneven(tx_m, rx_m) < self._sampling.uneven_m
         beams = self._beams(samples, geometry.beam_path(tx_m, rx_m, directions), paired, weights)
@@ -187,15 +176,6 @@ def _runs(n_bins: int, n_cells: int, zero: int, longest: int):
         runs += [(first + i, target + i, start + i, min(longest, count - i))
                  for i in range(0, count, longest)]
     return np.array(runs), number
-
-
-def _taper(frequency, edge: float) -> np.ndarray:
-    """Falls from 1 at the edge of the band to 0 at the highest frequency that cells hold.
-
-    Beyond the band lies what the cut ends of profiles leave, which would ring far inside if it
-    ended at once.
-    """
-    return np.cos(0.5 * np.pi * np.clip((np.abs(frequency) - edge) / (0.5 - edge), 0, 1)) ** 2
 
 
 def _uncrowded(n_cells: int) -> int:

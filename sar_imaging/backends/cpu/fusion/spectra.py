@@ -95,12 +95,7 @@ class SpectrumFusion:
             The image has another shape, the centre is not finite, or the sub-aperture is in
             already and contributions are not kept.
         """
-        shape = self.grid.n_coarse, self.grid.n_coarse_range
-        expected = shape if np.iscomplexobj(image) else (2, *shape)
-        if image.shape != expected:
-            raise ValueError(f'image.shape={image.shape}; expected {expected}')
-        if not math.isfinite(centre_m):
-            raise ValueError(f'centre_m={centre_m}; expected a finite number of metres')
+        self.grid.check_contribution(image, centre_m)
         if number in self._included and not self._keep:
             raise ValueError(f'sub-aperture {number} is in the image already; fuse with keep=True '
                              'to replace contributions')

@@ -10,7 +10,7 @@ from ....geometry.map_edges import edge_positions
 from ....geometry.polar import PolarGrid
 from ....planning.afbp.polar_grids import FusionGrid
 from ....planning.interpolators import design_interpolator
-from ....planning.polar_to_map import CORRECTED_TAPS, DEGREE, NOT_READ, TAPS, margin
+from ....planning.polar_to_map import CORRECTED_TAPS, DEGREE, NOT_READ, TAPS, margin, range_axis
 from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
 from ..polar_to_map import polar_to_map
 
@@ -44,13 +44,11 @@ def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid,
     ValueError
         The grid is not for a map.
     """
-    if fusion.between is None:
-        raise ValueError('the fused image is not sampled finely enough to be interpolated to a '
-                         'map; plan it for a MapGrid')
+    fusion.check_for_map()
     along = design_interpolator(fusion.range_oversampling, taps=TAPS, degree=DEGREE)
     if np.iscomplexobj(polar_image):
         polar_image = np.stack((polar_image.real, polar_image.imag))
-    image = polar_to_map(polar_image, fusion.polar, grid, axis=_axis(fusion.polar, grid),
+    image = polar_to_map(polar_image, fusion.polar, grid, axis=range_axis(fusion.polar, grid),
                          wavelength_m=fusion.wavelength_m, between=fusion.between, along=along,
                          overwrite=overwrite)
     if centre_m:
@@ -79,7 +77,7 @@ def covers(polar: PolarGrid, grid: MapGrid) -> bool:
     """True when a polar grid reaches as far beyond a map as interpolation reads."""
     if grid.z_m != polar.z_m or min(grid.shape) < TAPS:
         return False
-    axis, reach = _axis(polar, grid), margin(TAPS) - NOT_READ
+    axis, reach = range_axis(polar, grid), margin(TAPS) - NOT_READ
     corners = np.array([[x, y] for x in grid.x_m[[0, -1]] for y in grid.y_m[[0, -1]]])
     offset = corners - polar.origin_m[:2]
     ahead = offset[:, axis]
@@ -91,9 +89,3 @@ def covers(polar: PolarGrid, grid: MapGrid) -> bool:
             ((alpha - polar.alpha_start) / polar.alpha_spacing, polar.n_alpha,
              margin(CORRECTED_TAPS) - NOT_READ))
     return all(read <= v.min() and v.max() <= n - read - 1 for v, n, read in axes)
-
-
-def _axis(polar: PolarGrid, grid: MapGrid) -> int:
-    """Map axis that follows range."""
-    look = [c - o for c, o in zip(grid.centre_m[:2], polar.origin_m[:2], strict=True)]
-    return int(abs(look[1]) > abs(look[0]))

@@ -1,0 +1,142 @@
+"""What imagers call: the operations, chained as plans say."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...geometry.grids import MapGrid
+from ...planning.afbp.polar_grids import FusionGrid
+from ...planning.afbp.subapertures import SubaperturePlan
+from ...planning.exact.backprojection import BackprojectionPlan
+from ...planning.exact.polar_image import PolarPlan
+from ...planning.interpolators import design_interpolator
+from ...planning.polar_to_map import DEGREE, TAPS, range_axis
+from ...signal.pulses import PulseBlock
+from .fuse_bands import fuse_bands, fused_image
+from .polar_to_map import polar_to_map
+from .project_lines import project_lines
+from .project_points import project_points
+from .subaperture_beams import image_from_beams
+from .upsample_azimuth import upsample_azimuth
+
+
+class Backprojection:
+    """Exact backprojection, as `sar_imaging.backends.Backprojection` describes it."""
+
+    def __init__(self, plan: BackprojectionPlan, memory=None):
+        self.plan = plan
+
+    def add(self, samples, tx_m, rx_m, image) -> None:
+        """Add rows to an image."""
+        grid, way = self.plan.grid, self.plan.way
+        if isinstance(way, PolarPlan):
+            polar_image = self._polar_image(samples, tx_m, rx_m)
+            image += polar_to_map(polar_image, way.polar, grid, axis=way.axis,
+                                  wavelength_m=way.wavelength_m, between=way.between,
+                                  along=way.along)
+            return
+        points_m = grid.points().reshape(*image.shape, 3)
+        image += project_points(way.window, samples, way.lattice.n_padded, tx_m, rx_m, points_m)
+
+    def _polar_image(self, samples, tx_m, rx_m) -> np.ndarray:
+        way = self.plan.way
+
+        def project(rows, polar):
+            return project_lines(way.window, samples[rows], way.lattice.n_padded, tx_m[rows],
+                                 rx_m[rows], polar)
+
+        if way.parts is None:
+            return project(slice(None), way.polar)
+        parts = way.parts
+        return upsample_azimuth([project(rows, parts.coarse) for rows in parts.rows], parts)
+
+
+class SubapertureImager:
+    """First stage of AFBP, as `sar_imaging.backends.SubapertureImager` describes it."""
+
+    def __init__(self, plan: SubaperturePlan):
+        self.plan = plan
+
+    def image(self, number: int, block: PulseBlock, weights=None, out=None) -> np.ndarray:
+        """Backproject one sub-aperture (Zhang et al., equation 6)."""
+        plan = self.plan
+        plan.check_block(number, block)
+        samples = block.samples.reshape(-1, plan.n_samples)
+        rows = block.tx_m.reshape(-1, 3), block.rx_m.reshape(-1, 3)
+        weights = np.ones(block.n_pulses) if weights is None else weights
+        samples = samples * np.repeat(weights, plan.n_channels)[:, None]
+        if plan.beams is None:
+            image = project_lines(plan.source, samples, plan.lattice.n_padded, *rows, plan.coarse)
+        else:
+            image = image_from_beams(plan, samples, *rows)
+        out = np.empty((2, *image.shape), np.float32) if out is None else out
+        out[:] = image.real, image.imag
+        return out
+
+
+class SpectrumFusion:
+    """Second stage of AFBP, as `sar_imaging.backends.SpectrumFusion` describes it.
+
+    Contributions are kept as images; their spectra are summed when an image is wanted.
+    """
+
+    def __init__(self, grid: FusionGrid, *, keep: bool = False):
+        self.grid, self._keep = grid, keep
+        self._contributions: dict[int, tuple[np.ndarray, float]] = {}
+
+    @property
+    def included(self) -> frozenset[int]:
+        """Sub-apertures in the image."""
+        return frozenset(self._contributions)
+
+    @property
+    def spectrum_shape(self) -> tuple[int, int]:
+        """Angular and range wavenumbers of the fused spectrum."""
+        return self.grid.n_fine, len(self.grid.range_wavenumbers)
+
+    def add(self, number: int, image, centre_m: float) -> None:
+        """Add a sub-aperture, or replace it where contributions are kept."""
+        self.grid.check_contribution(image, centre_m)
+        if number in self._contributions and not self._keep:
+            raise ValueError(f'sub-aperture {number} is in the image already; fuse with keep=True '
+                             'to replace contributions')
+        self._contributions[number] = _complex(image).astype(np.complex128), centre_m
+
+    def remove(self, number: int) -> None:
+        """Take a sub-aperture out of the image; needs ``keep=True``."""
+        if not self._keep or number not in self._contributions:
+            raise ValueError(f'sub-aperture {number} cannot be removed: ' + (
+                'it is not in the image' if self._keep else 'contributions are not kept'))
+        del self._contributions[number]
+
+    def polar_image(self, centre_m: float = 0.0) -> np.ndarray:
+        """Image of the sub-apertures that were added so far."""
+        spectrum = fuse_bands(self.grid, self._contributions.values())
+        return fused_image(self.grid, spectrum, centre_m).astype(np.complex64)
+
+    def take_polar_image(self, *, planes: bool = False) -> np.ndarray:
+        """As `polar_image`; nothing is included any more."""
+        image = self.polar_image()
+        self.clear()
+        return np.stack([image.real, image.imag]) if planes else image
+
+    def clear(self) -> None:
+        """Begin another aperture on the same grid: nothing is included any more."""
+        self._contributions.clear()
+
+
+def form_map(polar_image, fusion: FusionGrid, grid: MapGrid, centre_m: float = 0.0, *,
+             overwrite: bool = False) -> np.ndarray:
+    """Interpolate a fused image to a map, as `sar_imaging.backends.Backend` describes it."""
+    fusion.check_for_map()
+    polar = fusion.polar
+    along = design_interpolator(fusion.range_oversampling, taps=TAPS, degree=DEGREE)
+    image = polar_to_map(_complex(polar_image), polar, grid, axis=range_axis(polar, grid),
+                         wavelength_m=fusion.wavelength_m, between=fusion.between, along=along)
+    _, alpha = polar.from_map(grid.x_m, grid.y_m[:, None])
+    cycles = 2 * centre_m / fusion.wavelength_m * (alpha - polar.alpha_start)
+    return (image * np.exp(2j * np.pi * np.fmod(cycles, 1.0))).astype(np.complex64)
+
+
+def _complex(image) -> np.ndarray:
+    return image if np.iscomplexobj(image) else image[0] + 1j * image[1]

@@ -1,0 +1,60 @@
+"""Operation 3: backprojection onto arbitrary points."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...planning.profiles.phase_history import RangeBand
+from ...planning.profiles.range_gate import RangeWindow
+from .resample_profiles import profile_spectra, resample_profiles
+
+
+def half_paths(tx_m, rx_m, points_m) -> np.ndarray:
+    """Half the way from transmitter to point to receiver, ``(|tx - x| + |rx - x|) / 2``.
+
+    Parameters
+    ----------
+    tx_m, rx_m : (3,) float64
+        Phase centres, metres.
+    points_m : (..., 3) float64
+        Positions, metres.
+
+    Returns
+    -------
+    (...) float64
+        Metres.
+    """
+    return 0.5 * (np.linalg.norm(points_m - tx_m, axis=-1)
+                  + np.linalg.norm(points_m - rx_m, axis=-1))
+
+
+def project_points(source: RangeWindow | RangeBand, samples, n_padded: int, tx_m, rx_m,
+                   points_m) -> np.ndarray:
+    """Sum of range profiles at points, each with the phase of its path.
+
+    ``f(x) = sum_r s_r(D_r(x)) exp(+j 4 pi D_r(x) / lambda)``: Rosenberg & Gray, equations 13 to
+    17, with the exact path of every channel.
+
+    Parameters
+    ----------
+    source, samples, n_padded :
+        As for `profile_spectra`.
+    tx_m, rx_m : (R, 3) float64
+        Phase centres of the rows, metres.
+    points_m : (..., 3) float64
+        Positions, metres; with a NaN for none.
+
+    Returns
+    -------
+    (...) complex128
+        0 where there is no position.
+    """
+    spectra = profile_spectra(source, samples, n_padded)
+    known = ~np.isnan(points_m).any(axis=-1)
+    image = np.zeros(known.shape, np.complex128)
+    for spectrum, tx, rx in zip(spectra, tx_m, rx_m, strict=True):
+        path = half_paths(tx, rx, points_m[known])
+        cycles = 2 * (path - source.phase_range_m) / source.radar.wavelength_m
+        image[known] += (resample_profiles(source, spectrum[None], path[None])[0]
+                         * np.exp(2j * np.pi * np.fmod(cycles, 1.0)))
+    return image

@@ -1,0 +1,73 @@
+"""Operation 1: range profiles, or phase histories, at any half path."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...planning.profiles.phase_history import RangeBand
+from ...planning.profiles.range_gate import RangeWindow, rise
+
+
+def profile_spectra(source: RangeWindow | RangeBand, samples, n_padded: int) -> np.ndarray:
+    """Fourier coefficients of what an image needs of some profiles.
+
+    ``S[n] = g[n] sum_i w[i] s[i] exp(-j 2 pi n i / N)`` with the window w, which rises and falls
+    where it cuts the profile, and the gain g of the plan, a taper outside the radar's band. A
+    phase history holds the sums already.
+
+    Parameters
+    ----------
+    source : RangeWindow or RangeBand
+        What is needed of the profiles.
+    samples : (R, K) complex64
+        Profiles, or phase histories.
+    n_padded : int
+        N: samples of the profiles with zeros behind them; K for phase histories.
+
+    Returns
+    -------
+    (R, N) complex128
+        By frequency number, from the lowest one, ``-(N // 2)``, on.
+    """
+    spectra = np.asarray(samples, np.complex128)
+    if not source.periodic:
+        window = np.ones(source.n_samples)
+        if source.n_rise:
+            window[:source.n_rise] = rise(source.n_rise)
+        if source.n_fall:
+            window[-source.n_fall:] = rise(source.n_fall)[::-1]
+        cut = spectra[:, source.first:source.first + source.n_samples]
+        spectra = np.fft.fft(cut * window, n_padded)
+    # bin `source.zero` is that of the carrier
+    return np.roll(spectra * source.gain(n_padded), n_padded // 2 - source.zero, axis=-1)
+
+
+def resample_profiles(source: RangeWindow | RangeBand, spectra, range_m) -> np.ndarray:
+    """Profiles at any half path, by their Fourier series.
+
+    ``s(D) = sum_n S[n] exp(j 2 pi n (D - D_0) / P)``: D_0 the half path of the first sample, P the
+    period of the N samples. A profile is zero outside its period, a phase history repeats.
+
+    Parameters
+    ----------
+    source : RangeWindow or RangeBand
+        As for `profile_spectra`.
+    spectra : (R, N) complex128
+        From there.
+    range_m : (R, ...) float64
+        Half paths for each profile, metres.
+
+    Returns
+    -------
+    (R, ...) complex128
+        At baseband: times ``exp(+j 4 pi (D - source.phase_range_m) / lambda)`` with the carrier.
+    """
+    n = spectra.shape[-1]
+    period_m = n * source.radar.sample_spacing_m
+    place = (range_m - source.range_start_m) / period_m
+    turn = np.exp(2j * np.pi * place)
+    values = np.zeros(turn.shape, np.complex128)
+    for coefficient in spectra.T[::-1]:  # Horner's rule
+        values = values * turn + coefficient.reshape(-1, *[1] * (values.ndim - 1))
+    values = values * np.exp(-2j * np.pi * np.fmod(n // 2 * place, 1.0))
+    return values if source.periodic else np.where((0 <= place) & (place <= 1), values, 0.0)

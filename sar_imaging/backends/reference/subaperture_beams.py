@@ -1,0 +1,64 @@
+"""Image of a sub-aperture by way of its beams: operations 5 and 6, chained as a plan says."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...planning.afbp.beam_geometry import BeamGeometry, grid_edges
+from ...planning.afbp.beams import CELL_TAPS
+from ...planning.afbp.subapertures import SubaperturePlan
+from .form_beams import beam_profiles, form_beams
+from .interpolate_beams import BeamImage, interpolate_beams
+from .resample_profiles import profile_spectra
+
+
+def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m) -> np.ndarray:
+    """Backproject rows to the coarse grid of a plan by their beams.
+
+    Parameters
+    ----------
+    plan : SubaperturePlan
+        With beams.
+    samples : (R, N) complex64
+        Profiles, or phase histories.
+    tx_m, rx_m : (R, 3) float64
+        Phase centres, metres.
+
+    Returns
+    -------
+    (n_alpha, n_range) complex128
+        On ``plan.coarse`` at range baseband.
+
+    Raises
+    ------
+    ValueError
+        The plane is too steep below the rows for their directions to be told apart.
+    """
+    polar, source, lattice, sampling = plan.coarse, plan.source, plan.lattice, plan.beams
+    geometry = BeamGeometry.of(polar, grid_edges(polar), tx_m, rx_m)
+    if geometry is None:
+        raise ValueError(f'the imaging plane, {polar.z_m:g} m high, is too steep below the phase '
+                         f'centres around {tx_m.mean(axis=0).round(2)}; use Backprojector')
+    start, spacing, n_beams = sampling.directions(geometry, tx_m, rx_m)
+    path_m = geometry.beam_path(tx_m, rx_m, start + spacing * np.arange(n_beams))
+    spectra = profile_spectra(source, samples, lattice.n_padded)
+    n_cells, number = lattice.n_cells, np.arange(lattice.n_padded) - lattice.n_padded // 2
+    beams = form_beams(spectra, path_m, 2 / source.radar.wavelength_m
+                       + number / (n_cells * lattice.cell_m), sampling.between)
+    first = math.floor((plan.range_m[0] - source.range_start_m) / lattice.cell_m) - CELL_TAPS
+    profiles = beam_profiles(beams, n_cells, first,
+                             sampling.range_gain(np.ones(len(number)), number, n_cells))
+    if not source.periodic:  # a profile is zero beyond its ends
+        cell = first + np.arange(n_cells)
+        profiles[:, (cell < 0) | (cell >= n_cells)] = 0.0
+    image = BeamImage(profiles, geometry.centre_m, polar.track, (start, spacing),
+                      (source.range_start_m + first * lattice.cell_m, lattice.cell_m),
+                      geometry.range_m)
+    points_m = polar.lines(polar.range_m, polar.alpha[:, None])[0]
+    value = interpolate_beams(image, points_m, source.radar.wavelength_m,
+                              sampling.between.interpolator, sampling.along)
+    cycles = 2 * (polar.range_m - polar.range_start_m
+                  + source.phase_range_m) / source.radar.wavelength_m
+    return value * np.exp(-2j * np.pi * np.fmod(cycles, 1.0))
