@@ -21,11 +21,16 @@ import numpy as np
 from ..backends.cpu.backprojection import Backprojection
 from ..backends.cpu.memory import WorkSpace
 from ..geometry import MapGrid
-from ..planning.exact.backprojection import LEAST_TARGET_DB, plan_backprojection
+from ..planning.exact.backprojection import (
+    LEAST_TARGET_DB,
+    BackprojectionPlan,
+    plan_backprojection,
+)
 from ..planning.exact.points import ImagePoints
 from ..planning.memory import check_memory
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
+from .channels import Channels
 
 _logger = logging.getLogger(__name__)
 
@@ -99,8 +104,7 @@ class Backprojector:
                              'arithmetic reaches -100 dB')
         self.radar, self.n_samples = radar, int(n_samples)
         self.target_db = float(target_db)
-        self.per_channel, self.midpoint = per_channel, midpoint
-        self._weights = None if weights is None else _checked_weights(weights)
+        self._channels = Channels(weights, per_channel, midpoint)
         self.grid = grid if isinstance(grid, MapGrid) else None
         if self.grid is None and height_m is not None:
             raise ValueError('height_m goes with a MapGrid; an array of points has its own z')
@@ -155,8 +159,8 @@ class Backprojector:
         MemoryError
             The image is larger than the memory that is available.
         """
-        self._check_memory(n_channels if self.per_channel else 1)
-        return np.zeros(self._image_shape(n_channels), np.complex64)
+        self._check_memory(n_channels if self._channels.per_channel else 1)
+        return np.zeros(self._channels.shape(self.shape, n_channels), np.complex64)
 
     def add(self, block: PulseBlock, image: np.ndarray) -> None:
         """Add the pulses of a block to an image (equation 17 is a sum).
@@ -178,22 +182,26 @@ class Backprojector:
             or none of its profiles reaches the grid.
         """
         check_profiles(block, self.radar, self.n_samples)
-        self._check_channels(block.n_channels)
-        self._check_image(image, self._image_shape(block.n_channels))
+        self._channels.check(block.n_channels)
+        self._check_image(image, self._channels.shape(self.shape, block.n_channels))
         nowhere = isinstance(self._pixels, ImagePoints) and self._pixels.empty
         if block.n_pulses == 0 or nowhere:
             return
-        samples, tx, rx = block.samples, block.tx_m, block.rx_m
-        if self._weights is not None:
-            samples = samples * self._weights[:, None]
-        if self.midpoint:
-            tx = rx = 0.5 * (tx + rx)
-        if not self.per_channel:
-            self._add_rows(0, *_as_rows(samples, tx, rx), image)
-            return
-        for channel in range(block.n_channels):
-            rows = _as_rows(*(a[:, channel] for a in (samples, tx, rx)))
-            self._add_rows(channel, *rows, image[channel])
+        parts = self._channels.parts(block)
+        images = image if self._channels.per_channel else [image]
+        for number, (part, own) in enumerate(zip(parts, images, strict=True)):
+            self._add_rows(number, *_as_rows(part.samples, part.tx_m, part.rx_m), own)
+
+    def plan(self, tx_m, rx_m) -> BackprojectionPlan:
+        """Plan for pulses from some phase centres, (P, C, 3), metres, before they come.
+
+        Raises
+        ------
+        ValueError
+            None of their profiles reaches the grid.
+        """
+        rows = (np.ascontiguousarray(a, np.float64).reshape(-1, 3) for a in (tx_m, rx_m))
+        return self._planned_for(0, *rows).plan
 
     def _add_rows(self, channel, samples, tx_m, rx_m, image):
         backprojection = self._planned_for(channel, tx_m, rx_m)
@@ -212,19 +220,11 @@ class Backprojector:
                 self._memory)
         return latest
 
-    def _image_shape(self, n_channels):
-        return (n_channels, *self.shape) if self.per_channel else self.shape
-
     def _check_memory(self, n_images):
         size = ' x '.join(map(str, reversed(self.shape)))
         count = f'{n_images} images' if n_images > 1 else 'an image'
         check_memory(8 * n_images * math.prod(self.shape), f'{count} of {size} pixels',
                      'choose a smaller grid or a larger pixel spacing')
-
-    def _check_channels(self, n_channels):
-        if self._weights is not None and len(self._weights) != n_channels:
-            raise ValueError(f'the block has {n_channels} channels, weights are for '
-                             f'{len(self._weights)}; pass one weight per channel')
 
     def _check_image(self, image, shape):
         if image.shape != shape or image.dtype != np.complex64 or not image.flags.c_contiguous:
@@ -236,10 +236,3 @@ def _as_rows(samples, tx_m, rx_m):
     """Profiles and phase centres with one row per pulse and channel."""
     return (np.ascontiguousarray(samples).reshape(-1, samples.shape[-1]),
             *(np.ascontiguousarray(a).reshape(-1, 3) for a in (tx_m, rx_m)))
-
-
-def _checked_weights(weights) -> np.ndarray:
-    weights = np.asarray(weights, np.complex64)
-    if weights.ndim != 1 or not np.isfinite(weights).all():
-        raise ValueError(f'weights={weights}; expected one finite complex number per channel')
-    return weights

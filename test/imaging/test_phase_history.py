@@ -7,6 +7,7 @@ import pytest
 
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.afbp import AfbpImager
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.imaging.verification import measure_error
 from sar_imaging.planning.profiles.phase_history import RangeBand
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters, Waveform
@@ -98,3 +99,15 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(ValueError, match='is for phase histories'):
         AfbpImager(grid, profiles.radar, profiles.n_samples, profiles.tx_m, profiles.rx_m,
                    weighting='hamming')
+
+
+@pytest.mark.parametrize('method', ['auto', 'exact', 'afbp'])
+def test_raw_pulses_are_compressed_where_the_method_needs_it(method):
+    raw, grid = _block(256)
+    profiles = RangeCompressor.for_block(raw)(raw)
+    wanted = plan_image(grid, profiles.radar, profiles.n_samples, method='exact',
+                        target_db=-80.0)(profiles)
+    imager = plan_image(grid, raw.radar, raw.n_samples, method=method, compressed=False)
+    # AFBP takes the frequencies as they are; measured -66 dB
+    assert 10 * np.log10(np.sum(np.abs(imager(raw) - wanted.samples) ** 2)
+                         / np.sum(np.abs(wanted.samples) ** 2)) <= -60.0

@@ -106,6 +106,16 @@ class BackprojectionPlan(Plan):
         polar = getattr(self.way, 'polar', None)
         return _SAMPLE_BYTES * polar.n_alpha * polar.n_range if polar else 0
 
+    def __str__(self) -> str:
+        way = self.way
+        if isinstance(way, LinePlan):
+            return 'pulses are added along the lines of the map'
+        if isinstance(way, PointPlan):
+            return 'pulses are added point by point'
+        n = 1 if way.parts is None else len(way.parts.rows)
+        return (f'pulses are added to a polar image of {way.polar.n_alpha} x {way.polar.n_range} '
+                f'pixels in {n} part{"s" * (n > 1)}, which is interpolated to the map')
+
     def is_for(self, tx_m, rx_m) -> bool:
         """Whether it was made for these phase centres."""
         return np.array_equal(tx_m, self.tx_m) and np.array_equal(rx_m, self.rx_m)

@@ -1,0 +1,114 @@
+"""What every imager returns: samples, where they are, and how good they are."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+_CAUSE_WIDTH = 24
+
+
+@dataclasses.dataclass(frozen=True)
+class Report:
+    """How an image is formed, and what is known of it beforehand.
+
+    Attributes
+    ----------
+    method : str
+        Imager, as `plan_image` names it.
+    reason : str
+        Why this one.
+    target_db : float
+        Wanted error against time-domain correlation, dB.
+    predicted_error_db : float or None
+        Predicted one; None where the imager cannot tell.
+    errors_db : mapping of str to float
+        Its causes, dB; empty where the imager cannot tell.
+    seconds : float or None
+        Predicted time on one thread.
+    n_bytes : int
+        Memory that forming the image takes, the image included, bytes.
+    warnings : tuple of str
+        What makes the image worse than wanted, or ambiguous.
+    plan : str
+        How the imager goes about it.
+    """
+
+    method: str
+    reason: str
+    target_db: float
+    predicted_error_db: float | None = None
+    errors_db: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    seconds: float | None = None
+    n_bytes: int = 0
+    warnings: tuple[str, ...] = ()
+    plan: str = ''
+
+    def __str__(self) -> str:
+        lines = [f'{self.method}: {self.reason}', *([self.plan] if self.plan else [])]
+        if self.predicted_error_db is None:
+            lines.append('error not predicted')
+        else:
+            lines.append(f'error against time-domain correlation: {self.predicted_error_db:.1f} '
+                         f'dB predicted, {self.target_db:g} dB wanted')
+            lines += [f'  {cause:<{_CAUSE_WIDTH}}{error:7.1f} dB'
+                      for cause, error in self.errors_db.items()]
+        if self.seconds is not None:
+            lines.append(f'{self.seconds:.3g} s on one thread, {self.n_bytes / 1e6:.3g} MB')
+        return '\n'.join([*lines, *(f'warning: {text}' for text in self.warnings)])
+
+
+@dataclasses.dataclass(eq=False)
+class Image:
+    """Complex image of some pulses.
+
+    NumPy takes it for its samples: ``np.abs(image)``.
+
+    Attributes
+    ----------
+    samples : complex64 array
+        ``f(x) = sum_m sum_n s_mn(D_mn(x)) exp(+j k_c D_mn(x))`` (Rosenberg & Gray, equation 17)
+        in the shape of the grid, row 0 of a map at the largest y; one image after the other,
+        ``(C, ...)``, where each channel has its own. The carrier is in it: from pixel to pixel
+        the phase turns with the two-way path.
+    grid : MapGrid, PolarGrid or (..., 3) float64
+        Where the pixels are, imaging frame, metres.
+    carrier_hz : float
+        Of the phases, hertz.
+    report : Report
+        How it was formed, with the error predicted for it.
+    stamp_ns : int
+        Time of the middle pulse, nanoseconds since the epoch of the pulses' clock; 0 for none.
+    counters : (P,) int64
+        Counters of the pulses in it, ascending.
+    """
+
+    samples: np.ndarray
+    grid: object
+    carrier_hz: float
+    report: Report
+    stamp_ns: int = 0
+    counters: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0, np.int64))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the samples."""
+        return self.samples.shape
+
+    @property
+    def n_pulses(self) -> int:
+        """Number of pulses in the image."""
+        return len(self.counters)
+
+    @property
+    def missing(self) -> np.ndarray:
+        """(M,) int64 counters between the first pulse and the last that are not in the image."""
+        if not len(self.counters):
+            return np.zeros(0, np.int64)
+        return np.setdiff1d(np.arange(self.counters[0], self.counters[-1] + 1), self.counters)
+
+    def __array__(self, dtype=None, copy=None) -> np.ndarray:
+        return np.array(self.samples, dtype=dtype, copy=bool(copy) or (
+            dtype is not None and np.dtype(dtype) != self.samples.dtype))

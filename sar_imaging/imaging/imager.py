@@ -1,0 +1,252 @@
+"""One way to an image: `plan_image` chooses the imager, and all of them are used alike."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from ..geometry.polar import PolarGrid
+from ..signal.pulses import PulseBlock
+from ..signal.radar import RadarParameters
+from ..signal.range_compression import RangeCompressor
+from .channels import Channels
+from .image import Image, Report
+from .methods import AFBP, EXACT, METHODS, Method, Options
+
+_logger = logging.getLogger(__name__)
+AUTO = 'auto'
+_WORTH_PLANNING_S = 0.1  # that planning AFBP takes (measured: 0.03 to 0.3 s)
+
+
+def plan_image(grid: MapGrid | PolarGrid | np.ndarray, radar: RadarParameters, n_samples: int,
+               tx_m=None, rx_m=None, *, method: str = AUTO, target_db: float = -60.0,
+               height_m=None, weights=None, per_channel: bool = False, midpoint: bool = False,
+               compressed: bool = True, weighting: str = 'none', pulse_weights=None,
+               progress: bool = False) -> Imager:
+    """Plan an image, or as many as come of the same radar.
+
+    Parameters
+    ----------
+    grid : MapGrid, PolarGrid or (..., 3) array_like
+        Where the pixels are, imaging frame, metres.
+    radar : RadarParameters
+        Of the blocks to come.
+    n_samples : int
+        Their samples.
+    tx_m, rx_m : (P, C, 3) array_like, optional
+        Phase centres of the pulses to come, metres: the imager is then chosen, and its plan made,
+        before they come. Pulses from other places are planned for when they come.
+    method : str
+        ``'exact'`` backprojection, ``'afbp'``, ``'ffbp'``, ``'wavenumber'``, ``'zero-padding'`` or
+        ``'correlation'``; ``'auto'`` takes exact backprojection or AFBP, the one that is quicker
+        and meets the target.
+    target_db : float
+        Wanted error against time-domain correlation, dB.
+    height_m : (n_y, n_x) array_like, optional
+        Heights of the pixels of a map instead of its plane, metres.
+    weights : (C,) complex array_like, optional
+        Factor of each channel.
+    per_channel : bool
+        One image for each channel instead of their sum.
+    midpoint : bool
+        Replace both phase centres of a channel by their mean.
+    compressed : bool
+        False when blocks hold raw pulses. AFBP images phase histories as they are; everything
+        else is compressed first.
+    weighting : str
+        Spectral window of raw pulses, see `sar_imaging.signal.windows`.
+    pulse_weights : (P,) array_like, optional
+        Window over the pulses of a block.
+    progress : bool
+        Show a progress bar on standard error.
+
+    Returns
+    -------
+    Imager
+
+    Raises
+    ------
+    ValueError
+        There is no such method, it cannot do what is asked for, or the geometry does not allow
+        the target.
+    MemoryError
+        The image does not fit into memory.
+
+    Examples
+    --------
+    >>> imager = plan_image(grid, profiles.radar, profiles.n_samples)      # doctest: +SKIP
+    >>> image = imager(profiles)                                          # doctest: +SKIP
+    >>> print(image.report)                                               # doctest: +SKIP
+    """
+    options = Options(float(target_db), height_m, compressed, weighting, pulse_weights, progress)
+    imager = Imager(grid, radar, n_samples, method, options,
+                    Channels(weights, per_channel, midpoint))
+    if tx_m is not None:
+        imager.plan(np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64))
+    return imager
+
+
+class Imager:
+    """Forms images by one method; `plan_image` makes it.
+
+    Attributes
+    ----------
+    grid, radar, n_samples, method :
+        As given to `plan_image`.
+    report : Report or None
+        Of the latest plan or image; None before the first.
+    """
+
+    def __init__(self, grid, radar: RadarParameters, n_samples: int, method: str,
+                 options: Options, channels: Channels):
+        if method != AUTO and method not in METHODS:
+            raise ValueError(f'method={method!r}; use {AUTO!r} or one of '
+                             f'{", ".join(map(repr, METHODS))}')
+        self.grid, self.radar, self.n_samples = grid, radar, int(n_samples)
+        self.method, self.report = method, None
+        self._options, self._channels = options, channels
+        self._compressor: RangeCompressor | None = None
+        self._latest: dict[int, Method] = {}  # of each channel, or of all at 0
+
+    def __call__(self, block: PulseBlock) -> Image:
+        """Image of one block.
+
+        Parameters
+        ----------
+        block : PulseBlock
+            Pulses with phase centres.
+
+        Returns
+        -------
+        Image
+
+        Raises
+        ------
+        ValueError
+            The block is not of the radar that was planned for, has no phase centres, or the
+            method cannot image it.
+        MemoryError
+            The image does not fit into memory.
+        """
+        parts = self._channels.parts(block)
+        formed = [self._form(number, part) for number, part in enumerate(parts)]
+        samples = np.stack([f for f, _ in formed]) if self._channels.per_channel else formed[0][0]
+        self.report = max((r for _, r in formed),
+                          key=lambda r: -np.inf if r.predicted_error_db is None
+                          else r.predicted_error_db)
+        for warning in self.report.warnings:
+            _logger.warning(warning)
+        middle = int(np.median(block.stamp_ns)) if block.n_pulses else 0
+        return Image(samples, self.grid, self.radar.carrier_hz, self.report, middle,
+                     np.sort(block.counter.astype(np.int64)))
+
+    def accumulate(self, block: PulseBlock, image: Image) -> None:
+        """Add the pulses of a block to an image that this imager formed: an image is a sum.
+
+        Raises
+        ------
+        ValueError
+            As a call, or the image is of another shape.
+        """
+        more = self(block)
+        if more.shape != image.shape:
+            raise ValueError(f'the image is {image.shape}, that of the block {more.shape}; add '
+                             'blocks to images that the same imager formed')
+        image.samples += more.samples
+        image.counters = np.sort(np.concatenate([image.counters, more.counters]))
+        errors = [r.predicted_error_db for r in (image.report, more.report)]
+        image.report = more.report if None in errors or errors[1] >= errors[0] else image.report
+
+    def plan(self, tx_m, rx_m) -> Report:
+        """Choose the method and plan for pulses from some phase centres, (P, C, 3), metres.
+
+        Raises
+        ------
+        ValueError
+            The geometry does not allow the target.
+        """
+        reports = []
+        for number in range(tx_m.shape[1] if self._channels.per_channel else 1):
+            cut = slice(number, number + 1) if self._channels.per_channel else slice(None)
+            tx, rx = tx_m[:, cut], rx_m[:, cut]
+            if self._channels.midpoint:
+                tx = rx = 0.5 * (tx + rx)
+            reports.append(self._planned(number, tx, rx).report)
+        self.report = reports[0]
+        return self.report
+
+    def _form(self, number: int, block: PulseBlock) -> tuple[np.ndarray, Report]:
+        if not block.has_positions:
+            raise ValueError('the block has no phase centres; imaging needs the transmit and '
+                             'receive position of every pulse and channel')
+        planned = self._planned(number, block.tx_m, block.rx_m)
+        samples, report = planned.image(self._prepared(planned, block))
+        wanted = self._options.target_db
+        if self.method == AUTO and planned.NAME != EXACT and report.predicted_error_db > wanted:
+            reason = (f'{planned.NAME} would miss the target by '
+                      f'{report.predicted_error_db - wanted:.1f} dB: the surroundings are bright')
+            planned = self._plan_anew(number, EXACT, block.tx_m, block.rx_m, reason)
+            samples, report = planned.image(self._prepared(planned, block))
+        return samples, report
+
+    def _planned(self, number: int, tx_m, rx_m) -> Method:
+        """The method for these phase centres; that of the latest ones is kept."""
+        latest = self._latest.get(number)
+        if latest is not None and latest.is_for(tx_m, rx_m):
+            return latest
+        if self.method != AUTO:
+            return self._plan_anew(number, self.method, tx_m, rx_m, 'asked for')
+        exact = self._plan_anew(number, EXACT, tx_m, rx_m, '')
+        quicker, reason = self._quicker(exact, tx_m, rx_m)
+        if quicker is None:
+            exact.report = dataclasses.replace(exact.report, reason=reason)
+            return exact
+        quicker.report = dataclasses.replace(quicker.report, reason=reason)
+        self._latest[number] = quicker
+        return quicker
+
+    def _quicker(self, exact: Method, tx_m, rx_m) -> tuple[Method | None, str]:
+        """AFBP, where it meets the target in less time than exact backprojection, or why not."""
+        seconds = exact.report.seconds
+        if self._options.height_m is not None or not isinstance(self.grid, MapGrid | PolarGrid):
+            return None, 'AFBP images planes, on maps and polar grids'
+        if seconds is None or seconds < _WORTH_PLANNING_S:
+            return None, 'as quick as planning another'
+        try:
+            afbp = self._make(AFBP, tx_m, rx_m, '')
+        except (ValueError, MemoryError) as error:
+            return None, f'AFBP is not possible: {error}'
+        if not afbp.within_reach:
+            return None, f'AFBP may miss the target: {"; ".join(afbp.report.warnings)}'
+        if afbp.report.seconds + _WORTH_PLANNING_S >= seconds:
+            return None, f'AFBP would take {afbp.report.seconds:.2g} s, this {seconds:.2g} s'
+        return afbp, (f'meets the target in {afbp.report.seconds:.2g} s, exact backprojection '
+                      f'takes {seconds:.2g} s')
+
+    def _plan_anew(self, number: int, name: str, tx_m, rx_m, reason: str) -> Method:
+        self._latest[number] = self._make(name, tx_m, rx_m, reason)
+        return self._latest[number]
+
+    def _make(self, name: str, tx_m, rx_m, reason: str) -> Method:
+        method, radar, n_samples, options = (METHODS[name], self.radar, self.n_samples,
+                                             self._options)
+        if not options.compressed and not method.takes_raw(radar):
+            compressor = self._compressor_of_raw()
+            radar, n_samples = compressor.output_radar, compressor.n_output
+            options = dataclasses.replace(options, compressed=True, weighting='none')
+        return method(self.grid, radar, n_samples, tx_m, rx_m, options, reason)
+
+    def _compressor_of_raw(self) -> RangeCompressor:
+        if self._compressor is None:
+            self._compressor = RangeCompressor(self.radar, self.n_samples,
+                                               window=self._options.weighting)
+        return self._compressor
+
+    def _prepared(self, planned: Method, block: PulseBlock) -> PulseBlock:
+        """The block as the method takes it."""
+        if planned.compressed and not self._options.compressed:
+            return self._compressor_of_raw()(block)
+        return block

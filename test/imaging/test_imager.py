@@ -1,0 +1,181 @@
+"""The one entry: choice of the method, the same result from all of them, and their options."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from sar_imaging.geometry.polar import PolarGrid
+from sar_imaging.imaging.afbp import AfbpImager
+from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.imager import plan_image
+from sar_imaging.planning.costs import DEFAULT, using
+from sar_imaging.signal import PulseBlock
+
+
+def _imager(case, grid=None, **options):
+    block = case.block
+    return plan_image(case.grid if grid is None else grid, block.radar, block.n_samples, **options)
+
+
+def _error_db(image, reference) -> float:
+    difference = np.abs(np.asarray(image) - reference) ** 2
+    return 10 * np.log10(difference.sum() / np.sum(np.abs(reference) ** 2))
+
+
+@pytest.fixture(scope='module')
+def case(make_case):
+    return make_case(1e3, pulses=128)
+
+
+@pytest.fixture(scope='module')
+def reference(case):
+    return np.asarray(_imager(case, method='correlation')(case.block))
+
+
+# measured: -83, -64, -53, -57 and -41 dB
+@pytest.mark.parametrize(('method', 'target_db', 'limit_db'), [
+    ('exact', -80.0, -80.0), ('afbp', -60.0, -60.0), ('ffbp', -40.0, -45.0),
+    ('wavenumber', -40.0, -40.0), ('zero-padding', -40.0, -35.0)])
+def test_all_methods_form_the_same_image(case, reference, method, target_db, limit_db):
+    image = _imager(case, method=method, target_db=target_db)(case.block)
+    assert _error_db(image, reference) <= limit_db
+    assert image.shape == reference.shape and image.samples.dtype == np.complex64
+    assert image.report.method == method and method in str(image.report)
+    assert image.carrier_hz == case.block.radar.carrier_hz
+    predicted = image.report.predicted_error_db
+    assert predicted is None or _error_db(image, reference) <= predicted + 3.0
+
+
+def test_auto_takes_the_quicker_one_that_meets_the_target(case, reference):
+    slow = dataclasses.replace(DEFAULT, line_pixel=1e4, point_pixel=1e5)
+    with using(slow):
+        image = _imager(case, target_db=-50.0)(case.block)
+        assert image.report.method == 'afbp' and 'exact backprojection takes' in str(image.report)
+        assert _error_db(image, reference) <= -50.0
+        # what AFBP cannot do, or not well enough, is done exactly
+        for options, reason in (({'target_db': -95.0}, 'not possible'),
+                                ({'height_m': np.zeros(case.grid.shape)}, 'planes')):
+            report = _imager(case, **options)(case.block).report
+            assert report.method == 'exact' and reason in report.reason
+    report = _imager(case, target_db=-50.0)(case.block).report
+    assert report.method == 'exact' and 'quick' in report.reason
+
+
+def test_bright_surroundings_are_imaged_exactly(make_case):
+    """AFBP predicts for even scenes; what is much brighter right beside the map raises it."""
+    case = make_case(1e3, pulses=128, n_points=1)
+    x, y, _ = case.points[0]
+    beside = dataclasses.replace(case.grid, centre_m=(x, y - 10.0, 0.0), n_x=48, n_y=48)
+    with using(dataclasses.replace(DEFAULT, line_pixel=1e5, point_pixel=1e6)):
+        afbp = _imager(case, beside, method='afbp', target_db=-50.0)(case.block)
+        image = _imager(case, beside, target_db=-50.0)(case.block)
+    assert afbp.report.predicted_error_db > -40.0  # measured: -28 dB
+    assert 'bright surroundings' in str(afbp.report)
+    assert image.report.method == 'exact' and 'surroundings are bright' in image.report.reason
+    assert image.report.predicted_error_db <= -50.0
+
+
+def test_pulses_from_the_same_places_are_planned_once(case, monkeypatch):
+    planned = []
+    whole = AfbpImager.__init__
+
+    def counted(self, *arguments, **options):
+        planned.append(1)
+        whole(self, *arguments, **options)
+
+    monkeypatch.setattr(AfbpImager, '__init__', counted)
+    block = case.block
+    imager = _imager(case, tx_m=block.tx_m, rx_m=block.rx_m, method='afbp')
+    assert imager.report.predicted_error_db < -60.0 and len(planned) == 1
+    first, second = imager(block), imager(block)
+    np.testing.assert_array_equal(first.samples, second.samples)
+    assert len(planned) == 1
+    imager(dataclasses.replace(block, tx_m=block.tx_m + 0.5, rx_m=block.rx_m + 0.5))
+    assert len(planned) == 2
+
+
+@pytest.mark.parametrize('method', ['exact', 'afbp'])
+def test_images_grow_as_pulses_come(case, reference, method):
+    halves = [case.block.select(slice(0, 64)), case.block.select(slice(64, None))]
+    imager = _imager(case, method=method)
+    image = imager(halves[0])
+    imager.accumulate(halves[1], image)
+    assert _error_db(image, reference) <= -60.0
+    np.testing.assert_array_equal(image.counters, np.sort(case.block.counter))
+    assert image.n_pulses == 128 and len(image.missing) == 0
+    with pytest.raises(ValueError, match='same imager'):
+        image.samples = image.samples[1:]
+        imager.accumulate(halves[1], image)
+
+
+def test_missing_pulses_are_those_between_the_first_and_the_last(case):
+    block = case.block.select(np.r_[0:10, 12:20])
+    image = _imager(case, method='exact')(block)
+    first = int(case.block.counter[0])
+    assert image.missing.tolist() == [first + 10, first + 11]
+    assert image.stamp_ns == int(np.median(block.stamp_ns))
+
+
+@pytest.mark.parametrize('method', ['exact', 'afbp', 'ffbp'])
+def test_options_mean_the_same_with_all_methods(make_case, method):
+    case = make_case(1e3, pulses=96, channels=3)
+    block, weights = case.block, np.array([1.0, 0.5j, -2.0])
+
+    def image(**options):
+        return np.asarray(_imager(case, method=method, **options)(block))
+
+    each = image(per_channel=True)
+    assert each.shape == (3, *case.grid.shape)
+    limit = -60.0 if method != 'ffbp' else -45.0
+    assert _error_db(each.sum(axis=0), image()) <= limit
+    assert _error_db(np.tensordot(weights, each, 1), image(weights=weights)) <= limit
+    middles = 0.5 * (block.tx_m + block.rx_m)
+    moved = dataclasses.replace(block, tx_m=middles, rx_m=middles)
+    np.testing.assert_array_equal(image(midpoint=True), _imager(case, method=method)(moved))
+    window = np.hanning(96)
+    scaled = dataclasses.replace(block, samples=block.samples * window[:, None, None])
+    assert _error_db(image(pulse_weights=window), np.asarray(
+        _imager(case, method=method)(scaled))) <= -120.0
+
+
+def test_polar_grids_and_points_are_imaged_too(case):
+    r = float(np.hypot(*np.subtract(case.grid.centre_m[:2], case.block.tx_m[:, 0, :2].mean(0))))
+    polar = AfbpImager(case.grid, case.block.radar, case.block.n_samples, case.block.tx_m,
+                       case.block.rx_m).subapertures.polar
+    assert isinstance(polar, PolarGrid) and r > 0
+    exact = _imager(case, polar, method='exact', target_db=-80.0)(case.block)
+    assert exact.shape == (polar.n_alpha, polar.n_range)
+    assert _error_db(_imager(case, polar, method='afbp')(case.block), exact.samples) <= -55.0
+    points = case.grid.points()[::7, ::5]
+    whole = np.asarray(_imager(case, method='exact')(case.block))
+    assert _error_db(_imager(case, points)(case.block), whole[::7, ::5]) <= -60.0
+
+
+@pytest.mark.parametrize(('options', 'message'), [
+    ({'method': 'fast'}, "'exact', 'afbp'"),
+    ({'method': 'afbp', 'height_m': np.zeros((4, 4))}, 'terrain'),
+    ({'method': 'wavenumber', 'grid': np.zeros((4, 3))}, 'maps'),
+    ({'weights': [np.nan]}, 'finite'),
+    ({'method': 'exact', 'pulse_weights': [1.0]}, 'one for each pulse'),
+])
+def test_what_cannot_be_done_is_refused(case, options, message):
+    with pytest.raises(ValueError, match=message):
+        _imager(case, **options)(case.block)
+
+
+def test_blocks_without_positions_are_refused(case):
+    block = case.block
+    bare = PulseBlock(block.radar, True, block.stamp_ns, block.counter, block.samples)
+    for method in ('auto', 'exact', 'afbp', 'correlation'):
+        with pytest.raises(ValueError, match='phase centres'):
+            _imager(case, method=method)(bare)
+
+
+def test_the_exact_imager_is_the_one_behind(case):
+    image = _imager(case, method='exact', target_db=-80.0)(case.block)
+    own = Backprojector(case.grid, case.block.radar, case.block.n_samples)
+    np.testing.assert_array_equal(image.samples, own(case.block))
+    assert image.report.predicted_error_db == own.predicted_error_db
