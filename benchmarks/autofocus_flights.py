@@ -4,10 +4,11 @@ Run from the repository root::
 
     python -m benchmarks.autofocus_flights
 
-Flights of `sar_imaging.simulation.drone_flights`, UWB and FMCW in turn, hovering and turning, with
-the poses' clock wrong: by up to 0.3 s in one half of them, which autofocus is told to expect 0.4 s
-for, by 0.3 to 2 s in the other half, told 2 s. They go through `nodes.autofocus.ImageFocus`, the
-class of the nodes, with its default parameters; only the poses are handed over directly.
+Flights of `sar_imaging.simulation.trials.drone_flights`, UWB and FMCW in turn, hovering and
+turning, with the poses' clock wrong: by up to 0.3 s in one half of them, which autofocus is told
+to expect 0.4 s for, by 0.3 to 2 s in the other half, told 2 s. They go through
+`nodes.images.autofocus.ImageFocus`, the class of the nodes, with its default parameters; only the
+poses are handed over directly.
 `benchmarks.autofocus_nodes` sends some of them through node processes.
 
 *Focused* means a contrast within 5 % of that with the true offset; *right* that the offset found
@@ -36,7 +37,7 @@ from sar_imaging.nodes.runtime.stage import COMMON_PARAMETERS
 from sar_imaging.quality import contrast
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.simulation.drone_flights import RADARS, DroneFlight, drone_flight
+from sar_imaging.simulation.trials.drone_flights import RADARS, DroneFlight, drone_flight
 from sar_imaging.streaming.aperture import ApertureImager
 
 from .machine import machine
@@ -70,7 +71,7 @@ class Log:
 
 
 class AllPoses:
-    """In place of `nodes.known_positions`: all poses of a flight are known."""
+    """In place of `nodes.poses.known_positions`: all poses of a flight are known."""
 
     source, awaited = 'the flight', False
 

@@ -29,7 +29,7 @@ from sar_imaging.quality import contrast
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.simulation.drone_flights import MOTIONS, RADARS, drone_flight
+from sar_imaging.simulation.trials.drone_flights import MOTIONS, RADARS, drone_flight
 from sar_imaging.tools import bag_io, evaluate, load_team6_rail as rails
 from sar_imaging.tools.node_processes import (
     NodeProcesses,

@@ -15,8 +15,8 @@ from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.simulation.scenario import Scenario, receive_array
 from sar_imaging.simulation.scenarios import WAVELENGTH_M
+from sar_imaging.simulation.scenarios.scenario import Scenario, receive_array
 from sar_imaging.simulation.scene import Scatterer
 from sar_imaging.simulation.trajectory import Trajectory, Vibration
 from sar_imaging.tools import bag_io

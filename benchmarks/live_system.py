@@ -17,7 +17,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image
 from std_msgs.msg import Float32MultiArray
 
-from sar_imaging.simulation.scenario import START_NS
+from sar_imaging.simulation.scenarios.scenario import START_NS
 from sar_imaging.tools.node_processes import NO_LOG_FILES, NodeProcesses
 
 from .live_flight import PRF_HZ, PULSES_PER_APERTURE, PULSES_PER_MESSAGE, Message

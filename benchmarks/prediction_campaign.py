@@ -1,8 +1,9 @@
 """Measure how far images are above their predicted errors, over random radars, tracks and maps.
 
-Every case follows from its seed (`sar_imaging.simulation.random_cases`). Its image by each imager
-is compared with float64 correlation of the same pulses at the brightest and at random pixels.
-Cases are written down one by one, so that a campaign that was stopped goes on where it was.
+Every case follows from its seed (`sar_imaging.simulation.trials.random_cases`). Its image by each
+imager is compared with float64 correlation of the same pulses at the brightest and at random
+pixels. Cases are written down one by one, so that a campaign that was stopped goes on where it
+was.
 
 Run from the repository root: ``make prediction-campaign``, or
 ``python -m benchmarks.prediction_campaign --cases 2000``.
@@ -27,7 +28,7 @@ from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.ffbp import FfbpImager
 from sar_imaging.imaging.verification import measure_error
-from sar_imaging.simulation.random_cases import RandomCase, random_case
+from sar_imaging.simulation.trials.random_cases import RandomCase, random_case
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
 

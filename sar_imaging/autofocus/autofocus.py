@@ -17,10 +17,10 @@ from ..signal.pulses import PulseBlock
 from .agreement import disagreement_rad
 from .models import Geometry, GeometryModel, apply_geometry, nominal, with_track_error
 from .offset_search import OffsetCurve, OffsetSearch
-from .points import bright_points
 from .report import PARAMETERS, PHASES, AutofocusReport, AutofocusResult, found_in_words
 from .residual import Residual, absorb, along_sight, estimate_residual
 from .search import search
+from .tiles.points import bright_points
 
 __all__ = ['Autofocus', 'AutofocusReport', 'AutofocusResult']
 _logger = logging.getLogger(__name__)

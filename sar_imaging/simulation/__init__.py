@@ -1,1 +1,17 @@
-"""Simulated scenes, echoes and the papers' scenarios."""
+"""Simulated radar data: scenes, tracks and the echoes that a receiver would record.
+
+- `scene`, `movers`, `shadows`, `jammer`, `noise`, `trajectory`: what there is and how it moves;
+- `echoes`, `dense_scenes`: the echoes, over the exact two-way path of every channel;
+- `scenarios`: ready ones by name, those of the papers among them, and one from a configuration;
+- `trials`: random radars, flights and track errors, on which predictions and autofocus are tried.
+"""
+
+from .echoes import EchoSimulator
+from .jammer import Jammer
+from .movers import Mover
+from .scenarios import SCENARIOS, Scenario
+from .scene import Scatterer
+from .trajectory import Trajectory, Vibration
+
+__all__ = ['SCENARIOS', 'EchoSimulator', 'Jammer', 'Mover', 'Scatterer', 'Scenario',
+           'Trajectory', 'Vibration']

@@ -20,8 +20,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from sar_imaging.autofocus.models import Geometry, GeometryModel
-from sar_imaging.autofocus.points import bright_points
 from sar_imaging.autofocus.search import search
+from sar_imaging.autofocus.tiles.points import bright_points
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.quality import measure_scatterer

@@ -12,7 +12,10 @@ from matplotlib.patches import Circle
 
 from sar_imaging.geometry import MapGrid
 from sar_imaging.quality import crop
-from sar_imaging.simulation.spotlight_letter import PAIR_SEPARATION_M, SpotlightExperiment
+from sar_imaging.simulation.scenarios.spotlight_letter import (
+    PAIR_SEPARATION_M,
+    SpotlightExperiment,
+)
 
 from .letter_imagers import COMPARED, CUTS, EXACT
 from .letter_measurements import SubsceneImage

@@ -9,7 +9,7 @@ import numpy as np
 
 from sar_imaging.geometry import MapGrid
 from sar_imaging.quality import ScattererQuality, measure_scatterer, sample_image
-from sar_imaging.simulation.spotlight_letter import (
+from sar_imaging.simulation.scenarios.spotlight_letter import (
     PAIR_SEPARATION_M,
     SUBSCENE_M,
     SpotlightExperiment,

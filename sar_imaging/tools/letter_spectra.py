@@ -11,7 +11,7 @@ import scipy.fft
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
-from sar_imaging.simulation.spotlight_letter import SUBSCENE_M
+from sar_imaging.simulation.scenarios.spotlight_letter import SUBSCENE_M
 
 from .letter_measurements import subscene_grid
 from .letter_recording import Recording

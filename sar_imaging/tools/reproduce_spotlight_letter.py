@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from sar_imaging.imaging.verification import measure_error
 from sar_imaging.quality import error_db
-from sar_imaging.simulation.spotlight_letter import (
+from sar_imaging.simulation.scenarios.spotlight_letter import (
     RESOLUTION_M,
     SIZES,
     SpotlightExperiment,

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sar_imaging.configuration.parameters import ConfigurationFileError, read_configuration
-from sar_imaging.simulation.configured import configured_scenario
-from sar_imaging.simulation.scenario import Scenario
 from sar_imaging.simulation.scenarios import SCENARIOS
+from sar_imaging.simulation.scenarios.configured import configured_scenario
+from sar_imaging.simulation.scenarios.scenario import Scenario
 
 from .bag_io import check_target, make_truth, write_bag
 from .writing import run_writing, with_progress

@@ -12,7 +12,7 @@ from sar_imaging.autofocus.live import live_autofocus
 from sar_imaging.autofocus.models import nominal
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.quality import error_db
-from sar_imaging.simulation.track_errors import flawed_aperture, moved_rigidly
+from sar_imaging.simulation.trials.track_errors import flawed_aperture, moved_rigidly
 
 
 def test_track_and_clock_of_an_aperture_with_a_hole():

@@ -20,8 +20,8 @@ from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.simulation.drone_flights import drone_flight
 from sar_imaging.simulation.echoes import EchoSimulator
+from sar_imaging.simulation.trials.drone_flights import drone_flight
 from sar_imaging.tools import load_team6_rail as rails
 
 DATA = pathlib.Path(__file__).parents[3] / 'shared' / 'data'

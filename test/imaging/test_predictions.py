@@ -19,7 +19,7 @@ from sar_imaging.planning.profiles.range_gate import RangeWindow
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.signal.spectra import band_spectrum
-from sar_imaging.simulation.random_cases import TRACKS, random_case
+from sar_imaging.simulation.trials.random_cases import TRACKS, random_case
 from sar_imaging.streaming.aperture import ApertureImager
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures

@@ -14,7 +14,7 @@ from sar_imaging.planning.aliasing_error import TONES, Coverage, correction_erro
 from sar_imaging.planning.interpolators import design_interpolator
 from sar_imaging.planning.polar_cover import cover_map
 from sar_imaging.planning.polar_to_map import CORRECTED_TAPS, DEGREE
-from sar_imaging.simulation.random_cases import random_case
+from sar_imaging.simulation.trials.random_cases import random_case
 
 
 def _read_error(between, cycles, n, guard, beta, places):

@@ -7,7 +7,7 @@ from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.quality import contrast
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.simulation.drone_flights import MOTIONS, RADARS, drone_flight
+from sar_imaging.simulation.trials.drone_flights import MOTIONS, RADARS, drone_flight
 
 
 @pytest.mark.parametrize('motion', MOTIONS)

@@ -8,8 +8,8 @@ import pytest
 
 from sar_imaging.quality import error_db
 from sar_imaging.simulation.echoes import EchoSimulator
+from sar_imaging.simulation.scenarios.spotlight_letter import SIZES, spotlight_letter
 from sar_imaging.simulation.scene import positions_and_amplitudes
-from sar_imaging.simulation.spotlight_letter import SIZES, spotlight_letter
 
 
 @pytest.fixture(scope='module')

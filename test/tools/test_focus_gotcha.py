@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.simulation.track_errors import flawed_aperture
+from sar_imaging.simulation.trials.track_errors import flawed_aperture
 from sar_imaging.tools import focus_gotcha
 
 FOLDER = pathlib.Path(__file__).parents[2] / '../shared/data/gotcha_pass1_hh'

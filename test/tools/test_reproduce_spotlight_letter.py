@@ -9,7 +9,7 @@ import pytest
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.quality import error_db
 from sar_imaging.signal.spectra import band_spectrum
-from sar_imaging.simulation.spotlight_letter import spotlight_letter
+from sar_imaging.simulation.scenarios.spotlight_letter import spotlight_letter
 from sar_imaging.tools import (
     letter_figures,
     letter_imagers as imagers,

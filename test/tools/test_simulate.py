@@ -15,8 +15,8 @@ import pytest
 
 from sar_imaging.configuration.parameters import default_file, read_configuration
 from sar_imaging.signal.pulses import concatenate
-from sar_imaging.simulation.scenario import Scenario
 from sar_imaging.simulation.scenarios import SCENARIOS
+from sar_imaging.simulation.scenarios.scenario import Scenario
 from sar_imaging.tools import simulate
 from sar_imaging.tools.bag_io import raw_messages, read_blocks, read_truth
 

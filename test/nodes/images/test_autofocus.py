@@ -24,8 +24,8 @@ from sar_imaging.quality import contrast, error_db
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.simulation.drone_flights import drone_flight
-from sar_imaging.simulation.track_errors import flawed_aperture
+from sar_imaging.simulation.trials.drone_flights import drone_flight
+from sar_imaging.simulation.trials.track_errors import flawed_aperture
 from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures

@@ -13,10 +13,10 @@ import math
 
 import numpy as np
 
-from ..planning.interpolators import design_interpolator
-from ..signal.pulses import PulseBlock
-from . import tile_kernels
-from .models import Geometry
+from ...planning.interpolators import design_interpolator
+from ...signal.pulses import PulseBlock
+from ..models import Geometry
+from . import kernels
 
 PIECES_PER_RESOLUTION = 4  # samples of a piece; linear interpolation between them
 PIXELS = 7, 21  # of a tile, along range and azimuth
@@ -92,7 +92,7 @@ class Tiles:
         """
         shape = (*self._shape[:2], self.n_segments)
         out = np.empty((2, math.prod(shape)), np.float32)
-        tile_kernels.focus_tiles(*self._arguments(change_m), *out)
+        kernels.focus_tiles(*self._arguments(change_m), *out)
         return (out[0] + 1j * out[1]).reshape(shape)
 
     def correlate(self, change_m, weight) -> tuple[np.ndarray, np.ndarray]:
@@ -113,8 +113,8 @@ class Tiles:
             Derivative of the same by the change, 1/m.
         """
         out = np.zeros((4, change_m.size))
-        tile_kernels.correlate_tiles(*self._arguments(change_m), weight.real.ravel(),
-                                     weight.imag.ravel(), *out)
+        kernels.correlate_tiles(*self._arguments(change_m), weight.real.ravel(),
+                                weight.imag.ravel(), *out)
         along, slope = ((re + 1j * im).reshape(change_m.shape) for re, im in (out[:2], out[2:]))
         return along, slope / self._step_m + 1j * self.wavenumber * along
 
@@ -164,8 +164,8 @@ class Tiles:
 
     def _plan_pixels(self, middles):
         out = np.empty((3, *self._pixels.shape[:2], len(self.segment)), np.float32)
-        tile_kernels.plan_pixels(self.points, self._pixels, *middles, self.wavenumber,
-                                 self._step_m, *out)
+        kernels.plan_pixels(self.points, self._pixels, *middles, self.wavenumber,
+                            self._step_m, *out)
         return tuple(part.reshape(-1) for part in out)
 
     def _cut(self, block: PulseBlock, geometry: Geometry, length: int) -> np.ndarray:
@@ -179,7 +179,7 @@ class Tiles:
         position = (measured - radar.range_start_m) / radar.sample_spacing_m - self._centre * step
         kernel = design_interpolator(radar.sample_rate_hz / radar.bandwidth_hz)
         pieces = np.zeros((len(path), len(self.segment), length), np.complex64)
-        tile_kernels.cut_profiles(rows, kernel.weights, kernel.first, position,
-                                  2 * measured / radar.wavelength_m,
-                                  np.repeat(self._owner, block.n_channels), step, pieces)
+        kernels.cut_profiles(rows, kernel.weights, kernel.first, position,
+                             2 * measured / radar.wavelength_m,
+                             np.repeat(self._owner, block.n_channels), step, pieces)
         return pieces

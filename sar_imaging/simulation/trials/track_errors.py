@@ -9,10 +9,10 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from ..geometry.grids import MapGrid
-from ..signal.pulses import PulseBlock
-from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
-from .echoes import EchoSimulator
+from ...geometry.grids import MapGrid
+from ...signal.pulses import PulseBlock
+from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
+from ..echoes import EchoSimulator
 
 KINDS = ('smooth', 'vibration', 'clock')
 WAVELENGTH_M = SPEED_OF_LIGHT / 10e9

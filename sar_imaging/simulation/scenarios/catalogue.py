@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..geometry.grids import MapGrid
-from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from ...geometry.grids import MapGrid
+from ...signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from ..movers import Mover
+from ..noise import complex_gaussian
+from ..scene import Scatterer, letter_s
+from ..trajectory import Trajectory, Vibration
 from .countryside import countryside
-from .movers import Mover
-from .noise import complex_gaussian
 from .scenario import Scenario, receive_array
-from .scene import Scatterer, letter_s
-from .trajectory import Trajectory, Vibration
 
 # ------------------------------------------------------------------ Rosenberg & Gray, table 1
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry.grids import MapGrid
-from ..signal.pulses import PulseBlock
+from ...geometry.grids import MapGrid
+from ...signal.pulses import PulseBlock
 
 _APART = 4.0  # bright points stand so many range resolutions apart
 _FAINTEST_DB = -30.0  # of a bright point, relative to the brightest

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..compilation import njit, numba
+from ...compilation import njit, numba
 
 
 @njit(parallel=True)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry.grids import MapGrid
-from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
-from .movers import Mover
-from .noise import complex_gaussian
+from ...geometry.grids import MapGrid
+from ...signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from ..movers import Mover
+from ..noise import complex_gaussian
+from ..scene import Clutter, Scatterer
+from ..shadows import Box, Crown, transmission
+from ..trajectory import Trajectory, Vibration
 from .scenario import Scenario, receive_array
-from .scene import Clutter, Scatterer
-from .shadows import Box, Crown, transmission
-from .trajectory import Trajectory, Vibration
 
 _SEED = 1959
 _SCENE = 1 << 32  # streams of the scene; those below are the noise of pulses

@@ -14,13 +14,13 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..geometry.alignment import Alignment
-from ..geometry.grids import MapGrid
-from ..geometry.poses import PoseTrack
-from ..signal.dechirp import fmcw_parameters
-from ..signal.pulses import PulseBlock
-from ..signal.radar import RadarParameters, Waveform
-from .echoes import EchoSimulator
+from ...geometry.alignment import Alignment
+from ...geometry.grids import MapGrid
+from ...geometry.poses import PoseTrack
+from ...signal.dechirp import fmcw_parameters
+from ...signal.pulses import PulseBlock
+from ...signal.radar import RadarParameters, Waveform
+from ..echoes import EchoSimulator
 
 MOTIONS = ('hover', 'turn')
 RADARS = ('uwb', 'fmcw')

@@ -12,11 +12,11 @@ import math
 import numpy as np
 import scipy.fft
 
-from ..geometry.grids import MapGrid
-from ..signal.pulses import PulseBlock
-from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
-from ..signal.range_compression import RangeCompressor
-from .echoes import scene_spectrum, two_way_delays
+from ...geometry.grids import MapGrid
+from ...signal.pulses import PulseBlock
+from ...signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from ...signal.range_compression import RangeCompressor
+from ..echoes import scene_spectrum, two_way_delays
 
 _EARTH_RADIUS_M = 6.4e6
 _MOST_ROWS = 480  # pulses x channels: keeps a case to about a second

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ..configuration.derived import derive
-from ..configuration.settings import Acquisition, Imaging, Machine
+from ...configuration.derived import derive
+from ...configuration.settings import Acquisition, Imaging, Machine
+from ..scene import Scatterer
+from ..trajectory import Trajectory
 from .scenario import Scenario
-from .scene import Scatterer
-from .trajectory import Trajectory
 
 # Share of half the grid along x and y, amplitude in dB: none in the row or column of another.
 _PLACES = (('middle', 0.0, 0.0, 0.0), ('north_east', 0.55, 0.62, -3.0),

@@ -8,15 +8,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..geometry.grids import MapGrid
-from ..signal.pulses import PulseBlock
-from ..signal.radar import RadarParameters
-from .echoes import EchoSimulator, quantise
-from .jammer import Jammer
-from .movers import Mover, mover_echoes
-from .noise import complex_gaussian
-from .scene import Clutter, Scatterer, positions_and_amplitudes
-from .trajectory import POSITION_STEP_M, Trajectory
+from ...geometry.grids import MapGrid
+from ...signal.pulses import PulseBlock
+from ...signal.radar import RadarParameters
+from ..echoes import EchoSimulator, quantise
+from ..jammer import Jammer
+from ..movers import Mover, mover_echoes
+from ..noise import complex_gaussian
+from ..scene import Clutter, Scatterer, positions_and_amplitudes
+from ..trajectory import POSITION_STEP_M, Trajectory
 
 START_NS = 1_700_000_000_000_000_000  # of every recording: the clock of a simulation is its own
 

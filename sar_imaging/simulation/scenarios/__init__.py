@@ -1,0 +1,7 @@
+"""Scenarios: radar, track and scene together, those of the papers, and the pulses that follow."""
+
+from .catalogue import RANGE_CENTRE_M, SCENARIOS, WAVELENGTH_M, moving_targets
+from .scenario import Scenario, receive_array
+
+__all__ = ['RANGE_CENTRE_M', 'SCENARIOS', 'WAVELENGTH_M', 'Scenario', 'moving_targets',
+           'receive_array']
