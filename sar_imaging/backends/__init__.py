@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..planning.exact.backprojection import BackprojectionPlan
     from ..signal.pulses import PulseBlock
 
-BACKENDS = ('cpu', 'reference')
+AUTO, BACKENDS = 'auto', ('cpu', 'reference')
 
 
 class Backprojection(Protocol):
@@ -29,9 +29,12 @@ class Backprojection(Protocol):
     ----------
     plan : BackprojectionPlan
         As given.
+    memory : object or None
+        What plans whose rows are added in turn may share.
     """
 
     plan: BackprojectionPlan
+    memory: object
 
     def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray,
             image: np.ndarray) -> None:
@@ -228,7 +231,7 @@ class Backend(Protocol):
         """
 
 
-def backend(name: str = 'auto') -> Backend:
+def backend(name: str = AUTO) -> Backend:
     """What computes plans.
 
     Parameters
@@ -246,6 +249,6 @@ def backend(name: str = 'auto') -> Backend:
     ValueError
         There is no such backend.
     """
-    if name not in ('auto', *BACKENDS):
+    if name not in (AUTO, *BACKENDS):
         raise ValueError(f'backend={name!r}; expected auto, {" or ".join(BACKENDS)}')
-    return importlib.import_module(f'.{"cpu" if name == "auto" else name}', __name__)
+    return importlib.import_module(f'.{"cpu" if name == AUTO else name}', __name__)

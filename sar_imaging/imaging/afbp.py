@@ -12,9 +12,7 @@ import logging
 import numpy as np
 from tqdm import tqdm
 
-from ..backends.cpu.fusion.spectra import SpectrumFusion
-from ..backends.cpu.fusion.to_map import form_map
-from ..backends.cpu.subapertures import SubapertureImager
+from .. import backends
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..planning.afbp.edge_brightness import EdgeBrightness
@@ -55,6 +53,8 @@ class AfbpImager:
         Window over the aperture.
     progress : bool
         Show a progress bar on standard error.
+    backend : str
+        What computes the image: ``'auto'``, ``'cpu'`` or ``'reference'``.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class AfbpImager:
     def __init__(self, grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m,
                  rx_m, *, target_db: float = -50.0, pulses_per_subaperture: int | None = None,
                  compressed: bool = True, weighting: str = 'none', pulse_weights=None,
-                 progress: bool = False):
+                 progress: bool = False, backend: str = backends.AUTO):
         plan = self.plan = plan_afbp(
             grid, radar, n_samples, tx_m, rx_m, target_db=target_db,
             pulses_per_subaperture=pulses_per_subaperture, compressed=compressed,
@@ -104,8 +104,9 @@ class AfbpImager:
         check_memory(plan.n_bytes, f'an image by AFBP of {_size(grid)} pixels',
                      'choose a smaller grid, a larger pixel spacing or a shorter aperture')
         self.subapertures = plan.subapertures
-        self.stage = SubapertureImager(plan.subapertures)
-        self.fusion = SpectrumFusion(plan.subapertures.fusion_grid)
+        self._backend = backends.backend(backend)
+        self.stage = self._backend.SubapertureImager(plan.subapertures)
+        self.fusion = self._backend.SpectrumFusion(plan.subapertures.fusion_grid)
         self.predicted_error_db, self.warnings = plan.predicted_error_db, plan.warnings
         for warning in self.warnings:
             _logger.warning(warning)
@@ -179,7 +180,8 @@ class AfbpImager:
             if not np.iscomplexobj(polar_image):
                 polar_image = polar_image[0] + np.complex64(1j) * polar_image[1]
             return polar_image * np.exp(2j * np.pi * cycles).astype(np.complex64)
-        return form_map(polar_image, plan.fusion_grid, self.grid, overwrite=overwrite)
+        return self._backend.form_map(polar_image, plan.fusion_grid, self.grid,
+                                      overwrite=overwrite)
 
 
 def _checked_weights(weights, n_pulses: int) -> np.ndarray | None:

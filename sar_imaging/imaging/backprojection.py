@@ -18,8 +18,7 @@ import math
 
 import numpy as np
 
-from ..backends.cpu.backprojection import Backprojection
-from ..backends.cpu.memory import WorkSpace
+from .. import backends
 from ..geometry import MapGrid
 from ..planning.exact.backprojection import (
     LEAST_TARGET_DB,
@@ -62,6 +61,8 @@ class Backprojector:
     midpoint : bool
         Replace both phase centres of a channel by their mean (displaced phase centre). For
         comparison: the exact path costs no more.
+    backend : str
+        What computes the image: ``'auto'``, ``'cpu'`` or ``'reference'``.
 
     Attributes
     ----------
@@ -93,7 +94,7 @@ class Backprojector:
 
     def __init__(self, grid: MapGrid | np.ndarray, radar: RadarParameters, n_samples: int, *,
                  target_db: float = -80.0, height_m=None, weights=None, per_channel: bool = False,
-                 midpoint: bool = False):
+                 midpoint: bool = False, backend: str = backends.AUTO):
         if radar.sample_rate_hz < 1.25 * radar.bandwidth_hz:
             raise ValueError(
                 f'profiles sampled at {radar.sample_rate_hz:g} Hz for a bandwidth of '
@@ -120,8 +121,8 @@ class Backprojector:
         self.predicted_error_db = -math.inf
         self.warnings: tuple[str, ...] = ()
         self.method = ''
-        self._latest: dict[int, Backprojection] = {}  # of each channel, or of all at 0
-        self._memory = WorkSpace()
+        self._backend = backends.backend(backend)
+        self._latest: dict[int, backends.Backprojection] = {}  # of each channel, or of all at 0
 
     def __call__(self, block: PulseBlock) -> np.ndarray:
         """Image of one block.
@@ -211,13 +212,13 @@ class Backprojector:
         backprojection.add(samples, tx_m, rx_m, image)
         self.predicted_error_db = max(self.predicted_error_db, plan.predicted_error_db)
 
-    def _planned_for(self, channel, tx_m, rx_m) -> Backprojection:
+    def _planned_for(self, channel, tx_m, rx_m) -> backends.Backprojection:
         """By the plan of these phase centres; the latest is kept for those that come again."""
         latest = self._latest.get(channel)
         if latest is None or not latest.plan.is_for(tx_m, rx_m):
-            latest = self._latest[channel] = Backprojection(plan_backprojection(
-                self._pixels, self.radar, self.n_samples, tx_m, rx_m, self.target_db),
-                self._memory)
+            memory = next((other.memory for other in self._latest.values()), None)
+            latest = self._latest[channel] = self._backend.Backprojection(plan_backprojection(
+                self._pixels, self.radar, self.n_samples, tx_m, rx_m, self.target_db), memory)
         return latest
 
     def _check_memory(self, n_images):

@@ -7,6 +7,7 @@ import logging
 
 import numpy as np
 
+from ..backends import AUTO
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..signal.pulses import PulseBlock
@@ -17,7 +18,6 @@ from .image import Image, Report
 from .methods import AFBP, EXACT, METHODS, Method, Options
 
 _logger = logging.getLogger(__name__)
-AUTO = 'auto'
 _WORTH_PLANNING_S = 0.1  # that planning AFBP takes (measured: 0.03 to 0.3 s)
 
 
@@ -25,7 +25,7 @@ def plan_image(grid: MapGrid | PolarGrid | np.ndarray, radar: RadarParameters, n
                tx_m=None, rx_m=None, *, method: str = AUTO, target_db: float = -60.0,
                height_m=None, weights=None, per_channel: bool = False, midpoint: bool = False,
                compressed: bool = True, weighting: str = 'none', pulse_weights=None,
-               progress: bool = False) -> Imager:
+               backend: str = AUTO, progress: bool = False) -> Imager:
     """Plan an image, or as many as come of the same radar.
 
     Parameters
@@ -60,6 +60,9 @@ def plan_image(grid: MapGrid | PolarGrid | np.ndarray, radar: RadarParameters, n
         Spectral window of raw pulses, see `sar_imaging.signal.windows`.
     pulse_weights : (P,) array_like, optional
         Window over the pulses of a block.
+    backend : str
+        What computes it, see `sar_imaging.backends`: ``'cpu'``, ``'reference'``; ``'auto'`` takes
+        the quickest there is.
     progress : bool
         Show a progress bar on standard error.
 
@@ -81,7 +84,8 @@ def plan_image(grid: MapGrid | PolarGrid | np.ndarray, radar: RadarParameters, n
     >>> image = imager(profiles)                                          # doctest: +SKIP
     >>> print(image.report)                                               # doctest: +SKIP
     """
-    options = Options(float(target_db), height_m, compressed, weighting, pulse_weights, progress)
+    options = Options(float(target_db), height_m, compressed, weighting, pulse_weights, backend,
+                      progress)
     imager = Imager(grid, radar, n_samples, method, options,
                     Channels(weights, per_channel, midpoint))
     if tx_m is not None:

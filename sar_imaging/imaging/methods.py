@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from ..backends import AUTO
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..planning.memory import IMAGE_BYTES
@@ -38,6 +39,7 @@ class Options:
     compressed: bool = True
     weighting: str = 'none'
     pulse_weights: np.ndarray | None = None
+    backend: str = AUTO
     progress: bool = False
 
 
@@ -129,7 +131,8 @@ class Exact(Method):
         grid = self._points() if isinstance(self.grid, PolarGrid) else self.grid
         self._imager = Backprojector(grid, self.radar, self.n_samples,
                                      target_db=self.options.target_db,
-                                     height_m=self.options.height_m)
+                                     height_m=self.options.height_m,
+                                     backend=self.options.backend)
         if not tx_m.size:
             return self._report()
         plan = self._imager.plan(tx_m, rx_m)
@@ -155,7 +158,8 @@ class Afbp(Method):
         options = self.options
         self._imager = AfbpImager(self.grid, self.radar, self.n_samples, tx_m, rx_m,
                                   target_db=options.target_db, compressed=options.compressed,
-                                  weighting=options.weighting, progress=options.progress)
+                                  weighting=options.weighting, backend=options.backend,
+                                  progress=options.progress)
         plan = self._imager.plan
         return self._report(
             predicted_error_db=plan.predicted_error_db, errors_db=plan.errors_db,

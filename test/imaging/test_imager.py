@@ -154,6 +154,18 @@ def test_polar_grids_and_points_are_imaged_too(case):
     assert _error_db(_imager(case, points)(case.block), whole[::7, ::5]) <= -60.0
 
 
+@pytest.mark.parametrize('method', ['exact', 'afbp'])
+def test_the_reference_backend_forms_the_same_image(make_case, method):
+    case = make_case(1e3, n=48, pulses=64)
+    image, reference = (_imager(case, method=method, backend=backend)(case.block)
+                        for backend in ('cpu', 'reference'))
+    # the reference reads profiles without the error that the plan allows: -60 dB
+    assert _error_db(image, reference.samples) <= -60.0
+    assert not np.array_equal(image.samples, reference.samples)
+    with pytest.raises(ValueError, match='reference'):
+        _imager(case, method=method, backend='gpu')(case.block)
+
+
 @pytest.mark.parametrize(('options', 'message'), [
     ({'method': 'fast'}, "'exact', 'afbp'"),
     ({'method': 'afbp', 'height_m': np.zeros((4, 4))}, 'terrain'),

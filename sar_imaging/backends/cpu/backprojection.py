@@ -35,11 +35,14 @@ class Backprojection:
     ----------
     plan : BackprojectionPlan
         As given.
+    memory : WorkSpace
+        As given, or its own.
     """
 
     def __init__(self, plan: BackprojectionPlan, memory: WorkSpace | None = None):
         ways = {PolarPlan: _Polar, LinePlan: _Lines, PointPlan: _Points}
-        self.plan, self._way = plan, ways[type(plan.way)](plan, memory or WorkSpace())
+        self.plan, self.memory = plan, memory or WorkSpace()
+        self._way = ways[type(plan.way)](plan, self.memory)
 
     def add(self, samples, tx_m, rx_m, image) -> None:
         """Add rows to an image.

@@ -23,6 +23,8 @@ from .upsample_azimuth import upsample_azimuth
 class Backprojection:
     """Exact backprojection, as `sar_imaging.backends.Backprojection` describes it."""
 
+    memory = None
+
     def __init__(self, plan: BackprojectionPlan, memory=None):
         self.plan = plan
 
