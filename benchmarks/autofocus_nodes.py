@@ -30,7 +30,8 @@ from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.trials.drone_flights import MOTIONS, RADARS, drone_flight
-from sar_imaging.tools import bag_io, evaluate, load_team6_rail as rails
+from sar_imaging.tools import evaluate
+from sar_imaging.tools.measured import load_team6_rail as rails
 from sar_imaging.tools.node_processes import (
     NodeProcesses,
     isolated_environment,
@@ -38,8 +39,9 @@ from sar_imaging.tools.node_processes import (
     parameters_from_truth,
     pipeline_parameters,
 )
-from sar_imaging.tools.recorded_poses import RecordedPoses
-from sar_imaging.tools.writing import split
+from sar_imaging.tools.recordings import bag_io
+from sar_imaging.tools.recordings.recorded_poses import RecordedPoses
+from sar_imaging.tools.recordings.writing import split
 
 from .autofocus_flights import FOCUSED
 from .machine import machine

@@ -23,7 +23,6 @@ import traceback
 import numba
 import numpy as np
 
-from sar_imaging.tools import bag_io
 from sar_imaging.tools.node_processes import (
     AFBP_NODES,
     NODES,
@@ -32,6 +31,7 @@ from sar_imaging.tools.node_processes import (
     parameters_from_truth,
     pipeline_parameters,
 )
+from sar_imaging.tools.recordings import bag_io
 
 from .live_flight import PRF_HZ, PULSES_PER_APERTURE, PULSES_PER_MESSAGE, Flight, grid
 from .live_system import Fed, System, difference_db

@@ -19,7 +19,7 @@ from sar_imaging.simulation.scenarios import WAVELENGTH_M
 from sar_imaging.simulation.scenarios.scenario import Scenario, receive_array
 from sar_imaging.simulation.scene import Scatterer
 from sar_imaging.simulation.trajectory import Trajectory, Vibration
-from sar_imaging.tools import bag_io
+from sar_imaging.tools.recordings import bag_io
 from sar_imaging.tools.simulate import scenario_truth
 
 SECONDS = 60

@@ -17,8 +17,8 @@ from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from sar_imaging.signal.uwb import subtract_background
 from sar_imaging.simulation.echoes import EchoSimulator
 from sar_imaging.simulation.scenarios import SCENARIOS
-from sar_imaging.tools import load_arcsar, load_gotcha, load_mimo_60ghz, load_team6_rail
-from sar_imaging.tools.recorded_poses import RecordedPoses
+from sar_imaging.tools.measured import load_arcsar, load_gotcha, load_mimo_60ghz, load_team6_rail
+from sar_imaging.tools.recordings.recorded_poses import RecordedPoses
 
 DATA = Path(__file__).resolve().parents[1] / '..' / 'shared' / 'data'
 START_NS = 1_700_000_000_000_000_000

@@ -15,7 +15,7 @@ from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.spectra import band_spectrum
 from sar_imaging.signal.waveforms import lfm_spectrum, n_pulse_samples
-from sar_imaging.tools import bag_io
+from sar_imaging.tools.recordings import bag_io
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -1,1 +1,10 @@
-"""Command-line programs."""
+"""Command-line programs: simulate, evaluate, calibrate, check a configuration, load recordings.
+
+`command` is the one program `sar-imaging`, of which the others are commands. What they share:
+
+- `recordings`: rosbag2 recordings of pulses, written, read and indexed;
+- `evaluation`: a recording replayed through node processes, and its image measured;
+- `measured`: loaders and images of public measured data;
+- `reproduction`: figures and tables of the papers;
+- `launching`, `node_processes`: nodes started by launch files and by programs.
+"""

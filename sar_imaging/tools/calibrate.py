@@ -24,7 +24,7 @@ from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
 
-from .bag_io import BagError, read_blocks, read_truth
+from .recordings.bag_io import BagError, read_blocks, read_truth
 
 MOST_PIXELS = 200_000  # of the scene to balance over; coarser pixels above
 

@@ -19,14 +19,14 @@ COMMANDS = {
     ('calibrate',): 'calibrate',
     ('layouts',): 'layouts',
     ('compile',): 'compile_kernels',
-    ('load', 'gotcha'): 'load_gotcha',
-    ('load', 'rail'): 'load_team6_rail',
-    ('load', 'arcsar'): 'load_arcsar',
-    ('load', 'mimo-60ghz'): 'load_mimo_60ghz',
-    ('image', 'arcsar'): 'image_arcsar',
-    ('image', 'mimo-60ghz'): 'image_mimo_60ghz',
-    ('reproduce', 'multichannel'): 'reproduce_multichannel',
-    ('reproduce', 'spotlight-letter'): 'reproduce_spotlight_letter',
+    ('load', 'gotcha'): 'measured.load_gotcha',
+    ('load', 'rail'): 'measured.load_team6_rail',
+    ('load', 'arcsar'): 'measured.load_arcsar',
+    ('load', 'mimo-60ghz'): 'measured.load_mimo_60ghz',
+    ('image', 'arcsar'): 'measured.image_arcsar',
+    ('image', 'mimo-60ghz'): 'measured.image_mimo_60ghz',
+    ('reproduce', 'multichannel'): 'reproduction.reproduce_multichannel',
+    ('reproduce', 'spotlight-letter'): 'reproduction.reproduce_spotlight_letter',
 }
 
 

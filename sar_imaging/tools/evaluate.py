@@ -28,10 +28,11 @@ from msg_conversions import WireFormatError
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.quality import ScattererQuality, measure_scatterer
 
-from . import evaluation_nodes, examination
-from .bag_io import BagError, pose_messages, raw_messages
-from .evaluation_nodes import LaunchError, plan_launch
-from .evaluation_summary import summary
+from .evaluation import examination, node_launch
+from .evaluation.node_launch import LaunchError, plan_launch
+from .evaluation.observer import Observer, ObserverError, ReceivedImage, counter_increase
+from .evaluation.replay import Published, Replayer, ReplayError
+from .evaluation.summary import summary
 from .node_processes import (
     MODES,
     NO_LOG_FILES,
@@ -41,10 +42,9 @@ from .node_processes import (
     isolated_environment,
     node_names,
 )
-from .observer import Observer, ObserverError, ReceivedImage, counter_increase
 from .plots import save_image_png
-from .recording import Aperture, Recording, read_recording
-from .replay import Published, Replayer, ReplayError
+from .recordings.bag_io import BagError, pose_messages, raw_messages
+from .recordings.recording import Aperture, Recording, read_recording
 
 PRODUCTS = ('image.npy', 'image.png', 'quality.json')
 START_TIMEOUT_S = 60.0  # importing and compiling on a slow machine
@@ -79,7 +79,7 @@ def parser() -> argparse.ArgumentParser:
                    help='folder for the results, made when missing')
     p.add_argument('--launch-nodes', action='store_true',
                    help="start the nodes for this run, with the recording's own grid and aperture")
-    evaluation_nodes.add_arguments(p)
+    node_launch.add_arguments(p)
     p.add_argument('--mode', choices=MODES, help='of backprojection: exact images, or '
                    'sub-apertures joined by afbp_fusion (default: as configured, else '
                    f'{MODES[0]})')

@@ -17,8 +17,8 @@ from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.simulation.scenarios.configured import configured_scenario
 from sar_imaging.simulation.scenarios.scenario import Scenario
 
-from .bag_io import check_target, make_truth, write_bag
-from .writing import run_writing, with_progress
+from .recordings.bag_io import check_target, make_truth, write_bag
+from .recordings.writing import run_writing, with_progress
 
 _EPILOG = """\
 The recording is a rosbag2 folder (mcap) with the topic /pulses. The same command gives the same

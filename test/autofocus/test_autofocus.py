@@ -25,7 +25,7 @@ from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.quality import contrast, error_db
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.trials.track_errors import flawed_aperture, moved_rigidly
-from sar_imaging.tools.load_arcsar import arm_angles, read_file
+from sar_imaging.tools.measured.load_arcsar import arm_angles, read_file
 
 ARC = pathlib.Path(__file__).parents[2] / '../shared/data/arcsar_77ghz/Prova_Esterna_7.bin'
 

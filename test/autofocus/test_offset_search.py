@@ -22,7 +22,7 @@ from sar_imaging.signal.radar import RadarParameters
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.echoes import EchoSimulator
 from sar_imaging.simulation.trials.drone_flights import drone_flight
-from sar_imaging.tools import load_team6_rail as rails
+from sar_imaging.tools.measured import load_team6_rail as rails
 
 DATA = pathlib.Path(__file__).parents[3] / 'shared' / 'data'
 SMALL = {'n_pixels': 72, 'n_pulses': 128}

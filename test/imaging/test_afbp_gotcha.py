@@ -11,8 +11,8 @@ from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
-from sar_imaging.tools.load_gotcha import read_folder
-from sar_imaging.tools.writing import split
+from sar_imaging.tools.measured.load_gotcha import read_folder
+from sar_imaging.tools.recordings.writing import split
 
 MEASURED = pathlib.Path(__file__).parents[3] / 'shared' / 'data' / 'gotcha_pass1_hh'
 GRID = MapGrid.from_size((0.0, 0.0, 0.0), 100.0, 100.0, 0.1)

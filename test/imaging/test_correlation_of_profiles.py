@@ -16,7 +16,7 @@ from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.signal.spectra import band_spectrum
 from sar_imaging.simulation.echoes import EchoSimulator
-from sar_imaging.tools import load_arcsar, load_gotcha, load_team6_rail
+from sar_imaging.tools.measured import load_arcsar, load_gotcha, load_team6_rail
 
 DATA = pathlib.Path(__file__).parents[3] / 'shared' / 'data'
 RANGE_M = 100.0

@@ -24,7 +24,6 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Float32MultiArray, UInt32
 from std_srvs.srv import Trigger
 
-from sar_imaging.tools import bag_io
 from sar_imaging.tools.node_processes import (
     AFBP_NODES,
     NODES,
@@ -35,6 +34,7 @@ from sar_imaging.tools.node_processes import (
     parameters_from_truth,
     pipeline_parameters,
 )
+from sar_imaging.tools.recordings import bag_io
 
 # Of every node; `form_image` of those that form images.
 SERVICES = {'change_state': ChangeState, 'get_state': GetState, 'set_parameters': SetParameters,

@@ -15,7 +15,7 @@ from sar_imaging.exploitation.movers.moving_targets import LiveMovingTargets, Mo
 from sar_imaging.geometry import MapGrid
 from sar_imaging.nodes.runtime.managed import LATCHED
 from sar_imaging.simulation.scenarios import moving_targets
-from sar_imaging.tools import bag_io
+from sar_imaging.tools.recordings import bag_io
 from sar_imaging.tools.simulate import scenario_truth
 
 GRID = MapGrid.from_size((0.0, 0.0, 0.0), 40.0, 40.0, 0.5)

@@ -20,7 +20,7 @@ DISPLAYS = {'rviz_default_plugins/Image': 'Image', 'rviz_default_plugins/Map': '
 def published_topics():
     """Type and latching of every topic that a node makes with create_output, from its source."""
     topics = {}
-    for path in (PACKAGE / 'nodes').glob('*.py'):
+    for path in (PACKAGE / 'nodes').rglob('*.py'):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Call) and getattr(node.func, 'attr', '') == 'create_output':
                 kind, topic, qos = node.args[:3]

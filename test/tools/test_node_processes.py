@@ -8,13 +8,13 @@ import pytest
 
 pytest.importorskip('rclpy', reason='rclpy comes as wheels for Linux on x86-64 only')
 
-from sar_imaging.tools import bag_io
 from sar_imaging.tools.node_processes import (
     NodeProcessError,
     NodeProcesses,
     isolated_environment,
     parameters_from_truth,
 )
+from sar_imaging.tools.recordings import bag_io
 
 PSF = Path(__file__).resolve().parents[2] / 'bags' / 'psf'
 pytestmark = pytest.mark.nodes

@@ -18,8 +18,8 @@ from std_msgs.msg import Float32MultiArray
 
 from msg_conversions import WireFormatError, pulse_block
 from msg_conversions.images import complex_from_message, map_metadata_from_message
-from sar_imaging.tools import bag_io
 from sar_imaging.tools.node_processes import AFBP_NODES, NODES, PIPELINE
+from sar_imaging.tools.recordings import bag_io
 
 pytestmark = pytest.mark.campaign
 

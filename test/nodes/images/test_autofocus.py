@@ -29,10 +29,10 @@ from sar_imaging.simulation.trials.track_errors import flawed_aperture
 from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
-from sar_imaging.tools import bag_io
 from sar_imaging.tools.node_processes import NODES, PIPELINE
-from sar_imaging.tools.recorded_poses import RecordedPoses
-from sar_imaging.tools.writing import split
+from sar_imaging.tools.recordings import bag_io
+from sar_imaging.tools.recordings.recorded_poses import RecordedPoses
+from sar_imaging.tools.recordings.writing import split
 
 LENGTH = 128
 EXPECTED = {'autofocus.track_error': 0.05}

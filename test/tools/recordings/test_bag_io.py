@@ -1,0 +1,143 @@
+"""Recordings: what is written comes back, half a bag never stays."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from sar_imaging.simulation.scenarios import SCENARIOS
+from sar_imaging.tools.recordings import bag_io
+from sar_imaging.tools.recordings.bag_io import BagError
+
+TRUTH = {'version': 1, 'scenario': 'test', 'scatterers': [
+    {'name': 'post', 'position_m': [0.1, -2e-9, 3.0], 'amplitude_db': -3.5}]}
+
+
+@pytest.fixture(scope='module')
+def blocks():
+    return list(SCENARIOS['psf']().blocks(30))
+
+
+@pytest.fixture
+def bag(tmp_path, blocks):
+    path = tmp_path / 'deep' / 'bag'
+    assert bag_io.write_bag(path, blocks, TRUTH) == len(blocks)
+    return path
+
+
+def test_blocks_come_back(bag, blocks):
+    read = list(bag_io.read_blocks(bag))
+    assert [b.n_pulses for b in read] == [30] * 6 + [20]
+    for got, sent in zip(read, blocks, strict=True):
+        np.testing.assert_array_equal(got.samples, sent.samples)
+        np.testing.assert_array_equal(got.stamp_ns, sent.stamp_ns)
+        np.testing.assert_array_equal(got.counter, sent.counter)
+        np.testing.assert_array_equal(got.tx_m, sent.tx_m)  # multiples of a micrometre: exact
+        np.testing.assert_array_equal(got.rx_m, sent.rx_m)
+        assert got.compressed == sent.compressed and got.matches(read[0])
+        # Pairs of float32 hold 48 bits.
+        assert got.radar.first_sample_delay_s == pytest.approx(
+            sent.radar.first_sample_delay_s, rel=1e-14)
+
+
+def test_truth_comes_back(bag):
+    assert bag_io.read_truth(bag) == TRUTH
+
+
+def test_message_time_is_that_of_the_last_pulse(bag, blocks):
+    times = [time_ns for time_ns, _ in bag_io.raw_messages(bag)]
+    assert times == [int(b.stamp_ns[-1]) for b in blocks]
+
+
+def test_raw_messages_are_valid_cdr_for_ros(bag, blocks):
+    serialization = pytest.importorskip('rclpy.serialization')
+    message_class = pytest.importorskip('std_msgs.msg').Float32MultiArray
+    pulse_block = pytest.importorskip('msg_conversions.pulse_block')
+    for (_, cdr), sent in zip(bag_io.raw_messages(bag), blocks, strict=True):
+        got = pulse_block.from_message(serialization.deserialize_message(cdr, message_class))
+        np.testing.assert_array_equal(got.samples, sent.samples)
+
+
+def test_same_blocks_give_the_same_bytes(tmp_path, blocks):
+    files = []
+    for folder in ('one', 'two'):
+        bag_io.write_bag(tmp_path / folder / 'bag', blocks, TRUTH)
+        files.append(sorted((tmp_path / folder / 'bag').iterdir()))
+    assert [f.name for f in files[0]] == ['bag.mcap', 'metadata.yaml']
+    for one, two in zip(*files, strict=True):
+        assert one.read_bytes() == two.read_bytes()
+
+
+def test_existing_bag_is_kept_unless_told(bag, blocks):
+    before = (bag / 'bag.mcap').read_bytes()
+    with pytest.raises(BagError, match='exists already'):
+        bag_io.write_bag(bag, blocks[:1], TRUTH)
+    assert (bag / 'bag.mcap').read_bytes() == before
+    bag_io.write_bag(bag, blocks[:1], TRUTH, overwrite=True)
+    assert len(list(bag_io.read_blocks(bag))) == 1
+
+
+def test_folder_that_is_no_bag_is_never_removed(tmp_path, blocks):
+    (tmp_path / 'notes.txt').write_text('precious')
+    with pytest.raises(BagError, match='not a bag'):
+        bag_io.write_bag(tmp_path, blocks, TRUTH, overwrite=True)
+    assert (tmp_path / 'notes.txt').read_text() == 'precious'
+
+
+@pytest.mark.parametrize('error', [KeyboardInterrupt, ValueError])
+@pytest.mark.parametrize('exists', [False, True])
+def test_interruption_leaves_nothing_or_the_old_bag(tmp_path, blocks, error, exists):
+    path = tmp_path / 'bag'
+    if exists:
+        bag_io.write_bag(path, blocks[:2], TRUTH)
+
+    def interrupted():
+        yield from blocks[:3]
+        raise error
+
+    with pytest.raises(error):
+        bag_io.write_bag(path, interrupted(), TRUTH, overwrite=True)
+    assert [p.name for p in tmp_path.iterdir()] == (['bag'] if exists else [])
+    if exists:
+        assert len(list(bag_io.read_blocks(path))) == 2
+
+
+def test_no_blocks_make_no_bag(tmp_path):
+    with pytest.raises(BagError, match='no pulse block'):
+        bag_io.write_bag(tmp_path / 'bag', [], TRUTH)
+    assert not list(tmp_path.iterdir())
+
+
+def _write_foreign_bag(path, *, custom=None):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    message = store.types['std_msgs/msg/Bool'](data=True)
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        if custom:
+            writer.set_custom_data(bag_io.TRUTH_KEY, custom)
+        connection = writer.add_connection('/ready', 'std_msgs/msg/Bool', typestore=store)
+        writer.write(connection, 1, store.serialize_cdr(message, 'std_msgs/msg/Bool'))
+
+
+def test_bag_without_pulses_is_refused_with_its_topics(tmp_path):
+    _write_foreign_bag(tmp_path / 'other')
+    with pytest.raises(BagError, match=r'/pulses.*topics in it: /ready \(std_msgs/msg/Bool\)'):
+        next(bag_io.raw_messages(tmp_path / 'other'))
+    assert bag_io.read_truth(tmp_path / 'other') is None
+
+
+def test_truth_of_another_version_is_refused(tmp_path):
+    _write_foreign_bag(tmp_path / 'other', custom=json.dumps({'version': 7}))
+    with pytest.raises(BagError, match='version 7.*reads version 1'):
+        bag_io.read_truth(tmp_path / 'other')
+
+
+def test_missing_or_damaged_bag_is_refused(tmp_path, bag):
+    with pytest.raises(BagError, match=r'no metadata\.yaml'):
+        next(bag_io.raw_messages(tmp_path / 'nowhere'))
+    (bag / 'bag.mcap').unlink()
+    with pytest.raises(BagError, match='cannot be read'):
+        bag_io.read_truth(bag)
