@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import logging
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,6 +30,9 @@ from ..planning.exact.points import ImagePoints
 from ..planning.memory import check_memory
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
+
+if TYPE_CHECKING:
+    from ..backends.protocol import Backprojection
 from .channels import Channels
 
 _logger = logging.getLogger(__name__)
@@ -122,7 +126,7 @@ class Backprojector:
         self.warnings: tuple[str, ...] = ()
         self.method = ''
         self._backend = backends.backend(backend)
-        self._latest: dict[int, backends.Backprojection] = {}  # of each channel, or of all at 0
+        self._latest: dict[int, Backprojection] = {}  # of each channel, or of all at 0
 
     def __call__(self, block: PulseBlock) -> np.ndarray:
         """Image of one block.
@@ -212,7 +216,7 @@ class Backprojector:
         backprojection.add(samples, tx_m, rx_m, image)
         self.predicted_error_db = max(self.predicted_error_db, plan.predicted_error_db)
 
-    def _planned_for(self, channel, tx_m, rx_m) -> backends.Backprojection:
+    def _planned_for(self, channel, tx_m, rx_m) -> Backprojection:
         """By the plan of these phase centres; the latest is kept for those that come again."""
         latest = self._latest.get(channel)
         if latest is None or not latest.plan.is_for(tx_m, rx_m):

@@ -17,6 +17,7 @@ import math
 
 import numpy as np
 
+from .guard_taper import edge_taper
 from .interpolators import Interpolator, design_interpolator
 
 _STEPS_PER_BIN = 4
@@ -55,30 +56,6 @@ class Coverage:
 
 
 EVERYTHING = Coverage()
-
-
-def edge_taper(n: int, n_guard: float, beta: float) -> np.ndarray:
-    """Taper of a periodic grid: 1 from cell n_guard to n - n_guard, smoothly to 0 at 0 and n.
-
-    Parameters
-    ----------
-    n : int
-        Cells of the grid.
-    n_guard : float
-        Cells over which the taper rises.
-    beta : float
-        Shape: the rise is the integral of a Kaiser window.
-
-    Returns
-    -------
-    (n,) float64
-    """
-    t = np.linspace(-1, 1, 2001)
-    rise = np.cumsum(np.i0(beta * np.sqrt(1 - t ** 2)))
-    rise /= rise[-1]
-    cell = np.arange(n)
-    up, down = (np.interp(v / n_guard * 2 - 1, t, rise, 0.0, 1.0) for v in (cell, n - cell))
-    return up * down
 
 
 def mean_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, place=None,

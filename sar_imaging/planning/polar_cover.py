@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,23 +17,19 @@ from ..geometry.grids import MapGrid
 from ..geometry.map_edges import EDGE_SAMPLES, edge_positions
 from ..geometry.polar import PolarGrid
 from ..signal.radar import RadarParameters
-from .aliasing_error import TONES, Coverage
 from .echo_power import row_weights
-from .error_budget import remaining_db, total_db
+from .error_budget import total_db
 from .interpolators import Interpolator, coarsest_interpolator, finer_interpolator
-from .local_spectrum import TAPERS_NEEDED, used_share
 from .polar_to_map import CORRECTED_TAPS, DEGREE, LEAST_RANGES, TAPS, margin
-from .profiles.phase_history import RangeBand
 from .profiles.range_gate import RangeWindow
 from .profiles.range_resampling import Lattice, half_paths, plan_lattice, sample_paths
 
+if TYPE_CHECKING:
+    from .profiles.phase_history import RangeBand
+
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
-_COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
-_MIXED_LINES = 4  # on either side
 _WAVENUMBERS = 7  # of the band
-_SLACK = 1.01  # frequencies between samples of the map, and beside it
-_RANGE_RATIOS = (2, 3), (5, 7), (3, 4), (4, 5), (5, 6), (7, 8), (9, 10)
-_ROWS_FOR_COVER = 256
+FitRanges = Callable[[float, float, float], tuple[float, tuple[int, int]]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,8 +91,8 @@ class MapCover:
 
 
 def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
-              resampling_db: float, lattice_db: float,
-              band: RangeBand | None = None, corrected: bool = False) -> MapCover | None:
+              resampling_db: float, lattice_db: float, band: RangeBand | None = None,
+              fit_ranges: FitRanges | None = None) -> MapCover | None:
     """Cover a map by a polar grid around the aperture.
 
     Parameters
@@ -105,10 +103,13 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         Wanted errors of each pass of the interpolation to the map and of the backprojection, dB.
     band : RangeBand, optional
         Phase histories instead of profiles; `radar` is its own.
-    corrected : bool
-        The polar image will be formed by its spectrum and corrected for the interpolation between
-        lines, as that of `SpectrumFusion` is: lines may be fewer, and images that are added need
-        not be sampled as finely.
+    fit_ranges : callable, optional
+        The polar image will be formed by its spectrum, as that of `SpectrumFusion` is, and
+        corrected for the interpolation between lines, which may be fewer.
+        ``fit_ranges(spacing, extent, half_band)`` gives the spacing of its ranges and the ratio
+        of the ranges of the images that are added to them, from the spacing that the
+        interpolation along lines needs, metres, the extent, metres, and half the band of a line,
+        rad/m.
 
     Returns
     -------
@@ -119,6 +120,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     if frame is None or min(grid.shape) < TAPS:
         return None
     origin, track, side, axis = frame
+    corrected = fit_ranges is not None
     bands = _bands(grid, tx_m, rx_m, radar, origin, track, side, axis)
     if bands is None:
         return None
@@ -133,13 +135,11 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         return None
     half_alpha, half_range = (float(np.abs(f).max()) for f in (along_alpha, along_range))
     spacing = math.pi / (half_range * along.oversampling) * 0.999
-    n_line = math.ceil(np.ptp(paths.length) / spacing)
-    if corrected:  # the band of a line, which may be wider than that of a row of the map, must fit
-        share = used_share(_SLACK * local, spacing, n_line, tapers=TAPERS_NEEDED)
-        spacing /= max(share, 1.0)
+    n_line, ratio = math.ceil(np.ptp(paths.length) / spacing), (1, 1)
+    if fit_ranges is not None:
+        spacing, ratio = fit_ranges(spacing, float(np.ptp(paths.length)), local)
         n_line = math.ceil(np.ptp(paths.length) / spacing)
-    ratio = _range_ratio(spacing, n_line, local) if corrected else (1, 1)
-    spacing *= ratio[1] / ratio[0]
+        spacing *= ratio[1] / ratio[0]
     # The sampled half paths miss the extremes by what range and direction add between samples.
     lo, hi = float(paths.length.min()), float(paths.length.max())
     slack = 2 * margin(TAPS) * spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
@@ -155,75 +155,6 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     return MapCover(polar, ratio, lattice, window, range_m, axis, between, along, slope_alpha,
                     weight, k, between_db, along_db,
                     window.mean_end_error_db(paths.length))
-
-
-def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
-                     target_db: float, band: RangeBand | None = None,
-                     share_db: float = 8.0) -> tuple[MapCover, float]:
-    """Cover a map by the polar grid of an image that AFBP fuses.
-
-    Parameters
-    ----------
-    grid, radar, n_samples, band :
-        As for `cover_map`.
-    tx_m, rx_m : (P, C, 3) float64
-        Phase centres of the whole aperture, metres.
-    target_db : float
-        Wanted error of the map, dB.
-    share_db : float
-        By how much less each pass to the map may err; the more, the finer the polar grid.
-
-    Returns
-    -------
-    cover : MapCover
-    polar_db : float
-        What the interpolation to the map leaves of the target for the polar image, dB.
-
-    Raises
-    ------
-    ValueError
-        The map is tiny, too near, all around, or not ahead of the aperture.
-    """
-    step = max(1, len(tx_m) // _ROWS_FOR_COVER)
-    rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
-    cover = cover_map(grid, *rows, radar if band is None else band.radar, n_samples,
-                      target_db - share_db, min(target_db - 10.0, -50.0), band,
-                      corrected=True)
-    if cover is None:
-        raise ValueError('the map is too small, too near, around or beside the aperture for a '
-                         'polar image; use Backprojector')
-    return cover, remaining_db(target_db, cover.resampling_db)
-
-
-def map_coverage(polar: PolarGrid, grid: MapGrid, cover: MapCover) -> Coverage:
-    """How densely what is read for the pixels of a map fills the lines and ranges of its cover.
-
-    `polar` is that of `cover` or, for images of parts of the track, one with fewer lines.
-    """
-    x, y = (np.linspace(v[0], v[-1], _COVERAGE_SAMPLES) for v in (grid.x_m, grid.y_m))
-    r, alpha = polar.from_map(*(v.ravel() for v in np.meshgrid(x, y)))
-    along_alpha, along_range = (
-        _COVERAGE_BINS / len(r)
-        * np.histogram((v - start) / (n * spacing), _COVERAGE_BINS, (0.0, 1.0))[0]
-        for v, start, n, spacing in (
-            (alpha, polar.alpha_start, polar.n_alpha, polar.alpha_spacing),
-            (r, polar.range_start_m, polar.n_range, polar.range_spacing_m)))
-    # What the spectrum's correction for the interpolation between lines mixes is read, too.
-    beside = math.ceil(_MIXED_LINES / polar.n_alpha * _COVERAGE_BINS)
-    spread = np.convolve(along_alpha, np.full(2 * beside + 1, 1 / (2 * beside + 1)), 'same')
-    return Coverage(spread / spread.mean(), along_range, cover.between, _tones(polar, cover))
-
-
-def _tones(polar: PolarGrid, cover: MapCover) -> np.ndarray:
-    """Power of the image by cycles per line, as `Coverage` has it."""
-    k = np.linspace(*cover.wavenumber, _WAVENUMBERS)[:, None, None]
-    cycles = np.abs(k * cover.slope_alpha) * (polar.alpha_spacing / (2 * math.pi))
-    if cycles.max() > 0.5:  # images of parts of the track, which may lie anywhere in its band
-        even = (np.arange(TONES) < TONES / cover.between.oversampling).astype(float)
-        return even / even.sum()
-    weight = np.broadcast_to(cover.weight[:, None], cycles.shape)
-    power = np.histogram(cycles, TONES, (0.0, 0.5), weights=weight)[0]
-    return power / power.sum()
 
 
 def _frame(grid: MapGrid, centres):
@@ -317,12 +248,6 @@ def fitting_interpolator(frequency, weight, wanted_db: float, *, taps: int,
             return found, error_db
         found = finer_interpolator(found)  # much of the power lies where the band ends
     return None, math.inf
-
-
-def _range_ratio(spacing: float, n_range: int, local: float) -> tuple[int, int]:
-    """Fewest ranges that hold the band of a sub-aperture image, to those of the sum."""
-    needed = used_share(_SLACK * local, spacing, n_range)
-    return next((ratio for ratio in _RANGE_RATIOS if ratio[0] / ratio[1] >= needed), (1, 1))
 
 
 def _cover(grid, frame, spacing, half_alpha, between) -> PolarGrid | None:

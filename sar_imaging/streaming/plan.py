@@ -12,11 +12,11 @@ from ..backends.cpu.subapertures import SubapertureImager
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..planning.afbp.edge_brightness import EdgeBrightness
+from ..planning.afbp.map_cover import cover_for_fusion, map_coverage
 from ..planning.afbp.subapertures import plan_subapertures
 from ..planning.error_budget import total_db
 from ..planning.interpolators import Interpolator
 from ..planning.local_spectrum import Bands, local_bands
-from ..planning.polar_cover import cover_for_fusion, map_coverage
 from ..planning.polar_to_map import CORRECTED_TAPS, margin
 from ..planning.profiles.profile_reach import reach_warning, some_pixels
 from ..signal.pulses import PulseBlock

@@ -8,23 +8,22 @@ import sys
 import numpy as np
 import pytest
 
-from sar_imaging.backends import (
-    BACKENDS,
+from sar_imaging.backends import BACKENDS, backend
+from sar_imaging.backends.protocol import (
     Backend,
     Backprojection,
     SpectrumFusion,
     SubapertureImager,
-    backend,
 )
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
 from sar_imaging.planning.afbp.beams import plan_beams
+from sar_imaging.planning.afbp.map_cover import cover_for_fusion, map_coverage
 from sar_imaging.planning.afbp.subapertures import plan_subapertures
 from sar_imaging.planning.error_budget import total_db
 from sar_imaging.planning.exact.azimuth_upsampling import AngularParts
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 from sar_imaging.planning.exact.points import ImagePoints
 from sar_imaging.planning.exact.polar_image import plan_polar
-from sar_imaging.planning.polar_cover import cover_for_fusion, map_coverage
 from sar_imaging.planning.profiles.phase_history import RangeBand
 
 # Predictions are for scenes that are evenly bright; some dozen scatterers differ by chance.

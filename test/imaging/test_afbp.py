@@ -10,7 +10,8 @@ from sar_imaging.backends.cpu.fusion.spectra import SpectrumFusion
 from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.planning.afbp.aperture_cut import cut_pulses, pieces_between_gaps
-from sar_imaging.planning.aliasing_error import edge_taper, mean_error
+from sar_imaging.planning.aliasing_error import mean_error
+from sar_imaging.planning.guard_taper import edge_taper
 
 
 def _error_db(image, reference):

@@ -10,7 +10,8 @@ from sar_imaging.backends.cpu.fusion.to_map import covers
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
-from sar_imaging.planning.aliasing_error import TONES, Coverage, correction_error, edge_taper
+from sar_imaging.planning.aliasing_error import TONES, Coverage, correction_error
+from sar_imaging.planning.guard_taper import edge_taper
 from sar_imaging.planning.interpolators import design_interpolator
 from sar_imaging.planning.polar_cover import cover_map
 from sar_imaging.planning.polar_to_map import CORRECTED_TAPS, DEGREE

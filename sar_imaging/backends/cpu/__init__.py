@@ -1,6 +1,6 @@
 """The compiled backend: vectors, threads, own Fourier transforms and memory of their own.
 
-Its four entries (`sar_imaging.backends.Backend`) are imported when they are used first, so that
+Its four entries (`backends.protocol.Backend`) are imported when they are used first, so that
 exact backprojection does not load the beams and transforms of AFBP.
 """
 

@@ -1,7 +1,7 @@
 """The formulas themselves, in plain NumPy and float64: what every other backend is tested against.
 
 One module holds one operation of the seam between plans and backends, with its formula and its
-source. `entries` chains them to the four entries of `sar_imaging.backends.Backend`. Images are
+source. `entries` chains them to the four entries of `backends.protocol.Backend`. Images are
 formed as a plan says, with its windows, grids and interpolators. What compiled code approximates
 beyond that is done exactly here: profiles are read by their Fourier series, paths are computed for
 each pixel, and nothing is rounded to float32 but the images. Small images take seconds.

@@ -21,7 +21,7 @@ from .upsample_azimuth import upsample_azimuth
 
 
 class Backprojection:
-    """Exact backprojection, as `sar_imaging.backends.Backprojection` describes it."""
+    """Exact backprojection, as `backends.protocol.Backprojection` describes it."""
 
     memory = None
 
@@ -54,7 +54,7 @@ class Backprojection:
 
 
 class SubapertureImager:
-    """First stage of AFBP, as `sar_imaging.backends.SubapertureImager` describes it."""
+    """First stage of AFBP, as `backends.protocol.SubapertureImager` describes it."""
 
     def __init__(self, plan: SubaperturePlan):
         self.plan = plan
@@ -77,7 +77,7 @@ class SubapertureImager:
 
 
 class SpectrumFusion:
-    """Second stage of AFBP, as `sar_imaging.backends.SpectrumFusion` describes it.
+    """Second stage of AFBP, as `backends.protocol.SpectrumFusion` describes it.
 
     Contributions are kept as images; their spectra are summed when an image is wanted.
     """
@@ -129,7 +129,7 @@ class SpectrumFusion:
 
 def form_map(polar_image, fusion: FusionGrid, grid: MapGrid, centre_m: float = 0.0, *,
              overwrite: bool = False) -> np.ndarray:
-    """Interpolate a fused image to a map, as `sar_imaging.backends.Backend` describes it."""
+    """Interpolate a fused image to a map, as `backends.protocol.Backend` describes it."""
     fusion.check_for_map()
     polar = fusion.polar
     along = design_interpolator(fusion.range_oversampling, taps=TAPS, degree=DEGREE)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...planning.afbp.polar_grids import FusionGrid
-from ...planning.aliasing_error import edge_taper
+from ...planning.guard_taper import edge_taper
 
 
 def fuse_bands(grid: FusionGrid, contributions) -> np.ndarray:

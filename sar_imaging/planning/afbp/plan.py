@@ -13,9 +13,9 @@ from ...signal.radar import RadarParameters
 from ..aliasing_error import EVERYTHING
 from ..costs import costs
 from ..plan import Plan
-from ..polar_cover import cover_for_fusion, map_coverage
 from ..profiles.phase_history import RangeBand
 from ..profiles.profile_reach import reach_warning, some_pixels
+from .map_cover import cover_for_fusion, map_coverage
 from .subapertures import SubaperturePlan, plan_subapertures
 
 _SAMPLE_BYTES = 8  # complex64

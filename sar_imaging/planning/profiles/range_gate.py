@@ -10,7 +10,7 @@ import numpy as np
 import scipy.fft
 
 from ...signal.radar import RadarParameters
-from ..aliasing_error import edge_taper
+from ..guard_taper import edge_taper
 
 # Samples beyond the needed ranges, times 1 - bandwidth over sample rate. What the cut changes
 # within them is below -94 dB of the profile there.

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from ....planning.afbp.polar_grids import FusionGrid
-from ....planning.aliasing_error import edge_taper
+from ....planning.guard_taper import edge_taper
 from ..fft.columns import LANES, rows_to_transform, transform_columns
 from ..memory import aligned_empty, aligned_zeros
 from .bands import Band, add_band, add_transformed, clear_band

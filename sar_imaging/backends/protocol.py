@@ -1,0 +1,223 @@
+"""What every backend offers: the four entries, and what they promise."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ..geometry.grids import MapGrid
+    from ..planning.afbp.polar_grids import FusionGrid
+    from ..planning.afbp.subapertures import SubaperturePlan
+    from ..planning.exact.backprojection import BackprojectionPlan
+    from ..signal.pulses import PulseBlock
+
+
+class Backprojection(Protocol):
+    """Adds range profiles to images by one plan.
+
+    Attributes
+    ----------
+    plan : BackprojectionPlan
+        As given.
+    memory : object or None
+        What plans whose rows are added in turn may share.
+    """
+
+    plan: BackprojectionPlan
+    memory: object
+
+    def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray,
+            image: np.ndarray) -> None:
+        """Add rows to an image.
+
+        Parameters
+        ----------
+        samples : (R, N) complex64
+            Profiles of the rows: one of each pulse and channel.
+        tx_m, rx_m : (R, 3) float64
+            Phase centres of the rows, metres; those of the plan.
+        image : (...) complex64
+            Of the shape of the plan's grid. ``sum_r s_r(D_r(x)) exp(+j k_c D_r(x))`` is added to
+            every pixel x that has a position; contiguous in C order.
+        """
+
+
+class SubapertureImager(Protocol):
+    """Forms images of the sub-apertures of one plan.
+
+    Attributes
+    ----------
+    plan : SubaperturePlan
+        As given.
+    """
+
+    plan: SubaperturePlan
+
+    def image(self, number: int, block: PulseBlock, weights: np.ndarray | None = None,
+              out: np.ndarray | None = None) -> np.ndarray:
+        """Backproject one sub-aperture (Zhang et al., equation 6).
+
+        Parameters
+        ----------
+        number : int
+            Which sub-aperture; its nominal pulses are ``plan.sampling.pulses[number]``.
+        block : PulseBlock
+            Its range profiles, or its phase histories, with phase centres.
+        weights : (P,) float32, optional
+            Window over its pulses.
+        out : (2, n_alpha, n_range) float32, optional
+            Memory for the image.
+
+        Returns
+        -------
+        (2, n_alpha, n_range) float32
+            Real and imaginary part on `plan.coarse`, at range baseband: times
+            ``exp(-j 4 pi (r - r_0) / lambda)``, r_0 the first range of `plan.coarse`.
+
+        Raises
+        ------
+        ValueError
+            The block does not match the plan, or there is no such sub-aperture.
+        """
+
+
+class SpectrumFusion(Protocol):
+    """Fuses sub-aperture images of one grid, in any order, any subset (Zhang et al., II.B).
+
+    Attributes
+    ----------
+    grid : FusionGrid
+        As given.
+    """
+
+    grid: FusionGrid
+
+    @property
+    def included(self) -> frozenset[int]:
+        """Sub-apertures in the image."""
+
+    @property
+    def spectrum_shape(self) -> tuple[int, int]:
+        """Angular and range wavenumbers of the fused spectrum."""
+
+    def add(self, number: int, image: np.ndarray, centre_m: float) -> None:
+        """Add a sub-aperture, or replace it where contributions are kept.
+
+        Parameters
+        ----------
+        number : int
+            Which sub-aperture; any number that tells it from the others.
+        image : (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
+            On ``grid.coarse`` at range baseband, complex or as real and imaginary part.
+        centre_m : float
+            Middle of its band: of the derivatives of its half paths by direction over those by
+            range, metres.
+
+        Raises
+        ------
+        ValueError
+            The image has another shape, the centre is not finite, or the sub-aperture is in
+            already and contributions are not kept.
+        """
+
+    def remove(self, number: int) -> None:
+        """Take a sub-aperture out of the image; needs ``keep=True``.
+
+        Raises
+        ------
+        ValueError
+            It is not in the image, or contributions are not kept.
+        """
+
+    def polar_image(self, centre_m: float = 0.0) -> np.ndarray:
+        """Image of the sub-apertures that were added so far.
+
+        Parameters
+        ----------
+        centre_m : float
+            Middle of their bands, metres, where that is far from 0: the image is then given at
+            baseband along direction, too.
+
+        Returns
+        -------
+        (n_alpha, n_range) complex64
+            On ``grid.polar``, at range baseband: times ``exp(-j 4 pi (r - r_0) / lambda)`` and
+            ``exp(-j 4 pi centre_m (alpha - alpha_0) / lambda)``, r_0 and alpha_0 the first range
+            and direction of ``grid.polar``. Where the grid is for a map, frequencies along
+            direction are multiplied by the gain of ``grid.between``.
+        """
+
+    def take_polar_image(self, *, planes: bool = False) -> np.ndarray:
+        """As `polar_image`, in less memory: nothing is included any more.
+
+        Parameters
+        ----------
+        planes : bool
+            Real and imaginary part apart, as `form_map` works on them.
+
+        Returns
+        -------
+        (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
+        """
+
+    def clear(self) -> None:
+        """Begin another aperture on the same grid: nothing is included any more."""
+
+
+class Backend(Protocol):
+    """What a backend's package must offer to the imagers."""
+
+    def Backprojection(self, plan: BackprojectionPlan, memory: object = None) -> Backprojection:
+        """Exact backprojection by a plan.
+
+        Parameters
+        ----------
+        plan : BackprojectionPlan
+            What is computed, and how.
+        memory : object, optional
+            The backend's work space, shared with other plans whose rows are added in turn.
+        """
+
+    def SubapertureImager(self, plan: SubaperturePlan) -> SubapertureImager:
+        """First stage of AFBP by a plan."""
+
+    def SpectrumFusion(self, grid: FusionGrid, *, keep: bool = False) -> SpectrumFusion:
+        """Second stage of AFBP.
+
+        Parameters
+        ----------
+        grid : FusionGrid
+            Of the sub-aperture images and of the fused one.
+        keep : bool
+            Keep each contribution, so that `SpectrumFusion.remove` and replacing are possible.
+        """
+
+    def form_map(self, polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid,
+                 centre_m: float = 0.0, *, overwrite: bool = False) -> np.ndarray:
+        """Interpolate a fused image to a map and put its carrier back.
+
+        Parameters
+        ----------
+        polar_image : (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
+            From `SpectrumFusion`, complex or as real and imaginary part.
+        fusion : FusionGrid
+            Its grid, oversampled as it says.
+        grid : MapGrid
+            Map; ``fusion.polar`` covers it, finely enough to be interpolated.
+        centre_m : float
+            As given to `SpectrumFusion.polar_image`.
+        overwrite : bool
+            The polar image is not needed any more: its memory may become that of the map.
+
+        Returns
+        -------
+        (n_y, n_x) complex64
+            ``f(x) = sum_m sum_n s_mn(D_mn(x)) exp(+j k_c D_mn(x))``.
+
+        Raises
+        ------
+        ValueError
+            The grid is not for a map.
+        """

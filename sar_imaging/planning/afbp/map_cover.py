@@ -1,0 +1,106 @@
+"""Polar grid that covers a map for an image that AFBP fuses, and what of it is wanted."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...geometry.grids import MapGrid
+from ...geometry.polar import PolarGrid
+from ...signal.radar import RadarParameters
+from ..aliasing_error import TONES, Coverage
+from ..error_budget import remaining_db
+from ..local_spectrum import TAPERS_NEEDED, used_share
+from ..polar_cover import MapCover, cover_map
+from ..profiles.phase_history import RangeBand
+
+_COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
+_MIXED_LINES = 4  # on either side
+_WAVENUMBERS = 7  # of the band
+_SLACK = 1.01  # frequencies between samples of the map, and beside it
+_RANGE_RATIOS = (2, 3), (5, 7), (3, 4), (4, 5), (5, 6), (7, 8), (9, 10)
+_ROWS = 256
+
+
+def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
+                     target_db: float, band: RangeBand | None = None,
+                     share_db: float = 8.0) -> tuple[MapCover, float]:
+    """Cover a map by the polar grid of an image that AFBP fuses.
+
+    Parameters
+    ----------
+    grid, radar, n_samples, band :
+        As for `cover_map`.
+    tx_m, rx_m : (P, C, 3) float64
+        Phase centres of the whole aperture, metres.
+    target_db : float
+        Wanted error of the map, dB.
+    share_db : float
+        By how much less each pass to the map may err; the more, the finer the polar grid.
+
+    Returns
+    -------
+    cover : MapCover
+    polar_db : float
+        What the interpolation to the map leaves of the target for the polar image, dB.
+
+    Raises
+    ------
+    ValueError
+        The map is tiny, too near, all around, or not ahead of the aperture.
+    """
+    step = max(1, len(tx_m) // _ROWS)
+    rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
+    cover = cover_map(grid, *rows, radar if band is None else band.radar, n_samples,
+                      target_db - share_db, min(target_db - 10.0, -50.0), band,
+                      _fit_ranges)
+    if cover is None:
+        raise ValueError('the map is too small, too near, around or beside the aperture for a '
+                         'polar image; use Backprojector')
+    return cover, remaining_db(target_db, cover.resampling_db)
+
+
+def map_coverage(polar: PolarGrid, grid: MapGrid, cover: MapCover) -> Coverage:
+    """How densely what is read for the pixels of a map fills the lines and ranges of its cover.
+
+    `polar` is that of `cover` or, for images of parts of the track, one with fewer lines.
+    """
+    x, y = (np.linspace(v[0], v[-1], _COVERAGE_SAMPLES) for v in (grid.x_m, grid.y_m))
+    r, alpha = polar.from_map(*(v.ravel() for v in np.meshgrid(x, y)))
+    along_alpha, along_range = (
+        _COVERAGE_BINS / len(r)
+        * np.histogram((v - start) / (n * spacing), _COVERAGE_BINS, (0.0, 1.0))[0]
+        for v, start, n, spacing in (
+            (alpha, polar.alpha_start, polar.n_alpha, polar.alpha_spacing),
+            (r, polar.range_start_m, polar.n_range, polar.range_spacing_m)))
+    # What the spectrum's correction for the interpolation between lines mixes is read, too.
+    beside = math.ceil(_MIXED_LINES / polar.n_alpha * _COVERAGE_BINS)
+    spread = np.convolve(along_alpha, np.full(2 * beside + 1, 1 / (2 * beside + 1)), 'same')
+    return Coverage(spread / spread.mean(), along_range, cover.between, _tones(polar, cover))
+
+
+def _tones(polar: PolarGrid, cover: MapCover) -> np.ndarray:
+    """Power of the image by cycles per line, as `Coverage` has it."""
+    k = np.linspace(*cover.wavenumber, _WAVENUMBERS)[:, None, None]
+    cycles = np.abs(k * cover.slope_alpha) * (polar.alpha_spacing / (2 * math.pi))
+    if cycles.max() > 0.5:  # images of parts of the track, which may lie anywhere in its band
+        even = (np.arange(TONES) < TONES / cover.between.oversampling).astype(float)
+        return even / even.sum()
+    weight = np.broadcast_to(cover.weight[:, None], cycles.shape)
+    power = np.histogram(cycles, TONES, (0.0, 0.5), weights=weight)[0]
+    return power / power.sum()
+
+
+def _fit_ranges(spacing: float, extent: float, half_band: float
+                ) -> tuple[float, tuple[int, int]]:
+    """Spacing of the ranges of the fused image, and the fewest ranges of a sub-aperture image.
+
+    The band of a line, which may be wider than that of a row of the map, must fit.
+    """
+    share = used_share(_SLACK * half_band, spacing, math.ceil(extent / spacing),
+                       tapers=TAPERS_NEEDED)
+    spacing /= max(share, 1.0)
+    needed = used_share(_SLACK * half_band, spacing, math.ceil(extent / spacing))
+    return spacing, next((ratio for ratio in _RANGE_RATIOS if ratio[0] / ratio[1] >= needed),
+                         (1, 1))

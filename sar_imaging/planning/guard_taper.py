@@ -1,0 +1,29 @@
+"""Taper over the guards of a periodic grid: the integral of a Kaiser window."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def edge_taper(n: int, n_guard: float, beta: float) -> np.ndarray:
+    """Taper of a periodic grid: 1 from cell n_guard to n - n_guard, smoothly to 0 at 0 and n.
+
+    Parameters
+    ----------
+    n : int
+        Cells of the grid.
+    n_guard : float
+        Cells over which the taper rises.
+    beta : float
+        Shape: the rise is the integral of a Kaiser window.
+
+    Returns
+    -------
+    (n,) float64
+    """
+    t = np.linspace(-1, 1, 2001)
+    rise = np.cumsum(np.i0(beta * np.sqrt(1 - t ** 2)))
+    rise /= rise[-1]
+    cell = np.arange(n)
+    up, down = (np.interp(v / n_guard * 2 - 1, t, rise, 0.0, 1.0) for v in (cell, n - cell))
+    return up * down
