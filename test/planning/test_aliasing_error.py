@@ -10,6 +10,7 @@ from sar_imaging.backends.cpu.fusion.to_map import covers
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
+from sar_imaging.planning.afbp.map_cover import fit_ranges
 from sar_imaging.planning.aliasing_error import TONES, Coverage, correction_error
 from sar_imaging.planning.guard_taper import edge_taper
 from sar_imaging.planning.interpolators import design_interpolator
@@ -100,7 +101,8 @@ def test_a_cover_reaches_as_far_as_the_rows_of_its_map_read(seed):
     case = random_case(seed)
     p = case.profiles
     rows = (a.reshape(-1, 3) for a in (p.tx_m, p.rx_m))
-    cover = cover_map(case.grid, *rows, p.radar, p.n_samples, -60.0, -60.0, corrected=True)
+    cover = cover_map(case.grid, *rows, p.radar, p.n_samples, -60.0, -60.0,
+                      fit_ranges=fit_ranges)
     if cover is None:
         return
     assert covers(cover.polar, case.grid)

@@ -54,7 +54,7 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
     cover = cover_map(grid, *rows, radar if band is None else band.radar, n_samples,
                       target_db - share_db, min(target_db - 10.0, -50.0), band,
-                      _fit_ranges)
+                      fit_ranges)
     if cover is None:
         raise ValueError('the map is too small, too near, around or beside the aperture for a '
                          'polar image; use Backprojector')
@@ -92,7 +92,7 @@ def _tones(polar: PolarGrid, cover: MapCover) -> np.ndarray:
     return power / power.sum()
 
 
-def _fit_ranges(spacing: float, extent: float, half_band: float
+def fit_ranges(spacing: float, extent: float, half_band: float
                 ) -> tuple[float, tuple[int, int]]:
     """Spacing of the ranges of the fused image, and the fewest ranges of a sub-aperture image.
 
