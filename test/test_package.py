@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import collections
 import functools
 import pathlib
 import re
@@ -20,6 +21,7 @@ MODULES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob
 # Rooms that may know ROS; everything else is arrays in, arrays out.
 ROS_ROOMS = ('msg_conversions', 'sar_imaging/nodes', 'sar_imaging/tools', 'sar_imaging/launch')
 MAX_LINES = 400
+MAX_MODULES = 15  # of a folder
 
 # Import names whose rosdep key is not the name itself.
 ROSDEP_KEYS = {
@@ -170,8 +172,6 @@ def test_module_is_short_and_documented(path):
     text = path.read_text()
     tree = ast.parse(text)
     assert len(text.splitlines()) <= MAX_LINES
-    if not tree.body:
-        return  # an empty __init__.py has nothing to say
     assert ast.get_docstring(tree), 'the first line says what the module is for'
     functions = (ast.FunctionDef, ast.AsyncFunctionDef)
     for node in tree.body:
@@ -182,6 +182,18 @@ def test_module_is_short_and_documented(path):
         for method in methods:
             if isinstance(method, functions) and not method.name.startswith('_'):
                 assert ast.get_docstring(method), f'{node.name}.{method.name} has no docstring'
+
+
+def test_folders_are_small():
+    """What stands side by side is taken in at a glance."""
+    modules = collections.Counter(path.parent for path in MODULES if path.name != '__init__.py')
+    assert {_name(folder): n for folder, n in modules.items() if n > MAX_MODULES} == {}
+
+
+def test_folders_are_packages():
+    """A folder without `__init__.py` would not be installed."""
+    assert [_name(p) for p in {path.parent for path in MODULES}
+            if not (p / '__init__.py').exists() and p.name != 'launch'] == []
 
 
 def test_numerical_core_does_not_know_ros():

@@ -1,4 +1,11 @@
-"""Motion and phase errors estimated from the image itself."""
+"""Autofocus: motion and phase errors estimated from the image itself.
+
+- `autofocus`: estimates, images again exactly, and accepts only what is better (`report`);
+- `models`, `alignment_model`, `track`: what may be wrong with the geometry;
+- `search`, `offset_search`, `residual`, `agreement`: how it is found and how far it is believed;
+- `tiles`: the small tiles around bright points that are looked at;
+- `phase_gradient`: phase gradient autofocus of polar images; `live`: autofocus in the nodes.
+"""
 
 from .autofocus import Autofocus, AutofocusReport, AutofocusResult
 from .models import (

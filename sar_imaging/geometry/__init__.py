@@ -1,4 +1,9 @@
-"""Trajectories, phase centres and image grids."""
+"""Where the radar was and where the pixels are: poses, phase centres and image grids.
+
+- `grids`, `polar`, `terrain`: pixels on a map, around an aperture, on the heights of the ground;
+- `poses`, `pose_interpolation`, `alignment`: from the platform's odometry to phase centres;
+- `straight_track`, `track_prediction`, `map_edges`: what imagers need of a track and a map.
+"""
 
 from .grids import MapGrid
 

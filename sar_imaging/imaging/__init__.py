@@ -1,4 +1,12 @@
-"""Image formation: time-domain correlation and backprojection."""
+"""Image formation: from range profiles or phase histories of many pulses to a focused image.
+
+- `imager`: `plan_image`, the one entry that chooses the imager, and `image`, what it returns;
+- `backprojection`: exact backprojection, over the two-way path of every channel;
+- `afbp`: accelerated fast backprojection, the quickest where many pulses make an image;
+- `correlation`: time-domain correlation, the exact reference; `verification` measures against it;
+- `ffbp`, `wavenumber`, `zero_padding`: other published methods, for comparison;
+- `calibration`: amplitude, phase and delay of the channels, estimated from profiles.
+"""
 
 import importlib.util
 

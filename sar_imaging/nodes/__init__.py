@@ -1,4 +1,9 @@
-"""ROS 2 nodes: parameters, quality of service, a worker thread, diagnostics; no mathematics."""
+"""ROS 2 nodes that turn pulses into images; they hold no mathematics.
+
+`pulse_buffer`, `range_compression`, `backprojection`, `afbp_fusion` and `moving_targets` are the
+programs, `sar_pipeline` all stages in one process. What they share is in `runtime` (life cycle,
+queues, parameters, diagnostics), `poses` (odometry and tf) and `images` (grid, focus, topics).
+"""
 
 import os
 import signal

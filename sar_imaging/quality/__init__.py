@@ -1,4 +1,9 @@
-"""Image quality: point responses, distortion against a reference, focus, entropy, contrast."""
+"""Image quality: point responses, distortion against a reference, focus, entropy, contrast.
+
+- `impulse_response`, `scatterers`: widths and sidelobes of cuts, and of scatterers in an image;
+- `measures`, `focus`: figures of whole images, with a reference and without;
+- `interpolation`: band-limited interpolation of sampled cuts and images.
+"""
 
 from .focus import FocusFigure, focus_figure
 from .impulse_response import ImpulseResponse, UnmeasurableError, impulse_response

@@ -1,0 +1,9 @@
+"""Images while the pulses arrive: apertures filled, sub-apertures formed and fused, strips grown.
+
+- `aperture`: one image per aperture by exact backprojection;
+- `subapertures`, `fusion`: the two stages of AFBP, with `subaperture_image` between them;
+- `reimaging`: corrected trajectories for an image that is there already;
+- `mosaic`: a strip of map patches that follows the platform;
+- `aperture_sequence`, `aperture_pulses`: which pulses belong to which aperture;
+- `plan`, `kernels`: what is planned and compiled before the pulses come.
+"""

@@ -1,0 +1,4 @@
+"""Fourier transforms of many rows or columns at once, in place, in the registers of the processor.
+
+`rows` and `columns` are the entries, `butterflies` and `vector_passes` what they are made of.
+"""
