@@ -5,6 +5,9 @@
 - `straight_track`, `track_prediction`, `map_edges`: what imagers need of a track and a map.
 """
 
-from .grids import MapGrid
+from .even_grids import PlaneGrid, VolumeGrid
+from .grids import Grid, MapGrid
+from .point_grids import PointGrid, TerrainGrid
+from .polar import PolarGrid
 
-__all__ = ['MapGrid']
+__all__ = ['Grid', 'MapGrid', 'PlaneGrid', 'PointGrid', 'PolarGrid', 'TerrainGrid', 'VolumeGrid']

@@ -4,8 +4,49 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Protocol, runtime_checkable
 
 import numpy as np
+
+
+@runtime_checkable
+class Grid(Protocol):
+    """Where the pixels of an image are: all that imaging in general needs to know of a grid."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of images."""
+
+    def positions(self, *index) -> np.ndarray:
+        """(..., 3) float64 positions of some pixels in the imaging frame, metres.
+
+        One integer array for each axis of the image, broadcast together.
+        """
+
+    def points(self) -> np.ndarray:
+        """(*shape, 3) float64 positions of all pixels in the imaging frame, metres."""
+
+
+@runtime_checkable
+class EvenGrid(Grid, Protocol):
+    """Grid whose pixels lie at equal steps along two axes or three: an image has straight lines.
+
+    Pixel ``[i, j, ...]`` lies at ``origin_m + i * steps_m[0] + j * steps_m[1] + ...``.
+    """
+
+    @property
+    def origin_m(self) -> tuple[float, float, float]:
+        """Position of the pixel whose numbers are all 0, metres."""
+
+    @property
+    def steps_m(self) -> np.ndarray:
+        """(A, 3) float64 step of the position along each axis of the image, metres."""
+
+
+def even_positions(grid: EvenGrid, *index) -> np.ndarray:
+    """(..., 3) float64 positions of some pixels of a grid with equal steps, metres."""
+    return sum((np.multiply.outer(np.asarray(i, float), step)
+                for i, step in zip(index, grid.steps_m, strict=True)), np.array(grid.origin_m))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,6 +111,21 @@ class MapGrid:
     def z_m(self) -> float:
         """Height of the plane, metres."""
         return self.centre_m[2]
+
+    @property
+    def origin_m(self) -> tuple[float, float, float]:
+        """Position of pixel ``[0, 0]``, metres."""
+        return (float(self.x_m[0]), float(self.y_m[0]), self.z_m)
+
+    @property
+    def steps_m(self) -> np.ndarray:
+        """(2, 3) float64 step of the position from row to row, and from column to column."""
+        return np.array([[0.0, -self.spacing_m, 0.0], [self.spacing_m, 0.0, 0.0]])
+
+    def positions(self, row, column) -> np.ndarray:
+        """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
+        x, y, z = np.broadcast_arrays(self.x_m[column], self.y_m[row], self.z_m)
+        return np.stack([x, y, z], axis=-1)
 
     def points(self) -> np.ndarray:
         """(n_y, n_x, 3) float64 pixel positions, metres."""

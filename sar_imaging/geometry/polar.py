@@ -81,6 +81,19 @@ class PolarGrid:
         """Horizontal unit vector from the track into the scene."""
         return -self.side * self.track[1], self.side * self.track[0]
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Image shape ``(n_alpha, n_range)``."""
+        return (self.n_alpha, self.n_range)
+
+    def positions(self, row, column) -> np.ndarray:
+        """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
+        return self.lines(self.range_m[column], self.alpha[row])[0]
+
+    def points(self) -> np.ndarray:
+        """(n_alpha, n_range, 3) float64 positions of all pixels, metres."""
+        return self.positions(*np.ogrid[:self.n_alpha, :self.n_range])
+
     def lines(self, range_m, alpha) -> tuple[np.ndarray, ...]:
         """Positions and their first to fourth derivative by range.
 

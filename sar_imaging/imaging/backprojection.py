@@ -7,7 +7,7 @@ channel is read at its own delay, which needs no approximation.
 
 Three ways lead to the same sum, and the geometry chooses the quickest that meets the error
 target: a polar image around the aperture, interpolated to the map (its lines follow range
-best); lines of the map itself; and point by point, for grids near or around the antenna, for
+best); lines of the grid itself; and point by point, for grids near or around the antenna, for
 terrain and for positions that form no grid.
 """
 
@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .. import backends
-from ..geometry import MapGrid
+from ..geometry.grids import EvenGrid, Grid
+from ..geometry.point_grids import as_grid
 from ..planning.exact.backprojection import (
     LEAST_TARGET_DB,
     BackprojectionPlan,
@@ -45,9 +46,10 @@ class Backprojector:
 
     Parameters
     ----------
-    grid : MapGrid or (..., 3) array_like
-        Where the pixels are: a map, or any positions in the imaging frame, metres, float64. A
-        position with a NaN is no pixel; its value stays as it is, 0 in a new image.
+    grid : Grid or (..., 3) array_like
+        Where the pixels are: any grid of `sar_imaging.geometry`, or positions in the imaging
+        frame, metres, float64. A position with a NaN is no pixel; its value stays as it is, 0 in
+        a new image.
     radar : RadarParameters
         Of the compressed profiles; a profile must be sampled at 1.25 times its bandwidth or more.
     n_samples : int
@@ -70,8 +72,9 @@ class Backprojector:
 
     Attributes
     ----------
-    grid : MapGrid or None
-        The map; None for an array of positions.
+    grid : Grid
+        Where the pixels are; a `PointGrid` of an array of positions, a `TerrainGrid` of a map with
+        heights.
     shape : tuple of int
         Of the image of one channel, or of the sum of the channels.
     predicted_error_db : float
@@ -96,7 +99,7 @@ class Backprojector:
     >>> image = plan(profiles)                                            # doctest: +SKIP
     """
 
-    def __init__(self, grid: MapGrid | np.ndarray, radar: RadarParameters, n_samples: int, *,
+    def __init__(self, grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int, *,
                  target_db: float = -80.0, height_m=None, weights=None, per_channel: bool = False,
                  midpoint: bool = False, backend: str = backends.AUTO):
         if radar.sample_rate_hz < 1.25 * radar.bandwidth_hz:
@@ -110,18 +113,11 @@ class Backprojector:
         self.radar, self.n_samples = radar, int(n_samples)
         self.target_db = float(target_db)
         self._channels = Channels(weights, per_channel, midpoint)
-        self.grid = grid if isinstance(grid, MapGrid) else None
-        if self.grid is None and height_m is not None:
-            raise ValueError('height_m goes with a MapGrid; an array of points has its own z')
-        if self.grid is not None:
-            self.shape = self.grid.shape
-            self._check_memory(1)
-        self._pixels = self.grid
-        if self.grid is None:
-            self._pixels = ImagePoints.of_array(grid)
-            self.shape = self._pixels.shape
-        elif height_m is not None:
-            self._pixels = ImagePoints.of_map(grid, height_m)
+        self.grid = as_grid(grid, height_m)
+        self.shape = self.grid.shape
+        self._check_memory(1)
+        self._pixels = (self.grid if isinstance(self.grid, EvenGrid)
+                        else ImagePoints.of_grid(self.grid))
         self.predicted_error_db = -math.inf
         self.warnings: tuple[str, ...] = ()
         self.method = ''

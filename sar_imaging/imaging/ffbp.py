@@ -116,6 +116,9 @@ class FfbpImager:
                  tx_m, rx_m, *, pulses_per_subaperture: int = 16, merge_factor: int = 2,
                  kernel: str = 'knab8', range_oversampling: float | None = None,
                  angle_oversampling: float | None = None, progress: bool = False):
+        if not isinstance(grid, MapGrid | PolarGrid):
+            raise ValueError(f'grid is a {type(grid).__name__}; FFBP images a MapGrid or a '
+                             'PolarGrid: use Backprojector')
         self.grid, self.radar, self.n_samples = grid, radar, int(n_samples)
         self.kernel, self._progress = kernel, progress
         self._tx, self._rx = (np.asarray(a, np.float64) for a in (tx_m, rx_m))
@@ -257,8 +260,8 @@ class FfbpImager:
         image[:2 * size] = 0.0
         rows = [a[node.pulses].reshape(-1, a.shape[-1])
                 for a in (block.samples, block.tx_m, block.rx_m)]
-        add_to_lines(self._profiles, *rows, lines, np.array([n_alpha, 0, n_range, 1, size]),
-                     self._ramp[:n_range], image)
+        layout = np.array([n_alpha, 0, n_range, 1, size])
+        add_to_lines(self._profiles, *rows, [(lines, layout)], self._ramp[:n_range], image)
 
     @property
     def _groups(self) -> int:

@@ -73,7 +73,7 @@ class Image:
         in the shape of the grid, row 0 of a map at the largest y; one image after the other,
         ``(C, ...)``, where each channel has its own. The carrier is in it: from pixel to pixel
         the phase turns with the two-way path.
-    grid : MapGrid, PolarGrid or (..., 3) float64
+    grid : Grid or (..., 3) float64
         Where the pixels are, imaging frame, metres.
     carrier_hz : float
         Of the phases, hertz.

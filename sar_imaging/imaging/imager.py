@@ -30,8 +30,9 @@ def plan_image(grid: MapGrid | PolarGrid | np.ndarray, radar: RadarParameters, n
 
     Parameters
     ----------
-    grid : MapGrid, PolarGrid or (..., 3) array_like
-        Where the pixels are, imaging frame, metres.
+    grid : Grid or (..., 3) array_like
+        Where the pixels are: any grid of `sar_imaging.geometry`, or positions in the imaging
+        frame, metres.
     radar : RadarParameters
         Of the blocks to come.
     n_samples : int
@@ -216,7 +217,7 @@ class Imager:
         """AFBP, where it meets the target in less time than exact backprojection, or why not."""
         seconds = exact.report.seconds
         if self._options.height_m is not None or not isinstance(self.grid, MapGrid | PolarGrid):
-            return None, 'AFBP images planes, on maps and polar grids'
+            return None, 'AFBP images polar grids and flat maps alone'
         if seconds is None or seconds < _WORTH_PLANNING_S:
             return None, 'as quick as planning another'
         try:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..backends import AUTO
 from ..geometry.grids import MapGrid
-from ..geometry.polar import PolarGrid
+from ..geometry.point_grids import as_grid
 from ..planning.memory import IMAGE_BYTES
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters, Waveform
@@ -116,9 +116,7 @@ class Method:
 
     def _points(self) -> np.ndarray:
         """(..., 3) float64 positions of the pixels, metres."""
-        if isinstance(self.grid, PolarGrid):
-            return self.grid.lines(self.grid.range_m, self.grid.alpha[:, None])[0]
-        return self.grid.points() if isinstance(self.grid, MapGrid) else np.asarray(self.grid)
+        return as_grid(self.grid).points()
 
 
 class Exact(Method):
@@ -128,8 +126,7 @@ class Exact(Method):
 
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""
-        grid = self._points() if isinstance(self.grid, PolarGrid) else self.grid
-        self._imager = Backprojector(grid, self.radar, self.n_samples,
+        self._imager = Backprojector(self.grid, self.radar, self.n_samples,
                                      target_db=self.options.target_db,
                                      height_m=self.options.height_m,
                                      backend=self.options.backend)

@@ -13,8 +13,7 @@ from collections.abc import Iterable
 import numpy as np
 from tqdm import tqdm
 
-from ..geometry.grids import MapGrid
-from ..geometry.polar import PolarGrid
+from ..geometry.grids import Grid
 from ..signal.pulses import PulseBlock
 from ..signal.spectra import band_spectrum
 from .correlation import correlate, correlate_profiles
@@ -87,7 +86,7 @@ def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int
     ----------
     image : complex array
         ``(n_y, n_x)`` on a map, ``(n_alpha, n_range)`` on a polar grid, ``(...)`` at points.
-    where : MapGrid, PolarGrid or (..., 3) float64
+    where : Grid or (..., 3) float64
         Grid of the image, or the position of every pixel, metres.
     blocks : PulseBlock or iterable of PulseBlock
         All pulses of the image with phase centres: range profiles as `RangeCompressor` puts them
@@ -162,15 +161,13 @@ class _Pixels:
 
 
 def _check(image, where, n_pixels, n_brightest):
-    if isinstance(where, MapGrid):
+    if isinstance(where, Grid):
         expected = where.shape
-    elif isinstance(where, PolarGrid):
-        expected = (where.n_alpha, where.n_range)
     else:
         expected = np.shape(where)[:-1]
         if np.shape(where)[-1:] != (3,):
-            raise ValueError(f'where has shape {np.shape(where)}; expected a MapGrid, a '
-                             'PolarGrid or positions (..., 3)')
+            raise ValueError(f'where has shape {np.shape(where)}; expected a grid, such as a '
+                             'MapGrid, or positions (..., 3)')
     if image.shape != expected or image.size == 0:
         raise ValueError(f'image.shape={image.shape} does not match the {expected} pixels of '
                          'its grid; at least one pixel is needed')
@@ -199,12 +196,9 @@ def _survey(flat, n_brightest) -> tuple[float, np.ndarray]:
 
 def _positions(where, shape, chosen) -> np.ndarray:
     """(n, 3) float64 positions of pixels by their index in the flattened image."""
-    if not isinstance(where, (MapGrid, PolarGrid)):
-        return np.asarray(where, np.float64).reshape(-1, 3)[chosen]
-    row, column = np.unravel_index(chosen, shape)
-    if isinstance(where, PolarGrid):
-        return where.lines(where.range_m[column], where.alpha[row])[0]
-    return np.stack([where.x_m[column], where.y_m[row], np.full(len(chosen), where.z_m)], axis=-1)
+    if isinstance(where, Grid):
+        return where.positions(*np.unravel_index(chosen, shape))
+    return np.asarray(where, np.float64).reshape(-1, 3)[chosen]
 
 
 def _correlate(points, blocks: PulseBlock | Iterable[PulseBlock], progress):

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.fft
 
 from ..compilation import njit, numba
-from ..geometry import MapGrid
+from ..geometry import Grid
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
 from ..signal.spectra import resampled_from_spectrum
@@ -39,7 +39,7 @@ class ZeroPaddedBackprojector:
 
     Parameters
     ----------
-    grid_or_points : MapGrid or (..., 3) array_like
+    grid_or_points : Grid or (..., 3) array_like
         Where to image, metres.
     radar : RadarParameters
         Of the compressed profiles.
@@ -74,13 +74,13 @@ class ZeroPaddedBackprojector:
     >>> image = plan(profiles)                                               # doctest: +SKIP
     """
 
-    def __init__(self, grid_or_points: MapGrid | np.ndarray, radar: RadarParameters,
+    def __init__(self, grid_or_points: Grid | np.ndarray, radar: RadarParameters,
                  n_samples: int, *, interpolator: str = 'nearest', ratio: int = 100,
                  delay: str = 'exact'):
         if delay not in DELAYS:
             raise ValueError(f'delay={delay!r} is unknown; use one of {", ".join(DELAYS)}')
         self.predicted_error_db = predicted_error_db(interpolator, ratio, radar)
-        points = (grid_or_points.points() if isinstance(grid_or_points, MapGrid)
+        points = (grid_or_points.points() if isinstance(grid_or_points, Grid)
                   else np.asarray(grid_or_points, np.float64))
         if points.shape[-1:] != (3,) or not np.isfinite(points).all():
             raise ValueError(f'points.shape={points.shape}; expected (..., 3) finite numbers')

@@ -15,6 +15,7 @@ from sar_imaging.backends.protocol import (
     SpectrumFusion,
     SubapertureImager,
 )
+from sar_imaging.geometry import PointGrid
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
 from sar_imaging.planning.afbp.beams import plan_beams
 from sar_imaging.planning.afbp.map_cover import cover_for_fusion, map_coverage
@@ -73,7 +74,7 @@ def test_exact_backprojection(make_scene, error_db, way, options, target_db):
     points, shape = grid.points(), grid.shape
     if way == 'hills':
         points = hills(grid)
-        plan = plan_backprojection(ImagePoints.of_array(points), *args)
+        plan = plan_backprojection(ImagePoints.of_grid(PointGrid(points)), *args)
     else:
         plan = plan_backprojection(grid, *args)
     if way in ('polar', 'parts'):  # a way for larger images than these

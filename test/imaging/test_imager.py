@@ -57,7 +57,7 @@ def test_auto_takes_the_quicker_one_that_meets_the_target(case, reference):
         assert _error_db(image, reference) <= -50.0
         # what AFBP cannot do, or not well enough, is done exactly
         for options, reason in (({'target_db': -95.0}, 'not possible'),
-                                ({'height_m': np.zeros(case.grid.shape)}, 'planes')):
+                                ({'height_m': np.zeros(case.grid.shape)}, 'flat maps alone')):
             report = _imager(case, **options)(case.block).report
             assert report.method == 'exact' and reason in report.reason
     report = _imager(case, target_db=-50.0)(case.block).report

@@ -152,7 +152,7 @@ def test_backprojection_is_as_good_as_it_says(reference):
 @pytest.mark.parametrize(('change', 'message'), [
     ({'image': np.ones((3, 4))}, r'image.shape=\(3, 4\) does not match the \(80, 80\) pixels'),
     ({'image': np.full((80, 80), np.nan)}, 'NaN or infinity'),
-    ({'where': np.zeros((80, 80, 2))}, r'expected a MapGrid, a PolarGrid or positions'),
+    ({'where': np.zeros((80, 80, 2))}, r'expected a grid, such as a MapGrid, or positions'),
     ({'where': POLAR}, r'does not match the \(37, 41\) pixels'),
     ({'n_pixels': 0}, 'n_pixels=0, n_brightest=200; expected at least one each'),
     ({'n_brightest': 0}, 'n_brightest=0'),

@@ -26,7 +26,7 @@ def _afbp(case, shift_m=0.0):
 
 
 def _points(case, shift_m=0.0):
-    return _exact(case, ImagePoints.of_map(case.grid), shift_m)
+    return _exact(case, ImagePoints.of_grid(case.grid), shift_m)
 
 
 @pytest.mark.parametrize('plan', [_exact, _points, _afbp])

@@ -9,7 +9,7 @@ import numpy as np
 from ...geometry.grids import MapGrid
 from ...planning.exact.azimuth_upsampling import DEGREE, TAPS, AngularParts
 from ...planning.exact.backprojection import BackprojectionPlan, LinePlan, plan_backprojection
-from ...planning.exact.points import ImagePoints, PointPlan
+from ...planning.exact.points import PointPlan, image_layers
 from ...planning.exact.polar_image import PolarPlan, plan_polar
 from ...planning.interpolators import design_interpolator
 from ...signal.radar import RadarParameters
@@ -84,18 +84,19 @@ class _Polar:
 
 
 class _Lines:
-    """Along the lines of the map itself."""
+    """Along the lines of the grid itself."""
 
     def __init__(self, plan: BackprojectionPlan, memory: WorkSpace):
         way, lines = plan.way, plan.way.lines
         self._profiles = Profiles(way.window, way.lattice, lines.range_m, memory)
-        self._middles = line_middles(lines.locate, lines.n_lines, lines.n_pixels,
-                                     way.lattice.segment)
-        self._layout, self._phase = lines.layout, shared_phase(self._profiles, lines.n_pixels)
+        self._layers = [(line_middles(lines.locate(layer), lines.n_lines, lines.n_pixels,
+                                      way.lattice.segment), layout)
+                        for layer, layout in enumerate(lines.layouts)]
+        self._phase = shared_phase(self._profiles, lines.n_pixels)
 
     def add(self, samples, tx_m, rx_m, image) -> None:
-        add_to_lines(self._profiles, samples, tx_m, rx_m, self._middles, self._layout,
-                     self._phase, image.reshape(-1).view(np.float32))
+        add_to_lines(self._profiles, samples, tx_m, rx_m, self._layers, self._phase,
+                     image.reshape(-1).view(np.float32))
 
 
 class _Points:
@@ -103,11 +104,10 @@ class _Points:
 
     def __init__(self, plan: BackprojectionPlan, memory: WorkSpace):
         self._plan, self._memory = plan.way, memory
-        self._points = (plan.grid if isinstance(plan.grid, ImagePoints)
-                        else ImagePoints.of_map(plan.grid))
+        self._layers = image_layers(plan.grid)
 
     def add(self, samples, tx_m, rx_m, image) -> None:
-        add_to_points(self._plan, self._points, samples, tx_m, rx_m,
+        add_to_points(self._plan, self._layers, samples, tx_m, rx_m,
                       image.reshape(-1).view(np.float32), self._memory)
 
 

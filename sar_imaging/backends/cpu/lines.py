@@ -37,7 +37,7 @@ def line_middles(locate, n_lines: int, n_pixels: int, segment: int) -> np.ndarra
     return np.ascontiguousarray(parts.transpose(1, 0, 3, 2))
 
 
-def add_to_lines(profiles: Profiles, samples, tx_m, rx_m, lines, layout, ramp, image) -> None:
+def add_to_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image) -> None:
     """Add rows to the lines of an image.
 
     Parameters
@@ -48,16 +48,18 @@ def add_to_lines(profiles: Profiles, samples, tx_m, rx_m, lines, layout, ramp, i
         Profiles of the rows.
     tx_m, rx_m : (R, 3) float64
         Phase centres of the rows, metres.
-    lines : (G, S, 12, LINES) float64
-        From `line_middles`.
+    layers : sequence of ((G, S, 12, LINES) float64, (5,) int64)
+        Lines from `line_middles`, and where they lie in the image: the layout of
+        `line_kernels.project_lines`. All layers are of one size.
     ramp : (n_pixels,) complex64
         Factor of each pixel of a line.
-    layout, image :
-        As `line_kernels.project_lines` describes them.
+    image :
+        As `line_kernels.project_lines` describes it.
     """
     lattice = profiles.lattice
     segment = lattice.segment
-    tasks = min(lines.shape[0] * lines.shape[1], _TASKS_PER_THREAD * numba.get_num_threads())
+    groups, segments = layers[0][0].shape[:2]
+    tasks = min(groups * segments, _TASKS_PER_THREAD * numba.get_num_threads())
     work = np.empty((2, tasks * line_kernels.LINES * segment), np.float32)
     paths = np.empty((tasks, 8, line_kernels.LINES))
     coefficients = np.empty((tasks, 14, line_kernels.LINES), np.float32)
@@ -71,11 +73,12 @@ def add_to_lines(profiles: Profiles, samples, tx_m, rx_m, lines, layout, ramp, i
         repeats[:, 1] = (tx == rx).all(axis=1)
         planes = profiles.planes(samples[rows])
         shape = (planes.shape[0], planes.shape[1], planes.shape[3])
-        line_kernels.project_lines(
-            planes.reshape(-1), shape, tx, rx, repeats, lines,
-            profiles.range_at(segment), lattice.step_m, profiles.cycles_per_step,
-            profiles.cycles_at(segment), ramp, image, layout, index, work[0], work[1], paths,
-            coefficients, base)
+        for lines, layout in layers:
+            line_kernels.project_lines(
+                planes.reshape(-1), shape, tx, rx, repeats, lines,
+                profiles.range_at(segment), lattice.step_m, profiles.cycles_per_step,
+                profiles.cycles_at(segment), ramp, image, layout, index, work[0], work[1], paths,
+                coefficients, base)
 
 
 class PolarLines:
@@ -118,7 +121,7 @@ class PolarLines:
         """
         polar = self._polar
         layout = np.array([polar.n_alpha, 0, parts.shape[-1], 1, parts[0].size])
-        add_to_lines(self._profiles, samples, tx_m, rx_m, self._lines, layout, self._ramp,
+        add_to_lines(self._profiles, samples, tx_m, rx_m, [(self._lines, layout)], self._ramp,
                      parts.reshape(-1))
 
     def fill(self, samples, tx_m, rx_m, parts, weights=None) -> None:

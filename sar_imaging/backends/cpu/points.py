@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ...planning.exact.points import ImagePoints, PointPlan
@@ -10,7 +12,7 @@ from .memory import WorkSpace
 from .profiles import Profiles
 
 
-def add_to_points(plan: PointPlan, points: ImagePoints, samples, tx_m, rx_m, image,
+def add_to_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m, rx_m, image,
                   memory: WorkSpace | None = None) -> None:
     """Add rows to the points of an image.
 
@@ -18,8 +20,8 @@ def add_to_points(plan: PointPlan, points: ImagePoints, samples, tx_m, rx_m, ima
     ----------
     plan : PointPlan
         For these rows.
-    points : ImagePoints
-        Where the pixels are.
+    layers : sequence of ImagePoints
+        Where the pixels are, one part of the image after the other.
     samples : (R, N) complex64
         Profiles of the rows.
     tx_m, rx_m : (R, 3) float64
@@ -34,8 +36,9 @@ def add_to_points(plan: PointPlan, points: ImagePoints, samples, tx_m, rx_m, ima
     for rows in profiles.chunks(len(samples)):
         planes = profiles.planes(samples[rows])
         coefficients = np.ascontiguousarray(planes[:, 0].transpose(0, 2, 1))
-        point_kernels.project_points(
-            coefficients.reshape(-1), coefficients.shape[:2], tx_m[rows], rx_m[rows],
-            *points.coordinates, points.strides, points.size, plan.tile, profiles.range_at(0),
-            plan.lattice.step_m, profiles.cycles_per_step, profiles.cycles_at(0), plan.reach_m,
-            image, *work)
+        for points, part in zip(layers, np.split(image, len(layers)), strict=True):
+            point_kernels.project_points(
+                coefficients.reshape(-1), coefficients.shape[:2], tx_m[rows], rx_m[rows],
+                *points.coordinates, points.strides, points.size, plan.tile,
+                profiles.range_at(0), plan.lattice.step_m, profiles.cycles_per_step,
+                profiles.cycles_at(0), plan.reach_m, part, *work)

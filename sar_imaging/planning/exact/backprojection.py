@@ -1,8 +1,8 @@
 """Plan of exact backprojection: in which way some pulses are added to an image the quickest.
 
 Three ways lead to the same sum: a polar image around the aperture, interpolated to the map (its
-lines follow range best); lines of the map itself; and point by point, for grids near or around
-the antenna, for terrain and for positions that form no grid.
+lines follow range best); lines of the map, plane or volume itself; and point by point, for grids
+near or around the antenna, for terrain and for positions that form no grid.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...geometry.grids import MapGrid
+from ...geometry.grids import EvenGrid, MapGrid
 from ...signal.radar import RadarParameters
 from ..costs import costs
 from ..plan import Plan
 from ..profiles.profile_reach import reach_warning, some_pixels
 from ..profiles.range_gate import RangeWindow
 from ..profiles.range_resampling import Lattice, plan_lattice, point_lattice
-from .map_lines import MapLines
-from .points import ImagePoints, PointPlan, plan_points
+from .grid_lines import GridLines
+from .points import ImagePoints, PointPlan, plan_even_points, plan_points
 from .polar_image import PolarPlan, plan_polar
 
 # Predictions are for scenes that are evenly bright. Of some dozen scatterers, images are by chance
@@ -33,12 +33,12 @@ _SAMPLE_BYTES = 8  # complex64
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LinePlan(Plan):
-    """How rows are added to the lines of a map.
+    """How rows are added to the lines of a map, plane or volume.
 
     Attributes
     ----------
-    lines : MapLines
-        Lines of the map along which range grows.
+    lines : GridLines
+        Its lines along which range grows.
     window : RangeWindow
         Part of the profiles that is needed.
     lattice : Lattice
@@ -49,7 +49,7 @@ class LinePlan(Plan):
         Nanoseconds per pixel.
     """
 
-    lines: MapLines
+    lines: GridLines
     window: RangeWindow
     lattice: Lattice
     errors_db: Mapping[str, float]
@@ -62,7 +62,7 @@ class BackprojectionPlan(Plan):
 
     Attributes
     ----------
-    grid : MapGrid or ImagePoints
+    grid : MapGrid, PlaneGrid, VolumeGrid or ImagePoints
         Where the pixels are.
     radar : RadarParameters
         Of the profiles.
@@ -76,7 +76,7 @@ class BackprojectionPlan(Plan):
         What makes the image worse than wanted.
     """
 
-    grid: MapGrid | ImagePoints
+    grid: EvenGrid | ImagePoints
     radar: RadarParameters
     tx_m: np.ndarray
     rx_m: np.ndarray
@@ -121,13 +121,13 @@ class BackprojectionPlan(Plan):
         return np.array_equal(tx_m, self.tx_m) and np.array_equal(rx_m, self.rx_m)
 
 
-def plan_backprojection(grid: MapGrid | ImagePoints, radar: RadarParameters, n_samples: int, tx_m,
-                        rx_m, target_db: float) -> BackprojectionPlan:
+def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_samples: int,
+                        tx_m, rx_m, target_db: float) -> BackprojectionPlan:
     """Plan the quickest way of adding rows to an image.
 
     Parameters
     ----------
-    grid : MapGrid or ImagePoints
+    grid : MapGrid, PlaneGrid, VolumeGrid or ImagePoints
         Where the pixels are.
     radar : RadarParameters
         Of the compressed profiles.
@@ -152,14 +152,14 @@ def plan_backprojection(grid: MapGrid | ImagePoints, radar: RadarParameters, n_s
         range_m = grid.bounds(tx_m, rx_m)
         way = plan_points(grid, radar, n_samples, tx_m, rx_m, range_m, target_db)
     else:
-        range_m, way = _way_to_map(grid, radar, n_samples, tx_m, rx_m, target_db)
+        range_m, way = _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db)
     return BackprojectionPlan(grid, radar, tx_m.copy(), rx_m.copy(), range_m, way,
                               _reach_warnings(grid, radar, n_samples, tx_m, rx_m, range_m))
 
 
-def _way_to_map(grid, radar, n_samples, tx_m, rx_m, target_db):
+def _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db):
     """Bounds of the half path, and the quickest way."""
-    lines = MapLines(grid, tx_m, rx_m)
+    lines = GridLines(grid, tx_m, rx_m)
     window = RangeWindow.around(radar, n_samples, lines.range_m)
     lattice = plan_lattice(lines.paths, 1.0, lines.n_pixels, radar, window.n_samples, target_db)
     cost, way = point_lattice(radar, n_samples, target_db).cost * len(tx_m), None
@@ -167,14 +167,15 @@ def _way_to_map(grid, radar, n_samples, tx_m, rx_m, target_db):
         cost = lattice.cost * len(tx_m)
         way = LinePlan(lines, window, lattice, {
             'range profiles': lattice.predicted_error_db,
-            'ends of profiles': window.mean_end_error_db(lines.paths.length)}, cost)
-    if cost > costs().map_pixel:  # for fewer pulses a polar image cannot pay
+            'ends of profiles': window.mean_end_error_db(lines.paths.length, len(grid.shape))},
+            cost)
+    # Polar images lie on horizontal planes, and cannot pay for fewer pulses.
+    if isinstance(grid, MapGrid) and cost > costs().map_pixel:
         polar = plan_polar(grid, tx_m, rx_m, radar, n_samples, target_db)
         if polar is not None and polar.cost < cost:
             way = polar
     if way is None:
-        way = plan_points(ImagePoints.of_map(grid), radar, n_samples, tx_m, rx_m, lines.range_m,
-                          target_db)
+        way = plan_even_points(grid, radar, n_samples, tx_m, rx_m, lines.range_m, target_db)
     return lines.range_m, way
 
 

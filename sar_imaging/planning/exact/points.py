@@ -9,8 +9,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...geometry.grids import MapGrid
+from ...geometry.even_grids import PlaneGrid, VolumeGrid
+from ...geometry.grids import EvenGrid, Grid, MapGrid
+from ...geometry.point_grids import TerrainGrid
 from ...signal.radar import RadarParameters
+from ..memory import check_memory
 from ..plan import Plan
 from ..profiles.range_gate import RangeWindow
 from ..profiles.range_resampling import Lattice, half_paths, point_lattice
@@ -20,6 +23,8 @@ _ROUNDING_SHARE_DB = 6.0  # rounding inside tiles stays so far below the target
 _ROUNDING = 3e-8
 _SAMPLED_STEPS = 1000  # between neighbours, to find their distance
 _SAMPLED_PIXELS, _SAMPLED_ROWS = 500, 33
+_COORDINATE_BYTES = 8  # float64
+TILE_SIDE = 256  # of the longest tile
 
 
 class ImagePoints:
@@ -65,28 +70,32 @@ class ImagePoints:
         self._radius = 0.5 * math.dist(low, high)
 
     @classmethod
-    def of_array(cls, points) -> ImagePoints:
-        """Points of a (..., 3) float64 array, metres."""
-        # Writable, since Numba would compile once more for what is not.
-        points = np.require(points, np.float64, ['C', 'W'])
-        if points.ndim < 1 or points.shape[-1] != 3 or points.size == 0:
-            raise ValueError(f'points.shape={points.shape}; expected (..., 3), x, y and z of at '
-                             'least one point in metres')
+    def of_grid(cls, grid: Grid) -> ImagePoints:
+        """Pixels of any grid but a volume."""
+        if isinstance(grid, MapGrid):
+            return cls(grid.x_m, grid.y_m, np.array([grid.z_m]), [(0, 1), (1, 0), (0, 0)],
+                       grid.shape)
+        if isinstance(grid, TerrainGrid):
+            ground = grid.map_grid
+            return cls(ground.x_m, ground.y_m, grid.height_m.reshape(-1),
+                       [(0, 1), (1, 0), (ground.n_x, 1)], grid.shape)
+        if isinstance(grid, PlaneGrid):
+            return cls._of_plane(grid)
+        points = np.require(grid.points(), np.float64, ['C', 'W'])
         n_x = points.shape[-2] if points.ndim > 1 else 1
         flat = points.reshape(-1)
         return cls(flat, flat[1:], flat[2:], [(3 * n_x, 3)] * 3, points.shape[:-1])
 
     @classmethod
-    def of_map(cls, grid: MapGrid, height_m=None) -> ImagePoints:
-        """Pixels of a map, at (n_y, n_x) float64 heights, metres, or on its plane."""
-        heights, strides = np.array([grid.z_m]), (0, 0)
-        if height_m is not None:
-            heights = np.require(height_m, np.float64, ['C', 'W'])
-            if heights.shape != grid.shape:
-                raise ValueError(f'height_m.shape={heights.shape} does not match the grid; '
-                                 f'expected {grid.shape}, row 0 at the largest y')
-            heights, strides = heights.reshape(-1), (grid.n_x, 1)
-        return cls(grid.x_m, grid.y_m, heights, [(0, 1), (1, 0), strides], grid.shape)
+    def _of_plane(cls, plane: PlaneGrid) -> ImagePoints:
+        """Pixels of a plane; coordinates that only change along one axis take no more memory."""
+        found, strides = [], []
+        for start, u, v in zip(plane.origin_m, plane.step_u_m, plane.step_v_m, strict=True):
+            column = u * np.arange(plane.n_u if u else 1)
+            row = v * np.arange(plane.n_v if v else 1)
+            found.append((start + row[:, None] + column).reshape(-1))
+            strides.append((len(column) if v else 0, 1 if u else 0))
+        return cls(*found, strides, plane.shape)
 
     @property
     def empty(self) -> bool:
@@ -172,14 +181,45 @@ class PointPlan(Plan):
     cost: float
 
 
+def image_layers(grid: ImagePoints | EvenGrid) -> list[ImagePoints]:
+    """Pixels of a grid, one part of the image after the other: the layers of a volume.
+
+    Raises
+    ------
+    MemoryError
+        Their coordinates are larger than the memory that is available.
+    """
+    if isinstance(grid, ImagePoints):
+        return [grid]
+    oblique = int(np.all(grid.steps_m[-2:], axis=0).sum())
+    check_memory(oblique * _COORDINATE_BYTES * math.prod(grid.shape),
+                 f'{oblique} coordinates of {" x ".join(map(str, reversed(grid.shape)))} pixels',
+                 'choose a smaller grid, a larger pixel spacing or steps along x, y and z')
+    if isinstance(grid, VolumeGrid):
+        return [ImagePoints.of_grid(grid.slice(layer)) for layer in range(grid.n_z)]
+    return [ImagePoints.of_grid(grid)]
+
+
+def plan_even_points(grid: EvenGrid, *planned) -> PointPlan:
+    """Plan the image of a map, plane or volume point by point; `planned` as of `plan_points`."""
+    if isinstance(grid, MapGrid):
+        return plan_points(ImagePoints.of_grid(grid), *planned)
+    layer = grid.slice(0) if isinstance(grid, VolumeGrid) else grid
+    corner = dataclasses.replace(layer, n_u=min(layer.n_u, TILE_SIDE),
+                                 n_v=min(layer.n_v, TILE_SIDE))
+    rng = np.random.default_rng(0)
+    some_m = grid.positions(*(rng.integers(0, n, _SAMPLED_PIXELS) for n in grid.shape))
+    return plan_points(ImagePoints.of_grid(corner), *planned, some_m=some_m)
+
+
 def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_m, rx_m,
-                range_m: tuple[float, float], target_db: float) -> PointPlan:
+                range_m: tuple[float, float], target_db: float, some_m=None) -> PointPlan:
     """Plan the image of some points.
 
     Parameters
     ----------
     points : ImagePoints
-        Where the pixels are.
+        Where the pixels are, or some neighbours among them.
     radar : RadarParameters
         Of the compressed profiles.
     n_samples : int
@@ -190,13 +230,15 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
         Bounds of the half path, metres.
     target_db : float
         Wanted error against time-domain correlation, dB.
+    some_m : (S, 3) float64, optional
+        Positions all over the image, metres; those of `points` unless told.
     """
     window = RangeWindow.around(radar, n_samples, range_m)
     lattice = point_lattice(radar, window.n_samples, target_db)
     reach_m = largest_radius(radar.wavelength_m, target_db - _ROUNDING_SHARE_DB)
     tile = points.tile(reach_m)
     some = np.linspace(0, len(tx_m) - 1, min(len(tx_m), _SAMPLED_ROWS)).round().astype(int)
-    length = half_paths(tx_m[some], rx_m[some], points.some())[0]
+    length = half_paths(tx_m[some], rx_m[some], points.some() if some_m is None else some_m)[0]
     errors = {
         'range profiles': lattice.predicted_error_db,
         'rounded paths': rounding_db(radar.wavelength_m, min(reach_m, points.tile_radius(tile))),

@@ -66,7 +66,7 @@ class RangeBand:
         sign = 1 - 2 * ((np.arange(n_samples) - self.zero) % 2)
         self._gain = (sign * weights / weights.sum()).astype(np.float32)
 
-    def mean_end_error_db(self, range_m) -> float:
+    def mean_end_error_db(self, range_m, n_axes: int = 2) -> float:
         """-inf: what is periodic has no ends."""
         return -math.inf
 

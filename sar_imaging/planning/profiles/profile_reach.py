@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...geometry.grids import MapGrid
-from ...geometry.polar import PolarGrid
+from ...geometry.grids import Grid
 from ...signal.radar import RadarParameters
 from .range_resampling import half_paths
 
-_PIXELS_PER_SIDE, _ROWS = 24, 65  # at which ranges are looked at
+_PIXELS_PER_SIDE, _ROWS = {2: 24, 3: 8}, 65  # at which ranges are looked at, by axes
 
 
-def some_pixels(grid: MapGrid | PolarGrid) -> np.ndarray:
+def some_pixels(grid: Grid) -> np.ndarray:
     """(S, 3) float64 positions all over a grid, metres, its corners among them."""
-    if isinstance(grid, PolarGrid):
-        return grid.lines(*(v.ravel() for v in np.meshgrid(*(
-            np.linspace(v[0], v[-1], _PIXELS_PER_SIDE) for v in (grid.range_m, grid.alpha)))))[0]
-    x, y = (np.linspace(v[0], v[-1], _PIXELS_PER_SIDE) for v in (grid.x_m, grid.y_m))
-    x, y = (v.ravel() for v in np.meshgrid(x, y))
-    return np.stack([x, y, np.full(x.shape, grid.z_m)], axis=-1)
+    n = _PIXELS_PER_SIDE[len(grid.shape)]
+    index = np.meshgrid(*(np.unique(np.linspace(0, size - 1, n).round().astype(int))
+                          for size in grid.shape), indexing='ij')
+    return grid.positions(*(i.ravel() for i in index))
 
 
 def reach_warning(points_m, tx_m, rx_m, radar: RadarParameters, n_samples: int) -> str | None:

@@ -100,18 +100,20 @@ class RangeWindow:
             error = error + np.interp(distance, np.arange(len(table)), table, left=1.0)
         return np.minimum(error, 1.0)
 
-    def mean_end_error_db(self, range_m) -> float:
+    def mean_end_error_db(self, range_m, n_axes: int = 2) -> float:
         """Mean of `end_error` over an image, dB.
 
         Parameters
         ----------
-        range_m : (R, n * n) float64
-            Half paths from some rows to a square of positions, edge to edge, metres.
+        range_m : (R, n ** n_axes) float64
+            Half paths from some rows to a square or cube of positions, edge to edge, metres.
+        n_axes : int
+            2 of a square, 3 of a cube.
         """
         error = np.mean(self.end_error(range_m), axis=0)
-        side = np.ones(math.isqrt(len(error)))
+        side = np.ones(round(len(error) ** (1 / n_axes)))
         side[[0, -1]] = 0.5  # they stand for half as much of the image
-        weight = np.outer(side, side).ravel()
+        weight = functools.reduce(np.multiply.outer, [side] * n_axes).ravel()
         return 10 * math.log10(float(error @ weight / weight.sum()) + 1e-16)
 
     def gain(self, n_padded: int) -> np.ndarray:

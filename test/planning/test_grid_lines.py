@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry import MapGrid
-from sar_imaging.planning.exact.map_lines import MapLines
+from sar_imaging.planning.exact.grid_lines import GridLines
 
 
 @pytest.mark.parametrize(('look', 'axis', 'sign'), [
@@ -16,10 +16,10 @@ def test_lines_run_away_from_the_track(look, axis, sign):
     middle = np.append(np.array(grid.centre_m[:2]) - 300.0 * look, 80.0)
     along = np.array([-look[1], look[0], 0.0])
     track = middle + np.linspace(-15, 15, 9)[:, None] * along
-    lines = MapLines(grid, track, track)
+    lines = GridLines(grid, track, track)
     assert (lines.n_pixels, lines.n_lines) == ((70, 40), (40, 70))[axis]
     assert lines.paths.derivatives[0].min() > 0
-    position, step, *_ = lines.locate(np.arange(2), np.arange(1))
+    position, step, *_ = lines.locate(0)(np.arange(2), np.arange(1))
     wanted = [(sign * 0.5, 0.0, 0.0), (0.0, -sign * 0.5, 0.0)][axis]
     np.testing.assert_allclose(step.reshape(-1, 3)[0], wanted)
     np.testing.assert_allclose(np.diff(position, axis=0).reshape(-1, 3)[0], wanted, atol=1e-12)
