@@ -21,13 +21,16 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed help demo test lint fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign
+.PHONY: installed help demo test lint processors fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign
 .DEFAULT_GOAL := help
 
 help:
 	@echo 'make demo    replay bags/countryside through the ROS 2 nodes into out/demo'
 	@echo 'make test    ruff, then every test, real nodes over real DDS among them'
 	@echo 'make lint    ruff only'
+	@echo 'make processors'
+	@echo '             kernel tests and pinned images with the code of AVX2 and of a generic processor,'
+	@echo '             three minutes'
 	@echo 'make fault-campaign'
 	@echo '             twenty rounds of faults at random moments, an hour or two; FAULT_ROUNDS=2 for few'
 	@echo 'make mutation-campaign'
@@ -65,6 +68,10 @@ test: lint
 lint: environment
 	@echo 'ruff check ...'
 	@$(RUN) -m ruff check .
+
+# The suite takes a part of this.
+processors: environment
+	@$(RUN) -m pytest -m campaign test/backends/test_processors.py
 
 # FAULT_SEED and FAULT_ROUNDS choose the random numbers; a failed test's name has its seed.
 fault-campaign: environment

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sar_imaging.backends.cpu.fft.butterflies import GROUP_BYTES
 from sar_imaging.backends.cpu.fft.columns import LANES, panel_groups, rows_to_transform
 from sar_imaging.backends.cpu.fusion.bands import Band, add_transformed
 from sar_imaging.backends.cpu.memory import aligned_empty, aligned_zeros
@@ -40,6 +41,7 @@ def test_transformed_lines_are_added_to_their_band(n_coarse, n_fine, first):
 
 
 def test_panels_are_for_columns_that_stay_in_cache():
-    assert panel_groups(140) == 8
+    assert panel_groups(140) * GROUP_BYTES == 1024
+    assert panel_groups(500) * GROUP_BYTES == 256
     assert panel_groups(700) is None
     assert panel_groups(74) is None

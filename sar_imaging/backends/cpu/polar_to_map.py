@@ -48,6 +48,7 @@ _MOST_LINES = 64  # fetched before they are needed
 _PIXELS = 512  # of a row between two passes: what is between them stays in cache
 _MOST_STRIPS = 16  # of a job: neighbours share lines of the polar image
 _JOBS_PER_THREAD = 4  # at least
+_ROUND_ROWS = 16  # or a multiple: whole vectors on all processors
 _ROUND_BYTES = 8 << 20  # written by a round on average: tasks wait for each other at its end
 
 
@@ -138,7 +139,7 @@ def overwriting_rounds(polar: PolarGrid, grid: MapGrid, *, axis: int, between: I
     rounds = [0]
     while rounds[-1] < grid.n_y:
         end = int(fit[rounds[-1]])
-        end = grid.n_y if end >= grid.n_y else end - end % LANES
+        end = grid.n_y if end >= grid.n_y else end - end % _ROUND_ROWS
         if end <= rounds[-1]:
             return None
         rounds.append(end)

@@ -14,7 +14,9 @@ _CROWDED, _COST_CROWDED = 1024, 0.7
 _COST_OTHER = 20.0
 # Of the transform of rows that the processor's backend has of its own, see `row_shape`
 RADICES = (2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 15, 16)
-VECTOR, _BLOCK = 16, 8  # columns side by side, and those that are transposed together
+# columns side by side, and those that are transposed together, where vectors are longest: plans
+# are the same on all processors
+VECTOR, _BLOCK = 16, 8
 _LONGER_ROW = 1.03  # than needed, at most
 # Time over that of a pass through all samples (measured with lengths of 2000 to 30000): more for
 # matrices whose lines or columns are no whole vectors; all else that is done with a row

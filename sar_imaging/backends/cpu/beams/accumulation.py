@@ -13,16 +13,18 @@ from numba.extending import intrinsic
 
 from ....planning.afbp.beam_gain import BEAM_TAPS, STEP_BINS
 from ....planning.afbp.beams import CELL_TAPS
-from ..fft.butterflies import fetch_line
+from ..fft.butterflies import LINE_BYTES, fetch_line
+from ..processor import float_lanes
 
-LANES = STEP_BINS  # float32 of a vector
+LANES = STEP_BINS  # float32 that lie together
 ROWS = 4  # phasors multiplied at once
 STORED = 16  # taps of a table of weights
-TILE = 2 * LANES  # cells or pixels whose sums stay in registers
+TILE = 2 * LANES  # cells or pixels that are summed in whole multiples of
 
 _INT, _FLOAT = ir.IntType(64), ir.FloatType()
-_VECTOR = ir.VectorType(_FLOAT, LANES)
-_VECTORS = range(0, TILE, LANES)
+_WIDTH = float_lanes()  # float32 of a vector
+_VECTOR = ir.VectorType(_FLOAT, _WIDTH)
+_VECTORS = range(0, 2 * _WIDTH, _WIDTH)  # whose sums stay in registers
 _u = types.uint64
 
 
@@ -35,17 +37,17 @@ def mix_beams(typing_context, beams, source, apart, size, work, weights, target)
     """
     def generate(context, b, signature, args):
         beams, source, apart, size, work, weights, target = _pointers(context, b, signature, args)
-        with cgutils.for_range_slice(b, _INT(0), size, _INT(TILE), inc=True) as (cell, _):
+        with cgutils.for_range_slice(b, _INT(0), size, _INT(2 * _WIDTH), inc=True) as (cell, _):
             place = b.add(source, b.mul(cell, _INT(2)))
             sums = [[None] * 3 for _ in range(2 * len(_VECTORS))]
             for tap in range(BEAM_TAPS):
                 w = _weights(b, work, weights, tap)
                 for i, orders in enumerate(sums):
-                    x = _load(b, beams, place, i * LANES)
+                    x = _load(b, beams, place, i * _WIDTH)
                     orders[:] = [_plus(b, v, x, w[order]) for order, v in enumerate(orders)]
                 place = b.add(place, apart)
             for i, at in enumerate(_VECTORS):
-                parts = [b.shuffle_vector(x, y, _order(range(part, 2 * LANES, 2)))
+                parts = [b.shuffle_vector(x, y, _order(range(part, 2 * _WIDTH, 2)))
                          for x, y in zip(sums[2 * i], sums[2 * i + 1], strict=True)
                          for part in (0, 1)]
                 _store(b, work, target, b.add(cell, _INT(at)), size, parts)
@@ -68,7 +70,7 @@ def mix_cells(typing_context, index, size, along, across, work, weights, source,
             context, b, signature, args)
         v1, v2, v3 = (_spread(b, b.extract_value(along, i)) for i in range(3))
         u1, u2, bend, bend1 = (_spread(b, b.extract_value(across, i)) for i in range(4))
-        with cgutils.for_range_slice(b, _INT(0), size, _INT(TILE), inc=True) as (pixel, _):
+        with cgutils.for_range_slice(b, _INT(0), size, _INT(2 * _WIDTH), inc=True) as (pixel, _):
             numbers = [_load(b, index, pixel, at) for at in _VECTORS]
             drifts = [b.fmul(f, _plus(b, v1, f, _plus(b, v2, f, v3))) for f in numbers]
             sums = [[None] * 6 for _ in drifts]
@@ -100,16 +102,18 @@ def add_rows(typing_context, rows, row, phasor_re, phasor_im, phasor, half, sums
     """
     def generate(context, b, signature, args):
         rows, row, *factors, phasor, half, sums, total = _pointers(context, b, signature, args)
-        parts = [[_load(b, rows, row, (4 * k + n) * LANES) for n in range(4)] for k in range(ROWS)]
-        with cgutils.for_range(b, half) as loop:
-            first = b.add(phasor, b.mul(loop.index, _INT(ROWS)))
-            to = b.add(total, b.mul(loop.index, _INT(4 * LANES)))
-            for n, factor in zip((0, 2), factors, strict=True):
-                values = [_load(b, sums, to, (n + i) * LANES) for i in range(2)]
-                for k in range(ROWS):
-                    w = _spread(b, b.load(b.gep(factor, [b.add(first, _INT(k))]), align=4))
-                    values = [_plus(b, v, parts[k][n + i], w) for i, v in enumerate(values)]
-                _store(b, sums, to, _INT(n * LANES), _INT(LANES), values)
+        for at in range(0, LANES, _WIDTH):
+            parts = [[_load(b, rows, row, (4 * k + n) * LANES + at) for n in range(4)]
+                     for k in range(ROWS)]
+            with cgutils.for_range(b, half) as loop:
+                first = b.add(phasor, b.mul(loop.index, _INT(ROWS)))
+                to = b.add(total, b.mul(loop.index, _INT(4 * LANES)))
+                for n, factor in zip((0, 2), factors, strict=True):
+                    values = [_load(b, sums, to, (n + i) * LANES + at) for i in range(2)]
+                    for k in range(ROWS):
+                        w = _spread(b, b.load(b.gep(factor, [b.add(first, _INT(k))]), align=4))
+                        values = [_plus(b, v, parts[k][n + i], w) for i, v in enumerate(values)]
+                    _store(b, sums, to, _INT(n * LANES + at), _INT(LANES), values)
         return context.get_dummy_value()
 
     return types.void(rows, _u, phasor_re, phasor_im, _u, _u, sums, _u), generate
@@ -120,7 +124,7 @@ def fetch(typing_context, data, place, size):
     """Bring some numbers into the cache."""
     def generate(context, b, signature, args):
         data, place, size = _pointers(context, b, signature, args)
-        with cgutils.for_range_slice(b, _INT(0), size, _INT(LANES), inc=True) as (i, _):
+        with cgutils.for_range_slice(b, _INT(0), size, _INT(LINE_BYTES // 4), inc=True) as (i, _):
             fetch_line(b, b.gep(data, [b.add(place, i)]))
         return context.get_dummy_value()
 
@@ -152,7 +156,7 @@ def _weights(b, data, weights, tap):
 
 def _spread(b, value):
     one = b.insert_element(_VECTOR(ir.Undefined), value, ir.IntType(32)(0))
-    return b.shuffle_vector(one, one, _order([0] * LANES))
+    return b.shuffle_vector(one, one, _order([0] * _WIDTH))
 
 
 def _order(lanes):

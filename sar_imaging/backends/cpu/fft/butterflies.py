@@ -16,12 +16,13 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from ....planning.profiles.transform_length import RADICES, VECTOR
+from ....planning.profiles.transform_length import RADICES
+from ..processor import float_lanes
 
-LANES = VECTOR  # transformed together: one vector of float32
-SAMPLE_BYTES, VECTOR_BYTES = 8, 64
+LANES = float_lanes()  # transformed together: a vector of the processor
+SAMPLE_BYTES, VECTOR_BYTES, LINE_BYTES = 8, 4 * LANES, 64
 GROUP_BYTES = LANES * SAMPLE_BYTES
-BLOCK = 8  # rows and columns of a transposition
+BLOCK = LANES // 2  # rows and columns of a transposition: samples of a vector
 
 _INT, _FLOAT = ir.IntType(64), ir.FloatType()
 _VECTOR, _PAIRS = ir.VectorType(_FLOAT, LANES), ir.VectorType(_FLOAT, 2 * LANES)
@@ -68,7 +69,7 @@ def fetch(typing_context, place, places, number):
         place, places, number = args
         with cgutils.for_range(b, number) as loop:
             group = b.bitcast(_group(b, place, places, loop.index), ir.IntType(8).as_pointer())
-            for at in range(0, GROUP_BYTES, VECTOR_BYTES):
+            for at in range(0, GROUP_BYTES, LINE_BYTES):
                 fetch_line(b, b.gep(group, [_INT(at)]))
         return context.get_dummy_value()
 

@@ -22,7 +22,8 @@ from . import vector_passes as passes
 from .butterflies import GROUP_BYTES, LANES, SAMPLE_BYTES
 
 _LONGEST = 512  # rows that stay in a core's cache
-_MOST_GROUPS, _WORK_ROWS = 8, 2560  # of LANES together: longer runs of each row, also in cache
+_MOST_BYTES = 1024  # of a row together: longer runs of memory
+_WORK_BYTES = 160 << 10  # between passes: leaves room in a second cache of 256 KiB, too
 
 
 def rows_to_transform(n: int) -> np.ndarray:
@@ -39,7 +40,7 @@ def panel_groups(n: int) -> int | None:
 
 
 def _groups(longest: int) -> int:
-    return min(_MOST_GROUPS, max(1, _WORK_ROWS // longest))
+    return max(1, min(_MOST_BYTES, _WORK_BYTES // longest) // GROUP_BYTES)
 
 
 def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False,

@@ -24,7 +24,7 @@ from ..threads import job_counter, take_job
 from . import vector_passes as passes
 from .butterflies import BLOCK, GROUP_BYTES, LANES, SAMPLE_BYTES, VECTOR_BYTES, transpose
 
-_GROUPS = 8  # of columns together: longer runs of memory
+_GROUPS = 1024 // GROUP_BYTES  # of columns together: longer runs of memory
 
 
 class RowPlan(NamedTuple):

@@ -1,0 +1,51 @@
+"""Kernels compiled for other processors than this one, which runs their code, too.
+
+Each runs tests of this suite in a process of its own. `make processors` takes all kernel tests and
+all pinned images, which compile everything for each processor; the suite takes a part.
+"""
+
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+# With AVX2, which is 8 lanes; and without any extension. NUMBA_CPU_FEATURES is empty, since
+# Numba would use what this processor has beyond the named one.
+PROCESSORS = {'haswell': 8, 'generic': 8}
+PART = ('test/backends/test_row_transform.py', 'test/backends/test_column_transform.py',
+        'test/imaging/test_goldens.py::test_image_is_the_pinned_one[exact_100m]',
+        'test/imaging/test_goldens.py::test_image_is_the_pinned_one[afbp_1km]')
+WHOLE = ('test/backends', 'test/imaging/test_goldens.py',
+         f'--ignore={Path(__file__).relative_to(ROOT)}')
+
+
+def _run(processor, folder, *arguments):
+    if processor != 'generic' and platform.machine() != 'x86_64':
+        pytest.skip(f'{processor} is an x86-64 processor')
+    environment = os.environ | {
+        'NUMBA_CPU_NAME': processor, 'NUMBA_CPU_FEATURES': '', 'NUMBA_CACHE_DIR': str(folder)}
+    result = subprocess.run([sys.executable, *arguments], cwd=ROOT, env=environment,
+                            capture_output=True, text=True)
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result.stdout
+
+
+@pytest.mark.parametrize(('processor', 'lanes'), [*PROCESSORS.items(), ('skylake-avx512', 16)])
+def test_vectors_are_as_long_as_those_of_the_processor(processor, lanes, tmp_path):
+    code = 'from sar_imaging.backends.cpu.fft.butterflies import LANES; print(LANES)'
+    assert int(_run(processor, tmp_path, '-c', code)) == lanes
+
+
+@pytest.mark.parametrize('processor', PROCESSORS)
+def test_kernels_of_another_processor(processor, tmp_path):
+    assert '[100%]' in _run(processor, tmp_path, '-m', 'pytest', '-p', 'no:cacheprovider', *PART)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize('processor', PROCESSORS)
+def test_all_kernels_of_another_processor(processor, tmp_path):
+    assert '[100%]' in _run(processor, tmp_path, '-m', 'pytest', '-p', 'no:cacheprovider', *WHOLE)
