@@ -14,7 +14,7 @@ from numba.extending import intrinsic
 from ....planning.afbp.beam_gain import BEAM_TAPS, STEP_BINS
 from ....planning.afbp.beams import CELL_TAPS
 from ..fft.butterflies import LINE_BYTES, fetch_line
-from ..processor import float_lanes
+from ..fft.processor import float_lanes
 
 LANES = STEP_BINS  # float32 that lie together
 ROWS = 4  # phasors multiplied at once

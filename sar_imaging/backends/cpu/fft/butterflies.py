@@ -17,7 +17,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from ....planning.profiles.transform_length import RADICES
-from ..processor import float_lanes
+from .processor import float_lanes
 
 LANES = float_lanes()  # transformed together: a vector of the processor
 SAMPLE_BYTES, VECTOR_BYTES, LINE_BYTES = 8, 4 * LANES, 64
