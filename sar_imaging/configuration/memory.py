@@ -74,8 +74,9 @@ def node_memory(imaging: Imaging, n_pixels: int, *, block_bytes: int, profile_bl
                               f'({q} + {w}) blocks + {q} blocks of profiles'),
     }
     if imaging.mode == 'image':
-        kept = aperture_bytes if imaging.autofocus else 0
+        kept = aperture_bytes if imaging.keeps_pulses else 0
         images = 1 + POLAR_IMAGES + (2 if imaging.autofocus else 0)
+        images += SPECTRUM_IMAGES if imaging.method != 'exact' else 0
         sizes['backprojection'] = (
             (q + w_profiles) * profile_block_bytes + kept + images * image + products,
             f'({q} + {w_profiles}) blocks of profiles'

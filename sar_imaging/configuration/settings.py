@@ -111,6 +111,8 @@ class Imaging:
         Limit, too.
     mode : str
         ``'image'`` or ``'subapertures'``.
+    method : str
+        Imager of mode ``'image'``: ``'exact'``, ``'afbp'`` or ``'auto'``.
     subaperture_target_db, subaperture_pulses, subaperture_sliding, subaperture_follow
         Of mode ``'subapertures'``; a length of 0 is the quickest.
     autofocus_track_error, autofocus_time_offset : float
@@ -138,6 +140,7 @@ class Imaging:
     max_message_elements: int = 2**26
     max_image_pixels: int = 2**25
     mode: str = 'image'
+    method: str = 'exact'
     subaperture_target_db: float = -60.0
     subaperture_pulses: int = 0
     subaperture_sliding: bool = False
@@ -156,6 +159,11 @@ class Imaging:
             if getattr(self, name) < 1:
                 raise ValueError(f'{name}={getattr(self, name)}; expected at least 1')
 
+
+    @property
+    def keeps_pulses(self) -> bool:
+        """True when those of an aperture are kept until its end."""
+        return self.autofocus or self.method != 'exact'
 
     @property
     def autofocus(self) -> bool:

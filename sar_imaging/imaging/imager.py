@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+import math
 
 import numpy as np
 
 from ..backends import AUTO
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
+from ..planning.memory import IMAGE_BYTES, check_memory
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from ..signal.range_compression import RangeCompressor
@@ -136,34 +138,49 @@ class Imager:
         MemoryError
             The image does not fit into memory.
         """
-        parts = self._channels.parts(block)
-        formed = [self._form(number, part) for number, part in enumerate(parts)]
-        samples = np.stack([f for f, _ in formed]) if self._channels.per_channel else formed[0][0]
-        self.report = max((r for _, r in formed),
-                          key=lambda r: -np.inf if r.predicted_error_db is None
-                          else r.predicted_error_db)
-        for warning in self.report.warnings:
+        image = self.new_image(block.n_channels)
+        self.accumulate(block, image)
+        for warning in image.report.warnings:
             _logger.warning(warning)
-        middle = int(np.median(block.stamp_ns)) if block.n_pulses else 0
-        return Image(samples, self.grid, self.radar.carrier_hz, self.report, middle,
-                     np.sort(block.counter.astype(np.int64)))
+        return image
+
+    def new_image(self, n_channels: int = 1) -> Image:
+        """Image without pulses, for `accumulate` of blocks of this number of channels.
+
+        Raises
+        ------
+        MemoryError
+            It is larger than the memory that is available.
+        """
+        shape = self._channels.shape(grid_shape(self.grid), n_channels)
+        check_memory(IMAGE_BYTES * math.prod(shape), f'an image of {shape} pixels',
+                     'choose a smaller grid or a larger pixel spacing')
+        report = Report(self.method, 'no pulses yet', self._options.target_db)
+        return Image(np.zeros(shape, np.complex64), self.grid, self.radar.carrier_hz, report)
 
     def accumulate(self, block: PulseBlock, image: Image) -> None:
-        """Add the pulses of a block to an image that this imager formed: an image is a sum.
+        """Add the pulses of a block to an image, which is a sum (equation 17).
 
         Raises
         ------
         ValueError
             As a call, or the image is of another shape.
         """
-        more = self(block)
-        if more.shape != image.shape:
-            raise ValueError(f'the image is {image.shape}, that of the block {more.shape}; add '
+        parts = self._channels.parts(block)
+        wanted = self._channels.shape(grid_shape(self.grid), block.n_channels)
+        if image.shape != wanted:
+            raise ValueError(f'the image is {image.shape}, that of the block {wanted}; add '
                              'blocks to images that the same imager formed')
-        image.samples += more.samples
-        image.counters = np.sort(np.concatenate([image.counters, more.counters]))
-        errors = [r.predicted_error_db for r in (image.report, more.report)]
-        image.report = more.report if None in errors or errors[1] >= errors[0] else image.report
+        images = image.samples if self._channels.per_channel else [image.samples]
+        for number, (part, own) in enumerate(zip(parts, images, strict=True)):
+            image.report = _worse(image.report, self._add(number, part, own),
+                                  first=not image.n_pulses and number == 0)
+        self.report = image.report
+        if block.n_pulses:
+            middle = int(np.sort(block.stamp_ns)[block.n_pulses // 2])
+            image.stamp_ns += ((middle - image.stamp_ns) * block.n_pulses
+                               // (image.n_pulses + block.n_pulses))
+        image.counters = np.sort(np.concatenate([image.counters, block.counter.astype(np.int64)]))
 
     def plan(self, tx_m, rx_m) -> Report:
         """Choose the method and plan for pulses from some phase centres, (P, C, 3), metres.
@@ -183,19 +200,22 @@ class Imager:
         self.report = reports[0]
         return self.report
 
-    def _form(self, number: int, block: PulseBlock) -> tuple[np.ndarray, Report]:
+    def _add(self, number: int, block: PulseBlock, samples: np.ndarray) -> Report:
         if not block.has_positions:
             raise ValueError('the block has no phase centres; imaging needs the transmit and '
                              'receive position of every pulse and channel')
         planned = self._planned(number, block.tx_m, block.rx_m)
-        samples, report = planned.image(self._prepared(planned, block))
-        wanted = self._options.target_db
-        if self.method == AUTO and planned.NAME != EXACT and report.predicted_error_db > wanted:
+        if self.method != AUTO or planned.NAME == EXACT:
+            return planned.add(self._prepared(planned, block), samples)
+        more, report = planned.image(self._prepared(planned, block))
+        if report.predicted_error_db > self._options.target_db:
             reason = (f'{planned.NAME} would miss the target by '
-                      f'{report.predicted_error_db - wanted:.1f} dB: the surroundings are bright')
+                      f'{report.predicted_error_db - self._options.target_db:.1f} dB: the '
+                      'surroundings are bright')
             planned = self._plan_anew(number, EXACT, block.tx_m, block.rx_m, reason)
-            samples, report = planned.image(self._prepared(planned, block))
-        return samples, report
+            return planned.add(self._prepared(planned, block), samples)
+        samples += more
+        return report
 
     def _planned(self, number: int, tx_m, rx_m) -> Method:
         """The method for these phase centres; that of the latest ones is kept."""
@@ -255,3 +275,20 @@ class Imager:
         if planned.compressed and not self._options.compressed:
             return self._compressor_of_raw()(block)
         return block
+
+
+def grid_shape(grid) -> tuple[int, ...]:
+    """Of the image on a grid, or at positions (..., 3)."""
+    if isinstance(grid, PolarGrid):
+        return grid.n_alpha, grid.n_range
+    return np.shape(grid)[:-1] if isinstance(grid, np.ndarray | list | tuple) else grid.shape
+
+
+def _worse(one: Report, other: Report, *, first: bool) -> Report:
+    """The report of the larger predicted error, with the warnings of both."""
+    if first:
+        return other
+    errors = one.predicted_error_db, other.predicted_error_db
+    worse = other if None in errors or errors[1] >= errors[0] else one
+    return dataclasses.replace(worse, warnings=tuple(
+        dict.fromkeys((*one.warnings, *other.warnings))))

@@ -101,6 +101,12 @@ class Method:
         """Samples, and the report with what the image itself told."""
         return self.form(self._weighted(block)), self.report
 
+    def add(self, block: PulseBlock, samples: np.ndarray) -> Report:
+        """Add the image of a block to samples, in place."""
+        more, report = self.image(block)
+        samples += more
+        return report
+
     def _weighted(self, block: PulseBlock) -> PulseBlock:
         weights = self.options.pulse_weights
         if weights is None:
@@ -143,6 +149,11 @@ class Exact(Method):
         image = self._imager.new_image()
         self._imager.add(block, image)
         return image
+
+    def add(self, block: PulseBlock, samples: np.ndarray) -> Report:
+        """See `Method`; takes no memory for another image."""
+        self._imager.add(self._weighted(block), samples)
+        return self.report
 
 
 class Afbp(Method):

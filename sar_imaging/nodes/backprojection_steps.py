@@ -9,14 +9,16 @@ from std_msgs.msg import Float32MultiArray
 
 from msg_conversions.subaperture_image import to_message
 from msg_conversions.subaperture_wire import as_received
+from sar_imaging.backends import AUTO
 from sar_imaging.backends.cpu.backprojection import compile_kernels
 from sar_imaging.configuration.startup import TrackWarnings, report_block
 from sar_imaging.exploitation.obstacles.aperture_view import PulseTracks
+from sar_imaging.imaging.methods import AFBP, EXACT
 from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.pulses.sequence import describe_counters, describe_range
 from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
 from sar_imaging.streaming.aperture_sequence import ApertureSequence
-from sar_imaging.streaming.kernels import compile_subaperture_kernels
+from sar_imaging.streaming.kernels import compile_fusion_kernels, compile_subaperture_kernels
 from sar_imaging.streaming.subaperture_image import SubapertureImage
 from sar_imaging.streaming.subapertures import LiveSubapertures
 
@@ -47,6 +49,9 @@ PARAMETERS = (
     Parameter('aperture_timeout_s', 5.0, 'An aperture is closed when no input came for this long, '
               'by the wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME),
     MIN_PULSE_FRACTION,
+    Parameter('method', EXACT, f'Imager in mode {IMAGE}: {EXACT} backprojection, as pulses come; '
+              f'{AFBP} of whole apertures; {AUTO}: of these the quicker one that meets target_db.',
+              check=one_of(AUTO, EXACT, AFBP)),
     Parameter('target_db', -80.0, 'Largest error against exact correlation to plan for in mode '
               f'{IMAGE}.', 'dB', -100.0, -20.0),
     Parameter('subapertures.target_db', -60.0, f'The same in mode {SUBAPERTURES}.', 'dB', -85.0,
@@ -208,10 +213,13 @@ class ImageStep(BackprojectionStep):
             min_pulse_fraction=parameters['min_pulse_fraction'],
             target_db=parameters['target_db'],
             height_m=terrain_heights(parameters, self._grid),
-            keep_pulses=self._focus is not None)
+            keep_pulses=self._focus is not None, method=parameters['method'])
         self._tracks = PulseTracks(_REMEMBERED * parameters['pulses_per_aperture'])
         self._obstacles: ObstacleProducts | None = None  # images on terrain have none
         compile_kernels()  # the first image must not wait for it
+        if parameters['method'] != EXACT:
+            compile_subaperture_kernels()
+            compile_fusion_kernels()
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publishers of the images; see `Step`."""
@@ -278,8 +286,9 @@ class ImageStep(BackprojectionStep):
         """An image in words."""
         missing = describe_counters(product.missing.tolist()) if product.n_missing else 'none'
         verdict = f', {product.verdict}' if isinstance(product, FocusedImage) else ''
+        way = '' if product.method == EXACT else f', by {product.method}'
         return (f'image of aperture {product.aperture}: {product.n_pulses} pulses, '
-                f'missing {missing}{verdict}')
+                f'missing {missing}{way}{verdict}')
 
     def nothing_formed(self) -> str:
         """Why the latest `flush` gave nothing."""

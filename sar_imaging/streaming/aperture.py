@@ -7,7 +7,9 @@ import dataclasses
 import numpy as np
 
 from ..geometry.grids import MapGrid
-from ..imaging.backprojection import Backprojector
+from ..imaging.image import Image
+from ..imaging.imager import Imager, plan_image
+from ..imaging.methods import EXACT
 from ..quality.focus import FocusFigure, focus_figure
 from ..signal.pulses import PulseBlock
 from ..signal.pulses.sequence import describe_counters
@@ -34,9 +36,11 @@ class ApertureImage:
     missing : (M,) int64
         Counters of the pulses that the aperture should have had, ascending.
     predicted_error_db : float
-        Expected error of the backprojection against exact correlation, dB.
+        Expected error against exact correlation, dB.
     pulses : PulseBlock or None
         The pulses themselves, where they were to be kept.
+    method : str
+        Imager that formed it, as `plan_image` names it.
     """
 
     image: np.ndarray
@@ -47,6 +51,7 @@ class ApertureImage:
     missing: np.ndarray
     predicted_error_db: float
     pulses: PulseBlock | None = None
+    method: str = EXACT
 
     @property
     def n_pulses(self) -> int:
@@ -65,25 +70,38 @@ class ApertureImage:
 
 
 class _ImagedAperture(Aperture):
-    """The aperture being filled and its image so far; its pulses, too, with an `example`."""
+    """The aperture being filled: its image so far, its pulses with an `example`, or both."""
 
-    def __init__(self, number: int, length: int, plan: Backprojector, example: PulseBlock | None):
+    def __init__(self, number: int, length: int, imager: Imager, *, grows: bool,
+                 example: PulseBlock | None):
         super().__init__(number, length)
-        self.plan = plan
-        self.image = plan.new_image()
-        self.pulses = None if example is None else AperturePulses(number, length, example, [])
+        self._imager = imager
+        self._image = imager.new_image() if grows else None
+        self._pulses = None if example is None else AperturePulses(number, length, example, [])
 
     def add(self, block: PulseBlock) -> None:
-        self.plan.add(block, self.image)
-        if self.pulses is not None:
-            self.pulses.keep(block)
+        if self._image is not None:
+            self._imager.accumulate(block, self._image)
+        if self._pulses is not None:
+            self._pulses.keep(block)
         self.mark(block)
+
+    @property
+    def pulses(self) -> PulseBlock | None:
+        """What was kept of them."""
+        return self._pulses and self._pulses.block(slice(0, len(self._pulses.seen)))
+
+    def image(self) -> Image:
+        """Image of the pulses that came."""
+        return self._image if self._image is not None else self._imager(self.pulses)
 
 
 class ApertureImager(ApertureSequence):
-    """Backproject range profiles while they arrive and return an image per aperture.
+    """Image range profiles while they arrive, one image per aperture.
 
-    See `ApertureSequence` for what an aperture is. Its pulses may come in any order.
+    See `ApertureSequence` for what an aperture is. Its pulses may come in any order. Exact
+    backprojection adds them to the image as they come; any other method images the whole aperture
+    at its end.
 
     Parameters
     ----------
@@ -100,6 +118,9 @@ class ApertureImager(ApertureSequence):
         Heights of the pixels instead of the plane of the grid, metres; NaN where there is none.
     keep_pulses : bool
         Keep the pulses of an aperture for its image.
+    method : str
+        As for `plan_image`. With ``'auto'`` apertures are imaged at their end until exact
+        backprojection is chosen, and as they come from then on.
 
     Attributes
     ----------
@@ -114,7 +135,8 @@ class ApertureImager(ApertureSequence):
 
     def __init__(self, grid: MapGrid, *, pulses_per_aperture: int,
                  min_pulse_fraction: float = 0.5, target_db: float = -80.0,
-                 height_m: np.ndarray | None = None, keep_pulses: bool = False):
+                 height_m: np.ndarray | None = None, keep_pulses: bool = False,
+                 method: str = EXACT):
         super().__init__(pulses_per_aperture, ApertureStatistics())
         if not 0.0 <= min_pulse_fraction <= 1.0:
             raise ValueError(f'min_pulse_fraction={min_pulse_fraction}; expected 0 to 1')
@@ -123,14 +145,17 @@ class ApertureImager(ApertureSequence):
         self._target_db = target_db
         self._height_m = height_m
         self._keep_pulses, self._warned = keep_pulses, False
+        self._method, self._grows = method, method == EXACT
 
-    def _configure(self, block: PulseBlock) -> Backprojector:
-        return Backprojector(self.grid, block.radar, block.n_samples, target_db=self._target_db,
-                             height_m=self._height_m)
+    def _configure(self, block: PulseBlock) -> Imager:
+        self._grows = self._method == EXACT
+        return plan_image(self.grid, block.radar, block.n_samples, method=self._method,
+                          target_db=self._target_db, height_m=self._height_m)
 
     def _begin(self, number: int) -> _ImagedAperture:
-        example = self._example if self._keep_pulses else None
-        return _ImagedAperture(number, self._length, self._plan, example)
+        example = self._example if self._keep_pulses or not self._grows else None
+        return _ImagedAperture(number, self._length, self._plan, grows=self._grows,
+                               example=example)
 
     def _fill(self, aperture: _ImagedAperture, block: PulseBlock) -> list[ApertureImage]:
         aperture.add(block)
@@ -148,13 +173,15 @@ class ApertureImager(ApertureSequence):
                          f'min_pulse_fraction={self.min_pulse_fraction:g}; '
                          f'missing {describe_counters(missing.tolist())}')
             return []
-        if aperture.plan.warnings and not self._warned:
+        image = aperture.image()
+        report = image.report
+        self._grows = report.method == EXACT
+        if report.warnings and not self._warned:
             self._warned = True
-            self._report('plan', f'aperture {aperture.number}: '
-                         f'{"; ".join(aperture.plan.warnings)}')
+            self._report('plan', f'aperture {aperture.number}: {"; ".join(report.warnings)}')
         self.statistics.images += 1
-        pulses = aperture.pulses
-        return [ApertureImage(aperture.image, self.grid, aperture.centre_ns(), aperture.number,
+        error_db = report.predicted_error_db
+        return [ApertureImage(image.samples, self.grid, aperture.centre_ns(), aperture.number,
                               counters.astype(np.uint32), missing,
-                              float(aperture.plan.predicted_error_db),
-                              pulses and pulses.block(slice(0, len(pulses.seen))))]
+                              np.nan if error_db is None else float(error_db),
+                              aperture.pulses if self._keep_pulses else None, report.method)]

@@ -82,7 +82,8 @@ def test_the_page_of_a_node_describes_every_parameter(pytestconfig, name):
     expected_choices = {'window': 'none, hamming, hann, taylor, kaiser',
                         'range_filter': 'equalised, matched', 'clutter': 'k, exponential',
                         'overload': 'drop_apertures, drop_blocks',
-                        'mode': 'image, subapertures', 'quicklook.anchor': 'clutter, peak',
+                        'mode': 'image, subapertures', 'method': 'auto, exact, afbp',
+                        'quicklook.anchor': 'clutter, peak',
                         'pose.source': 'block, odometry, pose, tf'}
     for choice, words in expected_choices.items():
         if choice in expected:

@@ -91,6 +91,18 @@ def test_everything_about_a_pipeline(make_chain, make_observer, spotlight):
     assert (success, message) == (True, 'dropped 0 pulses that waited and 10 underway')
 
 
+def test_whole_apertures_are_imaged_by_afbp(make_chain, spotlight):
+    """`method: auto` would take exact backprojection for so small an image."""
+    chain = make_chain(spotlight.truth, names=PIPELINE,
+                       backprojection={'method': 'afbp', 'target_db': -50.0})
+    chain.observer.send(spotlight.blocks(32))
+    images = chain.observer.wait_for('image_complex', 1)
+    grid = map_metadata_from_message(chain.observer.wait_for('map_metadata', 1)[0])
+    error_db = spotlight.error_db(complex_from_message(images[0]), grid, np.arange(128))
+    assert error_db < -50.0
+    chain.wait_for_log('sar_pipeline', 'image of aperture 0: 128 pulses, missing none, by afbp')
+
+
 def test_a_pipeline_that_cannot_keep_up_leaves_out_whole_apertures(make_chain, psf):
     length, blocks = psf.truth['pulses_per_aperture'], psf.blocks(25)
     chain = make_chain(psf.truth, names=PIPELINE, backprojection={

@@ -7,6 +7,7 @@ import pytest
 
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.planning.costs import DEFAULT, using
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 from sar_imaging.streaming.aperture import ApertureImager
@@ -242,3 +243,36 @@ def test_pulses_are_kept_when_asked_for():
     np.testing.assert_array_equal(product.pulses.tx_m, expected.tx_m)
     [product] = imager().add(profiles(there))
     assert product.pulses is None
+
+
+@pytest.mark.parametrize('method', ['afbp', 'auto'])
+def test_whole_apertures_are_imaged_by_other_methods(make_case, method):
+    """With costs that make exact backprojection slow `auto` takes AFBP."""
+    case = make_case(1e3, pulses=256)
+    stage = ApertureImager(case.grid, pulses_per_aperture=128, method=method, target_db=-50.0)
+    block = case.block.select(np.r_[0:40, 50:256])  # ten pulses are lost
+    with using(dataclasses.replace(DEFAULT, line_pixel=1e4, point_pixel=1e5)):
+        images = run(stage, [block.select(slice(n, n + 32)) for n in range(0, 246, 32)])
+    images += stage.flush()
+    assert [image.method for image in images] == ['afbp', 'afbp']
+    assert images[0].missing.tolist() == list(range(40, 50)) and images[0].pulses is None
+    for image, pulses in zip(images, (slice(0, 118), slice(118, 246)), strict=True):
+        exact = Backprojector(case.grid, block.radar, block.n_samples)(block.select(pulses))
+        error = np.linalg.norm(image.image - exact) / np.linalg.norm(exact)
+        assert 20 * np.log10(error) <= min(-50.0, image.predicted_error_db + 3.0)
+
+
+def test_auto_adds_pulses_as_they_come_once_exact_backprojection_is_chosen(make_case, monkeypatch):
+    case = make_case(1e3, pulses=256)
+    stage = ApertureImager(case.grid, pulses_per_aperture=128, method='auto')
+    added = []
+    whole = Backprojector.add
+
+    def counted(self, block, image):
+        added.append(block.n_pulses)
+        whole(self, block, image)
+
+    monkeypatch.setattr(Backprojector, 'add', counted)
+    images = run(stage, [case.block.select(slice(n, n + 32)) for n in range(0, 256, 32)])
+    assert [image.method for image in images] == ['exact', 'exact']
+    assert added == [128, 32, 32, 32, 32]
