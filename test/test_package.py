@@ -281,3 +281,11 @@ def test_the_exact_imager_loads_no_beams_no_fusion_and_no_kernels():
                                              ROOT / n.replace('.', '/') / '__init__.py')
              if path.exists()]
     assert sum(len(path.read_text().splitlines()) for path in files) < 2962
+
+
+def test_the_package_lists_what_a_first_image_needs():
+    for name in sar_imaging.__all__:
+        assert getattr(sar_imaging, name).__doc__, name
+    assert set(sar_imaging.__all__) <= set(dir(sar_imaging))
+    with pytest.raises(AttributeError, match='plan_images'):
+        sar_imaging.plan_images  # noqa: B018
