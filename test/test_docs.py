@@ -54,6 +54,23 @@ def test_scale_and_phase_are_as_the_theory_says():
     assert np.abs(turned).max() < 0.02
 
 
+def test_grids_show_reflectors_where_they_are():
+    names = _run_python(ROOT / 'docs' / 'grids.md')
+    for grid, image, reflectors in (('wall', 'wall_image', 'window'),
+                                    ('volume', 'volume_image', 'houses'),
+                                    ('section', 'section_image', 'pipes'),
+                                    ('bottom', 'sonar_image', 'mines')):
+        magnitude, points = np.abs(names[image]).ravel(), names[grid].points().reshape(-1, 3)
+        median = np.median(magnitude)
+        for place in names[reflectors]:
+            nearest = np.linalg.norm(points - place, axis=-1).argmin()
+            assert magnitude[nearest] > 5 * median
+        brightest = points[magnitude.argmax()]
+        away = np.linalg.norm(names[reflectors] - brightest, axis=-1).min()
+        step = np.linalg.norm(names[grid].steps_m, axis=1).max()
+        assert away <= 1.5 * step  # neighbours add to each other
+
+
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_links_lead_somewhere(page):
     prose = re.sub(r'^```.*?^```', '', page.read_text(), flags=re.DOTALL | re.MULTILINE)

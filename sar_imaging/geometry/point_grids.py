@@ -111,7 +111,7 @@ def as_grid(grid: Grid | np.ndarray, height_m=None) -> Grid:
             raise ValueError(f'height_m goes with a MapGrid, not with {type(grid).__name__}; '
                              'other grids have their own z')
         return TerrainGrid(grid, height_m)
-    return grid if isinstance(grid, Grid) else PointGrid(grid)
+    return grid if isinstance(grid, MapGrid | Grid) else PointGrid(grid)  # maps are told quickly
 
 
 def _check_infinite(name: str, values: np.ndarray) -> None:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .. import backends
-from ..geometry.grids import EvenGrid, Grid
+from ..geometry.grids import EvenGrid, Grid, MapGrid
 from ..geometry.point_grids import as_grid
 from ..planning.exact.backprojection import (
     LEAST_TARGET_DB,
@@ -116,7 +116,7 @@ class Backprojector:
         self.grid = as_grid(grid, height_m)
         self.shape = self.grid.shape
         self._check_memory(1)
-        self._pixels = (self.grid if isinstance(self.grid, EvenGrid)
+        self._pixels = (self.grid if isinstance(self.grid, MapGrid | EvenGrid)
                         else ImagePoints.of_grid(self.grid))
         self.predicted_error_db = -math.inf
         self.warnings: tuple[str, ...] = ()
