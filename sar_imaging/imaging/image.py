@@ -26,6 +26,8 @@ class Report:
         Predicted one; None where the imager cannot tell.
     errors_db : mapping of str to float
         Its causes, dB; empty where the imager cannot tell.
+    shares_db : mapping of str to float
+        What causes may contribute, dB, where the error budget has a share for them.
     seconds : float or None
         Predicted time on one thread.
     n_bytes : int
@@ -41,6 +43,7 @@ class Report:
     target_db: float
     predicted_error_db: float | None = None
     errors_db: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    shares_db: Mapping[str, float] = dataclasses.field(default_factory=dict)
     seconds: float | None = None
     n_bytes: int = 0
     warnings: tuple[str, ...] = ()
@@ -54,6 +57,7 @@ class Report:
             lines.append(f'error against time-domain correlation: {self.predicted_error_db:.1f} '
                          f'dB predicted, {self.target_db:g} dB wanted')
             lines += [f'  {cause:<{_CAUSE_WIDTH}}{error:7.1f} dB'
+                      + (f' of {self.shares_db[cause]:.1f} dB' if cause in self.shares_db else '')
                       for cause, error in self.errors_db.items()]
         if self.seconds is not None:
             lines.append(f'{self.seconds:.3g} s on one thread, {self.n_bytes / 1e6:.3g} MB')

@@ -14,6 +14,7 @@ import numpy as np
 from ..backends import AUTO
 from ..geometry.grids import MapGrid
 from ..geometry.point_grids import as_grid
+from ..planning.error_budget import AFBP_SHARES, EXACT_SHARES, ErrorBudget
 from ..planning.memory import IMAGE_BYTES
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters, Waveform
@@ -141,6 +142,7 @@ class Exact(Method):
         plan = self._imager.plan(tx_m, rx_m)
         return self._report(
             predicted_error_db=plan.predicted_error_db, errors_db=plan.errors_db,
+            shares_db=ErrorBudget(self.options.target_db, EXACT_SHARES).shares_db,
             seconds=plan.seconds, warnings=plan.warnings, plan=str(plan),
             n_bytes=plan.n_bytes + IMAGE_BYTES * math.prod(self._imager.shape))
 
@@ -171,6 +173,7 @@ class Afbp(Method):
         plan = self._imager.plan
         return self._report(
             predicted_error_db=plan.predicted_error_db, errors_db=plan.errors_db,
+            shares_db=ErrorBudget(options.target_db, AFBP_SHARES).shares_db,
             seconds=plan.seconds, n_bytes=plan.n_bytes, warnings=plan.warnings,
             plan=str(plan.subapertures))
 

@@ -6,10 +6,14 @@ independent: they add as powers.
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 
 SINCOS_ERROR_DB = -108.0  # phasors of the carrier from polynomials, float32 (measured)
 ACCUMULATION_ERROR_DB = -112.0  # sums of pulses in float32 (measured)
+_PASSES_DB = 3.0  # by which one of two passes errs less than both
 
 
 def total_db(*parts_db: float) -> float:
@@ -21,3 +25,42 @@ def total_db(*parts_db: float) -> float:
 def remaining_db(target_db: float, *parts_db: float) -> float:
     """What independent errors leave of a target, dB."""
     return 10 * math.log10(10 ** (target_db / 10) - sum(10 ** (p / 10) for p in parts_db))
+
+
+@dataclasses.dataclass(frozen=True)
+class ErrorBudget:
+    """What each cause may contribute to the error of an image.
+
+    Attributes
+    ----------
+    target_db : float
+        Wanted error against time-domain correlation, dB.
+    shares : mapping of str to float
+        By how much less each cause may err, dB, as plans name causes.
+    """
+
+    target_db: float
+    shares: Mapping[str, float]
+
+    def __getitem__(self, cause: str) -> float:
+        """Largest error of a cause, dB."""
+        return self.target_db - self.shares[cause]
+
+    @property
+    def pass_db(self) -> float:
+        """Largest error of each of the two passes from a polar image to a map, dB."""
+        return self['polar to map'] - _PASSES_DB
+
+    @property
+    def shares_db(self) -> dict[str, float]:
+        """Largest error by cause, dB."""
+        return {cause: self[cause] for cause in self.shares}
+
+
+#: Of exact backprojection: half of the target goes to reading the profiles, which takes the time.
+EXACT_SHARES = MappingProxyType({'range profiles': 3.0, 'polar to map': 5.0,
+                                 'azimuth upsampling': 8.0, 'rounded paths': 6.0})
+#: Of AFBP, whose fusion gets what is left.
+AFBP_SHARES = MappingProxyType({'sub-aperture images': 6.0, 'polar to map': 5.0})
+#: Of AFBP while pulses arrive: phase gradient autofocus does better on finer lines.
+LIVE_SHARES = MappingProxyType({'sub-aperture images': 6.0, 'polar to map': 10.0})

@@ -14,7 +14,7 @@ from ..geometry.polar import PolarGrid
 from ..planning.afbp.edge_brightness import EdgeBrightness
 from ..planning.afbp.map_cover import cover_for_fusion, map_coverage
 from ..planning.afbp.subapertures import plan_subapertures
-from ..planning.error_budget import total_db
+from ..planning.error_budget import LIVE_SHARES, total_db
 from ..planning.interpolators import Interpolator
 from ..planning.local_spectrum import Bands, local_bands
 from ..planning.polar_to_map import CORRECTED_TAPS, margin
@@ -22,8 +22,6 @@ from ..planning.profiles.profile_reach import reach_warning, some_pixels
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 
-# Phase gradient autofocus does better on finer lines than the map alone would need.
-_RESAMPLING_SHARE_DB = 13.0
 _ROWS_FOR_COVER = 256
 _WINDOWS, _WAVENUMBERS = 9, 5  # at which errors of a sliding aperture are looked up
 _FUSION_MARGIN_DB = 3.0  # for tracks that are less smooth than foreseen
@@ -91,7 +89,7 @@ class LivePlan:
                  n_window: int = 0):
         self.grid, self._known = grid, slack == 0
         cover, self._target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples, target_db,
-                                                  share_db=_RESAMPLING_SHARE_DB)
+                                                  shares=LIVE_SHARES)
         self._map_db = total_db(cover.along_db, cover.profile_db)
         margin_db = min(slack, 2.0) * _FUSION_MARGIN_DB
         polar = cover.polar

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
 from ..aliasing_error import TONES, Coverage
-from ..error_budget import remaining_db
+from ..error_budget import AFBP_SHARES, ErrorBudget, remaining_db
 from ..local_spectrum import TAPERS_NEEDED, used_share
 from ..polar_cover import MapCover, cover_map
 from ..profiles.phase_history import RangeBand
@@ -25,7 +26,7 @@ _ROWS = 256
 
 def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
                      target_db: float, band: RangeBand | None = None,
-                     share_db: float = 8.0) -> tuple[MapCover, float]:
+                     shares: Mapping[str, float] = AFBP_SHARES) -> tuple[MapCover, float]:
     """Cover a map by the polar grid of an image that AFBP fuses.
 
     Parameters
@@ -36,8 +37,8 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
         Phase centres of the whole aperture, metres.
     target_db : float
         Wanted error of the map, dB.
-    share_db : float
-        By how much less each pass to the map may err; the more, the finer the polar grid.
+    shares : mapping
+        Of the target, see `ErrorBudget`: the less ``'polar to map'``, the finer the polar grid.
 
     Returns
     -------
@@ -53,7 +54,8 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     step = max(1, len(tx_m) // _ROWS)
     rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
     cover = cover_map(grid, *rows, radar if band is None else band.radar, n_samples,
-                      target_db - share_db, min(target_db - 10.0, -50.0), band,
+                      ErrorBudget(target_db, shares).pass_db,
+                      min(target_db - 10.0, -50.0), band,
                       fit_ranges)
     if cover is None:
         raise ValueError('the map is too small, too near, around or beside the aperture for a '

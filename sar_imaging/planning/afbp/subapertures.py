@@ -17,7 +17,7 @@ from ...geometry.polar import PolarGrid
 from ...signal.pulses import PulseBlock, check_profiles
 from ...signal.radar import RadarParameters
 from ..aliasing_error import EVERYTHING, Coverage
-from ..error_budget import remaining_db, total_db
+from ..error_budget import AFBP_SHARES, ErrorBudget, remaining_db, total_db
 from ..local_spectrum import TAPERS_NEEDED, Bands, local_bands, used_share
 from ..profiles.phase_history import RangeBand
 from ..profiles.range_gate import RangeWindow
@@ -27,7 +27,6 @@ from .polar_grids import FusionGrid
 from .sampling import Sampling, choose_sampling, fusion_error
 from .subaperture_cost import FirstStage
 
-_STAGE_SHARE_DB = 6.0  # of the target: by so much less the error of sub-aperture images
 _MARGIN_DB = 0.5  # predictions are as good as that (docs/benchmarks.md)
 _MOST_FILLED = 0.93  # of the band along range: tapers widen it (measured: no harm up to 0.89)
 _SAMPLES_PER_SIDE = 5  # grid positions at which the paths are bounded
@@ -295,7 +294,7 @@ class _Planner:
 
     @property
     def _lattice_db(self) -> float:
-        return min(self.target_db - _STAGE_SHARE_DB, -50.0)
+        return min(ErrorBudget(self.target_db, AFBP_SHARES)['sub-aperture images'], -50.0)
 
     def _sampling(self, bands, paths, length, ratio, coverage) -> Sampling:
         polar = self.polar

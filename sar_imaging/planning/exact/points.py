@@ -13,12 +13,12 @@ from ...geometry.even_grids import PlaneGrid, VolumeGrid
 from ...geometry.grids import EvenGrid, Grid, MapGrid
 from ...geometry.point_grids import TerrainGrid
 from ...signal.radar import RadarParameters
+from ..error_budget import EXACT_SHARES, ErrorBudget
 from ..memory import check_memory
 from ..plan import Plan
 from ..profiles.range_gate import RangeWindow
 from ..profiles.range_resampling import Lattice, half_paths, point_lattice
 
-_ROUNDING_SHARE_DB = 6.0  # rounding inside tiles stays so far below the target
 # Rms error of a path in float32 over the radius of its tile; 1.4e-8 to 1.7e-8 were measured
 _ROUNDING = 3e-8
 _SAMPLED_STEPS = 1000  # between neighbours, to find their distance
@@ -235,7 +235,8 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
     """
     window = RangeWindow.around(radar, n_samples, range_m)
     lattice = point_lattice(radar, window.n_samples, target_db)
-    reach_m = largest_radius(radar.wavelength_m, target_db - _ROUNDING_SHARE_DB)
+    rounded_db = ErrorBudget(target_db, EXACT_SHARES)['rounded paths']
+    reach_m = largest_radius(radar.wavelength_m, rounded_db)
     tile = points.tile(reach_m)
     some = np.linspace(0, len(tx_m) - 1, min(len(tx_m), _SAMPLED_ROWS)).round().astype(int)
     length = half_paths(tx_m[some], rx_m[some], points.some() if some_m is None else some_m)[0]

@@ -15,6 +15,7 @@ from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
 from ..costs import costs
+from ..error_budget import EXACT_SHARES, ErrorBudget
 from ..interpolators import Interpolator
 from ..plan import Plan
 from ..polar_cover import cover_map
@@ -88,18 +89,19 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     PolarPlan or None
         None where the map is tiny, too near, all around, or not ahead of the aperture.
     """
-    interpolation_db = target_db - 8.0
-    cover = cover_map(grid, tx_m, rx_m, radar, n_samples, interpolation_db, target_db - 3.0)
+    budget = ErrorBudget(target_db, EXACT_SHARES)
+    profiles_db = budget['range profiles']
+    cover = cover_map(grid, tx_m, rx_m, radar, n_samples, budget.pass_db, profiles_db)
     if cover is None:
         return None
     polar, lattice = cover.polar, cover.lattice
     if polar.n_range * polar.n_alpha > 3 * grid.n_x * grid.n_y + 100_000:
         return None
-    parts = plan_parts(polar, cover.slope_alpha, cover.weight, *cover.wavenumber, interpolation_db,
-                       lattice.cost)
+    parts = plan_parts(polar, cover.slope_alpha, cover.weight, *cover.wavenumber,
+                       budget['azimuth upsampling'], lattice.cost)
     if parts is not None:
         lattice = _lattice_of_parts(parts, lattice, tx_m, rx_m, radar, cover.window,
-                                    target_db - 3.0)
+                                    profiles_db)
         if lattice is None:
             lattice, parts = cover.lattice, None
     share = polar.n_range * polar.n_alpha / (grid.n_x * grid.n_y)
