@@ -20,6 +20,7 @@ from ..memory import aligned_empty
 from ..threads import job_counter, take_job
 from . import vector_passes as passes
 from .butterflies import GROUP_BYTES, LANES, SAMPLE_BYTES
+from .choice import own_transforms
 
 _LONGEST = 512  # rows that stay in a core's cache
 _MOST_BYTES = 1024  # of a row together: longer runs of memory
@@ -35,7 +36,7 @@ def rows_to_transform(n: int) -> np.ndarray:
 
 def panel_groups(n: int) -> int | None:
     """Groups of `LANES` columns of n that are transformed together; None where in two parts."""
-    whole = radices_of(n) and _near_factor(n) == n
+    whole = _is_own(n) and _near_factor(n) == n
     return _groups(n) if whole else None
 
 
@@ -71,11 +72,12 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
         raise ValueError(f'expected contiguous complex64, rows a multiple of {LANES} long; got '
                          f'{data.dtype}, shape {data.shape}, strides {data.strides}')
     n, width = data.shape
-    if not radices_of(n):
+    if not _is_own(n):
         transform = scipy.fft.ifft if inverse else scipy.fft.fft
         factor = 1.0 if gain is None else gain.astype(np.float32)[:, None]
-        data[:, :n_columns] = transform(data[:, :n_columns] * factor, axis=0,
-                                        norm='forward' if inverse else 'backward')
+        data[:, :n_columns] = transform(
+            data[:, :n_columns] * factor, axis=0, overwrite_x=True,
+            workers=numba.get_num_threads(), norm='forward' if inverse else 'backward')
         return
     near, row_bytes = _near_factor(n), width * SAMPLE_BYTES
     far, n_groups = n // near, -(-n_columns // LANES)
@@ -99,12 +101,18 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
                        work.strides[0], plan.addresses, len(plan.turns), plan.turns.strides[0])
 
 
-@functools.lru_cache(maxsize=4096)
+def _is_own(n: int) -> bool:
+    """Whether columns of n are not left to SciPy."""
+    return own_transforms() and bool(radices_of(n))
+
+
 def _near_factor(n: int) -> int:
     """Factor so that a column is transformed in one or two parts that stay in cache."""
-    if n <= _LONGEST or radices_of(n) is None:
-        return n
+    return n if n <= _LONGEST or not _is_own(n) else _best_factor(n)
 
+
+@functools.lru_cache(maxsize=4096)
+def _best_factor(n: int) -> int:
     def cost(near):
         n_passes = len(radices_of(near)) + len(radices_of(n // near))
         return max(near, n // near) > _LONGEST, n_passes, near + n // near

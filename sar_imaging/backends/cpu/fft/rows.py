@@ -23,6 +23,7 @@ from ..memory import aligned_empty, transform_in_place
 from ..threads import job_counter, take_job
 from . import vector_passes as passes
 from .butterflies import BLOCK, GROUP_BYTES, LANES, SAMPLE_BYTES, VECTOR_BYTES, transpose
+from .choice import own_transforms
 
 _GROUPS = 1024 // GROUP_BYTES  # of columns together: longer runs of memory
 
@@ -93,9 +94,13 @@ def _pitch(width: int) -> int:
     return -(-width // BLOCK) * BLOCK
 
 
-@functools.lru_cache(maxsize=32)
 def plan_row(n: int, inverse: bool) -> RowPlan | None:
     """For rows of a length; None where SciPy is to transform."""
+    return _plan_row(n, inverse) if own_transforms() else None
+
+
+@functools.lru_cache(maxsize=32)
+def _plan_row(n: int, inverse: bool) -> RowPlan | None:
     shape = row_shape(n)
     if shape is None:
         return None
