@@ -1,7 +1,7 @@
 """AFBP beside exact backprojection, FFBP and FastSAR 0.1.8's FFBP, on the same phase history.
 
-Run from the repository root in an environment that has FastSAR (`benchmarks.fastsar_imagers`
-shows how to make one)::
+Run from the repository root in an environment that has FastSAR
+(`benchmarks.support.fastsar_imagers` shows how to make one)::
 
     build/fastsar/bin/python -m benchmarks.afbp
 
@@ -40,16 +40,16 @@ from sar_imaging.imaging.ffbp import FfbpImager  # noqa: E402
 from sar_imaging.imaging.verification import measure_error  # noqa: E402
 from sar_imaging.signal.range_compression import RangeCompressor  # noqa: E402
 
-from . import fastsar_imagers  # noqa: E402
-from .machine import machine  # noqa: E402
-from .measuring import (  # noqa: E402
+from .support import fastsar_imagers  # noqa: E402
+from .support.machine import machine  # noqa: E402
+from .support.measuring import (  # noqa: E402
     best_seconds,
     fitted_exponent,
     parse_arguments,
     peak_memory,
     report_peak,
 )
-from .scenes import Case, phase_history  # noqa: E402
+from .support.scenes import Case, phase_history  # noqa: E402
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'afbp.json'
 SPACING_M = 0.125  # 600 MHz and a resolution of 0.25 m

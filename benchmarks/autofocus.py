@@ -43,7 +43,7 @@ from sar_imaging.simulation.trials.track_errors import (
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
 
-from .machine import machine
+from .support.machine import machine
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'autofocus.json'
 CASES = ('smooth',) * 40 + ('vibration',) * 30 + ('clock',) * 30

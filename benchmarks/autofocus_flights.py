@@ -40,7 +40,7 @@ from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.trials.drone_flights import RADARS, DroneFlight, drone_flight
 from sar_imaging.streaming.aperture import ApertureImager
 
-from .machine import machine
+from .support.machine import machine
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'autofocus_flights.json'
 SMALL_S, LARGE_S = 0.3, 2.0

@@ -44,7 +44,7 @@ from sar_imaging.tools.recordings.recorded_poses import RecordedPoses
 from sar_imaging.tools.recordings.writing import split
 
 from .autofocus_flights import FOCUSED
-from .machine import machine
+from .support.machine import machine
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'autofocus_nodes.json'
 RAILS = (('bwsi2019_team5_rail', (-2.0, -1.0, -0.3, 0.1, 1.0, 2.0)),

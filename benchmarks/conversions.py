@@ -18,7 +18,7 @@ from msg_conversions import images, pulse_block
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 
-from .machine import machine
+from .support.machine import machine
 
 SIZES_MIB = (1 / 16, 1, 4, 16)
 N_CHANNELS, N_SAMPLES = 4, 512

@@ -21,8 +21,8 @@ import warnings
 
 import numpy as np
 
-from .golden_cases import CASES, GoldenCase, GoldenImage
-from .machine import machine
+from .support.golden_cases import CASES, GoldenCase, GoldenImage
+from .support.machine import machine
 
 FOLDER = pathlib.Path(__file__).parent / 'goldens'
 MOST_DB, MOST_PREDICTION_DB = -120.0, 0.5  # that a change may do to an image; to its prediction

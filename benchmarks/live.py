@@ -33,9 +33,9 @@ from sar_imaging.tools.node_processes import (
 )
 from sar_imaging.tools.recordings import bag_io
 
-from .live_flight import PRF_HZ, PULSES_PER_APERTURE, PULSES_PER_MESSAGE, Flight, grid
-from .live_system import Fed, System, difference_db
-from .machine import machine
+from .support.live_flight import PRF_HZ, PULSES_PER_APERTURE, PULSES_PER_MESSAGE, Flight, grid
+from .support.live_system import Fed, System, difference_db
+from .support.machine import machine
 
 STARTUP_BAG = pathlib.Path(__file__).parents[1] / 'bags' / 'spotlight'
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'live.json'

@@ -21,7 +21,7 @@ from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import Waveform
 
-from .mistake_recordings import Recording, others, recordings
+from .support.mistake_recordings import Recording, others, recordings
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'mistakes.json'
 _REAL = (Waveform.PASSBAND, Waveform.FMCW_REAL)

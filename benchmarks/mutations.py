@@ -1,7 +1,7 @@
 """How many random mistakes in the code the tests notice.
 
-Draws single changes of the source (`mutation_sample`), makes each in a copy of the tree and runs
-the tests that execute the line (`mutation_tests`), the cheapest first, until one fails. Results
+Draws single changes of the source (`mutation.sample`), makes each in a copy of the tree and runs
+the tests that execute the line (`mutation.tests`), the cheapest first, until one fails. Results
 are written as they come; a campaign that was stopped goes on. Run it by `make mutation-campaign`.
 
     python -m benchmarks.mutations measure          which test executes which line, once
@@ -27,10 +27,10 @@ import subprocess
 import sys
 import time
 
-from .machine import machine
-from .mutation_runs import Runner
-from .mutation_sample import Mutation, draw
-from .mutation_tests import PACKAGES, Tests
+from .mutation.runs import Runner
+from .mutation.sample import Mutation, draw
+from .mutation.tests import PACKAGES, Tests
+from .support.machine import machine
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 RESULTS = pathlib.Path(__file__).with_name('results') / 'mutations.json'
@@ -137,7 +137,7 @@ def measure(work: pathlib.Path, files: list[str]) -> None:
 def _measured_run(work: pathlib.Path, tests: list[str], environment: dict[str, str]) -> None:
     subprocess.run(
         [sys.executable, '-m', 'coverage', 'run', f'--rcfile={work}/measure.ini', '-m', 'pytest',
-         '-p', 'benchmarks.mutation_plugin', '-p', 'no:cacheprovider', *tests], cwd=work / 'tree',
+         '-p', 'benchmarks.mutation.plugin', '-p', 'no:cacheprovider', *tests], cwd=work / 'tree',
         env=os.environ | THREADS | {'MUTATION_SECONDS': str(work / 'seconds.json')} | environment)
 
 

@@ -24,8 +24,8 @@ from tqdm import tqdm
 from sar_imaging.exploitation.obstacles import ObstacleDetector
 from sar_imaging.exploitation.obstacles.obstacle_map import FREE, OCCUPIED, UNKNOWN, ObstacleMap
 
-from .machine import machine
-from .obstacle_scenes import SIZES, ObstacleScene, Platform, random_scene
+from .support.machine import machine
+from .support.obstacle_scenes import SIZES, ObstacleScene, Platform, random_scene
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'obstacles.json'
 WITHIN_CELLS = 2.0

@@ -14,7 +14,7 @@ from sar_imaging.exploitation.obstacles import ObstacleDetector
 from sar_imaging.exploitation.obstacles.obstacle_map import FREE, OCCUPIED, ObstacleMap
 
 from .obstacle_campaign import former_map
-from .obstacle_scenes import Platform, random_scene
+from .support.obstacle_scenes import Platform, random_scene
 
 PICTURE = pathlib.Path(__file__).parents[1] / 'docs' / 'images' / 'obstacles.png'
 _RANGE_DB = 50.0

@@ -32,7 +32,7 @@ from sar_imaging.simulation.trials.random_cases import RandomCase, random_case
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
 
-from .machine import machine
+from .support.machine import machine
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'predictions.json'
 RECORDS = pathlib.Path('out/prediction_campaign.jsonl')

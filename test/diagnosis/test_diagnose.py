@@ -14,7 +14,8 @@ from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.scenarios import SCENARIOS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from benchmarks import mistake_recordings, mistakes
+from benchmarks import mistakes
+from benchmarks.support import mistake_recordings
 
 data = pytest.mark.data
 needs_data = pytest.mark.skipif(not mistake_recordings.DATA.is_dir(),

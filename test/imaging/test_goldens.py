@@ -2,8 +2,8 @@
 
 import pytest
 
-from benchmarks.golden_cases import CASES
 from benchmarks.goldens import FOLDER, MOST_PREDICTION_DB, difference_db, form, load
+from benchmarks.support.golden_cases import CASES
 
 # Processors with AVX-512 and AVX2 make equal bits; without fused multiply-add images were -95 to
 # -128 dB away. What `python -m benchmarks.goldens compare` allows on one processor is -120 dB.

@@ -10,7 +10,7 @@ import yaml
 
 pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 
-from benchmarks.obstacle_scenes import Platform
+from benchmarks.support.obstacle_scenes import Platform
 from msg_conversions.images import occupancy_from_message
 from msg_conversions.point_cloud import OBSTACLE_FIELDS, from_message
 from sar_imaging.nodes.afbp_fusion import FusionStep

@@ -20,7 +20,7 @@ from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.tools.measured import load_arcsar, load_gotcha, load_mimo_60ghz, load_team6_rail
 from sar_imaging.tools.recordings.recorded_poses import RecordedPoses
 
-DATA = Path(__file__).resolve().parents[1] / '..' / 'shared' / 'data'
+DATA = Path(__file__).resolve().parents[2] / '..' / 'shared' / 'data'
 START_NS = 1_700_000_000_000_000_000
 _ARC_BEAM_DEG = 35.0  # the antenna sees no further to its sides
 

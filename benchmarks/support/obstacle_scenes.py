@@ -23,7 +23,7 @@ from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 from sar_imaging.signal.windows import window
 
-CONFIG = pathlib.Path(__file__).parents[1] / 'sar_imaging' / 'config'
+CONFIG = pathlib.Path(__file__).parents[2] / 'sar_imaging' / 'config'
 #: Side of the map in metres and pulses per aperture.
 SIZES = {'airborne_x_band': (45.0, 256), 'drone_uwb': (8.0, 256), 'automotive_77ghz': (4.0, 256)}
 _MARGIN_CELLS = 6.0

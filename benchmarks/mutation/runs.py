@@ -14,8 +14,8 @@ import time
 import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from .mutation_sample import Mutation
-from .mutation_tests import around, units
+from .sample import Mutation
+from .tests import around, units
 
 CPU_S, CPU_FACTOR = 60.0, 4.0  # processor time that a run may need beyond the tests', and of it
 COMPILING_S = 120.0  # that kernels may need, all of them
