@@ -28,8 +28,8 @@ from sar_imaging.backends.cpu.fft.choice import OWN, SCIPY, VARIABLE
 from sar_imaging.imaging.afbp import AfbpImager
 
 from .goldens import difference_db
-from .machine import machine
-from .scenes import Case, phase_history
+from .support.machine import machine
+from .support.scenes import Case, phase_history
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'processors.json'
 TARGET_DB = -56.0

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.golden_cases import CASES
 from benchmarks.goldens import difference_db, form
+from benchmarks.support.golden_cases import CASES
 from sar_imaging.backends.cpu.fft import vector_passes
 from sar_imaging.backends.cpu.fft.choice import OWN, SCIPY, VARIABLE
 from sar_imaging.backends.cpu.fft.columns import LANES, rows_to_transform, transform_columns
