@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from . import magnitudes
 from .magnitudes import check_magnitude, probable_unit
-from .radar import RadarParameters, Waveform
+from .radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 
 _LONGEST_START_S = 1e-3  # of ramps of radars; longer ones are microseconds
 _MOST_SAMPLES = 2**24  # of a ramp: more follow only from broken numbers
@@ -22,8 +22,9 @@ _MOST_SAMPLES = 2**24  # of a ramp: more follow only from broken numbers
 
 def fmcw_parameters(*, start_frequency_hz: float, slope_hz_per_s: float, sample_rate_hz: float,
                     n_samples: int, adc_start_s: float = 0.0, real_samples: bool = False,
-                    reference_delay_s: float = 0.0) -> RadarParameters:
-    """Radar parameters of an FMCW radar.
+                    reference_delay_s: float = 0.0,
+                    propagation_speed_m_per_s: float = SPEED_OF_LIGHT) -> RadarParameters:
+    """Radar parameters of an FMCW radar or sonar.
 
     Parameters
     ----------
@@ -43,6 +44,8 @@ def fmcw_parameters(*, start_frequency_hz: float, slope_hz_per_s: float, sample_
     reference_delay_s : float
         Delay of the ramp that is mixed with the echo behind the transmitted one, seconds
         (stretch processing of a distant swath); times count from its start.
+    propagation_speed_m_per_s : float
+        Speed of the waves, metres per second.
 
     Returns
     -------
@@ -65,21 +68,23 @@ def fmcw_parameters(*, start_frequency_hz: float, slope_hz_per_s: float, sample_
     if slope_hz_per_s == 0 or n_samples < 2:
         raise ValueError(f'slope_hz_per_s={slope_hz_per_s}, n_samples={n_samples}; an FMCW radar '
                          'needs a ramp and at least two samples of it')
-    _check_ramp(start_frequency_hz, slope_hz_per_s, sample_rate_hz, n_samples, adc_start_s)
+    _check_ramp(start_frequency_hz, slope_hz_per_s, sample_rate_hz, n_samples, adc_start_s,
+                magnitudes.device(propagation_speed_m_per_s))
     middle_s = adc_start_s + (n_samples - 1) / 2 / sample_rate_hz
     return RadarParameters(
         carrier_hz=start_frequency_hz + slope_hz_per_s * middle_s,
         bandwidth_hz=abs(slope_hz_per_s) * n_samples / sample_rate_hz,
         sample_rate_hz=sample_rate_hz, first_sample_delay_s=reference_delay_s,
         pulse_length_s=n_samples / sample_rate_hz, chirp_rate_hz_per_s=slope_hz_per_s,
-        waveform=Waveform.FMCW_REAL if real_samples else Waveform.FMCW)
+        waveform=Waveform.FMCW_REAL if real_samples else Waveform.FMCW,
+        propagation_speed_m_per_s=propagation_speed_m_per_s)
 
 
 def _check_ramp(start_hz: float, slope: float, rate_hz: float, n_samples: int,
-                adc_start_s: float) -> None:
-    check_magnitude('start_frequency_hz', start_hz, magnitudes.CARRIER)
-    check_magnitude('slope_hz_per_s', slope, magnitudes.SLOPE)
-    check_magnitude('sample_rate_hz', rate_hz, magnitudes.SAMPLE_RATE)
+                adc_start_s: float, device: magnitudes.Device) -> None:
+    check_magnitude('start_frequency_hz', start_hz, device.carrier)
+    check_magnitude('slope_hz_per_s', slope, device.slope)
+    check_magnitude('sample_rate_hz', rate_hz, device.sample_rate)
     if n_samples > _MOST_SAMPLES:
         raise ValueError(f'n_samples={n_samples} of one ramp; expected at most {_MOST_SAMPLES}: '
                          'pass the samples of one ramp, not of all')
@@ -88,7 +93,7 @@ def _check_ramp(start_hz: float, slope: float, rate_hz: float, n_samples: int,
         raise ValueError(
             f'adc_start_s={adc_start_s:.6g} s: the ramp would move {before_hz:.4g} Hz before the '
             f'first sample, from start_frequency_hz={start_hz:.6g}'
-            + (probable_unit('adc_start_s', adc_start_s, magnitudes.DELAY)
+            + (probable_unit('adc_start_s', adc_start_s, device.delay)
                if abs(adc_start_s) > _LONGEST_START_S else f' by slope_hz_per_s={slope:.6g}'))
     if swept_hz > start_hz:
         raise ValueError(

@@ -21,6 +21,7 @@ from sar_imaging.imaging.ffbp import FfbpImager
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.imaging.verification import measure_error
 from sar_imaging.imaging.wavenumber import WavenumberImager
+from sar_imaging.planning import memory
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters
 from sar_imaging.signal.spectra import band_spectrum
@@ -233,6 +234,18 @@ def test_terrain_and_points_are_grids_too(make_case):
         Backprojector(AIRCRAFT.grid, radar, n, height_m=heights)
 
 
+def test_positions_of_oblique_grids_are_part_of_the_memory(monkeypatch):
+    for scene, bytes_per_pixel in ((RAIL, 0), (ROOM, 0), (OBLIQUE, 24)):
+        block, shape = scene.block(scene.random_points(3)), scene.grid.shape
+        imager = Backprojector(scene.grid, block.radar, block.n_samples, target_db=-80.0)
+        plan = imager.plan(block.tx_m, block.rx_m)
+        assert plan.method == 'points'
+        assert plan.n_bytes == bytes_per_pixel * np.prod(shape)
+    monkeypatch.setattr(memory, 'available_bytes', lambda: 16 * int(np.prod(shape)))
+    with pytest.raises(MemoryError, match='positions of 30 x 24 x 23 pixels .* steps along x, y'):
+        Backprojector(scene.grid, block.radar, block.n_samples)(block)
+
+
 def test_what_does_not_fit_into_memory_is_refused(make_case):
     case = make_case(300.0)
     huge = dataclasses.replace(ROOM.grid, n_x=10 ** 5, n_y=10 ** 5, n_z=10 ** 3)
@@ -250,10 +263,12 @@ def test_imagers_of_maps_refuse_other_grids_and_name_the_one_that_does_not(scene
             make()
 
 
-@pytest.mark.parametrize('method', ['auto', 'zero-padding', 'correlation'])
-def test_one_entry_images_any_grid(method):
+@pytest.mark.parametrize(('method', 'backend'), [
+    ('auto', 'cpu'), ('auto', 'reference'), ('zero-padding', 'cpu'), ('correlation', 'cpu')])
+def test_one_entry_images_any_grid(method, backend):
     grid = dataclasses.replace(AIRCRAFT.grid, n_u=20, n_v=15)
     block = AIRCRAFT.block(AIRCRAFT.random_points())
-    image = plan_image(grid, block.radar, block.n_samples, method=method, target_db=-50.0)(block)
+    image = plan_image(grid, block.radar, block.n_samples, method=method, target_db=-50.0,
+                       backend=backend)(block)
     assert image.grid == grid and image.report.target_db == -50.0
     assert against_correlation_db(image.samples, grid, block) <= -45.0  # some cells of the scene

@@ -12,6 +12,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from msg_conversions import subaperture_wire
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.backprojection import Backprojector
@@ -25,6 +26,8 @@ from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters, Wave
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.signal.spectra import band_spectrum
 from sar_imaging.simulation.echoes import EchoSimulator
+from sar_imaging.streaming.fusion import LiveFusion
+from sar_imaging.streaming.subapertures import LiveSubapertures
 
 SHRINK = 2.0 ** -10
 
@@ -93,6 +96,19 @@ def test_afbp_of_waves_of_any_speed(make_case):
     # Beams are planned for a spread that is rounded in metres, hence not to the last bit; either
     # image may be 50 dB, the target, from the exact one.
     assert np.linalg.norm(slow - image) <= 2 * 10 ** (-50 / 20) * np.linalg.norm(image)
+
+
+def test_live_afbp_of_a_sonar_goes_through_messages(make_case):
+    case = shrunk(make_case(1e3, pulses=96, aperture_m=20.0, n_points=5))
+    stage = LiveSubapertures(case.grid, pulses_per_aperture=96, target_db=-50.0)
+    fusion = LiveFusion()
+    sent = stage.add(case.block) + stage.flush()
+    received = [subaperture_wire.from_array(*subaperture_wire.to_array(s)) for s in sent]
+    assert {s.fusion.wavelength_m for s in received} == {case.block.radar.wavelength_m}
+    images = [image for s in received for image in fusion.add(s)] + fusion.flush()
+    exactly = exact(case)
+    assert np.linalg.norm(images[-1].image - exactly) <= 2 * 10 ** (-50 / 20) * np.linalg.norm(
+        exactly)
 
 
 def test_channels_are_calibrated_at_any_speed(make_case):

@@ -7,6 +7,7 @@ import math
 
 import pytest
 
+from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 
 RADAR = {'carrier_hz': 1e9, 'bandwidth_hz': 800e6, 'sample_rate_hz': 2e9,
@@ -49,6 +50,17 @@ def test_units_of_a_sonar_are_recognised(change, text):
     RadarParameters(**SONAR)
     with pytest.raises(ValueError, match=text):
         RadarParameters(**SONAR | change)
+
+
+def test_chirping_sonar():
+    """A ramp of 60 kHz in 1 s from 270 kHz: Hz and Hz/s that no radar has."""
+    ramp = {'start_frequency_hz': 270e3, 'slope_hz_per_s': 60e3, 'sample_rate_hz': 1e3,
+            'n_samples': 1000}
+    radar = fmcw_parameters(**ramp, propagation_speed_m_per_s=1480.0)
+    assert radar.carrier_hz == pytest.approx(300e3, rel=1e-3)
+    assert radar.range_resolution_m == pytest.approx(1480 / 2 / 60e3)
+    with pytest.raises(ValueError, match="start_frequency_hz=270000 Hz is not a radar's"):
+        fmcw_parameters(**ramp)
 
 
 def test_the_numbers_of_a_sonar_are_no_radar():

@@ -21,7 +21,13 @@ from ..profiles.profile_reach import reach_warning, some_pixels
 from ..profiles.range_gate import RangeWindow
 from ..profiles.range_resampling import Lattice, plan_lattice, point_lattice
 from .grid_lines import GridLines
-from .points import ImagePoints, PointPlan, plan_even_points, plan_points
+from .points import (
+    ImagePoints,
+    PointPlan,
+    coordinate_bytes,
+    plan_even_points,
+    plan_points,
+)
 from .polar_image import PolarPlan, plan_polar
 
 # Predictions are for scenes that are evenly bright. Of some dozen scatterers, images are by chance
@@ -103,13 +109,14 @@ class BackprojectionPlan(Plan):
     @property
     def n_bytes(self) -> int:
         """Memory that adding the rows takes besides the image, bytes."""
-        polar = getattr(self.way, 'polar', None)
-        return _SAMPLE_BYTES * polar.n_alpha * polar.n_range if polar else 0
+        if isinstance(self.way, PolarPlan):
+            return _SAMPLE_BYTES * self.way.polar.n_alpha * self.way.polar.n_range
+        return coordinate_bytes(self.grid) if isinstance(self.way, PointPlan) else 0
 
     def __str__(self) -> str:
         way = self.way
         if isinstance(way, LinePlan):
-            return 'pulses are added along the lines of the map'
+            return 'pulses are added along the lines of the grid'
         if isinstance(way, PointPlan):
             return 'pulses are added point by point'
         n = 1 if way.parts is None else len(way.parts.rows)

@@ -181,6 +181,12 @@ class PointPlan(Plan):
     cost: float
 
 
+def coordinate_bytes(grid: ImagePoints | EvenGrid) -> int:
+    """Memory of `image_layers`: coordinates that change along two axes of an image, bytes."""
+    oblique = 0 if isinstance(grid, ImagePoints) else int(np.all(grid.steps_m[-2:], axis=0).sum())
+    return oblique * _COORDINATE_BYTES * math.prod(grid.shape)
+
+
 def image_layers(grid: ImagePoints | EvenGrid) -> list[ImagePoints]:
     """Pixels of a grid, one part of the image after the other: the layers of a volume.
 
@@ -191,10 +197,9 @@ def image_layers(grid: ImagePoints | EvenGrid) -> list[ImagePoints]:
     """
     if isinstance(grid, ImagePoints):
         return [grid]
-    oblique = int(np.all(grid.steps_m[-2:], axis=0).sum())
-    check_memory(oblique * _COORDINATE_BYTES * math.prod(grid.shape),
-                 f'{oblique} coordinates of {" x ".join(map(str, reversed(grid.shape)))} pixels',
-                 'choose a smaller grid, a larger pixel spacing or steps along x, y and z')
+    size = ' x '.join(map(str, reversed(grid.shape)))
+    check_memory(coordinate_bytes(grid), f'positions of {size} pixels', 'choose a smaller grid, '
+                 'a larger pixel spacing or steps along x, y and z')
     if isinstance(grid, VolumeGrid):
         return [ImagePoints.of_grid(grid.slice(layer)) for layer in range(grid.n_z)]
     return [ImagePoints.of_grid(grid)]
