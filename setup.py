@@ -54,6 +54,7 @@ arguments = dict(
             'wait_until_active = sar_imaging.tools.wait_until_active:main',
             'simulate = sar_imaging.tools.simulate:main',
             'compile_kernels = sar_imaging.tools.compile_kernels:main',
+            'measure_costs = sar_imaging.tools.measure_costs:main',
             'check_config = sar_imaging.tools.check_config:main',
             'evaluate = sar_imaging.tools.evaluate:main',
             'layouts = sar_imaging.tools.layouts:main',

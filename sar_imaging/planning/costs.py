@@ -13,7 +13,7 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 VARIABLE = 'SAR_IMAGING_COSTS'  # of the environment: file of measured costs
@@ -43,6 +43,14 @@ class CostModel:
     coarse_pixel, fine_pixel, subaperture : float
         Fusion of spectra: of a pixel of a sub-aperture image, of the fused image, and of a
         sub-aperture.
+    profile_bin, profile_cell : float
+        Range profiles: of the spectrum of a row, by its samples, and of resampling a row, by
+        the positions on its lattice. No way of imaging is chosen by these and the following three:
+        they belong to the predicted time alone.
+    beam_path, beam_run : float
+        Beams: path of a row for a beam, and phasors of a row, group of beams and run of bins.
+    image : float
+        Of an image, whatever its size.
     """
 
     line_pixel: float = 0.25
@@ -59,11 +67,20 @@ class CostModel:
     coarse_pixel: float = 1.75
     fine_pixel: float = 2.0
     subaperture: float = 2.5e5
+    profile_bin: float = 3.0
+    profile_cell: float = 7.0
+    beam_path: float = 35.0
+    beam_run: float = 25.0
+    image: float = 2e5
 
     def __post_init__(self):
         for name, value in dataclasses.asdict(self).items():
             if not (isinstance(value, int | float) and math.isfinite(value) and value > 0):
                 raise ValueError(f'{name}={value!r}; expected a positive number of nanoseconds')
+
+    def seconds(self, operations: Mapping[str, float]) -> float:
+        """Time of operations on one thread, from how often each of them is done."""
+        return 1e-9 * sum(getattr(self, name) * n for name, n in operations.items())
 
     def write(self, path: Path) -> None:
         """Write the costs as JSON."""

@@ -19,6 +19,7 @@ COMMANDS = {
     ('calibrate',): 'calibrate',
     ('layouts',): 'layouts',
     ('compile',): 'compile_kernels',
+    ('measure-costs',): 'measure_costs',
     ('load', 'gotcha'): 'measured.load_gotcha',
     ('load', 'rail'): 'measured.load_team6_rail',
     ('load', 'arcsar'): 'measured.load_arcsar',

@@ -68,8 +68,9 @@ def test_bright_surroundings_are_imaged_exactly(make_case):
     """AFBP predicts for even scenes; what is much brighter right beside the map raises it."""
     case = make_case(1e3, pulses=128, n_points=1)
     x, y, _ = case.points[0]
-    beside = dataclasses.replace(case.grid, centre_m=(x, y - 10.0, 0.0), n_x=48, n_y=48)
-    with using(dataclasses.replace(DEFAULT, line_pixel=1e5, point_pixel=1e6)):
+    beside = dataclasses.replace(case.grid, centre_m=(x, y - 16.0, 0.0), n_x=96, n_y=96)
+    with using(dataclasses.replace(DEFAULT, line_pixel=1e4, point_pixel=1e6,
+                                   upsampled_pixel=1e6)):
         afbp = _imager(case, beside, method='afbp', target_db=-50.0)(case.block)
         image = _imager(case, beside, target_db=-50.0)(case.block)
     assert afbp.report.predicted_error_db > -40.0  # measured: -28 dB

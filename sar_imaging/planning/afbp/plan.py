@@ -16,6 +16,7 @@ from ..plan import Plan
 from ..profiles.phase_history import RangeBand
 from ..profiles.profile_reach import reach_warning, some_pixels
 from .map_cover import cover_for_fusion, map_coverage
+from .operations import fusion_operations, image_operations
 from .subapertures import SubaperturePlan, plan_subapertures
 
 _SAMPLE_BYTES = 8  # complex64
@@ -130,8 +131,10 @@ def _check(grid, target_db, tx_m, rx_m, compressed, weighting) -> None:
 
 
 def _seconds(grid, plan: SubaperturePlan) -> float:
-    pixels = grid.n_x * grid.n_y if isinstance(grid, MapGrid) else 0
-    return 1e-9 * (plan.sampling.cost + costs().map_pixel * pixels)
+    n_rows = plan.n_channels * sum(p.stop - p.start for p in plan.sampling.pulses)
+    counts = {'image': 1, 'map_pixel': grid.n_x * grid.n_y if isinstance(grid, MapGrid) else 0}
+    counts |= image_operations(plan, n_rows, plan.n_subapertures)
+    return costs().seconds(counts | fusion_operations(plan))
 
 
 def _n_bytes(grid, plan: SubaperturePlan) -> int:

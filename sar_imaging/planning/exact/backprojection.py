@@ -104,7 +104,20 @@ class BackprojectionPlan(Plan):
     @property
     def seconds(self) -> float:
         """Predicted time on one thread."""
-        return 1e-9 * self.way.cost * math.prod(self.grid.shape)
+        return costs().seconds(self.operations)
+
+    @property
+    def operations(self) -> dict[str, float]:
+        """How often the operations of `CostModel` are done."""
+        way, n_pixels, counts = self.way, math.prod(self.grid.shape), {'image': 1}
+        if isinstance(way, PolarPlan):
+            counts['map_pixel'] = n_pixels
+            n_pixels = n_fine = way.polar.n_alpha * way.polar.n_range
+            if way.parts is not None:
+                coarse, n_parts = way.parts.coarse, len(way.parts.rows)
+                counts |= {'upsampled_pixel': n_parts * n_fine, 'upsampled_part': n_parts}
+                n_pixels = coarse.n_alpha * coarse.n_range
+        return counts | way.lattice.operations(len(self.tx_m), n_pixels)
 
     @property
     def n_bytes(self) -> int:

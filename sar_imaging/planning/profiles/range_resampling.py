@@ -183,6 +183,14 @@ class Lattice:
         """Half-path distance between the lattice positions of neighbouring pixels, metres."""
         return self.step_m * self.n_phases
 
+    def operations(self, n_rows: int, n_pixels: int) -> dict[str, float]:
+        """How often adding rows to an image does the operations of `CostModel`."""
+        both = n_rows * n_pixels
+        pixels = ({'line_pixel': both, 'line_segment': both / self.segment} if self.segment
+                  else {'point_pixel': both})
+        return {'profile_bin': n_rows * self.n_padded,
+                'profile_cell': n_rows * self.n_cells * self.n_phases, **pixels}
+
 
 def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParameters,
                  n_samples: int, target_db: float, *, fit_spacing: bool = False,

@@ -1,0 +1,5 @@
+"""What the operations of this backend cost on this machine.
+
+- `experiments`: small images, with how often they do each operation;
+- `measurement`: their times, and the costs that explain them.
+"""

@@ -1,0 +1,110 @@
+"""Times of the experiments on one thread, and the costs that explain them best."""
+
+from __future__ import annotations
+
+import dataclasses
+import statistics
+import time
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import scipy.optimize
+from tqdm import tqdm
+
+from ....compilation import numba
+from ....planning.costs import DEFAULT, CostModel
+from .experiments import FUSION_OVERHEAD, IMAGE_OVERHEAD, Experiment, experiments
+
+_ROUNDS, _LEAST_S = 7, 0.2  # of each experiment
+_FURTHEST = 50.0  # from the default, a factor
+# Weight of an equation that a cost has the common ratio to its default, which holds where times
+# tell nothing of it
+_COMMON = 0.1
+
+
+@dataclasses.dataclass(frozen=True)
+class Timing:
+    """How long an experiment took.
+
+    Attributes
+    ----------
+    name : str
+        What it was.
+    operations : mapping of str to float
+        How often it did each operation.
+    seconds : float
+        Median of the rounds.
+    """
+
+    name: str
+    operations: Mapping[str, float]
+    seconds: float
+
+
+def measure(*, rounds: int = _ROUNDS, least_s: float = _LEAST_S,
+            progress: bool = False) -> list[Timing]:
+    """Time all experiments on one thread.
+
+    Times are those of the processor: what else it does in the meantime is not counted, though it
+    takes from the cache.
+
+    Parameters
+    ----------
+    rounds : int
+        Of each experiment, at least, after one that compiles and fetches memory.
+    least_s : float
+        Rounds take as long together, at least, seconds.
+    progress : bool
+        Show a progress bar on standard error.
+    """
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        return [_timed(experiment, rounds, least_s) for experiment in
+                tqdm(experiments(), desc='experiments', unit='', disable=not progress)]
+    finally:
+        numba.set_num_threads(threads)
+
+
+def _timed(experiment: Experiment, rounds: int, least_s: float) -> Timing:
+    experiment.run()
+    seconds: list[float] = []
+    while len(seconds) < rounds or sum(seconds) < least_s:
+        begin = time.process_time()
+        experiment.run()
+        seconds.append(time.process_time() - begin)
+    return Timing(experiment.name, experiment.operations, statistics.median(seconds))
+
+
+def solve(timings: Sequence[Timing]) -> tuple[CostModel, np.ndarray]:
+    """Costs with which predicted times are nearest to measured ones.
+
+    Least squares of the relative errors, ``sum_i (sum_f n_if c_f / t_i - 1)^2``: the costs c_f are
+    positive, and within a factor of 50 of the default.
+
+    Parameters
+    ----------
+    timings : sequence of Timing
+        Of all experiments.
+
+    Returns
+    -------
+    model : CostModel
+    predicted : (len(timings),) float64
+        Predicted times over measured ones.
+    """
+    usual = dataclasses.asdict(DEFAULT)
+    overhead = usual.pop('subaperture')
+    usual |= dict.fromkeys((IMAGE_OVERHEAD, FUSION_OVERHEAD), overhead / 2)
+    counts = np.array([[t.operations.get(name, 0.0) for name in usual] for t in timings])
+    shares = 1e-9 * counts * list(usual.values()) / np.array([[t.seconds] for t in timings])
+    n = len(usual)
+    # Unknown are the ratios to the defaults, and last the one that they have in common.
+    equations = np.vstack([np.c_[shares, np.zeros(len(timings))],
+                           _COMMON * np.c_[np.eye(n), -np.ones(n)]])
+    right = np.r_[np.ones(len(timings)), np.zeros(n)]
+    ratios = scipy.optimize.lsq_linear(equations, right, (1 / _FURTHEST, _FURTHEST)).x[:n]
+    found = {name: float(ratio * value)
+             for ratio, (name, value) in zip(ratios, usual.items(), strict=True)}
+    found['subaperture'] = found.pop(IMAGE_OVERHEAD) + found.pop(FUSION_OVERHEAD)
+    return CostModel(**found), shares @ ratios
