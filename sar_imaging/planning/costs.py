@@ -41,16 +41,12 @@ class CostModel:
     beam_pixel, beam_segment : float
         Lines from beams: of a pixel, and in addition of a segment.
     coarse_pixel, fine_pixel, subaperture : float
-        Fusion of spectra: of a pixel of a sub-aperture image, of the fused image, and of a
-        sub-aperture.
+        Fusion: of a pixel of a sub-aperture image, of the fused image, and of a sub-aperture.
     profile_bin, profile_cell : float
-        Range profiles: of the spectrum of a row, by its samples, and of resampling a row, by
-        the positions on its lattice. No way of imaging is chosen by these and the following three:
-        they belong to the predicted time alone.
-    beam_path, beam_run : float
-        Beams: path of a row for a beam, and phasors of a row, group of beams and run of bins.
-    image : float
-        Of an image, whatever its size.
+        Range profiles: of a row, by the samples of its spectrum and the positions of its lattice.
+    beam_path, beam_run, image : float
+        Of a row and beam; of a row, group of beams and run of bins; of an image. Nothing is
+        chosen by these and the two before: predicted times contain them.
     """
 
     line_pixel: float = 0.25
@@ -96,8 +92,7 @@ class CostModel:
             The file holds something else.
         """
         try:
-            values = json.loads(path.read_text())
-            return cls(**values)
+            return cls(**json.loads(path.read_text()))
         except (OSError, TypeError, ValueError) as error:
             raise ValueError(f'{path} holds no costs ({error}); write it with `sar-imaging '
                              'measure-costs`') from error

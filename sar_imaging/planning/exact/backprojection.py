@@ -111,12 +111,11 @@ class BackprojectionPlan(Plan):
         """How often the operations of `CostModel` are done."""
         way, n_pixels, counts = self.way, math.prod(self.grid.shape), {'image': 1}
         if isinstance(way, PolarPlan):
-            counts['map_pixel'] = n_pixels
-            n_pixels = n_fine = way.polar.n_alpha * way.polar.n_range
-            if way.parts is not None:
-                coarse, n_parts = way.parts.coarse, len(way.parts.rows)
-                counts |= {'upsampled_pixel': n_parts * n_fine, 'upsampled_part': n_parts}
-                n_pixels = coarse.n_alpha * coarse.n_range
+            grid, n_parts = (way.polar, 0) if way.parts is None else (
+                way.parts.coarse, len(way.parts.rows))
+            counts |= {'map_pixel': n_pixels, 'upsampled_part': n_parts,
+                       'upsampled_pixel': n_parts * way.polar.n_alpha * way.polar.n_range}
+            n_pixels = grid.n_alpha * grid.n_range
         return counts | way.lattice.operations(len(self.tx_m), n_pixels)
 
     @property

@@ -185,11 +185,10 @@ class Lattice:
 
     def operations(self, n_rows: int, n_pixels: int) -> dict[str, float]:
         """How often adding rows to an image does the operations of `CostModel`."""
-        both = n_rows * n_pixels
-        pixels = ({'line_pixel': both, 'line_segment': both / self.segment} if self.segment
-                  else {'point_pixel': both})
-        return {'profile_bin': n_rows * self.n_padded,
-                'profile_cell': n_rows * self.n_cells * self.n_phases, **pixels}
+        counts = {'profile_bin': self.n_padded, 'profile_cell': self.n_cells * self.n_phases}
+        counts |= ({'line_pixel': n_pixels, 'line_segment': n_pixels / self.segment}
+                   if self.segment else {'point_pixel': n_pixels})
+        return {name: n_rows * n for name, n in counts.items()}
 
 
 def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParameters,
