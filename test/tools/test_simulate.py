@@ -15,6 +15,7 @@ import pytest
 
 from sar_imaging.configuration.parameters import default_file, read_configuration
 from sar_imaging.signal.pulses import concatenate
+from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.simulation.scenarios.scenario import Scenario
 from sar_imaging.tools import simulate
@@ -72,7 +73,9 @@ def test_truth_describes_the_recording(tmp_path, name):
     assert truth['scenario'] == name and truth['frame'] == 'map'
     assert truth['compressed'] == block.compressed
     assert (truth['n_pulses'], truth['n_channels']) == block.samples.shape[:2]
-    assert truth['radar'] == {**dataclasses.asdict(scenario.radar), 'waveform': 'LFM'}
+    radar = {**dataclasses.asdict(scenario.radar), 'waveform': 'LFM'}
+    assert radar.pop('propagation_speed_m_per_s') == SPEED_OF_LIGHT  # which is not written
+    assert truth['radar'] == radar
     assert truth['grid'] == {'centre_m': list(scenario.grid.centre_m), 'n_x': scenario.grid.n_x,
                              'n_y': scenario.grid.n_y, 'spacing_m': scenario.grid.spacing_m}
     for got, scatterer in zip(truth['scatterers'], scenario.scatterers, strict=True):

@@ -20,7 +20,7 @@ from pathlib import Path
 from msg_conversions.wire import from_array, to_array
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.signal.pulses import PulseBlock
-from sar_imaging.signal.radar import RadarParameters
+from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 
 from .recorded_poses import ODOMETRY_TOPIC, ODOMETRY_TYPE, RecordedPoses
 
@@ -280,6 +280,8 @@ def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], g
 
 
 def radar_to_dict(radar: RadarParameters) -> dict:
-    """Fields of the radar parameters, the waveform by its name."""
+    """Fields of the radar parameters, the waveform by its name, a speed that is not light's."""
     fields = {name: getattr(radar, name) for name in radar.__dataclass_fields__}
+    if radar.propagation_speed_m_per_s == SPEED_OF_LIGHT:  # as in recordings of before
+        del fields['propagation_speed_m_per_s']
     return fields | {'waveform': radar.waveform.name}

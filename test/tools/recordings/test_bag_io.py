@@ -9,6 +9,7 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.tools.recordings import bag_io
 from sar_imaging.tools.recordings.bag_io import BagError
@@ -46,6 +47,13 @@ def test_blocks_come_back(bag, blocks):
 
 def test_truth_comes_back(bag):
     assert bag_io.read_truth(bag) == TRUTH
+
+
+@pytest.mark.parametrize(('speed', 'written'), [(SPEED_OF_LIGHT, {}), (1e8, {1e8})])
+def test_the_truth_names_a_speed_that_is_not_light_s(speed, written):
+    radar = RadarParameters(1e9, 1e8, 2e8, 1e-8, propagation_speed_m_per_s=speed)
+    fields = bag_io.radar_to_dict(radar)
+    assert {v for k, v in fields.items() if k == 'propagation_speed_m_per_s'} == set(written)
 
 
 def test_message_time_is_that_of_the_last_pulse(bag, blocks):
