@@ -198,22 +198,60 @@ def _interpolate(real, imag, polar, grid, image, rounds, add, axis, wavelength_m
         n_strips = -(-(end - begin) // LANES)
         job = max(1, min(_MOST_STRIPS, n_strips // (_JOBS_PER_THREAD * n_tasks)))  # its strips
         counter = job_counter()
-        _resample(real.ctypes.data, imag.ctypes.data, real.strides[0], polar.n_range,
-                  polar.n_alpha - between.n_taps - 2.0, squares.ctypes.data, inverses.ctypes.data,
-                  rows[begin:end], line, direction, (polar.range_start_m, 1 / step,
-                                                     2 / wavelength_m),
-                  polar.height_m ** 2, weights[0].ctypes.data, (0,) * between.n_taps,
-                  weights[1].ctypes.data, (0,) * along.n_taps, along.first,
-                  image.ctypes.data + begin * int(steps[0]), steps, int(add), tables,
-                  work.ctypes.data, work.strides[0], length * VECTOR_BYTES, n_strips, job,
-                  counter.ctypes.data)
+        _resample((real.ctypes.data, imag.ctypes.data, real.strides[0], polar.n_range,
+                   polar.n_alpha - between.n_taps - 2.0),
+                  (rows[begin:end], line, direction, polar.height_m ** 2),
+                  (squares.ctypes.data, inverses.ctypes.data, polar.range_start_m, 1 / step,
+                   2 / wavelength_m),
+                  (weights[0].ctypes.data, (0,) * between.n_taps),
+                  (weights[1].ctypes.data, (0,) * along.n_taps, along.first),
+                  (image.ctypes.data + begin * int(steps[0]), steps, int(add)), tables,
+                  (work.ctypes.data, work.strides[0], length * VECTOR_BYTES),
+                  (n_strips, job, counter.ctypes.data))
 
 
 @njit(parallel=True, fastmath=REPEATABLE)
-def _resample(real, imag, apart, n_range, last, squares, inverses, rows, line, direction, ranges,
-              height2, weights_between, taps_between, weights, taps, first, image, steps, add,
-              tables, work, work_bytes, strip_bytes, n_strips, job, counter):
-    """Strip by strip; addresses instead of arrays where vectors are read or written."""
+def _resample(polar, grid, reach, between, along, target, tables, memory, share):
+    """Strip by strip of `LANES` rows, part by part of their pixels, in both passes.
+
+    A row of the map at distance q beside the origin and h below it meets range r at
+    ``p = sqrt(r^2 - q^2 - h^2)`` ahead, in direction cosine ``alpha = (p u_p + q u_q) / r`` with
+    the track direction u. First pass: ``g_q(r) = sum_k c_k(alpha) f(alpha_k, r)``. Second pass, at
+    pixel p of the row, ``r = sqrt(p^2 + q^2 + h^2)``:
+    ``f(p, q) = exp(j 4 pi (r - r_0) / lambda) sum_l c_l(r) g_q(r_l)``. The weights c are
+    polynomials of the place between neighbours (Farrow 1988).
+
+    Parameters
+    ----------
+    polar : tuple
+        Addresses of its real and imaginary part, bytes between lines, ranges, last line to
+        interpolate from.
+    grid : tuple
+        Rows q and pixels p, float64, metres; of `_positions`, how directions are told; h^2.
+    reach : tuple
+        Addresses of r^2 and 1/r by range, from `LANES` before the first one on; first range, 1
+        over their spacing, metres, and cycles of the carrier per metre.
+    between, along : tuple
+        Address of the centred weights, (DEGREE + 1, taps / 2) float32, and a tuple as long as the
+        taps; along range also the first neighbour.
+    target : tuple
+        Address of the first row, its steps from row to row and from pixel to pixel, bytes, and 1
+        to add instead of storing.
+    tables : (T, 3, LANES) float64
+        Work space of the tasks.
+    memory : tuple
+        Address of more, bytes of a task, and of the real part of a strip.
+    share : tuple
+        Strips, how many are a job, and the address of a `job_counter`.
+    """
+    real, imag, apart, n_range, last = polar
+    rows, line, direction, height2 = grid
+    squares, inverses, ranges = reach[0], reach[1], reach[2:]
+    weights_between, taps_between = between
+    weights, taps, first = along
+    image, steps, add = target
+    work, work_bytes, strip_bytes = memory
+    n_strips, job, counter = share
     n_pixels = len(line)
     for task in numba.prange(len(tables)):
         panel = work + task * work_bytes

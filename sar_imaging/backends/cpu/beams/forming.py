@@ -6,12 +6,16 @@ compiler's sake.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ....compilation import REPEATABLE, njit, numba
+from ....planning.afbp.beam_gain import BeamGain
 from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
-from ..threads import take_job
+from ..threads import job_counter, take_job
 from .accumulation import LANES, ROWS, add_rows
+from .phasors import row_phasors
 
 BINS = 128  # whose samples stay in the cache
 _GAUSS = 0.5 - 0.5 / 3 ** 0.5  # where a straight line agrees best with a parabola over 0 to 1
@@ -20,77 +24,129 @@ _E0, _E2, _E3, _E4, _E5 = (np.float32(1 / v) for v in (1, 2, 6, 24, 120))
 _u = np.uint64
 
 
+class SpectrumBins(NamedTuple):
+    """Bins of the rows' spectra that make beams.
+
+    Parameters
+    ----------
+    runs : (J, 4) int64
+        Bins of each job: the first one in the rows' spectra and in the beams', its number counted
+        from the carrier's, how many.
+    common : (2 * N,) float32
+        Factor of each bin of the rows' spectra, real and imaginary parts in turn.
+    cycles : (2,) float64
+        Cycles per metre of half path at the carrier, and what they grow from bin to bin.
+    n_cells : int
+        Bins of the beams' spectra.
+    """
+
+    runs: np.ndarray
+    common: np.ndarray
+    cycles: np.ndarray
+    n_cells: int
+
+    @classmethod
+    def of(cls, common, cycles, zero: int, n_cells: int, longest: int) -> SpectrumBins:
+        """Runs of at most so many of the bins that cells hold; `zero` is the carrier's."""
+        n_bins = len(common)
+        kept = min(n_bins, n_cells)
+        upper, lower = (kept + 1) // 2, kept // 2
+        runs = []
+        for first, target, start, count in ((zero, 0, 0, upper), ((zero - lower) % n_bins,
+                                                                  n_cells - lower, -lower, lower)):
+            runs += [(first + i, target + i, start + i, min(longest, count - i))
+                     for i in range(0, count, longest)]
+        return cls(np.array(runs), common.astype(np.complex64).view(np.float32), cycles, n_cells)
+
+
+def form_beams(spectra, path_m, bins: SpectrumBins, between: BeamGain, weights, group: int,
+               paired: bool, beams, buffer) -> None:
+    """Sum of the rows' spectra with the delays of each direction.
+
+    ``B_m[n] = a[n] sum_i w_i g_i[n] S_i[n] exp(j 2 pi c_n L_mi)``, with a factor a of each bin.
+    The gain g is deapodisation (Jackson et al. 1991; Fessler and Sutton 2003): a row's frequency
+    from beam to beam is ``f = c_n dL/dm``, and ``1 / g(f)`` is what interpolation between beams
+    leaves of it. It is that of the group's middle, and its logarithm a straight line over each run
+    of bins. What lies between the bins of positive and those of negative number is set to zero.
+
+    Parameters
+    ----------
+    spectra : (R, N) complex64
+        S, contiguous.
+    path_m : (M, R) float64
+        L, metres.
+    bins : SpectrumBins
+        a, c, and which bins.
+    between : BeamGain
+        g.
+    weights : (R,) float32 or None
+        w.
+    group : int
+        Beams of a group, see `phasors`: even, or one.
+    paired : bool
+        Rows on opposite sides share phasors.
+    beams : (M, at least n_cells) complex64
+        Written to; contiguous.
+    buffer : callable
+        ``buffer(name, shape, dtype)`` gives work space.
+    """
+    n_beams, n_rows = path_m.shape
+    phasors = row_phasors(path_m, group, paired, bins.cycles)
+    n_tasks, half = numba.get_num_threads(), -(-group // 2)
+    sizes = {'base re': BINS * len(phasors.order), 'base im': BINS * len(phasors.order),
+             'turn re': len(phasors.middle) * LANES, 'turn im': len(phasors.middle) * LANES,
+             'turn steps': 2 * len(phasors.middle), 'rows': 4 * ROWS * LANES,
+             'phasor re': len(phasors.beside), 'phasor im': len(phasors.beside),
+             'sums': 4 * half * BINS}
+    work = tuple(buffer(name, (n_tasks * size,), np.float32) for name, size in sizes.items())
+    jobs = job_counter()
+    # plain tuples: Numba takes 20 us to tell the type of a named one
+    _form_beams(spectra.reshape(-1).view(np.float32),
+                (spectra.shape[1], n_beams, beams.shape[1]), tuple(bins),
+                np.ones(n_rows, np.float32) if weights is None else weights, tuple(phasors),
+                (between.log_gain, between.step), group, beams.reshape(-1).view(np.float32),
+                jobs.ctypes.data, work)
+
+
 @njit(parallel=True, fastmath=REPEATABLE)
-def form_beams(samples, shape, runs, common, weight, order, shift, carrier, slope, log_gain,
-               gain_step, beside, turn_step, phasor_step, cycles_per_bin, group, out, jobs,
-               base_re, base_im, turn_re, turn_im, turn_steps, rows, phasor_re, phasor_im, sums):
-    """Sum the rows' spectra for each beam, ``out_m[b] = sum_i g_i[b] S_i[b] exp(j k_b path_im)``.
+def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, work):
+    """Run by run of bins; `form_beams` says what, `phasors` how beams and rows share phases.
 
-    What lies between the bins of positive and those of negative number is set to zero.
-
-    The phase is exact for the middle of each group of beams. On either side of it beams share
-    phasors, one of a couple taking the conjugates: what cosines and sines count is summed apart.
-    Their growth from bin to bin is held over a vector of bins. Rows on opposite sides of the
-    centre may share phasors likewise. The gain g of a row's frequency from beam to beam is that
-    of the group's middle, and its logarithm a straight line over each run of bins.
+    What a pair's cosines and sines count is summed apart: one beam is their sum, the other their
+    difference. The growth of phases from bin to bin is held over a vector of bins.
 
     Parameters
     ----------
     samples : (2 * R * N,) float32
         Spectra of R rows; real and imaginary parts in turn.
     shape : tuple of int
-        ``(N, M, n, n_cells)``: bins, beams, from one beam's spectrum to the next, its length.
-    runs : (J, 4) int64
-        Bins of each job: the first one in `samples` and in `out`, its number counted from the
-        carrier's, how many.
-    common : (2 * N,) float32
-        Factor of each bin of `samples`, real and imaginary parts in turn.
+        ``(N, M, n)``: bins, beams, and bins from one beam to the next.
+    bins : tuple
+        Of `SpectrumBins`.
     weight : (R,) float32
         Factor of each row.
-    order : (Q,) or (2 * Q,) int64
-        Row of each of `ROWS` phasors of a block, then of their conjugates if rows share them, then
-        those of the next block; -1 for none.
-    shift : (G * len(order),) float64
-        What a row's path is longer for the middle of a group of beams than the reference's,
-        metres, in that order.
-    carrier : (G * len(order),) float64
-        Phase of that at the carrier, cycles.
-    slope : (G * len(order),) float64
-        What a row's path grows from beam to beam, metres, in that order.
-    log_gain : (N,) float64
-        Natural logarithm of the gain by the magnitude of the frequency, from 0.
-    gain_step : float
-        Of its table, cycles per beam.
-    beside : (G * Q * H,) float64
-        What a row's path is longer for a beam than for the group's middle, metres: groups, blocks,
-        couples of beams from the outermost inwards, phasors of the block. The other beam's is the
-        negative.
-    turn_step : (2 * G * len(order),) float32
-        Phasors of `shift` over a vector of bins, real parts first.
-    phasor_step : (2 * G * Q * H,) float32
-        The same of `beside`.
-    cycles_per_bin : (2,) float64
-        Cycles per metre of half path at the carrier, and what they grow from bin to bin.
+    phasors : tuple
+        Of `RowPhasors`.
+    gain : tuple
+        Natural logarithm by the magnitude of the frequency, from 0, (K,) float64; its step, cycles
+        per beam.
     group : int
-        Beams of a group, of H couples; the middle one of an odd number is a couple's both.
+        Beams of a group, of H pairs; the middle one of an odd number is a pair's both.
     out : (2 * M * n,) float32
         Written to.
     jobs : int
-        Address of a `work_sharing.job_counter`.
-    base_re, base_im : (T * BINS * len(order),) float32
-        Work space.
-    turn_re, turn_im : (T * G * len(order) * LANES,) float32
-        Work space.
-    turn_steps : (T * 2 * G * len(order),) float32
-        Work space.
-    rows : (T * ROWS * 4 * LANES,) float32
-        Work space.
-    phasor_re, phasor_im : (T * G * Q * H,) float32
-        Work space.
-    sums : (T * 4 * H * BINS,) float32
-        Work space.
+        Address of a `job_counter`.
+    work : tuple of (n,) float32
+        Of T tasks: rows' samples, real and imaginary parts, BINS * len(order) a task; phasors of
+        the groups' middles over a vector, G * len(order) * LANES each; their steps,
+        2 * G * len(order); a block of rows, ROWS * 4 * LANES; phasors of pairs, G * Q * H each;
+        sums, 4 * H * BINS.
     """
-    n_bins, n_beams, n_out, n_cells = shape
+    runs, common, cycles_per_bin, n_cells = bins
+    order, shift, carrier, slope, beside, turn_step, phasor_step = phasors
+    log_gain, gain_step = gain
+    base_re, base_im, turn_re, turn_im, turn_steps, rows, phasor_re, phasor_im, sums = work
+    n_bins, n_beams, n_out = shape
     kept = min(n_bins, n_cells)
     n_rows, n_groups, half = len(order), (n_beams + group - 1) // group, (group + 1) // 2
     n_turns, n_phasors = n_groups * n_rows * LANES, len(beside)

@@ -9,7 +9,6 @@ interpolated from them.
 
 from __future__ import annotations
 
-import functools
 import math
 
 import numpy as np
@@ -26,8 +25,9 @@ from ..fft.rows import transform_rows
 from ..memory import WorkSpace
 from ..profile_spectra import spectra
 from ..threads import job_counter
-from . import forming as kernels, interpolation as reading
+from . import interpolation as reading
 from .accumulation import CELL_TAPS
+from .forming import SpectrumBins, form_beams
 from .paths import CompiledBeamGeometry
 
 _PAGE, _STRIDE = 512, 40  # complex samples
@@ -63,14 +63,15 @@ class BeamLines:
             min(max(-first, 0), lattice.n_cells), min(max(lattice.n_cells - first, 0),
                                                       lattice.n_cells))
         gain = source.gain(lattice.n_padded)
-        self._cycles_per_bin = 1 / (lattice.n_cells * lattice.cell_m)
+        n_bins, per_bin = len(gain), 1 / (lattice.n_cells * lattice.cell_m)
         self._per_metre = 2 / source.radar.wavelength_m
-        longest = bins_per_run(len(gain), len(gain) * self._cycles_per_bin / self._per_metre)
-        self._runs, number = _runs(len(gain), lattice.n_cells, source.zero, longest)
+        number = (np.arange(n_bins) - source.zero + n_bins // 2) % n_bins - n_bins // 2
         # Each bin's share is changed beforehand by what reading the cells takes from it.
         gain = sampling.range_gain(gain, number, lattice.n_cells)
         shift = np.fmod(number * (first / lattice.n_cells), 1.0)
-        self._common = (gain * np.exp(2j * np.pi * shift)).astype(np.complex64)
+        self._bins = SpectrumBins.of(
+            gain * np.exp(2j * np.pi * shift), np.array([self._per_metre, per_bin]), source.zero,
+            lattice.n_cells, bins_per_run(n_bins, n_bins * per_bin / self._per_metre))
         self._lines, self._edges = self._positions(), grid_edges(polar)
 
     def _positions(self) -> np.ndarray:
@@ -114,33 +115,13 @@ class BeamLines:
 
     def _beams(self, samples, path, paired, weights) -> np.ndarray:
         """(M, n_cells) complex64 beams at range baseband, valid until the next call."""
-        n_beams, n_rows = path.shape
+        n_beams, n_cells = len(path), self._lattice.n_cells
         group = self._sampling.group_of(n_beams)
-        n_cells = self._lattice.n_cells
-        spectrum = spectra(self._source, samples, self._lattice.n_padded,
-                           self._buffer)
-        rows, middle, slope, beside = _phasors(path, group, paired)
-        between = self._sampling.between
+        spectrum = spectra(self._source, samples, self._lattice.n_padded, self._buffer)
         stride = _uncrowded(n_cells + reading.TILE)
         beams = self._buffer('beams', (n_beams, stride), np.complex64)
-        n_tasks, lanes = numba.get_num_threads(), kernels.LANES
-        sizes = {'base re': kernels.BINS * len(rows), 'base im': kernels.BINS * len(rows),
-                 'turn re': middle.size * lanes, 'turn im': middle.size * lanes,
-                 'turn steps': 2 * middle.size,
-                 'rows': 4 * kernels.ROWS * lanes, 'phasor re': beside.size,
-                 'phasor im': beside.size, 'sums': 4 * beside.shape[2] * kernels.BINS}
-        work = [self._buffer(name, (n_tasks * size,), np.float32) for name, size in sizes.items()]
-        jobs = job_counter()
-        kernels.form_beams(
-            spectrum.reshape(-1).view(np.float32), (spectrum.shape[1], n_beams, stride, n_cells),
-            self._runs, self._common.view(np.float32),
-            np.ones(n_rows, np.float32) if weights is None else weights, rows,
-            middle.reshape(-1), np.fmod(self._per_metre * middle, 1.0).reshape(-1),
-            slope.reshape(-1), between.log_gain, between.step, beside.reshape(-1),
-            _step_phasors(self._cycles_per_bin * middle),
-            _step_phasors(self._cycles_per_bin * beside),
-            np.array([self._per_metre, self._cycles_per_bin]), group,
-            beams.reshape(-1).view(np.float32), jobs.ctypes.data, *work)
+        form_beams(spectrum, path, self._bins, self._sampling.between, weights, group, paired,
+                   beams, self._buffer)
         transform_rows(beams[:, :n_cells], inverse=True)
         beams[:, :self._known[0]] = 0.0
         beams[:, self._known[1]:] = 0.0
@@ -165,83 +146,9 @@ class BeamLines:
             jobs.ctypes.data)
 
 
-def _runs(n_bins: int, n_cells: int, zero: int, longest: int):
-    """Bins of each task of `form_beams`, and every bin's number counted from the carrier's."""
-    number = (np.arange(n_bins) - zero + n_bins // 2) % n_bins - n_bins // 2
-    kept = min(n_bins, n_cells)
-    upper, lower = (kept + 1) // 2, kept // 2
-    runs = []
-    for first, target, start, count in ((zero, 0, 0, upper), ((zero - lower) % n_bins,
-                                                              n_cells - lower, -lower, lower)):
-        runs += [(first + i, target + i, start + i, min(longest, count - i))
-                 for i in range(0, count, longest)]
-    return np.array(runs), number
-
-
 def _uncrowded(n_cells: int) -> int:
     """Cells between beams, so that neighbours do not compete for the same lines of the cache."""
     return n_cells + (_STRIDE - n_cells) % _PAGE
-
-
-@functools.lru_cache(maxsize=16)
-def _couples(n_beams: int, group: int):
-    """Beams of each group's couples, (G, H) each, and those before and after groups, (G,) each."""
-    n_groups, half = -(-n_beams // group), -(-group // 2)
-    first = np.arange(n_groups)[:, None] * group
-    last = np.minimum(first + group, n_beams) - 1
-    upper = np.minimum(first + np.arange(half), (first + last) // 2)
-    return (upper, first + last - upper, np.maximum(first[:, 0] - 1, 0),
-            np.minimum(last[:, 0] + 1, n_beams - 1))
-
-
-def _phasors(path, group: int, paired: bool):
-    """Rows by their phasors, and paths, in the order in which `form_beams` wants them.
-
-    Returns
-    -------
-    rows : (Q or 2 * Q,) int64
-        Row of each phasor of a block, then of their conjugates, block by block.
-    middle : (G, len(rows)) float64
-        Paths for the middle of each group of beams, metres.
-    slope : (G, len(rows)) float64
-        What they grow from beam to beam there, metres.
-    beside : (G, Q / ROWS, H, ROWS) float64
-        What they are longer for one beam of each couple of the group, metres.
-    """
-    n_beams, n_rows = path.shape
-    upper, lower, before, after = _couples(n_beams, group)
-    n_groups, half = upper.shape
-    n_phasors = -(-n_rows // 2) if paired else n_rows
-    rows = np.full((1 + paired, -(-n_phasors // kernels.ROWS) * kernels.ROWS), -1)
-    order = np.argsort(path[-1] - path[0]) if paired else np.arange(n_rows)
-    rows[0, :n_phasors] = order[:n_phasors]
-    if paired:
-        rows[1, :n_rows // 2] = order[::-1][:n_rows // 2]
-    path = path[:, rows.reshape(-1)]
-    slope = (path[after] - path[before]) / (after - before)[:, None]
-    upper, lower = path[upper], path[lower]
-    middle = (upper + lower).sum(axis=1) / (2 * half)
-    beside = 0.5 * (upper - lower)
-    if paired:
-        own, other = np.split(beside, 2, axis=2)
-        beside = 0.5 * (own - other)
-        alone = rows[1] < 0  # the middle of an odd number
-        beside[:, :, alone] = own[:, :, alone]
-
-    def by_block(values):
-        """Both rows of each phasor of a block, then those of the next block."""
-        return values.reshape(-1, 1 + paired, rows.shape[1] // kernels.ROWS, kernels.ROWS
-                              ).swapaxes(1, 2).reshape(len(values), -1)
-
-    return (by_block(rows.reshape(1, -1))[0], by_block(middle), by_block(slope),
-            np.ascontiguousarray(beside.reshape(n_groups, half, -1, kernels.ROWS).swapaxes(1, 2)))
-
-
-def _step_phasors(cycles) -> np.ndarray:
-    """Phasors over a vector of bins, real parts first, flat."""
-    cycles = kernels.LANES * cycles.reshape(-1)
-    angle = (2 * np.pi * (cycles - np.rint(cycles))).astype(np.float32)
-    return np.concatenate([np.cos(angle), np.sin(angle)])
 
 
 def _table(interpolator) -> np.ndarray:
