@@ -118,8 +118,8 @@ def test_sums_of_given_polynomials(seed, n_rows, n_lines, n_pixels, segment, n_p
         'reversed': (image[:, ::-1].copy().view(np.float32).ravel(),
                      [2 * n_pixels - 2, 2 * n_pixels, -2, 1])}[layout]
     lines = line_middles(locate, n_lines, n_pixels, segment)
-    add_to_lines(profiles, np.arange(n_rows), tx, rx, lines, np.array([n_lines, *numbers]), ramp,
-                 memory)
+    add_to_lines(profiles, np.arange(n_rows), tx, rx, [(lines, np.array([n_lines, *numbers]))],
+                 ramp, memory)
     added = {'planes': lambda: (memory[:image.size] + 1j * memory[image.size:]
                                 ).reshape(image.shape),
              'rows': lambda: memory.view(np.complex64).reshape(image.shape),

@@ -15,7 +15,7 @@ from sar_imaging.backends.protocol import (
     SpectrumFusion,
     SubapertureImager,
 )
-from sar_imaging.geometry import PointGrid
+from sar_imaging.geometry import PlaneGrid, PointGrid, VolumeGrid
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
 from sar_imaging.planning.afbp.beams import plan_beams
 from sar_imaging.planning.afbp.map_cover import cover_for_fusion, map_coverage
@@ -65,12 +65,20 @@ def hills(grid):
     ('lines', {'range_m': 1000.0, 'apart_m': 40.0, 'channels': 2}),
     ('points', {'range_m': 30.0, 'aperture_m': 3.0}),
     ('hills', {'range_m': 500.0, 'height_m': 100.0}),
+    ('wall', {'range_m': 300.0, 'height_m': 20.0}),
+    ('volume', {'range_m': 1000.0, 'height_m': 300.0}),
     ('polar', {'range_m': 1000.0, 'bend_m': 3.0}),
     ('parts', {'range_m': 400.0, 'pulses': 200, 'aperture_m': 60.0})])
 def test_exact_backprojection(make_scene, error_db, way, options, target_db):
     scene = make_scene(**options)
     grid, block, rows = scene.grid, scene.block, scene.rows
     args = block.radar, block.n_samples, *rows[1:], target_db
+    x, y, z = grid.centre_m
+    if way == 'wall':
+        grid = PlaneGrid((x, y - 5.0, z), (0.02, 0.25, 0.0), (0.1, 0.0, 0.3), 40, 20)
+    elif way == 'volume':
+        grid = VolumeGrid((x - 4.0, y - 4.0, z), (0.25, 0.0, 0.0), (0.0, 0.25, 0.01),
+                          (0.0, 0.0, 0.5), 30, 25, 3)
     points, shape = grid.points(), grid.shape
     if way == 'hills':
         points = hills(grid)
@@ -83,7 +91,8 @@ def test_exact_backprojection(make_scene, error_db, way, options, target_db):
         assert isinstance(polar.parts, AngularParts) == (way == 'parts')
     image, compiled = (backprojected(name, plan, rows, shape) for name in ('reference', 'cpu'))
     known = np.isfinite(points).all(axis=-1)
-    assert plan.method == {'hills': 'points', 'parts': 'polar'}.get(way, way)
+    ways = {'hills': 'points', 'parts': 'polar', 'wall': 'lines', 'volume': 'lines'}
+    assert plan.method == ways.get(way, way)
     allowed_db = plan.predicted_error_db + CHANCE_DB
     assert error_db(image[known], exact(block, points[known])) <= allowed_db
     assert error_db(compiled, image) <= allowed_db
