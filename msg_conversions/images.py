@@ -106,8 +106,8 @@ def _median_db(amplitude: np.ndarray, peak) -> float:
     some = amplitude.ravel()[::-(-amplitude.size // _MOST_FOR_MEDIAN)]
     if not (some > 0).any():
         some = amplitude
-    median = np.median(some[some > 0])
-    return max(20 * math.log10(float(median) / float(peak)), -250.0)
+    median = np.median(some[some > 0].astype(np.float64))  # a mean of two: no overflow
+    return max(20 * math.log10(median / float(peak)), -250.0)
 
 
 def occupancy_to_message(cells: np.ndarray, grid: MapGrid, header: Header) -> OccupancyGrid:
