@@ -15,6 +15,7 @@ pytest.importorskip('std_msgs', reason='needs the ROS message classes')
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
 from msg_conversions import WireFormatError, pulse_block, wire
+from sar_imaging.signal.radar import RadarParameters
 
 
 def through_cdr(message):
@@ -44,6 +45,14 @@ def test_a_block_handed_over_directly_is_the_one_sent(data, blocks):
     assert direct.matches(sent)
     for name in ('stamp_ns', 'counter', 'samples', 'tx_m', 'rx_m'):
         np.testing.assert_array_equal(getattr(direct, name), getattr(sent, name))
+
+
+def test_blocks_of_a_sonar_go_through_messages(make_block, assert_same_block):
+    sonar = make_block(radar=RadarParameters(300e3, 60e3, 90e3, 0.027, 2e-3, 3e7,
+                                             propagation_speed_m_per_s=1480.3))
+    received = pulse_block.from_message(through_cdr(pulse_block.to_message(sonar)))
+    assert_same_block(received, sonar)
+    assert pulse_block.as_received(sonar).radar == received.radar
 
 
 def test_message_equals_the_arrays_written_to_bags(make_block):

@@ -16,7 +16,7 @@ from sar_imaging.simulation.echoes import EchoSimulator
 
 
 def _blocks():
-    """One block of each waveform: a scatterer at 21.5 m, two channels."""
+    """One block of each waveform, and of a sonar: a scatterer at 21.5 m, two channels."""
     common = {'carrier_hz': 5e9, 'bandwidth_hz': 200e6, 'first_sample_delay_s': 0.05e-6}
     ramp = {'start_frequency_hz': 77e9, 'slope_hz_per_s': 10e12, 'sample_rate_hz': 5e6,
             'n_samples': 256, 'adc_start_s': 2e-6}
@@ -29,7 +29,9 @@ def _blocks():
         (fmcw_parameters(**ramp, real_samples=True), 256, False),
         (RadarParameters(**common | {'carrier_hz': 0.5e9}, sample_rate_hz=2e9,
                          waveform=Waveform.PASSBAND), 1024, False),
-        (RadarParameters(**common, sample_rate_hz=300e6), 256, True)]
+        (RadarParameters(**common, sample_rate_hz=300e6), 256, True),
+        (RadarParameters(300e3, 60e3, 90e3, 2 * 20.0 / 1480.0, 2e-3, 3e7,
+                         propagation_speed_m_per_s=1480.0), 1024, False)]
     for number, (radar, n, compressed) in enumerate(radars):
         simulate = EchoSimulator(radar, n, compressed=compressed, points_m=[[21.5, 0.0, 0.0]],
                                  amplitudes=[1.0])
@@ -59,6 +61,7 @@ def test_every_waveform_is_compressed_as_its_block_says(start_node, make_observe
         expected = RangeCompressor.for_block(
             sent, calibration=calibration, range_window_m=(15.0, 30.0))(sent)
         assert got.compressed and got.radar.waveform == block.radar.waveform
+        assert got.radar.propagation_speed_m_per_s == block.radar.propagation_speed_m_per_s
         assert got.radar.first_sample_delay_s == pytest.approx(
             expected.radar.first_sample_delay_s, rel=1e-12)
         np.testing.assert_array_equal(got.counter, block.counter)
