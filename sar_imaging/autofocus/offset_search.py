@@ -16,6 +16,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..geometry.grids import MapGrid
+from ..geometry.track_frame import mean_centres
 from ..quality.measures import contrast
 from ..signal.pulses import PulseBlock
 from .models import Geometry
@@ -162,7 +163,7 @@ class OffsetSearch:
     def _plan_pixels(self, grid: MapGrid) -> None:
         """Pieces of lines along range, and the half of the scene that each belongs to."""
         centre = np.array(grid.centre_m)
-        looks = [centre - 0.5 * (g.tx_m + g.rx_m).mean(axis=1) for g in self._known.values()]
+        looks = [centre - mean_centres(g.tx_m, g.rx_m) for g in self._known.values()]
         nominal = looks[int(np.argmin(np.abs(list(self._known))))].mean(axis=0)
         ground = np.hypot(*nominal[:2])
         along = np.array([*nominal[:2], 0.0]) / max(ground, 1e-9)

@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from .grids import MapGrid, even_positions
+from .track_frame import main_axis
 
 _LEAST_SINE = 1e-6  # between the steps of a grid: below it they span no plane or volume
 
@@ -119,7 +120,7 @@ class PlaneGrid:
         """
         track = np.asarray(track_m, float).reshape(-1, 3)
         middle = track.mean(axis=0)
-        _, extent, axes = np.linalg.svd(track - middle, full_matrices=False)
+        axes, extent = main_axis(track)
         if not extent[0] > 0:
             raise ValueError('track_m has one place only; expected phase centres along a track')
         along = axes[0] * math.copysign(1.0, (track[-1] - track[0]) @ axes[0])

@@ -12,6 +12,7 @@ import math
 import numpy as np
 from scipy import fft
 
+from ..geometry.track_frame import main_axis
 from ..signal.calibration import ChannelCalibration
 from ..signal.pulses import PulseBlock
 from ..signal.spectra import band_spectrum
@@ -235,7 +236,7 @@ class _Pointing:
 
     def __init__(self, array_m: np.ndarray):
         centred = array_m - array_m.mean(axis=0)
-        _, extent, axes = np.linalg.svd(centred, full_matrices=False)
+        axes, extent = main_axis(array_m)
         self._steering = []
         for axis in axes[extent > 1e-3 * extent[0]] if extent[0] > 0 else ():
             place = centred @ axis

@@ -50,16 +50,18 @@ class Channels:
         """Of the image: that of one channel, or of all, one after the other."""
         return (n_channels, *shape) if self.per_channel else shape
 
+    def centres(self, tx_m, rx_m) -> tuple[np.ndarray, np.ndarray]:
+        """Phase centres as the image takes them, metres."""
+        return (0.5 * (tx_m + rx_m),) * 2 if self.midpoint and tx_m is not None else (tx_m, rx_m)
+
     def parts(self, block: PulseBlock) -> list[PulseBlock]:
         """Blocks of which each makes an image by itself."""
         self.check(block.n_channels)
-        samples, tx, rx = block.samples, block.tx_m, block.rx_m
+        samples, (tx, rx) = block.samples, self.centres(block.tx_m, block.rx_m)
         if self._weights is None and not (self.per_channel or self.midpoint):
             return [block]
         if self._weights is not None:
             samples = samples * self._weights[:, None]
-        if self.midpoint:
-            tx = rx = 0.5 * (tx + rx)
         cuts = ([slice(n, n + 1) for n in range(block.n_channels)] if self.per_channel
                 else [slice(None)])
         return [dataclasses.replace(block, samples=samples[:, cut], tx_m=tx[:, cut],

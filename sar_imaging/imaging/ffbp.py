@@ -21,6 +21,7 @@ from ..backends.cpu.lines import add_to_lines
 from ..backends.cpu.profiles import Profiles
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
+from ..geometry.track_frame import mean_centres
 from ..planning.ffbp import (
     Node,
     build_tree,
@@ -34,7 +35,7 @@ from ..planning.ffbp import (
     plan_profiles,
     widest_spacing,
 )
-from ..planning.profiles.profile_reach import reach_warning, some_pixels
+from ..planning.profiles.profile_reach import check_reach, reach_warning, some_pixels
 from ..planning.profiles.range_gate import RangeWindow
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
@@ -142,7 +143,7 @@ class FfbpImager:
     def _plan_grids(self):
         radar = self.radar
         edge, inside, edge_step = outline_of(self.grid)
-        centres = 0.5 * (self._tx.mean(axis=1) + self._rx.mean(axis=1))
+        centres = mean_centres(self._tx, self._rx)
         frame = find_frame(edge, centres, self.grid.z_m)
         tx, rx, centres, edge, inside = (
             frame.enter(a) for a in (self._tx, self._rx, centres, edge, inside))
@@ -184,12 +185,7 @@ class FfbpImager:
             away = float(np.linalg.norm(rows - node.centre, axis=-1).mean(axis=0).max())
             lo = min(lo, node.range_start - away)
             hi = max(hi, node.range_start + node.shape[1] * spacing + away)
-        start = self.radar.range_start_m
-        stop = start + self.n_samples * self.radar.sample_spacing_m
-        if hi < start or lo > stop:
-            raise ValueError(
-                f'the grid lies {lo:.1f} to {hi:.1f} m from the antenna, the profiles cover '
-                f'{start:.1f} to {stop:.1f} m; move the grid or the range window')
+        check_reach((lo, hi), self.radar, self.n_samples)
         return lo, hi
 
     def __call__(self, block: PulseBlock) -> np.ndarray:

@@ -194,8 +194,7 @@ class Imager:
         for number in range(tx_m.shape[1] if self._channels.per_channel else 1):
             cut = slice(number, number + 1) if self._channels.per_channel else slice(None)
             tx, rx = tx_m[:, cut], rx_m[:, cut]
-            if self._channels.midpoint:
-                tx = rx = 0.5 * (tx + rx)
+            tx, rx = self._channels.centres(tx, rx)
             reports.append(self._planned(number, tx, rx).report)
         self.report = reports[0]
         return self.report

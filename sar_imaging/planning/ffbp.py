@@ -14,6 +14,7 @@ import numpy as np
 
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
+from ..geometry.track_frame import track_beside
 from ..signal.radar import RadarParameters
 from .profiles.range_resampling import Lattice, Paths, plan_lattice, sample_paths
 
@@ -152,14 +153,7 @@ def find_frame(outline, centres, z_m: float) -> Frame:
     z_m : float
         Height of the plane, metres.
     """
-    middle = centres.mean(axis=0)[:2]
-    look = outline.mean(axis=0)[:2] - middle
-    distance = max(math.hypot(*look), 1e-9)
-    _, lengths, axes = np.linalg.svd(centres[:, :2] - middle, full_matrices=False)
-    track = axes[0]
-    if lengths[0] <= 1e-6 * distance:  # one pulse, or straight up
-        track = np.array([-look[1], look[0]]) / distance
-    side = 1 if look[1] * track[0] - look[0] * track[1] >= 0 else -1
+    track, side = track_beside(centres, outline.mean(axis=0))
     return Frame(track, side * np.array([-track[1], track[0]]), side, z_m)
 
 

@@ -1,4 +1,4 @@
-"""Taper over the guards of a periodic grid: the integral of a Kaiser window."""
+"""Tapers: over the guards of a periodic grid, and beyond the edge of a band."""
 
 from __future__ import annotations
 
@@ -27,3 +27,8 @@ def edge_taper(n: int, n_guard: float, beta: float) -> np.ndarray:
     cell = np.arange(n)
     up, down = (np.interp(v / n_guard * 2 - 1, t, rise, 0.0, 1.0) for v in (cell, n - cell))
     return up * down
+
+
+def cosine_fall(place) -> np.ndarray:
+    """Fall from 1 at place 0 and before it to 0 at place 1 and beyond, as a squared cosine."""
+    return np.cos(0.5 * np.pi * np.clip(place, 0, 1)) ** 2

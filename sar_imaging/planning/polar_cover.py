@@ -16,6 +16,7 @@ import numpy as np
 from ..geometry.grids import MapGrid
 from ..geometry.map_edges import EDGE_SAMPLES, edge_positions
 from ..geometry.polar import PolarGrid
+from ..geometry.track_frame import side_of, track_beside
 from ..signal.radar import RadarParameters
 from .echo_power import row_weights
 from .error_budget import total_db
@@ -164,17 +165,13 @@ def _frame(grid: MapGrid, centres):
     distance = math.hypot(*look)
     if distance == 0:
         return None
-    spread = centres[:, :2] - middle[:2]
-    _, lengths, axes = np.linalg.svd(spread, full_matrices=False)
-    broadside = np.array([-look[1], look[0]]) / distance
-    track = axes[0] if lengths[0] > 1e-6 * distance else broadside
+    track, side = track_beside(centres, grid.centre_m)
     axis = int(abs(look[1]) > abs(look[0]))
     if axis == 0 and track[1] > 0:  # lines in the order of the rows of the map, north first
-        track = -track
-    along = spread @ track
+        track, side = -track, side_of(-track, look)
+    along = (centres[:, :2] - middle[:2]) @ track
     origin = middle.copy()
     origin[:2] += track * 0.5 * (along.min() + along.max())
-    side = 1 if -look[0] * track[1] + look[1] * track[0] >= 0 else -1
     across = side * np.array([-track[1], track[0]])
     corners = np.array([[x, y] for x in grid.x_m[[0, -1]] for y in grid.y_m[[0, -1]]])
     offset = corners - origin[:2]

@@ -9,6 +9,7 @@ import time
 import numpy as np
 
 from ..geometry.grids import MapGrid
+from ..geometry.track_frame import mean_centres
 from ..geometry.track_prediction import predict_track
 from ..signal.pulses import PulseBlock
 from ..signal.pulses.sequence import COUNTER_MASK
@@ -391,7 +392,7 @@ class LiveSubapertures(ApertureSequence):
         """Map of an aperture with these phase centres."""
         if self._follow_m is None:
             return self.grid
-        middles = 0.5 * (tx_m + rx_m).mean(axis=1)[:, :2]
+        middles = mean_centres(tx_m, rx_m)[:, :2]
         way = middles[-1] - middles[0]
         flight = way / max(np.hypot(*way), 1e-12)
         # A few degrees of weaving would swing distant patches to and fro.

@@ -13,6 +13,7 @@ from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
 from ..costs import costs
 from ..error_budget import total_db
+from ..guard_taper import cosine_fall
 from ..interpolators import Interpolator, design_interpolator
 from ..profiles.range_resampling import Lattice, half_paths, sample_paths
 from .beam_gain import (
@@ -152,7 +153,7 @@ def _cost(n_beams, most, paired, segment, n_rows, n_bins, n_cells, n_pixels) -> 
 
 def _taper(frequency, edge: float) -> np.ndarray:
     """Falls from 1 at the edge of the band to 0 at the highest frequency that cells hold."""
-    return np.cos(0.5 * np.pi * np.clip((np.abs(frequency) - edge) / (0.5 - edge), 0, 1)) ** 2
+    return cosine_fall((np.abs(frequency) - edge) / (0.5 - edge))
 
 
 def least_cost(n_rows: int, n_bins: int, n_cells: int, n_pixels: int) -> float:

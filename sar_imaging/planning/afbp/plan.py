@@ -9,6 +9,7 @@ import numpy as np
 
 from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
+from ...geometry.track_frame import mean_centres
 from ...signal.radar import RadarParameters
 from ..aliasing_error import EVERYTHING
 from ..costs import costs
@@ -156,7 +157,7 @@ def _sampling_warnings(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m) -> 
     """Ambiguities that the pulses themselves cause, in any imager."""
     if len(tx_m) < 3:
         return
-    middles = 0.5 * (tx_m + rx_m).mean(axis=1)
+    middles = mean_centres(tx_m, rx_m)
     step = float(np.median(np.linalg.norm(np.diff(middles, axis=0), axis=1)))
     width = polar.n_alpha * polar.alpha_spacing
     shortest = radar.shortest_wavelength_m

@@ -16,6 +16,7 @@ import numpy as np
 import scipy.fft
 
 from ...geometry.polar import PolarGrid
+from ...geometry.track_frame import mean_centres
 from ..aliasing_error import EVERYTHING, Coverage, correction_error, mean_error, taper_shape
 from ..costs import costs
 from ..local_spectrum import SAMPLES_PER_SIDE, Bands, ranges_before, usual_guard
@@ -109,7 +110,7 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths,
     """
     choices = []
     n_pulses, n_channels = tx_m.shape[:2]
-    pieces = pieces_between_gaps(0.5 * (tx_m + rx_m).mean(axis=1))
+    pieces = pieces_between_gaps(mean_centres(tx_m, rx_m))
     least, most = bands.slope.min(axis=1), bands.slope.max(axis=1)
     for length in lengths:
         if length > n_pulses and length != lengths[0]:

@@ -17,7 +17,12 @@ from ...geometry.grids import EvenGrid, MapGrid
 from ...signal.radar import RadarParameters
 from ..costs import costs
 from ..plan import Plan
-from ..profiles.profile_reach import reach_warning, some_pixels
+from ..profiles.profile_reach import (
+    check_reach,
+    covered_ranges,
+    reach_warning,
+    some_pixels,
+)
 from ..profiles.range_gate import RangeWindow
 from ..profiles.range_resampling import Lattice, plan_lattice, point_lattice
 from .grid_lines import GridLines
@@ -207,12 +212,8 @@ def _reach_warnings(grid, radar: RadarParameters, n_samples: int, tx_m, rx_m,
     ValueError
         Everything.
     """
-    start = radar.range_start_m
-    stop = start + (n_samples - 1) * radar.sample_spacing_m
-    if range_m[1] < start or range_m[0] > stop:
-        raise ValueError(
-            f'the grid lies {range_m[0]:.1f} to {range_m[1]:.1f} m from the antenna, the '
-            f'profiles cover {start:.1f} to {stop:.1f} m; move the grid or the range window')
+    check_reach(range_m, radar, n_samples)
+    start, stop = covered_ranges(radar, n_samples)
     if start <= range_m[0] and range_m[1] <= stop:
         return ()
     pixels = grid.some() if isinstance(grid, ImagePoints) else some_pixels(grid)

@@ -19,6 +19,36 @@ def some_pixels(grid: Grid) -> np.ndarray:
     return grid.positions(*(i.ravel() for i in index))
 
 
+def covered_ranges(radar: RadarParameters, n_samples: int) -> tuple[float, float]:
+    """Half paths of the first and the last sample of a profile, metres."""
+    start = radar.range_start_m
+    return start, start + (n_samples - 1) * radar.sample_spacing_m
+
+
+def check_reach(range_m: tuple[float, float], radar: RadarParameters, n_samples: int) -> None:
+    """Check that some profile reaches a grid.
+
+    Parameters
+    ----------
+    range_m : (float, float)
+        Smallest and largest half path to the grid, metres.
+    radar : RadarParameters
+        Of the profiles.
+    n_samples : int
+        Samples of a profile.
+
+    Raises
+    ------
+    ValueError
+        None does.
+    """
+    start, stop = covered_ranges(radar, n_samples)
+    if range_m[1] < start or range_m[0] > stop:
+        raise ValueError(
+            f'the grid lies {range_m[0]:.1f} to {range_m[1]:.1f} m from the antenna, the '
+            f'profiles cover {start:.1f} to {stop:.1f} m; move the grid or the range window')
+
+
 def reach_warning(points_m, tx_m, rx_m, radar: RadarParameters, n_samples: int) -> str | None:
     """Say which share of the pixels lies beyond the profiles for some of the pulses.
 
@@ -38,8 +68,7 @@ def reach_warning(points_m, tx_m, rx_m, radar: RadarParameters, n_samples: int) 
     str or None
         None where all pixels lie within the profiles for all pulses.
     """
-    start = radar.range_start_m
-    stop = start + (n_samples - 1) * radar.sample_spacing_m
+    start, stop = covered_ranges(radar, n_samples)
     rows = np.linspace(0, len(tx_m) - 1, min(len(tx_m), _ROWS)).round().astype(int)
     length = half_paths(tx_m[rows], rx_m[rows], points_m)[0]
     outside = (length < start) | (length > stop)

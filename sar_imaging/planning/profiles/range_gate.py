@@ -10,7 +10,7 @@ import numpy as np
 import scipy.fft
 
 from ...signal.radar import RadarParameters
-from ..guard_taper import edge_taper
+from ..guard_taper import cosine_fall, edge_taper
 
 # Samples beyond the needed ranges, times 1 - bandwidth over sample rate. What the cut changes
 # within them is below -94 dB of the profile there.
@@ -128,7 +128,7 @@ class RangeWindow:
 
 def _band_taper(n: int, oversampling: float) -> np.ndarray:
     beyond = 2 * np.abs(scipy.fft.fftfreq(n)) * oversampling - 1
-    return np.cos(0.5 * np.pi * np.clip(beyond / (oversampling - 1), 0, 1)) ** 2
+    return cosine_fall(beyond / (oversampling - 1))
 
 
 @functools.lru_cache(maxsize=64)

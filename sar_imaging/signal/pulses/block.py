@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...geometry.track_frame import mean_centres
 from ..radar import RadarParameters
 from .checks import (
     check_counted,
@@ -99,7 +100,7 @@ class PulseBlock:
     @property
     def phase_centre_m(self) -> np.ndarray:
         """(P, 3) float64 mean of all transmit and receive phase centres of each pulse, metres."""
-        return 0.5 * (self.tx_m.mean(axis=1) + self.rx_m.mean(axis=1))
+        return mean_centres(self.tx_m, self.rx_m)
 
     def select(self, index) -> PulseBlock:
         """Pulses at `index` (slice, mask or integers along the pulse axis) as a block."""

@@ -10,6 +10,7 @@ import numpy as np
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.poses import PoseStatus, PoseTrack
+from sar_imaging.geometry.track_frame import mean_centres
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 
@@ -158,4 +159,4 @@ def _phase_centre(block: PulseBlock, track: PoseTrack, alignment: Alignment) -> 
     if (poses.status != PoseStatus.READY).any():
         raise BagError('the recording has pulses without poses around them')
     tx_m, rx_m = alignment.phase_centres(poses.position_m, poses.attitude, block.n_channels)
-    return 0.5 * (tx_m.mean(axis=1) + rx_m.mean(axis=1))
+    return mean_centres(tx_m, rx_m)
