@@ -6,12 +6,19 @@ import math
 
 import numpy as np
 
+_LEAST_LENGTH = 1e-12  # metres
 _LEAST_EXTENT = 1e-6  # of the distance to the scene: a shorter track has no direction
 
 
 def mean_centres(tx_m, rx_m) -> np.ndarray:
     """(P, 3) float64 mean of all phase centres (P, C, 3) of each pulse, metres."""
     return 0.5 * (np.asarray(tx_m) + rx_m).mean(axis=1)
+
+
+def unit_vector(vector) -> np.ndarray:
+    """(D,) float64 vector of length one, or of none where it has none."""
+    vector = np.asarray(vector, np.float64)
+    return vector / max(math.hypot(*vector), _LEAST_LENGTH)
 
 
 def main_axis(places_m) -> tuple[np.ndarray, np.ndarray]:

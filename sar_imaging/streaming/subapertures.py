@@ -9,7 +9,7 @@ import time
 import numpy as np
 
 from ..geometry.grids import MapGrid
-from ..geometry.track_frame import mean_centres
+from ..geometry.track_frame import mean_centres, unit_vector
 from ..geometry.track_prediction import predict_track
 from ..signal.pulses import PulseBlock
 from ..signal.pulses.sequence import COUNTER_MASK
@@ -393,8 +393,7 @@ class LiveSubapertures(ApertureSequence):
         if self._follow_m is None:
             return self.grid
         middles = mean_centres(tx_m, rx_m)[:, :2]
-        way = middles[-1] - middles[0]
-        flight = way / max(np.hypot(*way), 1e-12)
+        flight = unit_vector(middles[-1] - middles[0])
         # A few degrees of weaving would swing distant patches to and fro.
         if self._flight is None or flight @ self._flight < _SAME_LEG:
             self._flight = flight
