@@ -20,8 +20,9 @@ from ...geometry.track_frame import mean_centres
 from ..aliasing_error import EVERYTHING, Coverage, correction_error, mean_error, taper_shape
 from ..costs import costs
 from ..local_spectrum import SAMPLES_PER_SIDE, Bands, ranges_before, usual_guard
-from ..profiles.transform_length import quick_length, row_length
+from ..profiles.transform_length import quick_length
 from .aperture_cut import cut_pulses, pieces_between_gaps
+from .row_length import row_length
 from .subaperture_cost import FirstStage
 
 _OVERSAMPLING = (1.1, 1.15, 1.2, 1.25, 1.3, 1.4, 1.6, 1.8, 2.0, 2.3, 2.7, 3.2)

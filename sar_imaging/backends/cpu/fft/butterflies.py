@@ -16,7 +16,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from ....planning.profiles.transform_length import RADICES
+from ....planning.afbp.row_length import RADICES
 from .processor import float_lanes
 
 LANES = float_lanes()  # transformed together: a vector of the processor

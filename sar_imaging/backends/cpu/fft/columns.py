@@ -15,7 +15,7 @@ import numpy as np
 import scipy.fft
 
 from ....compilation import REPEATABLE, njit, numba
-from ....planning.profiles.transform_length import radices_of
+from ....planning.afbp.row_length import radices_of
 from ..memory import aligned_empty
 from ..threads import job_counter, take_job
 from . import vector_passes as passes

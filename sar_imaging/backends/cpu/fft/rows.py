@@ -18,7 +18,7 @@ import numpy as np
 import scipy.fft
 
 from ....compilation import REPEATABLE, njit, numba
-from ....planning.profiles.transform_length import row_shape
+from ....planning.afbp.row_length import row_shape
 from ..memory import aligned_empty, transform_in_place
 from ..threads import job_counter, take_job
 from . import vector_passes as passes

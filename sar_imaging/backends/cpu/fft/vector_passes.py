@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....compilation import REPEATABLE, cfunc, njit, numba
-from ....planning.profiles.transform_length import radices_of
+from ....planning.afbp.row_length import radices_of
 from . import butterflies as vectors
 from .butterflies import SAMPLE_BYTES
 

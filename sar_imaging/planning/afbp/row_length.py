@@ -1,0 +1,60 @@
+"""Lengths that the transforms of the processor's own backend like, and the passes they take."""
+
+from __future__ import annotations
+
+import functools
+import math
+
+from ..profiles.transform_length import quick_length, smooth_lengths
+
+RADICES = (2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 15, 16)
+# columns side by side, and those that are transposed together, where vectors are longest: plans
+# are the same on all processors
+VECTOR, _BLOCK = 16, 8
+_LONGER_ROW = 1.03  # than needed, at most
+# Time over that of a pass through all samples (measured with lengths of 2000 to 30000): more for
+# matrices whose lines or columns are no whole vectors; all else that is done with a row
+_COST_TRANSPOSITION, _COST_UNALIGNED, _COST_ROW = 1.0, 0.5, 12.0
+
+
+@functools.lru_cache(maxsize=4096)
+def radices_of(n: int) -> tuple[int, ...] | None:
+    """Of the fewest passes; None where a factor of the length is too large for this way."""
+    if n == 1:
+        return ()
+    choices = [(*others, radix) for radix in RADICES if n % radix == 0
+               if (others := radices_of(n // radix)) is not None]
+    return min(choices, key=lambda radices: (len(radices), sum(radices)), default=None)
+
+
+@functools.lru_cache(maxsize=4096)
+def row_length(least: int, times: tuple[int, ...] = (1,)) -> int:
+    """Length for the own transform of rows: `least`, or a few percent longer at most.
+
+    The shorter the better, since everything else takes time by the length, too. Multiples that
+    are wanted as well are as quick.
+    """
+    def cost(n):
+        return n * sum(t * (_COST_ROW + _row_cost(*row_shape(t * n))) for t in times)
+
+    lengths = [n for n in smooth_lengths(least, _LONGER_ROW)
+               if all(row_shape(t * n) is not None for t in times)]
+    return min(lengths, key=cost, default=quick_length(least))
+
+
+@functools.lru_cache(maxsize=4096)
+def row_shape(n: int) -> tuple[int, int] | None:
+    """Height and width of the matrix; None where SciPy is to transform."""
+    factors = [f for f in range(VECTOR, math.isqrt(n) + 1) if n % f == 0]
+    shapes = [shape for f in factors for shape in ((f, n // f), (n // f, f))
+              if all(map(radices_of, shape))]
+    return min(shapes, key=lambda shape: _row_cost(*shape), default=None)
+
+
+def _row_cost(height: int, width: int) -> float:
+    """Of a transform, in passes through all samples; little more where the matrix is long."""
+    columns, lines = (-(-n // VECTOR) * VECTOR / n for n in (width, height))
+    return (columns * len(radices_of(height))
+            + lines * (len(radices_of(width)) + _COST_TRANSPOSITION)
+            + _COST_UNALIGNED * ((height % _BLOCK != 0) + (width % _BLOCK != 0))
+            + abs(height - width) / (height + width))
