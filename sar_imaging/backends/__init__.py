@@ -14,26 +14,29 @@ if TYPE_CHECKING:
     from .protocol import Backend
 
 AUTO, BACKENDS = 'auto', ('cpu', 'reference')
+_ENTRIES = ('Backprojection', 'SubapertureImager', 'SpectrumFusion', 'form_map')
 
 
-def backend(name: str = AUTO) -> Backend:
+def backend(name: str | Backend = AUTO) -> Backend:
     """What computes plans.
 
     Parameters
     ----------
-    name : str
-        One of `BACKENDS`, or 'auto' for the quickest.
+    name : str or Backend
+        One of `BACKENDS`, 'auto' for the quickest, or anything that has the four entries.
 
     Returns
     -------
     Backend
-        A package; what it needs is imported when an entry is used first.
 
     Raises
     ------
     ValueError
-        There is no such backend.
+        There is no such backend, or it lacks an entry.
     """
-    if name not in (AUTO, *BACKENDS):
-        raise ValueError(f'backend={name!r}; expected auto, {" or ".join(BACKENDS)}')
-    return importlib.import_module(f'.{"cpu" if name == AUTO else name}', __name__)
+    if isinstance(name, str) and name in (AUTO, *BACKENDS):
+        return importlib.import_module(f'.{"cpu" if name == AUTO else name}', __name__)
+    if missing := [e for e in _ENTRIES if not callable(getattr(name, e, None))]:
+        raise ValueError(f'backend={name!r}; expected {", ".join((AUTO, *BACKENDS))}, or an '
+                         f'object that has {", ".join(missing)}, too')
+    return name

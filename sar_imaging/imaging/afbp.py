@@ -13,6 +13,7 @@ import numpy as np
 from tqdm import tqdm
 
 from .. import backends
+from ..backends.protocol import Backend
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..planning.afbp.edge_brightness import EdgeBrightness
@@ -53,8 +54,8 @@ class AfbpImager:
         Window over the aperture.
     progress : bool
         Show a progress bar on standard error.
-    backend : str
-        What computes the image: ``'auto'``, ``'cpu'`` or ``'reference'``.
+    backend : str or Backend
+        What computes the image: ``'auto'``, ``'cpu'``, ``'reference'`` or an object of your own.
 
     Attributes
     ----------
@@ -94,7 +95,7 @@ class AfbpImager:
     def __init__(self, grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m,
                  rx_m, *, target_db: float = -50.0, pulses_per_subaperture: int | None = None,
                  compressed: bool = True, weighting: str = 'none', pulse_weights=None,
-                 progress: bool = False, backend: str = backends.AUTO):
+                 progress: bool = False, backend: str | Backend = backends.AUTO):
         plan = self.plan = plan_afbp(
             grid, radar, n_samples, tx_m, rx_m, target_db=target_db,
             pulses_per_subaperture=pulses_per_subaperture, compressed=compressed,

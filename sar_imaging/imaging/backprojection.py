@@ -33,7 +33,7 @@ from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
 
 if TYPE_CHECKING:
-    from ..backends.protocol import Backprojection
+    from ..backends.protocol import Backend, Backprojection
 from .channels import Channels
 
 _logger = logging.getLogger(__name__)
@@ -67,8 +67,8 @@ class Backprojector:
     midpoint : bool
         Replace both phase centres of a channel by their mean (displaced phase centre). For
         comparison: the exact path costs no more.
-    backend : str
-        What computes the image: ``'auto'``, ``'cpu'`` or ``'reference'``.
+    backend : str or Backend
+        What computes the image: ``'auto'``, ``'cpu'``, ``'reference'`` or an object of your own.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class Backprojector:
 
     def __init__(self, grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int, *,
                  target_db: float = -80.0, height_m=None, weights=None, per_channel: bool = False,
-                 midpoint: bool = False, backend: str = backends.AUTO):
+                 midpoint: bool = False, backend: str | Backend = backends.AUTO):
         if radar.sample_rate_hz < 1.25 * radar.bandwidth_hz:
             raise ValueError(
                 f'profiles sampled at {radar.sample_rate_hz:g} Hz for a bandwidth of '

@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from ..backends import AUTO
+from ..backends.protocol import Backend
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..planning.memory import IMAGE_BYTES, check_memory
@@ -17,17 +18,18 @@ from ..signal.radar import RadarParameters
 from ..signal.range_compression import RangeCompressor
 from .channels import Channels
 from .image import Image, Report
-from .methods import AFBP, EXACT, METHODS, Method, Options
+from .methods import AFBP, EXACT, Method, Options, named_method
 
 _logger = logging.getLogger(__name__)
 _WORTH_PLANNING_S = 0.1  # that planning AFBP takes (measured: 0.03 to 0.3 s)
 
 
 def plan_image(grid: MapGrid | PolarGrid | np.ndarray, radar: RadarParameters, n_samples: int,
-               tx_m=None, rx_m=None, *, method: str = AUTO, target_db: float = -60.0,
-               height_m=None, weights=None, per_channel: bool = False, midpoint: bool = False,
-               compressed: bool = True, weighting: str = 'none', pulse_weights=None,
-               backend: str = AUTO, progress: bool = False) -> Imager:
+               tx_m=None, rx_m=None, *, method: str | type[Method] = AUTO,
+               target_db: float = -60.0, height_m=None, weights=None, per_channel: bool = False,
+               midpoint: bool = False, compressed: bool = True, weighting: str = 'none',
+               pulse_weights=None, backend: str | Backend = AUTO,
+               progress: bool = False) -> Imager:
     """Plan an image, or as many as come of the same radar.
 
     Parameters
@@ -42,10 +44,10 @@ def plan_image(grid: MapGrid | PolarGrid | np.ndarray, radar: RadarParameters, n
     tx_m, rx_m : (P, C, 3) array_like, optional
         Phase centres of the pulses to come, metres: the imager is then chosen, and its plan made,
         before they come. Pulses from other places are planned for when they come.
-    method : str
+    method : str or subclass of Method
         ``'exact'`` backprojection, ``'afbp'``, ``'ffbp'``, ``'wavenumber'``, ``'zero-padding'`` or
         ``'correlation'``; ``'auto'`` takes exact backprojection or AFBP, the one that is quicker
-        and meets the target.
+        and meets the target. A class of your own is used likewise, see docs/extending.md.
     target_db : float
         Wanted error against time-domain correlation, dB.
     height_m : (n_y, n_x) array_like, optional
@@ -63,9 +65,9 @@ def plan_image(grid: MapGrid | PolarGrid | np.ndarray, radar: RadarParameters, n
         Spectral window of raw pulses, see `sar_imaging.signal.windows`.
     pulse_weights : (P,) array_like, optional
         Window over the pulses of a block.
-    backend : str
+    backend : str or Backend
         What computes it, see `sar_imaging.backends`: ``'cpu'``, ``'reference'``; ``'auto'`` takes
-        the quickest there is.
+        the quickest there is. An object with the four entries of a backend is used likewise.
     progress : bool
         Show a progress bar on standard error.
 
@@ -107,13 +109,11 @@ class Imager:
         Of the latest plan or image; None before the first.
     """
 
-    def __init__(self, grid, radar: RadarParameters, n_samples: int, method: str,
-                 options: Options, channels: Channels):
-        if method != AUTO and method not in METHODS:
-            raise ValueError(f'method={method!r}; use {AUTO!r} or one of '
-                             f'{", ".join(map(repr, METHODS))}')
+    def __init__(self, grid, radar: RadarParameters, n_samples: int,
+                 method: str | type[Method], options: Options, channels: Channels):
         self.grid, self.radar, self.n_samples = grid, radar, int(n_samples)
-        self.method, self.report = method, None
+        self.method, self._methods = named_method(method)
+        self.report = None
         self._options, self._channels = options, channels
         self._compressor: RangeCompressor | None = None
         self._latest: dict[int, Method] = {}  # of each channel, or of all at 0
@@ -255,7 +255,7 @@ class Imager:
         return self._latest[number]
 
     def _make(self, name: str, tx_m, rx_m, reason: str) -> Method:
-        method, radar, n_samples, options = (METHODS[name], self.radar, self.n_samples,
+        method, radar, n_samples, options = (self._methods[name], self.radar, self.n_samples,
                                              self._options)
         if not options.compressed and not method.takes_raw(radar):
             compressor = self._compressor_of_raw()

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
 from ..backends import AUTO
+from ..backends.protocol import Backend
 from ..geometry.grids import MapGrid
 from ..geometry.point_grids import as_grid
 from ..planning.error_budget import AFBP_SHARES, EXACT_SHARES, ErrorBudget
@@ -40,7 +41,7 @@ class Options:
     compressed: bool = True
     weighting: str = 'none'
     pulse_weights: np.ndarray | None = None
-    backend: str = AUTO
+    backend: str | Backend = AUTO
     progress: bool = False
 
 
@@ -265,5 +266,22 @@ class Correlation(Method):
         return image.astype(np.complex64).reshape(points.shape[:-1])
 
 
-METHODS: Mapping[str, Callable[..., Method]] = {
+METHODS: Mapping[str, type[Method]] = {
     method.NAME: method for method in (Exact, Afbp, Ffbp, Wavenumber, ZeroPadding, Correlation)}
+
+
+def named_method(method: str | type[Method]) -> tuple[str, Mapping[str, type[Method]]]:
+    """Name of a method, and all methods by name; with a class that somebody else wrote.
+
+    Raises
+    ------
+    ValueError
+        There is no such method, or the class is none.
+    """
+    if isinstance(method, str) and method in (AUTO, *METHODS):
+        return method, METHODS
+    if (isinstance(method, type) and issubclass(method, Method)
+            and isinstance(getattr(method, 'NAME', None), str)):
+        return method.NAME, {**METHODS, method.NAME: method}
+    raise ValueError(f'method={method!r}; use {AUTO!r}, one of {", ".join(map(repr, METHODS))} or '
+                     'a subclass of sar_imaging.imaging.methods.Method with a NAME')

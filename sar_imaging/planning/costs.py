@@ -36,8 +36,7 @@ class CostModel:
     map_pixel : float
         Interpolation of a polar image to a map: of a pixel.
     beam_bin, beam_group, beam_cell : float
-        Beams: of a row, bin and beam; in addition of a row, bin and group of beams; of the
-        transform of a cell.
+        Beams: of a row, bin and beam; more of a row, bin and group; of a cell's transform.
     beam_pixel, beam_segment : float
         Lines from beams: of a pixel, and in addition of a segment.
     coarse_pixel, fine_pixel, subaperture : float
@@ -104,12 +103,10 @@ _used: contextvars.ContextVar[CostModel | None] = contextvars.ContextVar('costs'
 
 def costs() -> CostModel:
     """Costs that plans are made with: those of `using`, of the environment, or the default."""
-    found = _used.get()
-    if found is None:
+    if _used.get() is None:
         path = os.environ.get(VARIABLE)
-        found = CostModel.read(Path(path)) if path else DEFAULT
-        _used.set(found)
-    return found
+        _used.set(CostModel.read(Path(path)) if path else DEFAULT)
+    return _used.get()
 
 
 @contextlib.contextmanager

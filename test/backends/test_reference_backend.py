@@ -223,7 +223,7 @@ def test_entries_are_those_of_the_protocol(name):
 
 def test_backends_are_chosen_by_name():
     assert backend() is backend('auto') is backend('cpu') is not backend('reference')
-    with pytest.raises(ValueError, match="backend='cuda'; expected auto, cpu or reference"):
+    with pytest.raises(ValueError, match="backend='cuda'; expected auto, cpu, reference"):
         backend('cuda')
     with pytest.raises(AttributeError, match='no attribute'):
         _ = backend('cpu').project
