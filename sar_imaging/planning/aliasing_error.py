@@ -62,6 +62,12 @@ def mean_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, place
                density=(1.0,)) -> float:
     """Mean squared error of interpolated exponentials, relative to their power.
 
+    The coarse grid holds n bins, those between ``-(n // 2)`` and ``n - n // 2 - 1``. With the
+    taper's transform W, the tapered exponential of frequency f has the spectrum ``W(b - f)``. What
+    it has in bins b beyond an end is missing, and appears n bins away:
+    ``e(c) = 2 |sum_b W(b - f) exp(j 2 pi b c / n)|^2`` at cell c on average over places between
+    cells, for both ends. The mean is over frequencies, by weight, and over cells, by density.
+
     Parameters
     ----------
     n : int

@@ -15,7 +15,8 @@ def edge_taper(n: int, n_guard: float, beta: float) -> np.ndarray:
     n_guard : float
         Cells over which the taper rises.
     beta : float
-        Shape: the rise is the integral of a Kaiser window.
+        Shape: the rise is the integral of a Kaiser window. Kaiser-Bessel-derived windows, which
+        filter banks know, are its square root.
 
     Returns
     -------

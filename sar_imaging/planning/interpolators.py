@@ -1,14 +1,15 @@
 """Polynomial interpolation of band-limited range profiles, with its error known beforehand.
 
 A profile sampled ``oversampling`` times above its bandwidth is represented in each interval
-between two samples by a polynomial in the fractional position (a Farrow structure); the
-coefficients are weighted sums of the neighbouring samples. Weights that minimise the mean squared
-error over the band and over the interval follow from one least-squares problem, whose residual is
-the predicted error.
+between two samples by a polynomial in the fractional position (Farrow 1988); the coefficients are
+weighted sums of the neighbouring samples. Weights that minimise the mean squared error over the
+band and over the interval follow from one least-squares problem, whose residual is the predicted
+error.
 
 Where the spectrum is at hand before the samples are, each frequency may be multiplied by a gain
-that makes up for what the interpolation takes from it (the roll-off correction of gridding): the
-same error then needs less than half the taps.
+that makes up for what the interpolation takes from it, the roll-off correction or deapodisation
+of gridding (O'Sullivan 1985; Jackson et al. 1991), here chosen together with the weights for the
+least error (Fessler and Sutton 2003): the same error then needs less than half the taps.
 """
 
 from __future__ import annotations

@@ -116,8 +116,9 @@ def overwriting_rounds(polar: PolarGrid, grid: MapGrid, *, axis: int, between: I
                        along: Interpolator) -> list[int] | None:
     """Rounds in which a map can be written over the polar image that it is interpolated from.
 
-    Rows of a round, at their place from the first line on, lie before all lines that it and later
-    rounds read.
+    Row q of the map takes the memory of lines ``q n_x / n_range`` to ``(q + 1) n_x / n_range``.
+    Rows from q on read no line before ``L(q) = min_{p >= q} first(p)``. So a round that begins
+    with row q may reach up to row ``L(q) n_range / n_x``, where the next one begins.
 
     Parameters
     ----------

@@ -86,6 +86,22 @@ class BeamGain:
 def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, groups):
     """Rms errors of what neighbouring beams, bins and rows share.
 
+    From beam to beam a row is ``exp(j phi(m))`` of frequency ``f = phi' / (2 pi)``, and is to be
+    multiplied by the gain g(f). Relative to the row, and with ``l = log g``:
+
+    - f changes from beam to beam: ``g(d/dm)`` of a chirp is more than g times it by
+      ``(g'' / g) phi'' / (8 pi^2)``, and ``g'' / g = l'' + l'^2``;
+    - over a run of bins, r wide relative to the carrier, l is a straight line through two Gaussian
+      points: the parabola ``l'' (f r)^2 / 2`` leaves ``1 / sqrt(180)`` of itself (rms);
+    - m beams from the middle of a group of G, the gain is off by ``l' phi'' m / (2 pi)`` and the
+      phase, which is held over a vector of bins v wide, by ``phi' v m / sqrt(12)``; m is
+      ``sqrt((G^2 - 1) / 12)`` (rms). Half the phase's bend, ``phi'' m^2 / 2``, leaves
+      ``sqrt((G^2 - 1) (G^2 - 4) / 180)`` beside a pair's common part;
+    - rows that share phasors are off by `uneven` times m.
+
+    Errors of a group start again with the next one: `BeamGain.repeated` says how much of them
+    interpolation lets through.
+
     Parameters
     ----------
     between : BeamGain

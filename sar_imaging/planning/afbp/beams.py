@@ -169,6 +169,19 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
                padding_m: float = math.inf) -> BeamSampling | None:
     """Quickest sampling of beams that meets a target.
 
+    A row whose path grows by ``dL/ds`` with direction cosine s has ``k dL/ds`` radians per unit of
+    s. Beams ``pi / (k_max max|dL/ds| oversampling)`` apart hold all rows; the more they are
+    oversampled, the less their interpolation errs (gridding: O'Sullivan 1985, Jackson et al.
+    1991). For each oversampling, group of beams that share phases, and segment of pixels that
+    share an expansion, the errors are those of
+
+    - the geometry: paths by direction alone, less the bend that is made good to first order;
+    - interpolation between beams and along range, and float32 phasors;
+    - what beams, bins and rows share (`shared_errors`);
+    - the expansion of places and phases along a segment.
+
+    They add as powers. Of the samplings whose error is small enough, the quickest is taken.
+
     Parameters
     ----------
     polar : PolarGrid

@@ -85,6 +85,14 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths,
                     ratio: tuple[int, int] = (1, 1)) -> Sampling | None:
     """Quickest cut and coarse sampling that meet a target.
 
+    Zhang et al., equation 16: a sub-aperture whose rows have the slopes x_lo to x_hi (derivative
+    of the half path by direction, metres; positions along the track) fills the angular wavenumbers
+    ``K x_lo`` to ``K x_hi``, so its image needs coarse lines no further apart than
+    ``2 pi / (K_max (x_hi - x_lo))``. They lie some times closer, and some of them on either side
+    are guards, over which a taper makes the image periodic. The error is that of the taper's
+    spectrum beyond the band (`mean_error`), at the frequencies of the rows. Cuts, oversamplings
+    and guards are tried from the quickest on.
+
     Parameters
     ----------
     polar : PolarGrid

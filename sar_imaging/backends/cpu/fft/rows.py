@@ -5,7 +5,8 @@ its columns, `LANES` side by side, from the row into work space in a core's cach
 its lines at a time, transposed on their way into a panel so that they lie side by side, too. As
 frequency k of the columns and frequency l of the lines make frequency k + height l of the row,
 `LANES` lines leave their frequencies side by side where they belong. Between the two parts element
-m of line k is turned by k m / n cycles. Where lines or columns are not a multiple of `LANES`, the
+m of line k is turned by k m / n cycles: the four-step transform (Gentleman and Sande 1966; Bailey
+1990). Where lines or columns are not a multiple of `LANES`, the
 last group begins earlier and transforms some of them once more.
 """
 

@@ -51,6 +51,11 @@ def plan(length: int, inverse: bool, first_bytes: int, work_bytes: int, last_byt
          fetch: bool, n_turned: int = 1) -> Plan:
     """Tables of a transform, from the bytes between its elements.
 
+    ``X[k] = sum_m x[m] exp(-j 2 pi m k / N)`` with N a product of radices: element and frequency
+    are numbers of mixed digits, and pass i transforms digit i of the element to digit i of the
+    frequency (Cooley and Tukey 1965). With D the product of the radices before, and k the
+    frequency of the digits done so far, pass i first turns digit d by ``d k / (D radix)`` cycles.
+
     Parameters
     ----------
     length : int

@@ -170,6 +170,13 @@ class SpectrumFusion:
         self._changed = []
 
     def _whole(self) -> np.ndarray:
+        """Spectrum, with memory before it for the image.
+
+        Line l of the image is written over from ``l n_range`` on, while line l of the spectrum,
+        which it is made from, begins at ``ahead + (guard + l) n_padded``. The first must end
+        before the second begins, for l up to the lines of a call further on:
+        ``ahead >= n_alpha n_range - (guard + n_alpha) n_padded + lines n_range``.
+        """
         if self._memory is None:
             polar, (n_fine, n_bins) = self.grid.polar, self.spectrum_shape
             # Lines of the image may be longer than those of the spectrum that they replace, and
@@ -201,7 +208,14 @@ class SpectrumFusion:
         return spectrum
 
     def _band(self, centre_m: float) -> Band:
-        """Where a band lies (Zhang et al., equations 16 and 17)."""
+        """Where a band lies (Zhang et al., equations 16 and 17).
+
+        Its middle is ``K_alpha = K_r x_u``. In bins of ``2 pi / A`` over the extent A, range
+        wavenumber K_r has those from ``c - n_coarse // 2`` on, n_coarse of them, with
+        ``c = rint(K_r x_u A / (2 pi))``. As c only grows with K_r, or only falls where x_u is
+        negative, an angular bin n has the range wavenumbers without gap for which
+        ``c - n_coarse // 2 <= n < c - n_coarse // 2 + n_coarse``.
+        """
         n_coarse, n_bins = self.grid.n_coarse, len(self._wavenumber)
         middle = np.rint(self._wavenumber * (centre_m * self.grid.extent / (2 * math.pi)))
         first = middle.astype(np.int64) - n_coarse // 2
