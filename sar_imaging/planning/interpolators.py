@@ -7,9 +7,8 @@ band and over the interval follow from one least-squares problem, whose residual
 error.
 
 Where the spectrum is at hand before the samples are, each frequency may be multiplied by a gain
-that makes up for what the interpolation takes from it, the roll-off correction or deapodisation
-of gridding (O'Sullivan 1985; Jackson et al. 1991), here chosen together with the weights for the
-least error (Fessler and Sutton 2003): the same error then needs less than half the taps.
+that makes up for what the interpolation takes from it: the deapodisation of gridding (O'Sullivan
+1985; Jackson 1991; Fessler and Sutton 2003). Less than half the taps make the same error then.
 """
 
 from __future__ import annotations

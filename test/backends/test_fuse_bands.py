@@ -49,7 +49,7 @@ def test_any_subapertures(seed, n_coarse, finer, n_range, guard, fewer, n_parts,
 
 
 @settings(max_examples=20)
-@given(seed=st.integers(0, 2 ** 32), bin_of_band=st.integers(-12, 12))
+@given(seed=st.integers(0, 2 ** 32), bin_of_band=st.integers(-8, 8))
 def test_waves_of_a_band_arrive(seed, bin_of_band):
     """``exp(j K_alpha alpha)`` around ``K x_u`` is the same on fine lines, whatever x_u."""
     rng = np.random.default_rng(seed)
@@ -64,6 +64,7 @@ def test_waves_of_a_band_arrive(seed, bin_of_band):
     wanted = np.exp(1j * frequency * grid.polar.alpha)[:, None]
     phase = 2 * np.pi * np.fmod(2 * grid.fine_range_guard * grid.polar.range_spacing_m
                                 / grid.wavelength_m, 1.0)
-    # Away from the guards the taper is 1; its own spectrum, a dozen bins wide, has to fit.
+    # Away from the guards the taper is 1; its own spectrum, some 20 bins on either side, has
+    # to fit between the ends of the band, 32 bins from its middle: 5e-3 measured 12 bins off.
     error = np.abs(image * np.exp(-1j * phase) - wanted)[20:-20, 5:-5]
     assert error.max() < 5e-3

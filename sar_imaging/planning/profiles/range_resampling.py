@@ -290,15 +290,9 @@ def _predicted_db(lattice, interpolation_db, errors) -> float:
 def _expansion_errors(paths, radar):
     """Rms errors over a segment of half length 1, and the powers of it that they grow with.
 
-    With the pixel number f from -1 to 1, k the wavenumber and d_n the n-th derivative of the path
-    by f, the kernel takes
-
-    - the envelope's position to second order: d_3 f^3 / 6 is missing, times wavenumbers of the
-      band, which lie ``band / sqrt(3)`` from the carrier's, and f^3 is 1 / sqrt(7) (rms);
-    - the path common to the rows to third order: k d_4 f^4 / 24 is missing, f^4 is 1/3;
-    - the phasor of what a row's path differs by, ``exp(j (a f + b f^2 + c f^3))`` with
-      ``a, b, c = k d_n / n!``, to third order. The quartic term is economised: f^4 less T_4(f) / 8
-      is quadratic, and T_4 is 1 / sqrt(2). Of the quintic one a quarter is taken.
+    d_n being the path's derivatives by f, -1 to 1, the envelope's place lacks d_3 f^3 / 6, the
+    path of all rows d_4 f^4 / 24, and what a row differs by, ``exp(j (a f + b f^2 + c f^3))`` with
+    ``a, b, c = k d_n / n!``, its terms in f^4, economised, and f^5.
     """
     k = radar.wavenumber_rad_per_m
     band = radar.half_band_rad_per_m / math.sqrt(3)
@@ -339,12 +333,9 @@ def _rms(values) -> float:
 def _commensurate(n_samples, spacing_m, pitch, phases, *, finer=False, periodic=False):
     """Padded length and number of cells, quick to transform, nearest to the pitch.
 
-    A profile of N samples s apart, zeros included, resampled to n cells, has cells of ``N s / n``:
-    n is to be as near as possible to ``N s / pitch``, with what longer transforms cost added to
-    the relative difference.
-
-    With `finer` the cells may be smaller than the pitch, not larger, which leaves room for
-    lengths whose transform is quick. Periodic samples are not padded.
+    N padded samples s apart make n cells of ``N s / n``. With `finer` these may be smaller than
+    the pitch, not larger, which leaves room for lengths whose transform is quick. Periodic samples
+    are not padded.
     """
     best = None
     for length in [n_samples] if periodic else smooth_lengths(n_samples, _LONGER):
