@@ -11,8 +11,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from sar_imaging.planning.costs import DEFAULT, VARIABLE, CostModel
 
 _DESCRIPTION = """\
@@ -48,9 +46,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         print('interrupted; nothing is written', file=sys.stderr)
         return 130
     print(table(model))
-    low, high = np.exp(np.abs(np.log(predicted)).max() * np.array([-1, 1]))
-    print(f'\nWith them the predicted times of {len(predicted)} experiments are {low:.2f} to '
-          f'{high:.2f} of the measured ones.\n\n{_usage(path)}')
+    print(f'\nWith them the predicted times of {len(predicted)} experiments are '
+          f'{predicted.min():.2f} to {predicted.max():.2f} of the measured ones.\n\n'
+          f'{_usage(path)}')
     return 0
 
 

@@ -12,7 +12,11 @@ import numpy as np
 import pytest
 
 from sar_imaging.backends.cpu.costs import measurement
+from sar_imaging.backends.cpu.subapertures import SubapertureImager
 from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.planning.afbp.beams import BeamSampling
+from sar_imaging.planning.afbp.operations import fusion_operations, image_operations
+from sar_imaging.planning.afbp.plan import plan_afbp
 from sar_imaging.planning.costs import DEFAULT, VARIABLE, CostModel, using
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 from sar_imaging.planning.exact.polar_image import plan_polar
@@ -121,3 +125,24 @@ def test_predicted_time_is_what_plans_are_chosen_by_and_what_is_the_same_for_all
     dearer = dataclasses.replace(model, image=1e9)
     with using(dearer):
         assert plan.seconds == pytest.approx(1e-9 * plan.way.cost * n_pixels + 1.0, rel=1e-6)
+
+
+def test_operations_of_afbp_are_those_that_the_backend_does(make_case, monkeypatch):
+    case = make_case(1e3, pulses=128, channels=2)
+    block, formed = case.block, []
+    with using(dataclasses.replace(DEFAULT, line_pixel=1e9)):
+        plan = plan_afbp(case.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+                         target_db=-40.0, pulses_per_subaperture=16)
+    stage, directions = plan.subapertures, BeamSampling.directions
+    monkeypatch.setattr(BeamSampling, 'directions', lambda self, *rest: formed.append(
+        directions(self, *rest)) or formed[-1])
+    some = block.select(stage.sampling.pulses[0])
+    image = SubapertureImager(stage).image(0, some)
+    counts = image_operations(stage, some.n_pulses * some.n_channels)
+    assert counts['beam_pixel'] == image[0].size
+    # From where the sub-aperture is the grid spans a little more or less.
+    [(_, _, n_beams)] = formed
+    assert counts['beam_cell'] / stage.lattice.n_cells == pytest.approx(n_beams, abs=3)
+    whole = image_operations(stage, 2 * block.n_pulses, stage.n_subapertures)
+    assert plan.seconds == pytest.approx(DEFAULT.seconds(whole | fusion_operations(stage) | {
+        'image': 1, 'map_pixel': case.grid.n_x * case.grid.n_y}))
