@@ -4,7 +4,12 @@ import numpy as np
 from hypothesis import given, settings, strategies as st
 
 from sar_imaging.backends.cpu.beams.accumulation import STORED, TILE
-from sar_imaging.backends.cpu.beams.interpolation import mixed_cells, read_beams, work_size
+from sar_imaging.backends.cpu.beams.interpolation import (
+    _expand_weights,
+    mixed_cells,
+    read_beams,
+    work_size,
+)
 from sar_imaging.backends.cpu.threads import job_counter
 from sar_imaging.backends.reference.interpolate_beams import BeamImage, interpolate_beams
 from sar_imaging.compilation import numba
@@ -84,6 +89,19 @@ def test_lines_away_from_the_middle(seed, n_beams, n_lines, n_pixels, segment, b
     turns = np.abs(bend) * np.abs(1 / range_m - curvature) if bent else 0.0
     assert np.linalg.norm(read - wanted) <= scale * (3e-5 * (1 + turns)
                                                      + 10 * np.abs(bend) / range_m * straight)
+
+
+@given(t=st.floats(0.0, 1.0), seed=st.integers(0, 2 ** 32))
+def test_weights_are_expanded_to_second_order(t, seed):
+    """Value, first derivative and half the second one, of any polynomials."""
+    weights = np.random.default_rng(seed).standard_normal((DEGREE + 1, STORED)).astype(np.float32)
+    work = np.full(3 * STORED + 2, np.nan, np.float32)
+    _expand_weights(weights, np.float32(t), work, np.uint64(1))
+    polynomials = [np.polynomial.Polynomial(column.astype(float)) for column in weights.T]
+    wanted = [[f(t) for f in polynomials], [f.deriv()(t) for f in polynomials],
+              [f.deriv(2)(t) / 2 for f in polynomials]]
+    np.testing.assert_allclose(work[1:-1], np.ravel(wanted), atol=3e-5)  # up to 60, in float32
+    assert np.isnan(work[[0, -1]]).all()
 
 
 def _without_bend(profiles, offset, track, first, spacing, range_m, cell_m, wavelength_m):
