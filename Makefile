@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed help demo test lint processors fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign
+.PHONY: installed help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign
 .DEFAULT_GOAL := help
 
 help:
@@ -31,6 +31,7 @@ help:
 	@echo 'make processors'
 	@echo '             kernel tests and pinned images with the code of AVX2 and of a generic processor,'
 	@echo '             three minutes'
+	@echo 'make aarch64 images on an emulated aarch64 beside the pinned ones, on Debian; half an hour'
 	@echo 'make fault-campaign'
 	@echo '             twenty rounds of faults at random moments, an hour or two; FAULT_ROUNDS=2 for few'
 	@echo 'make mutation-campaign'
@@ -72,6 +73,10 @@ lint: environment
 # The suite takes a part of this.
 processors: environment
 	@$(RUN) -m pytest -m campaign test/backends/test_processors.py
+
+# Results go to benchmarks/results; what is fetched lies in build/aarch64.
+aarch64: environment
+	@$(RUN) -m benchmarks.aarch64
 
 # FAULT_SEED and FAULT_ROUNDS choose the random numbers; a failed test's name has its seed.
 fault-campaign: environment

@@ -4,6 +4,7 @@ Each runs tests of this suite in a process of its own. `make processors` takes a
 all pinned images, which compile everything for each processor; the suite takes a part.
 """
 
+import json
 import os
 import platform
 import subprocess
@@ -11,6 +12,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from benchmarks import aarch64, goldens
 
 ROOT = Path(__file__).parents[2]
 # With AVX2, which is 8 lanes; and without any extension. NUMBA_CPU_FEATURES is empty, since
@@ -49,3 +52,20 @@ def test_kernels_of_another_processor(processor, tmp_path):
 @pytest.mark.parametrize('processor', PROCESSORS)
 def test_all_kernels_of_another_processor(processor, tmp_path):
     assert '[100%]' in _run(processor, tmp_path, '-m', 'pytest', '-p', 'no:cacheprovider', *WHOLE)
+
+
+def test_what_was_found_on_aarch64_is_whole():
+    """`make aarch64` wrote it."""
+    found = json.loads(aarch64.RESULTS.read_text())
+    assert found['machine'] == 'aarch64' and found['agrees']
+    assert set(found['cases']) == set(aarch64.CASES)
+
+
+def test_check_of_aarch64_notices_another_image(tmp_path, monkeypatch):
+    """On this processor, which forms the pinned image."""
+    monkeypatch.setattr(aarch64, 'CASES', ('exact_100m',))
+    assert aarch64.check(tmp_path / 'here.json')
+    golden, facts = goldens.load(goldens.FOLDER, 'exact_100m')
+    monkeypatch.setattr(goldens, 'load', lambda *_: (1.001 * golden, facts))  # -60 dB
+    assert not aarch64.check(tmp_path / 'here.json')
+    assert not json.loads((tmp_path / 'here.json').read_text())['agrees']
