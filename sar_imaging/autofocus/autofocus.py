@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.grids import MapGrid
-from ..imaging.backprojection import Backprojector
+from ..imaging.imager import plan_image
 from ..quality.measures import contrast, entropy
 from ..signal.pulses import PulseBlock
 from .agreement import disagreement_rad
@@ -24,6 +24,7 @@ from .tiles.points import bright_points
 
 __all__ = ['Autofocus', 'AutofocusReport', 'AutofocusResult']
 _logger = logging.getLogger(__name__)
+_TARGET_DB = -80.0  # of the images that are compared
 OFFSET = 'time_offset_s'  # parameter that is searched for over a wide range
 _FEWEST_TO_CLAIM = 4  # bright points without which success is not claimed
 _FEWEST_TO_ABSORB = 12
@@ -340,7 +341,8 @@ class Autofocus:
         return with_track_error(nominal(block), scale_m=self.scale_m)
 
     def _backproject(self, block: PulseBlock) -> np.ndarray:
-        return Backprojector(self.grid, block.radar, block.n_samples)(block)
+        return plan_image(self.grid, block.radar, block.n_samples, method='exact',
+                          target_db=_TARGET_DB)(block).samples
 
 
 def _by_offset(model: GeometryModel) -> Callable[[float], Geometry]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry.grids import MapGrid
-from ..imaging.backprojection import Backprojector
+from ..imaging.imager import plan_image
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .autofocus import Autofocus
@@ -64,7 +64,8 @@ def live_autofocus(grid: MapGrid, *, track_error_m: float = 0.0, time_offset_s: 
         return out
 
     def image(block: PulseBlock) -> np.ndarray:
-        return Backprojector(grid, block.radar, block.n_samples, target_db=target_db)(block)
+        return plan_image(grid, block.radar, block.n_samples, method='exact',
+                          target_db=target_db)(block).samples
 
     return Autofocus(grid, model=model, imager=image, offset_reach_s=BEYOND * time_offset_s,
                      **options)

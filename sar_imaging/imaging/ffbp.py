@@ -119,7 +119,7 @@ class FfbpImager:
                  angle_oversampling: float | None = None, progress: bool = False):
         if not isinstance(grid, MapGrid | PolarGrid):
             raise ValueError(f'grid is a {type(grid).__name__}; FFBP images a MapGrid or a '
-                             'PolarGrid: use Backprojector')
+                             'PolarGrid: use exact backprojection')
         self.grid, self.radar, self.n_samples = grid, radar, int(n_samples)
         self.kernel, self._progress = kernel, progress
         self._tx, self._rx = (np.asarray(a, np.float64) for a in (tx_m, rx_m))

@@ -81,7 +81,7 @@ class WavenumberImager:
                  azimuth_padding: float | None = None):
         if not isinstance(grid, MapGrid):
             raise ValueError(f'grid is a {type(grid).__name__}; the wavenumber imager images a '
-                             'MapGrid: use Backprojector')
+                             'MapGrid: use exact backprojection')
         if taps < 2 or taps % 2:
             raise ValueError(f'taps={taps}; expected an even number, at least 2')
         if not (math.isfinite(range_padding) and range_padding >= 1):

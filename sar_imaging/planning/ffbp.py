@@ -203,7 +203,8 @@ def check_side(nodes: list[Node], edge) -> None:
     furthest, nearest = max(n.centre[1] for n in nodes), edge[:, 1].min()
     if nearest <= furthest:
         raise ValueError(f'the scene begins {nearest - furthest:.1f} m beside the track; fast '
-                         'factorised backprojection needs it on one side, use Backprojector')
+                         'factorised backprojection needs it on one side; use exact '
+                         'backprojection')
 
 
 def widest_spacing(nodes: list[Node], points) -> float:
@@ -325,7 +326,8 @@ def _place_grid(node, level, edge, edge_step, spacing, more_range, more_alpha):
             f'the scene begins {r.min():.1f} m from the sub-aperture of pulses '
             f'{node.pulses.start} to {node.pulses.stop - 1}, {height:.1f} m above it, at '
             f'direction cosines {alpha.min():.3f} to {alpha.max():.3f}: its grid would reach '
-            'the ground below the antenna or the track; move the grid away or use Backprojector')
+            'the ground below the antenna or the track; move the grid away or use exact '
+            'backprojection')
 
 
 def choose_segments(levels: list[Level], points, spacing: float, wavelength_m: float) -> None:

@@ -91,7 +91,7 @@ def local_bands(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Bands:
     extremes = float(by_range.min()), float(by_range.max())
     if extremes[0] <= 0.1:
         raise ValueError('range does not grow along the lines of the polar grid; it lies beside '
-                         'or behind the track, use Backprojector')
+                         'or behind the track, use exact backprojection')
     slope /= by_range
     half = radar.half_band_rad_per_m
     k = radar.wavenumber_rad_per_m

@@ -103,4 +103,4 @@ def test_sub_apertures_are_planned_or_the_reason_is_told():
         imaging.grid, centre_m=(*acquisition.centre_m[:2], 0.0)))
     refused = forecast_subapertures(acquisition, around, derive(acquisition, around, MACHINE))
     assert refused.count == 0
-    assert 'use Backprojector' in refused.reason
+    assert 'use exact backprojection' in refused.reason

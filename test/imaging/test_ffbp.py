@@ -191,7 +191,7 @@ def test_malformed_positions_are_refused(make_case):
 @pytest.mark.parametrize('centre', [(0.0, 0.0, 0.0), (0.0, 1e3, 0.0), (20.0, 0.0, -990.0)])
 def test_scene_around_ahead_or_below_is_refused(make_case, centre):
     case = make_case(1e3)
-    with pytest.raises(ValueError, match='use Backprojector'):
+    with pytest.raises(ValueError, match='use exact backprojection'):
         _plan(case, MapGrid(centre, 96, 96, 0.5))
 
 

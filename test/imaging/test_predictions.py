@@ -63,7 +63,7 @@ def test_no_image_is_above_its_prediction(track, seed):
     try:
         plan, image = _afbp(case)
     except ValueError as refusal:
-        assert 'Backprojector' in str(refusal)
+        assert 'exact backprojection' in str(refusal)
     else:
         assert (_error_db(case, image) <= plan.predicted_error_db + ALLOWED_DB
                 or _names_a_reason(plan.warnings))

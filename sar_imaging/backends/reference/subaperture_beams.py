@@ -40,7 +40,7 @@ def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m) -> np.ndarray:
     geometry = BeamGeometry.of(polar, grid_edges(polar), tx_m, rx_m)
     if geometry is None:
         raise ValueError(f'the imaging plane, {polar.z_m:g} m high, is too steep below the phase '
-                         f'centres around {tx_m.mean(axis=0).round(2)}; use Backprojector')
+                         f'centres around {tx_m.mean(axis=0).round(2)}; use exact backprojection')
     start, spacing, n_beams = sampling.directions(geometry, tx_m, rx_m)
     path_m = geometry.beam_path(tx_m, rx_m, start + spacing * np.arange(n_beams))
     spectra = profile_spectra(source, samples, lattice.n_padded)

@@ -59,7 +59,7 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
                       fit_ranges)
     if cover is None:
         raise ValueError('the map is too small, too near, around or beside the aperture for a '
-                         'polar image; use Backprojector')
+                         'polar image; use exact backprojection')
     return cover, remaining_db(target_db, cover.resampling_db)
 
 

@@ -119,8 +119,8 @@ def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
 
 def _check(grid, target_db, tx_m, rx_m, compressed, weighting) -> None:
     if not isinstance(grid, MapGrid | PolarGrid):
-        raise ValueError(f'grid is a {type(grid).__name__}; AFBP images a MapGrid or a PolarGrid: '
-                         'use Backprojector')
+        raise ValueError(f'grid is a {type(grid).__name__}; AFBP images a MapGrid or a PolarGrid; '
+                         'use exact backprojection')
     if not _LEAST_DB <= target_db <= _MOST_DB:
         raise ValueError(f'target_db={target_db}; expected {_LEAST_DB:g} to {_MOST_DB:g} dB')
     if tx_m.shape != rx_m.shape or tx_m.ndim != 3 or tx_m.shape[-1] != 3 or not tx_m.size:

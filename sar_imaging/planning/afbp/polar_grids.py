@@ -116,7 +116,7 @@ class FusionGrid:
                 range_start_m=polar.range_start_m - self.fine_range_guard * polar.range_spacing_m)
         except ValueError as error:
             raise ValueError(f'the guards around the polar grid leave the plane: {error}; use '
-                             'Backprojector') from error
+                             'exact backprojection') from error
 
     @functools.cached_property
     def between(self) -> Interpolator | None:

@@ -310,7 +310,7 @@ class _Planner:
             raise ValueError(
                 f'the sub-aperture images fill {filled:.0%} of what the ranges of the polar grid '
                 f'hold, at most {_MOST_FILLED:.0%} can be fused: the elevation changes too much '
-                'over this aperture; use Backprojector')
+                'over this aperture; use exact backprojection')
         lengths = (length,) if length else LENGTHS
         sampling = choose_sampling(polar, bands, self.tx_m, self.rx_m, lengths,
                                    self._cost(usual, lattice, bands.range_m),
@@ -320,7 +320,7 @@ class _Planner:
             raise ValueError(
                 f'no sub-apertures of {", ".join(map(str, lengths))} pulses reach '
                 f'target_db={self.target_db:g} on this polar grid; ask for less, image a smaller '
-                'scene, or use Backprojector')
+                'scene, or use exact backprojection')
         return sampling
 
     def _lattice_for(self, sampling, coarse, source, paths) -> Lattice:
@@ -346,7 +346,7 @@ class _Planner:
             if lattice is not None:
                 return lattice
         raise ValueError('the polar grid does not follow the range of this track (too near, or '
-                         'around the antenna); use Backprojector')
+                         'around the antenna); use exact backprojection')
 
     def _cut_warnings(self, length, guard_m: float, coverage: Coverage):
         """Profiles that end within the guards, where the taper should find whole responses."""

@@ -105,8 +105,8 @@ class BeamLines:
         geometry = CompiledBeamGeometry.of(self._polar, self._edges, tx_m, rx_m)
         if geometry is None:
             raise ValueError(f'the imaging plane, {self._polar.z_m:g} m high, is too steep below '
-                             f'the phase centres around {tx_m.mean(axis=0).round(2)}; use '
-                             'Backprojector')
+                             f'the phase centres around {tx_m.mean(axis=0).round(2)}; use exact '
+                             'backprojection')
         start, spacing, n_beams = self._sampling.directions(geometry, tx_m, rx_m)
         directions = start + spacing * np.arange(n_beams)
         paired = geometry.uneven(tx_m, rx_m) < self._sampling.uneven_m
