@@ -7,8 +7,8 @@ Run from the repository root, on Debian; nothing is installed and no rights are 
 Into `build/aarch64` come Debian's Python and libraries for arm64, its emulator where
 `qemu-aarch64-static` is not installed, and the aarch64 wheels of this environment's NumPy, SciPy
 and Numba, all by apt and pip as they are configured here. Then the emulated Python forms some of
-the images of `benchmarks.golden_cases`. That takes half an hour, most of it compiling, and times
-say nothing.
+the images of `benchmarks.support.golden_cases`. That takes half an hour, most of it compiling, and
+times say nothing.
 """
 
 from __future__ import annotations
