@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 try:
@@ -72,12 +72,14 @@ def container_bytes(membership: Path = Path('/proc/self/cgroup'),
                default=sys.maxsize)
 
 
-def _groups(membership: Path, mount: Path) -> Iterator[tuple[Path, tuple[str, str, str]]]:
-    """Folder and files of the groups that may limit memory, and of those that they are in."""
+@functools.lru_cache(maxsize=8)
+def _groups(membership: Path, mount: Path) -> tuple[tuple[Path, Path, Path, str], ...]:
+    """Files of the groups that may limit memory, and of those that they are in."""
     try:
         lines = membership.read_text().splitlines()
     except OSError:
-        return
+        return ()
+    groups = []
     for line in lines:
         _, controllers, path = line.split(':', 2)
         for controller, files in _GROUP_FILES.items():
@@ -85,14 +87,17 @@ def _groups(membership: Path, mount: Path) -> Iterator[tuple[Path, tuple[str, st
                 # A container sees its own group at the mount, whatever the path says.
                 parts = Path(path.lstrip('/')).parts
                 for n in range(len(parts) + 1):
-                    yield mount.joinpath(controller, *parts[:n]), files
+                    group = mount.joinpath(controller, *parts[:n])
+                    if (group / files[0]).exists():
+                        groups.append((group / files[0], group / files[1], group / 'memory.stat',
+                                       files[2]))
+    return tuple(groups)
 
 
-def _group_bytes(group: Path, files: tuple[str, str, str]) -> int:
-    limit, use, reclaimable = files
+def _group_bytes(limit: Path, use: Path, statistics_file: Path, reclaimable: str) -> int:
     try:
-        most, used = int((group / limit).read_text()), int((group / use).read_text())
-        statistics = (group / 'memory.stat').read_text()
+        most, used = int(limit.read_text()), int(use.read_text())
+        statistics = statistics_file.read_text()
     except (OSError, ValueError):  # no such group, or 'max'
         return sys.maxsize
     for line in statistics.splitlines():
