@@ -10,7 +10,7 @@ import numpy as np
 
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.planning.afbp.polar_grids import FusionGrid
+from sar_imaging.planning.afbp.polar_grids import UnifiedPolarGrids
 from sar_imaging.streaming.subaperture_image import COUNTS, SubapertureImage
 
 from . import float_pairs
@@ -168,7 +168,7 @@ def _read(header: np.ndarray, image: np.ndarray) -> SubapertureImage:
             origin_m=tuple(origin_m), track=(u, v), side=int(header[SIDE]), z_m=z_m,
             range_start_m=range_start_m, range_spacing_m=range_spacing_m, n_range=n_range,
             alpha_start=alpha_start, alpha_spacing=alpha_spacing, n_alpha=n_alpha)
-        fusion = FusionGrid(polar, image.shape[0], n_fine, n_guard, beta, image.shape[1],
+        fusion = UnifiedPolarGrids(polar, image.shape[0], n_fine, n_guard, beta, image.shape[1],
                             n_fine_range, half_range, carrier_hz, range_oversampling,
                             alpha_oversampling, speed)
         return SubapertureImage(

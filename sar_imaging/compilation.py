@@ -40,7 +40,7 @@ FASTMATH = {'contract', 'reassoc', 'nsz', 'arcp'}
 
 #: The same without reordered sums. Numba runs a parallel function that it has just compiled
 #: after fewer passes of the optimiser than one from its cache: reordered sums may differ then.
-REPEATABLE = {'contract', 'nsz', 'arcp'}
+DETERMINISTIC = {'contract', 'nsz', 'arcp'}
 
 # LLVM keeps to 256-bit vectors on many processors with AVX-512 unless a function says otherwise;
 # the imaging kernels run about 1.5 times faster with 512. Other processors take no notice.

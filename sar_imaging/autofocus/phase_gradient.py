@@ -16,7 +16,7 @@ import numpy as np
 from scipy import fft
 
 from ..geometry.polar import PolarGrid
-from ..planning.afbp.polar_grids import FusionGrid
+from ..planning.afbp.polar_grids import UnifiedPolarGrids
 from ..planning.interpolators import Interpolator
 from ..quality.measures import contrast
 from ..signal.radar import RadarParameters
@@ -76,7 +76,7 @@ class PhaseGradient:
     polar : PolarGrid
         Of the images; its origin in the middle of the aperture, its directions sampled at least
         1.1 times finer than the aperture resolves.
-    radar : RadarParameters or FusionGrid
+    radar : RadarParameters or UnifiedPolarGrids
         Of the profiles that the images were made of, or of their fusion.
     aperture_m : (float, float)
         First and last position of the phase centres along the grid's track, metres from its
@@ -90,7 +90,7 @@ class PhaseGradient:
         The grid samples directions too coarsely for the aperture.
     """
 
-    def __init__(self, polar: PolarGrid, radar: RadarParameters | FusionGrid,
+    def __init__(self, polar: PolarGrid, radar: RadarParameters | UnifiedPolarGrids,
                  aperture_m: tuple[float, float], *, margin: float = 0.005):
         self.polar, self.margin = polar, margin
         self._wavenumber = radar.wavenumber_rad_per_m
@@ -147,7 +147,7 @@ class PhaseGradient:
         image : (n_alpha, n_range) complex64
             Without the carrier phase of backprojection.
         between : Interpolator, optional
-            Whose gain the image has along direction: `FusionGrid.between`. It would make
+            Whose gain the image has along direction: `UnifiedPolarGrids.between`. It would make
             sidelobes of the aperture's ends, so it is taken out before.
 
         Returns

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from ..geometry.grids import MapGrid
-    from ..planning.afbp.polar_grids import FusionGrid
+    from ..planning.afbp.polar_grids import UnifiedPolarGrids
     from ..planning.afbp.subapertures import SubaperturePlan
     from ..planning.exact.backprojection import BackprojectionPlan
     from ..signal.pulses import PulseBlock
@@ -88,11 +88,11 @@ class SpectrumFusion(Protocol):
 
     Attributes
     ----------
-    grid : FusionGrid
+    grid : UnifiedPolarGrids
         As given.
     """
 
-    grid: FusionGrid
+    grid: UnifiedPolarGrids
 
     @property
     def included(self) -> frozenset[int]:
@@ -183,18 +183,18 @@ class Backend(Protocol):
     def SubapertureImager(self, plan: SubaperturePlan) -> SubapertureImager:
         """First stage of AFBP by a plan."""
 
-    def SpectrumFusion(self, grid: FusionGrid, *, keep: bool = False) -> SpectrumFusion:
+    def SpectrumFusion(self, grid: UnifiedPolarGrids, *, keep: bool = False) -> SpectrumFusion:
         """Second stage of AFBP.
 
         Parameters
         ----------
-        grid : FusionGrid
+        grid : UnifiedPolarGrids
             Of the sub-aperture images and of the fused one.
         keep : bool
             Keep each contribution, so that `SpectrumFusion.remove` and replacing are possible.
         """
 
-    def form_map(self, polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid,
+    def form_map(self, polar_image: np.ndarray, fusion: UnifiedPolarGrids, grid: MapGrid,
                  centre_m: float = 0.0, *, overwrite: bool = False) -> np.ndarray:
         """Interpolate a fused image to a map and put its carrier back.
 
@@ -202,7 +202,7 @@ class Backend(Protocol):
         ----------
         polar_image : (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
             From `SpectrumFusion`, complex or as real and imaginary part.
-        fusion : FusionGrid
+        fusion : UnifiedPolarGrids
             Its grid, oversampled as it says.
         grid : MapGrid
             Map; ``fusion.polar`` covers it, finely enough to be interpolated.

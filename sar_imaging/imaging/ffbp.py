@@ -36,7 +36,7 @@ from ..planning.ffbp import (
     widest_spacing,
 )
 from ..planning.profiles.profile_reach import check_reach, reach_warning, some_pixels
-from ..planning.profiles.range_gate import RangeWindow
+from ..planning.profiles.range_gate import RangeGate
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters
 
@@ -170,7 +170,7 @@ class FfbpImager:
         place_grids(self.levels, self._top, edge, edge_step, lattice.spacing,
                     loops.TAPS[self.kernel])
         choose_segments(self.levels, inside, lattice.spacing, radar.wavelength_m)
-        self._profiles = Profiles(RangeWindow.whole(radar, self.n_samples), lattice,
+        self._profiles = Profiles(RangeGate.whole(radar, self.n_samples), lattice,
                                   self._reach(tx, rx, lattice.spacing))
         longest = max(n.shape[1] for n in self.levels[0].nodes)
         cycles = 2 * (lattice.cell_m - lattice.spacing) / radar.wavelength_m

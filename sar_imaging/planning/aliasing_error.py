@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from .guard_taper import edge_taper
+from .guard_taper import guard_taper
 from .interpolators import Interpolator, design_interpolator
 
 _STEPS_PER_BIN = 4
@@ -29,7 +29,7 @@ _PLACES = 4  # between two lines
 
 
 @dataclasses.dataclass(frozen=True)
-class Coverage:
+class PixelDensity:
     """What of a fused polar image is wanted.
 
     Attributes
@@ -55,10 +55,10 @@ class Coverage:
         return wanted[0] / n, 1 - (wanted[-1] + 1) / n
 
 
-EVERYTHING = Coverage()
+EVERYTHING = PixelDensity()
 
 
-def mean_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, place=None,
+def aliasing_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, place=None,
                density=(1.0,)) -> float:
     """Mean squared error of interpolated exponentials, relative to their power.
 
@@ -161,7 +161,7 @@ def _error_table(n: int, n_guard: float, beta: float) -> np.ndarray:
         Positions as `_rows` has them; distances from the frequency to the first bin beyond the
         band, 0 to n in steps of 1 / `_STEPS_PER_BIN`.
     """
-    spectrum = np.fft.fft(edge_taper(_FINER * n, _FINER * n_guard, beta),
+    spectrum = np.fft.fft(guard_taper(_FINER * n, _FINER * n_guard, beta),
                           _FINER * n * _STEPS_PER_BIN)[:n * _STEPS_PER_BIN] / (_FINER * n)
     position = n_guard + _rows(n, n_guard) * (n - 2 * n_guard)
     turn = np.exp(2j * np.pi / n * np.outer(position, np.arange(n)))
@@ -170,12 +170,12 @@ def _error_table(n: int, n_guard: float, beta: float) -> np.ndarray:
     return 2 * (beyond.real ** 2 + beyond.imag ** 2)
 
 
-def correction_error(coverage: Coverage, n: int, n_guard: float, beta: float) -> float:
+def correction_error(coverage: PixelDensity, n: int, n_guard: float, beta: float) -> float:
     """Mean squared error on a map because its correction mixes tapered lines with wanted ones.
 
     Parameters
     ----------
-    coverage : Coverage
+    coverage : PixelDensity
         Which lines are wanted, how they are read, and the frequencies of the image.
     n : int
         Lines of the fused grid.
@@ -206,7 +206,7 @@ def _correction_table(oversampling: float, taps: int, degree: int, n: int, n_gua
                       beta: float) -> np.ndarray:
     """(TONES, n) mean squared error of tones by the line before the place that is read."""
     between = design_interpolator(oversampling, taps=taps, degree=degree, corrected=True)
-    taper, line = edge_taper(n, n_guard, beta), np.arange(n)
+    taper, line = guard_taper(n, n_guard, beta), np.arange(n)
     cycles = 0.5 * (np.arange(TONES) + 0.5) / TONES
     tones = np.exp(2j * np.pi * np.outer(cycles, line))
     # what is read less what would be if all lines were right
@@ -223,5 +223,5 @@ def _correction_table(oversampling: float, taps: int, degree: int, n: int, n_gua
 
 
 def taper_shape(n_guard: float, oversampling: float) -> float:
-    """Shape of the taper with about the least error (fitted to `mean_error`)."""
+    """Shape of the taper with about the least error (fitted to `aliasing_error`)."""
     return max(0.5, 1.5 * n_guard * (1 - 1 / oversampling))

@@ -13,7 +13,7 @@ from ..signal.radar import RadarParameters
 from .profiles.range_resampling import half_paths
 
 
-def row_weights(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndarray:
+def echo_power(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndarray:
     """Share that each row has in the power of an image, relative to the mean.
 
     It is the number of rows whose local frequencies in the image differ by less than the image

@@ -16,7 +16,7 @@ from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..geometry.track_frame import track_beside
 from ..signal.radar import RadarParameters
-from .profiles.range_resampling import Lattice, Paths, plan_lattice, sample_paths
+from .profiles.range_resampling import Paths, RangeResampling, plan_resampling, sample_paths
 
 MARGIN = 0.25  # how far beyond its interval a kernel is evaluated, pixels
 LANES = 16  # pixels beyond a segment, whole vectors
@@ -255,7 +255,8 @@ def half_bands(nodes: list[Node], tx, rx, points, radar: RadarParameters) -> tup
 
 
 def plan_profiles(nodes: list[Node], frame: Frame, tx, rx, points, spacing: float,
-                  radar: RadarParameters, n_samples: int, target_db: float) -> Lattice | None:
+                  radar: RadarParameters, n_samples: int, target_db: float
+                  ) -> RangeResampling | None:
     """Lattice of the profiles for the first stage; its spacing is that of all local grids."""
     lengths, derivatives, span = [], [], 0.0
     for node in nodes[::max(1, len(nodes) // 8)]:
@@ -270,7 +271,7 @@ def plan_profiles(nodes: list[Node], frame: Frame, tx, rx, points, spacing: floa
         span = max(span, float(np.ptp(r)))
     joined = Paths(np.concatenate(lengths),
                    tuple(np.concatenate(d) for d in zip(*derivatives, strict=True)))
-    return plan_lattice(joined, spacing, math.ceil(span / spacing) + LANES, radar, n_samples,
+    return plan_resampling(joined, spacing, math.ceil(span / spacing) + LANES, radar, n_samples,
                         target_db, fit_spacing=True)
 
 

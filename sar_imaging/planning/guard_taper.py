@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 
-def edge_taper(n: int, n_guard: float, beta: float) -> np.ndarray:
+def guard_taper(n: int, n_guard: float, beta: float) -> np.ndarray:
     """Taper of a periodic grid: 1 from cell n_guard to n - n_guard, smoothly to 0 at 0 and n.
 
     Parameters

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..geometry.polar import PolarGrid
 from ..signal.radar import RadarParameters
-from .echo_power import row_weights
+from .echo_power import echo_power
 from .profiles.range_resampling import half_paths
 
 SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
@@ -23,7 +23,7 @@ _RANGE_GUARD = 1.2
 
 
 @dataclasses.dataclass(frozen=True)
-class Bands:
+class LocalSpectrum:
     """Local frequencies of a grid's sub-aperture images.
 
     Attributes
@@ -42,7 +42,7 @@ class Bands:
     by_range : (float, float)
         Smallest and largest derivative of the half paths by range.
     weight : (R,) float64
-        Share that each row has in the power of the image, see `row_weights`.
+        Share that each row has in the power of the image, see `echo_power`.
     """
 
     slope: np.ndarray
@@ -54,7 +54,7 @@ class Bands:
     weight: np.ndarray
 
 
-def local_bands(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Bands:
+def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> LocalSpectrum:
     """Local frequencies of backprojected images at samples of a polar grid and its guards.
 
     Parameters
@@ -68,7 +68,7 @@ def local_bands(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Bands:
 
     Returns
     -------
-    Bands
+    LocalSpectrum
 
     Raises
     ------
@@ -99,9 +99,9 @@ def local_bands(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Bands:
     middle = len(position) // 2
     sides = (polar.n_range * polar.range_spacing_m * along_range[middle],
              polar.n_alpha * polar.alpha_spacing * along_alpha[middle])
-    return Bands(slope, share, (k - half, k + half), half_range,
+    return LocalSpectrum(slope, share, (k - half, k + half), half_range,
                  (float(length.min()), float(length.max())), extremes,
-                 row_weights(tx_m, rx_m, position[middle], sides, radar))
+                 echo_power(tx_m, rx_m, position[middle], sides, radar))
 
 
 def usual_guard(n_range: int) -> int:

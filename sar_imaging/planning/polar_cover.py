@@ -18,15 +18,15 @@ from ..geometry.map_edges import EDGE_SAMPLES, edge_positions
 from ..geometry.polar import PolarGrid
 from ..geometry.track_frame import side_of, track_beside
 from ..signal.radar import RadarParameters
-from .echo_power import row_weights
+from .echo_power import echo_power
 from .error_budget import total_db
 from .interpolators import Interpolator, coarsest_interpolator, finer_interpolator
 from .polar_to_map import CORRECTED_TAPS, DEGREE, LEAST_RANGES, TAPS, margin
-from .profiles.range_gate import RangeWindow
-from .profiles.range_resampling import Lattice, half_paths, plan_lattice, sample_paths
+from .profiles.range_gate import RangeGate
+from .profiles.range_resampling import RangeResampling, half_paths, plan_resampling, sample_paths
 
 if TYPE_CHECKING:
-    from .profiles.phase_history import RangeBand
+    from .profiles.phase_history import PhaseHistory
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _WAVENUMBERS = 7  # of the band
@@ -34,7 +34,7 @@ FitRanges = Callable[[float, float, float], tuple[float, tuple[int, int]]]
 
 
 @dataclasses.dataclass(frozen=True)
-class MapCover:
+class PolarCover:
     """Polar grid that covers a map, fine enough to be interpolated to it.
 
     Attributes
@@ -43,9 +43,9 @@ class MapCover:
         It reaches `margin` pixels beyond the map.
     ratio : (int, int)
         Ranges of images that are added to those of their sum, on `polar`.
-    lattice : Lattice
+    lattice : RangeResampling
         How lines of such images read the profiles.
-    window : RangeWindow or RangeBand
+    window : RangeGate or PhaseHistory
         What it needs of the profiles.
     range_m : (float, float)
         Bounds of the half path over it, metres.
@@ -56,7 +56,7 @@ class MapCover:
     slope_alpha : (R, S) float64
         Derivative by direction of the half paths from the rows to samples of the map, metres.
     weight : (R,) float64
-        Share of each row in the power of the image, see `row_weights`.
+        Share of each row in the power of the image, see `echo_power`.
     wavenumber : (2,) floats
         Lowest and highest of the radar's band, rad/m.
     between_db, along_db : float
@@ -67,8 +67,8 @@ class MapCover:
 
     polar: PolarGrid
     ratio: tuple[int, int]
-    lattice: Lattice
-    window: RangeWindow | RangeBand
+    lattice: RangeResampling
+    window: RangeGate | PhaseHistory
     range_m: tuple[float, float]
     axis: int
     between: Interpolator
@@ -92,8 +92,8 @@ class MapCover:
 
 
 def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
-              resampling_db: float, lattice_db: float, band: RangeBand | None = None,
-              fit_ranges: FitRanges | None = None) -> MapCover | None:
+              resampling_db: float, lattice_db: float, band: PhaseHistory | None = None,
+              fit_ranges: FitRanges | None = None) -> PolarCover | None:
     """Cover a map by a polar grid around the aperture.
 
     Parameters
@@ -102,7 +102,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         As for `plan_polar`.
     resampling_db, lattice_db : float
         Wanted errors of each pass of the interpolation to the map and of the backprojection, dB.
-    band : RangeBand, optional
+    band : PhaseHistory, optional
         Phase histories instead of profiles; `radar` is its own.
     fit_ranges : callable, optional
         The polar image will be formed by its spectrum, as that of `SpectrumFusion` is, and
@@ -114,7 +114,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
 
     Returns
     -------
-    MapCover or None
+    PolarCover or None
         None where the map is tiny, too near, all around, or not ahead of the aperture.
     """
     frame = _frame(grid, 0.5 * (tx_m + rx_m))
@@ -126,7 +126,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     if bands is None:
         return None
     paths, (along_range, local), along_alpha, slope_alpha, k = bands
-    weight = row_weights(tx_m, rx_m, grid.centre_m, grid.spacing_m * np.array(
+    weight = echo_power(tx_m, rx_m, grid.centre_m, grid.spacing_m * np.array(
         [[grid.n_x, 0, 0], [0, grid.n_y, 0]]), radar)
     between, between_db = fitting_interpolator(
         along_alpha, weight, resampling_db, taps=CORRECTED_TAPS if corrected else TAPS,
@@ -145,15 +145,15 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     lo, hi = float(paths.length.min()), float(paths.length.max())
     slack = 2 * margin(TAPS) * spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
     range_m = lo - slack, hi + slack
-    window = band or RangeWindow.around(radar, n_samples, range_m)
-    lattice = plan_lattice(paths, spacing, n_line, radar, window.n_samples, lattice_db,
+    window = band or RangeGate.around(radar, n_samples, range_m)
+    lattice = plan_resampling(paths, spacing, n_line, radar, window.n_samples, lattice_db,
                            fit_spacing=True, periodic=window.periodic)
     if lattice is None:
         return None
     polar = _cover(grid, frame, lattice.spacing * ratio[0] / ratio[1], half_alpha, between)
     if polar is None:
         return None
-    return MapCover(polar, ratio, lattice, window, range_m, axis, between, along, slope_alpha,
+    return PolarCover(polar, ratio, lattice, window, range_m, axis, between, along, slope_alpha,
                     weight, k, between_db, along_db,
                     window.mean_end_error_db(paths.length))
 

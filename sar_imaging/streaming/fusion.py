@@ -12,13 +12,13 @@ import numpy as np
 from ..backends.cpu.fusion.spectra import SpectrumFusion
 from ..backends.cpu.fusion.to_map import covers, form_map
 from ..geometry.grids import MapGrid
-from ..planning.afbp.polar_grids import FusionGrid
+from ..planning.afbp.polar_grids import UnifiedPolarGrids
 from ..planning.memory import IMAGE_BYTES, PUBLISHED_BYTES, check_memory
 from ..signal.pulses.sequence import EventSource, counter_distance
 from .subaperture_image import SubapertureImage
 
 _SESSIONS = 16  # former senders that are remembered
-Focus = Callable[[np.ndarray, FusionGrid, tuple[float, float]], tuple[np.ndarray, object]]
+Focus = Callable[[np.ndarray, UnifiedPolarGrids, tuple[float, float]], tuple[np.ndarray, object]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -220,8 +220,8 @@ class LiveFusion(EventSource):
         What happened so far.
     focus : callable or None
         Called with the fused polar image, at range baseband, of every final image of an aperture
-        that does not slide, its `FusionGrid`, and the ends of the aperture in metres along the
-        track; returns the polar image to use, and what to tell in `FusedImage.focus`.
+        that does not slide, its `UnifiedPolarGrids`, and the ends of the aperture in metres along
+        the track; returns the polar image to use, and what to tell in `FusedImage.focus`.
 
     Raises
     ------

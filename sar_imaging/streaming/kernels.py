@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..backends.cpu.beams.subaperture import BeamLines
+from ..backends.cpu.beams.subaperture import BeamformedSubaperture
 from ..backends.cpu.fft.columns import LANES, transform_columns
 from ..backends.cpu.fft.rows import transform_rows
 from ..backends.cpu.lines import PolarLines
@@ -12,8 +12,8 @@ from ..backends.cpu.profiles import Profiles
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..planning.afbp.beams import plan_beams
-from ..planning.profiles.range_gate import RangeWindow
-from ..planning.profiles.range_resampling import plan_lattice, sample_paths
+from ..planning.profiles.range_gate import RangeGate
+from ..planning.profiles.range_resampling import plan_resampling, sample_paths
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .fusion import LiveFusion
@@ -46,10 +46,10 @@ def _compile_both_ways(block: PulseBlock) -> None:
     polar = PolarGrid((-_RANGE_M, 0.0, 0.0), (0.0, 1.0), -1, 0.0, _RANGE_M, 0.25, 32, 0.0, 1e-3, 4)
     rows = block.tx_m.reshape(-1, 3), block.rx_m.reshape(-1, 3)
     paths = sample_paths(*rows, polar.lines(polar.range_m[[0, -1]], 0.0))
-    lattice = plan_lattice(paths, 0.25, 32, block.radar, _N_SAMPLES, _TARGET_DB)
+    lattice = plan_resampling(paths, 0.25, 32, block.radar, _N_SAMPLES, _TARGET_DB)
     beams = plan_beams(polar, block.radar, lattice, lattice.n_padded, [rows], _TARGET_DB, 8.0)
-    window, range_m = RangeWindow.whole(block.radar, _N_SAMPLES), (_RANGE_M, _RANGE_M + 8.0)
-    for lines in (BeamLines(polar, window, lattice, beams, range_m),
+    window, range_m = RangeGate.whole(block.radar, _N_SAMPLES), (_RANGE_M, _RANGE_M + 8.0)
+    for lines in (BeamformedSubaperture(polar, window, lattice, beams, range_m),
                   PolarLines(polar, Profiles(window, lattice, range_m))):
         lines.fill(block.samples.reshape(_CUT, -1), *rows, np.zeros((2, 4, 32), np.float32))
 

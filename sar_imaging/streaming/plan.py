@@ -12,11 +12,11 @@ from ..backends.cpu.subapertures import SubapertureImager
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..planning.afbp.edge_brightness import EdgeBrightness
-from ..planning.afbp.map_cover import cover_for_fusion, map_coverage
+from ..planning.afbp.map_cover import cover_for_fusion, map_density
 from ..planning.afbp.subapertures import plan_subapertures
 from ..planning.error_budget import LIVE_SHARES, total_db
 from ..planning.interpolators import Interpolator
-from ..planning.local_spectrum import Bands, local_bands
+from ..planning.local_spectrum import LocalSpectrum, local_spectrum
 from ..planning.polar_to_map import CORRECTED_TAPS, margin
 from ..planning.profiles.profile_reach import reach_warning, some_pixels
 from ..signal.pulses import PulseBlock
@@ -71,7 +71,7 @@ class LivePlan:
     ----------
     grid : MapGrid
         As given.
-    fusion : FusionGrid
+    fusion : UnifiedPolarGrids
         Of the sub-aperture images and the fused one.
     length : int
         Pulses of a sub-aperture.
@@ -99,7 +99,7 @@ class LivePlan:
                                    target_db=self._target_db - margin_db,
                                    pulses_per_subaperture=length,
                                    oversampling=cover.oversampling, ratio=cover.ratio,
-                                   coverage=map_coverage(polar, grid, cover))
+                                   coverage=map_density(polar, grid, cover))
 
         def windows(n_pulses):
             return _for_windows(polar, radar, tx_m, rx_m, n_pulses, cover.between.oversampling)
@@ -216,8 +216,8 @@ def _windows_db(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window: 
     return 10 * math.log10(worst + 1e-16)
 
 
-def _bands_of_some(polar, radar, tx_m, rx_m, n_window) -> tuple[Bands, int]:
+def _bands_of_some(polar, radar, tx_m, rx_m, n_window) -> tuple[LocalSpectrum, int]:
     """Local frequencies of some pulses of a track, and how many of these a window has."""
     step = max(1, len(tx_m) // _ROWS_FOR_COVER)
     tx_m, rx_m = tx_m[::step], rx_m[::step]
-    return local_bands(polar, tx_m, rx_m, radar), min(n_window // step + 2, len(tx_m))
+    return local_spectrum(polar, tx_m, rx_m, radar), min(n_window // step + 2, len(tx_m))

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
-from ..planning.afbp.polar_grids import FusionGrid
+from ..planning.afbp.polar_grids import UnifiedPolarGrids
 from ..signal.pulses.sequence import COUNTER_MASK
 
 #: Names of the fields that count something, unsigned with 32 bits.
@@ -33,7 +33,7 @@ class SubapertureImage:
     image : (n_alpha, n_range) complex64
         On ``fusion.coarse``, at range baseband: ``f(x) exp(-j 4 pi (r - r_0) / wavelength)`` with
         r_0 the first range of that grid.
-    fusion : FusionGrid
+    fusion : UnifiedPolarGrids
         Grids that the sub-apertures of the aperture share.
     centre_m : float
         Middle of the image's band; see `SpectrumFusion.add`.
@@ -73,7 +73,7 @@ class SubapertureImage:
     """
 
     image: np.ndarray
-    fusion: FusionGrid
+    fusion: UnifiedPolarGrids
     centre_m: float
     map_grid: MapGrid
     bandwidth_hz: float

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from sar_imaging.backends.cpu.beams.forming import ROWS
-from sar_imaging.backends.cpu.beams.subaperture import BeamLines
+from sar_imaging.backends.cpu.beams.subaperture import BeamformedSubaperture
 from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.planning.afbp.beams import plan_beams
-from sar_imaging.planning.profiles.range_gate import RangeWindow
-from sar_imaging.planning.profiles.range_resampling import plan_lattice, sample_paths
+from sar_imaging.planning.profiles.range_gate import RangeGate
+from sar_imaging.planning.profiles.range_resampling import plan_resampling, sample_paths
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock
 
 _PADDING = 64  # samples; rows lie further apart than they would in practice
@@ -24,7 +24,7 @@ class _Stage:
 
     block: PulseBlock
     coarse: object
-    lines: BeamLines
+    lines: BeamformedSubaperture
     predicted_error_db: float
 
 
@@ -39,19 +39,19 @@ def _stage(grid, block, pulses, target_db):
     """
     plan = AfbpImager(grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
                       target_db=target_db + 10.0, pulses_per_subaperture=32).subapertures
-    radar, window = block.radar, RangeWindow.whole(block.radar, block.n_samples)
+    radar, window = block.radar, RangeGate.whole(block.radar, block.n_samples)
     part = block.select(pulses)
     r, alpha = (v.ravel() for v in np.meshgrid(plan.polar.range_m[[0, -1]],
                                                plan.polar.alpha[[0, -1]]))
     paths = sample_paths(*_rows(block), plan.polar.lines(r, alpha))
-    lattice = plan_lattice(paths, plan.polar.range_spacing_m, plan.polar.n_range, radar,
+    lattice = plan_resampling(paths, plan.polar.range_spacing_m, plan.polar.n_range, radar,
                            window.n_samples + _PADDING, target_db)
     range_m = paths.length.min() - 3.0, paths.length.max() + 3.0
     beams = plan_beams(plan.polar, radar, lattice, lattice.n_padded, [_rows(part)], target_db,
                        range_m[1] - range_m[0], _PADDING * radar.sample_spacing_m)
     if beams is None:
         return None
-    lines = BeamLines(plan.polar, window, lattice, beams, range_m)
+    lines = BeamformedSubaperture(plan.polar, window, lattice, beams, range_m)
     return _Stage(part, plan.polar, lines, beams.predicted_error_db)
 
 

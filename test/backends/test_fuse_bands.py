@@ -5,7 +5,7 @@ from hypothesis import given, settings, strategies as st
 
 from sar_imaging.backends import backend
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.planning.afbp.polar_grids import FusionGrid
+from sar_imaging.planning.afbp.polar_grids import UnifiedPolarGrids
 
 
 def make_grid(rng, n_coarse, n_fine, n_range, n_coarse_range, n_fine_range, for_map):
@@ -13,7 +13,7 @@ def make_grid(rng, n_coarse, n_fine, n_range, n_coarse_range, n_fine_range, for_
     n_alpha = n_fine - 2 * int(np.ceil(guard * n_fine / n_coarse))
     polar = PolarGrid((0.0, 0.0, 50.0), (1.0, 0.0), 1, 0.0, 900.0, 0.25, n_range,
                       rng.uniform(-0.2, 0.1), rng.uniform(1e-4, 4e-4), n_alpha)
-    return FusionGrid(polar, n_coarse, n_fine, guard, 4.0, n_coarse_range, n_fine_range,
+    return UnifiedPolarGrids(polar, n_coarse, n_fine, guard, 4.0, n_coarse_range, n_fine_range,
                       rng.uniform(2.0, 8.0), 10e9, *(1.3, 1.5) if for_map else (1.0, 1.0))
 
 

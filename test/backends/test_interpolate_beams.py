@@ -6,12 +6,12 @@ from hypothesis import given, settings, strategies as st
 from sar_imaging.backends.cpu.beams.accumulation import STORED, TILE
 from sar_imaging.backends.cpu.beams.interpolation import (
     _expand_weights,
-    mixed_cells,
-    read_beams,
+    interpolate_beams,
+    summed_cells,
     work_size,
 )
 from sar_imaging.backends.cpu.threads import job_counter
-from sar_imaging.backends.reference.interpolate_beams import BeamImage, interpolate_beams
+from sar_imaging.backends.reference import interpolate_beams as reference
 from sar_imaging.compilation import numba
 from sar_imaging.planning.afbp.beam_gain import BEAM_TAPS, DEGREE
 from sar_imaging.planning.afbp.beams import CELL_TAPS
@@ -36,7 +36,7 @@ def test_lines_away_from_the_middle(seed, n_beams, n_lines, n_pixels, segment, b
     rng = np.random.default_rng(seed)
     range_m, cell_m = 10 ** rng.uniform(2.5, 4.0), 0.3
     n_segments = -(-n_pixels // segment)
-    n_cells = n_segments * segment + 2 * CELL_TAPS + mixed_cells(segment)
+    n_cells = n_segments * segment + 2 * CELL_TAPS + summed_cells(segment)
     beams = rng.standard_normal((n_beams, n_cells + TILE, 2)).astype(np.float32)
     beams[:, n_cells:] = 0.0
     profiles = beams.view(np.complex64)[..., 0]
@@ -63,19 +63,20 @@ def test_lines_away_from_the_middle(seed, n_beams, n_lines, n_pixels, segment, b
     curvature = 1 / (start_m * (rng.uniform(0.7, 1.4) if bent else 1.0))
     bend = -wavelength_m / (4 * np.pi * spacing ** 2) if bent else 0.0
     image = np.full((2, n_lines, n_pixels), np.nan, np.float32)
-    index = np.arange(mixed_cells(segment), dtype=np.float32) - segment // 2
+    index = np.arange(summed_cells(segment), dtype=np.float32) - segment // 2
     work = np.empty(numba.get_num_threads() * work_size(segment), np.float32)
     zero_cycles, jobs = rng.random(), job_counter()
-    read_beams(beams.reshape(-1), (n_beams, n_cells + TILE, n_lines, n_pixels, segment), lines,
-               centre, track, np.array([range_m, cell_m, cell_m]), np.array([first, spacing]),
-               2 / wavelength_m, zero_cycles, np.array([curvature, bend]), _table(BETWEEN),
-               _table(ALONG), index, image.reshape(-1), work, jobs.ctypes.data)
+    interpolate_beams(
+        beams.reshape(-1), (n_beams, n_cells + TILE, n_lines, n_pixels, segment), lines, centre,
+        track, np.array([range_m, cell_m, cell_m]), np.array([first, spacing]), 2 / wavelength_m,
+        zero_cycles, np.array([curvature, bend]), _table(BETWEEN), _table(ALONG), index,
+        image.reshape(-1), work, jobs.ctypes.data)
 
     points = centre + (start_m + cell_m * np.arange(n_pixels))[None, :, None] * away[:, None]
-    wanted = interpolate_beams(BeamImage(profiles.astype(complex), centre, tuple(track),
-                                         (first, spacing), (range_m, cell_m),
-                                         1 / curvature if bent else np.inf), points, wavelength_m,
-                               BETWEEN, ALONG)
+    beam_image = reference.BeamImage(
+        profiles.astype(complex), centre, tuple(track), (first, spacing), (range_m, cell_m),
+        1 / curvature if bent else np.inf)
+    wanted = reference.interpolate_beams(beam_image, points, wavelength_m, BETWEEN, ALONG)
     if not bent:
         wanted = _without_bend(profiles, points - centre, track, first, spacing, range_m, cell_m,
                                wavelength_m)

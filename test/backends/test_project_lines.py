@@ -9,8 +9,8 @@ from sar_imaging.backends.cpu.lines import PolarLines, add_to_lines, line_middle
 from sar_imaging.backends.cpu.profiles import Profiles
 from sar_imaging.backends.reference.project_lines import project_lines
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.planning.profiles.range_gate import RangeWindow
-from sar_imaging.planning.profiles.range_resampling import plan_lattice, sample_paths
+from sar_imaging.planning.profiles.range_gate import RangeGate
+from sar_imaging.planning.profiles.range_resampling import plan_resampling, sample_paths
 from sar_imaging.signal import SPEED_OF_LIGHT, RadarParameters
 
 DEGREE = 4
@@ -159,8 +159,8 @@ def test_polar_images_are_as_exact_as_predicted(seed, n_rows, n_alpha, n_range, 
     lines = polar.lines(*(v.ravel() for v in np.meshgrid(
         np.linspace(*polar.range_m[[0, -1]], 5), np.linspace(*polar.alpha[[0, -1]], 5))))
     paths = sample_paths(tx, rx, lines)
-    window = RangeWindow.whole(radar, n_samples)
-    lattice = plan_lattice(paths, spacing_m, n_range, radar, n_samples, target_db)
+    window = RangeGate.whole(radar, n_samples)
+    lattice = plan_resampling(paths, spacing_m, n_range, radar, n_samples, target_db)
     assume(lattice is not None)
     # quiet at its ends: profiles that are cut off ring within the image where cells are coarser
     # than samples

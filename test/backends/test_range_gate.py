@@ -6,8 +6,8 @@ import scipy.fft
 
 from sar_imaging.backends.cpu.profile_spectra import cut_profiles
 from sar_imaging.backends.cpu.profiles import Profiles
-from sar_imaging.planning.profiles.range_gate import RangeWindow
-from sar_imaging.planning.profiles.range_resampling import point_lattice
+from sar_imaging.planning.profiles.range_gate import RangeGate
+from sar_imaging.planning.profiles.range_resampling import plan_point_resampling
 from sar_imaging.signal import RadarParameters
 
 N, NEEDED = 4096, (1500.0, 2000.0)  # samples; half paths within the profile, metres
@@ -29,7 +29,7 @@ def _noise(radar):
 def test_samples_within_the_window_are_those_of_the_whole_profile(oversampling):
     """Beside the cut the change is below -88 dB (measured: -92 to -97 dB)."""
     radar = _radar(oversampling)
-    window = RangeWindow.around(radar, N, NEEDED)
+    window = RangeGate.around(radar, N, NEEDED)
     assert window.n_samples < 0.4 * N and window.n_rise and window.n_fall
     profiles = _noise(radar)
     # the filter that Profiles applies, at the same samples
@@ -54,8 +54,8 @@ def test_polynomials_agree_with_those_of_the_whole_profile():
     radar = _radar(2.0)
     samples = _noise(radar).astype(np.complex64)
     values = []
-    for window in (RangeWindow.around(radar, N, NEEDED), RangeWindow.whole(radar, N)):
-        lattice = point_lattice(radar, window.n_samples, -90.0)
+    for window in (RangeGate.around(radar, N, NEEDED), RangeGate.whole(radar, N)):
+        lattice = plan_point_resampling(radar, window.n_samples, -90.0)
         profiles = Profiles(window, lattice, NEEDED)
         planes = profiles.planes(samples)[:, 0]
         place = np.linspace(1510.0, 1990.0, 500)
@@ -72,12 +72,12 @@ def test_polynomials_agree_with_those_of_the_whole_profile():
                                      (-900.0, -800.0)])
 def test_the_whole_profile_is_taken_where_a_window_gains_nothing(range_m):
     radar = _radar(2.0)
-    assert RangeWindow.around(radar, N, range_m) == RangeWindow.whole(radar, N)
+    assert RangeGate.around(radar, N, range_m) == RangeGate.whole(radar, N)
 
 
 def test_a_window_at_the_end_of_the_profile_keeps_that_end():
     radar = _radar(2.0)
-    window = RangeWindow.around(radar, N, (0.0, 300.0))
+    window = RangeGate.around(radar, N, (0.0, 300.0))
     assert window.first == 0 and window.n_rise == 0 and window.n_fall > 0
     out = np.empty((1, N), complex)
     cut_profiles(window, np.ones((1, N)), out)

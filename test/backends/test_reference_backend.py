@@ -18,14 +18,14 @@ from sar_imaging.backends.protocol import (
 from sar_imaging.geometry import PlaneGrid, PointGrid, VolumeGrid
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
 from sar_imaging.planning.afbp.beams import plan_beams
-from sar_imaging.planning.afbp.map_cover import cover_for_fusion, map_coverage
+from sar_imaging.planning.afbp.map_cover import cover_for_fusion, map_density
 from sar_imaging.planning.afbp.subapertures import plan_subapertures
 from sar_imaging.planning.error_budget import total_db
-from sar_imaging.planning.exact.azimuth_upsampling import AngularParts
+from sar_imaging.planning.exact.azimuth_upsampling import AzimuthParts
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 from sar_imaging.planning.exact.points import ImagePoints
 from sar_imaging.planning.exact.polar_image import plan_polar
-from sar_imaging.planning.profiles.phase_history import RangeBand
+from sar_imaging.planning.profiles.phase_history import PhaseHistory
 
 # Predictions are for scenes that are evenly bright; some dozen scatterers differ by chance.
 CHANCE_DB = 0.5
@@ -88,7 +88,7 @@ def test_exact_backprojection(make_scene, error_db, way, options, target_db):
     if way in ('polar', 'parts'):  # a way for larger images than these
         polar = plan_polar(grid, *rows[1:], block.radar, block.n_samples, target_db)
         plan = dataclasses.replace(plan, way=polar)
-        assert isinstance(polar.parts, AngularParts) == (way == 'parts')
+        assert isinstance(polar.parts, AzimuthParts) == (way == 'parts')
     image, compiled = (backprojected(name, plan, rows, shape) for name in ('reference', 'cpu'))
     known = np.isfinite(points).all(axis=-1)
     ways = {'hills': 'points', 'parts': 'polar', 'wall': 'lines', 'volume': 'lines'}
@@ -112,7 +112,7 @@ def test_only_windows_and_interpolators_of_the_plan_are_left(make_scene, error_d
 def _afbp_plan(scene, target_db, way):
     """Plan of the sub-apertures, and the predicted error of the map."""
     grid, block = scene.grid, scene.block
-    band = None if block.compressed else RangeBand(block.radar, block.n_samples)
+    band = None if block.compressed else PhaseHistory(block.radar, block.n_samples)
     centres = block.tx_m, block.rx_m
     cover, polar_db = cover_for_fusion(grid, *centres, block.radar, block.n_samples, target_db,
                                        band)
@@ -120,7 +120,7 @@ def _afbp_plan(scene, target_db, way):
     plan = plan_subapertures(polar, block.radar, block.n_samples, *centres, target_db=polar_db,
                              pulses_per_subaperture=16 if way == 'beams' else 48,
                              oversampling=cover.oversampling, ratio=cover.ratio,
-                             coverage=map_coverage(polar, grid, cover), band=band)
+                             coverage=map_density(polar, grid, cover), band=band)
     beams = None
     if way == 'beams':  # a way for larger images than these
         some = [tuple(a[p].reshape(-1, 3) for a in centres) for p in plan.sampling.pulses]

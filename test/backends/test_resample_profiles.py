@@ -5,13 +5,13 @@ import dataclasses
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cpu.farrow import polynomial_planes
+from sar_imaging.backends.cpu.farrow import farrow_coefficients
 from sar_imaging.backends.cpu.profiles import Profiles
 from sar_imaging.backends.reference.resample_profiles import profile_spectra, resample_profiles
 from sar_imaging.planning.interpolators import LINE_DEGREE, TAPS, design_interpolator
-from sar_imaging.planning.profiles.phase_history import RangeBand
-from sar_imaging.planning.profiles.range_gate import RangeWindow
-from sar_imaging.planning.profiles.range_resampling import Lattice
+from sar_imaging.planning.profiles.phase_history import PhaseHistory
+from sar_imaging.planning.profiles.range_gate import RangeGate
+from sar_imaging.planning.profiles.range_resampling import RangeResampling
 from sar_imaging.signal import SPEED_OF_LIGHT, RadarParameters, Waveform
 
 
@@ -26,7 +26,7 @@ def test_coefficients_are_weighted_sums_of_neighbours(seed, n_rows, n_phases, pa
     weights = weights.astype(np.float32)
     samples = rng.standard_normal((2, n_rows, n_phases, length)).astype(np.float32)
     out = np.full((n_rows, n_phases, 2 * degree + 2, n_inside + 2 * pad), np.nan, np.float32)
-    polynomial_planes(*samples, weights, first, pad, out)
+    farrow_coefficients(*samples, weights, first, pad, out)
     # sample U * cell + phase of a dense profile stands at [phase, cell + TAPS]
     dense = samples.astype(float).swapaxes(2, 3).reshape(2, n_rows, -1)
     place = n_phases * (TAPS + np.arange(n_inside)) + np.arange(n_phases)[:, None]
@@ -49,12 +49,12 @@ def test_polynomials_are_the_profile(seed, n_samples, n_rows, history, n_phases,
                             waveform=Waveform.STEPPED_FREQUENCY if history else Waveform.LFM)
     samples = rng.standard_normal((n_rows, n_samples, 2)).view(complex)[..., 0]
     if history:
-        source, n_padded = RangeBand(radar, n_samples, 'hamming'), n_samples
+        source, n_padded = PhaseHistory(radar, n_samples, 'hamming'), n_samples
         lo_m, hi_m = -0.3 * source.period_m, 1.4 * source.period_m  # it repeats
     else:  # quiet at its ends, which widens the band by 4 bins
         samples[:, np.abs(np.fft.fftfreq(n_samples)) > 0.5 / 1.4 - 4 / n_samples] = 0.0
         samples = np.fft.ifft(samples) * np.hanning(n_samples) ** 2
-        source = RangeWindow.whole(radar, n_samples)
+        source = RangeGate.whole(radar, n_samples)
         n_padded = n_samples + int(rng.integers(0, 30))
         lo_m, hi_m = rng.uniform(-5, 15), (n_samples - 20) * radar.sample_spacing_m
     samples = samples.astype(np.complex64)
@@ -63,8 +63,8 @@ def test_polynomials_are_the_profile(seed, n_samples, n_rows, history, n_phases,
     n_cells = int(np.ceil(period_m * finer / resolution_m / n_phases))
     step_m = period_m / n_cells / n_phases
     interpolator = design_interpolator(resolution_m / step_m, degree=LINE_DEGREE)
-    lattice = Lattice(n_padded, n_cells, n_phases, 0, step_m, step_m * n_phases, interpolator,
-                      interpolator.error_db, 1.0)
+    lattice = RangeResampling(n_padded, n_cells, n_phases, 0, step_m, step_m * n_phases,
+                              interpolator, interpolator.error_db, 1.0)
     limits = source.range_start_m + lo_m, source.range_start_m + hi_m
     profiles = Profiles(source, lattice, limits)
     planes = profiles.planes(samples).astype(float)
@@ -86,7 +86,7 @@ def test_polynomials_are_the_profile(seed, n_samples, n_rows, history, n_phases,
 
 def test_a_profile_ends_where_its_samples_do():
     radar = RadarParameters(1e10, 3e8, 4.2e8, 2e-6)
-    source = RangeWindow.whole(radar, 64)
+    source = RangeGate.whole(radar, 64)
     spectra = profile_spectra(source, np.ones((1, 64), np.complex64), 64)
     beyond = np.array([[-0.1, 64.1]]) * radar.sample_spacing_m + source.range_start_m
     assert not resample_profiles(source, spectra, beyond).any()

@@ -3,10 +3,10 @@
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cpu.azimuth_upsampling import AngularMerging
+from sar_imaging.backends.cpu.azimuth_upsampling import AzimuthUpsampling
 from sar_imaging.backends.reference.upsample_azimuth import upsample_azimuth
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.planning.exact.azimuth_upsampling import DEGREE, TAPS, AngularParts
+from sar_imaging.planning.exact.azimuth_upsampling import DEGREE, TAPS, AzimuthParts
 from sar_imaging.planning.interpolators import design_interpolator
 
 OVERSAMPLING = 1.6
@@ -24,7 +24,7 @@ def make_parts(rng, n_parts, n_coarse, n_fine, n_range):
                      n_fine)
     interpolator = design_interpolator(OVERSAMPLING, taps=TAPS, degree=DEGREE)
     frequency = rng.uniform(-1, 1, n_parts) * 2e4
-    return AngularParts(tuple(slice(i, i + 1) for i in range(n_parts)), frequency, coarse, fine,
+    return AzimuthParts(tuple(slice(i, i + 1) for i in range(n_parts)), frequency, coarse, fine,
                         interpolator, interpolator.error_db, 1.0)
 
 
@@ -41,7 +41,7 @@ def test_images_of_parts_are_interpolated_and_added(seed, n_parts, n_coarse, n_f
     def form(number, image):
         image[..., :n_range] += images[number]
 
-    AngularMerging(parts).add_all(form, total)
+    AzimuthUpsampling(parts).add_all(form, total)
     wanted = upsample_azimuth(images[:, 0] + 1j * images[:, 1].astype(float), parts)
     wanted += before[0] + 1j * before[1].astype(float)
     # phasors, weights and sums in float32

@@ -10,8 +10,8 @@ from sar_imaging.backends.cpu.fusion.spectra import SpectrumFusion
 from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.planning.afbp.aperture_cut import cut_pulses, pieces_between_gaps
-from sar_imaging.planning.aliasing_error import mean_error
-from sar_imaging.planning.guard_taper import edge_taper
+from sar_imaging.planning.aliasing_error import aliasing_error
+from sar_imaging.planning.guard_taper import guard_taper
 
 
 def _error_db(image, reference):
@@ -279,13 +279,13 @@ def test_predicted_error_is_that_of_fft_interpolation(n, n_guard, beta):
     factor = 8
     cell, x = np.arange(n), np.arange(8 * n) / factor
     number = cell - n // 2
-    spectrum = np.fft.fft(edge_taper(n, n_guard, beta)
+    spectrum = np.fft.fft(guard_taper(n, n_guard, beta)
                           * np.exp(2j * np.pi / n * np.outer(frequency, cell)))
     fine = np.zeros((len(frequency), n * factor), complex)
     fine[:, number] = spectrum[:, number]
     fine = np.fft.ifft(fine) * factor
     error = np.abs(fine - np.exp(2j * np.pi / n * np.outer(frequency, x))) ** 2
     inside = (x >= n_guard) & (x <= n - n_guard)
-    predicted = mean_error(n, n_guard, beta, frequency[:, None])
+    predicted = aliasing_error(n, n_guard, beta, frequency[:, None])
     assert abs(10 * np.log10(predicted / error[:, inside].mean())) < 1.8  # measured: 0.1 to 1.5 dB
-    assert mean_error(n, n_guard, beta, [0.51 * n]) == 2.0
+    assert aliasing_error(n, n_guard, beta, [0.51 * n]) == 2.0

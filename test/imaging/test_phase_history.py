@@ -9,7 +9,7 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.imaging.verification import measure_error
-from sar_imaging.planning.profiles.phase_history import RangeBand
+from sar_imaging.planning.profiles.phase_history import PhaseHistory
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
 
@@ -82,7 +82,7 @@ def test_scenes_beyond_the_unambiguous_range_are_warned_about():
 
 def test_the_carrier_is_a_frequency_of_the_pulse():
     for n_frequencies in (8, 9):
-        band = RangeBand(_block(n_frequencies)[0].radar, n_frequencies)
+        band = PhaseHistory(_block(n_frequencies)[0].radar, n_frequencies)
         frequency = 10e9 + (np.arange(n_frequencies) - (n_frequencies - 1) / 2) * (
             300e6 / n_frequencies)
         assert frequency[band.zero] == pytest.approx(band.radar.carrier_hz, rel=1e-12)
@@ -91,7 +91,7 @@ def test_the_carrier_is_a_frequency_of_the_pulse():
 def test_what_does_not_fit_is_refused():
     block, grid = _block(256)
     with pytest.raises(ValueError, match='apply range compression'):
-        RangeBand(dataclasses.replace(block.radar, waveform=Waveform.LFM, pulse_length_s=1e-6,
+        PhaseHistory(dataclasses.replace(block.radar, waveform=Waveform.LFM, pulse_length_s=1e-6,
                                       chirp_rate_hz_per_s=3e14), 256)
     profiles = RangeCompressor.for_block(block)(block)
     with pytest.raises(ValueError, match='plan is for raw pulses'):

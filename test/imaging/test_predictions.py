@@ -13,9 +13,9 @@ from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
 from sar_imaging.imaging.ffbp import FfbpImager
 from sar_imaging.imaging.verification import measure_error
-from sar_imaging.planning.echo_power import row_weights
+from sar_imaging.planning.echo_power import echo_power
 from sar_imaging.planning.interpolators import design_interpolator
-from sar_imaging.planning.profiles.range_gate import RangeWindow
+from sar_imaging.planning.profiles.range_gate import RangeGate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.signal.spectra import band_spectrum
@@ -254,7 +254,7 @@ def test_rows_from_one_place_have_the_power():
     track = np.concatenate([moving, standing])
     size = 40 * wavelength / 0.2  # 40 cells wide
     sides = [[size, 0, 0], [0, size, 0]]
-    weight = row_weights(track, track, (0.0, 0.0, 0.0), sides, radar)
+    weight = echo_power(track, track, (0.0, 0.0, 0.0), sides, radar)
     assert weight.mean() == pytest.approx(1.0)
     image = np.zeros(400, complex)  # of scatterers everywhere, along the track
     y = np.linspace(-0.5, 0.5, 400) * size
@@ -318,7 +318,7 @@ def test_what_the_ends_of_a_window_cost(make_case, first, last):
     spacing = SPEED_OF_LIGHT / 2 / radar.sample_rate_hz
     start = radar.range_start_m
     reach = start + first * n * spacing, start + last * n * spacing
-    window = RangeWindow.around(radar, n, reach)
+    window = RangeGate.around(radar, n, reach)
     back = np.fft.ifft(spectra(window, samples, window.n_samples, lambda *a: np.empty(*a[1:]))
                        * window.gain(window.n_samples) * window.n_samples)
     place = np.arange(window.n_samples)

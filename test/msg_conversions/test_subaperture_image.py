@@ -17,7 +17,7 @@ from hypothesis.extra import numpy as hnp
 from msg_conversions import WireFormatError, subaperture_wire as wire
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.planning.afbp.polar_grids import FusionGrid
+from sar_imaging.planning.afbp.polar_grids import UnifiedPolarGrids
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.streaming.subaperture_image import COUNTS, SubapertureImage
 
@@ -30,7 +30,7 @@ def make_fusion(**changes):
     polar = PolarGrid(origin_m=(4.2e6, 1.7e5, 4.8e6 + 2**-20), track=(0.6, -0.8), side=-1,
                       z_m=4.8e6 - 300, range_start_m=1500.0, range_spacing_m=0.3, n_range=1,
                       alpha_start=-0.05, alpha_spacing=1e-4, n_alpha=4)
-    return FusionGrid(**{'polar': polar, 'n_coarse': 2, 'n_fine': 12, 'n_guard': 0.25,
+    return UnifiedPolarGrids(**{'polar': polar, 'n_coarse': 2, 'n_fine': 12, 'n_guard': 0.25,
                          'beta': 1.5, 'n_coarse_range': 3, 'n_fine_range': 5, 'half_range': 12.0,
                          'carrier_hz': 9.6e9, 'range_oversampling': 1.25,
                          'alpha_oversampling': 1.5, 'propagation_speed_m_per_s': 1e8} | changes)
@@ -70,7 +70,7 @@ def fusions(draw):
         range_spacing_m=range_spacing_m, n_range=n_range,
         alpha_start=draw(st.floats(-0.3, 0.3)), alpha_spacing=draw(st.floats(1e-7, 1e-3)),
         n_alpha=n_alpha)
-    return FusionGrid(
+    return UnifiedPolarGrids(
         polar, n_coarse, draw(st.integers(2 * n_alpha + 2, 100)) + 2 * n_alpha, n_guard,
         draw(st.floats(0.0, 50.0)), n_coarse_range, n_fine_range, draw(st.floats(1e-3, 400.0)),
         draw(st.floats(1e10, 1e12)), draw(st.floats(1.0, 4.0)), draw(st.floats(1.0, 4.0)),

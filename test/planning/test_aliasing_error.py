@@ -11,8 +11,8 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
 from sar_imaging.planning.afbp.map_cover import fit_ranges
-from sar_imaging.planning.aliasing_error import TONES, Coverage, correction_error
-from sar_imaging.planning.guard_taper import edge_taper
+from sar_imaging.planning.aliasing_error import TONES, PixelDensity, correction_error
+from sar_imaging.planning.guard_taper import guard_taper
 from sar_imaging.planning.interpolators import design_interpolator
 from sar_imaging.planning.polar_cover import cover_map
 from sar_imaging.planning.polar_to_map import CORRECTED_TAPS, DEGREE
@@ -21,7 +21,7 @@ from sar_imaging.simulation.trials.random_cases import random_case
 
 def _read_error(between, cycles, n, guard, beta, places):
     """Mean squared error of a tapered tone that is corrected and read at some places."""
-    tone = np.exp(2j * np.pi * cycles * np.arange(n)) * edge_taper(n, guard, beta)
+    tone = np.exp(2j * np.pi * cycles * np.arange(n)) * guard_taper(n, guard, beta)
     spectrum = np.fft.fft(tone) * between.gain(np.fft.fftfreq(n))
     lines = np.fft.ifft(spectrum)
     read = np.zeros(len(places), complex)
@@ -47,7 +47,8 @@ def test_lines_mixed_with_tapered_ones_err_as_told(oversampling, n, guard, beta)
         wanted = slice(*(round(8 * n * v / (n - 2 * guard)) for v in (8, n - 2 * guard - 8)))
         density[wanted] = 1
         density /= density.mean()
-        told = correction_error(Coverage(density, between=between, tones=tones), n, guard, beta)
+        wanted = PixelDensity(density, between=between, tones=tones)
+        told = correction_error(wanted, n, guard, beta)
         places = np.linspace(guard + 8, n - guard - 8, 2000)
         all_lines = float(between.error_at(cycles))
         measured = _read_error(between, cycles, n, guard, beta, places)
@@ -56,7 +57,7 @@ def test_lines_mixed_with_tapered_ones_err_as_told(oversampling, n, guard, beta)
 
 
 def test_nothing_is_mixed_where_no_map_is_read():
-    assert correction_error(Coverage(), 64, 5.0, 3.0) == 0.0
+    assert correction_error(PixelDensity(), 64, 5.0, 3.0) == 0.0
 
 
 def _brightness(brighter_db, where):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sar_imaging.backends.cpu.farrow import polynomial_planes
+from sar_imaging.backends.cpu.farrow import farrow_coefficients
 from sar_imaging.planning.interpolators import (
     LINE_DEGREE,
     POINT_DEGREE,
@@ -17,7 +17,7 @@ def _planes(samples, interpolator, phases=1):
     dense = np.pad(samples.reshape(-1, phases).T, ((0, 0), (TAPS, TAPS)))[None]
     real, imag = (np.ascontiguousarray(a, np.float32) for a in (dense.real, dense.imag))
     out = np.empty((1, phases, interpolator.n_planes, len(samples) // phases), np.float32)
-    polynomial_planes(real, imag, interpolator.weights, interpolator.first, 0, out)
+    farrow_coefficients(real, imag, interpolator.weights, interpolator.first, 0, out)
     return out[0]
 
 

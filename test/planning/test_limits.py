@@ -5,7 +5,7 @@ import pytest
 
 from sar_imaging.planning import memory
 from sar_imaging.planning.afbp.aperture_cut import cut_pulses, pieces_between_gaps
-from sar_imaging.planning.profiles.range_gate import RangeWindow
+from sar_imaging.planning.profiles.range_gate import RangeGate
 from sar_imaging.signal import RadarParameters
 
 
@@ -50,7 +50,7 @@ RADAR = RadarParameters(10e9, 75e6, 150e6, 1e-6)  # oversampled twice: 48 sample
 
 def _around(first, last, n=1000):
     start, spacing = RADAR.range_start_m, RADAR.sample_spacing_m
-    return RangeWindow.around(RADAR, n, (start + first * spacing, start + last * spacing))
+    return RangeGate.around(RADAR, n, (start + first * spacing, start + last * spacing))
 
 
 @pytest.mark.parametrize(('first', 'last', 'expected'), [

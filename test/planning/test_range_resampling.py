@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sar_imaging.planning.profiles.range_resampling import Paths, plan_lattice
+from sar_imaging.planning.profiles.range_resampling import Paths, plan_resampling
 from sar_imaging.signal.radar import RadarParameters
 
 RADAR = RadarParameters(carrier_hz=10e9, bandwidth_hz=300e6, sample_rate_hz=400e6,
@@ -16,5 +16,5 @@ def test_range_has_to_grow_along_a_line(grows, planned):
     slope = np.full((2, 5), grows)
     flat = np.zeros_like(slope)
     paths = Paths(np.full_like(slope, 1000.0), (slope, flat, flat, flat))
-    lattice = plan_lattice(paths, 0.25, 400, RADAR, 1024, -50.0)
+    lattice = plan_resampling(paths, 0.25, 400, RADAR, 1024, -50.0)
     assert (lattice is not None) is planned

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...compilation import njit, numba
 from ...geometry.polar import PolarGrid
-from ...planning.exact.azimuth_upsampling import DEGREE, TAPS, AngularParts
+from ...planning.exact.azimuth_upsampling import DEGREE, TAPS, AzimuthParts
 from .memory import aligned_empty
 
 _BATCH_BYTES = 24 << 20  # of parts that are merged together
@@ -16,7 +16,7 @@ _TILE_PAIRS, _TILE_RANGES = 32, 512  # of the sum; what it reads of the parts fi
 _ALIGNED = 16  # floats of a cache line
 
 
-class AngularMerging:
+class AzimuthUpsampling:
     """Interpolate images of parts to the lines of their sum.
 
     Several parts are merged at a time, since reading and writing the sum takes longer than the
@@ -24,11 +24,11 @@ class AngularMerging:
 
     Parameters
     ----------
-    parts : AngularParts
+    parts : AzimuthParts
         Plan.
     """
 
-    def __init__(self, parts: AngularParts):
+    def __init__(self, parts: AzimuthParts):
         coarse, fine, interpolator = parts.coarse, parts.fine, parts.interpolator
         v = (fine.alpha - coarse.alpha_start) / coarse.alpha_spacing
         floor = np.clip(np.floor(v), -interpolator.first,

@@ -7,13 +7,13 @@ import dataclasses
 import numpy as np
 
 from ...geometry.grids import MapGrid
-from ...planning.exact.azimuth_upsampling import DEGREE, TAPS, AngularParts
+from ...planning.exact.azimuth_upsampling import DEGREE, TAPS, AzimuthParts
 from ...planning.exact.backprojection import BackprojectionPlan, LinePlan, plan_backprojection
 from ...planning.exact.points import PointPlan, image_layers
 from ...planning.exact.polar_image import PolarPlan, plan_polar
 from ...planning.interpolators import design_interpolator
 from ...signal.radar import RadarParameters
-from .azimuth_upsampling import AngularMerging
+from .azimuth_upsampling import AzimuthUpsampling
 from .lines import PolarLines, add_to_lines, line_middles, shared_phase
 from .memory import WorkSpace
 from .points import add_to_points
@@ -67,7 +67,7 @@ class _Polar:
         self._grid: MapGrid = plan.grid
         profiles = Profiles(way.window, way.lattice, way.range_m, memory)
         self._lines = PolarLines(way.polar if way.parts is None else way.parts.coarse, profiles)
-        self._merging = way.parts and AngularMerging(way.parts)
+        self._merging = way.parts and AzimuthUpsampling(way.parts)
         self._memory = memory
 
     def add(self, samples, tx_m, rx_m, image) -> None:
@@ -125,7 +125,7 @@ def compile_kernels() -> None:
         plans, polar = [plan], plan_polar(grid, centres, centres, radar, 512, target_db)
         if polar is not None:
             between = design_interpolator(2.0, taps=TAPS, degree=DEGREE)
-            parts = AngularParts((slice(None),), np.zeros(1), polar.polar, polar.polar, between,
+            parts = AzimuthParts((slice(None),), np.zeros(1), polar.polar, polar.polar, between,
                                  0.0, 0.0)
             plans += [dataclasses.replace(plan, way=dataclasses.replace(polar, parts=p))
                       for p in (None, parts)]

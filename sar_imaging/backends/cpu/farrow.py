@@ -11,7 +11,7 @@ from ...compilation import njit, numba
 from ...planning.interpolators import TAPS
 
 
-def polynomial_planes(real, imag, weights, first, pad, out):
+def farrow_coefficients(real, imag, weights, first, pad, out):
     """Coefficients of every interval of a phase-major lattice.
 
     Parameters

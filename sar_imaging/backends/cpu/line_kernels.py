@@ -80,7 +80,7 @@ def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycle
     Parameters
     ----------
     planes : (R * U * 10 * n,) float32
-        `interpolation.polynomial_planes`; the first and last `segment` cells are zero.
+        `interpolation.farrow_coefficients`; the first and last `segment` cells are zero.
     shape : tuple of int
         ``(R, U, n)``: rows, lattice positions per cell, cells.
     tx, rx : (R, 3) float64

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from ...compilation import REPEATABLE, njit, numba
+from ...compilation import DETERMINISTIC, njit, numba
 from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...planning.interpolators import Interpolator
@@ -211,7 +211,7 @@ def _interpolate(real, imag, polar, grid, image, rounds, add, axis, wavelength_m
                   (n_strips, job, counter.ctypes.data))
 
 
-@njit(parallel=True, fastmath=REPEATABLE)
+@njit(parallel=True, fastmath=DETERMINISTIC)
 def _resample(polar, grid, reach, between, along, target, tables, memory, share):
     """Strip by strip of `LANES` rows, part by part of their pixels, in both passes.
 
@@ -280,7 +280,7 @@ def _resample(polar, grid, reach, between, along, target, tables, memory, share)
             begin = take_job(counter) * job
 
 
-@njit(fastmath=REPEATABLE)
+@njit(fastmath=DETERMINISTIC)
 def _set_off(table, from2, middle2, to2, ranges, first, n_taps):
     """Ranges by which each row of a strip is set off, as shifts of its positions in the strip.
 
@@ -304,7 +304,7 @@ def _set_off(table, from2, middle2, to2, ranges, first, n_taps):
     return np.int64(high + first - low + n_taps + 2 + LANES - 1) // LANES
 
 
-@njit(fastmath=REPEATABLE)
+@njit(fastmath=DETERMINISTIC)
 def _to_ranges(real, imag, apart, n_range, last, squares, inverses, direction, weights, taps,
                table, first, n_chunks, positions, strip, strip_bytes):
     """Lines of the polar image to where its ranges meet the rows of a strip."""
@@ -344,7 +344,7 @@ def _first_range(chunk, first, shift, n_range):
     return min(max(chunk * LANES + first - np.int64(shift), -LANES), n_range)
 
 
-@njit(fastmath=REPEATABLE)
+@njit(fastmath=DETERMINISTIC)
 def _to_pixels(line, pixel, n_pixels, ranges, weights, taps, table, last, positions, strip,
                strip_bytes, image, steps, add, n_rows):
     """Ranges of a strip to pixels of its rows."""

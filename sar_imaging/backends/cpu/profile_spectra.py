@@ -6,17 +6,17 @@ import numpy as np
 import scipy.fft
 
 from ...compilation import numba
-from ...planning.profiles.phase_history import RangeBand
-from ...planning.profiles.range_gate import RangeWindow, rise
+from ...planning.profiles.phase_history import PhaseHistory
+from ...planning.profiles.range_gate import RangeGate, rise
 
 
-def spectra(source: RangeWindow | RangeBand, samples: np.ndarray, n_padded: int,
+def spectra(source: RangeGate | PhaseHistory, samples: np.ndarray, n_padded: int,
             buffer) -> np.ndarray:
     """Spectra of what an image needs of some profiles.
 
     Parameters
     ----------
-    source : RangeWindow or RangeBand
+    source : RangeGate or PhaseHistory
         What is needed of them.
     samples : (R, N) complex64
         Profiles, or phase histories: these are spectra already.
@@ -36,7 +36,7 @@ def spectra(source: RangeWindow | RangeBand, samples: np.ndarray, n_padded: int,
     return scipy.fft.fft(padded, axis=-1, workers=numba.get_num_threads(), overwrite_x=True)
 
 
-def cut_profiles(window: RangeWindow, samples: np.ndarray, out: np.ndarray) -> None:
+def cut_profiles(window: RangeGate, samples: np.ndarray, out: np.ndarray) -> None:
     """Copy the window of profiles (R, N) to the start of `out` (R, M), zero beyond it."""
     n = window.n_samples
     out[:, :n] = samples[:, window.first:window.first + n]

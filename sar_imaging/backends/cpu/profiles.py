@@ -9,11 +9,11 @@ import scipy.fft
 
 from ...compilation import njit, numba
 from ...planning.interpolators import TAPS
-from ...planning.profiles.phase_history import RangeBand
-from ...planning.profiles.range_gate import RangeWindow
-from ...planning.profiles.range_resampling import ROWS_PER_PASS, Lattice
+from ...planning.profiles.phase_history import PhaseHistory
+from ...planning.profiles.range_gate import RangeGate
+from ...planning.profiles.range_resampling import ROWS_PER_PASS, RangeResampling
 from ...signal.radar import RadarParameters
-from .farrow import polynomial_planes
+from .farrow import farrow_coefficients
 from .memory import WorkSpace
 from .profile_spectra import spectra
 
@@ -26,9 +26,9 @@ class Profiles:
 
     Parameters
     ----------
-    source : RangeWindow or RangeBand
+    source : RangeGate or PhaseHistory
         What the profiles are made of; `lattice` was planned for as many samples.
-    lattice : Lattice
+    lattice : RangeResampling
         How to resample them.
     range_m : (float, float)
         Smallest and largest half path of the image, metres.
@@ -39,11 +39,11 @@ class Profiles:
     ----------
     radar : RadarParameters
         Of the profiles.
-    lattice : Lattice
+    lattice : RangeResampling
         As given.
     """
 
-    def __init__(self, source: RangeWindow | RangeBand, lattice: Lattice,
+    def __init__(self, source: RangeGate | PhaseHistory, lattice: RangeResampling,
                  range_m: tuple[float, float], memory: WorkSpace | None = None):
         self.radar: RadarParameters = source.radar
         self.lattice, self._source = lattice, source
@@ -87,8 +87,8 @@ class Profiles:
         Returns
         -------
         (R, U, 2 * (degree + 1), n) float32
-            As `polynomial_planes` makes them. Valid until the next call, which writes to the same
-            memory: fresh memory for every few profiles costs as much as filling it.
+            As `farrow_coefficients` makes them. Valid until the next call, which writes to the
+            same memory: fresh memory for every few profiles costs as much as filling it.
         """
         lattice, n_rows = self.lattice, len(samples)
         spectrum = spectra(self._source, samples, lattice.n_padded, self._buffer)
@@ -106,7 +106,7 @@ class Profiles:
         _split_phases(dense.reshape(-1).view(np.float32), lattice.n_cells, first, *inside, *parts)
         planes = self._buffer('planes', (n_rows, lattice.n_phases, lattice.interpolator.n_planes,
                                          self._count), np.float32)
-        polynomial_planes(*parts, lattice.interpolator.weights, lattice.interpolator.first,
+        farrow_coefficients(*parts, lattice.interpolator.weights, lattice.interpolator.first,
                           self._pad, planes)
         return planes
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...planning.afbp.subapertures import SubaperturePlan
 from ...signal.pulses import PulseBlock
-from .beams.subaperture import BeamLines
+from .beams.subaperture import BeamformedSubaperture
 from .lines import PolarLines
 from .memory import aligned_empty
 from .profiles import Profiles
@@ -31,7 +31,7 @@ class SubapertureImager:
         args = plan.source, plan.lattice
         self._lines = (PolarLines(plan.coarse, Profiles(*args, plan.range_m))
                        if plan.beams is None else
-                       BeamLines(plan.coarse, *args, plan.beams, plan.range_m))
+                       BeamformedSubaperture(plan.coarse, *args, plan.beams, plan.range_m))
 
     def image(self, number: int, block: PulseBlock, weights=None, out=None) -> np.ndarray:
         """Backproject one sub-aperture (Zhang et al., equation 6).

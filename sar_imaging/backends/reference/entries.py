@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...geometry.grids import MapGrid
-from ...planning.afbp.polar_grids import FusionGrid
+from ...planning.afbp.polar_grids import UnifiedPolarGrids
 from ...planning.afbp.subapertures import SubaperturePlan
 from ...planning.exact.backprojection import BackprojectionPlan
 from ...planning.exact.polar_image import PolarPlan
@@ -82,7 +82,7 @@ class SpectrumFusion:
     Contributions are kept as images; their spectra are summed when an image is wanted.
     """
 
-    def __init__(self, grid: FusionGrid, *, keep: bool = False):
+    def __init__(self, grid: UnifiedPolarGrids, *, keep: bool = False):
         self.grid, self._keep = grid, keep
         self._contributions: dict[int, tuple[np.ndarray, float]] = {}
 
@@ -127,7 +127,7 @@ class SpectrumFusion:
         self._contributions.clear()
 
 
-def form_map(polar_image, fusion: FusionGrid, grid: MapGrid, centre_m: float = 0.0, *,
+def form_map(polar_image, fusion: UnifiedPolarGrids, grid: MapGrid, centre_m: float = 0.0, *,
              overwrite: bool = False) -> np.ndarray:
     """Interpolate a fused image to a map, as `backends.protocol.Backend` describes it."""
     fusion.check_for_map()

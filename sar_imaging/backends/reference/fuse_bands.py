@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...planning.afbp.polar_grids import FusionGrid
-from ...planning.guard_taper import edge_taper
+from ...planning.afbp.polar_grids import UnifiedPolarGrids
+from ...planning.guard_taper import guard_taper
 
 
-def fuse_bands(grid: FusionGrid, contributions) -> np.ndarray:
+def fuse_bands(grid: UnifiedPolarGrids, contributions) -> np.ndarray:
     """Spectrum of the fused image: the sum of the bands of all sub-aperture images.
 
     Zhang et al., equations 16 and 17: at range wavenumber K_r the spectrum of sub-aperture u is a
@@ -19,7 +19,7 @@ def fuse_bands(grid: FusionGrid, contributions) -> np.ndarray:
 
     Parameters
     ----------
-    grid : FusionGrid
+    grid : UnifiedPolarGrids
         Of all images.
     contributions : iterable of ((n_coarse, n_coarse_range) complex128, float)
         Image of each sub-aperture on ``grid.coarse`` at range baseband, and its x_u, metres.
@@ -29,8 +29,8 @@ def fuse_bands(grid: FusionGrid, contributions) -> np.ndarray:
     (n_fine, K) complex128
         By angular bin, and by range wavenumber: ``grid.range_wavenumbers``.
     """
-    taper = np.multiply.outer(edge_taper(grid.n_coarse, grid.n_guard, grid.beta),
-                              edge_taper(grid.n_coarse_range, grid.range_guard, grid.beta))
+    taper = np.multiply.outer(guard_taper(grid.n_coarse, grid.n_guard, grid.beta),
+                              guard_taper(grid.n_coarse_range, grid.range_guard, grid.beta))
     wavenumbers = grid.range_wavenumbers
     spectrum = np.zeros((grid.n_fine, len(wavenumbers)), np.complex128)
     for image, centre_m in contributions:
@@ -43,7 +43,7 @@ def fuse_bands(grid: FusionGrid, contributions) -> np.ndarray:
     return spectrum
 
 
-def fused_image(grid: FusionGrid, spectrum, centre_m: float = 0.0) -> np.ndarray:
+def fused_image(grid: UnifiedPolarGrids, spectrum, centre_m: float = 0.0) -> np.ndarray:
     """Polar image of a fused spectrum, without the guards.
 
     The inverse transform of Zhang et al., section II.B, step 4. Where the image is to be

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ...geometry.polar import PolarGrid
-from ...planning.profiles.phase_history import RangeBand
-from ...planning.profiles.range_gate import RangeWindow
+from ...planning.profiles.phase_history import PhaseHistory
+from ...planning.profiles.range_gate import RangeGate
 from .project_points import project_points
 
 
-def project_lines(source: RangeWindow | RangeBand, samples, n_padded: int, tx_m, rx_m,
+def project_lines(source: RangeGate | PhaseHistory, samples, n_padded: int, tx_m, rx_m,
                   polar: PolarGrid) -> np.ndarray:
     """Polar image of some rows at range baseband.
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...planning.profiles.phase_history import RangeBand
-from ...planning.profiles.range_gate import RangeWindow
+from ...planning.profiles.phase_history import PhaseHistory
+from ...planning.profiles.range_gate import RangeGate
 from .resample_profiles import profile_spectra, resample_profiles
 
 
@@ -28,7 +28,7 @@ def half_paths(tx_m, rx_m, points_m) -> np.ndarray:
                   + np.linalg.norm(points_m - rx_m, axis=-1))
 
 
-def project_points(source: RangeWindow | RangeBand, samples, n_padded: int, tx_m, rx_m,
+def project_points(source: RangeGate | PhaseHistory, samples, n_padded: int, tx_m, rx_m,
                    points_m) -> np.ndarray:
     """Sum of range profiles at points, each with the phase of its path.
 

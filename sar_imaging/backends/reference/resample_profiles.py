@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...planning.profiles.phase_history import RangeBand
-from ...planning.profiles.range_gate import RangeWindow, rise
+from ...planning.profiles.phase_history import PhaseHistory
+from ...planning.profiles.range_gate import RangeGate, rise
 
 
-def profile_spectra(source: RangeWindow | RangeBand, samples, n_padded: int) -> np.ndarray:
+def profile_spectra(source: RangeGate | PhaseHistory, samples, n_padded: int) -> np.ndarray:
     """Fourier coefficients of what an image needs of some profiles.
 
     ``S[n] = g[n] sum_i w[i] s[i] exp(-j 2 pi n i / N)`` with the window w, which rises and falls
@@ -17,7 +17,7 @@ def profile_spectra(source: RangeWindow | RangeBand, samples, n_padded: int) -> 
 
     Parameters
     ----------
-    source : RangeWindow or RangeBand
+    source : RangeGate or PhaseHistory
         What is needed of the profiles.
     samples : (R, K) complex64
         Profiles, or phase histories.
@@ -42,7 +42,7 @@ def profile_spectra(source: RangeWindow | RangeBand, samples, n_padded: int) -> 
     return np.roll(spectra * source.gain(n_padded), n_padded // 2 - source.zero, axis=-1)
 
 
-def resample_profiles(source: RangeWindow | RangeBand, spectra, range_m) -> np.ndarray:
+def resample_profiles(source: RangeGate | PhaseHistory, spectra, range_m) -> np.ndarray:
     """Profiles at any half path, by their Fourier series.
 
     ``s(D) = sum_n S[n] exp(j 2 pi n (D - D_0) / P)``: D_0 the half path of the first sample, P the
@@ -50,7 +50,7 @@ def resample_profiles(source: RangeWindow | RangeBand, spectra, range_m) -> np.n
 
     Parameters
     ----------
-    source : RangeWindow or RangeBand
+    source : RangeGate or PhaseHistory
         As for `profile_spectra`.
     spectra : (R, N) complex128
         From there.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...planning.exact.azimuth_upsampling import AngularParts
+from ...planning.exact.azimuth_upsampling import AzimuthParts
 from .farrow import neighbours
 
 
-def upsample_azimuth(images, parts: AngularParts) -> np.ndarray:
+def upsample_azimuth(images, parts: AzimuthParts) -> np.ndarray:
     """Interpolate images of parts of the rows to the lines of their sum, and add them.
 
     ``b(alpha) = sum_p exp(j f_p alpha) sum_k c_k(alpha) exp(-j f_p alpha_k) b_p(alpha_k)``: f_p is
@@ -19,7 +19,7 @@ def upsample_azimuth(images, parts: AngularParts) -> np.ndarray:
     ----------
     images : sequence of (n_alpha_coarse, n_range) complex128
         Of each part, on `parts.coarse`.
-    parts : AngularParts
+    parts : AzimuthParts
         From the plan.
 
     Returns

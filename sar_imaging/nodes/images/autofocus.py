@@ -15,7 +15,7 @@ from sar_imaging.autofocus.live import BEYOND, compile_autofocus, live_autofocus
 from sar_imaging.autofocus.phase_gradient import PhaseGradient
 from sar_imaging.autofocus.report import NOT_CHANGED, SHARPENED, AutofocusReport
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.planning.afbp.polar_grids import FusionGrid
+from sar_imaging.planning.afbp.polar_grids import UnifiedPolarGrids
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.streaming.aperture import ApertureImage
 
@@ -228,7 +228,7 @@ class PolarFocus:
     def __init__(self, health: Health | Part):
         self._health = health
 
-    def __call__(self, polar: np.ndarray, grid: FusionGrid, ends_m: tuple[float, float]
+    def __call__(self, polar: np.ndarray, grid: UnifiedPolarGrids, ends_m: tuple[float, float]
                  ) -> tuple[np.ndarray, Note]:
         """The polar image in focus where that was found, else as it is, and what to tell."""
         health = self._health

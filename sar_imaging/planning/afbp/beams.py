@@ -15,7 +15,7 @@ from ..costs import costs
 from ..error_budget import total_db
 from ..guard_taper import cosine_fall
 from ..interpolators import Interpolator, design_interpolator
-from ..profiles.range_resampling import Lattice, half_paths, sample_paths
+from ..profiles.range_resampling import RangeResampling, half_paths, sample_paths
 from .beam_gain import (
     BEAM_TAPS,
     DEGREE,
@@ -164,7 +164,7 @@ def least_cost(n_rows: int, n_bins: int, n_cells: int, n_pixels: int) -> float:
             + n_pixels * (model.beam_pixel + model.beam_segment / max(_SEGMENTS)))
 
 
-def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bins: int,
+def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResampling, n_bins: int,
                subapertures, target_db: float, reach_m: float,
                padding_m: float = math.inf) -> BeamSampling | None:
     """Quickest sampling of beams that meets a target.
@@ -188,7 +188,7 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: Lattice, n_bin
         Of the sub-aperture images.
     radar : RadarParameters
         Of the profiles.
-    lattice : Lattice
+    lattice : RangeResampling
         Of the profiles; its cells are those of the beams.
     n_bins : int
         Bins of a profile's spectrum.

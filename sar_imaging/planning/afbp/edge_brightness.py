@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from ..aliasing_error import EVERYTHING, Coverage, density_at
-from .polar_grids import FusionGrid
+from ..aliasing_error import EVERYTHING, PixelDensity, density_at
+from .polar_grids import UnifiedPolarGrids
 
 _UNEVEN_DB = 1.0  # by which edges are brighter than an even scene's by chance
 _MOST_DB = 100.0  # of an image that is empty
@@ -19,13 +19,13 @@ class EdgeBrightness:
 
     Parameters
     ----------
-    grid : FusionGrid
+    grid : UnifiedPolarGrids
         Of the images.
-    coverage : Coverage
+    coverage : PixelDensity
         What of the image is wanted.
     """
 
-    def __init__(self, grid: FusionGrid, coverage: Coverage = EVERYTHING):
+    def __init__(self, grid: UnifiedPolarGrids, coverage: PixelDensity = EVERYTHING):
         line, cell = (max(1, math.ceil(n)) for n in (grid.n_guard, grid.range_guard))
         inside = slice(line, -line, _STEP), slice(cell, -cell, _STEP)
         self._edges = [(slice(0, line), inside[1]), (slice(-line, None), inside[1]),

@@ -10,11 +10,11 @@ import numpy as np
 from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
-from ..aliasing_error import TONES, Coverage
+from ..aliasing_error import TONES, PixelDensity
 from ..error_budget import AFBP_SHARES, ErrorBudget, remaining_db
 from ..local_spectrum import TAPERS_NEEDED, used_share
-from ..polar_cover import MapCover, cover_map
-from ..profiles.phase_history import RangeBand
+from ..polar_cover import PolarCover, cover_map
+from ..profiles.phase_history import PhaseHistory
 
 _COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
 _MIXED_LINES = 4  # on either side
@@ -25,8 +25,8 @@ _ROWS = 256
 
 
 def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
-                     target_db: float, band: RangeBand | None = None,
-                     shares: Mapping[str, float] = AFBP_SHARES) -> tuple[MapCover, float]:
+                     target_db: float, band: PhaseHistory | None = None,
+                     shares: Mapping[str, float] = AFBP_SHARES) -> tuple[PolarCover, float]:
     """Cover a map by the polar grid of an image that AFBP fuses.
 
     Parameters
@@ -42,7 +42,7 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
 
     Returns
     -------
-    cover : MapCover
+    cover : PolarCover
     polar_db : float
         What the interpolation to the map leaves of the target for the polar image, dB.
 
@@ -63,7 +63,7 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     return cover, remaining_db(target_db, cover.resampling_db)
 
 
-def map_coverage(polar: PolarGrid, grid: MapGrid, cover: MapCover) -> Coverage:
+def map_density(polar: PolarGrid, grid: MapGrid, cover: PolarCover) -> PixelDensity:
     """How densely what is read for the pixels of a map fills the lines and ranges of its cover.
 
     `polar` is that of `cover` or, for images of parts of the track, one with fewer lines.
@@ -79,11 +79,11 @@ def map_coverage(polar: PolarGrid, grid: MapGrid, cover: MapCover) -> Coverage:
     # What the spectrum's correction for the interpolation between lines mixes is read, too.
     beside = math.ceil(_MIXED_LINES / polar.n_alpha * _COVERAGE_BINS)
     spread = np.convolve(along_alpha, np.full(2 * beside + 1, 1 / (2 * beside + 1)), 'same')
-    return Coverage(spread / spread.mean(), along_range, cover.between, _tones(polar, cover))
+    return PixelDensity(spread / spread.mean(), along_range, cover.between, _tones(polar, cover))
 
 
-def _tones(polar: PolarGrid, cover: MapCover) -> np.ndarray:
-    """Power of the image by cycles per line, as `Coverage` has it."""
+def _tones(polar: PolarGrid, cover: PolarCover) -> np.ndarray:
+    """Power of the image by cycles per line, as `PixelDensity` has it."""
     k = np.linspace(*cover.wavenumber, _WAVENUMBERS)[:, None, None]
     cycles = np.abs(k * cover.slope_alpha) * (polar.alpha_spacing / (2 * math.pi))
     if cycles.max() > 0.5:  # images of parts of the track, which may lie anywhere in its band

@@ -14,9 +14,9 @@ from ...signal.radar import RadarParameters
 from ..aliasing_error import EVERYTHING
 from ..costs import costs
 from ..plan import Plan
-from ..profiles.phase_history import RangeBand
+from ..profiles.phase_history import PhaseHistory
 from ..profiles.profile_reach import reach_warning, some_pixels
-from .map_cover import cover_for_fusion, map_coverage
+from .map_cover import cover_for_fusion, map_density
 from .operations import fusion_operations, image_operations
 from .subapertures import SubaperturePlan, plan_subapertures
 
@@ -99,13 +99,13 @@ def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
     """
     tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
     _check(grid, target_db, tx_m, rx_m, compressed, weighting)
-    band = None if compressed else RangeBand(radar, n_samples, weighting)
+    band = None if compressed else PhaseHistory(radar, n_samples, weighting)
     polar, cover, options = grid, None, {'coverage': EVERYTHING}
     if isinstance(grid, MapGrid):
         cover, target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples, target_db, band)
         polar = cover.polar
         options = {'oversampling': cover.oversampling, 'ratio': cover.ratio,
-                   'coverage': map_coverage(polar, grid, cover)}
+                   'coverage': map_density(polar, grid, cover)}
     plan = plan_subapertures(polar, radar, n_samples, tx_m, rx_m, target_db=target_db,
                              pulses_per_subaperture=pulses_per_subaperture, band=band, **options)
     errors = {'sub-aperture images': plan.stage_error_db, 'fusion': plan.sampling.error_db}

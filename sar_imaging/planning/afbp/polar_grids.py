@@ -18,7 +18,7 @@ _MAX_PIXELS = 2 ** 31  # of each grid; far beyond any memory, and safe to multip
 
 
 @dataclasses.dataclass(frozen=True)
-class FusionGrid:
+class UnifiedPolarGrids:
     """Polar grids that the sub-apertures of an aperture share, coarse and fused.
 
     Together with the middle of each sub-aperture's band it is all that `SpectrumFusion` needs:

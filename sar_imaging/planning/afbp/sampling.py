@@ -17,13 +17,19 @@ import scipy.fft
 
 from ...geometry.polar import PolarGrid
 from ...geometry.track_frame import mean_centres
-from ..aliasing_error import EVERYTHING, Coverage, correction_error, mean_error, taper_shape
+from ..aliasing_error import (
+    EVERYTHING,
+    PixelDensity,
+    aliasing_error,
+    correction_error,
+    taper_shape,
+)
 from ..costs import costs
-from ..local_spectrum import SAMPLES_PER_SIDE, Bands, ranges_before, usual_guard
+from ..local_spectrum import SAMPLES_PER_SIDE, LocalSpectrum, ranges_before, usual_guard
 from ..profiles.transform_length import quick_length
 from .aperture_cut import cut_pulses, pieces_between_gaps
 from .row_length import row_length
-from .subaperture_cost import FirstStage
+from .subaperture_cost import SubapertureCost
 
 _OVERSAMPLING = (1.1, 1.15, 1.2, 1.25, 1.3, 1.4, 1.6, 1.8, 2.0, 2.3, 2.7, 3.2)
 _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
@@ -58,7 +64,7 @@ class Sampling:
         Shape of the taper.
     n_coarse_range, n_fine_range : int
         Ranges of a sub-aperture image and of the fused one over the same extent, guards included.
-    coverage : Coverage
+    coverage : PixelDensity
         What of the wanted grid must be right.
     error_db : float
         Predicted error of the fusion, dB.
@@ -75,13 +81,14 @@ class Sampling:
     beta: float
     n_coarse_range: int
     n_fine_range: int
-    coverage: Coverage
+    coverage: PixelDensity
     error_db: float
     cost: float
 
 
-def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths,
-                    first_stage: FirstStage, target_db: float, coverage: Coverage = EVERYTHING,
+def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
+                    first_stage: SubapertureCost, target_db: float,
+                    coverage: PixelDensity = EVERYTHING,
                     ratio: tuple[int, int] = (1, 1)) -> Sampling | None:
     """Quickest cut and coarse sampling that meet a target.
 
@@ -90,24 +97,24 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths,
     ``K x_lo`` to ``K x_hi``, so its image needs coarse lines no further apart than
     ``2 pi / (K_max (x_hi - x_lo))``. They lie some times closer, and some of them on either side
     are guards, over which a taper makes the image periodic. The error is that of the taper's
-    spectrum beyond the band (`mean_error`), at the frequencies of the rows. Cuts, oversamplings
-    and guards are tried from the quickest on.
+    spectrum beyond the band (`aliasing_error`), at the frequencies of the rows. Cuts,
+    oversamplings and guards are tried from the quickest on.
 
     Parameters
     ----------
     polar : PolarGrid
         Where the fused image is wanted.
-    bands : Bands
+    bands : LocalSpectrum
         Its local frequencies.
     tx_m, rx_m : (P, C, 3) float64
         Phase centres, metres.
     lengths : sequence of int
         Pulses of a sub-aperture to try.
-    first_stage : FirstStage
+    first_stage : SubapertureCost
         Tells the time of all sub-aperture images.
     target_db : float
         Wanted error of the fusion, dB.
-    coverage : Coverage
+    coverage : PixelDensity
         What of `polar` must be right.
     ratio : (int, int)
         Ranges of a sub-aperture image to those of the fused one.
@@ -160,7 +167,8 @@ def choose_sampling(polar: PolarGrid, bands: Bands, tx_m, rx_m, lengths,
     return None
 
 
-def _by_cost(choices, first_stage: FirstStage) -> Iterator[tuple[tuple[int, int, int], Sampling]]:
+def _by_cost(choices, first_stage: SubapertureCost
+             ) -> Iterator[tuple[tuple[int, int, int], Sampling]]:
     """Choices from the quickest; whole costs are found for those alone that may be next."""
     images = [(found.pulses, found.n_coarse * found.n_coarse_range) for _, found in choices]
     queue = [(found.cost + first_stage.least_cost(*images[i]), i, False)
@@ -207,7 +215,7 @@ def _on_plane(polar: PolarGrid, s: Sampling) -> bool:
     return (s.n_fine_range - polar.n_range) // 2 < ranges_before(polar, beyond)
 
 
-def _with_error(s: Sampling, polar: PolarGrid, bands: Bands, n_channels: int) -> Sampling:
+def _with_error(s: Sampling, polar: PolarGrid, bands: LocalSpectrum, n_channels: int) -> Sampling:
     """The choice with its predicted error."""
     cuts = np.linspace(0, len(s.pulses) - 1, _CUTS_FOR_ERROR).round().astype(int)
     rows, weight, centre = [], [], []
@@ -233,7 +241,8 @@ def _rows_for_error(slope, weight) -> tuple[np.ndarray, np.ndarray]:
     return order[(0.5 * (edges[1:] + edges[:-1])).astype(int)], np.diff(power)
 
 
-def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, weight, centre_m) -> float:
+def fusion_error(s: Sampling, polar: PolarGrid, bands: LocalSpectrum, rows, weight,
+                 centre_m) -> float:
     """Mean squared error of fusing some rows, relative to their power.
 
     Parameters
@@ -242,7 +251,7 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, weight, cent
         Coarse sampling and taper.
     polar : PolarGrid
         Where the fused image is wanted.
-    bands : Bands
+    bands : LocalSpectrum
         Local frequencies.
     rows : (R,) int array or slice
         Rows of `bands` to look at.
@@ -264,7 +273,7 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: Bands, rows, weight, cent
     # from the bin that the band's middle is rounded to, as in the fusion
     frequency = bins * slope - np.rint(bins * np.reshape(centre_m, (-1, 1)))
     weight = np.broadcast_to(np.reshape(weight, (-1, 1)), (len(slope), 1))
-    error = mean_error(s.n_coarse, s.n_guard, s.beta, frequency, weight, bands.position,
+    error = aliasing_error(s.n_coarse, s.n_guard, s.beta, frequency, weight, bands.position,
                        s.coverage.along_alpha)
     error += correction_error(s.coverage, s.n_fine, s.n_guard * s.n_fine / s.n_coarse, s.beta)
     # Along range the same happens over a length that grows with the distance from the centre.
@@ -286,7 +295,7 @@ def _range_error(s: Sampling, polar: PolarGrid, frequency, weight, shift: float)
     if n_guard > _WIDE_GUARD * s.n_guard:
         return 0.0
     n = int(polar.n_range / shift + 2 * n_guard) + 2
-    return mean_error(n, n_guard, s.beta, frequency * (n / s.n_coarse), weight,
+    return aliasing_error(n, n_guard, s.beta, frequency * (n / s.n_coarse), weight,
                       density=s.coverage.along_range)
 
 

@@ -9,14 +9,14 @@ import numpy as np
 
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
-from ..profiles.range_resampling import Lattice
+from ..profiles.range_resampling import RangeResampling
 from .beams import BeamSampling, least_cost, plan_beams
 
 _CUTS_FOR_BEAMS = 5  # sub-apertures whose geometry is looked at
 
 
 @dataclasses.dataclass(frozen=True)
-class FirstStage:
+class SubapertureCost:
     """What both ways of forming sub-aperture images depend on, but for the images' size.
 
     Attributes
@@ -27,7 +27,7 @@ class FirstStage:
         Extent of the wanted pixels in direction cosine.
     radar : RadarParameters
         Of the profiles.
-    lattice : Lattice
+    lattice : RangeResampling
         Of the profiles.
     tx_m, rx_m : (P, C, 3) float64
         Phase centres of the aperture, metres.
@@ -42,7 +42,7 @@ class FirstStage:
     grid: PolarGrid
     span: float
     radar: RadarParameters
-    lattice: Lattice
+    lattice: RangeResampling
     tx_m: np.ndarray
     rx_m: np.ndarray
     target_db: float

@@ -16,16 +16,16 @@ import numpy as np
 from ...geometry.polar import PolarGrid
 from ...signal.pulses import PulseBlock, check_profiles
 from ...signal.radar import RadarParameters
-from ..aliasing_error import EVERYTHING, Coverage
+from ..aliasing_error import EVERYTHING, PixelDensity
 from ..error_budget import AFBP_SHARES, ErrorBudget, remaining_db, total_db
-from ..local_spectrum import TAPERS_NEEDED, Bands, local_bands, used_share
-from ..profiles.phase_history import RangeBand
-from ..profiles.range_gate import RangeWindow
-from ..profiles.range_resampling import Lattice, half_paths, plan_lattice, sample_paths
+from ..local_spectrum import TAPERS_NEEDED, LocalSpectrum, local_spectrum, used_share
+from ..profiles.phase_history import PhaseHistory
+from ..profiles.range_gate import RangeGate
+from ..profiles.range_resampling import RangeResampling, half_paths, plan_resampling, sample_paths
 from .beams import BeamSampling
-from .polar_grids import FusionGrid
+from .polar_grids import UnifiedPolarGrids
 from .sampling import Sampling, choose_sampling, fusion_error
-from .subaperture_cost import FirstStage
+from .subaperture_cost import SubapertureCost
 
 _MARGIN_DB = 0.5  # predictions are as good as that (docs/benchmarks.md)
 _MOST_FILLED = 0.93  # of the band along range: tapers widen it (measured: no harm up to 0.89)
@@ -60,7 +60,7 @@ class Limits:
     half_range: float
 
     @classmethod
-    def of(cls, bands: Bands) -> Limits:
+    def of(cls, bands: LocalSpectrum) -> Limits:
         """Extremes of half paths, of their derivatives and of local frequencies."""
         steepest = float(max(bands.slope.max(), -bands.slope.min()))
         return cls(bands.range_m, bands.by_range, steepest, bands.half_range)
@@ -96,7 +96,7 @@ class SubaperturePlan:
         Where the fused image is wanted.
     given : RadarParameters
         Of the blocks to come.
-    source : RangeWindow or RangeBand
+    source : RangeGate or PhaseHistory
         What is needed of their profiles, or phase histories.
     n_samples : int
         Samples of a profile, or frequencies of a pulse.
@@ -104,9 +104,9 @@ class SubaperturePlan:
         Channels of a pulse.
     sampling : Sampling
         Cut and coarse sampling.
-    fusion_grid : FusionGrid
+    fusion_grid : UnifiedPolarGrids
         What the second stage needs.
-    lattice : Lattice
+    lattice : RangeResampling
         How profiles are read.
     beams : BeamSampling or None
         Sampling of the beams that sub-aperture images are made from; None where each pulse is
@@ -121,12 +121,12 @@ class SubaperturePlan:
 
     polar: PolarGrid
     given: RadarParameters
-    source: RangeWindow | RangeBand
+    source: RangeGate | PhaseHistory
     n_samples: int
     n_channels: int
     sampling: Sampling
-    fusion_grid: FusionGrid
-    lattice: Lattice
+    fusion_grid: UnifiedPolarGrids
+    lattice: RangeResampling
     beams: BeamSampling | None
     range_m: tuple[float, float]
     limits: Limits
@@ -206,7 +206,7 @@ class SubaperturePlan:
         ValueError
             Range does not grow along the lines of the grid.
         """
-        bands = local_bands(self.polar, tx_m, rx_m, self.radar)
+        bands = local_spectrum(self.polar, tx_m, rx_m, self.radar)
         # Slopes as far beyond let pixels drift by this over half a segment, seen from the lattice.
         slack = 2 * _DRIFT_SLACK * self.lattice.step_m / (
             max(self.lattice.segment, 1) * self.lattice.spacing)
@@ -220,8 +220,8 @@ class SubaperturePlan:
 def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
                       target_db: float = -50.0, pulses_per_subaperture: int | None = None,
                       oversampling: tuple[float, float] = (1.0, 1.0),
-                      ratio: tuple[int, int] = (1, 1), coverage: Coverage = EVERYTHING,
-                      band: RangeBand | None = None) -> SubaperturePlan:
+                      ratio: tuple[int, int] = (1, 1), coverage: PixelDensity = EVERYTHING,
+                      band: PhaseHistory | None = None) -> SubaperturePlan:
     """Plan the sub-apertures of an aperture.
 
     Parameters
@@ -239,12 +239,12 @@ def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, 
     pulses_per_subaperture : int, optional
         Length of the sub-apertures; the quickest if left out.
     oversampling : (float, float)
-        Of `polar` along range and direction, for `FusionGrid`.
+        Of `polar` along range and direction, for `UnifiedPolarGrids`.
     ratio : (int, int)
         Ranges of a sub-aperture image to those of the fused one.
-    coverage : Coverage
-        What of `polar` must be right, see `map_coverage`.
-    band : RangeBand, optional
+    coverage : PixelDensity
+        What of `polar` must be right, see `map_density`.
+    band : PhaseHistory, optional
         Takes phase histories as they came, in place of profiles.
 
     Returns
@@ -270,20 +270,20 @@ class _Planner:
     tx_m: np.ndarray
     rx_m: np.ndarray
     target_db: float
-    band: RangeBand | None
+    band: PhaseHistory | None
 
     def plan(self, given, length, oversampling, ratio, coverage) -> SubaperturePlan:
         polar, tx_m, rx_m = self.polar, self.tx_m, self.rx_m
         paths = sample_paths(*_rows_and_samples(polar, tx_m, rx_m, _SAMPLES_PER_SIDE,
                                                 _SAMPLES_PER_SIDE))
-        bands = local_bands(polar, tx_m, rx_m, self.radar)
+        bands = local_spectrum(polar, tx_m, rx_m, self.radar)
         sampling = self._sampling(bands, paths, length, ratio, coverage)
-        grid = FusionGrid(polar, sampling.n_coarse, sampling.n_fine, sampling.n_guard,
+        grid = UnifiedPolarGrids(polar, sampling.n_coarse, sampling.n_fine, sampling.n_guard,
                           sampling.beta, sampling.n_coarse_range, sampling.n_fine_range,
                           bands.half_range, self.radar.carrier_hz, *oversampling,
                           self.radar.propagation_speed_m_per_s)
         range_m = _bounds(grid.coarse, tx_m, rx_m)
-        source = self.band or RangeWindow.around(self.radar, self.n_samples, range_m)
+        source = self.band or RangeGate.around(self.radar, self.n_samples, range_m)
         lattice = self._lattice_for(sampling, grid.coarse, source, paths)
         beams = self._cost(grid.coarse, lattice, range_m).choose_beams(
             sampling.pulses, grid.coarse.n_alpha * grid.coarse.n_range)
@@ -323,7 +323,7 @@ class _Planner:
                 'scene, or use exact backprojection')
         return sampling
 
-    def _lattice_for(self, sampling, coarse, source, paths) -> Lattice:
+    def _lattice_for(self, sampling, coarse, source, paths) -> RangeResampling:
         padding = 0 if source.periodic else _PADDING
         # rows of one sub-aperture share phases, never those of two
         per_path = self.tx_m[..., 0].size / len(paths.length)
@@ -332,23 +332,23 @@ class _Planner:
         return self._plan_lattice(paths, coarse.range_spacing_m, source.n_samples + padding,
                                   remaining_db(self.target_db, sampling.error_db))
 
-    def _cost(self, grid, lattice, range_m) -> FirstStage:
+    def _cost(self, grid, lattice, range_m) -> SubapertureCost:
         span = self.polar.n_alpha * self.polar.alpha_spacing
         padding_m = math.inf if self.band else _PADDING * self.radar.sample_spacing_m
-        return FirstStage(grid, span, self.radar, lattice, self.tx_m, self.rx_m, self._lattice_db,
-                          range_m, padding_m)
+        return SubapertureCost(grid, span, self.radar, lattice, self.tx_m, self.rx_m,
+                               self._lattice_db, range_m, padding_m)
 
-    def _plan_lattice(self, paths, spacing, n_samples, *more_db) -> Lattice:
+    def _plan_lattice(self, paths, spacing, n_samples, *more_db) -> RangeResampling:
         """Lattice with the usual error, or where there is none, with one of `more_db`."""
         for error_db in (self._lattice_db, *more_db):
-            lattice = plan_lattice(paths, spacing, self.polar.n_range, self.radar, n_samples,
+            lattice = plan_resampling(paths, spacing, self.polar.n_range, self.radar, n_samples,
                                    error_db, periodic=self.band is not None)
             if lattice is not None:
                 return lattice
         raise ValueError('the polar grid does not follow the range of this track (too near, or '
                          'around the antenna); use exact backprojection')
 
-    def _cut_warnings(self, length, guard_m: float, coverage: Coverage):
+    def _cut_warnings(self, length, guard_m: float, coverage: PixelDensity):
         """Profiles that end within the guards, where the taper should find whole responses."""
         if self.band is None:
             start = self.radar.range_start_m

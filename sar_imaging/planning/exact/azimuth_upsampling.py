@@ -23,7 +23,7 @@ _WAVENUMBERS = 5  # of the band, at which errors are looked up
 
 
 @dataclasses.dataclass(frozen=True)
-class AngularParts:
+class AzimuthParts:
     """Cut of the rows of a block into parts, and the coarse lines on which they are imaged.
 
     Attributes
@@ -79,7 +79,7 @@ def angular_bands(slope, k_lo: float, k_hi: float, n_parts: int):
 
 
 def plan_parts(fine: PolarGrid, slope, weight, k_lo: float, k_hi: float, interpolation_db: float,
-               row_cost: float) -> AngularParts | None:
+               row_cost: float) -> AzimuthParts | None:
     """Cut rows into as many parts as make the image quickest.
 
     Parameters
@@ -97,7 +97,7 @@ def plan_parts(fine: PolarGrid, slope, weight, k_lo: float, k_hi: float, interpo
 
     Returns
     -------
-    AngularParts or None
+    AzimuthParts or None
         None where cutting gains nothing.
     """
     interpolator = coarsest_interpolator(interpolation_db, taps=TAPS, degree=DEGREE)
@@ -113,7 +113,7 @@ def plan_parts(fine: PolarGrid, slope, weight, k_lo: float, k_hi: float, interpo
     return None
 
 
-def _quickest_parts(fine, slope, k_lo, k_hi, interpolator, row_cost) -> AngularParts | None:
+def _quickest_parts(fine, slope, k_lo, k_hi, interpolator, row_cost) -> AzimuthParts | None:
     best, least = None, row_cost * len(slope)
     n_parts = 2
     while n_parts * _LEAST_ROWS <= len(slope):
@@ -125,13 +125,13 @@ def _quickest_parts(fine, slope, k_lo, k_hi, interpolator, row_cost) -> AngularP
             share = coarse.n_alpha / fine.n_alpha
             if merging + row_cost * len(slope) * share < least:
                 least = merging + row_cost * len(slope) * share
-                best = AngularParts(tuple(rows), middle, coarse, fine, interpolator,
+                best = AzimuthParts(tuple(rows), middle, coarse, fine, interpolator,
                                     interpolator.error_db, least)
         n_parts = math.ceil(n_parts * 1.4)
     return best
 
 
-def _interpolation_db(parts: AngularParts, slope, weight, wavenumber) -> float:
+def _interpolation_db(parts: AzimuthParts, slope, weight, wavenumber) -> float:
     """Mean error at the frequencies of the rows, seen from the middle of their part's band."""
     middle = np.repeat(parts.frequency, [rows.stop - rows.start for rows in parts.rows])
     frequency = wavenumber[:, None, None] * slope - middle[:, None]

@@ -23,8 +23,8 @@ from ..profiles.profile_reach import (
     reach_warning,
     some_pixels,
 )
-from ..profiles.range_gate import RangeWindow
-from ..profiles.range_resampling import Lattice, plan_lattice, point_lattice
+from ..profiles.range_gate import RangeGate
+from ..profiles.range_resampling import RangeResampling, plan_point_resampling, plan_resampling
 from .grid_lines import GridLines
 from .points import (
     ImagePoints,
@@ -50,9 +50,9 @@ class LinePlan(Plan):
     ----------
     lines : GridLines
         Its lines along which range grows.
-    window : RangeWindow
+    window : RangeGate
         Part of the profiles that is needed.
-    lattice : Lattice
+    lattice : RangeResampling
         How it is resampled.
     errors_db : mapping of str to float
         Predicted error against time-domain correlation by cause, dB.
@@ -61,8 +61,8 @@ class LinePlan(Plan):
     """
 
     lines: GridLines
-    window: RangeWindow
-    lattice: Lattice
+    window: RangeGate
+    lattice: RangeResampling
     errors_db: Mapping[str, float]
     cost: float
 
@@ -184,9 +184,9 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
 def _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db):
     """Bounds of the half path, and the quickest way."""
     lines = GridLines(grid, tx_m, rx_m)
-    window = RangeWindow.around(radar, n_samples, lines.range_m)
-    lattice = plan_lattice(lines.paths, 1.0, lines.n_pixels, radar, window.n_samples, target_db)
-    cost, way = point_lattice(radar, n_samples, target_db).cost * len(tx_m), None
+    window = RangeGate.around(radar, n_samples, lines.range_m)
+    lattice = plan_resampling(lines.paths, 1.0, lines.n_pixels, radar, window.n_samples, target_db)
+    cost, way = plan_point_resampling(radar, n_samples, target_db).cost * len(tx_m), None
     if lattice is not None and lattice.cost * len(tx_m) < cost:
         cost = lattice.cost * len(tx_m)
         way = LinePlan(lines, window, lattice, {

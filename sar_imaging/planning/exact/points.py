@@ -16,8 +16,8 @@ from ...signal.radar import RadarParameters
 from ..error_budget import EXACT_SHARES, ErrorBudget
 from ..memory import check_memory
 from ..plan import Plan
-from ..profiles.range_gate import RangeWindow
-from ..profiles.range_resampling import Lattice, half_paths, point_lattice
+from ..profiles.range_gate import RangeGate
+from ..profiles.range_resampling import RangeResampling, half_paths, plan_point_resampling
 
 # Rms error of a path in float32 over the radius of its tile; 1.4e-8 to 1.7e-8 were measured
 _ROUNDING = 3e-8
@@ -156,9 +156,9 @@ class PointPlan(Plan):
 
     Attributes
     ----------
-    window : RangeWindow
+    window : RangeGate
         Part of the profiles that is needed.
-    lattice : Lattice
+    lattice : RangeResampling
         How it is resampled.
     range_m : (float, float)
         Bounds of the half path, metres.
@@ -172,8 +172,8 @@ class PointPlan(Plan):
         Nanoseconds per pixel.
     """
 
-    window: RangeWindow
-    lattice: Lattice
+    window: RangeGate
+    lattice: RangeResampling
     range_m: tuple[float, float]
     tile: tuple[int, int]
     reach_m: float
@@ -238,8 +238,8 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
     some_m : (S, 3) float64, optional
         Positions all over the image, metres; those of `points` unless told.
     """
-    window = RangeWindow.around(radar, n_samples, range_m)
-    lattice = point_lattice(radar, window.n_samples, target_db)
+    window = RangeGate.around(radar, n_samples, range_m)
+    lattice = plan_point_resampling(radar, window.n_samples, target_db)
     rounded_db = ErrorBudget(target_db, EXACT_SHARES)['rounded paths']
     reach_m = largest_radius(radar.wavelength_m, rounded_db)
     tile = points.tile(reach_m)

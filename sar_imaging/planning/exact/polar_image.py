@@ -19,9 +19,14 @@ from ..error_budget import EXACT_SHARES, ErrorBudget
 from ..interpolators import Interpolator
 from ..plan import Plan
 from ..polar_cover import cover_map
-from ..profiles.range_gate import RangeWindow
-from ..profiles.range_resampling import Lattice, lattice_error_db, plan_lattice, sample_paths
-from .azimuth_upsampling import AngularParts, plan_parts
+from ..profiles.range_gate import RangeGate
+from ..profiles.range_resampling import (
+    RangeResampling,
+    plan_resampling,
+    resampling_error_db,
+    sample_paths,
+)
+from .azimuth_upsampling import AzimuthParts, plan_parts
 
 _SAMPLES_PER_SIDE = 5  # positions at which the geometry is bounded
 
@@ -34,9 +39,9 @@ class PolarPlan(Plan):
     ----------
     polar : PolarGrid
         Its pixels.
-    lattice : Lattice
+    lattice : RangeResampling
         How its lines read the profiles.
-    window : RangeWindow
+    window : RangeGate
         Part of the profiles that it needs.
     range_m : (float, float)
         Bounds of the half path over it, metres.
@@ -44,7 +49,7 @@ class PolarPlan(Plan):
         Map axis along which the second pass of the resampling goes.
     between, along : Interpolator
         Of the resampling: between lines and along them.
-    parts : AngularParts or None
+    parts : AzimuthParts or None
         Cut into parts with fewer lines each; None where all rows go straight to `polar`.
     wavelength_m : float
         At the carrier, metres.
@@ -55,13 +60,13 @@ class PolarPlan(Plan):
     """
 
     polar: PolarGrid
-    lattice: Lattice
-    window: RangeWindow
+    lattice: RangeResampling
+    window: RangeGate
     range_m: tuple[float, float]
     axis: int
     between: Interpolator
     along: Interpolator
-    parts: AngularParts | None
+    parts: AzimuthParts | None
     wavelength_m: float
     errors_db: Mapping[str, float]
     cost: float
@@ -115,7 +120,8 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
                      per_pixel * share + costs().map_pixel)
 
 
-def _lattice_of_parts(parts, lattice, tx_m, rx_m, radar, window, target_db) -> Lattice | None:
+def _lattice_of_parts(parts, lattice, tx_m, rx_m, radar, window, target_db
+                      ) -> RangeResampling | None:
     """Lattice that is as good where rows are added part by part, to lines far beyond the map.
 
     That of the map where it will do, None where none does.
@@ -125,8 +131,8 @@ def _lattice_of_parts(parts, lattice, tx_m, rx_m, radar, window, target_db) -> L
         *(np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (coarse.range_m, coarse.alpha))))
     paths = dataclasses.replace(sample_paths(tx_m, rx_m, coarse.lines(r, alpha)),
                                 parts=tuple(rows.start for rows in parts.rows))
-    error_db = lattice_error_db(lattice, paths, radar)
+    error_db = resampling_error_db(lattice, paths, radar)
     if error_db <= target_db:
         return dataclasses.replace(lattice, predicted_error_db=error_db)
-    return plan_lattice(paths, coarse.range_spacing_m, coarse.n_range, radar, window.n_samples,
+    return plan_resampling(paths, coarse.range_spacing_m, coarse.n_range, radar, window.n_samples,
                         target_db)

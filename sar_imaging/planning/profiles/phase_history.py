@@ -11,8 +11,8 @@ from ...signal.radar import RadarParameters, Waveform
 from ...signal.windows import window as window_weights
 
 
-class RangeBand:
-    """What `Profiles` needs of a phase history; stands where a `RangeWindow` does for profiles.
+class PhaseHistory:
+    """What `Profiles` needs of a phase history; stands where a `RangeGate` does for profiles.
 
     The lattice of the profiles is one inverse transform away from the frequencies of a pulse;
     range compression first and the lattice from its profiles take three. The profile repeats with

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.fft
 
 from ...signal.radar import RadarParameters
-from ..guard_taper import cosine_fall, edge_taper
+from ..guard_taper import cosine_fall, guard_taper
 
 # Samples beyond the needed ranges, times 1 - bandwidth over sample rate. What the cut changes
 # within them is below -94 dB of the profile there.
@@ -21,7 +21,7 @@ _WORTHWHILE = 0.9  # longer windows are not worth a copy
 
 
 @dataclasses.dataclass(frozen=True)
-class RangeWindow:
+class RangeGate:
     """Window of a profile, with smooth ends where it cuts.
 
     Attributes
@@ -49,7 +49,7 @@ class RangeWindow:
 
     @classmethod
     def around(cls, radar: RadarParameters, n_samples: int,
-               range_m: tuple[float, float]) -> RangeWindow:
+               range_m: tuple[float, float]) -> RangeGate:
         """Window for half paths, as far as the profile has them.
 
         Parameters
@@ -73,7 +73,7 @@ class RangeWindow:
                    taper if first > 0 else 0, taper if stop < n_samples else 0)
 
     @classmethod
-    def whole(cls, radar: RadarParameters, n_samples: int) -> RangeWindow:
+    def whole(cls, radar: RadarParameters, n_samples: int) -> RangeGate:
         """Window that takes all samples."""
         return cls(radar, 0, n_samples, radar.range_start_m, 0, 0)
 
@@ -136,7 +136,7 @@ def _end_errors(oversampling: float, n_rise: int) -> np.ndarray:
     """Mean squared error of tones of the band by samples from the start of a window."""
     n = _LONGEST
     missing = np.concatenate([np.zeros(n // 2), -np.ones(n // 2), np.zeros(n)])
-    missing[n // 2:3 * n // 4] *= edge_taper(n, n // 4, _TAPER_SHAPE)[:n // 4]  # far away
+    missing[n // 2:3 * n // 4] *= guard_taper(n, n // 4, _TAPER_SHAPE)[:n // 4]  # far away
     missing[n:n + n_rise] = rise(n_rise) - 1 if n_rise else 0.0
     frequency, weight = np.polynomial.legendre.leggauss(_TONES)
     tones = np.exp(1j * np.pi / oversampling * np.outer(frequency, np.arange(2 * n)))
@@ -148,4 +148,4 @@ def _end_errors(oversampling: float, n_rise: int) -> np.ndarray:
 @functools.lru_cache(maxsize=16)
 def rise(n: int) -> np.ndarray:
     """(n,) float32 rise of a window from 0 to 1 where it cuts a profile."""
-    return edge_taper(4 * n, 2 * n, _TAPER_SHAPE)[1:2 * n:2].astype(np.float32)
+    return guard_taper(4 * n, 2 * n, _TAPER_SHAPE)[1:2 * n:2].astype(np.float32)

@@ -143,7 +143,7 @@ def half_paths(tx_m, rx_m, position, *directions) -> np.ndarray:
 
 
 @dataclasses.dataclass(frozen=True)
-class Lattice:
+class RangeResampling:
     """How profiles are resampled and read.
 
     Attributes
@@ -151,9 +151,9 @@ class Lattice:
     n_padded : int
         Length to which a profile is zero-padded before its Fourier transform.
     n_cells : int
-        Lattice cells over the padded profile; a cell is one pixel of an image line.
+        RangeResampling cells over the padded profile; a cell is one pixel of an image line.
     n_phases : int
-        Lattice positions per cell.
+        RangeResampling positions per cell.
     segment : int
         Pixels that share one geometry expansion; 0 for the routine for arbitrary points.
     step_m : float
@@ -191,9 +191,9 @@ class Lattice:
         return {name: n_rows * n for name, n in counts.items()}
 
 
-def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParameters,
+def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParameters,
                  n_samples: int, target_db: float, *, fit_spacing: bool = False,
-                 periodic: bool = False) -> Lattice | None:
+                 periodic: bool = False) -> RangeResampling | None:
     """Choose lattice, segment and interpolator for an error target.
 
     Parameters
@@ -217,7 +217,7 @@ def plan_lattice(paths: Paths, spacing: float, n_line: int, radar: RadarParamete
 
     Returns
     -------
-    Lattice or None
+    RangeResampling or None
         None where range does not follow the lines closely enough.
     """
     slope = paths.derivatives[0]
@@ -254,7 +254,7 @@ def _candidates(slope, errors, spacing, radar, n_padded, n_cells, cell, phases, 
     interpolator = design_interpolator(oversampling, max(furthest, LEAST_MARGIN),
                                        degree=LINE_DEGREE)
     # With the worst drift everywhere first: most candidates need no closer look.
-    lattice = Lattice(n_padded, n_cells, phases, segment, step, spacing, interpolator, 0.0,
+    lattice = RangeResampling(n_padded, n_cells, phases, segment, step, spacing, interpolator, 0.0,
                       costs().line_pixel + costs().line_segment / segment)
     predicted = _predicted_db(lattice, interpolator.error_db, errors)
     if predicted > target_db + _CLOSER_DB:
@@ -264,7 +264,7 @@ def _candidates(slope, errors, spacing, radar, n_padded, n_cells, cell, phases, 
         yield dataclasses.replace(lattice, predicted_error_db=predicted)
 
 
-def lattice_error_db(lattice: Lattice, paths: Paths, radar: RadarParameters) -> float:
+def resampling_error_db(lattice: RangeResampling, paths: Paths, radar: RadarParameters) -> float:
     """Predicted error of a lattice on other paths than it was planned for, dB.
 
     It is inf where pixels drift further than the lattice was made for.
@@ -304,7 +304,8 @@ def _expansion_errors(paths, radar):
             (4, k / 3 / 24 * _rms(paths.derivatives[3])), (4, _rms(quartic)), (5, _rms(quintic)))
 
 
-def point_lattice(radar: RadarParameters, n_samples: int, target_db: float) -> Lattice:
+def plan_point_resampling(radar: RadarParameters, n_samples: int, target_db: float
+                          ) -> RangeResampling:
     """Lattice for the routine that needs no common direction of range and lines.
 
     Parameters
@@ -322,7 +323,7 @@ def point_lattice(radar: RadarParameters, n_samples: int, target_db: float) -> L
     n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, 1)
     step = n_padded * radar.sample_spacing_m / n_cells
     interpolator = design_interpolator(radar.range_resolution_m / step, LEAST_MARGIN)
-    return Lattice(n_padded, n_cells, 1, 0, step, pitch, interpolator,
+    return RangeResampling(n_padded, n_cells, 1, 0, step, pitch, interpolator,
                    total_db(interpolator.error_db), costs().point_pixel)
 
 

@@ -29,7 +29,7 @@ _u = types.uint64
 
 
 @intrinsic
-def mix_beams(typing_context, beams, source, apart, size, work, weights, target):
+def sum_beams(typing_context, beams, source, apart, size, work, weights, target):
     """Sums of the beams that begin at `source` and so much apart, for some cells in whole tiles.
 
     Weights of the three orders lie in `work`, which `target` is in, too: real and imaginary parts
@@ -57,10 +57,10 @@ def mix_beams(typing_context, beams, source, apart, size, work, weights, target)
 
 
 @intrinsic
-def mix_cells(typing_context, index, size, along, across, work, weights, source, target, apart):
+def sum_cells(typing_context, index, size, along, across, work, weights, source, target, apart):
     """Sums of the cells from each of some pixels on, in whole tiles.
 
-    Source and target are in `work`: what `mix_beams` left, and real and imaginary part, so much
+    Source and target are in `work`: what `sum_beams` left, and real and imaginary part, so much
     apart each. `along` holds the coefficients, from that of degree 1, of the drift between cells
     as a polynomial of the index; `across` first the two of the drift between beams, then, from
     degree 0, the two of that by how much of the second order the sum is turned.

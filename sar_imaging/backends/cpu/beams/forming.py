@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....compilation import REPEATABLE, njit, numba
+from ....compilation import DETERMINISTIC, njit, numba
 from ....planning.afbp.beam_gain import BeamGain
 from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
 from ..threads import job_counter, take_job
@@ -108,7 +108,7 @@ def form_beams(spectra, path_m, bins: SpectrumBins, between: BeamGain, weights, 
                 jobs.ctypes.data, work)
 
 
-@njit(parallel=True, fastmath=REPEATABLE)
+@njit(parallel=True, fastmath=DETERMINISTIC)
 def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, work):
     """Run by run of bins; `form_beams` says what, `phasors` how beams and rows share phases.
 

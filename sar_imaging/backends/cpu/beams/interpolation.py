@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....compilation import REPEATABLE, njit, numba
+from ....compilation import DETERMINISTIC, njit, numba
 from ....planning.afbp.beam_gain import BEAM_TAPS
 from ....planning.afbp.beams import CELL_TAPS
 from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
 from ..threads import take_job
-from .accumulation import STORED, TILE, fetch, mix_beams, mix_cells
+from .accumulation import STORED, TILE, fetch, sum_beams, sum_cells
 
 ALIGNED = 8  # cells of a line of the cache
 _PIECES = 32  # of a job
@@ -22,19 +22,19 @@ _FIRST_BEAM, _FIRST_CELL = 1 - BEAM_TAPS // 2, 1 - CELL_TAPS // 2  # of the neig
 _u = np.uint64
 
 
-def mixed_cells(segment: int) -> int:
+def summed_cells(segment: int) -> int:
     """Cells that a segment is interpolated from, from the beginning of a line of the cache on."""
     return -(-(segment + CELL_TAPS + ALIGNED) // TILE) * TILE
 
 
 def work_size(segment: int) -> int:
     """Numbers of the work space of a task."""
-    return 6 * STORED + 8 * mixed_cells(segment)
+    return 6 * STORED + 8 * summed_cells(segment)
 
 
-@njit(parallel=True, fastmath=REPEATABLE)
-def read_beams(beams, shape, lines, centre, track, range_m, direction, cycles_per_m, zero_cycles,
-               curvature, between, along, index, image, work, jobs):
+@njit(parallel=True, fastmath=DETERMINISTIC)
+def interpolate_beams(beams, shape, lines, centre, track, range_m, direction, cycles_per_m,
+                      zero_cycles, curvature, between, along, index, image, work, jobs):
     """Interpolate beams to the lines of a polar image at range baseband.
 
     Between beams first, then along range; within a segment of a line both positions, and the
@@ -67,7 +67,7 @@ def read_beams(beams, shape, lines, centre, track, range_m, direction, cycles_pe
         Of the beams, 1/m, and what its differences count between neighbouring beams, m.
     between, along : (DEGREE + 1, STORED) float32
         Weights of the interpolation between beams and along range; zero beyond their taps.
-    index : (mixed_cells(segment),) float32
+    index : (summed_cells(segment),) float32
         Pixel numbers of a segment, counted from its middle, and those that follow; segments are
         whole vectors.
     image : (2 * n_lines * n_pixels,) float32
@@ -131,8 +131,8 @@ def read_beams(beams, shape, lines, centre, track, range_m, direction, cycles_pe
                 row = np.int64(min(max(beam + _FIRST_BEAM, 0.0), n_beams - BEAM_TAPS - 0.0))
                 source = _u(2 * (row * n_cells + start))
                 fetch(beams, source + _u(BEAM_TAPS) * apart, _u(2 * n_mixed))  # for the next line
-                mix_beams(beams, source, apart, part, work, w, mixed)
-                mix_cells(index, _u(segment), (v1, v2, v3), (u1, u2, bend, bend1), work,
+                sum_beams(beams, source, apart, part, work, w, mixed)
+                sum_cells(index, _u(segment), (v1, v2, v3), (u1, u2, bend, bend1), work,
                           w + _u(3 * STORED), mixed + _u(place - start), sums, part)
                 some = _u(min(segment, n_pixels - number * segment))
                 real = _u(line * n_pixels + number * segment)

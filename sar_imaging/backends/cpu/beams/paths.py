@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....compilation import REPEATABLE, njit
+from ....compilation import DETERMINISTIC, njit
 from ....planning.afbp.beam_geometry import BeamGeometry
 
 
@@ -19,7 +19,7 @@ class CompiledBeamGeometry(BeamGeometry):
         return _extra_paths(centres, plane, self.range_m, np.array(direction, float))
 
 
-@njit(fastmath=REPEATABLE, error_model='numpy')
+@njit(fastmath=DETERMINISTIC, error_model='numpy')
 def _extra_paths(centres_m, plane, range_m, direction):
     """`BeamGeometry.extra_path` for (2, R, 3) phase centres counted from their middle.
 

@@ -18,9 +18,9 @@ from ....geometry.polar import PolarGrid
 from ....planning.afbp.beam_gain import DEGREE, bins_per_run
 from ....planning.afbp.beam_geometry import grid_edges
 from ....planning.afbp.beams import BeamSampling
-from ....planning.profiles.phase_history import RangeBand
-from ....planning.profiles.range_gate import RangeWindow
-from ....planning.profiles.range_resampling import Lattice
+from ....planning.profiles.phase_history import PhaseHistory
+from ....planning.profiles.range_gate import RangeGate
+from ....planning.profiles.range_resampling import RangeResampling
 from ..fft.rows import transform_rows
 from ..memory import WorkSpace
 from ..profile_spectra import spectra
@@ -33,16 +33,16 @@ from .paths import CompiledBeamGeometry
 _PAGE, _STRIDE = 512, 40  # complex samples
 
 
-class BeamLines:
+class BeamformedSubaperture:
     """Lines of a polar grid, filled from the beams of a sub-aperture.
 
     Parameters
     ----------
     polar : PolarGrid
         Pixels.
-    source : RangeWindow or RangeBand
+    source : RangeGate or PhaseHistory
         What the profiles are made of.
-    lattice : Lattice
+    lattice : RangeResampling
         Its cells are those of the beams.
     sampling : BeamSampling
         From `plan_beams`.
@@ -50,8 +50,8 @@ class BeamLines:
         Smallest and largest half path to the pixels, metres.
     """
 
-    def __init__(self, polar: PolarGrid, source: RangeWindow | RangeBand, lattice: Lattice,
-                 sampling: BeamSampling, range_m: tuple[float, float]):
+    def __init__(self, polar: PolarGrid, source: RangeGate | PhaseHistory,
+                 lattice: RangeResampling, sampling: BeamSampling, range_m: tuple[float, float]):
         self._polar, self._source, self._lattice = polar, source, lattice
         self._sampling = sampling
         self._buffer = WorkSpace()
@@ -75,7 +75,7 @@ class BeamLines:
         self._lines, self._edges = self._positions(), grid_edges(polar)
 
     def _positions(self) -> np.ndarray:
-        """(S, n_alpha, 12) float64 as `reading.read_beams` wants them."""
+        """(S, n_alpha, 12) float64 as `reading.interpolate_beams` wants them."""
         polar, segment = self._polar, self._sampling.segment
         pixel = np.arange(-(-polar.n_range // segment)) * segment + segment // 2
         step = polar.range_spacing_m
@@ -133,10 +133,10 @@ class BeamLines:
         cycles_per_m = self._per_metre
         # Half the curvature and twice the weight of the second order cancel.
         bend = -1 / (2 * np.pi * cycles_per_m * spacing ** 2)
-        index = np.arange(reading.mixed_cells(segment), dtype=np.float32) - segment // 2
+        index = np.arange(reading.summed_cells(segment), dtype=np.float32) - segment // 2
         size = numba.get_num_threads() * reading.work_size(segment)
         work, jobs = self._buffer('read', (size,), np.float32), job_counter()
-        reading.read_beams(
+        reading.interpolate_beams(
             beams.reshape(-1).view(np.float32), (*beams.shape, *parts.shape[1:], segment),
             self._lines, geometry.centre_m, np.array(polar.track),
             np.array([self._range_start_m, self._lattice.cell_m, polar.range_spacing_m]),

@@ -14,7 +14,7 @@ import functools
 import numpy as np
 import scipy.fft
 
-from ....compilation import REPEATABLE, njit, numba
+from ....compilation import DETERMINISTIC, njit, numba
 from ....planning.afbp.row_length import radices_of
 from ..memory import aligned_empty
 from ..threads import job_counter, take_job
@@ -120,7 +120,7 @@ def _best_factor(n: int) -> int:
     return min((f for f in range(1, n + 1) if n % f == 0), key=cost)
 
 
-@njit(parallel=True, fastmath=REPEATABLE)
+@njit(parallel=True, fastmath=DETERMINISTIC)
 def _transform(code, data, n_groups, most, n_sets, set_bytes, n_tasks, jobs, work, task_bytes,
                plan, n_turned, turns_bytes):
     """All sets of rows, at most so many groups of a set at a time."""

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.fft
 
-from ....compilation import REPEATABLE, njit, numba
+from ....compilation import DETERMINISTIC, njit, numba
 from ....planning.afbp.row_length import row_shape
 from ..memory import aligned_empty, transform_in_place
 from ..threads import job_counter, take_job
@@ -117,7 +117,7 @@ def _plan_row(n: int, inverse: bool) -> RowPlan | None:
     return RowPlan(height, width, columns, lines, turns)
 
 
-@njit(parallel=True, fastmath=REPEATABLE)
+@njit(parallel=True, fastmath=DETERMINISTIC)
 def _transform(data, row_bytes, n_rows, n_tasks, jobs, work, task_bytes, plan):
     """All rows, as many at a time as there are tasks."""
     for task in numba.prange(n_tasks):

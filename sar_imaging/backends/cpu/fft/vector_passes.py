@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....compilation import REPEATABLE, cfunc, njit, numba
+from ....compilation import DETERMINISTIC, cfunc, njit, numba
 from ....planning.afbp.row_length import radices_of
 from . import butterflies as vectors
 from .butterflies import SAMPLE_BYTES
@@ -100,7 +100,7 @@ def plan(length: int, inverse: bool, first_bytes: int, work_bytes: int, last_byt
 def compiled() -> int:
     """Address that `run` wants."""
     numbers = [numba.int64] * 7
-    return cfunc(numba.int64(*numbers), fastmath=REPEATABLE)(_passes).address
+    return cfunc(numba.int64(*numbers), fastmath=DETERMINISTIC)(_passes).address
 
 
 @njit

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....compilation import REPEATABLE, njit, numba
+from ....compilation import DETERMINISTIC, njit, numba
 from ..beams.accumulation import fetch
 from ..fft import vector_passes as passes
 from ..fft.butterflies import GROUP_BYTES, LANES, SAMPLE_BYTES
@@ -64,7 +64,7 @@ def add_transformed(lines, n_bins: int, band: Band, rows, spectrum) -> None:
                      plan.addresses, *band, rows, spectrum.reshape(-1).view(np.float32))
 
 
-@njit(parallel=True, fastmath=REPEATABLE)
+@njit(parallel=True, fastmath=DETERMINISTIC)
 def _add_transformed(code, lines, shape, jobs, work, address, work_bytes, plan, row, begin, end,
                      rows, spectrum):
     """Arrays are flat float32, for the compiler; a task has work space, then a panel."""

@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from ....planning.afbp.polar_grids import FusionGrid
-from ....planning.guard_taper import edge_taper
+from ....planning.afbp.polar_grids import UnifiedPolarGrids
+from ....planning.guard_taper import guard_taper
 from ..fft.columns import LANES, rows_to_transform, transform_columns
 from ..memory import aligned_empty, aligned_zeros
 from .bands import Band, add_band, add_transformed, clear_band
@@ -27,7 +27,7 @@ class SpectrumFusion:
 
     Parameters
     ----------
-    grid : FusionGrid
+    grid : UnifiedPolarGrids
         Of the sub-aperture images and of the fused one.
     keep : bool
         Keep each contribution, so that `remove` and replacing are possible and never leave a
@@ -37,21 +37,21 @@ class SpectrumFusion:
 
     Attributes
     ----------
-    grid : FusionGrid
+    grid : UnifiedPolarGrids
         As given.
     included : frozenset of int
         Sub-apertures in the image.
     """
 
-    def __init__(self, grid: FusionGrid, *, keep: bool = False):
+    def __init__(self, grid: UnifiedPolarGrids, *, keep: bool = False):
         self.grid, self._keep = grid, keep
         n_coarse, n_fine = grid.n_coarse_range, grid.n_fine_range
         self._wavenumber = grid.range_wavenumbers
         most = len(self._wavenumber) // 2
         # Turned by this along range, images have the lowest wavenumber at zero.
         turn = np.exp(2j * np.pi * (most * np.arange(n_coarse) % n_coarse) / n_coarse)
-        self._taper = (edge_taper(grid.n_coarse, grid.n_guard, grid.beta).astype(np.float32),
-                       (edge_taper(n_coarse, grid.range_guard, grid.beta) * turn
+        self._taper = (guard_taper(grid.n_coarse, grid.n_guard, grid.beta).astype(np.float32),
+                       (guard_taper(n_coarse, grid.range_guard, grid.beta) * turn
                         ).astype(np.complex64))
         self._coarse_rows = rows_to_transform(grid.n_coarse)
         self._fine_rows = rows_to_transform(grid.n_fine)

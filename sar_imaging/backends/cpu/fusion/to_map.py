@@ -8,14 +8,14 @@ from ....compilation import njit, numba
 from ....geometry.grids import MapGrid
 from ....geometry.map_edges import edge_positions
 from ....geometry.polar import PolarGrid
-from ....planning.afbp.polar_grids import FusionGrid
+from ....planning.afbp.polar_grids import UnifiedPolarGrids
 from ....planning.interpolators import design_interpolator
 from ....planning.polar_to_map import CORRECTED_TAPS, DEGREE, NOT_READ, TAPS, margin, range_axis
 from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
 from ..polar_to_map import polar_to_map
 
 
-def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid,
+def form_map(polar_image: np.ndarray, fusion: UnifiedPolarGrids, grid: MapGrid,
              centre_m: float = 0.0, *, overwrite: bool = False) -> np.ndarray:
     """Interpolate a fused image to a map and put its carrier back.
 
@@ -23,7 +23,7 @@ def form_map(polar_image: np.ndarray, fusion: FusionGrid, grid: MapGrid,
     ----------
     polar_image : (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
         From `SpectrumFusion`, complex or as real and imaginary part; those are not copied.
-    fusion : FusionGrid
+    fusion : UnifiedPolarGrids
         Its grid, oversampled as it says.
     grid : MapGrid
         Map; ``fusion.polar`` covers it, finely enough to be interpolated.
