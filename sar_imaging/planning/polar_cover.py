@@ -155,7 +155,8 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         return None
     return PolarCover(polar, ratio, lattice, window, range_m, axis, between, along, slope_alpha,
                     weight, k, between_db, along_db,
-                    window.mean_end_error_db(paths.length))
+                    window.mean_end_error_db(paths.length,
+                                             oversampling=lattice.oversampling(radar)))
 
 
 def _frame(grid: MapGrid, centres):

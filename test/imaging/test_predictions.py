@@ -17,7 +17,7 @@ from sar_imaging.planning.echo_power import echo_power
 from sar_imaging.planning.interpolators import design_interpolator
 from sar_imaging.planning.profiles.range_gate import RangeGate
 from sar_imaging.signal.pulses import PulseBlock
-from sar_imaging.signal.radar import SPEED_OF_LIGHT
+from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 from sar_imaging.signal.spectra import band_spectrum
 from sar_imaging.simulation.trials.random_cases import TRACKS, random_case
 from sar_imaging.streaming.aperture import ApertureImager
@@ -329,3 +329,37 @@ def test_what_the_ends_of_a_window_cost(make_case, first, last):
     assert some.sum() > 10
     ratio = 10 * np.log10(error[some] / expected[some])
     assert np.median(np.abs(ratio)) < 3.0 and ratio.max() < 6.0
+
+
+@pytest.mark.parametrize('oversampling', [1.34, 2.0, 3.0])
+@pytest.mark.parametrize('target_db', [-50.0, -70.0, -80.0])
+@pytest.mark.parametrize('points', [False, True])
+def test_profiles_that_are_full_to_their_ends(oversampling, target_db, points):
+    """Clutter everywhere, cut by the profiles' ends a few metres beside the map.
+
+    The lattice is coarser than these samples. Without a taper up to its own highest frequency the
+    ends rang over the map, 14 dB above the prediction at worst.
+    """
+    rng = np.random.default_rng(0)
+    spacing_m = SPEED_OF_LIGHT / 2 / (oversampling * 300e6)
+    n, start_m, n_pulses = round(68.0 / spacing_m), 968.0, 48
+    radar = RadarParameters(10e9, 300e6, oversampling * 300e6, 2 * start_m / SPEED_OF_LIGHT)
+    longer = dataclasses.replace(
+        radar, first_sample_delay_s=2 * (start_m - n * spacing_m) / SPEED_OF_LIGHT)
+    whole = rng.normal(size=(n_pulses, 1, 4 * n, 2)).view(complex)[..., 0]
+    whole[..., np.abs(np.fft.fftfreq(4 * n)) * oversampling > 0.5] = 0.0
+    samples = np.fft.ifft(whole).astype(np.complex64)
+    centres = np.zeros((n_pulses, 1, 3))
+    centres[:, 0, 1] = np.linspace(-15.0, 15.0, n_pulses)
+    numbers = np.arange(n_pulses)
+    block = PulseBlock(radar, True, numbers, numbers, samples[..., n:2 * n], centres, centres)
+    grid = MapGrid((1000.0, 0.0, 0.0), 48, 48, 1.1)
+    imager = Backprojector(grid.points() if points else grid, radar, n, target_db=target_db)
+    some = rng.choice(48 * 48, 600, replace=False)
+    image = imager(block).reshape(-1)[some]
+    exact, covered = correlate_profiles(dataclasses.replace(block, radar=longer, samples=samples),
+                                        grid.points().reshape(-1, 3)[some])
+    assert covered.all()
+    error = np.sum(np.abs(image - exact) ** 2) / np.sum(np.abs(exact) ** 2)
+    # measured: 9 dB below to 2.0 dB above the prediction, of which places at the edge are few
+    assert 10 * np.log10(error) <= imager.predicted_error_db + 2.5

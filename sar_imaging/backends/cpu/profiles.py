@@ -54,7 +54,8 @@ class Profiles:
             lo, hi = max(lo, 0), min(hi, lattice.n_cells)
         self._first = math.floor(lo) - _GUARD - self._pad
         self._count = math.ceil(hi) + _GUARD + self._pad - self._first
-        self._gain = np.repeat(source.gain(lattice.n_padded), 2)  # of real and imaginary part
+        gain = source.gain(lattice.n_padded, lattice.oversampling(self.radar))
+        self._gain = np.repeat(gain, 2)  # of real and imaginary part
 
     @property
     def cycles_per_step(self) -> float:

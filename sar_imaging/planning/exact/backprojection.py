@@ -191,7 +191,8 @@ def _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db):
         cost = lattice.cost * len(tx_m)
         way = LinePlan(lines, window, lattice, {
             'range profiles': lattice.predicted_error_db,
-            'ends of profiles': window.mean_end_error_db(lines.paths.length, len(grid.shape))},
+            'ends of profiles': window.mean_end_error_db(
+                lines.paths.length, len(grid.shape), lattice.oversampling(radar))},
             cost)
     # Polar images lie on horizontal planes, and cannot pay for fewer pulses.
     if isinstance(grid, MapGrid) and cost > costs().map_pixel:

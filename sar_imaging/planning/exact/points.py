@@ -248,7 +248,8 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
     errors = {
         'range profiles': lattice.predicted_error_db,
         'rounded paths': rounding_db(radar.wavelength_m, min(reach_m, points.tile_radius(tile))),
-        'ends of profiles': 10 * math.log10(float(window.end_error(length).mean()) + 1e-16)}
+        'ends of profiles': 10 * math.log10(float(window.end_error(
+            length, lattice.oversampling(radar)).mean()) + 1e-16)}
     return PointPlan(window, lattice, range_m, tile, reach_m, errors, lattice.cost * len(tx_m))
 
 

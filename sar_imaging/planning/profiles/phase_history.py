@@ -66,10 +66,11 @@ class PhaseHistory:
         sign = 1 - 2 * ((np.arange(n_samples) - self.zero) % 2)
         self._gain = (sign * weights / weights.sum()).astype(np.float32)
 
-    def mean_end_error_db(self, range_m, n_axes: int = 2) -> float:
+    def mean_end_error_db(self, range_m, n_axes: int = 2,
+                          oversampling: float = math.inf) -> float:
         """-inf: what is periodic has no ends."""
         return -math.inf
 
-    def gain(self, n_padded: int) -> np.ndarray:
+    def gain(self, n_padded: int, oversampling: float = math.inf) -> np.ndarray:
         """(K,) float32 factor of each frequency; `n_padded` is K."""
         return self._gain

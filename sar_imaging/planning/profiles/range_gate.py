@@ -77,7 +77,7 @@ class RangeGate:
         """Window that takes all samples."""
         return cls(radar, 0, n_samples, radar.range_start_m, 0, 0)
 
-    def end_error(self, range_m) -> np.ndarray:
+    def end_error(self, range_m, oversampling: float = math.inf) -> np.ndarray:
         """Mean squared error at half paths of what is read, because the window ends.
 
         Relative to the power of the profile, which is taken to go on beyond its ends.
@@ -86,21 +86,24 @@ class RangeGate:
         ----------
         range_m : (...) array_like
             Half paths, metres.
+        oversampling : float
+            Of the lattice that is read, see `gain`.
 
         Returns
         -------
         (...) float64
             1 where nothing is read.
         """
-        oversampling = round(self.radar.sample_rate_hz / self.radar.bandwidth_hz, 2)
+        given = round(self.radar.sample_rate_hz / self.radar.bandwidth_hz, 2)
         after = (np.asarray(range_m) - self.range_start_m) / self.radar.sample_spacing_m
         error = 0.0
         for distance, taper in ((after, self.n_rise), (self.n_samples - 1 - after, self.n_fall)):
-            table = _end_errors(oversampling, taper)
+            table = _end_errors(given, min(given, round(oversampling, 2)), taper)
             error = error + np.interp(distance, np.arange(len(table)), table, left=1.0)
         return np.minimum(error, 1.0)
 
-    def mean_end_error_db(self, range_m, n_axes: int = 2) -> float:
+    def mean_end_error_db(self, range_m, n_axes: int = 2,
+                          oversampling: float = math.inf) -> float:
         """Mean of `end_error` over an image, dB.
 
         Parameters
@@ -109,30 +112,46 @@ class RangeGate:
             Half paths from some rows to a square or cube of positions, edge to edge, metres.
         n_axes : int
             2 of a square, 3 of a cube.
+        oversampling : float
+            Of the lattice that is read, see `gain`.
         """
-        error = np.mean(self.end_error(range_m), axis=0)
+        error = np.mean(self.end_error(range_m, oversampling), axis=0)
         side = np.ones(round(len(error) ** (1 / n_axes)))
         side[[0, -1]] = 0.5  # they stand for half as much of the image
         weight = functools.reduce(np.multiply.outer, [side] * n_axes).ravel()
         return 10 * math.log10(float(error @ weight / weight.sum()) + 1e-16)
 
-    def gain(self, n_padded: int) -> np.ndarray:
-        """(n_padded,) float32 factor of each bin of `spectrum` on the way back to ranges.
+    def gain(self, n_padded: int, oversampling: float = math.inf) -> np.ndarray:
+        """Factor of each bin of a spectrum on the way back to ranges.
 
         Without its taper outside the band the ends of a profile, where sidelobes are cut off,
-        would ring far inside.
+        would ring far inside. It ends where the spectrum does: at the highest frequency of the
+        samples, or of the lattice that they are resampled to where that is coarser.
+
+        Parameters
+        ----------
+        n_padded : int
+            Bins.
+        oversampling : float
+            Of that lattice, over the bandwidth.
+
+        Returns
+        -------
+        (n_padded,) float32
         """
-        oversampling = self.radar.sample_rate_hz / self.radar.bandwidth_hz
-        return (_band_taper(n_padded, oversampling) / n_padded).astype(np.float32)
+        given = self.radar.sample_rate_hz / self.radar.bandwidth_hz
+        return (_band_taper(n_padded, given, min(given, oversampling)) / n_padded
+                ).astype(np.float32)
 
 
-def _band_taper(n: int, oversampling: float) -> np.ndarray:
+def _band_taper(n: int, oversampling: float, last: float) -> np.ndarray:
+    """Fall from the edge of the band to the highest frequency of a sampling of `last`."""
     beyond = 2 * np.abs(scipy.fft.fftfreq(n)) * oversampling - 1
-    return cosine_fall(beyond / (oversampling - 1))
+    return cosine_fall(beyond / (last - 1))
 
 
 @functools.lru_cache(maxsize=64)
-def _end_errors(oversampling: float, n_rise: int) -> np.ndarray:
+def _end_errors(oversampling: float, last: float, n_rise: int) -> np.ndarray:
     """Mean squared error of tones of the band by samples from the start of a window."""
     n = _LONGEST
     missing = np.concatenate([np.zeros(n // 2), -np.ones(n // 2), np.zeros(n)])
@@ -140,7 +159,8 @@ def _end_errors(oversampling: float, n_rise: int) -> np.ndarray:
     missing[n:n + n_rise] = rise(n_rise) - 1 if n_rise else 0.0
     frequency, weight = np.polynomial.legendre.leggauss(_TONES)
     tones = np.exp(1j * np.pi / oversampling * np.outer(frequency, np.arange(2 * n)))
-    filtered = scipy.fft.ifft(scipy.fft.fft(missing * tones) * _band_taper(2 * n, oversampling))
+    filtered = scipy.fft.ifft(scipy.fft.fft(missing * tones)
+                              * _band_taper(2 * n, oversampling, last))
     error = 0.5 * weight @ np.abs(filtered[:, n:n + n // 2]) ** 2
     return np.maximum.accumulate(error[::-1])[::-1]
 

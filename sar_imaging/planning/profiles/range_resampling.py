@@ -178,6 +178,10 @@ class RangeResampling:
     predicted_error_db: float
     cost: float
 
+    def oversampling(self, radar: RadarParameters) -> float:
+        """Lattice positions to a range resolution cell, 1 / bandwidth, of a radar."""
+        return radar.range_resolution_m / self.step_m
+
     @property
     def cell_m(self) -> float:
         """Half-path distance between the lattice positions of neighbouring pixels, metres."""
