@@ -119,10 +119,11 @@ class Method:
                              'finite numbers, one for each pulse')
         return dataclasses.replace(block, samples=block.samples * weights[:, None, None])
 
-    def _report(self, **known) -> Report:
+    def describe(self, **known) -> Report:
+        """Report with the name of the method, the target, and what is known besides."""
         return Report(self.NAME, '', self.options.target_db, **known)
 
-    def _points(self) -> np.ndarray:
+    def positions(self) -> np.ndarray:
         """(..., 3) float64 positions of the pixels, metres."""
         return as_grid(self.grid).points()
 
@@ -139,9 +140,9 @@ class Exact(Method):
                                      height_m=self.options.height_m,
                                      backend=self.options.backend)
         if not tx_m.size:
-            return self._report()
+            return self.describe()
         plan = self._imager.plan(tx_m, rx_m)
-        return self._report(
+        return self.describe(
             predicted_error_db=plan.predicted_error_db, errors_db=plan.errors_db,
             shares_db=ErrorBudget(self.options.target_db, EXACT_SHARES).shares_db,
             seconds=plan.seconds, warnings=plan.warnings, plan=str(plan),
@@ -172,7 +173,7 @@ class Afbp(Method):
                                   weighting=options.weighting, backend=options.backend,
                                   progress=options.progress)
         plan = self._imager.plan
-        return self._report(
+        return self.describe(
             predicted_error_db=plan.predicted_error_db, errors_db=plan.errors_db,
             shares_db=ErrorBudget(options.target_db, AFBP_SHARES).shares_db,
             seconds=plan.seconds, n_bytes=plan.n_bytes, warnings=plan.warnings,
@@ -207,7 +208,7 @@ class Ffbp(Method):
         """See `Method`."""
         self._imager = FfbpImager(self.grid, self.radar, self.n_samples, tx_m, rx_m,
                                   merge_factor=4, progress=self.options.progress)
-        return self._report(warnings=self._imager.warnings)
+        return self.describe(warnings=self._imager.warnings)
 
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""
@@ -224,7 +225,7 @@ class Wavenumber(Method):
         if not isinstance(self.grid, MapGrid):
             raise ValueError(f'method {self.NAME!r} images maps; use {EXACT!r} for other grids')
         self._imager = WavenumberImager(self.grid)
-        return self._report()
+        return self.describe()
 
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""
@@ -240,10 +241,10 @@ class ZeroPadding(Method):
         """See `Method`."""
         ratio = next((r for r in _RATIOS if predicted_error_db('sinc', r, self.radar)
                       <= self.options.target_db), _RATIOS[-1])
-        self._imager = ZeroPaddedBackprojector(self._points(), self.radar, self.n_samples,
+        self._imager = ZeroPaddedBackprojector(self.positions(), self.radar, self.n_samples,
                                                interpolator='sinc', ratio=ratio)
         error = self._imager.predicted_error_db
-        return self._report(predicted_error_db=error, errors_db={'range profiles': error})
+        return self.describe(predicted_error_db=error, errors_db={'range profiles': error})
 
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""
@@ -257,11 +258,11 @@ class Correlation(Method):
 
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""
-        return self._report(predicted_error_db=_CORRELATION_DB)
+        return self.describe(predicted_error_db=_CORRELATION_DB)
 
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""
-        points = self._points()
+        points = self.positions()
         image, _ = correlate_profiles(block, points.reshape(-1, 3))
         return image.astype(np.complex64).reshape(points.shape[:-1])
 

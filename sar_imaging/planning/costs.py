@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import contextvars
 import dataclasses
-import json
 import math
 import os
 from collections.abc import Iterator, Mapping
@@ -77,25 +76,6 @@ class CostModel:
         """Time of operations on one thread, from how often each of them is done."""
         return 1e-9 * sum(getattr(self, name) * n for name, n in operations.items())
 
-    def write(self, path: Path) -> None:
-        """Write the costs as JSON."""
-        path.write_text(json.dumps(dataclasses.asdict(self), indent=2) + '\n')
-
-    @classmethod
-    def read(cls, path: Path) -> CostModel:
-        """Costs from a file that `write` wrote.
-
-        Raises
-        ------
-        ValueError
-            The file holds something else.
-        """
-        try:
-            return cls(**json.loads(path.read_text()))
-        except (OSError, TypeError, ValueError) as error:
-            raise ValueError(f'{path} holds no costs ({error}); write it with `sar-imaging '
-                             'measure-costs`') from error
-
 
 DEFAULT = CostModel()
 _used: contextvars.ContextVar[CostModel | None] = contextvars.ContextVar('costs', default=None)
@@ -105,7 +85,9 @@ def costs() -> CostModel:
     """Costs that plans are made with: those of `using`, of the environment, or the default."""
     if _used.get() is None:
         path = os.environ.get(VARIABLE)
-        _used.set(CostModel.read(Path(path)) if path else DEFAULT)
+        if path:
+            from .cost_files import read_costs
+        _used.set(read_costs(Path(path)) if path else DEFAULT)
     return _used.get()
 
 

@@ -9,9 +9,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..backends.cpu.fusion.spectra import SpectrumFusion
-from ..backends.cpu.fusion.to_map import covers, form_map
+from ..backends import backend
 from ..geometry.grids import MapGrid
+from ..planning.afbp.map_cover import covers
 from ..planning.afbp.polar_grids import UnifiedPolarGrids
 from ..planning.memory import IMAGE_BYTES, PUBLISHED_BYTES, check_memory
 from ..signal.pulses.sequence import EventSource, counter_distance
@@ -99,7 +99,7 @@ class _Fusing:
         self.revision = example.revision
         self.n_subapertures, self.n_window = example.n_subapertures, example.n_window
         self.begins_stream = first  # there is no aperture before that it overlaps with
-        self.fusion = SpectrumFusion(example.fusion, keep=self.sliding)
+        self.fusion = backend().SpectrumFusion(example.fusion, keep=self.sliding)
         self.headers: dict[int, _Header] = {}
         self._n_parts = min(self.n_window, self.n_subapertures)  # of one aperture
         self._length, before = example.pulses_per_aperture, self._n_parts - 1
@@ -174,7 +174,7 @@ class _Fusing:
         if focus is not None and not self.sliding:
             polar, told = focus(polar, self.fusion.grid, self._ends_m())
         return FusedImage(
-            form_map(polar, self.fusion.grid, self.grid, centre_m), self.grid,
+            backend().form_map(polar, self.fusion.grid, self.grid, centre_m), self.grid,
             self.stamp_ns(final=final), self.aperture, n_pulses, n_missing, len(self.headers),
             final, 10 * math.log10(np.average([h.error for h in self.headers.values()], weights=[
                 h.n_pulses for h in self.headers.values()])), told)

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from ..backends.cpu.subapertures import SubapertureImager
+from ..backends import backend
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..planning.afbp.edge_brightness import EdgeBrightness
@@ -113,7 +113,7 @@ class LivePlan:
         if n_window:
             between_db = _windows_db(plan.polar, radar, tx_m, rx_m, n_window, cover.between)
         self._map_db = total_db(self._map_db, between_db)
-        self._plan, self._stage = plan, SubapertureImager(plan)
+        self._plan, self._stage = plan, backend().SubapertureImager(plan)
         self.fusion = plan.fusion_grid
         reach = reach_warning(some_pixels(grid), tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), radar,
                               n_samples)

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from ..backends.cpu.fusion.spectra import SpectrumFusion
+from ..backends import backend
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..imaging.afbp import AfbpImager
@@ -116,7 +116,7 @@ class RevisableImage:
         stage = self.plan.subapertures
         limits = _widened(stage.limits, block.radar)
         self._stage = dataclasses.replace(stage, limits=limits)
-        self._fusion = SpectrumFusion(stage.fusion_grid, keep=True)
+        self._fusion = backend().SpectrumFusion(stage.fusion_grid, keep=True)
         for number, centre_m in enumerate(stage.sampling.centre):
             self._add(number, float(centre_m))
 

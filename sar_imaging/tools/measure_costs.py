@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from sar_imaging.planning.cost_files import write_costs
 from sar_imaging.planning.costs import DEFAULT, VARIABLE, CostModel
 
 _DESCRIPTION = """\
@@ -38,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     try:
         model, predicted = solve(measure(progress=True))
-        model.write(path)
+        write_costs(model, path)
     except OSError as error:
         print(f'error: {error}', file=sys.stderr)
         return 1

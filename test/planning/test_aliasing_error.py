@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cpu.fusion.to_map import covers
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
-from sar_imaging.planning.afbp.map_cover import fit_ranges
+from sar_imaging.planning.afbp.map_cover import covers, fit_ranges
 from sar_imaging.planning.aliasing_error import TONES, PixelDensity, correction_error
 from sar_imaging.planning.guard_taper import guard_taper
 from sar_imaging.planning.interpolators import design_interpolator

@@ -189,7 +189,7 @@ def compiled():
 
 compile_subaperture_kernels()
 first_stage = compiled()
-assert all(first_stage[name] for name in ('project_lines', 'form_beams', 'interpolate_beams'))
+assert all(first_stage[name] for name in ('project_lines', '_form_beams', 'interpolate_beams'))
 assert not first_stage['_fold_lines']
 compile_fusion_kernels()
 before = compiled()

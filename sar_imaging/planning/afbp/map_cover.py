@@ -8,12 +8,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...geometry.grids import MapGrid
+from ...geometry.map_edges import edge_positions
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
 from ..aliasing_error import TONES, PixelDensity
 from ..error_budget import AFBP_SHARES, ErrorBudget, remaining_db
 from ..local_spectrum import TAPERS_NEEDED, used_share
 from ..polar_cover import PolarCover, cover_map
+from ..polar_to_map import CORRECTED_TAPS, NOT_READ, TAPS, margin, range_axis
 from ..profiles.phase_history import PhaseHistory
 
 _COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
@@ -106,3 +108,21 @@ def fit_ranges(spacing: float, extent: float, half_band: float
     needed = used_share(_SLACK * half_band, spacing, math.ceil(extent / spacing))
     return spacing, next((ratio for ratio in _RANGE_RATIOS if ratio[0] / ratio[1] >= needed),
                          (1, 1))
+
+
+def covers(polar: PolarGrid, grid: MapGrid) -> bool:
+    """True when a polar grid reaches as far beyond a map as interpolation reads."""
+    if grid.z_m != polar.z_m or min(grid.shape) < TAPS:
+        return False
+    axis, reach = range_axis(polar, grid), margin(TAPS) - NOT_READ
+    corners = np.array([[x, y] for x in grid.x_m[[0, -1]] for y in grid.y_m[[0, -1]]])
+    offset = corners - polar.origin_m[:2]
+    ahead = offset[:, axis]
+    if (offset @ polar.across).min() <= 0 or ahead.min() * ahead.max() <= 0:
+        return False
+    r, alpha = edge_positions(grid, polar.origin_m, polar.track, axis,
+                              reach * polar.range_spacing_m)
+    axes = (((r - polar.range_start_m) / polar.range_spacing_m, polar.n_range, reach),
+            ((alpha - polar.alpha_start) / polar.alpha_spacing, polar.n_alpha,
+             margin(CORRECTED_TAPS) - NOT_READ))
+    return all(read <= v.min() and v.max() <= n - read - 1 for v, n, read in axes)

@@ -122,22 +122,11 @@ class RangeGate:
         return 10 * math.log10(float(error @ weight / weight.sum()) + 1e-16)
 
     def gain(self, n_padded: int, oversampling: float = math.inf) -> np.ndarray:
-        """Factor of each bin of a spectrum on the way back to ranges.
+        """(n_padded,) float32 factor of each bin of a spectrum on the way back to ranges.
 
         Without its taper outside the band the ends of a profile, where sidelobes are cut off,
-        would ring far inside. It ends where the spectrum does: at the highest frequency of the
-        samples, or of the lattice that they are resampled to where that is coarser.
-
-        Parameters
-        ----------
-        n_padded : int
-            Bins.
-        oversampling : float
-            Of that lattice, over the bandwidth.
-
-        Returns
-        -------
-        (n_padded,) float32
+        would ring far inside. It ends at the highest frequency of the samples, or of the lattice
+        that they are resampled to, `oversampling` times the bandwidth, where that is coarser.
         """
         given = self.radar.sample_rate_hz / self.radar.bandwidth_hz
         return (_band_taper(n_padded, given, min(given, oversampling)) / n_padded

@@ -6,11 +6,9 @@ import numpy as np
 
 from ....compilation import njit, numba
 from ....geometry.grids import MapGrid
-from ....geometry.map_edges import edge_positions
-from ....geometry.polar import PolarGrid
 from ....planning.afbp.polar_grids import UnifiedPolarGrids
 from ....planning.interpolators import design_interpolator
-from ....planning.polar_to_map import CORRECTED_TAPS, DEGREE, NOT_READ, TAPS, margin, range_axis
+from ....planning.polar_to_map import DEGREE, TAPS, range_axis
 from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
 from ..polar_to_map import polar_to_map
 
@@ -71,21 +69,3 @@ def _restore_carrier(x, y, height2, along_x, along_y, alpha_start, cycles_per_al
             z = image[row, i]
             image[row, i] = complex(z.real * cosine - z.imag * sine,
                                     z.real * sine + z.imag * cosine)
-
-
-def covers(polar: PolarGrid, grid: MapGrid) -> bool:
-    """True when a polar grid reaches as far beyond a map as interpolation reads."""
-    if grid.z_m != polar.z_m or min(grid.shape) < TAPS:
-        return False
-    axis, reach = range_axis(polar, grid), margin(TAPS) - NOT_READ
-    corners = np.array([[x, y] for x in grid.x_m[[0, -1]] for y in grid.y_m[[0, -1]]])
-    offset = corners - polar.origin_m[:2]
-    ahead = offset[:, axis]
-    if (offset @ polar.across).min() <= 0 or ahead.min() * ahead.max() <= 0:
-        return False
-    r, alpha = edge_positions(grid, polar.origin_m, polar.track, axis,
-                              reach * polar.range_spacing_m)
-    axes = (((r - polar.range_start_m) / polar.range_spacing_m, polar.n_range, reach),
-            ((alpha - polar.alpha_start) / polar.alpha_spacing, polar.n_alpha,
-             margin(CORRECTED_TAPS) - NOT_READ))
-    return all(read <= v.min() and v.max() <= n - read - 1 for v, n, read in axes)
