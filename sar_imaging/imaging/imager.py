@@ -251,8 +251,12 @@ class Imager:
                       f'takes {seconds:.2g} s')
 
     def _plan_anew(self, number: int, name: str, tx_m, rx_m, reason: str) -> Method:
-        self._latest[number] = self._make(name, tx_m, rx_m, reason)
-        return self._latest[number]
+        latest = self._latest.get(number)
+        if latest is not None and latest.NAME == name:
+            latest.replan(tx_m, rx_m, reason)
+        else:
+            latest = self._latest[number] = self._make(name, tx_m, rx_m, reason)
+        return latest
 
     def _make(self, name: str, tx_m, rx_m, reason: str) -> Method:
         method, radar, n_samples, options = (self._methods[name], self.radar, self.n_samples,

@@ -74,7 +74,12 @@ class Method:
         if options.height_m is not None and not self.TERRAIN:
             raise ValueError(f'method {self.NAME!r} images planes; use {EXACT!r} on terrain')
         self.grid, self.radar, self.n_samples = grid, radar, n_samples
-        self.options, self._centres = options, (tx_m, rx_m)
+        self.options, self._imager = options, None
+        self.replan(tx_m, rx_m, reason)
+
+    def replan(self, tx_m, rx_m, reason: str) -> None:
+        """Plan for pulses from other places."""
+        self._centres = tx_m, rx_m
         self.report = dataclasses.replace(self.plan(tx_m, rx_m), reason=reason)
 
     @classmethod
@@ -135,10 +140,10 @@ class Exact(Method):
 
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""
-        self._imager = Backprojector(self.grid, self.radar, self.n_samples,
-                                     target_db=self.options.target_db,
-                                     height_m=self.options.height_m,
-                                     backend=self.options.backend)
+        if self._imager is None:  # its memory serves pulses from all places
+            self._imager = Backprojector(
+                self.grid, self.radar, self.n_samples, target_db=self.options.target_db,
+                height_m=self.options.height_m, backend=self.options.backend)
         if not tx_m.size:
             return self.describe()
         plan = self._imager.plan(tx_m, rx_m)

@@ -77,7 +77,7 @@ def test_foxglove_shows_topics_of_the_nodes(foxglove):
     assert topics[panels['Image!quicklook']['imageMode']['imageTopic']][0] == 'Image'
     assert {topics[t][0] for t in panels['3D!map']['topics']} <= {'OccupancyGrid', 'PointCloud2'}
     assert '/obstacle_map' in panels['3D!map']['topics']
-    health = (PACKAGE / 'nodes' / 'health.py').read_text()
+    health = (PACKAGE / 'nodes' / 'runtime' / 'health.py').read_text()
     assert f"'{panels['DiagnosticSummary!nodes']['topicToRender']}'" in health
 
 
