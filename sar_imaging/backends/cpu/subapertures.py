@@ -34,30 +34,7 @@ class SubapertureImager:
                        BeamformedSubaperture(plan.coarse, *args, plan.beams, plan.range_m))
 
     def image(self, number: int, block: PulseBlock, weights=None, out=None) -> np.ndarray:
-        """Backproject one sub-aperture (Zhang et al., equation 6).
-
-        Parameters
-        ----------
-        number : int
-            Which sub-aperture; its nominal pulses are ``plan.sampling.pulses[number]``.
-        block : PulseBlock
-            Its range profiles, or its phase histories, with phase centres.
-        weights : (P,) float32, optional
-            Window over its pulses.
-        out : (2, n_alpha, n_range) float32, optional
-            Memory for the image; fresh memory costs time.
-
-        Returns
-        -------
-        (2, n_alpha, n_range) float32
-            Real and imaginary part on `plan.coarse`, at range baseband: times
-            ``exp(-j 4 pi (r - r_0) / lambda)``, r_0 the first range of `plan.coarse`.
-
-        Raises
-        ------
-        ValueError
-            The block does not match the plan, or there is no such sub-aperture.
-        """
+        """Backproject one sub-aperture, see `backends.protocol.SubapertureImager`."""
         plan = self.plan
         plan.check_block(number, block)
         shape = (2, plan.coarse.n_alpha, plan.coarse.n_range)

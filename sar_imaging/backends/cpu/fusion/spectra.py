@@ -77,24 +77,7 @@ class SpectrumFusion:
         return self.grid.n_fine, len(self._wavenumber)
 
     def add(self, number: int, image: np.ndarray, centre_m: float) -> None:
-        """Add a sub-aperture, or replace it where contributions are kept.
-
-        Parameters
-        ----------
-        number : int
-            Which sub-aperture; any number that tells it from the others.
-        image : (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
-            On ``grid.coarse`` at range baseband, complex or as real and imaginary part.
-        centre_m : float
-            Middle of its band: of the derivatives of its half paths by direction over those by
-            range, metres.
-
-        Raises
-        ------
-        ValueError
-            The image has another shape, the centre is not finite, or the sub-aperture is in
-            already and contributions are not kept.
-        """
+        """Add a sub-aperture, or replace it; see `backends.protocol.SpectrumFusion`."""
         self.grid.check_contribution(image, centre_m)
         if number in self._included and not self._keep:
             raise ValueError(f'sub-aperture {number} is in the image already; fuse with keep=True '
@@ -112,13 +95,7 @@ class SpectrumFusion:
         self._included.add(number)
 
     def remove(self, number: int) -> None:
-        """Take a sub-aperture out of the image; needs ``keep=True``.
-
-        Raises
-        ------
-        ValueError
-            It is not in the image, or contributions are not kept.
-        """
+        """Take a sub-aperture out of the image; see `backends.protocol.SpectrumFusion`."""
         if number not in self._contributions:
             raise ValueError(f'sub-aperture {number} cannot be removed: ' + (
                 'it is not in the image' if self._keep else 'contributions are not kept'))
@@ -126,39 +103,14 @@ class SpectrumFusion:
         self._included.discard(number)
 
     def polar_image(self, centre_m: float = 0.0) -> np.ndarray:
-        """Image of the sub-apertures that were added so far.
-
-        Parameters
-        ----------
-        centre_m : float
-            Middle of their bands, metres, where that is far from 0: the image is then given at
-            baseband along direction, too.
-
-        Returns
-        -------
-        (n_alpha, n_range) complex64
-            On ``grid.polar``, at range baseband: times ``exp(-j 4 pi (r - r_0) / lambda)`` and
-            ``exp(-j 4 pi centre_m (alpha - alpha_0) / lambda)``, r_0 and alpha_0 the first range
-            and direction of ``grid.polar``. Where the grid is for a map, frequencies along
-            direction are multiplied by the gain of ``grid.between``.
-        """
+        """Image of what was added so far; see `backends.protocol.SpectrumFusion`."""
         fused = self._fused()
         memory = aligned_empty(self._memory.shape, np.complex64)
         self._spectrum(memory)[:] = fused
         return self._to_image(memory, centre_m)
 
     def take_polar_image(self, *, planes: bool = False) -> np.ndarray:
-        """As `polar_image`, in less memory: the fused spectrum is used up, nothing is included.
-
-        Parameters
-        ----------
-        planes : bool
-            Real and imaginary part apart, as `form_map` works on them.
-
-        Returns
-        -------
-        (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
-        """
+        """As `polar_image`, in less memory: the fused spectrum is used up."""
         self._fused()
         image = self._to_image(self._memory, planes=planes)
         self.clear()

@@ -15,32 +15,11 @@ from ..polar_to_map import polar_to_map
 
 def form_map(polar_image: np.ndarray, fusion: UnifiedPolarGrids, grid: MapGrid,
              centre_m: float = 0.0, *, overwrite: bool = False) -> np.ndarray:
-    """Interpolate a fused image to a map and put its carrier back.
+    """Interpolate a fused image to a map, see `backends.protocol.Backend`.
 
-    Parameters
-    ----------
-    polar_image : (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
-        From `SpectrumFusion`, complex or as real and imaginary part; those are not copied.
-    fusion : UnifiedPolarGrids
-        Its grid, oversampled as it says.
-    grid : MapGrid
-        Map; ``fusion.polar`` covers it, finely enough to be interpolated.
-    centre_m : float
-        As given to `SpectrumFusion.polar_image`.
-    overwrite : bool
-        The polar image is not needed any more: that of `SpectrumFusion.take_polar_image` with
-        ``planes=True`` may become the memory of the map, where range follows x and the map is not
-        much finer than the polar image. Otherwise the map gets memory of its own.
-
-    Returns
-    -------
-    (n_y, n_x) complex64
-        ``f(x) = sum_m sum_n s_mn(D_mn(x)) exp(+j k_c D_mn(x))``.
-
-    Raises
-    ------
-    ValueError
-        The grid is not for a map.
+    With `overwrite` a polar image as real and imaginary part becomes the memory of the map, where
+    range follows x and the map is not much finer than the polar image; otherwise the map gets
+    memory of its own.
     """
     fusion.check_for_map()
     along = design_interpolator(fusion.range_oversampling, taps=TAPS, degree=DEGREE)
