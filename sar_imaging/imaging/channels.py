@@ -54,6 +54,11 @@ class Channels:
         """Phase centres as the image takes them, metres."""
         return (0.5 * (tx_m + rx_m),) * 2 if self.midpoint and tx_m is not None else (tx_m, rx_m)
 
+    def cuts(self, n_channels: int) -> list[slice]:
+        """Channels of each image."""
+        return ([slice(n, n + 1) for n in range(n_channels)] if self.per_channel
+                else [slice(None)])
+
     def parts(self, block: PulseBlock) -> list[PulseBlock]:
         """Blocks of which each makes an image by itself."""
         self.check(block.n_channels)
@@ -62,7 +67,5 @@ class Channels:
             return [block]
         if self._weights is not None:
             samples = samples * self._weights[:, None]
-        cuts = ([slice(n, n + 1) for n in range(block.n_channels)] if self.per_channel
-                else [slice(None)])
         return [dataclasses.replace(block, samples=samples[:, cut], tx_m=tx[:, cut],
-                                    rx_m=rx[:, cut]) for cut in cuts]
+                                    rx_m=rx[:, cut]) for cut in self.cuts(block.n_channels)]

@@ -11,6 +11,7 @@ import numpy as np
 from ..backends import AUTO
 from ..backends.protocol import Backend
 from ..geometry.grids import MapGrid
+from ..geometry.point_grids import as_grid
 from ..geometry.polar import PolarGrid
 from ..planning.memory import IMAGE_BYTES, check_memory
 from ..signal.pulses import PulseBlock
@@ -152,7 +153,7 @@ class Imager:
         MemoryError
             It is larger than the memory that is available.
         """
-        shape = self._channels.shape(grid_shape(self.grid), n_channels)
+        shape = self._channels.shape(as_grid(self.grid).shape, n_channels)
         check_memory(IMAGE_BYTES * math.prod(shape), f'an image of {shape} pixels',
                      'choose a smaller grid or a larger pixel spacing')
         report = Report(self.method, 'no pulses yet', self._options.target_db)
@@ -167,7 +168,7 @@ class Imager:
             As a call, or the image is of another shape.
         """
         parts = self._channels.parts(block)
-        wanted = self._channels.shape(grid_shape(self.grid), block.n_channels)
+        wanted = self._channels.shape(as_grid(self.grid).shape, block.n_channels)
         if image.shape != wanted:
             raise ValueError(f'the image is {image.shape}, that of the block {wanted}; add '
                              'blocks to images that the same imager formed')
@@ -191,10 +192,9 @@ class Imager:
             The geometry does not allow the target.
         """
         reports = []
-        for number in range(tx_m.shape[1] if self._channels.per_channel else 1):
-            cut = slice(number, number + 1) if self._channels.per_channel else slice(None)
+        tx_m, rx_m = self._channels.centres(tx_m, rx_m)
+        for number, cut in enumerate(self._channels.cuts(tx_m.shape[1])):
             tx, rx = tx_m[:, cut], rx_m[:, cut]
-            tx, rx = self._channels.centres(tx, rx)
             reports.append(self._planned(number, tx, rx).report)
         self.report = reports[0]
         return self.report
@@ -278,13 +278,6 @@ class Imager:
         if planned.compressed and not self._options.compressed:
             return self._compressor_of_raw()(block)
         return block
-
-
-def grid_shape(grid) -> tuple[int, ...]:
-    """Of the image on a grid, or at positions (..., 3)."""
-    if isinstance(grid, PolarGrid):
-        return grid.n_alpha, grid.n_range
-    return np.shape(grid)[:-1] if isinstance(grid, np.ndarray | list | tuple) else grid.shape
 
 
 def _worse(one: Report, other: Report, *, first: bool) -> Report:

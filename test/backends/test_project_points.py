@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cpu.point_kernels import project_points, work_space
+from sar_imaging.backends.cpu.points.kernels import project_points, work_space
 from sar_imaging.backends.reference.project_points import half_paths
 
 

@@ -16,7 +16,7 @@ from ...signal.radar import RadarParameters
 from .azimuth_upsampling import AzimuthUpsampling
 from .lines import PolarLines, add_to_lines, line_middles, shared_phase
 from .memory import WorkSpace
-from .points import add_to_points
+from .points.images import add_to_points
 from .polar_to_map import add_polar_to_map
 from .profiles import Profiles
 

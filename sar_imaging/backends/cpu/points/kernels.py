@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...compilation import njit, numba
-from .line_kernels import _cos_cycles, _fraction, _sin_cycles
+from ....compilation import njit, numba
+from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
 from .transposed_loads import PIXELS, RUN, load_columns
 
 TILE = 256  # largest number of points in a tile

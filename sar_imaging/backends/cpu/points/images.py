@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...planning.exact.points import ImagePoints, PointPlan
-from . import point_kernels
-from .memory import WorkSpace
-from .profiles import Profiles
+from ....planning.exact.points import ImagePoints, PointPlan
+from ..memory import WorkSpace
+from ..profiles import Profiles
+from . import kernels
 
 
 def add_to_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m, rx_m, image,
@@ -32,12 +32,12 @@ def add_to_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m,
         For the profiles.
     """
     profiles = Profiles(plan.window, plan.lattice, plan.range_m, memory)
-    work = point_kernels.work_space()
+    work = kernels.work_space()
     for rows in profiles.chunks(len(samples)):
         planes = profiles.planes(samples[rows])
         coefficients = np.ascontiguousarray(planes[:, 0].transpose(0, 2, 1))
         for points, part in zip(layers, np.split(image, len(layers)), strict=True):
-            point_kernels.project_points(
+            kernels.project_points(
                 coefficients.reshape(-1), coefficients.shape[:2], tx_m[rows], rx_m[rows],
                 *points.coordinates, points.strides, points.size, plan.tile,
                 profiles.range_at(0), plan.lattice.step_m, profiles.cycles_per_step,
