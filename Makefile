@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign
+.PHONY: installed formats help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign
 .DEFAULT_GOAL := help
 
 help:
@@ -55,6 +55,7 @@ help:
 	@echo 'make colcon  build and start the package as a ROS workspace does, in build/colcon'
 	@echo 'make environment'
 	@echo '             the virtual environment alone; its Python imports the package from anywhere'
+	@echo 'make formats the libraries that read and write CPHD, SICD and GeoTIFF, into that environment'
 	@echo 'make clean   remove what these commands made, the environment excepted'
 	@echo 'Variables: PYTHON=python3.12 (interpreter), VENV=path (environment)'
 
@@ -62,7 +63,7 @@ demo: environment
 	@echo 'Replaying bags/countryside through pulse_buffer, range_compression and backprojection ...'
 	@$(RUN) -m sar_imaging.tools.evaluate bags/countryside --output out/demo --launch-nodes
 
-test: lint
+test: lint formats
 	@echo 'pytest ...'
 	@$(RUN) -m pytest
 
@@ -150,6 +151,15 @@ environment: installed
 	@$(RUN) -c 'import os, pathlib, sysconfig; site = sysconfig.get_path("purelib"); \
 	    file = pathlib.Path(site, "sar_imaging.pth"); line = os.path.relpath(os.getcwd(), site) + "\n"; \
 	    file.exists() and file.read_text() == line or file.write_text(line)'
+
+# Libraries of file formats: what `pip install sar_imaging[formats]` installs, and what checks it.
+# NumPy stays as it is, for ROS installations bring one that their messages are compiled for.
+formats: environment
+	@if cmp -s requirements-formats.txt "$(VENV)/installed-formats.txt"; then exit 0; fi; \
+	echo 'Installing libraries of file formats into $(VENV), once ...' && \
+	$(RUN) -m pip install --quiet --disable-pip-version-check -r requirements-formats.txt \
+	    "numpy==$$($(RUN) -c 'import numpy; print(numpy.__version__)')" && \
+	cp requirements-formats.txt "$(VENV)/installed-formats.txt"
 
 # Colcon and the mutation campaign bring copies of the package of their own.
 installed:

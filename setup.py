@@ -42,7 +42,10 @@ arguments = dict(
         'rosbags>=0.11,<0.12',
         'tqdm>=4.64,<5',
     ],
-    extras_require={'test': ['pytest>=7.4,<10', 'hypothesis>=6.80,<7']},
+    # Formats of files, see sar_imaging.formats; sarkit exists for Python 3.11 and later.
+    extras_require={'formats': ['sarkit>=1.3,<2 ; python_version>="3.11"', 'rasterio>=1.3,<2',
+                                'pyproj>=3.4,<4', 'pystac>=1.8,<2'],
+                    'test': ['pytest>=7.4,<10', 'hypothesis>=6.80,<7']},
     entry_points={
         'console_scripts': [
             'pulse_buffer = sar_imaging.nodes.pulse_buffer:main',

@@ -2,12 +2,15 @@
 
 - `grids`, `polar`, `terrain`: pixels on a map, around an aperture, on the heights of the ground;
 - `poses`, `pose_interpolation`, `alignment`: from the platform's odometry to phase centres;
+- `earth`: where on the Earth the imaging frame stands;
 - `straight_track`, `track_prediction`, `map_edges`: what imagers need of a track and a map.
 """
 
+from .earth import Datum
 from .even_grids import PlaneGrid, VolumeGrid
 from .grids import Grid, MapGrid
 from .point_grids import PointGrid, TerrainGrid
 from .polar import PolarGrid
 
-__all__ = ['Grid', 'MapGrid', 'PlaneGrid', 'PointGrid', 'PolarGrid', 'TerrainGrid', 'VolumeGrid']
+__all__ = ['Datum', 'Grid', 'MapGrid', 'PlaneGrid', 'PointGrid', 'PolarGrid', 'TerrainGrid',
+           'VolumeGrid']

@@ -1,0 +1,35 @@
+"""The libraries that formats need: an optional extra, whose absence is one clear line."""
+
+from __future__ import annotations
+
+import importlib
+from types import ModuleType
+
+
+class MissingExtraError(ImportError):
+    """A library of an optional extra is not installed; the text says how to install it."""
+
+
+def require(module: str, purpose: str, extra: str = 'formats') -> ModuleType:
+    """Import a library of an extra.
+
+    Parameters
+    ----------
+    module : str
+        Full name, such as ``'sarkit.cphd'``.
+    purpose : str
+        What needs it, such as ``'reading CPHD'``.
+    extra : str
+        Extra of this package that installs it.
+
+    Raises
+    ------
+    MissingExtraError
+        It is not installed, or not for this version of Python.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise MissingExtraError(
+            f'{purpose} needs {module.split(".")[0]}, which this Python does not have '
+            f'({error}); install the extra: pip install sar_imaging[{extra}]') from error
