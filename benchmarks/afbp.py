@@ -37,7 +37,7 @@ from tqdm import tqdm  # noqa: E402
 from sar_imaging.imaging.afbp import AfbpImager  # noqa: E402
 from sar_imaging.imaging.backprojection import Backprojector  # noqa: E402
 from sar_imaging.imaging.ffbp import FfbpImager  # noqa: E402
-from sar_imaging.imaging.verification import measure_error  # noqa: E402
+from sar_imaging.quality.verification import measure_error  # noqa: E402
 from sar_imaging.signal.range_compression import RangeCompressor  # noqa: E402
 
 from .support import fastsar_imagers  # noqa: E402

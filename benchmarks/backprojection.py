@@ -29,7 +29,7 @@ os.environ.setdefault('JAX_PLATFORMS', 'cpu')
 from tqdm import tqdm  # noqa: E402
 
 from sar_imaging.imaging.backprojection import Backprojector  # noqa: E402
-from sar_imaging.imaging.verification import measure_error  # noqa: E402
+from sar_imaging.quality.verification import measure_error  # noqa: E402
 from sar_imaging.signal.range_compression import RangeCompressor  # noqa: E402
 
 from .support import fastsar_imagers  # noqa: E402

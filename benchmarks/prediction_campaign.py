@@ -27,7 +27,7 @@ from tqdm import tqdm
 from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.ffbp import FfbpImager
-from sar_imaging.imaging.verification import measure_error
+from sar_imaging.quality.verification import measure_error
 from sar_imaging.simulation.trials.random_cases import RandomCase, random_case
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures

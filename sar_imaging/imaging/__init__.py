@@ -3,9 +3,8 @@
 - `imager`: `plan_image`, the one entry that chooses the imager, and `image`, what it returns;
 - `backprojection`: exact backprojection, over the two-way path of every channel;
 - `afbp`: accelerated fast backprojection, the quickest where many pulses make an image;
-- `correlation`: time-domain correlation, the exact reference; `verification` measures against it;
-- `ffbp`, `wavenumber`, `zero_padding`: other published methods, for comparison;
-- `calibration`: amplitude, phase and delay of the channels, estimated from profiles.
+- `correlation`: time-domain correlation, the exact reference;
+- `ffbp`, `wavenumber`, `zero_padding`: other published methods, for comparison.
 """
 
 import importlib.util

@@ -82,7 +82,7 @@ class AfbpImager:
 
     Notes
     -----
-    `sar_imaging.imaging.verification.measure_error` checks an image on its brightest and on
+    `sar_imaging.quality.verification.measure_error` checks an image on its brightest and on
     random pixels against correlation.
 
     Examples

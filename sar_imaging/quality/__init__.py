@@ -2,6 +2,7 @@
 
 - `impulse_response`, `scatterers`: widths and sidelobes of cuts, and of scatterers in an image;
 - `measures`, `focus`: figures of whole images, with a reference and without;
+- `verification`: error against time-domain correlation, from some pixels;
 - `interpolation`: band-limited interpolation of sampled cuts and images.
 """
 

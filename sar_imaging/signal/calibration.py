@@ -4,7 +4,7 @@ A channel with errors records ``g exp(j phi) s(t - delta)`` where a perfect one 
 baseband profile s(t): g from its amplifiers, phi at the carrier, delta from its lines. They are
 removed in the spectrum, while the pulses are compressed
 (`sar_imaging.signal.range_compression.RangeCompressor`), or from profiles by `apply`. How they are
-estimated: `sar_imaging.imaging.calibration`.
+estimated: `sar_imaging.exploitation.calibration`.
 """
 
 from __future__ import annotations

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from msg_conversions import WireFormatError
-from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.calibration import (
+from sar_imaging.exploitation.calibration import (
     balance_channels,
     calibrate_at_reflector,
     find_reflector,
 )
+from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.range_compression import RangeCompressor

@@ -35,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not path.absolute().parent.is_dir():  # not after all the measuring
         print(f'error: {path.absolute().parent} is no folder; make it first', file=sys.stderr)
         return 1
-    from sar_imaging.backends.cpu.costs.measurement import measure, solve
+    from sar_imaging.tools.costs.measurement import measure, solve
 
     try:
         model, predicted = solve(measure(progress=True))

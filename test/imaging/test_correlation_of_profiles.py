@@ -9,7 +9,7 @@ import pytest
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
-from sar_imaging.imaging.verification import measure_error
+from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters, Waveform
 from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.positioning import locate

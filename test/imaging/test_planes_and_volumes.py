@@ -19,10 +19,10 @@ from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.imaging.ffbp import FfbpImager
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.imaging.verification import measure_error
 from sar_imaging.imaging.wavenumber import WavenumberImager
 from sar_imaging.planning import memory
 from sar_imaging.planning.exact.backprojection import plan_backprojection
+from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters
 from sar_imaging.signal.spectra import band_spectrum
 from sar_imaging.simulation.echoes import EchoSimulator

@@ -12,10 +12,10 @@ from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
 from sar_imaging.imaging.ffbp import FfbpImager
-from sar_imaging.imaging.verification import measure_error
 from sar_imaging.planning.echo_power import echo_power
 from sar_imaging.planning.interpolators import design_interpolator
 from sar_imaging.planning.profiles.range_gate import RangeGate
+from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 from sar_imaging.signal.spectra import band_spectrum

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 
 from msg_conversions import subaperture_wire
+from sar_imaging.exploitation.calibration import calibrate_at_reflector
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.backprojection import Backprojector
-from sar_imaging.imaging.calibration import calibrate_at_reflector
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
 from sar_imaging.imaging.ffbp import FfbpImager
-from sar_imaging.imaging.verification import measure_error
 from sar_imaging.imaging.wavenumber import WavenumberImager
 from sar_imaging.imaging.zero_padding import ZeroPaddedBackprojector
+from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.signal.spectra import band_spectrum

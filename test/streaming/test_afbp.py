@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.imaging.afbp import AfbpImager
-from sar_imaging.imaging.verification import measure_error
+from sar_imaging.quality.verification import measure_error
 from sar_imaging.streaming.fusion import LiveFusion
 
 from .conftest import (

@@ -18,8 +18,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from sar_imaging.exploitation.calibration import Balance, balance_channels
 from sar_imaging.imaging.backprojection import Backprojector
-from sar_imaging.imaging.calibration import Balance, balance_channels
 from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor

@@ -18,8 +18,8 @@ import numba
 import numpy as np
 from tqdm import tqdm
 
-from sar_imaging.imaging.verification import measure_error
 from sar_imaging.quality import error_db
+from sar_imaging.quality.verification import measure_error
 from sar_imaging.simulation.scenarios.spotlight_letter import (
     RESOLUTION_M,
     SIZES,

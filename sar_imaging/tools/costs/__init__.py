@@ -1,4 +1,4 @@
-"""What the operations of this backend cost on this machine.
+"""What the operations of the compiled backend cost on this machine.
 
 - `experiments`: small images, with how often they do each operation;
 - `measurement`: their times, and the costs that explain them.

@@ -11,9 +11,14 @@ import numpy as np
 import scipy.optimize
 from tqdm import tqdm
 
-from ....compilation import numba
-from ....planning.costs import DEFAULT, CostModel
-from .experiments import FUSION_OVERHEAD, IMAGE_OVERHEAD, Experiment, experiments
+from sar_imaging.compilation import numba
+from sar_imaging.planning.costs import DEFAULT, CostModel
+from sar_imaging.tools.costs.experiments import (
+    FUSION_OVERHEAD,
+    IMAGE_OVERHEAD,
+    Experiment,
+    experiments,
+)
 
 _ROUNDS, _LEAST_S = 7, 0.2  # of each experiment
 _FURTHEST = 50.0  # from the default, a factor

@@ -11,7 +11,6 @@ import sys
 import numpy as np
 import pytest
 
-from sar_imaging.backends.cpu.costs import measurement
 from sar_imaging.backends.cpu.subapertures import SubapertureImager
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.planning.afbp.beams import BeamSampling
@@ -22,6 +21,7 @@ from sar_imaging.planning.costs import DEFAULT, VARIABLE, CostModel, using
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 from sar_imaging.planning.exact.polar_image import plan_polar
 from sar_imaging.tools import command
+from sar_imaging.tools.costs import measurement
 
 ROOT = pathlib.Path(__file__).parents[2]
 # What no way of imaging is chosen by: too little to be anything beside the other costs.

@@ -14,9 +14,9 @@ import numpy as np
 from tqdm import tqdm
 
 from ..geometry.grids import Grid
+from ..imaging.correlation import correlate, correlate_profiles
 from ..signal.pulses import PulseBlock
 from ..signal.spectra import band_spectrum
-from .correlation import correlate, correlate_profiles
 
 _SAMPLES_AT_ONCE = 2 ** 21  # bounds the float64 copies of a block, some 100 MB
 _PIXELS_AT_ONCE = 2 ** 22

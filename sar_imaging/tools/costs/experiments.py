@@ -11,21 +11,21 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from ....geometry.grids import MapGrid
-from ....planning.afbp.beams import BeamSampling
-from ....planning.afbp.edge_brightness import EdgeBrightness
-from ....planning.afbp.operations import fusion_operations, image_operations
-from ....planning.afbp.plan import AfbpPlan, plan_afbp
-from ....planning.costs import DEFAULT, using
-from ....planning.exact.backprojection import BackprojectionPlan, plan_backprojection
-from ....planning.exact.polar_image import plan_polar
-from ....planning.memory import check_memory
-from ....signal.pulses import PulseBlock
-from ....signal.radar import SPEED_OF_LIGHT, RadarParameters
-from ..backprojection import Backprojection
-from ..fusion.spectra import SpectrumFusion
-from ..fusion.to_map import form_map
-from ..subapertures import SubapertureImager
+from sar_imaging.backends.cpu.backprojection import Backprojection
+from sar_imaging.backends.cpu.fusion.spectra import SpectrumFusion
+from sar_imaging.backends.cpu.fusion.to_map import form_map
+from sar_imaging.backends.cpu.subapertures import SubapertureImager
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.planning.afbp.beams import BeamSampling
+from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
+from sar_imaging.planning.afbp.operations import fusion_operations, image_operations
+from sar_imaging.planning.afbp.plan import AfbpPlan, plan_afbp
+from sar_imaging.planning.costs import DEFAULT, using
+from sar_imaging.planning.exact.backprojection import BackprojectionPlan, plan_backprojection
+from sar_imaging.planning.exact.polar_image import plan_polar
+from sar_imaging.planning.memory import check_memory
+from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 
 # Overheads of a sub-aperture are told apart; the model has their sum.
 IMAGE_OVERHEAD, FUSION_OVERHEAD = 'subaperture, its image', 'subaperture, its fusion'

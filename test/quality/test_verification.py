@@ -8,7 +8,7 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate
-from sar_imaging.imaging.verification import measure_error
+from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal.spectra import band_spectrum
 
 POLAR = PolarGrid((0.0, 0.0, 0.0), (0.0, 1.0), -1, 0.0, 990.0, 0.3, 41, -0.01, 0.0005, 37)
