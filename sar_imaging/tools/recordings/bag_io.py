@@ -9,6 +9,7 @@ The same blocks always give the same bytes.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import functools
 import heapq
 import json
@@ -19,6 +20,7 @@ from pathlib import Path
 
 from msg_conversions.wire import from_array, to_array
 from sar_imaging.geometry.alignment import Alignment
+from sar_imaging.geometry.earth import Datum
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 
@@ -235,7 +237,7 @@ def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], g
                pulses_per_aperture: int, n_pulses: int, n_channels: int,
                cut_half_width_m: tuple[float, float], radar: RadarParameters, compressed: bool,
                notes: str = '', window: str = 'none', alignment: Alignment | None = None,
-               frame: str = 'map') -> dict:
+               frame: str = 'map', datum: Datum | None = None) -> dict:
     """Truth dictionary of a recording.
 
     Parameters
@@ -260,6 +262,8 @@ def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], g
         Between the pulses and the poses of `/odometry`, where positions come from those.
     frame : str
         Name of the imaging frame.
+    datum : Datum, optional
+        Where that frame stands on the Earth.
 
     Returns
     -------
@@ -276,7 +280,8 @@ def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], g
         'n_channels': n_channels,
         'cut_half_width_m': {'range': range_m, 'azimuth': azimuth_m}, 'window': window,
         'radar': radar_to_dict(radar), 'compressed': compressed, 'notes': notes,
-        **({} if alignment is None else {'alignment': alignment.as_dict()})}
+        **({} if alignment is None else {'alignment': alignment.as_dict()}),
+        **({} if datum is None else {'datum': dataclasses.asdict(datum)})}
 
 
 def radar_to_dict(radar: RadarParameters) -> dict:

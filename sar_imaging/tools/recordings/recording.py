@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from sar_imaging.geometry.alignment import Alignment
+from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.poses import PoseStatus, PoseTrack
 from sar_imaging.geometry.track_frame import mean_centres
@@ -84,6 +85,21 @@ class Recording:
             return None
         grid = self.truth['grid']
         return MapGrid(grid['centre_m'], grid['n_x'], grid['n_y'], grid['spacing_m'])
+
+    @property
+    def datum(self) -> Datum | None:
+        """Where the imaging frame stands on the Earth, where the recording tells.
+
+        Raises
+        ------
+        BagError
+            What it tells is no datum.
+        """
+        fields = (self.truth or {}).get('datum')
+        try:
+            return None if fields is None else Datum(**fields)
+        except (TypeError, ValueError) as error:
+            raise BagError(f'{self.path}: the datum of the recording: {error}') from error
 
     def apertures(self, pulses_per_aperture: int) -> list[Aperture]:
         """Apertures in the order of their numbers."""

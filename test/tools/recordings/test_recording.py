@@ -3,18 +3,23 @@
 import numpy as np
 import pytest
 
+from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.tools.recordings import bag_io, recording
 
 START_NS = 1_700_000_000_000_000_000
 
 
-@pytest.fixture
-def truth(make_block):
+def make_truth(radar, **more):
     return bag_io.make_truth(
         scenario='test', description='', scatterers=[],
         grid=MapGrid((1.0, 2.0, 0.0), 5, 7, 0.5), pulses_per_aperture=8, n_pulses=20,
-        n_channels=1, cut_half_width_m=(1.0, 1.0), radar=make_block(0, 1).radar, compressed=True)
+        n_channels=1, cut_half_width_m=(1.0, 1.0), radar=radar, compressed=True, **more)
+
+
+@pytest.fixture
+def truth(make_block):
+    return make_truth(make_block(0, 1).radar)
 
 
 @pytest.fixture
@@ -61,3 +66,21 @@ def test_unreadable_messages_are_counted_not_fatal(bag, monkeypatch):
 def test_recording_without_positions(tmp_path, make_block, truth):
     bag_io.write_bag(tmp_path / 'bag', [make_block(0, 5, positions=False)], truth)
     assert recording.read_recording(tmp_path / 'bag').phase_centre_m is None
+
+
+def test_the_datum_of_a_recording(tmp_path, make_block, bag):
+    assert recording.read_recording(bag).datum is None
+    datum = Datum(-33.25, 179.999999987654321, 12.5, heading_deg=-77.125)
+    block = make_block(0, 5)
+    bag_io.write_bag(tmp_path / 'placed', [block], make_truth(block.radar, datum=datum))
+    assert recording.read_recording(tmp_path / 'placed').datum == datum  # to the bit
+
+
+def test_an_impossible_datum_of_a_recording_is_told(tmp_path, make_block, truth):
+    for number, (fields, message) in enumerate([
+            ({'latitude_deg': 91.0, 'longitude_deg': 0.0}, 'latitude_deg=91; expected -90 to 90'),
+            ({'latitude_deg': 47.0}, "missing 1 required positional argument: 'longitude_deg'")]):
+        path = tmp_path / f'bag{number}'
+        bag_io.write_bag(path, [make_block(0, 5)], truth | {'datum': fields})
+        with pytest.raises(bag_io.BagError, match=f'the datum of the recording: .*{message}'):
+            _ = recording.read_recording(path).datum
