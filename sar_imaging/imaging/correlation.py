@@ -3,6 +3,7 @@
 Rosenberg & Gray, equations 7 and 8, evaluated in float64 with the exact two-way path of every
 channel. `correlate` takes spectra; nothing is interpolated. `correlate_profiles` takes sampled
 range profiles, whose value at a delay is the series of Knab (1979) over the samples around it.
+Both go through a backend, as all imagers do.
 """
 
 from __future__ import annotations
@@ -12,18 +13,20 @@ import math
 import numpy as np
 from tqdm import tqdm
 
-from ..compilation import njit, numba
+from ..backends import AUTO
+from ..backends.baselines import baseline
+from ..backends.protocol import Backend
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT
 
-_LANES = 16  # points advanced together: enough independent sums to hide the latency of one
 _POINTS_PER_CALL = 4096
 _SERIES_ERROR_DB = -130.0  # of Knab's series: far below the -100 dB that float32 images reach
 _LEAST_SPARE = 0.05  # share of the sample rate without signal; less makes Knab's series endless
 
 
 def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *,
-              propagation_speed_m_per_s: float = SPEED_OF_LIGHT, progress: bool = False):
+              propagation_speed_m_per_s: float = SPEED_OF_LIGHT,
+              backend: str | Backend = AUTO, progress: bool = False):
     """Correlate the spectra with the exact reference of every point.
 
     ``f(x) = sum_m sum_n sum_f S_mn(f) exp(+j 2 pi f tau_mn(x))`` with the two-way delay
@@ -41,6 +44,8 @@ def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *,
         Positions to image, in the frame of the phase centres, metres.
     propagation_speed_m_per_s : float
         Speed of the waves, metres per second: c above.
+    backend : str or Backend
+        What computes it, see `sar_imaging.backends`.
     progress : bool
         Show a progress bar on standard error.
 
@@ -52,7 +57,8 @@ def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *,
     Raises
     ------
     ValueError
-        Shapes disagree, the frequencies are not equally spaced, or something is not finite.
+        Shapes disagree, the frequencies are not equally spaced, something is not finite, or the
+        backend offers no correlation.
     """
     frequencies = np.asarray(frequencies_hz, np.float64)
     spectra = np.ascontiguousarray(spectra, np.complex128)
@@ -63,16 +69,17 @@ def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *,
     cycles_per_m = (frequencies[0] / propagation_speed_m_per_s, step / propagation_speed_m_per_s)
     flat = np.ascontiguousarray(points.reshape(-1, 3))
     out = np.empty(len(flat), np.complex128)
-    re, im = np.ascontiguousarray(spectra.real), np.ascontiguousarray(spectra.imag)
+    sums = baseline(backend, 'correlate_spectra')
     with tqdm(total=len(flat), desc='correlation', unit='pixel', disable=not progress) as bar:
         for start in range(0, len(flat), _POINTS_PER_CALL):
             part = slice(start, min(start + _POINTS_PER_CALL, len(flat)))
-            _correlate(*cycles_per_m, re, im, tx, rx, flat[part], out[part])
+            out[part] = sums(cycles_per_m, spectra, tx, rx, flat[part])
             bar.update(part.stop - part.start)
     return out.reshape(points.shape[:-1])
 
 
-def correlate_profiles(block: PulseBlock, points) -> tuple[np.ndarray, np.ndarray]:
+def correlate_profiles(block: PulseBlock, points, *, backend: str | Backend = AUTO
+                       ) -> tuple[np.ndarray, np.ndarray]:
     """Correlate range profiles with the exact reference of every point.
 
     ``f(x) = sum_m sum_n s_mn(tau_mn(x)) exp(+j 2 pi f_c tau_mn(x))``. The profile s is read at the
@@ -88,6 +95,8 @@ def correlate_profiles(block: PulseBlock, points) -> tuple[np.ndarray, np.ndarra
         Range profiles with phase centres, sampled faster than the bandwidth.
     points : (K, 3) array_like
         Positions to image, in the frame of the phase centres, metres.
+    backend : str or Backend
+        What computes it, see `sar_imaging.backends`.
 
     Returns
     -------
@@ -100,8 +109,8 @@ def correlate_profiles(block: PulseBlock, points) -> tuple[np.ndarray, np.ndarra
     Raises
     ------
     ValueError
-        The pulses are raw, have no phase centres or are sampled too slowly, or a point or a
-        sample is not finite.
+        The pulses are raw, have no phase centres or are sampled too slowly, a point or a sample
+        is not finite, or the backend offers no correlation.
 
     References
     ----------
@@ -123,13 +132,9 @@ def correlate_profiles(block: PulseBlock, points) -> tuple[np.ndarray, np.ndarra
                          f'{radar.bandwidth_hz:g} Hz; sample them at '
                          f'{1 / (1 - _LEAST_SPARE):.2f} times the bandwidth or more')
     sharpness = math.asinh(10 ** (-_SERIES_ERROR_DB / 20))
-    image = np.zeros(len(points), np.complex128)
-    covered = np.ones(len(points), np.bool_)
     pulses = (np.ascontiguousarray(a) for a in (block.samples, block.tx_m, block.rx_m))
-    _correlate_profiles(*pulses, points, radar.range_start_m, radar.sample_spacing_m,
-                        1 / radar.wavelength_m, math.ceil(sharpness / np.pi / spare), sharpness,
-                        image, covered)
-    return image, covered
+    return baseline(backend, 'correlate_profiles')(
+        radar, *pulses, points, math.ceil(sharpness / np.pi / spare), sharpness)
 
 
 def _check(frequencies, spectra, tx, rx, points):
@@ -151,89 +156,3 @@ def _check(frequencies, spectra, tx, rx, points):
     if steps.size and np.ptp(steps) > 1e-6 * np.abs(steps).max() + 1e-15 * frequencies.max():
         raise ValueError('frequencies_hz are not equally spaced: steps from '
                          f'{steps.min()} to {steps.max()} Hz')
-
-
-@njit(parallel=True)
-def _correlate(first, step, re, im, tx, rx, points, out):
-    """Horner's rule in ``exp(j 2 pi step tau)``, `_LANES` points side by side.
-
-    `first` and `step` are in cycles per metre of two-way path.
-    """
-    n_pulses, n_channels, n_bins = re.shape
-    n_groups = (len(points) + _LANES - 1) // _LANES
-    for group in numba.prange(n_groups):
-        lo = group * _LANES
-        n = min(_LANES, len(points) - lo)
-        total_re, total_im = np.zeros(_LANES), np.zeros(_LANES)
-        acc_re, acc_im = np.empty(_LANES), np.empty(_LANES)
-        z_re, z_im = np.empty(_LANES), np.empty(_LANES)
-        path = np.zeros(_LANES)
-        for m in range(n_pulses):
-            for c in range(n_channels):
-                for i in range(n):
-                    path[i] = (_distance(points[lo + i], tx[m, c])
-                               + _distance(points[lo + i], rx[m, c]))
-                    cycles = step * path[i]
-                    angle = 2 * np.pi * (cycles - np.floor(cycles))
-                    z_re[i], z_im[i] = np.cos(angle), np.sin(angle)
-                acc_re[:], acc_im[:] = 0.0, 0.0
-                for k in range(n_bins - 1, -1, -1):
-                    a, b = re[m, c, k], im[m, c, k]
-                    for i in range(_LANES):
-                        r = acc_re[i] * z_re[i] - acc_im[i] * z_im[i] + a
-                        acc_im[i] = acc_re[i] * z_im[i] + acc_im[i] * z_re[i] + b
-                        acc_re[i] = r
-                for i in range(n):
-                    cycles = first * path[i]
-                    angle = 2 * np.pi * (cycles - np.floor(cycles))
-                    w_re, w_im = np.cos(angle), np.sin(angle)
-                    total_re[i] += acc_re[i] * w_re - acc_im[i] * w_im
-                    total_im[i] += acc_re[i] * w_im + acc_im[i] * w_re
-        for i in range(n):
-            out[lo + i] = total_re[i] + 1j * total_im[i]
-
-
-@njit(parallel=True)
-def _correlate_profiles(samples, tx, rx, points, start_m, spacing_m, cycles_per_m, half,
-                        sharpness, image, covered):
-    """Add all profiles at the delay of every point; `cycles_per_m` of two-way path."""
-    n_pulses, n_channels, n_samples = samples.shape
-    for i in numba.prange(len(points)):
-        total = 0j
-        for m in range(n_pulses):
-            for c in range(n_channels):
-                path = _distance(points[i], tx[m, c]) + _distance(points[i], rx[m, c])
-                place = (0.5 * path - start_m) / spacing_m
-                if abs(place) < half or abs(place - (n_samples - 1)) < half:
-                    covered[i] = False
-                cycles = cycles_per_m * path
-                angle = 2 * np.pi * (cycles - np.floor(cycles))
-                total += (_series(samples[m, c], place, half, sharpness)
-                          * complex(np.cos(angle), np.sin(angle)))
-        image[i] = total
-
-
-@njit
-def _series(profile, place, half, sharpness):
-    """Profile between its samples, by Knab's series; zero outside it."""
-    if place < 0 or place > len(profile) - 1:
-        return 0j
-    cell = int(np.rint(place))  # the nearest: its sine keeps all digits where x is tiny
-    if place == cell:
-        return complex(profile[cell])
-    total = 0j
-    # sin(pi (u - k)) has the same size for every k and another sign from one to the next.
-    sine = np.sin(np.pi * (place - cell)) / np.pi / np.cosh(sharpness)
-    for k in range(max(cell - half, 0), min(cell + half + 1, len(profile))):
-        x = place - k
-        if abs(x) >= half:
-            continue
-        taper = np.cosh(sharpness * np.sqrt(1.0 - (x / half) ** 2))
-        sign = 1.0 - 2.0 * (abs(cell - k) % 2)
-        total += profile[k] * (sign * sine * taper / x)
-    return total
-
-
-@njit(inline='always')
-def _distance(a, b):
-    return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)

@@ -22,7 +22,7 @@ from ..backends.cpu.profiles import Profiles
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..geometry.track_frame import mean_centres
-from ..planning.ffbp import (
+from ..planning.baselines.ffbp import (
     Node,
     build_tree,
     check_side,

@@ -17,6 +17,7 @@ from ..geometry.grids import MapGrid
 from ..geometry.point_grids import as_grid
 from ..planning.error_budget import AFBP_SHARES, EXACT_SHARES, ErrorBudget
 from ..planning.memory import IMAGE_BYTES
+from ..planning.plan import Plan
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters, Waveform
 from .afbp import AfbpImager
@@ -127,6 +128,13 @@ class Method:
     def describe(self, **known) -> Report:
         """Report with the name of the method, the target, and what is known besides."""
         return Report(self.NAME, '', self.options.target_db, **known)
+
+    def planned(self, plan: Plan) -> Report:
+        """Report of what a plan knows."""
+        return self.describe(
+            predicted_error_db=plan.predicted_error_db, errors_db=plan.errors_db,
+            seconds=getattr(plan, 'seconds', None), n_bytes=plan.n_bytes, warnings=plan.warnings,
+            plan=str(plan))
 
     def positions(self) -> np.ndarray:
         """(..., 3) float64 positions of the pixels, metres."""
@@ -246,10 +254,10 @@ class ZeroPadding(Method):
         """See `Method`."""
         ratio = next((r for r in _RATIOS if predicted_error_db('sinc', r, self.radar)
                       <= self.options.target_db), _RATIOS[-1])
-        self._imager = ZeroPaddedBackprojector(self.positions(), self.radar, self.n_samples,
-                                               interpolator='sinc', ratio=ratio)
-        error = self._imager.predicted_error_db
-        return self.describe(predicted_error_db=error, errors_db={'range profiles': error})
+        self._imager = ZeroPaddedBackprojector(
+            self.grid, self.radar, self.n_samples, tx_m, rx_m, interpolator='sinc', ratio=ratio,
+            backend=self.options.backend)
+        return self.planned(self._imager.plan)
 
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""
@@ -268,7 +276,7 @@ class Correlation(Method):
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""
         points = self.positions()
-        image, _ = correlate_profiles(block, points.reshape(-1, 3))
+        image, _ = correlate_profiles(block, points.reshape(-1, 3), backend=self.options.backend)
         return image.astype(np.complex64).reshape(points.shape[:-1])
 
 

@@ -4,7 +4,7 @@ Plans are float64 NumPy and know no processor; `sar_imaging.backends` computes t
 
 - `exact`: backprojection along the lines of a map, over a polar image, or point by point;
 - `afbp`: sub-apertures, their beams and polar grids, and what the fusion of their spectra costs;
-- `ffbp`: the tree of sub-apertures of fast factorised backprojection;
+- `baselines`: methods for comparison, fast factorised backprojection among them;
 - `profiles`: the part of the range profiles that an image needs, and how finely it is resampled;
 - `polar_cover`, `polar_to_map`: the polar grid that covers a map, and how the map is read from it;
 - `interpolators`, `aliasing_error`, `local_spectrum`, `echo_power`, `error_budget`: the error;

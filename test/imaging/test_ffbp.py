@@ -11,7 +11,7 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.imaging.ffbp import FfbpImager
-from sar_imaging.planning.ffbp import Node, half_bands
+from sar_imaging.planning.baselines.ffbp import Node, half_bands
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 from sar_imaging.signal.spectra import band_spectrum
 

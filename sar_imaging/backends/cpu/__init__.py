@@ -1,13 +1,16 @@
 """The compiled backend: vectors, threads, own Fourier transforms and memory of their own.
 
-Its four entries (`backends.protocol.Backend`) are imported when they are used first, so that
-exact backprojection does not load the beams and transforms of AFBP.
+Its entries (`backends.protocol`, `backends.baselines`) are imported when they are used first, so
+that exact backprojection does not load the beams and transforms of AFBP.
 """
 
 import importlib
 
 _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'subapertures',
-            'SpectrumFusion': 'fusion.spectra', 'form_map': 'fusion.to_map'}
+            'SpectrumFusion': 'fusion.spectra', 'form_map': 'fusion.to_map',
+            'correlate_spectra': 'baselines.correlation',
+            'correlate_profiles': 'baselines.correlation',
+            'image_zero_padded': 'baselines.zero_padding'}
 
 
 def __getattr__(name):

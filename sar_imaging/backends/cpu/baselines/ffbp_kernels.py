@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from ....compilation import njit, numba
-from ....planning.ffbp import LANES, MARGIN
+from ....planning.baselines.ffbp import LANES, MARGIN
 from ..line_kernels import LINES, _cos_cycles, _fraction, _sin_cycles
 from .neighbour_sums import DEGREE, interpolate2, interpolate4, interpolate8
 

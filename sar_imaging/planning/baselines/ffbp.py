@@ -12,11 +12,11 @@ import math
 
 import numpy as np
 
-from ..geometry.grids import MapGrid
-from ..geometry.polar import PolarGrid
-from ..geometry.track_frame import track_beside
-from ..signal.radar import RadarParameters
-from .profiles.range_resampling import Paths, RangeResampling, plan_resampling, sample_paths
+from ...geometry.grids import MapGrid
+from ...geometry.polar import PolarGrid
+from ...geometry.track_frame import track_beside
+from ...signal.radar import RadarParameters
+from ..profiles.range_resampling import Paths, RangeResampling, plan_resampling, sample_paths
 
 MARGIN = 0.25  # how far beyond its interval a kernel is evaluated, pixels
 LANES = 16  # pixels beyond a segment, whole vectors

@@ -1,0 +1,57 @@
+"""What backends may offer besides their four entries: methods that images are compared with.
+
+Signatures and formulas are those of `backends.reference`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol
+
+from . import BACKENDS, backend
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ..planning.baselines.zero_padding import ZeroPaddingPlan
+    from ..signal.pulses import PulseBlock
+    from ..signal.radar import RadarParameters
+    from .protocol import Backend
+
+
+class Baselines(Protocol):
+    """Entries for comparison; a backend may lack any of them."""
+
+    def correlate_spectra(self, cycles_per_m: tuple[float, float], spectra: np.ndarray,
+                          tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray) -> np.ndarray:
+        """Time-domain correlation of spectra, (N,) complex128 at points (N, 3)."""
+
+    def correlate_profiles(self, radar: RadarParameters, samples: np.ndarray, tx_m: np.ndarray,
+                           rx_m: np.ndarray, points_m: np.ndarray, half: int, sharpness: float
+                           ) -> tuple[np.ndarray, np.ndarray]:
+        """Time-domain correlation of profiles at points, and which of these they cover."""
+
+    def image_zero_padded(self, plan: ZeroPaddingPlan, block: PulseBlock
+                          ) -> tuple[np.ndarray, int]:
+        """Image of zero-padded profiles, and how many of its sums have a place in a profile."""
+
+
+def baseline(name: str | Backend, entry: str) -> Callable:
+    """Entry of a method for comparison.
+
+    Parameters
+    ----------
+    name : str or Backend
+        As for `backends.backend`.
+    entry : str
+        Name of the entry, see `Baselines`.
+
+    Raises
+    ------
+    ValueError
+        The backend does not offer it.
+    """
+    found = getattr(backend(name), entry, None)
+    if not callable(found):
+        raise ValueError(f'backend={name!r} offers no {entry}; use backend={BACKENDS[0]!r}')
+    return found

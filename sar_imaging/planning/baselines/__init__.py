@@ -1,0 +1,1 @@
+"""Plans of the published methods that AFBP and exact backprojection are compared with."""
