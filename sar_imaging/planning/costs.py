@@ -83,12 +83,14 @@ _used: contextvars.ContextVar[CostModel | None] = contextvars.ContextVar('costs'
 
 def costs() -> CostModel:
     """Costs that plans are made with: those of `using`, of the environment, or the default."""
-    if _used.get() is None:
+    model = _used.get()
+    if model is None:
         path = os.environ.get(VARIABLE)
         if path:
             from .cost_files import read_costs
-        _used.set(read_costs(Path(path)) if path else DEFAULT)
-    return _used.get()
+        model = read_costs(Path(path)) if path else DEFAULT
+        _used.set(model)
+    return model
 
 
 @contextlib.contextmanager

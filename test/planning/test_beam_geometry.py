@@ -9,6 +9,7 @@ from hypothesis import given, strategies as st
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.planning.afbp.beam_geometry import BeamGeometry, grid_edges
 from sar_imaging.planning.afbp.beams import BeamSampling, least_cost
+from sar_imaging.planning.costs import DEFAULT
 
 POLAR = PolarGrid((30.0, -20.0, 400.0), (0.6, 0.8), 1, 10.0, 900.0, 0.25, 512, -0.05, 1e-3, 100)
 
@@ -62,5 +63,5 @@ def test_spread_is_the_steepest_slope(rows):
 def test_no_beams_cost_less_than_the_least(group, paired, segment, span, spacing, n_rows, n_bins,
                                            n_cells, n_pixels):
     sampling = BeamSampling(1.0, spacing, group, 1.0 * paired, segment, None, None, -60.0)
-    assert (least_cost(n_rows, n_bins, n_cells, n_pixels)
+    assert (least_cost(DEFAULT, n_rows, n_bins, n_cells, n_pixels)
             <= sampling.cost(n_rows, n_bins, n_cells, n_pixels, span))

@@ -88,35 +88,28 @@ class BeamGeometry:
         point = (along[:, None] * self.polar.track + across[:, None] * self.polar.across)
         # beyond the plane's horizon points lie further away than they are taken to
         beyond = np.einsum('sk,sk->s', point, point) + height ** 2 - self.range_m ** 2
-        path = 0.0
-        for centre in (tx_m, rx_m):
-            offset = centre - self.centre_m
-            square = np.einsum('rk,rk->r', offset, offset) + 2 * height * offset[:, 2]
-            longer = square - 2 * point @ offset[:, :2].T + beyond[:, None]
-            path = path + 0.5 * longer / (np.sqrt(self.range_m ** 2 + longer) + self.range_m)
-        return path
+        offset = np.concatenate([tx_m, rx_m]) - self.centre_m
+        square = np.einsum('rk,rk->r', offset, offset) + 2 * height * offset[:, 2]
+        longer = square - 2 * point @ offset[:, :2].T + beyond[:, None]
+        path = longer / (np.sqrt(self.range_m ** 2 + longer) + self.range_m)
+        return 0.5 * (path[:, :len(tx_m)] + path[:, len(tx_m):])
 
     def slope(self, tx_m, rx_m, direction) -> np.ndarray:
         """(S, R) derivative of `extra_path` by direction, metres."""
-        before, after = self._around(tx_m, rx_m, direction, (-_DIRECTION_STEP, _DIRECTION_STEP))
-        return (after - before) / (2 * _DIRECTION_STEP)
+        return self.expansion(tx_m, rx_m, direction)[1]
+
+    def expansion(self, tx_m, rx_m, direction) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(S, R) `extra_path`, its first and its second derivative by direction, metres."""
+        step, wide = _DIRECTION_STEP, 10 * _DIRECTION_STEP
+        beside = np.add.outer((-wide, -step, 0.0, step, wide), direction)
+        furthest_before, before, path, after, furthest_after = self.extra_path(
+            tx_m, rx_m, beside.ravel()).reshape(*beside.shape, -1)
+        return (path, (after - before) / (2 * step),
+                (furthest_before - 2 * path + furthest_after) / wide ** 2)
 
     def uneven(self, tx_m, rx_m) -> float:
-        """By how much rows on opposite sides fail to be opposite, rms, metres of that slope."""
-        slope = np.sort(self.slope(tx_m, rx_m, self.direction))
-        worst = np.abs(slope + slope[:, ::-1]).max(axis=0)
-        return math.sqrt(worst @ worst / len(worst)) / 2
-
-    def curvature(self, tx_m, rx_m, direction) -> np.ndarray:
-        """(S, R) second derivative of `extra_path` by direction, metres."""
-        step = 10 * _DIRECTION_STEP
-        before, here, after = self._around(tx_m, rx_m, direction, (-step, 0.0, step))
-        return (before - 2 * here + after) / step ** 2
-
-    def _around(self, tx_m, rx_m, direction, steps) -> np.ndarray:
-        """(len(steps), S, R) `extra_path` of directions beside those given."""
-        beside = np.add.outer(steps, direction)
-        return self.extra_path(tx_m, rx_m, beside.ravel()).reshape(*beside.shape, -1)
+        """`unevenness` of rows."""
+        return unevenness(self.slope(tx_m, rx_m, self.direction))
 
     def spread(self, tx_m, rx_m, beyond: float = 0.0) -> float:
         """Largest derivative of `beam_path` by direction up to so far beyond the grid, metres."""
@@ -125,6 +118,16 @@ class BeamGeometry:
         path = self.beam_path(tx_m, rx_m, directions)
         growth = path[1:] - path[:-1]
         return float(max(growth.max(), -growth.min()) / (directions[1] - directions[0]))
+
+
+def unevenness(slope: np.ndarray) -> float:
+    """By how much rows on opposite sides fail to be opposite, rms, metres of slope.
+
+    `slope` is (2, R), that of `extra_path` in the extreme directions.
+    """
+    slope = np.sort(slope)
+    worst = np.abs(slope + slope[:, ::-1]).max(axis=0)
+    return math.sqrt(worst @ worst / len(worst)) / 2
 
 
 def grid_edges(polar: PolarGrid) -> np.ndarray:

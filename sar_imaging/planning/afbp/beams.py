@@ -11,7 +11,7 @@ import numpy as np
 
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
-from ..costs import costs
+from ..costs import CostModel, costs
 from ..error_budget import total_db
 from ..guard_taper import cosine_fall
 from ..interpolators import Interpolator, design_interpolator
@@ -26,7 +26,7 @@ from .beam_gain import (
     rms_of_rows,
     shared_errors,
 )
-from .beam_geometry import BeamGeometry, grid_edges
+from .beam_geometry import BeamGeometry, grid_edges, unevenness
 
 CELL_TAPS = 8  # neighbours along range
 _OVERSAMPLING = (1.16, 1.2, 1.24, 1.28, 1.34, 1.4, 1.5, 1.6, 1.8, 2.0,  # of beams
@@ -130,8 +130,9 @@ class BeamSampling:
 
     def cost(self, n_rows: int, n_bins: int, n_cells: int, n_pixels: int, span: float) -> float:
         """Nanoseconds of a sub-aperture image."""
-        return _cost(self.n_beams(span), self.group, self.paired, self.segment, n_rows, n_bins,
-                     n_cells, n_pixels)
+        model = costs()
+        return (_forming_cost(model, self.n_beams(span), self.group, self.paired, n_rows, n_bins,
+                              n_cells) + _interpolation_cost(model, self.segment, n_pixels))
 
 
 def _n_beams(span: float, spacing: float) -> int:
@@ -143,12 +144,15 @@ def _group_of(n_beams: int, most: int) -> int:
     return size + size % 2 if most > 1 else 1
 
 
-def _cost(n_beams, most, paired, segment, n_rows, n_bins, n_cells, n_pixels) -> float:
-    group, model = _group_of(n_beams, most), costs()
+def _forming_cost(model, n_beams, most, paired, n_rows, n_bins, n_cells) -> float:
+    group = _group_of(n_beams, most)
     per_bin = math.ceil(n_beams / group) * (group * (0.5 if paired else 1.0) * model.beam_bin
                                             + model.beam_group)
-    return (per_bin * n_rows * n_bins + n_beams * n_cells * model.beam_cell
-            + n_pixels * (model.beam_pixel + model.beam_segment / segment))
+    return per_bin * n_rows * n_bins + n_beams * n_cells * model.beam_cell
+
+
+def _interpolation_cost(model, segment, n_pixels) -> float:
+    return n_pixels * (model.beam_pixel + model.beam_segment / segment)
 
 
 def _taper(frequency, edge: float) -> np.ndarray:
@@ -156,12 +160,12 @@ def _taper(frequency, edge: float) -> np.ndarray:
     return cosine_fall((np.abs(frequency) - edge) / (0.5 - edge))
 
 
-def least_cost(n_rows: int, n_bins: int, n_cells: int, n_pixels: int) -> float:
+def least_cost(model: CostModel, n_rows: int, n_bins: int, n_cells: int, n_pixels: int) -> float:
     """What `BeamSampling.cost` is not below, whatever the sampling."""
-    n_beams, model = BEAM_TAPS + 2 * BEYOND, costs()
+    n_beams = BEAM_TAPS + 2 * BEYOND
     return ((0.5 * n_beams * model.beam_bin + model.beam_group) * n_rows * n_bins
             + n_beams * n_cells * model.beam_cell
-            + n_pixels * (model.beam_pixel + model.beam_segment / max(_SEGMENTS)))
+            + _interpolation_cost(model, max(_SEGMENTS), n_pixels))
 
 
 def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResampling, n_bins: int,
@@ -243,6 +247,9 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
     n_rows, span = len(subapertures[0][0]), polar.n_alpha * polar.alpha_spacing
     # The image has about as many lines as beams that lie as far apart as they may.
     n_pixels = polar.n_range * span * highest * widest * _OVERSAMPLING[0] / math.pi
+    model = costs()
+    interpolation = {segment: _interpolation_cost(model, segment, n_pixels)
+                     for segment in segments}
     best = None
     for oversampling in _OVERSAMPLING:
         spacing = math.pi / (highest * widest * oversampling)
@@ -250,9 +257,11 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
         if between.interpolator.error_db > target_db:
             continue
         n_beams = _n_beams(span, spacing)
-        costs = {key: _cost(n_beams, *key, n_rows, n_bins, lattice.n_cells, n_pixels)
-                 for key in itertools.product(_GROUPS, (True, False), segments)}
-        cheaper = [key for key, cost in costs.items() if best is None or cost < best[0]]
+        forming = {key: _forming_cost(model, n_beams, *key, n_rows, n_bins, lattice.n_cells)
+                   for key in itertools.product(_GROUPS, (True, False))}
+        cost_of = {(*key, segment): forming_cost + interpolation[segment]
+                   for key, forming_cost in forming.items() for segment in segments}
+        cheaper = [key for key, cost in cost_of.items() if best is None or cost < best[0]]
         if not cheaper:
             break
         always, grouped, shared = shared_errors(
@@ -262,14 +271,14 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
             segment * polar.range_spacing_m / 2, lattice.cell_m, polar.range_spacing_m, spacing,
             oversampling_range, oversampling, k) for view in views], axis=0)
             for segment in segments}
-        for key in sorted(cheaper, key=costs.get):
+        for key in sorted(cheaper, key=cost_of.get):
             group, paired, segment = key
             i = _GROUPS.index(group)
             errors = geometry, *always, *grouped[i], paired * shared[i], *expansion[segment]
             error = total_db(between.interpolator.error_db, along.error_db, _ARITHMETIC_DB,
                              *(20 * math.log10(e + 1e-12) for e in errors))
             if error <= target_db:
-                best = costs[key], BeamSampling(widest, spacing, group, paired * _SLACK * uneven,
+                best = cost_of[key], BeamSampling(widest, spacing, group, paired * _SLACK * uneven,
                                                 segment, between, along, error)
                 break
     return best and best[1]
@@ -329,12 +338,12 @@ def _views(polar: PolarGrid, subapertures) -> Iterator[_View | None]:
         rows = np.linspace(0, len(centres[0]) - 1, _ROWS).round().astype(int)
         rows = np.concatenate([rows, len(centres[0]) - 1 - rows])  # opposite ones, too
         some = centres[0][rows], centres[1][rows]
-        slope = beams.slope(*some, direction).T
-        bend = slope ** 2 * (1 - direction ** 2) * (1 / length - 1 / beams.range_m) / 2
+        path, slope, _ = beams.expansion(*some, direction)
+        bend = slope.T ** 2 * (1 - direction ** 2) * (1 / length - 1 / beams.range_m) / 2
         places = np.linspace(*beams.direction, 3)
         paths = half_paths(*some, lines[0])[0]
-        yield _View(beams, some, beams.uneven(*some), beams.slope(*some, places).T,
-                    beams.curvature(*some, places).T,
-                    paths - length - beams.extra_path(*some, direction).T, bend,
+        _, slopes, curvature = beams.expansion(*some, places)
+        yield _View(beams, some, unevenness(slopes[[0, -1]]), slopes.T, curvature.T,
+                    paths - length - path.T, bend,
                     ((by_range[0].min(), by_range[0].max()), *(
                         float(np.abs(d).max()) for d in (*by_range[[1, 3]], first, second))))

@@ -124,7 +124,7 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
     Sampling or None
         None where the target cannot be met.
     """
-    choices = []
+    choices, model = [], costs()
     n_pulses, n_channels = tx_m.shape[:2]
     pieces = pieces_between_gaps(mean_centres(tx_m, rx_m))
     least, most = bands.slope.min(axis=1), bands.slope.max(axis=1)
@@ -136,14 +136,19 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
         lo, hi = np.minimum.reduceat(least, first), np.maximum.reduceat(most, first)
         centre, half = 0.5 * (lo + hi), bands.wavenumber[1] * 0.5 * float((hi - lo).max())
         furthest = float(np.abs(centre).max())
-        choices += [((length, i, j), _sampling(polar, ratio, pulses, centre, furthest, half,
+        choices += [((length, i, j), _sampling(polar, ratio, model, pulses, centre, furthest, half,
                                                oversampling, n_guard, coverage))
                     for i, oversampling in enumerate(_OVERSAMPLING)
                     for j, n_guard in enumerate(_GUARDS)]
 
     @functools.cache
+    def some_rows(length):
+        return _rows_for_error(samplings[length, 0, 0], bands, n_channels)
+
+    @functools.cache
     def complete(key):
-        return _with_error(samplings[key], polar, bands, n_channels)
+        error = fusion_error(samplings[key], polar, bands, *some_rows(key[0]))
+        return dataclasses.replace(samplings[key], error_db=10 * math.log10(error + 1e-16))
 
     samplings, fine, failed = dict(choices), set(), set()
     n_i, n_j = len(_OVERSAMPLING), len(_GUARDS)
@@ -183,7 +188,8 @@ def _by_cost(choices, first_stage: SubapertureCost
             heapq.heappush(queue, (found.cost + first_stage.cost(*images[i]), i, True))
 
 
-def _sampling(polar, ratio, pulses, centre, furthest, half, oversampling, n_guard, coverage):
+def _sampling(polar, ratio, model, pulses, centre, furthest, half, oversampling, n_guard,
+              coverage):
     """Grid sizes of one choice, and its cost without the first stage's."""
     wanted = polar.n_alpha * polar.alpha_spacing
     spacing = min(math.pi / (max(half, 1e-9) * oversampling), wanted)
@@ -202,7 +208,6 @@ def _sampling(polar, ratio, pulses, centre, furthest, half, oversampling, n_guar
                                  ranges_before(polar, (extent - wanted) / 2 + spacing)))
     n_coarse_range, n_fine_range = (n * row_length(
         math.ceil((polar.n_range + 2 * range_guard) / ratio[1]), ratio) for n in ratio)
-    model = costs()
     cost = (len(pulses) * (model.coarse_pixel * n_coarse * n_coarse_range + model.subaperture)
             + model.fine_pixel * n_fine * n_fine_range)
     return Sampling(pulses, centre, n_coarse, n_fine, extent, guard, beta, n_coarse_range,
@@ -215,22 +220,20 @@ def _on_plane(polar: PolarGrid, s: Sampling) -> bool:
     return (s.n_fine_range - polar.n_range) // 2 < ranges_before(polar, beyond)
 
 
-def _with_error(s: Sampling, polar: PolarGrid, bands: LocalSpectrum, n_channels: int) -> Sampling:
-    """The choice with its predicted error."""
+def _rows_for_error(s: Sampling, bands: LocalSpectrum, n_channels: int) -> tuple[np.ndarray, ...]:
+    """Some rows of some sub-apertures, the power of each, and the middle of its band, metres."""
     cuts = np.linspace(0, len(s.pulses) - 1, _CUTS_FOR_ERROR).round().astype(int)
     rows, weight, centre = [], [], []
     for cut in np.unique(cuts):
-        pulses = s.pulses[cut]
-        own = slice(pulses.start * n_channels, pulses.stop * n_channels)
-        some, share = _rows_for_error(bands.slope[own], bands.weight[own])
-        rows.append(pulses.start * n_channels + some)
-        weight.append(share)
+        first, last = (n * n_channels for n in (s.pulses[cut].start, s.pulses[cut].stop))
+        some, power = _rows_by_slope(bands.slope[first:last], bands.weight[first:last])
+        rows.append(first + some)
+        weight.append(power)
         centre.append(np.full(len(some), s.centre[cut]))
-    error = fusion_error(s, polar, bands, *map(np.concatenate, (rows, weight, centre)))
-    return dataclasses.replace(s, error_db=10 * math.log10(error + 1e-16))
+    return tuple(map(np.concatenate, (rows, weight, centre)))
 
 
-def _rows_for_error(slope, weight) -> tuple[np.ndarray, np.ndarray]:
+def _rows_by_slope(slope, weight) -> tuple[np.ndarray, np.ndarray]:
     """Some rows of a sub-aperture and the power that each stands for.
 
     They lie densest where the band ends: the error of the others is far less.

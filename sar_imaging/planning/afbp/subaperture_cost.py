@@ -9,6 +9,7 @@ import numpy as np
 
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
+from ..costs import CostModel, costs
 from ..profiles.range_resampling import RangeResampling
 from .beams import BeamSampling, least_cost, plan_beams
 
@@ -48,6 +49,7 @@ class SubapertureCost:
     target_db: float
     range_m: tuple[float, float]
     padding_m: float
+    _model: CostModel = dataclasses.field(default_factory=costs)
     _planned: dict[tuple[int, int], BeamSampling | None] = dataclasses.field(default_factory=dict)
 
     def cost(self, pulses, n_pixels: int) -> float:
@@ -71,7 +73,7 @@ class SubapertureCost:
         n_rows = (pulses[0].stop - pulses[0].start) * self.tx_m.shape[1]
         return len(pulses) * min(
             n_rows * self.lattice.cost * n_pixels,
-            least_cost(n_rows, self.lattice.n_padded, self.lattice.n_cells, n_pixels))
+            least_cost(self._model, n_rows, self.lattice.n_padded, self.lattice.n_cells, n_pixels))
 
     def choose_beams(self, pulses, n_pixels: int) -> BeamSampling | None:
         """Beams for such images; None where adding each pulse directly is quicker."""
