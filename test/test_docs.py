@@ -11,6 +11,7 @@ import pytest
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.simulation.scenarios import SCENARIOS
+from sar_imaging.simulation.scenarios.passes import TERRACE_HEIGHT_M
 
 ROOT = pathlib.Path(__file__).parent.parent
 PAGES = [*sorted(ROOT.glob('*.md')), *sorted((ROOT / 'docs').rglob('*.md'))]
@@ -69,6 +70,13 @@ def test_grids_show_reflectors_where_they_are():
         away = np.linalg.norm(names[reflectors] - brightest, axis=-1).min()
         step = np.linalg.norm(names[grid].steps_m, axis=1).max()
         assert away <= 1.5 * step  # neighbours add to each other
+
+
+def test_two_passes_show_the_terrace(capsys):
+    passes = _run_python(ROOT / 'docs' / 'exploitation.md')['passes']
+    height = np.nanmedian(passes.height_m[40:70, 80:120])  # in the middle of the terrace
+    assert height == pytest.approx(TERRACE_HEIGHT_M, rel=0.05)
+    assert 'independent looks' in capsys.readouterr().out
 
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())

@@ -1,4 +1,4 @@
-"""The scenarios of `simulate`: those of the papers, a spotlight, moving targets, countryside."""
+"""The scenarios of `simulate`: those of the papers, moving targets, two passes and more."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ..noise import complex_gaussian
 from ..scene import Scatterer, letter_s
 from ..trajectory import Trajectory, Vibration
 from .countryside import countryside
+from .passes import first_pass, second_pass
 from .scenario import Scenario, receive_array
 
 # ------------------------------------------------------------------ Rosenberg & Gray, table 1
@@ -188,4 +189,5 @@ def moving_targets(seed: int = 6, *, movers: tuple[Mover, ...] | None = None,
 
 SCENARIOS: dict[str, Callable[[], Scenario]] = {
     'psf': psf, 'psf_raw': psf_raw, 'two_scatterers': two_scatterers, 'letter_s': letter,
-    'spotlight': spotlight, 'moving_targets': moving_targets, 'countryside': countryside}
+    'spotlight': spotlight, 'moving_targets': moving_targets, 'countryside': countryside,
+    'first_pass': first_pass, 'second_pass': second_pass}
