@@ -1,9 +1,18 @@
 """Formats that radar engineers exchange, and where on the Earth their images are.
 
-The libraries that read and write them are an extra, ``pip install sar_imaging[formats]``; nothing
-else in the package needs them.
+- `sicd`: complex images with all that is known of their acquisition;
+- `geotiff`: maps for geographic information systems, and complex images on them;
+- `acquisition`: radar and track of an image, without its samples.
+
+The libraries that read and write them are an extra, ``pip install sar_imaging[formats]``. They
+load when a file is written or read, not before, and nothing else in the package needs them.
 """
 
+from .acquisition import Acquisition
 from .extras import MissingExtraError, require
+from .geotiff import read_geotiff, write_geotiff
+from .product import ImageProduct
+from .sicd import read_sicd, sicd_grid, write_sicd
 
-__all__ = ['MissingExtraError', 'require']
+__all__ = ['Acquisition', 'ImageProduct', 'MissingExtraError', 'read_geotiff', 'read_sicd',
+           'require', 'sicd_grid', 'write_geotiff', 'write_sicd']

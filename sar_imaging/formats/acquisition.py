@@ -1,0 +1,124 @@
+"""What is known of how an image was acquired: the radar, and its place at each pulse."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..signal.pulses import PulseBlock
+from ..signal.radar import RadarParameters
+
+_POLARISATIONS = ('V', 'H', 'X', 'Y', 'RHC', 'LHC')
+UNKNOWN = 'UNKNOWN'
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Acquisition:
+    """The pulses of an image without their samples.
+
+    Parameters
+    ----------
+    radar : RadarParameters
+        Of the pulses.
+    stamp_ns : (P,) int64
+        Time of transmission of each pulse, nanoseconds since the epoch of their clock.
+    tx_m, rx_m : (P, 3) float64
+        Transmit and receive phase centre of each pulse, the mean of its channels, imaging frame,
+        metres.
+    polarisation : str
+        Transmitted and received one, such as ``'V:H'`` or ``'RHC:V'``; ``'UNKNOWN'`` otherwise.
+    collector : str
+        Name of the radar or its platform.
+    illuminator : str
+        Name of what transmits, where that is another platform.
+    name : str
+        Name of the acquisition, unique among those of the collector; made of its name and the
+        time of the first pulse where none is given.
+
+    Raises
+    ------
+    ValueError
+        Shapes disagree, there is no pulse, a position is not finite, or there is no such
+        polarisation.
+    """
+
+    radar: RadarParameters
+    stamp_ns: np.ndarray
+    tx_m: np.ndarray
+    rx_m: np.ndarray
+    polarisation: str = UNKNOWN
+    collector: str = UNKNOWN
+    illuminator: str = ''
+    name: str = ''
+
+    def __post_init__(self):
+        object.__setattr__(self, 'stamp_ns', np.asarray(self.stamp_ns, np.int64))
+        if self.stamp_ns.ndim != 1 or not len(self.stamp_ns):
+            raise ValueError(f'stamp_ns.shape={self.stamp_ns.shape}; expected (pulses,), the time '
+                             'of at least one pulse')
+        for name in ('tx_m', 'rx_m'):
+            places = np.asarray(getattr(self, name), np.float64)
+            if places.shape != (len(self.stamp_ns), 3) or not np.isfinite(places).all():
+                raise ValueError(f'{name}.shape={places.shape}; expected {len(self.stamp_ns)} '
+                                 'finite positions of pulses, (pulses, 3), metres')
+            object.__setattr__(self, name, places)
+        if self.polarisation != UNKNOWN and (
+                not set(self.polarisation.split(':')) <= set(_POLARISATIONS)
+                or self.polarisation.count(':') != 1):
+            raise ValueError(f'polarisation={self.polarisation!r}; expected the transmitted and '
+                             f'the received one of {", ".join(_POLARISATIONS)}, such as "V:H", '
+                             f'or {UNKNOWN!r}')
+        order = np.argsort(self.stamp_ns, kind='stable')
+        for name in ('stamp_ns', 'tx_m', 'rx_m'):
+            object.__setattr__(self, name, getattr(self, name)[order])
+
+    @classmethod
+    def of(cls, blocks: PulseBlock | Iterable[PulseBlock], **names: str) -> Acquisition:
+        """Acquisition of one block of pulses or of many, whose samples are not kept.
+
+        Parameters
+        ----------
+        blocks : PulseBlock or iterable of PulseBlock
+            With phase centres, in any order.
+        **names
+            `polarisation`, `collector`, `illuminator`, `name`.
+
+        Raises
+        ------
+        ValueError
+            There is no block, one has no phase centres, or the radars differ.
+        """
+        parts = [blocks] if isinstance(blocks, PulseBlock) else blocks
+        kept: list[tuple] = []
+        radar = None
+        for block in parts:
+            if not block.has_positions:
+                raise ValueError('the block has no phase centres; expected transmit and receive '
+                                 'position of every pulse and channel')
+            if radar is not None and block.radar != radar:
+                raise ValueError(f'a block of {block.radar} follows blocks of {radar}; expected '
+                                 'those of one radar')
+            radar = block.radar
+            kept.append((block.stamp_ns, block.tx_m.mean(axis=1), block.rx_m.mean(axis=1)))
+        if radar is None:
+            raise ValueError('there is no block; expected at least one')
+        return cls(radar, *(np.concatenate(part) for part in zip(*kept, strict=True)), **names)
+
+    @property
+    def n_pulses(self) -> int:
+        """Number of pulses P."""
+        return len(self.stamp_ns)
+
+    @property
+    def centre_m(self) -> np.ndarray:
+        """(P, 3) float64 middle between transmit and receive phase centre, metres."""
+        return 0.5 * (self.tx_m + self.rx_m)
+
+    @property
+    def wavenumbers_per_m(self) -> tuple[float, float]:
+        """Two-way spatial frequencies ``2 f / c`` at the edges of the band, cycles per metre."""
+        scale = 2 / self.radar.propagation_speed_m_per_s
+        half = self.radar.bandwidth_hz / 2
+        return scale * (self.radar.carrier_hz - half), scale * (self.radar.carrier_hz + half)

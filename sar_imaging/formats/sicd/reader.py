@@ -1,0 +1,201 @@
+"""SICD files to complex images."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+
+import numpy as np
+
+from ...geometry.earth import Datum, ecef_to_geographic
+from ...geometry.even_grids import PlaneGrid
+from ...imaging.image import Image, Report
+from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
+from ..acquisition import UNKNOWN, Acquisition
+from ..extras import require
+from ..product import ImageProduct
+from .container import SicdContainer
+from .fields import Fields
+from .layout import turned
+from .metadata import DATUM, SCALE
+from .pixels import AMPLITUDE_PHASE, DTYPES, INTEGER, decoded
+from .track import evaluate, stamp_of
+
+_EXACT = 1e-9  # of a quarter turn
+_MOST_PULSES = 4096  # at which a polynomial of the track is evaluated
+_ORTHOGONAL = 1e-3
+_BLOCK_ROWS = 256
+
+
+def read_sicd(path: os.PathLike | str) -> ImageProduct:
+    """Read the image of a SICD file of any version, 0.4 to 1.5.
+
+    The carrier that SICD takes out is put back, so that the image is one like ours: exactly
+    where it turns by whole quarters from pixel to pixel, as in files of `write_sicd`.
+
+    Pixels are placed on the image plane of the file. In files of the grid type PLANE they are
+    there; those of others (RGAZIM, RGZERO, ...) lie where the image projection of SICD puts them
+    (``sarkit.sicd.image_to_ground_plane``), which is on that plane at the scene centre point only.
+
+    Returns
+    -------
+    ImageProduct
+        Image on a `PlaneGrid`, its datum (that of the writer, or the scene centre point with the
+        axes east, north and up), and the acquisition: pulses at even times on the polynomial of
+        the track, as many as the file tells of, at most 4096.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no such file.
+    ValueError
+        The file is no SICD, is damaged or cut off, or stores its pixels compressed.
+    MissingExtraError
+        sarkit is not installed.
+    """
+    require('sarkit.sicd', 'reading SICD')
+    try:
+        with open(path, 'rb') as file:
+            container = SicdContainer(file)
+            return _product(container, Fields(container.root))
+    except (ValueError, OverflowError) as error:
+        raise ValueError(f'{path} cannot be read as SICD: {error}') from error
+
+
+def _product(container: SicdContainer, fields: Fields) -> ImageProduct:
+    shape = (fields.integer('ImageData/NumRows', 1), fields.integer('ImageData/NumCols', 1))
+    pixel_type = fields.text('ImageData/PixelType')
+    if pixel_type not in DTYPES:
+        raise ValueError(f'ImageData/PixelType={pixel_type!r}; expected one of '
+                         f'{", ".join(DTYPES)}')
+    datum = _datum(fields)
+    acquisition = _acquisition(fields, datum)
+    grid, turns = _grid(fields, datum, shape)
+    table = fields.table('ImageData/AmpTable') if pixel_type == AMPLITUDE_PHASE else None
+    scale = _scale(fields) if pixel_type == INTEGER else 1.0
+    samples = decoded(container.read(shape, pixel_type), table, scale)
+    if fields.integer('Grid/Row/Sgn', -1, 1) > 0:
+        samples = samples.conj()
+    _put_back_carrier(samples, turns)
+    report = Report('SICD', f'{fields.text("ImageFormation/ImageFormAlgo", "of a file")}, '
+                    f'grid {fields.text("Grid/Type", "PLANE")}', math.nan)
+    middle = int(acquisition.stamp_ns[acquisition.n_pulses // 2])
+    return ImageProduct(Image(samples, grid, acquisition.radar.carrier_hz, report, middle), datum,
+                        acquisition)
+
+
+def _datum(fields: Fields) -> Datum:
+    told = fields.parameter(DATUM)
+    if told is not None:
+        try:
+            return Datum(**json.loads(told))
+        except TypeError as error:
+            raise ValueError(f'parameter {DATUM!r} is damaged: {error}') from None
+    place = fields.vector('GeoData/SCP/ECF')
+    return Datum(*(float(part) for part in ecef_to_geographic(place)))
+
+
+def _scale(fields: Fields) -> float:
+    told = fields.parameter(SCALE)
+    scale = 1.0 if told is None else float(told)
+    if not (math.isfinite(scale) and scale > 0):
+        raise ValueError(f'parameter {SCALE!r} is {told}; expected a positive number')
+    return scale
+
+
+def _grid(fields: Fields, datum: Datum, shape) -> tuple[PlaneGrid, list[np.ndarray]]:
+    """Grid, and the turns of the carrier at each row and each column."""
+    steps, turns, scp_index = [], [], []
+    for name, n in zip(('Row', 'Col'), shape, strict=True):
+        spacing = fields.number(f'Grid/{name}/SS')
+        if not 0 < spacing < 1e6:
+            raise ValueError(f'Grid/{name}/SS={spacing:g}; expected metres between pixels')
+        middle = (fields.integer(f'ImageData/SCPPixel/{name}', -2**31)
+                  - fields.integer(f'ImageData/First{name}', -2**31))
+        steps.append(spacing * datum.vectors_from_ecef(
+            fields.unit_vector(f'Grid/{name}/UVectECF')))
+        scp_index.append(middle)
+        quarters = 4 * fields.number(f'Grid/{name}/KCtr') * spacing
+        if abs(quarters - round(quarters)) < _EXACT:
+            quarters = round(quarters)
+        turns.append(quarters * (np.arange(n) - middle))
+    cosine = steps[0] @ steps[1] / (np.linalg.norm(steps[0]) * np.linalg.norm(steps[1]))
+    if abs(cosine) > _ORTHOGONAL:
+        raise ValueError(f'its rows and columns have the cosine {cosine:g}; expected 0')
+    scp = datum.from_ecef(fields.vector('GeoData/SCP/ECF'))
+    origin = scp - scp_index[0] * steps[0] - scp_index[1] * steps[1]
+    return PlaneGrid(tuple(origin), tuple(steps[1]), tuple(steps[0]), shape[1], shape[0]), turns
+
+
+def _put_back_carrier(samples: np.ndarray, turns: list[np.ndarray]) -> None:
+    """Multiply by ``exp(+j pi/2 turns)`` along both axes, in place; whole quarters lose no bit."""
+    for axis, quarters in enumerate(turns):
+        if quarters.dtype.kind == 'i':
+            for turn in range(1, 4):
+                index = (slice(None),) * axis + (quarters % 4 == turn,)
+                samples[index] = turned(samples[index], -turn % 4)
+            continue
+        phasors = np.exp(0.5j * np.pi * np.remainder(quarters, 4.0))
+        for first in range(0, len(samples), _BLOCK_ROWS):
+            rows = slice(first, first + _BLOCK_ROWS)
+            samples[rows] *= phasors if axis else phasors[rows, None]
+
+
+def _acquisition(fields: Fields, datum: Datum) -> Acquisition:
+    radar = _radar(fields)
+    start = fields.date('Timeline/CollectStart')
+    first, last = _pulse_times(fields)
+    times = np.linspace(first, last, _n_pulses(fields))
+    scene = fields.vector('GeoData/SCP/ECF')
+    arp = fields.path('Position/ARPPoly')
+    tx, rx = arp, arp
+    if fields.text('CollectionInfo/CollectType', 'MONOSTATIC') == 'BISTATIC':
+        tx, rx = fields.path('Position/TxAPCPoly'), fields.path('Position/RcvAPC/RcvAPCPoly')
+        tx_m = evaluate(tx, times)
+        scene_s = times + _delay(tx_m, scene)
+        rx_m = evaluate(rx, scene_s + _delay(evaluate(rx, scene_s), scene))
+    else:
+        tx_m = rx_m = evaluate(arp, times + _delay(evaluate(arp, times), scene))
+    polarisation = fields.text('ImageFormation/TxRcvPolarizationProc', UNKNOWN)
+    places = {'tx_m': datum.from_ecef(tx_m), 'rx_m': datum.from_ecef(rx_m)}
+    names = dict(collector=fields.text('CollectionInfo/CollectorName', UNKNOWN),
+                 illuminator=fields.text('CollectionInfo/IlluminatorName', ''),
+                 name=fields.text('CollectionInfo/CoreName', ''))
+    try:
+        return Acquisition(radar, stamp_of(start, times), **places, **names,
+                           polarisation=polarisation)
+    except ValueError:  # a polarisation that only its writer knows
+        return Acquisition(radar, stamp_of(start, times), **places, **names)
+
+
+def _delay(places, scene) -> np.ndarray:
+    return np.linalg.norm(places - scene, axis=-1) / SPEED_OF_LIGHT
+
+
+def _pulse_times(fields: Fields) -> tuple[float, float]:
+    """Times of the first pulse and of the last, seconds since the start of the collection."""
+    first = fields.number('ImageFormation/TStartProc')
+    end = fields.number('ImageFormation/TEndProc')
+    if not 0 < end - first < 86400:
+        raise ValueError(f'the image was formed of {first:g} s to {end:g} s; expected an interval '
+                         'of less than a day')
+    n = _n_pulses(fields)
+    return first, end - (end - first) / n
+
+
+def _n_pulses(fields: Fields) -> int:
+    path = 'Timeline/IPP/Set/IPP'
+    if fields.find(f'{path}Start') is None or fields.find(f'{path}End') is None:
+        return _MOST_PULSES // 8
+    n = fields.number(f'{path}End') - fields.number(f'{path}Start') + 1
+    return int(min(max(n, 2), _MOST_PULSES))
+
+
+def _radar(fields: Fields) -> RadarParameters:
+    low = fields.number('ImageFormation/TxFrequencyProc/MinProc')
+    high = fields.number('ImageFormation/TxFrequencyProc/MaxProc')
+    carrier, bandwidth = 0.5 * (low + high), high - low
+    if fields.find('RadarCollection/RefFreqIndex') is not None:  # relative to what is not told
+        carrier = fields.number('Grid/Row/KCtr') * SPEED_OF_LIGHT / 2
+    return RadarParameters(carrier, bandwidth, bandwidth, 0.0)

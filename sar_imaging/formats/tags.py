@@ -1,0 +1,71 @@
+"""Our image as text that files carry along: grid, carrier, datum and report, all to the bit."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+
+from ..geometry.earth import Datum
+from ..geometry.even_grids import PlaneGrid
+from ..geometry.grids import MapGrid
+from ..imaging.image import Image, Report
+
+_GRIDS = {grid.__name__: grid for grid in (MapGrid, PlaneGrid)}
+_VERSION = 1
+
+
+def image_to_text(image: Image, datum: Datum) -> str:
+    """Everything of an image but its samples, as JSON.
+
+    A grid that is no map and no plane is left out.
+    """
+    kind = type(image.grid).__name__
+    grid = {'type': kind, **dataclasses.asdict(image.grid)} if kind in _GRIDS else None
+    return json.dumps({'version': _VERSION, 'carrier_hz': image.carrier_hz,
+                       'stamp_ns': image.stamp_ns, 'counters': _ranges(image.counters),
+                       'datum': dataclasses.asdict(datum), 'grid': grid,
+                       'report': dataclasses.asdict(image.report)})
+
+
+def image_from_text(text: str, samples: np.ndarray) -> tuple[Image, Datum]:
+    """Image and datum of samples and the text that belongs to them.
+
+    Raises
+    ------
+    ValueError
+        The text was not written by `image_to_text`, or is of an image of another shape.
+    """
+    try:
+        told = json.loads(text)
+        if told['version'] != _VERSION:
+            raise ValueError(f'version {told["version"]}; expected {_VERSION}')
+        datum = Datum(**told['datum'])
+        report = Report(**told['report'] | {'warnings': tuple(told['report']['warnings'])})
+        grid = _grid(told['grid'])
+        counters = np.concatenate([np.zeros(0, np.int64), *(
+            np.arange(first, last + 1) for first, last in told['counters'])])
+        image = Image(samples, grid, float(told['carrier_hz']), report, int(told['stamp_ns']),
+                      counters)
+    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
+        raise ValueError(f'the tag of the image cannot be understood: {error!r}') from error
+    if grid.shape != samples.shape:
+        raise ValueError(f'the tag tells of a grid {grid.shape}, the file holds {samples.shape}')
+    return image, datum
+
+
+def _grid(told):
+    if told is None:
+        raise ValueError('the image lay on no map and no plane; its positions are not in the tag')
+    return _GRIDS[told['type']](**{name: value for name, value in told.items() if name != 'type'})
+
+
+def _ranges(counters) -> list[list[int]]:
+    """First and last of each run of consecutive counters."""
+    counters = np.asarray(counters, np.int64)
+    if not len(counters):
+        return []
+    breaks = np.flatnonzero(np.diff(counters) != 1)
+    return [[int(first), int(last)] for first, last in zip(
+        counters[np.r_[0, breaks + 1]], counters[np.r_[breaks, len(counters) - 1]], strict=True)]
