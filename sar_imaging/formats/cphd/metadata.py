@@ -1,0 +1,233 @@
+"""Metadata of written files: CPHD 1.1.0, every mandatory element, computed from the pulses."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+import sar_imaging
+
+from ...geometry.earth import ecef_to_geographic
+from ...geometry.grids import MapGrid
+from ..extras import require
+from .collection import Collection, start_text
+from .container import PURPOSE
+from .errors import CphdError
+from .parameters import Pulses, words
+
+NAMESPACE = 'http://api.nsgreg.nga.mil/schema/cphd/1.1.0'
+SAMPLE_BYTES = {'CI2': 2, 'CI4': 4, 'CF8': 8}
+_LONGEST_AREA_M = 1e6
+
+
+def make_metadata(pulses: Pulses, vectors: np.ndarray, grid: MapGrid, collection: Collection,
+                  sample_type: str, sign: int):
+    """Metadata of a file of some pulses.
+
+    Parameters
+    ----------
+    pulses : Pulses
+        What is written.
+    vectors : (C, P) structured array
+        Their parameters, of `vector_parameters`.
+    grid : MapGrid
+        Area that the file is meant for; its middle is the reference point.
+    collection : Collection
+        Names and kinds, of every channel.
+    sample_type : {'CI2', 'CI4', 'CF8'}
+        Of the samples.
+    sign : int
+        SGN of the samples.
+
+    Returns
+    -------
+    lxml.etree.ElementTree
+
+    Raises
+    ------
+    CphdError
+        The geometry has no reference geometry: nothing moves, or the radar is at the reference.
+    """
+    etree = require('lxml.etree', PURPOSE)
+    root = etree.Element(f'{{{NAMESPACE}}}CPHD', nsmap={None: NAMESPACE})
+    tree = root.getroottree()
+    content = {
+        'CollectionID': _collection(collection, pulses),
+        'Global': _global(pulses, vectors, sign),
+        'SceneCoordinates': _scene(pulses, grid),
+        'Data': _data(pulses, vectors, collection, sample_type),
+        'Channel': _channels(vectors, collection),
+        'PVP': _layout(pulses),
+        'Dwell': _dwell(vectors),
+        'ProductInfo': {'Parameter': [({'name': 'Application'},
+                                       f'sar_imaging {sar_imaging.__version__}')]}}
+    for name, value in content.items():
+        _append(etree, root, name, value)
+    geometry = _reference_geometry(tree, vectors)
+    root.insert(list(content).index('Dwell') + 1, geometry)
+    return tree
+
+
+def _append(etree, parent, name: str, value) -> None:
+    """Add an element: text, a dict of children, a list of elements, (attributes, value)."""
+    if isinstance(value, list):
+        for item in value:
+            _append(etree, parent, name, item)
+        return
+    attributes = {}
+    if isinstance(value, tuple):
+        attributes, value = value
+    node = etree.SubElement(parent, f'{{{NAMESPACE}}}{name}',
+                            {k: str(v) for k, v in attributes.items()})
+    if isinstance(value, dict):
+        for child, content in value.items():
+            _append(etree, node, child, content)
+    else:
+        node.text = _text(value)
+
+
+def _text(value) -> str:
+    if isinstance(value, bool | np.bool_):
+        return 'true' if value else 'false'
+    if isinstance(value, float | np.floating):
+        return repr(float(value))
+    return str(value)
+
+
+def _xyz(values) -> dict:
+    return dict(zip('XYZ', map(float, values), strict=True))
+
+
+def _collection(collection: Collection, pulses: Pulses) -> dict:
+    told = {'CollectorName': collection.collector_name,
+            'IlluminatorName': collection.illuminator_name,
+            'CoreName': collection.core_name,
+            'CollectType': collection.collect_type or pulses.collect_type,
+            'RadarMode': {'ModeType': collection.mode_type,
+                          **({'ModeID': collection.mode_id} if collection.mode_id else {})},
+            'Classification': collection.classification,
+            'ReleaseInfo': collection.release_info,
+            'CountryCode': collection.country_code}
+    return {name: value for name, value in told.items() if value}
+
+
+def _global(pulses: Pulses, vectors: np.ndarray, sign: int) -> dict:
+    return {'DomainType': pulses.domain, 'SGN': f'{sign:+d}',
+            'Timeline': {'CollectionStart': start_text(pulses.start_ns),
+                         'TxTime1': vectors['TxTime'].min(), 'TxTime2': vectors['TxTime'].max()},
+            'FxBand': {'FxMin': vectors['FX1'].min(), 'FxMax': vectors['FX2'].max()},
+            'TOASwath': {'TOAMin': vectors['TOA1'].min(), 'TOAMax': vectors['TOA2'].max()}}
+
+
+def _scene(pulses: Pulses, grid: MapGrid) -> dict:
+    datum = pulses.datum
+    origin = datum.to_ecef(pulses.reference_m)
+    half = np.array([grid.n_x, grid.n_y]) * grid.spacing_m / 2
+    if max(half) > _LONGEST_AREA_M:
+        raise CphdError(f'an area of {2 * half[0]:.3g} by {2 * half[1]:.3g} m is no scene on one '
+                        'plane')
+    latitude, longitude, height = (float(v) for v in ecef_to_geographic(origin))
+    # Clockwise, and on the side of the date line that the reference point is on: a polygon of
+    # latitudes and longitudes cannot cross it.
+    signs = np.array([(-1, -1), (-1, 1), (1, 1), (1, -1)])
+    corners = np.column_stack([signs * half, np.zeros(4)]) + pulses.reference_m
+    latitudes, longitudes, _ = datum.to_geographic(corners)
+    crossed = np.abs(longitudes - longitude) > 180
+    longitudes = np.where(crossed, np.copysign(180.0, longitude), longitudes)
+    points = [({'index': i + 1}, {'Lat': a, 'Lon': o})
+              for i, (a, o) in enumerate(zip(latitudes, longitudes, strict=True))]
+    x_axis, y_axis, _ = datum.axes_ecef
+    return {
+        'EarthModel': 'WGS_84',
+        'IARP': {'ECF': _xyz(origin),
+                 'LLH': {'Lat': latitude, 'Lon': longitude, 'HAE': height}},
+        'ReferenceSurface': {'Planar': {'uIAX': _xyz(x_axis), 'uIAY': _xyz(y_axis)}},
+        'ImageArea': {'X1Y1': {'X': -half[0], 'Y': -half[1]},
+                      'X2Y2': {'X': half[0], 'Y': half[1]}},
+        'ImageAreaCornerPoints': {'IACP': points},
+        'ImageGrid': {
+            'IARPLocation': {'Line': (grid.n_x - 1) / 2, 'Sample': (grid.n_y - 1) / 2},
+            'IAXExtent': {'LineSpacing': grid.spacing_m, 'FirstLine': 0, 'NumLines': grid.n_x},
+            'IAYExtent': {'SampleSpacing': grid.spacing_m, 'FirstSample': 0,
+                          'NumSamples': grid.n_y}}}
+
+
+def _data(pulses: Pulses, vectors: np.ndarray, collection: Collection, sample_type: str) -> dict:
+    n_channels, n_vectors = vectors.shape
+    signal = n_vectors * pulses.n_samples * SAMPLE_BYTES[sample_type]
+    return {
+        'SignalArrayFormat': sample_type, 'NumBytesPVP': vectors.itemsize,
+        'NumCPHDChannels': n_channels,
+        'Channel': [{'Identifier': name, 'NumVectors': n_vectors,
+                     'NumSamples': pulses.n_samples, 'SignalArrayByteOffset': i * signal,
+                     'PVPArrayByteOffset': i * n_vectors * vectors.itemsize}
+                    for i, name in enumerate(collection.channels)],
+        'NumSupportArrays': 0}
+
+
+def _fixed(vectors: np.ndarray, first: str, second: str) -> bool:
+    return bool((vectors[first] == vectors[first].flat[0]).all()
+                and (vectors[second] == vectors[second].flat[0]).all())
+
+
+def _channels(vectors: np.ndarray, collection: Collection) -> dict:
+    n_vectors = vectors.shape[1]
+
+    def parameters(own, name, polarisation):
+        low, high = own['FX1'].min(), own['FX2'].max()
+        return {'Identifier': name, 'RefVectorIndex': n_vectors // 2,
+                'FXFixed': _fixed(own, 'FX1', 'FX2'), 'TOAFixed': _fixed(own, 'TOA1', 'TOA2'),
+                'SRPFixed': True, 'SignalNormal': bool((own['SIGNAL'] == 1).all()),
+                'Polarization': {'TxPol': polarisation[0], 'RcvPol': polarisation[1]},
+                'FxC': (low + high) / 2, 'FxBW': high - low,
+                'TOASaved': own['TOA2'].max() - own['TOA1'].min(),
+                'DwellTimes': {'CODId': 'all', 'DwellId': 'all'}}
+
+    return {'RefChId': collection.channels[0], 'FXFixedCPHD': _fixed(vectors, 'FX1', 'FX2'),
+            'TOAFixedCPHD': _fixed(vectors, 'TOA1', 'TOA2'), 'SRPFixedCPHD': True,
+            'Parameters': [parameters(*of) for of in zip(
+                vectors, collection.channels, collection.polarisations, strict=True)]}
+
+
+def _layout(pulses: Pulses) -> dict:
+    out, offset = {}, 0
+    for name, kind in pulses.layout.items():
+        out[name] = {'Offset': offset, 'Size': words(kind), 'Format': kind}
+        offset += words(kind)
+    return out
+
+
+def _dwell(vectors: np.ndarray) -> dict:
+    """The whole area was seen all the time that all channels were on."""
+    delay = vectors['RcvTime'] - vectors['TxTime']
+    to_target = np.linalg.norm(vectors['TxPos'] - vectors['SRPPos'], axis=-1)
+    back = np.linalg.norm(vectors['RcvPos'] - vectors['SRPPos'], axis=-1)
+    time = vectors['TxTime'] + delay * to_target / (to_target + back)
+    first, last = time[:, 0].max(), time[:, -1].min()
+
+    def constant(value):
+        return ({'order1': 0, 'order2': 0},
+                {'Coef': ({'exponent1': 0, 'exponent2': 0}, float(value))})
+
+    return {'NumCODTimes': 1,
+            'CODTime': {'Identifier': 'all', 'CODTimePoly': constant((first + last) / 2)},
+            'NumDwellTimes': 1,
+            'DwellTime': {'Identifier': 'all', 'DwellTimePoly': constant(last - first)}}
+
+
+def _reference_geometry(tree, vectors: np.ndarray):
+    sarkit = require('sarkit.cphd', PURPOSE)
+    middle = vectors[0, vectors.shape[1] // 2]
+    if not (np.linalg.norm(middle['TxVel']) or np.linalg.norm(middle['RcvVel'])):
+        raise CphdError('the phase centres do not move, so that CPHD has no reference geometry '
+                        'for them')
+    with np.errstate(invalid='ignore', divide='ignore'):
+        geometry = sarkit.compute_reference_geometry(tree, vectors[0])
+    if any(node.text == 'nan' for node in geometry.iter()):
+        raise CphdError('the reference geometry is not defined: a phase centre is at the middle '
+                        'of the grid or exactly above it, or moves exactly towards it')
+    for node in geometry.iter():
+        if node.text == '360.0':  # a small negative angle, rounded; the schema wants less
+            node.text = repr(math.nextafter(360.0, 0.0))
+    return geometry

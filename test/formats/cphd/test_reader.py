@@ -1,0 +1,306 @@
+"""Files whose samples follow from the standard's formulas, read as pulses in closed form."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from sar_imaging.formats.cphd import CphdError, CphdReader, rewrite_cphd, write_cphd
+from sar_imaging.imaging.imager import plan_image
+from sar_imaging.signal.pulses import concatenate
+
+from .conftest import (
+    DATUM,
+    GRID,
+    by_formula,
+    expected_phase_history,
+    level_db,
+    pulses,
+)
+
+ROUNDING_DB = -125.0  # float32 samples, turned once: 2**-24 of each of three reflectors
+
+
+def template(folder, compressed=False, **options):
+    n_channels = options.pop('n_channels', 1)
+    write_cphd(folder / 'template.cphd', [pulses(compressed, n_channels)], DATUM, GRID, **options)
+    return folder / 'template.cphd'
+
+
+def read_whole(path, **options):
+    with CphdReader(path, datum=DATUM, **options) as reader:
+        return concatenate(list(reader.blocks())), reader.warnings
+
+
+def moved(step_m):
+    """Edit: the reference point moves along the scene, from vector to vector."""
+    def edit(tree, pvps):
+        for own in pvps.values():
+            along = np.arange(len(own)) - len(own) / 2
+            own['SRPPos'] += DATUM.vectors_to_ecef([0.3, 1.0, 0.0]) * step_m * along[:, None]
+        for node in tree.iter('{*}SRPFixed', '{*}SRPFixedCPHD'):
+            node.text = 'false'
+    return edit
+
+
+def both(*edits):
+    def edit(tree, pvps):
+        for one in edits:
+            one(tree, pvps)
+    return edit
+
+
+@pytest.mark.parametrize('sign', [-1, 1])
+@pytest.mark.parametrize('step_m', [0.0, 0.2], ids=['fixed', 'moving'])
+@pytest.mark.parametrize('n_channels', [1, 3])
+def test_phase_histories(tmp_path, sign, step_m, n_channels):
+    path = by_formula(template(tmp_path, sign=sign, n_channels=n_channels), tmp_path / 'b',
+                      moved(step_m))
+    block, warnings = read_whole(path)
+    assert warnings == [] and not block.compressed and block.n_channels == n_channels
+    expected = expected_phase_history(block)
+    assert level_db(block.samples - expected, expected) < ROUNDING_DB
+
+
+@pytest.mark.parametrize('sign', [-1, 1])
+@pytest.mark.parametrize('step_m', [0.0, 0.2], ids=['fixed', 'moving'])
+def test_range_profiles(tmp_path, sign, step_m):
+    """Each vector begins at its own part of a sample: it is shifted, its echoes well inside."""
+    path = by_formula(template(tmp_path, True, sign=sign), tmp_path / 'b', both(
+        moved(step_m), lambda tree, pvps: shifted(pvps)))
+    block, warnings = read_whole(path)
+    assert [w for w in warnings if 'parts of a sample' in w]
+    time = block.radar.first_sample_delay_s + np.arange(block.n_samples) / 300e6
+    expected = np.zeros(block.samples.shape, complex)
+    from .conftest import AMPLITUDES, POINTS_M
+    for point, amplitude in zip(POINTS_M, AMPLITUDES, strict=True):
+        delay = (np.linalg.norm(block.tx_m - point, axis=-1)
+                 + np.linalg.norm(block.rx_m - point, axis=-1))[..., None] / 299_792_458.0
+        expected += (amplitude * np.sinc(150e6 * (time - delay))
+                     * np.exp(-2j * np.pi * 9.6e9 * delay))
+    # Sidelobes of 1 / (pi x) are cut off at the ends of the window, x = 120 away: the shift rings
+    # with that, -50 dB there, and falls off towards the middle, where it is 1 / 100 of that.
+    inner = slice(180, 330)
+    assert level_db((block.samples - expected)[..., inner], expected) < -60
+
+
+def shifted(pvps):
+    for own in pvps.values():
+        part = np.linspace(0, 3.3, len(own)) * own['SCSS']
+        for name in ('SC0', 'TOA1', 'TOA2'):
+            own[name] += part
+
+
+@pytest.mark.parametrize('kind', ['CI2', 'CI4'])
+def test_integer_samples_with_factors(tmp_path, kind):
+    def edit(tree, pvps):
+        for own in pvps.values():
+            own['AmpSF'] *= np.linspace(1.0, 2.0, len(own))
+
+    path = by_formula(template(tmp_path, sample_type=kind), tmp_path / 'b', edit)
+    block, _ = read_whole(path)
+    expected = expected_phase_history(block)
+    # half a unit of the coarsest factor, in both parts: 2 * 2.2 / 127 or / 32767
+    limit = 20 * np.log10(2 * 2.2 / (127 if kind == 'CI2' else 32767) / np.sqrt(2) / 2.2)
+    assert limit - 12 < level_db(block.samples - expected, expected) < limit + 1
+
+
+def test_band_narrower_than_the_samples(tmp_path):
+    """Frequencies outside of every vector's band are cut, those outside of its own are zero."""
+    def edit(tree, pvps):
+        for own in pvps.values():
+            step = own['SCSS'][0]
+            own['FX1'] = own['SC0'] + 20 * step
+            own['FX2'] = own['SC0'] + (200 + np.arange(len(own)) % 5) * step
+
+    path = by_formula(template(tmp_path), tmp_path / 'b', edit)
+    block, warnings = read_whole(path)
+    assert block.n_samples == 204 - 20 + 1
+    assert any('71 of 256 frequencies' in text for text in warnings)
+    expected = expected_phase_history(block)
+    index = np.arange(block.n_samples)
+    expected[index > 180 + (np.arange(40) % 5)[:, None, None]] = 0
+    assert level_db(block.samples - expected, expected) < ROUNDING_DB
+
+
+def test_bands_that_step_from_vector_to_vector(tmp_path):
+    def edit(tree, pvps):
+        for own in pvps.values():
+            offset = 8 * (np.arange(len(own)) % 4) * own['SCSS']
+            for name in ('SC0', 'FX1', 'FX2'):
+                own[name] += offset
+
+    path = by_formula(template(tmp_path), tmp_path / 'b', edit)
+    block, _ = read_whole(path)
+    assert block.n_samples == 256 + 24
+    expected = expected_phase_history(block)
+    offset = 8 * (np.arange(40) % 4)[:, None, None]
+    index = np.arange(block.n_samples)
+    expected[(index < offset) | (index > offset + 255)] = 0
+    assert level_db(block.samples - expected, expected) < ROUNDING_DB
+
+
+@pytest.mark.parametrize(('name', 'factor', 'text'), [
+    ('SC0', 1 + 1e-6 * np.arange(40), 'parts of a step'),
+    ('SCSS', 1 + 1e-4 * np.arange(40), 'parts of a step')])
+def test_frequencies_beside_one_lattice_are_refused(tmp_path, name, factor, text):
+    def edit(tree, pvps):
+        for own in pvps.values():
+            own[name] *= factor
+
+    path = by_formula(template(tmp_path), tmp_path / 'b', edit)
+    with pytest.raises(CphdError, match=text):
+        CphdReader(path)
+
+
+def test_a_reference_that_moves_farther_than_the_window(tmp_path):
+    """Satellites walk through many windows: blocks get longer, echoes do not fold."""
+    def edit(tree, pvps):
+        moved(6.0)(tree, pvps)  # 190 m of range in a window of 128 m, of which 64 m are told
+        for own in pvps.values():
+            own['TOA1'], own['TOA2'] = -0.2 / own['SCSS'], 0.2 / own['SCSS']
+
+    path = by_formula(template(tmp_path), tmp_path / 'b', edit)
+    block, warnings = read_whole(path)
+    assert any('frequencies instead of 256' in text for text in warnings)
+    assert any('do not overlap' in text for text in warnings)
+    # Image of the vectors whose window holds all reflectors, beside that of the direct pulses.
+    # Profiles are cut to the window: sidelobes of 1 / (pi x) beyond x = 60 are missing, -45 dB.
+    own = slice(16, 25)
+    direct = pulses().select(own)
+    images = [plan_image(GRID, b.radar, b.n_samples, compressed=False, method='correlation')(b)
+              for b in (direct, block.select(own))]
+    assert level_db(images[0].samples - images[1].samples, images[0].samples) < -40
+
+
+def test_a_reference_that_moves_absurdly_far_is_refused(tmp_path):
+    path = by_formula(template(tmp_path), tmp_path / 'b', moved(1000.0))
+    with pytest.raises(CphdError, match='times their unambiguous window'):
+        CphdReader(path)
+
+
+def test_vectors_without_signal(tmp_path):
+    def edit(tree, pvps):
+        pvps['Channel_1']['SIGNAL'][[3, 4]] = 0
+        pvps['Channel_2']['SIGNAL'][[4, 7]] = 0
+
+    path = by_formula(template(tmp_path, n_channels=2), tmp_path / 'b', edit)
+    block, warnings = read_whole(path)
+    assert 4 not in block.counter and {3, 7} <= set(block.counter)
+    expected = expected_phase_history(block)
+    expected[block.counter == 3, 0] = expected[block.counter == 7, 1] = 0
+    assert level_db(block.samples - expected, expected) < ROUNDING_DB
+    assert len(warnings) == 2
+
+
+def test_troposphere_at_the_reference_is_told(tmp_path):
+    def edit(tree, pvps):
+        pvps['Channel_1']['TDTropoSRP'] = 12e-9
+
+    block, warnings = read_whole(by_formula(template(tmp_path), tmp_path / 'b', edit))
+    assert any('troposphere of 12 ns' in text for text in warnings)
+    expected = expected_phase_history(block)
+    assert level_db(block.samples - expected, expected) < ROUNDING_DB
+
+
+def test_channels_of_other_times_are_chosen(tmp_path):
+    def edit(tree, pvps):
+        for name in ('TxTime', 'RcvTime'):
+            pvps['Channel_2'][name] += 5e-3
+
+    path = by_formula(template(tmp_path, n_channels=3), tmp_path / 'b', edit)
+    with pytest.raises(CphdError, match='Channel_1, Channel_3; Channel_2'):
+        CphdReader(path)
+    with pytest.raises(CphdError, match='same times'):
+        CphdReader(path, channels=['Channel_1', 'Channel_2'])
+    with pytest.raises(CphdError, match='no channel x; it has Channel_1, Channel_2'):
+        CphdReader(path, channels=['x'])
+    block, _ = read_whole(path, channels=['Channel_3', 'Channel_1'])
+    expected = expected_phase_history(block)
+    assert level_db(block.samples - expected, expected) < ROUNDING_DB
+
+
+def test_version_1_0_1(tmp_path):
+    """The older version has the same arrays; its namespace and header differ."""
+    from lxml import etree
+
+    source = template(tmp_path).read_bytes()
+    for new, old in ((b'cphd/1.1.0', b'cphd/1.0.1'), (b'CPHD/1.1.0', b'CPHD/1.0.1')):
+        source = source.replace(new, old)
+    (tmp_path / 'b').write_bytes(source)
+    with CphdReader(tmp_path / 'b') as reader:
+        assert reader.container.version == '1.0.1'
+        assert etree.QName(reader.container.tree.getroot()).namespace.endswith('1.0.1')
+        assert sum(b.n_pulses for b in reader.blocks()) == 40
+
+
+def test_chunks_are_as_small_as_memory_wants_and_equal_the_whole(tmp_path):
+    path = template(tmp_path, n_channels=2)
+    with CphdReader(path) as reader:
+        whole = list(reader.blocks())
+        parts = list(reader.blocks(memory_bytes=256 * (8 * 2 + 64) * 3))
+        some = list(reader.blocks(start=10, stop=12))
+    assert len(whole) == 1 and max(p.n_pulses for p in parts) == 3
+    np.testing.assert_array_equal(concatenate(parts).samples, whole[0].samples)
+    np.testing.assert_array_equal(some[0].counter, [10, 11])
+
+
+@pytest.mark.parametrize('kind', ['CI2', 'CI4'])
+@pytest.mark.parametrize('compressed', [False, True])
+@pytest.mark.parametrize('sign', [-1, 1])
+def test_integers_come_back_to_the_bit(tmp_path, kind, compressed, sign):
+    path = template(tmp_path, compressed, sample_type=kind, sign=sign, n_channels=2)
+    with CphdReader(path) as reader:
+        rewrite_cphd(tmp_path / 'b', reader, reader.blocks(memory_bytes=10**6))
+    assert (tmp_path / 'b').read_bytes() == path.read_bytes()
+
+
+def test_floats_come_back_to_the_bit_where_phases_need_no_turn(tmp_path):
+    """A reference point as far away from all phase centres as the pulses' own reference."""
+    def edit(tree, pvps):
+        for own in pvps.values():
+            line = own['SRPPos'] - own['TxPos']
+            line /= np.linalg.norm(line, axis=-1, keepdims=True)
+            own['SRPPos'] = own['TxPos'] + 3600.0 * line
+
+    path = by_formula(template(tmp_path), tmp_path / 'b', edit)
+    with CphdReader(path) as reader:
+        rewrite_cphd(tmp_path / 'c', reader, reader.blocks())
+    assert (tmp_path / 'c').read_bytes() == path.read_bytes()
+
+
+@pytest.mark.parametrize('compressed', [False, True])
+def test_floats_come_back_to_their_rounding_elsewhere(tmp_path, compressed):
+    path = template(tmp_path, compressed)
+    with CphdReader(path) as reader:
+        rewrite_cphd(tmp_path / 'b', reader, reader.blocks())
+        first, last = reader.container.channels['Channel_1'].signal_offset, None
+    before, after = (np.frombuffer(p.read_bytes()[first:last], '>c8')
+                     for p in (path, tmp_path / 'b'))
+    assert (tmp_path / 'b').read_bytes()[:first] == path.read_bytes()[:first]
+    assert level_db(before - after, before) < -135  # two roundings of 2**-24 of the largest
+
+
+def test_changed_samples_are_written_and_others_kept(tmp_path):
+    path = template(tmp_path, sample_type='CI4')
+    with CphdReader(path) as reader:
+        [block] = reader.blocks(start=5, stop=8)
+        rewrite_cphd(tmp_path / 'b', reader,
+                     [dataclasses.replace(block, samples=block.samples * 0.5)])
+    before, after = read_whole(path)[0].samples, read_whole(tmp_path / 'b')[0].samples
+    np.testing.assert_allclose(after[5:8], before[5:8] / 2, atol=1e-4)
+    np.testing.assert_array_equal(np.delete(after, [5, 6, 7], 0), np.delete(before, [5, 6, 7], 0))
+
+
+def test_blocks_of_another_file_are_refused(tmp_path):
+    path = template(tmp_path)
+    with CphdReader(path) as reader:
+        [block] = reader.blocks()
+        with pytest.raises(CphdError, match='counters'):
+            rewrite_cphd(tmp_path / 'b', reader,
+                         [dataclasses.replace(block, counter=block.counter + 1)])
+        with pytest.raises(CphdError, match='not of'):
+            rewrite_cphd(tmp_path / 'b', reader, [pulses(True)])
+        with pytest.raises(CphdError, match='choose another'):
+            rewrite_cphd(path, reader, [block], overwrite=True)
+    assert not (tmp_path / 'b').exists()
