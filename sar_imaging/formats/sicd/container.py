@@ -76,7 +76,7 @@ class SicdContainer:
             try:
                 root = etree.fromstring(text, parser)
             except (etree.XMLSyntaxError, ValueError) as error:
-                raise ValueError(f'its XML is damaged: {error}') from None
+                raise ValueError(f'its XML is damaged: {" ".join(str(error).split())}') from None
             if etree.QName(root).localname == 'SICD':
                 return root
         raise ValueError('there is no SICD in it; expected a NITF file with the XML of one')

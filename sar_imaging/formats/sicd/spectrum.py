@@ -14,8 +14,9 @@ import numpy as np
 
 from ..acquisition import Acquisition
 
-N_FREQUENCIES = 65
 N_WEIGHTS = 64
+_N_DIRECTIONS = 2048  # between the pulses, at which the density of a support is taken
+_LEAST_BAND = 1e-3
 _MAX_PULSES = 512  # more would not change a width by a thousandth
 
 
@@ -85,20 +86,25 @@ def support(acquisition: Acquisition, point_m, axis) -> SpatialSupport:
     SpatialSupport
     """
     along = directions(thinned(acquisition), point_m)[:, 0] @ np.asarray(axis, np.float64)
-    frequencies = np.linspace(*acquisition.wavenumbers_per_m, N_FREQUENCIES)
-    values = np.multiply.outer(along, frequencies).ravel()
-    low, high = float(values.min()), float(values.max())
-    density, _ = np.histogram(values, N_WEIGHTS, (low, high))
-    weights = density / density.max()
-    return SpatialSupport(low, high, weights, _response_width(values - 0.5 * (low + high)))
+    between = np.interp(np.linspace(0, len(along) - 1, _N_DIRECTIONS), np.arange(len(along)),
+                        along)
+    ends = np.sort(np.multiply.outer(between, acquisition.wavenumbers_per_m), axis=1)
+    low, high = float(ends.min()), float(ends.max())
+    edges = np.linspace(low, high, 8 * N_WEIGHTS + 1)
+    least = _LEAST_BAND * (high - low)  # of a direction across the axis
+    share = (edges - ends[:, :1]) / np.maximum(ends[:, 1:] - ends[:, :1], least)
+    density = np.diff(np.clip(share, 0.0, 1.0).mean(axis=0))
+    weights = density.reshape(N_WEIGHTS, 8).sum(axis=1)
+    return SpatialSupport(low, high, weights / weights.max(), _response_width(
+        0.5 * (edges[1:] + edges[:-1] - low - high), density / density.sum()))
 
 
-def _response_width(frequencies: np.ndarray) -> float:
-    """Width at -3 dB of the sum of ``exp(j 2 pi k x)``, metres."""
+def _response_width(frequencies: np.ndarray, density: np.ndarray) -> float:
+    """Width at -3 dB of ``sum density exp(j 2 pi k x)``, metres."""
     extent = np.ptp(frequencies)
 
     def level(x):
-        return np.abs(np.exp(2j * np.pi * frequencies * x).mean())
+        return np.abs(density @ np.exp(2j * np.pi * frequencies * x))
 
     near, far = 0.0, 0.25 / extent
     while level(far) ** 2 > 0.5:

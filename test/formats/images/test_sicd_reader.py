@@ -1,0 +1,188 @@
+"""Files of others, damaged files, and files that lie."""
+
+import os
+import pathlib
+import re
+import resource
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings, strategies as st
+
+from sar_imaging.formats import read_sicd, write_sicd
+
+sksicd = pytest.importorskip('sarkit.sicd', reason='sarkit is not installed: it needs Python 3.11')
+
+ROOT = pathlib.Path(__file__).resolve().parents[3]
+# croppedNitfs/SICD of ngageoint/six-library
+SAMPLES = pathlib.Path(os.environ.get('SICD_SAMPLES', ROOT.parent / 'shared/data/sicd_samples'))
+NO_SAMPLES = f'no {SAMPLES}: the folder croppedNitfs/SICD of ngageoint/six-library, or SICD_SAMPLES'
+
+
+@pytest.mark.data
+def test_public_samples():
+    paths = sorted(SAMPLES.glob('*sicd*.nitf'))
+    if not paths:
+        pytest.skip(NO_SAMPLES)
+    for path in paths:
+        product = read_sicd(path)
+        assert product.image.shape == (5, 5)
+        # what all of these files tell of one acquisition of TerraSAR-X
+        assert product.acquisition.radar.carrier_hz == pytest.approx(9.65e9)
+        assert (product.datum.latitude_deg, product.datum.longitude_deg) == pytest.approx(
+            (47.858400, 12.138994), abs=1e-6)
+        track = product.acquisition.centre_m[:, 2]
+        assert 470e3 < track.min() <= track.max() < 530e3
+        spacing = np.linalg.norm(product.image.grid.steps_m, axis=1)
+        np.testing.assert_allclose(spacing, (0.909403, 1.0), rtol=0.3)
+
+
+@pytest.mark.data
+def test_public_samples_as_the_reference_reads_them():
+    paths = [SAMPLES / f'cropped_sicd_{name}.nitf' for name in ('110', 'extra_des')]
+    if not all(path.exists() for path in paths):
+        pytest.skip(NO_SAMPLES)
+    for path in paths:
+        with open(path, 'rb') as file, sksicd.NitfReader(file) as reader:
+            pixels, tree = reader.read_image(), reader.metadata.xmltree
+        samples = pixels['real'] + 1j * pixels['imag']
+        # the carrier along rows, KCtr, is back: by so many turns a row from the middle
+        turns = [float(tree.findtext(f'{{*}}Grid/{{*}}{name}/{{*}}KCtr'))
+                 * float(tree.findtext(f'{{*}}Grid/{{*}}{name}/{{*}}SS')) * (
+                     np.arange(5) + int(tree.findtext(f'{{*}}ImageData/{{*}}First{name}'))
+                     - int(tree.findtext(f'{{*}}ImageData/{{*}}SCPPixel/{{*}}{name}')))
+                 for name in ('Row', 'Col')]
+        expected = samples * np.exp(2j * np.pi * np.add.outer(*turns))
+        # float32 of the product
+        np.testing.assert_allclose(read_sicd(path).image.samples, expected,
+                                   atol=1e-6 * np.abs(samples).max())
+
+
+class Content(bytes):
+    """Bytes of a file, which failed tests need not print."""
+
+    def __repr__(self):
+        return f'<{len(self)} bytes>'
+
+
+@pytest.fixture(scope='module')
+def written(flight, tmp_path_factory):
+    """Bytes of a small file."""
+    flown = flight()
+    path = tmp_path_factory.mktemp('sicd') / 'image.nitf'
+    write_sicd(path, flown.sicd_image(size_m=8.0), flown.datum, flown.acquisition)
+    return Content(path.read_bytes())
+
+
+def read(tmp_path, content):
+    path = tmp_path / 'damaged.nitf'
+    path.write_bytes(content)
+    return read_sicd(path)
+
+
+def test_of_any_length_that_is_cut_off(written, tmp_path):
+    for length in [0, 3, 4, 300, *range(400, len(written), len(written) // 40), len(written) - 1]:
+        with pytest.raises(ValueError, match='damaged.nitf cannot be read as SICD: '):
+            read(tmp_path, written[:length])
+
+
+@pytest.mark.parametrize(('old', 'new', 'told'), [
+    (b'<NumRows>', b'<NumRows>9', 'its segments hold .* rows .*, its XML tells of 9'),
+    (b'<NumRows>', b'<NumRows>-', r'ImageData/NumRows=-\d+; expected a whole number of 1 to'),
+    (b'<NumRows>', b'<NumRows>x', "ImageData/NumRows='x.*; expected a number"),
+    (b'>RE32F_IM32F<', b'>RE64F_IM64F<', "PixelType='RE64F_IM64F'; expected one of RE32F"),
+    (b'<SS>', b'<SS>-', 'Grid/Row/SS=-.*; expected metres between pixels'),
+    (b'<SCP>', b'<SCQ>', 'its XML is damaged'),
+    (b'<X>', b'<X>nan', 'expected a number'),
+    (b'<TEndProc>', b'<TEndProc>-', 'expected an interval of less than a day'),
+    (b'<CollectStart>', b'<CollectStart>about ', 'expected a date such as'),
+    (b'NITF02.10', b'PITF02.10', 'does not begin with NITF'),
+    (b'urn:SICD:1.3.0"><CollectionInfo', b'urn:SICD:1.3.0"><CollectionInfi', 'XML is damaged')])
+def test_absurd_values(written, tmp_path, old, new, told):
+    assert old in written
+    grown = len(new) - len(old)
+    text = written.replace(old, new, 1)
+    if grown:  # the header tells the length of the XML
+        length = len(written) - written.index(b'<SICD')
+        text = text.replace(b'%09d' % length, b'%09d' % (length + grown), 1)
+    with pytest.raises(ValueError, match=told):
+        read(tmp_path, text)
+
+
+def test_other_files(tmp_path):
+    with pytest.raises(ValueError, match='does not begin with NITF'):
+        read(tmp_path, b'II*\0 no such file')
+    with pytest.raises(FileNotFoundError):
+        read_sicd(tmp_path / 'none.nitf')
+
+
+@st.composite
+def mutations(draw):
+    """How to damage a file: bytes overwritten, removed, repeated; digits made large."""
+    def number(text):
+        return draw(st.floats(0, 1, exclude_max=True), label=text)
+    return draw(st.lists(st.tuples(
+        st.sampled_from(['set', 'flip', 'cut', 'double', 'nines', 'zeros']),
+        st.floats(0, 1, exclude_max=True), st.integers(1, 16), st.binary(min_size=1, max_size=16)),
+        min_size=1, max_size=4)), number('where')
+
+
+def damaged(content, changes, headers):
+    """The file with these changes, half of which fall into its headers and its XML."""
+    out = bytearray(content)
+    for i, (kind, where, n, new) in enumerate(changes):
+        inside = headers if i % 2 == 0 else [(0, len(out))]
+        low, high = inside[int(where * 997) % len(inside)]
+        at = min(low + int(where * (high - low)), max(len(out) - 1, 0))
+        if kind == 'set':
+            out[at:at + len(new)] = new
+        elif kind == 'flip':
+            out[at:at + 1] = bytes(255 - b for b in out[at:at + 1])
+        elif kind == 'cut':
+            del out[at:at + n * 7]
+        elif kind == 'double':
+            out[at:at] = out[at:at + n * 5]
+        else:
+            digit = b'9' if kind == 'nines' else b'0'
+            out[at:at + n] = re.sub(rb'\d', digit, bytes(out[at:at + n]))
+    return Content(out)
+
+
+def survives(tmp_path, written, changes):
+    """A damaged file is read, or refused with one clear line, within the memory of its size."""
+    start = written.index(b'<SICD')
+    headers = [(0, 900), (start - 1200, start), (start, len(written))]
+    try:
+        product = read(tmp_path, damaged(written, changes, headers))
+    except ValueError as error:
+        assert 'cannot be read as SICD' in str(error) and '\n' not in str(error)
+    else:
+        assert product.image.samples.nbytes <= len(written)
+        assert np.prod(product.image.shape) == product.image.samples.size
+
+
+@pytest.fixture
+def little_memory():
+    """A file of some kilobytes needs no gigabyte; asking for one fails."""
+    limits = resource.getrlimit(resource.RLIMIT_AS)
+    with open('/proc/self/statm') as file:
+        used = int(file.read().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + 2**28, limits[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_AS, limits)
+
+
+PROPERTY = dict(suppress_health_check=list(HealthCheck), deadline=None)
+
+
+@settings(max_examples=300, derandomize=True, **PROPERTY)
+@given(mutations())
+def test_damaged_files(written, tmp_path, little_memory, drawn):
+    survives(tmp_path, written, drawn[0])
+
+
+@pytest.mark.campaign
+@settings(max_examples=10_000, **PROPERTY)
+@given(mutations())
+def test_many_damaged_files(written, tmp_path, little_memory, drawn):
+    survives(tmp_path, written, drawn[0])
