@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign
+.PHONY: installed formats help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign format-campaign
 .DEFAULT_GOAL := help
 
 help:
@@ -47,6 +47,8 @@ help:
 	@echo '             goes on where it was stopped, CASES=100 for few'
 	@echo 'make obstacle-campaign'
 	@echo '             obstacle maps of 300 random scenes beside the truth, 15 minutes of a core; SCENES=10 for few'
+	@echo 'make format-campaign'
+	@echo '             10,000 damaged files for each reader of formats, some minutes'
 	@echo 'make bags    write the recordings in bags/ again'
 	@echo 'make reproduce-multichannel'
 	@echo '             figures and tables of Rosenberg & Gray into out/multichannel'
@@ -118,6 +120,9 @@ prediction-campaign: environment
 obstacle-campaign: environment
 	@$(RUN) -m benchmarks.obstacle_campaign --scenes $${SCENES:-100} \
 	    --results $${RESULTS:-benchmarks/results/obstacles.json}
+
+format-campaign: formats
+	@$(RUN) -m pytest -m campaign test/formats
 
 # The commands of bags/README.md.
 bags: environment

@@ -16,7 +16,7 @@ sksicd = pytest.importorskip('sarkit.sicd', reason='sarkit is not installed: it 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 # croppedNitfs/SICD of ngageoint/six-library
 SAMPLES = pathlib.Path(os.environ.get('SICD_SAMPLES', ROOT.parent / 'shared/data/sicd_samples'))
-NO_SAMPLES = f'no {SAMPLES}: the folder croppedNitfs/SICD of ngageoint/six-library, or SICD_SAMPLES'
+NO_SAMPLES = f'no {SAMPLES}: croppedNitfs/SICD of ngageoint/six-library, or SICD_SAMPLES'
 
 
 @pytest.mark.data
