@@ -1,6 +1,6 @@
 """What follows from radar, platform and settings, and what of it cannot work. No ROS.
 
-- `settings`, `parameters`, `positions`: the configuration, from ROS parameter files too;
+- `settings`, `parameters`, `positions`, `datum`: the configuration, from ROS parameter files too;
 - `derived`, `scene`, `subapertures`, `memory`: resolution, ambiguities, times and bytes;
 - `constraints`: what cannot work or will disappoint, with what to change;
 - `report`, `startup`: the same in words, for `check_config` and at the start of a node.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from .constraints import Finding
+from .datum import check_datum, datum_rows
 from .settings import Acquisition
 
 BLOCK = 'block'
@@ -27,7 +28,7 @@ def check_positions(nodes: Mapping[str, Mapping],
     -------
     list of Finding
     """
-    found = [*_check_frames(nodes)]
+    found = [*_check_frames(nodes), *check_datum(nodes)]
     buffer = nodes[_BUFFER]
     if buffer['pose.source'] != BLOCK:
         found += _check_pose_frame(buffer)
@@ -42,15 +43,17 @@ def position_rows(nodes: Mapping[str, Mapping],
     """Where positions come from, in words: name, value, explanation."""
     buffer, imager = nodes[_BUFFER], nodes['backprojection']
     source, frame = buffer['pose.source'], buffer['frame_id']
+    datum = datum_rows(buffer)
     if source == BLOCK:
-        return [('positions', 'pulses', f'every pulse brings those of its antennas, in {frame}')]
+        return [('positions', 'pulses', f'every pulse brings those of its antennas, in {frame}'),
+                *datum]
     searched = imager['autofocus.time_offset']
     moved = f'{0.1 * acquisition.speed_m_per_s:.3g} m'
     return [('positions', source, f'of the platform, in frame {frame} as grid and images'),
             ('clock of the poses', f'{buffer["pose.time_offset_s"]:g} s',
              f'ahead of the radar; autofocus looks for up to {searched:g} s' if searched else
              f'ahead of the radar; nothing checks it: 0.1 s would move images by {moved}; '
-             'autofocus.time_offset estimates it')]
+             'autofocus.time_offset estimates it'), *datum]
 
 
 def _check_frames(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:

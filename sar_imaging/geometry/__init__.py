@@ -2,7 +2,7 @@
 
 - `grids`, `polar`, `terrain`: pixels on a map, around an aperture, on the heights of the ground;
 - `poses`, `pose_interpolation`, `alignment`: from the platform's odometry to phase centres;
-- `earth`: where on the Earth the imaging frame stands;
+- `earth`, `navigation`: where on the Earth the imaging frame stands, and satellite navigation;
 - `straight_track`, `track_prediction`, `map_edges`: what imagers need of a track and a map.
 """
 

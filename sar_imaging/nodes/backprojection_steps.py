@@ -30,6 +30,7 @@ from .images.image_products import ImageProducts
 from .images.obstacle_products import ObstacleProducts
 from .images.terrain import TERRAIN_FILE, terrain_heights
 from .poses import pose_input
+from .poses.frame_datum import DatumInput
 from .runtime.health import Health, Part
 from .runtime.managed import ManagedNode
 from .runtime.parameters import ANY_TIME, ConfigurationError, Parameter, one_of
@@ -206,7 +207,8 @@ class ImageStep(BackprojectionStep):
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
-        self._focus = ImageFocus.wanted(parameters, self._grid, health)
+        self._datum = DatumInput(parameters, health)
+        self._focus = ImageFocus.wanted(parameters, self._grid, health, self._datum)
         self._positions = None if self._focus is None else self._focus.positions
         self._imager = ApertureImager(
             self._grid, pulses_per_aperture=parameters['pulses_per_aperture'],
@@ -231,12 +233,14 @@ class ImageStep(BackprojectionStep):
 
     def activate(self, node: ManagedNode) -> None:
         """Tell where the images will be; see `Step`."""
+        self._datum.activate(node)
         self._products.announce(self._grid, node.get_clock().now().to_msg())
         if self._positions is not None:
             self._positions.activate(node)
 
     def deactivate(self, node: ManagedNode) -> None:
-        """Listen to poses no more; see `Step`."""
+        """Listen to poses and the datum no more; see `Step`."""
+        self._datum.deactivate(node)
         if self._positions is not None:
             self._positions.deactivate(node)
 

@@ -10,10 +10,13 @@ from collections.abc import Mapping
 from rclpy.clock import Clock, ClockType
 
 from msg_conversions.pulse_block import as_received
+from sar_imaging.configuration.datum import check_fixes
 from sar_imaging.signal.positioning import Positioner
 from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.pulses.buffer import PulseBuffer
 
+from .poses.fix_input import HEADING_BASELINE, DatumFinder
+from .poses.frame_datum import DatumOutput
 from .poses.pose_input import (
     BLOCK,
     PARAMETERS as POSE_PARAMETERS,
@@ -25,7 +28,7 @@ from .poses.pose_input import (
 from .runtime.block_output import BlockOutput
 from .runtime.health import Health, Part
 from .runtime.managed import ManagedNode, run
-from .runtime.parameters import ANY_TIME, Parameter, plain_frame
+from .runtime.parameters import ANY_TIME, ConfigurationError, Parameter, plain_frame
 from .runtime.stage import Stage
 from .runtime.step import Step
 
@@ -37,6 +40,7 @@ PARAMETERS = (
     Parameter('flush_timeout_s', 0.5, 'Held pulses are published when no input came for this '
               'long, by the wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME),
     *POSE_PARAMETERS,
+    HEADING_BASELINE,
 )
 _WAIT_PERIOD_S = 0.05  # how often the end of a wait for poses is looked for
 
@@ -47,10 +51,12 @@ class PulseBufferStep(Step):
     NAME = 'pulse_buffer'
     PARAMETERS = PARAMETERS
     COUNTERS = ('pulses_received', 'pulses_emitted', 'apertures_started',
-                'configuration_changes', 'pulses_waiting_for_poses', 'poses_received')
+                'configuration_changes', 'pulses_waiting_for_poses', 'poses_received',
+                'fixes_received')
     FAULTS = ('pulses_missing', 'pulses_duplicate', 'pulses_late', 'pulses_corrupt', 'restarts',
               'pulses_without_pose', 'pulses_of_another_frame', 'poses_rejected', 'poses_late',
-              'pose_gaps', 'pose_jumps', 'pose_restarts')
+              'pose_gaps', 'pose_jumps', 'pose_restarts', 'fixes_rejected', 'fixes_without_pose',
+              'attitudes_unused')
     IDLE_PARAMETER = 'flush_timeout_s'
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
@@ -60,16 +66,25 @@ class PulseBufferStep(Step):
             pulses_per_block=parameters['pulses_per_block'],
             reorder_window_pulses=parameters['reorder_window_pulses'],
             positions_required=parameters['pose.source'] == BLOCK)
-        self._poses = self._positioner = self._timer = None
+        self._poses = self._positioner = self._timer = self._finder = None
         self._woken = False
         self._frame = plain_frame(parameters['frame_id'])
+        try:
+            check_fixes(parameters)
+        except ValueError as error:
+            raise ConfigurationError(str(error)) from error
+        self._datum = DatumOutput(parameters, health)
         if parameters['pose.source'] != BLOCK:
-            self._poses = PoseInput(parameters, health, self._pose_came)
+            self._poses = PoseInput(parameters, health, self._pose_came, self._datum)
+            if self._datum.awaited and self._poses.of_fixes is None:
+                self._finder = DatumFinder(parameters, health, self._datum)
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publisher of the blocks, and read lever arms from tf; see `Step`."""
         p = self.parameters
         self._output = BlockOutput(node, 'pulse_blocks', p)
+        if self._datum.wanted:
+            self._datum.create(node)
         if self._poses is not None:
             self._positioner = Positioner(
                 track_from(p), alignment_from(p, node),
@@ -78,7 +93,11 @@ class PulseBufferStep(Step):
                 channel_offset_s=p['antenna.offset_s'])
 
     def activate(self, node: Stage) -> None:
-        """Subscribe to poses where positions come from them; see `Step`."""
+        """Tell the datum, subscribe to poses and fixes that are needed; see `Step`."""
+        if self._datum.wanted:
+            self._datum.activate()
+        if self._finder is not None:
+            self._finder.fixes.activate(node)
         if self._poses is not None:
             self._node, self._woken = node, False
             self._timer = node.create_timer(_WAIT_PERIOD_S, self._look_for_ends,
@@ -89,6 +108,8 @@ class PulseBufferStep(Step):
 
     def deactivate(self, node: Stage) -> None:
         """Unsubscribe; see `Step`."""
+        if self._finder is not None:
+            self._finder.fixes.deactivate(node)
         if self._poses is not None:
             self._poses.deactivate()
             if self._timer is not None:
@@ -151,7 +172,18 @@ class PulseBufferStep(Step):
                 ('pose_gaps', s.pose_gaps), ('pose_jumps', s.pose_jumps),
                 ('pose_restarts', s.pose_restarts)):
             self.health.set(key, value)
+        self._update_fix_counters()
         self._poses.check_stall()
+
+    def _update_fix_counters(self) -> None:
+        if (of_fixes := self._poses.of_fixes) is not None:
+            self.health.set('fixes_received', of_fixes.n_fixes)
+            self.health.set('fixes_rejected', of_fixes.n_fixes_rejected)
+            self.health.set('attitudes_unused', of_fixes.n_attitudes_unused)
+        elif self._finder is not None:
+            self.health.set('fixes_received', self._finder.fixes.n_received)
+            self.health.set('fixes_rejected', self._finder.fixes.n_rejected)
+            self.health.set('fixes_without_pose', self._finder.n_without_pose)
 
     def _emitted(self, blocks: list[PulseBlock]) -> list[PulseBlock]:
         self.report(self._buffer.take_events())
@@ -168,6 +200,8 @@ class PulseBufferStep(Step):
         located = []
         for pose in self._poses.take():
             located += self._positioner.add_pose(*pose)
+        if self._finder is not None:
+            self._finder.look(self._positioner.track)
         now = time.monotonic()
         for block in blocks:
             located += self._positioner.push(block, now)
@@ -180,7 +214,8 @@ class PulseBufferStep(Step):
             self._wake()
 
     def _look_for_ends(self) -> None:
-        if self._positioner.waiting_pulses or self._poses.waiting:
+        if (self._positioner.waiting_pulses or self._poses.waiting
+                or (self._finder is not None and self._finder.waiting)):
             self._wake()
 
     def _wake(self) -> None:

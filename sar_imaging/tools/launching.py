@@ -16,7 +16,7 @@ from sar_imaging.configuration.parameters import parse
 from .node_processes import MODES, PROFILE, node_names
 
 CONFIG = Path(str(importlib.resources.files('sar_imaging') / 'config'))
-RECORDED_TOPICS = ('/pulses', '/odometry', '/pose')
+RECORDED_TOPICS = ('/pulses', '/odometry', '/pose', '/fix', '/imu')
 # Name, default, description.
 ARGUMENTS = (
     ('config', 'sar_imaging', 'Parameter file, or name of a shipped one such as airborne_x_band'),

@@ -58,7 +58,7 @@ def parameters_from_truth(truth: Mapping, mode: str = 'image') -> dict[str, dict
     grid = truth['grid']
     x, y, z = (float(v) for v in grid['centre_m'])
     spacing = float(grid['spacing_m'])
-    frame = {'frame_id': truth['frame']}
+    frame = {'frame_id': truth['frame']} | _datum_parameters(truth)
     pulses = {'pulses_per_aperture': int(truth['pulses_per_aperture'])} | frame
     return {
         'pulse_buffer': pulses | _alignment_parameters(truth),
@@ -70,6 +70,14 @@ def parameters_from_truth(truth: Mapping, mode: str = 'image') -> dict[str, dict
             'grid.size_y': (grid['n_y'] - 1) * spacing, 'grid.spacing': spacing},
         'afbp_fusion': dict(frame),
     }
+
+
+def _datum_parameters(truth: Mapping) -> dict:
+    """Parameters for a recording that says where on the Earth its frame stands."""
+    if 'datum' not in truth:
+        return {}
+    return {'datum.source': 'parameters'} | {
+        f'datum.{name}': float(value) for name, value in truth['datum'].items()}
 
 
 def _alignment_parameters(truth: Mapping) -> dict:

@@ -12,7 +12,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from sar_imaging.configuration.datum import configured_datum
 from sar_imaging.configuration.parameters import ConfigurationFileError, read_configuration
+from sar_imaging.geometry.earth import Datum
 from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.simulation.scenarios.configured import configured_scenario
 from sar_imaging.simulation.scenarios.scenario import Scenario
@@ -35,7 +37,8 @@ check_config:
 """
 
 
-def scenario_truth(scenario: Scenario, *, window: str = 'none', frame: str = 'map') -> dict:
+def scenario_truth(scenario: Scenario, *, window: str = 'none', frame: str = 'map',
+                   datum: Datum | None = None) -> dict:
     """Truth to store with a recording of the scenario, see `bag_io.make_truth`."""
     truth = make_truth(
         scenario=scenario.name, description=scenario.description,
@@ -45,7 +48,8 @@ def scenario_truth(scenario: Scenario, *, window: str = 'none', frame: str = 'ma
         grid=scenario.grid, pulses_per_aperture=scenario.pulses_per_aperture,
         n_pulses=scenario.n_pulses, n_channels=scenario.n_channels,
         cut_half_width_m=scenario.cut_half_width_m, radar=scenario.radar,
-        compressed=scenario.compressed, notes=scenario.notes, window=window, frame=frame)
+        compressed=scenario.compressed, notes=scenario.notes, window=window, frame=frame,
+        datum=datum)
     if scenario.movers:  # time zero of their positions is the middle of the recording
         truth['movers'] = [{'name': m.name, 'position_m': list(m.position_m),
                             'velocity_m_per_s': list(m.velocity_m_per_s),
@@ -133,15 +137,16 @@ def _write_configured(arguments: argparse.Namespace) -> str:
         imaging = configuration.imaging()
         scenario = configured_scenario(arguments.config.stem, configuration.acquisition(),
                                        imaging, apertures=arguments.apertures)
-        return _write(scenario, arguments, window=imaging.window,
-                      frame=configuration.nodes['backprojection']['frame_id'])
+        node = configuration.nodes['backprojection']
+        return _write(scenario, arguments, window=imaging.window, frame=node['frame_id'],
+                      datum=configured_datum(node))
     except ValueError as error:
         raise ConfigurationFileError(f'{arguments.config}: {error}; check_config tells more'
                                      ) from error
 
 
 def _write(scenario: Scenario, arguments: argparse.Namespace, *, window: str = 'none',
-           frame: str = '') -> str:
+           frame: str = '', datum: Datum | None = None) -> str:
     if arguments.noise_std is not None:
         scenario = dataclasses.replace(scenario, noise_std=arguments.noise_std)
     if arguments.seed is not None:
@@ -151,7 +156,8 @@ def _write(scenario: Scenario, arguments: argparse.Namespace, *, window: str = '
     pulses = (dataclasses.replace(block, frame=frame)
               for block in scenario.blocks(arguments.pulses_per_message))
     count = write_bag(output, with_progress(pulses, scenario.n_pulses),
-                      scenario_truth(scenario, window=window, frame=frame or 'map'),
+                      scenario_truth(scenario, window=window, frame=frame or 'map',
+                                     datum=datum),
                       overwrite=arguments.force)
     return (f'{output}: {scenario.n_pulses} pulses of {scenario.n_channels} channels in {count} '
             f'messages, {len(scenario.scatterers)} scatterers')

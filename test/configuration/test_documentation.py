@@ -45,7 +45,8 @@ def test_every_derived_line_is_explained():
     printed = []
     for name in PLATFORMS:
         printed += [re.sub(r'^memory of .*', 'memory of', row) for row in derived_rows(name)]
-    assert set(documented) == {*printed, 'sub-apertures', 'positions', 'clock of the poses'}
+    assert set(documented) == {*printed, 'sub-apertures', 'positions', 'clock of the poses',
+                               'datum'}
 
 
 def test_every_number_of_radar_and_platform_is_explained():

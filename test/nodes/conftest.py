@@ -257,7 +257,7 @@ class Observer:
     def counters(self, node, part='stage'):
         """Latest diagnostics as numbers."""
         status = self.status(node, part)
-        texts = 'last_rejection', 'mistake'
+        texts = 'last_rejection', 'mistake', 'datum'
         return {v.key: float(v.value) for v in status.values
                 if v.key not in texts} if status else {}
 

@@ -84,7 +84,8 @@ def test_the_page_of_a_node_describes_every_parameter(pytestconfig, name):
                         'overload': 'drop_apertures, drop_blocks',
                         'mode': 'image, subapertures', 'method': 'auto, exact, afbp',
                         'quicklook.anchor': 'clutter, peak',
-                        'pose.source': 'block, odometry, pose, tf'}
+                        'pose.source': 'block, odometry, pose, tf, fix, fix_imu',
+                        'datum.source': 'none, parameters, fix'}
     for choice, words in expected_choices.items():
         if choice in expected:
             expected[choice][2] = words

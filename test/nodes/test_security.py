@@ -29,7 +29,8 @@ RULES = {('topics', 'publish'), ('topics', 'subscribe'), ('services', 'reply'),
 TF = {'/tf', '/tf_static'}
 # Settings that together make every topic.
 SMALL = {'grid.size_x': 4.0, 'grid.size_y': 4.0, 'use_sim_time': True}
-POSES = [{'pose.source': 'odometry'}, {'pose.source': 'pose'}]
+POSES = [{'pose.source': 'odometry', 'datum.source': 'fix'}, {'pose.source': 'pose'},
+         {'pose.source': 'fix_imu', 'datum.source': 'fix'}]
 SUBAPERTURES = {'mode': 'subapertures'}
 STRIP = {'strip_max_pixels': 1000}
 FOCUS = {'autofocus.time_offset': 1.0}
@@ -38,7 +39,7 @@ NODES = {PulseBufferNode: POSES,
          BackprojectionNode: [SUBAPERTURES, *(FOCUS | poses for poses in POSES)],
          FusionNode: [STRIP],
          MovingTargetsNode: [{}],
-         SarPipelineNode: [POSES[0], POSES[1] | SUBAPERTURES | STRIP]}
+         SarPipelineNode: [POSES[0], POSES[1] | SUBAPERTURES | STRIP, POSES[2]]}
 
 
 def rules(profile):
@@ -133,7 +134,8 @@ def test_only_those_who_should_may(policy):
                 if allowed.get(verb, set()) & set(names)}
 
     assert who('publish', '/pulses') == {'radar_driver'}
-    assert who('publish', '/odometry', '/pose', '/tf', '/tf_static') == {'localisation'}
+    poses = '/odometry', '/pose', '/fix', '/imu', '/tf', '/tf_static'
+    assert who('publish', *poses) == {'localisation'}
     assert all('request' not in allowed for name, allowed in policy.items() if name != 'operator')
     assert policy['viewer']['publish'] == {'/rosout', '/parameter_events'}
     # Between the stages nobody else may put anything in.

@@ -19,6 +19,7 @@ from sar_imaging.planning.afbp.polar_grids import UnifiedPolarGrids
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.streaming.aperture import ApertureImage
 
+from ..poses.frame_datum import FrameDatum
 from ..poses.known_positions import KnownPositions
 from ..runtime.health import Health, Part
 from ..runtime.parameters import ConfigurationError, Parameter
@@ -87,6 +88,8 @@ class ImageFocus:
         Of the images.
     health : Health or Part
         Counters, with `COUNTERS`, and log.
+    datum : FrameDatum, optional
+        Of the imaging frame, for positions from fixes.
 
     Raises
     ------
@@ -101,7 +104,8 @@ class ImageFocus:
         Largest offset of the clocks to try, seconds.
     """
 
-    def __init__(self, parameters: Mapping[str, object], grid: MapGrid, health: Health | Part):
+    def __init__(self, parameters: Mapping[str, object], grid: MapGrid, health: Health | Part,
+                 datum: FrameDatum | None = None):
         self._expected = {p.name: parameters[p.name] for p in EXPECTED if parameters[p.name]}
         if not self._expected:
             raise ConfigurationError(
@@ -113,17 +117,17 @@ class ImageFocus:
                 f'plane; leave {TERRAIN_FILE.name} empty')
         self._parameters, self._grid, self._health = parameters, grid, health
         self.reach_s = BEYOND * parameters[TIME_OFFSET.name]
-        self.positions = (KnownPositions(parameters, health, self.reach_s) if self.reach_s
-                          else None)
+        self.positions = (KnownPositions(parameters, health, datum, self.reach_s)
+                          if self.reach_s else None)
         self._waiting: collections.deque[ApertureImage] = collections.deque()
         compile_autofocus()  # the first image must not wait for it
 
     @classmethod
     def wanted(cls, parameters: Mapping[str, object], grid: MapGrid,
-               health: Health | Part) -> ImageFocus | None:
+               health: Health | Part, datum: FrameDatum) -> ImageFocus | None:
         """Autofocus where the parameters expect an error, else None."""
         asked = any(parameters[p.name] for p in (*EXPECTED, RANGE_BIAS))
-        return cls(parameters, grid, health) if asked else None
+        return cls(parameters, grid, health, datum) if asked else None
 
     def summary(self) -> str:
         """Settings for the log line at the start."""

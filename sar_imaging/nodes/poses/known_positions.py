@@ -15,6 +15,7 @@ from sar_imaging.signal.pulses import PulseBlock
 
 from ..runtime.health import Health, Part
 from ..runtime.stage import Stage
+from .frame_datum import FrameDatum
 from .pose_input import BLOCK, PoseInput, alignment_from, track_from
 
 _PAUSE_S = 3.0  # by the wall clock: nothing more is waited for
@@ -31,6 +32,8 @@ class KnownPositions:
         Current values of `pose_input.TRACK_PARAMETERS` and of ``pulses_per_aperture``.
     health : Health or Part
         Log.
+    datum : FrameDatum or None
+        Of the imaging frame, for poses from fixes alone.
     reach_s : float
         How far before and behind an aperture the track is wanted, seconds.
 
@@ -40,14 +43,15 @@ class KnownPositions:
         Whether an image waits for more: the worker is then woken from time to time.
     """
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part, reach_s: float):
+    def __init__(self, parameters: Mapping[str, object], health: Health | Part,
+                 datum: FrameDatum | None, reach_s: float):
         self._parameters, self._reach_ns = parameters, round(reach_s * 1e9)
         self._of_pulses = parameters['pose.source'] == BLOCK
         self._input: PoseInput | None = None
         self._alignment: Alignment | None = None
         self._poses: PoseTrack | None = None
         if not self._of_pulses:
-            self._input = PoseInput(parameters, health, self._pose_came)
+            self._input = PoseInput(parameters, health, self._pose_came, datum)
             self._poses = track_from(parameters)
         self._blocks: collections.deque[PulseBlock] = collections.deque()
         self._n_pulses = 0

@@ -20,9 +20,12 @@ from sar_imaging.geometry.poses import CAPACITY, PoseTrack
 from ..runtime.health import Health, Part
 from ..runtime.managed import QOS_ERRORS, ManagedNode
 from ..runtime.parameters import ConfigurationError, Parameter, one_of, plain_frame
+from .fix_input import PARAMETERS as FIX_PARAMETERS, FixPoseSource
+from .frame_datum import FrameDatum
 from .tf_input import TfSampler, import_tf, read_lever_arms, split_frames
 
-BLOCK, ODOMETRY, POSE, TF = SOURCES = ('block', 'odometry', 'pose', 'tf')
+BLOCK, ODOMETRY, POSE, TF, FIX, FIX_IMU = SOURCES = ('block', 'odometry', 'pose', 'tf', 'fix',
+                                                     'fix_imu')
 _QUEUE_DEPTH = 10_000  # poses come in bursts where a machine is busy; each takes 0.7 kB
 
 
@@ -34,7 +37,8 @@ def _check_arms(values) -> None:
 
 PARAMETERS = (
     Parameter('pose.source', BLOCK, 'Where phase centres come from: the pulse blocks, the topic '
-              'odometry, the topic pose, or tf.', check=one_of(*SOURCES)),
+              'odometry, the topic pose, tf, the topic fix (satellite navigation), or the topics '
+              'fix and imu.', check=one_of(*SOURCES)),
     Parameter('pose.time_offset_s', 0.0, "Clock of the poses minus the radar's.", 's', -1e10,
               1e10),
     Parameter('pose.range_bias_m', 0.0, 'Measured half path minus geometric one, such as half '
@@ -63,6 +67,7 @@ PARAMETERS = (
               check=split_frames),
     Parameter('antenna.offset_s', [0.0], 'When each channel is sent after the stamp of its '
               'pulse, for transmitters that take turns; one stands for all.', 's'),
+    *FIX_PARAMETERS,
 )
 
 # Those that tell where the platform was, for steps that let no pulses wait.
@@ -142,6 +147,8 @@ class PoseInput:
         Log.
     on_pose : callable
         Called after every pose, in the thread of the callbacks.
+    datum : FrameDatum or None
+        Of the imaging frame, for poses from fixes alone.
 
     Attributes
     ----------
@@ -149,6 +156,8 @@ class PoseInput:
         Where the poses come from, in words.
     n_other_frame : int
         Poses dropped because they were in another frame.
+    of_fixes : FixPoseSource or None
+        What makes poses of fixes; None where they come otherwise.
 
     Raises
     ------
@@ -158,7 +167,7 @@ class PoseInput:
     """
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part,
-                 on_pose: Callable[[], None]):
+                 on_pose: Callable[[], None], datum: FrameDatum | None):
         self._parameters, self._health, self._on_pose = parameters, health, on_pose
         self._source = parameters['pose.source']
         self._poses: collections.deque = collections.deque(maxlen=CAPACITY)
@@ -169,6 +178,9 @@ class PoseInput:
         self._release: list[Callable[[], None]] = []
         self.topic = self._source
         self.n_other_frame = 0
+        self.of_fixes = (FixPoseSource(parameters, health, datum, self._source == FIX_IMU,
+                                       self._take)
+                         if self._source in (FIX, FIX_IMU) else None)
         if self._source == TF:
             import_tf('pose.source is tf', 'set pose.source to odometry or pose')
             self.topic = f'tf {self._frame} <- {parameters["pose.child_frame_id"]}'
@@ -177,8 +189,13 @@ class PoseInput:
         """Subscribe."""
         self._last_s, self._stalled = time.monotonic(), False
         if self._source == TF:
-            tf = TfSampler(node, self._frame, self._parameters, self._take)
+            tf = TfSampler(node, self._frame, self._parameters, self._take_parts)
             self._release.append(tf.close)
+            return
+        if self.of_fixes is not None:
+            self.of_fixes.activate(node)
+            self.topic = self.of_fixes.topics
+            self._release.append(lambda: self.of_fixes.deactivate(node))
             return
         message_type = {ODOMETRY: Odometry, POSE: PoseStamped}[self._source]
         try:
@@ -230,7 +247,7 @@ class PoseInput:
             self._told.add(frame)
             self._health.info(f'poses in frame {frame}, as are grid and images')
         stamp = message.header.stamp
-        self._take(stamp.sec * 10**9 + stamp.nanosec, pose.position, pose.orientation)
+        self._take_parts(stamp.sec * 10**9 + stamp.nanosec, pose.position, pose.orientation)
 
     def _reject(self, frame: str) -> None:
         self.n_other_frame += 1
@@ -242,10 +259,13 @@ class PoseInput:
             self._health.warning(f'dropped poses of {self.topic} {what}: grid and images are in '
                                  f'frame_id={self._frame}; {advice}send poses in {self._frame}')
 
-    def _take(self, stamp_ns: int, p, q) -> None:
+    def _take_parts(self, stamp_ns: int, p, q) -> None:
+        self._take(stamp_ns, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+
+    def _take(self, stamp_ns: int, position: tuple, quaternion: tuple) -> None:
         self._last_s = time.monotonic()
         if self._stalled:
             self._stalled = False
             self._health.info('poses go on')
-        self._poses.append((stamp_ns, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w)))
+        self._poses.append((stamp_ns, position, quaternion))
         self._on_pose()

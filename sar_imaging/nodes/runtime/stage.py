@@ -16,6 +16,7 @@ from std_srvs.srv import Trigger
 from msg_conversions import WireFormatError
 from msg_conversions.wire import DEFAULT_MAX_ELEMENTS
 from sar_imaging.compilation import counted, interruptible
+from sar_imaging.configuration.datum import NONE, SOURCES, configured_datum
 
 from .chain import Chain
 from .health import Rates
@@ -31,6 +32,18 @@ COMMON_PARAMETERS = (
               'pulses', 1, 2**31 - 1),
     Parameter('frame_id', 'map', 'Frame of the phase centres, the grid and the images; the same '
               'in all nodes.'),
+    Parameter('datum.source', NONE, 'Where frame_id stands on the Earth: none (nobody knows), '
+              'parameters (the following), or fix (pulse_buffer finds it from fixes and tells '
+              'the others); this and the following the same in all nodes.',
+              check=one_of(*SOURCES)),
+    Parameter('datum.latitude_deg', 0.0, "Geodetic latitude of the frame's origin (WGS 84).",
+              'degrees', -90.0, 90.0),
+    Parameter('datum.longitude_deg', 0.0, 'Its longitude, east positive.', 'degrees', -180.0,
+              360.0),
+    Parameter('datum.height_m', 0.0, 'Its height above the WGS 84 ellipsoid, not above sea '
+              'level.', 'm', -12_000.0, 1e7),
+    Parameter('datum.heading_deg', 0.0, "Bearing of the frame's y axis, clockwise from true "
+              'north; 0.0 where x is east.', 'degrees', -360.0, 360.0),
     Parameter('queue_depth', 50, 'Depth of the reliable queues of the middleware for pulse '
               'blocks, in and out; covers the largest burst.', 'messages', 1, 10_000),
     Parameter('worker_queue_size', 512, 'Blocks that may wait for the worker thread.', 'blocks',
@@ -99,6 +112,10 @@ class Stage(ManagedNode):
 
     def configure(self) -> None:
         """Make the steps and their outputs; see `ManagedNode.configure`."""
+        try:
+            configured_datum(self.parameters)
+        except ValueError as error:
+            raise ConfigurationError(str(error)) from error
         self._progress = self.create_publisher(UInt32, '~/progress', stream_qos(self.parameters))
         self.outputs.append(self._progress)
         steps = self.steps()
