@@ -172,8 +172,10 @@ def choose_grid(coverage: Coverage, centre_m, *, plane: str = 'ground', area_m=N
         _check_positive(**{'size_m[0]': size_m[0], 'size_m[1]': size_m[1]})
     elif area_m is not None:
         size_m = _around(np.asarray(area_m, float), centre, axes)
+        size_m, share = _covered_part(coverage, centre, axes, size_m)
         reasons.append(f'size {size_m[0]:.4g} m by {size_m[1]:.4g} m: the area that the recording '
-                       'names (--size changes it)')
+                       f'names{"" if share == 1.0 else ", as far as its profiles cover it"} '
+                       '(--size changes it)')
     else:
         size_m = _footprint(coverage, centre, axes, plane)
         reasons.append(f'size {size_m[0]:.4g} m by {size_m[1]:.4g} m around the middle: what the '
@@ -218,6 +220,21 @@ def _around(area, centre, axes) -> tuple[float, float]:
     return tuple(2 * float(np.abs((area - centre) @ axis).max()) for axis in axes)
 
 
+def _covered_part(coverage: Coverage, centre, axes, size_m):
+    """Size of the part of an area, around its middle, that all profiles cover, and its share."""
+    half = np.array(size_m) / 2
+    share = 1.0
+    if coverage.covers(centre[None]).all():
+        share = _bisect(lambda s: bool(coverage.covers(_outline(centre, axes, s * half)).all()),
+                        1.0)
+    return tuple(float(share * size) for size in size_m), share
+
+
+def _outline(centre, axes, half) -> np.ndarray:
+    """(9, 3) middle, corners and middles of the sides of a rectangle, metres."""
+    return centre + (np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)]) * half) @ axes
+
+
 def _footprint(coverage: Coverage, centre, axes, plane: str) -> tuple[float, float]:
     """Largest rectangle of its proportions around the middle that is covered, metres."""
     if not coverage.covers(centre[None]).all():
@@ -241,8 +258,7 @@ def _footprint(coverage: Coverage, centre, axes, plane: str) -> tuple[float, flo
                      for axis in axes])
 
     def fits(share: float) -> bool:
-        edge = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)]) * half * share
-        points = centre + edge @ axes
+        points = _outline(centre, axes, share * half)
         return bool(coverage.covers(points).all()
                     and (np.abs((points - centre) @ beside) <= half_beside * (1 + 1e-9)).all())
 

@@ -24,6 +24,7 @@ COMMANDS = {
     ('load', 'rail'): 'measured.load_team6_rail',
     ('load', 'arcsar'): 'measured.load_arcsar',
     ('load', 'mimo-60ghz'): 'measured.load_mimo_60ghz',
+    ('image',): 'products.image',
     ('image', 'arcsar'): 'measured.image_arcsar',
     ('image', 'mimo-60ghz'): 'measured.image_mimo_60ghz',
     ('reproduce', 'multichannel'): 'reproduction.reproduce_multichannel',

@@ -70,6 +70,19 @@ def test_area_and_size_are_taken_as_told():
     assert choice.reasons == ()
 
 
+def test_an_area_is_cut_to_what_profiles_cover():
+    coverage = make_coverage()
+    corners = np.array([(-400.0, -50.0, 0.0), (400.0, 50.0, 0.0)])
+    choice = choose_grid(coverage, CENTRE, area_m=corners, spacing_m=0.5)
+    assert choice.size_m[0] / choice.size_m[1] == pytest.approx(8.0, rel=0.05)
+    ranges = np.linalg.norm(choice.grid.points()[::-1, [0, -1]].reshape(-1, 3)
+                            - coverage.tx_m[len(coverage.tx_m) // 2, 0], axis=-1)
+    near, far = coverage.swath_m
+    # the far edge ends where the swath does, the near one is as far from the middle
+    assert near < ranges.min() and far - 3.0 < ranges.max() <= far + 0.5
+    assert 'as far as its profiles cover it' in choice.reasons[0]
+
+
 def test_memory_bounds_the_footprint():
     free = choose_grid(make_coverage(), CENTRE)
     memory = 0.1 * PIXEL_BYTES * np.prod(free.grid.shape)

@@ -21,7 +21,7 @@ def test_the_overview_has_every_command_and_its_purpose(capsys):
     text = capsys.readouterr().out
     for words in command.COMMANDS:
         [line] = [line for line in text.splitlines()
-                  if line.split()[:len(words)] == list(words)]
+                  if line.startswith(f'  {" ".join(words)}  ')]
         assert line.endswith('.')
 
 

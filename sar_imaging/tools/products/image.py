@@ -1,0 +1,277 @@
+"""Image a recording or a CPHD file: picture, SICD, GeoTIFF, measured error and a report.
+
+Run: sar-imaging image bags/countryside --output out/countryside
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import logging
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sar_imaging.configuration.scene_grid import GridChoice
+from sar_imaging.formats import Acquisition, MissingExtraError, require, write_geotiff, write_sicd
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.imaging.image import Image
+from sar_imaging.quality import focus_figure, measure_scatterer
+from sar_imaging.quality.verification import Verification
+from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
+
+from ..plots import save_image_png
+from ..recordings.bag_io import BagError
+from . import forming
+from .acquisition_figure import save_acquisition_png
+from .report import Section, write_report
+from .sources import Source, SourceError, open_source
+
+FORMATS = ('png', 'geotiff', 'sicd')
+FILES = {'png': 'image.png', 'geotiff': 'image.tif', 'sicd': 'image.nitf'}
+_NEEDS = {'geotiff': ('rasterio', 'writing GeoTIFF'), 'sicd': ('sarkit.sicd', 'writing SICD')}
+ERRORS = (BagError, SourceError, MissingExtraError, OSError, ValueError, MemoryError)
+
+_EPILOG = """\
+Writes image.npy (complex64), the formats asked for, quality.json and report.html. What the file
+does not tell is chosen, and the report says what was chosen and how to change it.
+
+  sar-imaging image bags/countryside --output out/countryside
+  sar-imaging image scene.cphd --output out/scene --format sicd,geotiff,png
+  sar-imaging image scene.cphd --output out/part --centre 120,-40 --size 200 --spacing 0.25
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command-line parser."""
+    p = argparse.ArgumentParser(
+        prog='sar-imaging image', description='Image a recording (rosbag2 folder) or a CPHD file.',
+        epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument('file', type=Path, help='folder of a recording, or CPHD file')
+    p.add_argument('--format', type=_formats, default=('png',), metavar='NAME[,NAME]',
+                   help=f'of the image: {", ".join(FORMATS)} (default: png)')
+    forming.add_arguments(p)
+    return p
+
+
+def _formats(text: str) -> tuple[str, ...]:
+    names = tuple(dict.fromkeys(text.lower().split(',')))
+    unknown = [name for name in names if name not in FORMATS]
+    if unknown:
+        raise argparse.ArgumentTypeError(f'there is no format {", ".join(unknown)}; use '
+                                         f'{", ".join(FORMATS)}')
+    return names
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the program; returns its exit status."""
+    arguments = parser().parse_args(argv)
+    logging.basicConfig(level=logging.ERROR)  # warnings are in the report and told at the end
+    try:
+        print(run(arguments))
+    except ERRORS as error:
+        print(f'error: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print('interrupted', file=sys.stderr)
+        return 130
+    return 0
+
+
+def run(arguments: argparse.Namespace) -> str:
+    """Image the file and write all products; returns a summary for people."""
+    source = open_source(arguments.file, aperture=arguments.aperture,
+                         datum=forming.datum_of(arguments))
+    _check_formats(arguments, source)
+    choice = forming.choose(source, arguments)
+    for reason in choice.reasons:
+        print(reason, file=sys.stderr)
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    n_bytes = forming.memory_bytes(arguments)
+    image, seconds = forming.form(source, choice, arguments.target_db, n_bytes)
+    measured = forming.verify(source, image, n_bytes)
+    quality = describe(source, choice, image, seconds, measured)
+    written = write_products(arguments.output, arguments.format, source, choice, image)
+    (arguments.output / 'quality.json').write_text(
+        json.dumps(quality, indent=2, allow_nan=False) + '\n')
+    _write_report(arguments.output, source, choice, image, quality)
+    names = ', '.join([*written, 'image.npy', 'quality.json', 'report.html'])
+    return '\n'.join([
+        f'{image.shape[1]} by {image.shape[0]} pixels of {choice.spacing_m:g} m in {seconds:.1f} '
+        f's by {image.report.method}', f'error: {_errors(quality)}',
+        *(f'warning: {text}' for text in quality['warnings']),
+        f'written to {arguments.output}: {names}'])
+
+
+def _check_formats(arguments: argparse.Namespace, source: Source) -> None:
+    """Refuse before the work what cannot be written after it."""
+    for name in arguments.format:
+        if name in _NEEDS:
+            require(*_NEEDS[name])
+            if source.datum is None:
+                raise SourceError(f'{source.path} does not tell where on the Earth it is, which '
+                                  f'{name} needs: give --datum LAT,LON,HEIGHT[,HEADING]')
+    if arguments.plane == 'slant' and 'geotiff' in arguments.format:
+        raise SourceError('GeoTIFF holds maps; leave out --plane slant, or the format geotiff')
+
+
+def write_products(folder: Path, formats: Sequence[str], source: Source, choice: GridChoice,
+                   image: Image) -> list[str]:
+    """Write the image in some formats, and always a picture; returns the names of the files."""
+    np.save(folder / 'image.npy', image.samples)
+    grid, axes = forming.drawn_grid(choice)
+    known = source.scatterers if isinstance(choice.grid, MapGrid) else ()
+    radar = source.radar
+    title = (f'{source.path.name}: {source.n_pulses} pulses, {radar.carrier_hz / 1e9:.4g} GHz, '
+             f'{radar.bandwidth_hz / 1e6:.4g} MHz')
+    save_image_png(folder / FILES['png'], image.samples, grid, truth=known,
+                   title=f'{title}; {axes}' if axes else title)
+    written = [FILES['png']]
+    if 'geotiff' in formats:
+        write_geotiff(folder / FILES['geotiff'], image, source.datum)
+        written.append(FILES['geotiff'])
+    if 'sicd' in formats:
+        acquisition = Acquisition(radar, source.stamp_ns, source.tx_m.mean(axis=1),
+                                  source.rx_m.mean(axis=1))
+        write_sicd(folder / FILES['sicd'], image, source.datum, acquisition)
+        written.append(FILES['sicd'])
+    return written
+
+
+def describe(source: Source, choice: GridChoice, image: Image, seconds: float,
+             measured: Verification | str) -> dict:
+    """Contents of quality.json."""
+    report, focus = image.report, focus_figure(image.samples)
+    warnings = [*source.warnings, *report.warnings]
+    if isinstance(measured, str):
+        warnings.append(f'the error could not be measured: {measured}')
+    elif measured.error_db > report.target_db:
+        warnings.append(f'the error measured, {measured.error_db:.1f} dB, misses the wanted '
+                        f'{report.target_db:g} dB')
+    if source.missing:
+        warnings.append(f'{source.missing} pulses are missing between the first and the last')
+    if focus.at_noise_level:
+        warnings.append('nothing in the image stands out from noise: are place and height of the '
+                        'scene right?')
+    return {
+        'file': str(source.path), 'format': source.kind, 'pulses': source.n_pulses,
+        'pulses_missing': source.missing, 'channels': source.n_channels,
+        'plane': choice.plane, 'shape': list(image.shape), 'spacing_m': choice.spacing_m,
+        'grid': {'type': type(choice.grid).__name__, **dataclasses.asdict(choice.grid)},
+        'chosen': list(choice.reasons),
+        'resolution_m': {'range': choice.range_resolution_m,
+                         'azimuth': choice.azimuth_resolution_m},
+        'datum': None if source.datum is None else dataclasses.asdict(source.datum),
+        'method': report.method, 'reason': report.reason, 'target_db': report.target_db,
+        'predicted_error_db': report.predicted_error_db, 'errors_db': dict(report.errors_db),
+        'measured_error': None if isinstance(measured, str) else {
+            name: _finite(value) for name, value in dataclasses.asdict(measured).items()},
+        'seconds': round(seconds, 3),
+        'focus': {'peak_over_median_db': round(focus.peak_over_median_db, 2),
+                  'entropy': round(focus.entropy, 4), 'contrast': round(focus.contrast, 4),
+                  'at_noise_level': focus.at_noise_level},
+        'scatterers': _scatterers(source, choice, image), 'warnings': warnings}
+
+
+def _scatterers(source: Source, choice: GridChoice, image: Image) -> list[dict]:
+    """Known scatterers on a map, measured."""
+    if source.cut_half_width_m is None or not isinstance(choice.grid, MapGrid):
+        return []
+    range_m, azimuth_m = source.cut_half_width_m
+    wavenumber = 4 * math.pi * image.carrier_hz / source.radar.propagation_speed_m_per_s
+    return [measure_scatterer(
+        image.samples, choice.grid, s['position_m'], aperture_centre_m=source.track_m.mean(axis=0),
+        wavenumber_rad_per_m=wavenumber, cut_half_width_range_m=range_m,
+        cut_half_width_azimuth_m=azimuth_m, name=s['name'],
+        neighbours_m=[o['position_m'] for o in source.scatterers if o is not s]).as_json()
+        for s in source.scatterers]
+
+
+def _finite(value):
+    return value if not isinstance(value, float) or math.isfinite(value) else None
+
+
+def _errors(quality: dict) -> str:
+    predicted, measured = quality['predicted_error_db'], quality['measured_error']
+    return (('not predicted' if predicted is None else f'{predicted:.1f} dB predicted')
+            + (', not measured' if measured is None or measured['error_db'] is None
+               else f', {measured["error_db"]:.1f} dB measured')
+            + f', {quality["target_db"]:g} dB wanted')
+
+
+def _write_report(folder: Path, source: Source, choice: GridChoice, image: Image,
+                  quality: dict) -> None:
+    drawing = folder / 'acquisition.png'
+    rows, columns = image.shape
+    corners = choice.grid.positions(np.array([0, 0, rows - 1, rows - 1]),
+                                    np.array([0, columns - 1, columns - 1, 0]))
+    save_acquisition_png(drawing, source.track_m, corners)
+    errors = {f'predicted: {cause}': f'{error:.1f} dB'
+              for cause, error in quality['errors_db'].items()}
+    sections = [
+        Section('Image', {folder / FILES['png']: 'Amplitude, decibels'}, {
+            'pixels': f'{columns} by {rows}, {choice.spacing_m:g} m apart, {choice.plane} plane',
+            'resolution (peak to null)': f'{choice.range_resolution_m:.3g} m in range, '
+                                         f'{choice.azimuth_resolution_m:.3g} m along the track',
+            'formed by': f'{image.report.method}: {image.report.reason}',
+            'time': f'{quality["seconds"]:.2f} s',
+            'place': 'not known' if source.datum is None else
+            f'{source.datum.latitude_deg:.6f}\N{DEGREE SIGN}, '
+            f'{source.datum.longitude_deg:.6f}\N{DEGREE SIGN}, '
+            f'{source.datum.height_m:.1f} m above WGS 84 (origin of the frame)'},
+            quality['chosen']),
+        Section('Acquisition', {drawing: 'Track and image'}, radar_rows(source, corners)),
+        Section('Error against time-domain correlation', rows={
+            'wanted, predicted, measured': _errors(quality), **errors,
+            **_measured_rows(quality['measured_error'])})]
+    write_report(folder / 'report.html', f'SAR image of {source.path.name}', sections,
+                 quality['warnings'])
+    drawing.unlink()
+
+
+def _measured_rows(measured: dict | None) -> dict[str, str]:
+    if measured is None:
+        return {}
+    told = {'measured over the image': ('error_db', 'n_pixels'),
+            'measured on the brightest pixels': ('brightest_error_db', 'n_brightest')}
+    return {name: f'{measured[error]:.1f} dB ({measured[number]} pixels)'
+            for name, (error, number) in told.items() if measured[error] is not None}
+
+
+def radar_rows(source: Source, corners_m: np.ndarray) -> dict[str, str]:
+    """Radar and geometry for a table."""
+    radar, track = source.radar, source.track_m
+    sight = corners_m.mean(axis=0) - track.mean(axis=0)
+    distance = float(np.linalg.norm(sight))
+    seconds = float(source.stamp_ns.max() - source.stamp_ns.min()) * 1e-9
+    length = float(np.linalg.norm(np.diff(track, axis=0), axis=1).sum())
+    along = track[-1] - track[0]
+    squint = round(math.degrees(math.asin(np.clip(
+        along @ sight / max(np.linalg.norm(along) * distance, 1e-9), -1, 1))), 1)
+    near, far = source.coverage().swath_m
+    rows = {
+        'file': f'{source.path.name} ({source.kind})',
+        'carrier, bandwidth': f'{radar.carrier_hz / 1e9:.6g} GHz, '
+                              f'{radar.bandwidth_hz / 1e6:.6g} MHz',
+        'waveform': f'{radar.waveform.name}, '
+                    + ('range profiles' if source.compressed else 'raw pulses'),
+        'pulses, channels, samples': f'{source.n_pulses}, {source.n_channels}, '
+                                     f'{source.n_samples}',
+        'duration': f'{seconds:.3g} s' + (
+            f', {(source.n_pulses - 1) / seconds:.4g} pulses per second' if seconds else ''),
+        'track': f'{length:.4g} m' + (f', {length / seconds:.4g} m/s' if seconds else ''),
+        'range to the middle': f'{distance:.5g} m, profiles cover {near:.5g} to {far:.5g} m',
+        'grazing angle': f'{math.degrees(math.asin(np.clip(-sight[2] / distance, -1, 1))):.1f}'
+                         '\N{DEGREE SIGN}' if distance else '',
+        'squint': f'{squint + 0.0:+.1f}\N{DEGREE SIGN} forward of broadside'}
+    if radar.propagation_speed_m_per_s != SPEED_OF_LIGHT:
+        rows['speed of the waves'] = f'{radar.propagation_speed_m_per_s:g} m/s'
+    return rows
+
+
+if __name__ == '__main__':
+    sys.exit(main())

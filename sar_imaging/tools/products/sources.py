@@ -1,0 +1,285 @@
+"""Files of pulses, whatever their format: what they tell, and their pulses in bounded memory."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from sar_imaging.configuration.scene_grid import Coverage
+from sar_imaging.geometry.alignment import Alignment
+from sar_imaging.geometry.earth import Datum
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.signal.positioning import locate
+from sar_imaging.signal.pulses import PulseBlock, concatenate
+from sar_imaging.signal.radar import RadarParameters
+from sar_imaging.signal.range_compression import RangeCompressor
+
+from ..recordings.bag_io import BagError, deserialise, raw_messages, read_poses
+from ..recordings.recording import Recording, read_recording
+
+RECORDING, CPHD = 'recording', 'CPHD'
+
+
+class SourceError(RuntimeError):
+    """A file cannot be imaged; the text says why and what to do."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Source:
+    """A file of pulses.
+
+    Attributes
+    ----------
+    path : Path
+        The file, or the folder of a recording.
+    kind : str
+        ``'recording'`` or ``'CPHD'``.
+    radar : RadarParameters
+        Of its samples.
+    n_samples : int
+        Samples of a pulse.
+    compressed : bool
+        Whether these are range profiles.
+    counter : (P,) int64
+        Numbers of the pulses, ascending.
+    stamp_ns : (P,) int64
+        Their times, nanoseconds.
+    tx_m, rx_m : (P, C, 3) float64
+        Their phase centres, metres.
+    datum : Datum or None
+        Where the frame of the phase centres stands.
+    area_m : (N, 3) float64 or None
+        Corners of the scene that the file names, metres.
+    grid : MapGrid or None
+        That the file proposes.
+    scatterers : tuple of dict
+        Known ones, each with ``name`` and ``position_m``.
+    read : callable
+        Gives the blocks anew, in the order recorded, for a number of bytes that one may take.
+    warnings : tuple of str
+        What a person should know.
+    cut_half_width_m : (2,) floats or None
+        For measuring the scatterers: half widths of cuts in range and azimuth, metres.
+    """
+
+    path: Path
+    kind: str
+    radar: RadarParameters
+    n_samples: int
+    compressed: bool
+    counter: np.ndarray
+    stamp_ns: np.ndarray
+    tx_m: np.ndarray
+    rx_m: np.ndarray
+    datum: Datum | None
+    area_m: np.ndarray | None
+    grid: MapGrid | None
+    scatterers: tuple[dict, ...]
+    read: Callable[[float], Iterator[PulseBlock]]
+    warnings: tuple[str, ...] = ()
+    cut_half_width_m: tuple[float, float] | None = None
+
+    @property
+    def n_pulses(self) -> int:
+        """Number of pulses P."""
+        return len(self.counter)
+
+    @property
+    def n_channels(self) -> int:
+        """Number of channels C."""
+        return self.tx_m.shape[1]
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory that all samples would take, bytes."""
+        return 8 * self.n_pulses * self.n_channels * self.n_samples
+
+    @property
+    def track_m(self) -> np.ndarray:
+        """(P, 3) float64 mean phase centres in the order of time, metres."""
+        order = np.argsort(self.stamp_ns, kind='stable')
+        return 0.5 * (self.tx_m + self.rx_m).mean(axis=1)[order]
+
+    @property
+    def missing(self) -> int:
+        """Pulses between the first and the last that are not in the file."""
+        return int(self.counter[-1] - self.counter[0] + 1 - self.n_pulses)
+
+    def compressor(self) -> RangeCompressor | None:
+        """Range compression of its pulses; None for range profiles."""
+        return None if self.compressed else RangeCompressor(self.radar, self.n_samples)
+
+    def coverage(self) -> Coverage:
+        """What of the scene its pulses tell something about."""
+        compressor = self.compressor()
+        radar, n = ((self.radar, self.n_samples) if compressor is None
+                    else (compressor.output_radar, compressor.n_output))
+        return Coverage(radar, n, self.tx_m, self.rx_m)
+
+    def profiles(self, n_bytes: float) -> Iterator[PulseBlock]:
+        """Its pulses as range profiles, in blocks of some bytes of samples."""
+        compressor = self.compressor()
+        for block in self.read(n_bytes):
+            yield block if compressor is None else compressor(block)
+
+
+def open_source(path: Path | str, *, aperture: int | None = None,
+                datum: Datum | None = None) -> Source:
+    """Open a recording or a CPHD file.
+
+    Parameters
+    ----------
+    path : path
+        Folder of a recording (rosbag2), or file.
+    aperture : int, optional
+        Of a recording: number of the aperture, the last complete one by default.
+    datum : Datum, optional
+        Where the frame stands instead of where the file says.
+
+    Returns
+    -------
+    Source
+
+    Raises
+    ------
+    SourceError
+        There is no such file, it has another format, or it lacks what imaging needs.
+    BagError, CphdError, MissingExtraError
+        It cannot be read.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise SourceError(f'{path} does not exist; expected the folder of a recording or a CPHD '
+                          'file')
+    if path.is_dir():
+        return _recording(path, aperture, datum)
+    with path.open('rb') as file:
+        start = file.read(5)
+    if start != b'CPHD/':
+        raise SourceError(f'{path} is no CPHD file (it begins with {start!r}, expected '
+                          "b'CPHD/'); recordings are folders")
+    if aperture is not None:
+        raise SourceError(f'{path}: --aperture is for recordings; a CPHD file has one')
+    return _cphd(path, datum)
+
+
+def _cphd(path: Path, datum: Datum | None) -> Source:
+    from sar_imaging.formats.cphd import CphdReader
+
+    with CphdReader(path, datum=datum) as reader:
+        counter = np.arange(reader.n_pulses)  # what lacks is among the warnings
+
+        def read(n_bytes: float) -> Iterator[PulseBlock]:
+            with CphdReader(path, datum=reader.datum) as again:
+                yield from again.blocks(memory_bytes=max(1, int(n_bytes)))
+
+        return Source(path, CPHD, reader.radar, reader.n_samples, reader.compressed, counter,
+                      reader.stamp_ns, reader.tx_m, reader.rx_m, reader.datum, reader.area_m,
+                      None, (), read, tuple(reader.warnings))
+
+
+def _recording(path: Path, aperture: int | None, datum: Datum | None) -> Source:
+    recording = read_recording(path)
+    if recording.phase_centre_m is None:
+        raise SourceError(f'{path}: its pulses have no phase centres, and no poses tell them')
+    truth = recording.truth or {}
+    warnings = []
+    if recording.n_unreadable:
+        warnings.append(f'{recording.n_unreadable} of {recording.n_messages} messages hold no '
+                        'pulse block')
+    wanted = _aperture(recording, truth.get('pulses_per_aperture'), aperture, warnings)
+
+    def read(n_bytes: float) -> Iterator[PulseBlock]:
+        return _chunks(_located(recording, wanted), n_bytes)
+
+    tx_m, rx_m, counter, stamp_ns, first = _scan(read)
+    grid = recording.grid
+    area = None if grid is None else grid.points()[::max(1, grid.n_y - 1),
+                                                   ::max(1, grid.n_x - 1)].reshape(-1, 3)
+    return Source(path, RECORDING, first.radar, first.n_samples, first.compressed, counter,
+                  stamp_ns, tx_m, rx_m, datum or recording.datum, area, grid,
+                  tuple(truth.get('scatterers', ())), read, tuple(warnings),
+                  _half_widths(truth))
+
+
+def _half_widths(truth: dict) -> tuple[float, float] | None:
+    told = truth.get('cut_half_width_m')
+    return None if told is None else (told['range'], told['azimuth'])
+
+
+def _aperture(recording: Recording, length: int | None, number: int | None,
+              warnings: list[str]) -> tuple[int, int]:
+    """First counter, and the one after the last, of the pulses to image."""
+    if length is None:
+        if number is not None:
+            raise SourceError(f'{recording.path} does not tell the length of its apertures; '
+                              '--aperture needs it')
+        return 0, 2**32
+    apertures = recording.apertures(length)
+    numbers = [a.number for a in apertures]
+    if number is None:
+        complete = [a.number for a in apertures if a.n_pulses == length]
+        number = complete[-1] if complete else max(apertures, key=lambda a: a.n_pulses).number
+        if len(numbers) > 1:
+            warnings.append(f'aperture {number} of {", ".join(map(str, numbers))} is imaged '
+                            '(--aperture chooses)')
+    if number not in numbers:
+        raise SourceError(f'{recording.path} has no aperture {number}; it has '
+                          f'{", ".join(map(str, numbers))}')
+    return number * length, (number + 1) * length
+
+
+def _located(recording: Recording, wanted: tuple[int, int]) -> Iterator[PulseBlock]:
+    """Blocks of some pulses with phase centres, each pulse once."""
+    poses = read_poses(recording.path)
+    track = None if poses is None else poses.track()
+    alignment = Alignment(**(recording.truth or {}).get('alignment', {}))
+    seen: set[int] = set()
+    for _, cdr in raw_messages(recording.path):
+        try:
+            block = deserialise(cdr)
+        except Exception:  # damaged bytes fail in many ways; they were counted
+            continue
+        counters = block.counter.astype(np.int64)
+        new = (counters >= wanted[0]) & (counters < wanted[1])
+        new &= [int(c) not in seen for c in counters]
+        if not new.any():
+            continue
+        seen.update(counters[new].tolist())
+        block = block if new.all() else block.select(new)
+        if not block.has_positions:
+            try:
+                block = locate(block, track, alignment)
+            except ValueError as error:
+                raise BagError(f'{recording.path}: {error}') from error
+        yield block
+
+
+def _chunks(blocks: Iterator[PulseBlock], n_bytes: float) -> Iterator[PulseBlock]:
+    """Neighbouring blocks joined up to a number of bytes."""
+    waiting: list[PulseBlock] = []
+    for block in blocks:
+        if waiting and (sum(b.samples.nbytes for b in waiting) + block.samples.nbytes > n_bytes
+                        or not waiting[0].matches(block)):
+            yield concatenate(waiting)
+            waiting = []
+        waiting.append(block)
+    if waiting:
+        yield concatenate(waiting)
+
+
+def _scan(read):
+    """Phase centres, counters and times of all pulses, by counter, and the first block."""
+    parts, first = [], None
+    for block in read(0.0):
+        first = first or block
+        if not block.matches(first):
+            raise BagError('the recording has pulses of different radars or lengths; record them '
+                           'apart')
+        parts.append((block.tx_m, block.rx_m, block.counter.astype(np.int64), block.stamp_ns))
+    tx_m, rx_m, counter, stamp_ns = (np.concatenate(part) for part in zip(*parts, strict=True))
+    order = np.argsort(counter, kind='stable')
+    return tx_m[order], rx_m[order], counter[order], stamp_ns[order], first

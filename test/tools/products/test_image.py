@@ -1,0 +1,141 @@
+"""`sar-imaging image`: from a file to picture, figures, standard formats and report."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+
+import numpy as np
+import pytest
+
+from sar_imaging.geometry import MapGrid
+from sar_imaging.geometry.earth import Datum
+from sar_imaging.imaging.imager import plan_image
+from sar_imaging.quality import error_db
+from sar_imaging.tools.products import sources
+
+DATUM = Datum(47.3, 8.5, 430.0, 20.0)  # of the CPHD file
+PNG = b'\x89PNG\r\n\x1a\n'
+
+
+def test_a_recording_becomes_image_figures_and_report(spotlight, run, tmp_path):
+    status, out, err = run('image', spotlight, '--output', tmp_path / 'out')
+    assert status == 0, err
+    quality = json.loads((tmp_path / 'out' / 'quality.json').read_text())
+    image = np.load(tmp_path / 'out' / 'image.npy')
+    source = sources.open_source(spotlight)
+    assert image.shape == source.grid.shape == tuple(quality['shape'])
+    assert (tmp_path / 'out' / 'image.png').read_bytes().startswith(PNG)
+    # The direct way from the pulses, without files and blocks between.
+    [block] = source.read(1e12)
+    direct = plan_image(source.grid, source.radar, source.n_samples, compressed=False,
+                        method='exact', target_db=-80.0)(block)
+    assert error_db(image, direct.samples) < -60.0
+    assert quality['measured_error']['error_db'] < -60.0
+    assert quality['predicted_error_db'] < -60.0
+    for measured in quality['scatterers']:
+        assert abs(measured['position_error_range_m']) < 0.02
+        assert abs(measured['position_error_azimuth_m']) < 0.02
+    assert len(quality['scatterers']) == len(source.scatterers) > 5
+    assert 'aperture 1 of 0, 1' in out and 'dB measured' in out
+    assert 'the grid that the recording proposes' in err
+
+
+def test_the_report_holds_everything_by_itself(spotlight, run, tmp_path):
+    assert run('image', spotlight, '--output', tmp_path, '--target-db=-50')[0] == 0
+    text = (tmp_path / 'report.html').read_text()
+    pictures = re.findall(r'src="data:image/png;base64,([^"]+)"', text)
+    assert len(pictures) == 2
+    assert all(base64.b64decode(data).startswith(PNG) for data in pictures)
+    assert not re.findall(r'(?:src|href)="(?!data:)', text)  # nothing is loaded from elsewhere
+    quality = json.loads((tmp_path / 'quality.json').read_text())
+    for told in ('aperture 1 of 0, 1 is imaged', '10 GHz, 500 MHz', 'raw pulses',
+                 'range to the middle', f'{quality["predicted_error_db"]:.1f} dB predicted',
+                 '-50 dB wanted'):
+        assert told in text
+    assert set(p.name for p in tmp_path.iterdir()) == {'image.npy', 'image.png', 'quality.json',
+                                                       'report.html'}
+
+
+def test_little_memory_gives_the_same_image_in_blocks(spotlight, run, tmp_path):
+    for name, more in (('whole', ()), ('blocks', ('--memory', '0.012'))):
+        assert run('image', spotlight, '--output', tmp_path / name, *more)[0] == 0
+    whole, blocks = (np.load(tmp_path / name / 'image.npy') for name in ('whole', 'blocks'))
+    # both within the target of -60 dB; their difference is at most twice as large
+    assert error_db(blocks, whole) < -54.0
+    source = sources.open_source(spotlight)
+    sizes = [block.samples.nbytes for block in source.read(0.1 * 0.012e9)]
+    assert len(sizes) > 1 and max(sizes) <= 0.1 * 0.012e9
+
+
+def test_cphd_shows_the_same_scene_as_the_recording(spotlight, cphd, run, tmp_path):
+    status, out, err = run('image', cphd, '--output', tmp_path, '--spacing', 0.125)
+    assert status == 0, err
+    quality = json.loads((tmp_path / 'quality.json').read_text())
+    assert quality['format'] == 'CPHD' and quality['measured_error']['error_db'] < -60.0
+    assert 'the area that the recording names' in err
+    # The brightest place lies where the recording's brightest scatterer stands on the Earth.
+    source = sources.open_source(spotlight)
+    image, grid = np.load(tmp_path / 'image.npy'), MapGrid(*(
+        quality['grid'][name] for name in ('centre_m', 'n_x', 'n_y', 'spacing_m')))
+    row, column = np.unravel_index(np.abs(image).argmax(), image.shape)
+    peak = DATUM.from_ecef(Datum(**quality['datum']).to_ecef(grid.positions(row, column)))
+    apart = min(np.linalg.norm(peak - s['position_m']) for s in source.scatterers)
+    assert apart < 0.125  # metres: a pixel
+
+
+def test_standard_products_are_where_the_scatterers_are(cphd, run, tmp_path):
+    rasterio = pytest.importorskip('rasterio')
+    status, _, err = run('image', cphd, '--output', tmp_path, '--format', 'sicd,geotiff,png')
+    assert status == 0, err
+    quality = json.loads((tmp_path / 'quality.json').read_text())
+    with rasterio.open(tmp_path / 'image.tif') as file:
+        assert file.shape == tuple(quality['shape'])
+        assert file.crs is not None
+    from sar_imaging.formats import read_sicd
+
+    product = read_sicd(tmp_path / 'image.nitf')
+    image = np.load(tmp_path / 'image.npy')
+    peak = np.abs(product.image.samples).max()
+    assert peak == pytest.approx(np.abs(image).max(), rel=1e-6)
+
+
+def test_slant_plane(spotlight, run, tmp_path):
+    status, _, err = run('image', spotlight, '--output', tmp_path, '--plane', 'slant', '--size',
+                         '30,20', '--spacing', '0.2')
+    assert status == 0, err
+    quality = json.loads((tmp_path / 'quality.json').read_text())
+    assert quality['shape'] == [101, 151] and quality['grid']['type'] == 'PlaneGrid'
+    assert quality['measured_error']['error_db'] < -60.0
+
+
+@pytest.mark.parametrize(('words', 'message'), [
+    (['--format', 'geotiff'], 'give --datum LAT,LON,HEIGHT'),
+    (['--format', 'geotiff', '--plane', 'slant', '--datum', '1,2,3'], 'GeoTIFF holds maps'),
+    (['--datum', '91,0,0'], 'latitude_deg=91'),
+    (['--aperture', '7'], 'has no aperture 7; it has 0, 1'),
+    (['--centre', '400,0'], 'give --centre a place in the scene'),
+    (['--size', '3000', '--spacing', '0.01'], 'ask for a smaller --size'),
+    (['--memory', '-1'], 'expected a positive number of GB')])
+def test_what_cannot_be_done_is_told_before_the_work(spotlight, run, tmp_path, words, message):
+    status, _, err = run('image', spotlight, '--output', tmp_path / 'out', *words)
+    assert status == 1 and message in err and 'Traceback' not in err
+    assert not (tmp_path / 'out').exists()
+
+
+def test_other_files_are_refused_by_name(run, tmp_path):
+    (tmp_path / 'text.cphd').write_text('hello')
+    (tmp_path / 'folder').mkdir()
+    for name, message in (('text.cphd', "is no CPHD file (it begins with b'hello'"),
+                          ('folder', 'is not a rosbag2 recording'),
+                          ('nothing', 'does not exist')):
+        status, _, err = run('image', tmp_path / name, '--output', tmp_path / 'out')
+        assert status == 1 and message in err
+
+
+@pytest.mark.parametrize('words', [['--format', 'jpeg'], ['--size', '1,2,3'], ['--centre', 'x,y']])
+def test_words_that_mean_nothing_are_refused(spotlight, run, words, tmp_path):
+    with pytest.raises(SystemExit) as end:
+        run('image', spotlight, '--output', tmp_path, *words)
+    assert end.value.code == 2
