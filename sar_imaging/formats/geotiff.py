@@ -2,30 +2,37 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import pathlib
 
 import numpy as np
 
 from ..geometry.earth import Datum
+from ..geometry.point_grids import PointGrid
 from ..imaging.image import Image
+from .acquisition import Acquisition
 from .decibels import decibels, grey_levels, limits_db
 from .extras import require
-from .georeference import TOLERANCE_M, Georeference, georeference
+from .georeference import TOLERANCE_M, Georeference, georeference, named_crs, utm_crs
 from .product import ImageProduct
+from .resampling import MapPixels, covering_pixels, resample
 from .tags import image_from_text, image_to_text
 
 COMPLEX, DECIBELS, QUICKLOOK = CONTENTS = 'complex', 'decibels', 'quicklook'
-_TAG = 'SAR_IMAGING'
+_LARGEST_RATIO = 1032  # of what DEFLATE compresses
+_TAG, _RESAMPLED = 'SAR_IMAGING', 'RESAMPLED'
 
 
 def write_geotiff(path: os.PathLike | str, image: Image, datum: Datum, *,
-                  content: str = DECIBELS, crs=None) -> Georeference:
+                  content: str = DECIBELS, crs=None, acquisition: Acquisition | None = None,
+                  north_up: bool = False) -> Georeference:
     """Write a map as a cloud-optimised GeoTIFF.
 
     Pixels stay where they were imaged: their places on the map projection are told by an affine
     transform, which may be turned against it. How far pixels lie from where it puts them is
-    measured.
+    measured; 2.5 mm are allowed. With `north_up`, or where no transform is as exact as that, the
+    image is interpolated to square pixels of the projection.
 
     Parameters
     ----------
@@ -42,6 +49,10 @@ def write_geotiff(path: os.PathLike | str, image: Image, datum: Datum, *,
     crs : optional
         ``None``: UTM where the transform is exact to 2.5 mm, transverse Mercator about the image
         otherwise; ``'local'``: that one; or what pyproj takes for a CRS, such as ``25832``.
+    acquisition : Acquisition, optional
+        Pulses of the image, which interpolation needs.
+    north_up : bool
+        Square pixels along easting and northing, whose edges are multiples of their spacing.
 
     Returns
     -------
@@ -51,8 +62,7 @@ def write_geotiff(path: os.PathLike | str, image: Image, datum: Datum, *,
     Raises
     ------
     ValueError
-        The image is no map, or so large that no affine transform puts its pixels to their places
-        on this projection.
+        The image is no map, or needs interpolation and has no acquisition.
     MissingExtraError
         rasterio or pyproj is not installed.
     """
@@ -62,19 +72,37 @@ def write_geotiff(path: os.PathLike | str, image: Image, datum: Datum, *,
     if np.ndim(image.samples) != 2:
         raise ValueError(f'image.samples.shape={image.shape}; expected (rows, columns): write '
                          'the image of each channel into a file of its own')
-    place = georeference(image.grid, datum, crs)
-    if place.error_m > TOLERANCE_M:
-        raise ValueError(f'in {place.crs.name} pixels would lie up to {place.error_m:.3g} m from '
-                         f'their places; {TOLERANCE_M} m are allowed: leave the CRS to us '
-                         '(crs=None), or write the image in smaller pieces')
-    band, nodata = _band(image.samples, content)
+    place, samples = _placed(image, datum, crs, acquisition, north_up)
+    band, nodata = _band(samples, content)
     transform = rasterio.transform.Affine(*place.corner_affine.ravel())
     profile = dict(driver='GTiff', height=band.shape[0], width=band.shape[1], count=1,
                    dtype=band.dtype, crs=place.crs.to_wkt(), transform=transform, nodata=nodata)
     tags = {_TAG: image_to_text(image, datum), 'CONTENT': content,
             'PLACE_ERROR_M': f'{place.error_m:.2g}'}
+    if samples is not image.samples:
+        tags[_RESAMPLED] = 'YES'
     _write_cog(rasterio, pathlib.Path(path), band, profile, tags)
     return place
+
+
+def _placed(image: Image, datum: Datum, crs, acquisition: Acquisition | None,
+            north_up: bool) -> tuple[Georeference, np.ndarray]:
+    """Place of an image on a map, and its samples there."""
+    place = georeference(image.grid, datum, crs)
+    if not north_up and place.error_m <= TOLERANCE_M:
+        return place, image.samples
+    if acquisition is None:
+        reason = 'north_up interpolates' if north_up else (
+            f'in {place.crs.name} pixels would lie up to {place.error_m:.3g} m from their '
+            f'places, {TOLERANCE_M} m are allowed')
+        raise ValueError(f'{reason}: give the acquisition, whose carrier interpolation takes out')
+    if crs is None:
+        place = georeference(image.grid, datum, utm_crs(image.grid, datum))
+    flat = getattr(image.grid, 'map_grid', image.grid)
+    spacing = float(np.linalg.norm(flat.steps_m, axis=1).min())
+    pixels = covering_pixels(image.grid, datum, place.crs, spacing)
+    return (Georeference(place.crs, pixels.affine, 0.0),
+            resample(image, datum, acquisition, pixels))
 
 
 def _band(samples: np.ndarray, content: str) -> tuple[np.ndarray, float | None]:
@@ -111,7 +139,8 @@ def read_geotiff(path: os.PathLike | str) -> ImageProduct:
     Returns
     -------
     ImageProduct
-        Samples, grid, carrier, report and datum as they were written.
+        Samples, grid, carrier, report and datum as they were written; the places of samples that
+        were interpolated are a `PointGrid`.
 
     Raises
     ------
@@ -124,13 +153,25 @@ def read_geotiff(path: os.PathLike | str) -> ImageProduct:
     try:
         with rasterio.open(path, driver='GTiff') as file:
             if file.count != 1 or file.dtypes[0] != 'complex64':
-                raise ValueError(f'{path} holds {file.count} bands of {file.dtypes[0]}; expected '
+                raise ValueError(f'it holds {file.count} bands of {file.dtypes[0]}; expected '
                                  f'one of complex64, as content={COMPLEX!r} writes')
             text = file.tags().get(_TAG)
             if text is None:
-                raise ValueError(f'{path} has no tag {_TAG}; expected a file of write_geotiff')
+                raise ValueError(f'it has no tag {_TAG}; expected a file of write_geotiff')
+            if 8 * file.height * file.width > _LARGEST_RATIO * os.path.getsize(path):
+                raise ValueError(f'it tells of {file.height} rows of {file.width} samples, '
+                                 f'more than {os.path.getsize(path)} bytes can hold')
             samples = file.read(1)
-    except rasterio.errors.RasterioError as error:
+            resampled, crs, transform = _RESAMPLED in file.tags(), file.crs, file.transform
+        image, datum = image_from_text(text, samples, resampled=resampled)
+    except (rasterio.errors.RasterioError, UnicodeDecodeError) as error:
         raise ValueError(f'{path} cannot be read as GeoTIFF: {error}') from error
-    image, datum = image_from_text(text, samples)
+    except ValueError as error:
+        raise ValueError(f'{path}: {error}') from error
+    if resampled:
+        affine = np.array(transform).reshape(3, 3)[:2]
+        affine[:, 2] += 0.5 * (affine[:, 0] + affine[:, 1])
+        pixels = MapPixels(named_crs(crs.to_wkt()), affine, samples.shape)
+        points = pixels.points(image.grid, datum, *np.indices(samples.shape))
+        image = dataclasses.replace(image, grid=PointGrid(points))
     return ImageProduct(image, datum)

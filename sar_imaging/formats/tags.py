@@ -29,8 +29,11 @@ def image_to_text(image: Image, datum: Datum) -> str:
                        'report': dataclasses.asdict(image.report)})
 
 
-def image_from_text(text: str, samples: np.ndarray) -> tuple[Image, Datum]:
+def image_from_text(text: str, samples: np.ndarray, *,
+                    resampled: bool = False) -> tuple[Image, Datum]:
     """Image and datum of samples and the text that belongs to them.
+
+    Samples that were interpolated to other pixels need not have the shape of the grid.
 
     Raises
     ------
@@ -50,7 +53,7 @@ def image_from_text(text: str, samples: np.ndarray) -> tuple[Image, Datum]:
                       counters)
     except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
         raise ValueError(f'the tag of the image cannot be understood: {error!r}') from error
-    if grid.shape != samples.shape:
+    if grid.shape != samples.shape and not resampled:
         raise ValueError(f'the tag tells of a grid {grid.shape}, the file holds {samples.shape}')
     return image, datum
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import resource
 
 import numpy as np
 import pytest
@@ -99,3 +100,14 @@ def find_peaks(samples, near):
 def peaks():
     """Function that finds the maxima of an image."""
     return find_peaks
+
+
+@pytest.fixture
+def little_memory():
+    """A file of some kilobytes needs no gigabyte; asking for one fails."""
+    limits = resource.getrlimit(resource.RLIMIT_AS)
+    with open('/proc/self/statm') as file:
+        used = int(file.read().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + 2**28, limits[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_AS, limits)

@@ -2,14 +2,14 @@
 
 import os
 import pathlib
-import re
-import resource
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings, strategies as st
+from hypothesis import given, settings
 
 from sar_imaging.formats import read_sicd, write_sicd
+
+from .damage import PROPERTY, Content, damaged, mutations
 
 sksicd = pytest.importorskip('sarkit.sicd', reason='sarkit is not installed: it needs Python 3.11')
 
@@ -56,13 +56,6 @@ def test_public_samples_as_the_reference_reads_them():
         # float32 of the product
         np.testing.assert_allclose(read_sicd(path).image.samples, expected,
                                    atol=1e-6 * np.abs(samples).max())
-
-
-class Content(bytes):
-    """Bytes of a file, which failed tests need not print."""
-
-    def __repr__(self):
-        return f'<{len(self)} bytes>'
 
 
 @pytest.fixture(scope='module')
@@ -116,38 +109,6 @@ def test_other_files(tmp_path):
         read_sicd(tmp_path / 'none.nitf')
 
 
-@st.composite
-def mutations(draw):
-    """How to damage a file: bytes overwritten, removed, repeated; digits made large."""
-    def number(text):
-        return draw(st.floats(0, 1, exclude_max=True), label=text)
-    return draw(st.lists(st.tuples(
-        st.sampled_from(['set', 'flip', 'cut', 'double', 'nines', 'zeros']),
-        st.floats(0, 1, exclude_max=True), st.integers(1, 16), st.binary(min_size=1, max_size=16)),
-        min_size=1, max_size=4)), number('where')
-
-
-def damaged(content, changes, headers):
-    """The file with these changes, half of which fall into its headers and its XML."""
-    out = bytearray(content)
-    for i, (kind, where, n, new) in enumerate(changes):
-        inside = headers if i % 2 == 0 else [(0, len(out))]
-        low, high = inside[int(where * 997) % len(inside)]
-        at = min(low + int(where * (high - low)), max(len(out) - 1, 0))
-        if kind == 'set':
-            out[at:at + len(new)] = new
-        elif kind == 'flip':
-            out[at:at + 1] = bytes(255 - b for b in out[at:at + 1])
-        elif kind == 'cut':
-            del out[at:at + n * 7]
-        elif kind == 'double':
-            out[at:at] = out[at:at + n * 5]
-        else:
-            digit = b'9' if kind == 'nines' else b'0'
-            out[at:at + n] = re.sub(rb'\d', digit, bytes(out[at:at + n]))
-    return Content(out)
-
-
 def survives(tmp_path, written, changes):
     """A damaged file is read, or refused with one clear line, within the memory of its size."""
     start = written.index(b'<SICD')
@@ -161,28 +122,14 @@ def survives(tmp_path, written, changes):
         assert np.prod(product.image.shape) == product.image.samples.size
 
 
-@pytest.fixture
-def little_memory():
-    """A file of some kilobytes needs no gigabyte; asking for one fails."""
-    limits = resource.getrlimit(resource.RLIMIT_AS)
-    with open('/proc/self/statm') as file:
-        used = int(file.read().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (used + 2**28, limits[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_AS, limits)
-
-
-PROPERTY = dict(suppress_health_check=list(HealthCheck), deadline=None)
-
-
 @settings(max_examples=300, derandomize=True, **PROPERTY)
 @given(mutations())
-def test_damaged_files(written, tmp_path, little_memory, drawn):
-    survives(tmp_path, written, drawn[0])
+def test_damaged_files(written, tmp_path, little_memory, changes):
+    survives(tmp_path, written, changes)
 
 
 @pytest.mark.campaign
 @settings(max_examples=10_000, **PROPERTY)
 @given(mutations())
-def test_many_damaged_files(written, tmp_path, little_memory, drawn):
-    survives(tmp_path, written, drawn[0])
+def test_many_damaged_files(written, tmp_path, little_memory, changes):
+    survives(tmp_path, written, changes)
