@@ -25,6 +25,7 @@ COMMANDS = {
     ('load', 'arcsar'): 'measured.load_arcsar',
     ('load', 'mimo-60ghz'): 'measured.load_mimo_60ghz',
     ('image',): 'products.image',
+    ('change',): 'products.change',
     ('image', 'arcsar'): 'measured.image_arcsar',
     ('image', 'mimo-60ghz'): 'measured.image_mimo_60ghz',
     ('reproduce', 'multichannel'): 'reproduction.reproduce_multichannel',

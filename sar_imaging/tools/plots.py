@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import Normalize
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
@@ -23,6 +23,7 @@ MAX_PIXELS = 1600  # along the longer side of what is drawn; finer images are mu
 FAR_M = 1000.0  # axes with longer numbers are labelled from the middle of the grid
 MOST_NAMES = 20  # more scatterers than these are marked without their names
 MARK = '#ffb454'
+CHANGED = '#ff4d4d'
 WHITE_SHARE = 0.01  # of the summed amplitude that may lie in white pixels
 BLACK_DB = 10.0  # below the median: 7 % of speckle lie lower
 MOST_DB = 60.0  # from black to white
@@ -78,6 +79,60 @@ def save_image_png(path: Path | str, image, grid: MapGrid, *, truth: Sequence[di
     bar.set_label('dB' if low else 'dB relative to the brightest pixel', fontsize=9)
     bar.ax.tick_params(labelsize=8)
     figure.savefig(path, dpi=DPI)
+
+
+def save_values_png(path: Path | str, values, grid: MapGrid, *, title: str, label: str,
+                    limits: tuple[float, float], colours: str, marked=None) -> None:
+    """Draw values of a map in colours on axes in metres.
+
+    Parameters
+    ----------
+    path : path
+        PNG file to write.
+    values : (n_y, n_x) float
+        Values on `grid`; NaN, where there are none, stays white.
+    grid : MapGrid
+        Pixel positions.
+    title, label : str
+        Title line, and what the colour bar shows.
+    limits : (2,) floats
+        Values at the ends of the colour bar.
+    colours : str
+        Colour map of Matplotlib.
+    marked : (n_y, n_x) bool, optional
+        Pixels to lay red over.
+
+    Raises
+    ------
+    ValueError
+        The values do not have the shape of the grid.
+    """
+    values = np.asarray(values)
+    grid.check_image(values)
+    extent, x_label, y_label = _extent(grid)
+    figure, axes, bar_axes = _layout(extent[1] - extent[0], extent[3] - extent[2])
+    axes.set_facecolor('white')
+    drawn = axes.imshow(values, extent=extent, cmap=colours, interpolation='nearest',
+                        norm=Normalize(*limits), aspect='auto')
+    if marked is not None:
+        axes.imshow(np.ma.masked_equal(marked, False), extent=extent, aspect='auto', alpha=0.75,
+                    cmap=ListedColormap([CHANGED]), interpolation='nearest')
+    axes.set(xlabel=x_label, ylabel=y_label, xlim=extent[:2], ylim=extent[2:])
+    axes.tick_params(direction='out', labelsize=8)
+    axes.annotate(title, (0, 1), xytext=(0, 9), xycoords='axes fraction',
+                  textcoords='offset points', fontsize=10)
+    bar = figure.colorbar(drawn, cax=bar_axes)
+    bar.set_label(label, fontsize=9)
+    bar.ax.tick_params(labelsize=8)
+    figure.savefig(path, dpi=DPI)
+
+
+def _extent(grid: MapGrid) -> tuple[tuple[float, float, float, float], str, str]:
+    """Edges of the pixels, left, right, bottom and top, metres, and the labels of both axes."""
+    (x_ref, x_label), (y_ref, y_label) = _axis('x', grid.x_m), _axis('y', grid.y_m)
+    half = grid.spacing_m / 2
+    return ((grid.x_m[0] - half - x_ref, grid.x_m[-1] + half - x_ref,
+             grid.y_m[-1] - half - y_ref, grid.y_m[0] + half - y_ref), x_label, y_label)
 
 
 def _multilook(image: np.ndarray) -> np.ndarray:
