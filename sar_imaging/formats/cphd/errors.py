@@ -13,7 +13,7 @@ class CphdError(ValueError):
 
 @contextlib.contextmanager
 def reported(path: Path, what: str) -> Iterator[None]:
-    """Raise `CphdError` for whatever a library raises on damaged metadata.
+    """Raise `CphdError`, with the file's name, for whatever damaged metadata raise.
 
     Parameters
     ----------
@@ -24,8 +24,10 @@ def reported(path: Path, what: str) -> Iterator[None]:
     """
     try:
         yield
-    except CphdError:
-        raise
+    except CphdError as error:
+        if str(path) in str(error):
+            raise
+        raise CphdError(f'{path}: {error}') from error
     except (ArithmeticError, AssertionError, AttributeError, LookupError, RuntimeError,
             SyntaxError, TypeError, ValueError) as error:
         raise CphdError(f'{path}: {what}: {type(error).__name__}: {error}') from error

@@ -239,7 +239,12 @@ class CphdReader:
                 raise CphdError(f'{container.path}: ImageArea from {(x1, y1)} to {(x2, y2)} m is '
                                 'no area')
             sarkit = require('sarkit.cphd', PURPOSE)
-            return self.datum.from_ecef(sarkit.iac_to_ecf(container.tree, corners))
+            with np.errstate(all='ignore'):  # told below
+                area = self.datum.from_ecef(sarkit.iac_to_ecf(container.tree, corners))
+            if not (np.ptp(area, axis=0) < 2 * _LONGEST_AREA_M).all():
+                raise CphdError(f'{container.path}: the axes of ReferenceSurface are no axes of '
+                                'an area')
+            return area
 
     @property
     def resolution_m(self) -> tuple[float, float]:
