@@ -18,6 +18,8 @@ COMMANDS = {
     ('check-config',): 'check_config',
     ('calibrate',): 'calibrate',
     ('layouts',): 'layouts',
+    ('convert',): 'exchange.convert',
+    ('info',): 'exchange.info',
     ('compile',): 'compile_kernels',
     ('measure-costs',): 'measure_costs',
     ('load', 'gotcha'): 'measured.load_gotcha',

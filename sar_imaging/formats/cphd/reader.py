@@ -128,6 +128,11 @@ class CphdReader:
         return len(self.stamp_ns)
 
     @property
+    def n_vectors(self) -> int:
+        """Number of vectors of each channel in the file, those without signal included."""
+        return self.container.channels[self.channels[0]].n_vectors
+
+    @property
     def n_channels(self) -> int:
         """Number of channels C."""
         return len(self.channels)
@@ -298,7 +303,7 @@ class CphdReader:
     def _told(self) -> list[str]:
         """What a person should know besides what the samples tell."""
         vectors, told = self._vectors, []
-        total = self.container.channels[self.channels[0]].n_vectors
+        total = self.n_vectors
         if total > self.n_pulses:
             told.append(f'{total - self.n_pulses} of {total} vectors have no signal and are left '
                         'out')

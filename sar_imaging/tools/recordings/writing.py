@@ -57,12 +57,15 @@ def with_progress(blocks: Iterator[PulseBlock], n_pulses: int) -> Iterator[Pulse
             bar.update(block.n_pulses)
 
 
-def run_writing(write: Callable[[], str]) -> int:
-    """Run `write`, print what it returns; 0, or 1 with a reason, or 130 when interrupted."""
+def run_writing(write: Callable[[], str], *, errors: tuple[type[Exception], ...] = ()) -> int:
+    """Run `write`, print what it returns; 0, or 1 with a reason, or 130 when interrupted.
+
+    Reasons are errors of files and of recordings, and `errors` besides.
+    """
     with _terminate_as_interrupt():
         try:
             print(write())
-        except (BagError, ConfigurationFileError, OSError) as error:
+        except (BagError, ConfigurationFileError, OSError, *errors) as error:
             print(f'error: {error}', file=sys.stderr)
             return 1
         except KeyboardInterrupt:

@@ -1,0 +1,46 @@
+"""Tell what a file holds: when and where it was made, by what radar, how finely, how large.
+
+Run: sar-imaging info scene.cphd
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from sar_imaging.formats import MissingExtraError
+
+from ..recordings.bag_io import BagError
+from . import summaries
+from .kinds import CPHD, GEOTIFF, RECORDING, SICD, kind_of
+
+#: What tells of a file of each kind.
+SUMMARIES: dict[str, Callable[[Path], summaries.Summary]] = {
+    RECORDING: summaries.of_recording, CPHD: summaries.of_cphd, SICD: summaries.of_sicd,
+    GEOTIFF: summaries.of_geotiff}
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command-line parser."""
+    p = argparse.ArgumentParser(
+        prog='sar-imaging info',
+        description='Tell what a recording, a CPHD, SICD or GeoTIFF file holds, on one screen.')
+    p.add_argument('file', type=Path, metavar='FILE', help='file, or folder of a recording')
+    return p
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the program; returns its exit status."""
+    path = parser().parse_args(argv).file
+    try:
+        print(SUMMARIES[kind_of(path)](path))
+    except (BagError, MissingExtraError, OSError, ValueError) as error:
+        print(f'error: {error}', file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
