@@ -93,7 +93,8 @@ def compare(folder: pathlib.Path) -> bool:
         golden, facts = load(folder, name)
         found, plan_seconds, image_seconds = timed(case)
         image_db = difference_db(found.image, golden)
-        predicted = (found.predicted_error_db or 0.0) - (facts['predicted_error_db'] or 0.0)
+        both = found.predicted_error_db, facts['predicted_error_db']
+        predicted = 0.0 if None in both else both[0] - both[1]
         fine &= image_db <= MOST_DB and abs(predicted) <= MOST_PREDICTION_DB
         print(f'{name:24s} {"equal" if image_db == -math.inf else f"{image_db:.0f} dB":>9s} '
               f'{predicted:+7.2f} dB {"same" if found.plan == facts["plan"] else "other":>6s} '

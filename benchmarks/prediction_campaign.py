@@ -60,10 +60,12 @@ def afbp(case: RandomCase, rng):
 
 
 def ffbp(case: RandomCase, rng):
-    """FFBP, which predicts nothing."""
-    p = case.profiles
-    plan = FfbpImager(case.grid, p.radar, p.n_samples, p.tx_m, p.rx_m, merge_factor=4)
-    return plan(p), None, plan.warnings, slice(None), {}
+    """FFBP of the profiles to a random target, in sub-apertures of a random length."""
+    p, target_db = case.profiles, -rng.uniform(15, 80)
+    plan = FfbpImager(case.grid, p.radar, p.n_samples, p.tx_m, p.rx_m, target_db=target_db,
+                      pulses_per_subaperture=int(rng.integers(4, 25)))
+    return plan(p), plan.predicted_error_db, plan.warnings, slice(None), {
+        'target_db': target_db, 'kernel': plan.plan.sampling.kernel}
 
 
 def live(case: RandomCase, rng):

@@ -182,10 +182,11 @@ def afbp(case: GoldenCase, block: PulseBlock):
 
 
 def ffbp(case: GoldenCase, block: PulseBlock):
-    """FFBP, which predicts no error."""
+    """FFBP with sampling as asked for."""
     return (lambda: FfbpImager(case.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
                                **case.options),
-            lambda plan: GoldenImage(plan(block), None, str(len(plan.levels))))
+            lambda plan: GoldenImage(plan(block), plan.predicted_error_db,
+                                     str(len(plan.plan.levels))))
 
 
 def wavenumber(case: GoldenCase, block: PulseBlock):

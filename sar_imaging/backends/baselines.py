@@ -13,14 +13,33 @@ from . import BACKENDS, backend
 if TYPE_CHECKING:
     import numpy as np
 
+    from ..planning.baselines.ffbp import FfbpPlan
     from ..planning.baselines.zero_padding import ZeroPaddingPlan
     from ..signal.pulses import PulseBlock
     from ..signal.radar import RadarParameters
     from .protocol import Backend
 
 
+class FactorisedImager(Protocol):
+    """Forms images by one plan of fast factorised backprojection.
+
+    Attributes
+    ----------
+    plan : FfbpPlan
+        As given.
+    """
+
+    plan: FfbpPlan
+
+    def image(self, block: PulseBlock, *, progress: bool = False) -> np.ndarray:
+        """Image of the range profiles of the planned aperture, complex64, with the carrier."""
+
+
 class Baselines(Protocol):
     """Entries for comparison; a backend may lack any of them."""
+
+    def FactorisedImager(self, plan: FfbpPlan) -> FactorisedImager:
+        """Fast factorised backprojection by a plan."""
 
     def correlate_spectra(self, cycles_per_m: tuple[float, float], spectra: np.ndarray,
                           tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray) -> np.ndarray:

@@ -213,15 +213,17 @@ class Afbp(Method):
 
 
 class Ffbp(Method):
-    """`FfbpImager`: what AFBP is compared with; its error is not predicted."""
+    """`FfbpImager`: what AFBP is compared with."""
 
     NAME = 'ffbp'
 
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""
+        options = self.options
         self._imager = FfbpImager(self.grid, self.radar, self.n_samples, tx_m, rx_m,
-                                  merge_factor=4, progress=self.options.progress)
-        return self.describe(warnings=self._imager.warnings)
+                                  target_db=options.target_db, backend=options.backend,
+                                  progress=options.progress)
+        return self.planned(self._imager.plan)
 
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""

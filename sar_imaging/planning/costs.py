@@ -20,9 +20,7 @@ VARIABLE = 'SAR_IMAGING_COSTS'  # of the environment: file of measured costs
 
 @dataclasses.dataclass(frozen=True)
 class CostModel:
-    """Costs of the operations of the CPU backend, nanoseconds of one thread.
-
-    The defaults were measured on a processor with AVX-512 at about 3 GHz.
+    """Costs of the CPU backend's operations, nanoseconds of one thread; AVX-512 at about 3 GHz.
 
     Attributes
     ----------
@@ -40,6 +38,8 @@ class CostModel:
         Lines from beams: of a pixel, and in addition of a segment.
     coarse_pixel, fine_pixel, subaperture : float
         Fusion: of a pixel of a sub-aperture image, of the fused image, and of a sub-aperture.
+    merged_pixel, merged_tap, gathered_pixel, gathered_tap : float
+        FFBP: of a pixel and part, of a neighbour along either axis; and of those looked up singly.
     profile_bin, profile_cell : float
         Range profiles: of a row, by the samples of its spectrum and the positions of its lattice.
     beam_path, beam_run, image : float
@@ -61,6 +61,10 @@ class CostModel:
     coarse_pixel: float = 1.75
     fine_pixel: float = 2.0
     subaperture: float = 2.5e5
+    merged_pixel: float = 0.8
+    merged_tap: float = 0.25
+    gathered_pixel: float = 6.5
+    gathered_tap: float = 1.1
     profile_bin: float = 3.0
     profile_cell: float = 7.0
     beam_path: float = 35.0

@@ -10,9 +10,11 @@ from sar_imaging.backends.cpu.baselines.stolt import SlantImage, spread
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.geometry.straight_track import StraightTrack
+from sar_imaging.planning.baselines.ffbp_segments import LANES
+from sar_imaging.planning.baselines.neighbour_weights import TAPS, kernel_weights
 
 SEEDS = st.integers(0, 2 ** 32)
-KERNELS = st.sampled_from(sorted(ffbp.TAPS))
+KERNELS = st.sampled_from(sorted(TAPS))
 
 
 def local_image(rng, polar):
@@ -51,7 +53,7 @@ def test_local_images_are_added_to_any_grid(seed, kernel, n_x, n_y, polar_target
     local = PolarGrid((1.0, -2.0, 30.0), (0.6, 0.8), -1, 0.0, 480.0, 0.4, 140, -0.06, 1e-3, 120)
     flat, image = local_image(rng, local)
     wavelength_m, turn = rng.uniform(0.02, 0.3), rng.uniform(0, 0.5)
-    weights = ffbp.kernel_weights(kernel, 1.5)
+    weights = kernel_weights(kernel, 1.5)
     middle = local.lines(508.0, 0.0)[0]
     if polar_target:
         beside = PolarGrid((1.3, -1.6, 29.0), (0.6, 0.8), -1, 0.0, 500.0, 0.17, n_x, -0.02, 1e-3,
@@ -96,13 +98,13 @@ def test_local_images_are_merged(seed, kernel, n_range, n_alpha, add):
     parent = PolarGrid(tuple(np.array(child.origin_m) - offset), (1.0, 0.0), 1, 0.0,
                        1e5 + 20.0 + rng.random(), step_m, n_range, -0.005, 3e-4, n_alpha)
     flat, image = local_image(rng, child)
-    weights = ffbp.kernel_weights(kernel, 1.5)
+    weights = kernel_weights(kernel, 1.5)
     pairs, segment = ffbp.paired(weights), 16
     geometry = np.array([offset[0], offset[1], parent.height_m, child.height_m, step_m,
                          parent.range_start_m, child.range_start_m, parent.alpha_start,
                          parent.alpha_spacing, child.alpha_start, child.alpha_spacing,
                          2 * step_m / wavelength_m])
-    width = segment + ffbp.LANES
+    width = segment + LANES
     merged, before = local_image(rng, parent)
     ffbp.merge(flat, (200, 160), merged, (n_alpha, n_range), geometry, pairs, pairs,
                len(weights) // 2, segment, np.arange(width, dtype=np.float32), int(not add),

@@ -6,12 +6,13 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from sar_imaging.backends.cpu.baselines.ffbp_kernels import TAPS, kernel_weights
 from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.imaging.ffbp import FfbpImager
-from sar_imaging.planning.baselines.ffbp import Node, half_bands
+from sar_imaging.planning.baselines.ffbp_grids import half_bands
+from sar_imaging.planning.baselines.ffbp_tree import Node
+from sar_imaging.planning.baselines.neighbour_weights import TAPS, kernel_weights
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 from sar_imaging.signal.spectra import band_spectrum
 
@@ -43,7 +44,7 @@ def _error_db(case, image, points=None):
 def test_every_kernel_and_merge_factor(make_case, kernel, merge_factor):
     case = make_case(1e3, pulses=128)
     plan = _plan(case, kernel=kernel, merge_factor=merge_factor, pulses_per_subaperture=8)
-    assert [len(level.nodes) for level in plan.levels] == {2: [16, 8, 4, 2], 4: [16, 4]}[
+    assert [len(level.nodes) for level in plan.plan.levels] == {2: [16, 8, 4, 2], 4: [16, 4]}[
         merge_factor]
     assert _error_db(case, plan(case.block)) <= LARGEST_ERROR_DB[kernel]
 
@@ -53,7 +54,7 @@ def test_every_kernel_and_merge_factor(make_case, kernel, merge_factor):
 def test_any_number_of_subapertures(make_case, pulses, per_subaperture, merge_factor):
     case = make_case(1e3, pulses=pulses)
     plan = _plan(case, pulses_per_subaperture=per_subaperture, merge_factor=merge_factor)
-    assert len(plan.levels[0].nodes) == -(-pulses // per_subaperture)
+    assert len(plan.plan.levels[0].nodes) == -(-pulses // per_subaperture)
     assert _error_db(case, plan(case.block)) <= LARGEST_ERROR_DB['knab8']
 
 
@@ -77,7 +78,7 @@ def test_any_range_direction_height_and_track(make_case, options, kernel):
 def test_near_scene_is_merged_pixel_by_pixel(make_case, kernel):
     case = make_case(100.0, height_m=50.0, aperture_m=20.0, pulses=72, channels=2)
     plan = _plan(case, kernel=kernel, pulses_per_subaperture=8)
-    assert any(not level.segment for level in plan.levels[1:])
+    assert any(not level.segment for level in plan.plan.levels[1:])
     assert _error_db(case, plan(case.block)) <= LARGEST_ERROR_DB[kernel]
 
 
@@ -140,8 +141,8 @@ def test_one_image_per_level_is_alive(make_case):
     plan(case.block)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    images = 8 * sum(level.size for level in plan.levels) + 8 * case.grid.n_x * case.grid.n_y
-    together = 8 * sum(n.shape[0] * n.shape[1] for level in plan.levels for n in level.nodes)
+    images = 8 * sum(level.size for level in plan.plan.levels) + 8 * case.grid.n_x * case.grid.n_y
+    together = 8 * sum(n.shape[0] * n.shape[1] for level in plan.plan.levels for n in level.nodes)
     # profiles of one sub-aperture and work space come on top
     assert peak <= images + 2_000_000 < together
 
@@ -244,7 +245,7 @@ def test_half_bands_are_the_largest_local_frequencies():
     highest = 4 * np.pi * 2.15e9 / SPEED_OF_LIGHT
     wanted = (band * np.abs(by_range).max() + highest * np.abs(by_range - 1).max(),
               highest * np.abs(by_alpha).max())
-    found = half_bands([Node(slice(0, n_pulses), 0, [], centre)], tx, rx, points, radar)
+    found = half_bands([Node(slice(0, n_pulses), 0, (), centre)], tx, rx, points, radar)
     assert found == pytest.approx(np.multiply(1.02, wanted), rel=1e-5)  # 2 % for what lies between
 
 
@@ -252,4 +253,4 @@ def test_half_bands_are_the_largest_local_frequencies():
 def test_geometry_is_expanded_along_long_segments(make_case, range_m, segment):
     """Which is what makes merges quick; near the track over fewer pixels."""
     plan = _plan(make_case(range_m))
-    assert [level.segment for level in plan.levels[1:]] == [segment]
+    assert [level.segment for level in plan.plan.levels[1:]] == [segment]

@@ -8,6 +8,7 @@ import importlib
 
 _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'subapertures',
             'SpectrumFusion': 'fusion.spectra', 'form_map': 'fusion.to_map',
+            'FactorisedImager': 'baselines.ffbp',
             'correlate_spectra': 'baselines.correlation',
             'correlate_profiles': 'baselines.correlation',
             'image_zero_padded': 'baselines.zero_padding'}

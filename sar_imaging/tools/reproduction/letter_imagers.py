@@ -34,15 +34,15 @@ class Formed:
         On the map grid asked for.
     seconds : dict of str to float
         Wall clock by stage.
-    predicted_error_db : float or None
-        What the imager predicts, dB; FFBP does not.
+    predicted_error_db : float
+        What the imager predicts, dB.
     pulses_per_subaperture : int or None
         Where the imager chose it.
     """
 
     image: np.ndarray
     seconds: dict[str, float]
-    predicted_error_db: float | None
+    predicted_error_db: float
     pulses_per_subaperture: int | None = None
 
 
@@ -66,7 +66,8 @@ def _ffbp(kernel: str, oversampling: float, pulses: int) -> Imager:
                           range_oversampling=oversampling, angle_oversampling=oversampling)
         seconds = {'planning': time.perf_counter() - start}
         stages = {'_backproject': 'stage 1', '_merge': 'fusion', '_add': 'resampling'}
-        return Formed(_timed(plan, stages, seconds)(block), seconds, None)
+        _timed(plan.stage, stages, seconds)
+        return Formed(plan(block), seconds, plan.predicted_error_db)
 
     return form
 
@@ -109,12 +110,11 @@ def _whole_ffbp(kernel: str, oversampling: float, pulses: int) -> SceneImager:
     return form
 
 
-def _timed(plan, stages: dict[str, str], seconds: dict[str, float]):
+def _timed(plan, stages: dict[str, str], seconds: dict[str, float]) -> None:
     """Have an imager's own steps add up their wall clock by stage."""
     for step, stage in stages.items():
         seconds[stage] = 0.0
         setattr(plan, step, _stopwatch(getattr(plan, step), stage, seconds))
-    return plan
 
 
 def _stopwatch(step: Callable, stage: str, seconds: dict[str, float]) -> Callable:

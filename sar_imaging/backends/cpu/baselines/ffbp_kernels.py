@@ -1,4 +1,4 @@
-"""Compiled loops of fast factorised backprojection, and its interpolation kernels.
+"""Compiled loops of fast factorised backprojection.
 
 All of them work on images at range baseband: value times ``exp(-j 4 pi (r - r_0) / lambda)`` with
 the first range r_0 of the image's own grid, real and imaginary parts apart in one flat array.
@@ -8,59 +8,15 @@ becomes float32.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ....compilation import njit, numba
-from ....planning.baselines.ffbp import LANES, MARGIN
+from ....planning.baselines.ffbp_grids import LANES
 from ..line_kernels import LINES, _cos_cycles, _fraction, _sin_cycles
-from .neighbour_sums import DEGREE, interpolate2, interpolate4, interpolate8
+from .neighbour_sums import interpolate2, interpolate4, interpolate8
 
-#: Neighbours that each kernel reads along range and along direction.
-TAPS = {'linear': 2, 'cubic': 4, 'knab8': 8}
 PADDING = 256  # values after an image that a segment may read
 PIXELS = 64  # of the requested grid, whose geometry is computed together
-
-
-def kernel_weights(kernel: str, oversampling: float) -> np.ndarray:
-    """Weights of an interpolation kernel as polynomials.
-
-    Sample ``first + k``, first = 1 - taps / 2, has the weight ``sum_q w[k, q] x^q`` at the
-    position ``x + 1/2`` between samples 0 and 1.
-
-    Parameters
-    ----------
-    kernel : str
-        A key of `TAPS`: 'linear', 'cubic' (Lagrange), or 'knab8', a sinc in Knab's window (IEEE
-        Trans. Inf. Theory 25, 1979), whose polynomials are a fit to within 1e-5.
-    oversampling : float
-        Sample rate over two-sided bandwidth; sets the width of Knab's window.
-
-    Returns
-    -------
-    (taps, 8) float32
-    """
-    taps = TAPS[kernel]
-    first = 1 - taps // 2
-    x = np.cos(np.pi * (np.arange(64) + 0.5) / 64) * (0.5 + MARGIN)
-    distance = x[:, None] + 0.5 - (np.arange(taps) + first)
-    if kernel == 'knab8':
-        values = _knab(distance, taps / 2, oversampling)
-    else:  # Lagrange's polynomials
-        nodes = np.arange(taps) + first - 0.5
-        values = np.stack([np.prod([(x - m) / (n - m) for m in nodes if m != n], axis=0)
-                           for n in nodes], axis=-1)
-    powers = x[:, None] ** np.arange(DEGREE + 1)
-    weights = np.linalg.lstsq(powers, values, rcond=None)[0].T
-    return np.ascontiguousarray(weights, np.float32)
-
-
-def _knab(x, half, oversampling):
-    """Sinc in the window of Knab, which continues smoothly beyond its ends."""
-    v = math.pi * half * (1 - 1 / oversampling)
-    root = np.sqrt((1 - (x / half) ** 2).astype(complex))
-    return np.sinc(x) * (np.cosh(v * root) / np.cosh(v)).real
 
 
 def paired(weights: np.ndarray) -> np.ndarray:
@@ -295,7 +251,7 @@ def add_to_grid(local, shape, geometry, grid, layout, weights_range, weights_alp
         Rows and columns of the image; steps of the index in `image` from row to row, from column
         to column, and from a real part to its imaginary part.
     weights_range, weights_alpha : (8 * taps,) float32
-        `kernel_weights`, transposed.
+        `planning.baselines.neighbour_weights.kernel_weights`, transposed.
     taps : int
         2, 4 or 8.
     image : (N,) float32

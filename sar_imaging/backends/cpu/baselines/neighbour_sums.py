@@ -12,7 +12,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-DEGREE = 7  # of the polynomials in the tables of weights
+from ....planning.baselines.neighbour_weights import DEGREE
+
 _FAST = ('contract', 'reassoc', 'nsz')
 _FLOAT = ir.FloatType()
 

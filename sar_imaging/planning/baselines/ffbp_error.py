@@ -1,0 +1,131 @@
+"""Error of the interpolations of fast factorised backprojection, one after the other.
+
+What a pulse contributes to a local image is a tone at every pixel: its local frequencies are the
+derivatives of its half path. Each interpolation multiplies the tone by a factor h that depends on
+its frequency and on the place between samples. Places of different levels are independent, so that
+the error of a tone after all its interpolations is
+
+``E |prod h - 1|^2 = prod E |h|^2 - 2 prod E h + 1``
+
+where what the levels have in common, the loss ``1 - E h``, adds up in amplitude. Tones are weighed
+by their share in the power of the image.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...signal.radar import RadarParameters
+from ..echo_power import echo_power
+from .ffbp_geometry import FfbpGeometry
+from .ffbp_grids import local_slopes
+from .ffbp_segments import Segment
+from .neighbour_weights import mean_gain
+
+_PULSES, _CHANNELS, _TONES = 32, 4, 12  # that stand for all: errors ripple over the band
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class LocalTones:
+    """Local frequencies of some pulses at some pixels, in the images of every level.
+
+    Attributes
+    ----------
+    along_range, along_alpha : (L, S, C, K, F) float64
+        Of pulses, channels, positions and frequencies, rad/m and rad.
+    known : (L, S) bool
+        Whether a level has an image with the pulse in it.
+    shares : (2, S, C, 1, F) float64
+        In the power of an image, of what all pulses see alike and of noise; of sum 1.
+    """
+
+    along_range: np.ndarray
+    along_alpha: np.ndarray
+    known: np.ndarray
+    shares: np.ndarray
+
+    def along(self, axis: int) -> np.ndarray:
+        """Frequencies along range (0) or direction (1)."""
+        return (self.along_range, self.along_alpha)[axis]
+
+
+def local_tones(geometry: FfbpGeometry, radar: RadarParameters) -> LocalTones:
+    """Local frequencies of an aperture."""
+    tx, rx, points = geometry.tx, geometry.rx, geometry.inside
+    pulses, channels = (np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(int))
+                        for n, most in zip(tx.shape[:2], (_PULSES, _CHANNELS), strict=True))
+    some = [a[np.ix_(pulses, channels)] for a in (tx, rx)]
+    tone, by_tone = np.polynomial.legendre.leggauss(_TONES)
+    k_c = radar.wavenumber_rad_per_m
+    k = k_c + radar.half_band_rad_per_m * tone
+    found, known = [], []
+    for nodes in geometry.levels:
+        starts, stops = (np.array([getattr(n.pulses, e) for n in nodes])
+                         for e in ('start', 'stop'))
+        number = np.maximum(np.searchsorted(starts, pulses, 'right') - 1, 0)
+        known.append(np.zeros(len(pulses), bool) if not nodes else
+                     (starts[number] <= pulses) & (pulses < stops[number]))
+        origins = (np.array([nodes[i].centre for i in number]) if nodes
+                   else np.tile(geometry.levels[0][0].centre, (len(pulses), 1)))
+        by_range, by_alpha = local_slopes(origins, *some, points)
+        found.append((k * by_range[..., None] - k_c, k * by_alpha[..., None]))
+    return LocalTones(*(np.array(a) for a in zip(*found, strict=True)), np.array(known),
+                      _shares(geometry, radar, pulses, channels)[..., None, None] * by_tone / 2)
+
+
+def _shares(geometry, radar, pulses, channels) -> np.ndarray:
+    """(2, S, C) shares of some pulses, each with its neighbours, in the power of images."""
+    inside = geometry.inside
+    power = echo_power(geometry.tx.reshape(-1, 3), geometry.rx.reshape(-1, 3), inside[4],
+                       (inside[5] - inside[3], inside[7] - inside[1]), radar)
+    first = np.r_[0, (pulses[1:] + pulses[:-1] + 1) // 2]
+    found = [np.add.reduceat(p.reshape(geometry.tx.shape[:2]), first)[:, channels]
+             for p in (power, np.ones_like(power))]
+    return np.array([share / share.sum() for share in found])
+
+
+def read_error(tones: LocalTones, axes: Sequence[int], kernel: str, oversampling: Sequence[float],
+               spacings: Sequence[Sequence[float]], segments: Sequence[Segment]) -> float:
+    """Mean squared error of all interpolations, relative to the power of the image.
+
+    Parameters
+    ----------
+    tones : LocalTones
+        Of the aperture.
+    axes : sequence of int
+        Along which: 0 for range, 1 for direction.
+    kernel : str
+        Interpolation kernel.
+    oversampling : (float, float)
+        Along range and direction.
+    spacings : two sequences of L floats
+        Of local grids along range, metres, and direction, by level.
+    segments : sequence of L Segment
+        By which the images of each level are read.
+    """
+    log_gain, log_spread = 0.0, 0.0
+    for level, (known, segment) in enumerate(zip(tones.known, segments, strict=True)):
+        known = known[:, None, None, None]
+        for axis in axes:
+            frequency = tones.along(axis)[level] * spacings[axis][level] / (2 * np.pi)
+            loss, variance = mean_gain(kernel, oversampling[axis], segment.drift(axis), frequency)
+            log_gain = log_gain + np.where(known, np.log1p(-loss), 0.0)
+            log_spread = log_spread + np.where(known, np.log1p(variance / (1 - loss) ** 2), 0.0)
+    lost = np.expm1(log_gain)
+    error = lost ** 2 + (1 + lost) ** 2 * np.expm1(log_spread)
+    return float((error * tones.shares).sum(axis=(1, 2, 4)).max(axis=1).max())
+
+
+def expansion_error(segments: Sequence[Segment]) -> float:
+    """Mean squared error of phases expanded along segments, which grow as the fourth power."""
+    return (2 * math.pi * sum(s.cycles for s in segments) / 3) ** 2
+
+
+def rounding_error(segments: Sequence[Segment], cycles_per_pixel: float) -> float:
+    """Mean squared error of phases from places between pixels that are rounded to float32."""
+    merges = sum(bool(s.length) for s in segments)
+    return merges * (2 * math.pi * cycles_per_pixel * 2.0 ** -24) ** 2
