@@ -24,10 +24,9 @@ class CostModel:
 
     Attributes
     ----------
-    line_pixel, line_segment : float
-        Exact backprojection along lines: of a pixel and row, and in addition of a segment and row.
-    point_pixel : float
-        Exact backprojection onto points: of a pixel and row.
+    line_pixel, line_segment, point_pixel : float
+        Exact backprojection: along lines of a pixel and row, and in addition of a segment and
+        row; onto points of a pixel and row.
     upsampled_pixel, upsampled_part : float
         Azimuth upsampling: of a pixel and part, and in addition of a part.
     map_pixel : float

@@ -21,7 +21,7 @@ from ..plan import Plan
 from ..profiles.profile_reach import check_reach, reach_warning, some_pixels
 from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import ROWS_PER_PASS, RangeResampling, half_paths
-from .ffbp_error import LocalTones, expansion_error, read_error, rounding_error
+from .ffbp_error import LocalTones, expansion_error, read_errors, rounding_error
 from .ffbp_geometry import FfbpGeometry
 from .ffbp_grids import place_grids, plan_profiles
 from .ffbp_segments import LANES, Segment, choose_segment
@@ -215,8 +215,8 @@ def _errors_db(geometry, radar, window, tones, sampling, lattice, alpha_spacings
                ) -> dict[str, float]:
     reading = reading_segments(geometry, segments)
     spacings = [lattice.spacing] * len(segments), alpha_spacings
-    both, *each = (read_error(tones, axes, sampling.kernel, sampling.oversampling, spacings,
-                              reading) for axes in ((0, 1), (0,), (1,)))
+    *each, both = read_errors(tones, (0, 1), sampling.kernel, sampling.oversampling, spacings,
+                              reading)
     shares = both / max(sum(each), _LEAST)  # losses along the two add up in amplitude
     cycles = 2 * lattice.spacing / radar.wavelength_m
     rows = np.linspace(0, geometry.tx[..., 0].size - 1, _ROWS).round().astype(int)

@@ -15,7 +15,7 @@ from ...signal.radar import RadarParameters
 from ..costs import costs
 from ..error_budget import total_db
 from .ffbp import ENDS, FfbpPlan, FfbpSampling, plan_from_geometry
-from .ffbp_error import LocalTones, local_tones, read_error
+from .ffbp_error import LocalTones, local_tones, read_errors
 from .ffbp_geometry import FfbpGeometry, ffbp_geometry
 from .ffbp_segments import Segment
 from .neighbour_weights import OVERSAMPLING, TAPS
@@ -132,8 +132,8 @@ def _candidates(geometry, tones, kernel, given, grid, target_db) -> Iterator[_Ca
         def error(oversampling, axis=axis):
             spacings = ([geometry.range_spacing(oversampling)] * len(geometry.levels),
                         geometry.alpha_spacings(oversampling))
-            return read_error(tones, (axis,), kernel, (oversampling,) * 2, spacings,
-                              [Segment()] * len(geometry.levels))
+            return read_errors(tones, (axis,), kernel, (oversampling,) * 2, spacings,
+                               [Segment()] * len(geometry.levels))[0]
 
         values = _OVERSAMPLINGS if given[axis] is None else (given[axis],)
         number = bisect.bisect_left(values, -allowed, key=lambda v, e=error: -e(v))

@@ -88,9 +88,10 @@ def _shares(geometry, radar, pulses, channels) -> np.ndarray:
     return np.array([share / share.sum() for share in found])
 
 
-def read_error(tones: LocalTones, axes: Sequence[int], kernel: str, oversampling: Sequence[float],
-               spacings: Sequence[Sequence[float]], segments: Sequence[Segment]) -> float:
-    """Mean squared error of all interpolations, relative to the power of the image.
+def read_errors(tones: LocalTones, axes: Sequence[int], kernel: str,
+                oversampling: Sequence[float], spacings: Sequence[Sequence[float]],
+                segments: Sequence[Segment]) -> list[float]:
+    """Mean squared errors of all interpolations, relative to the power of the image.
 
     Parameters
     ----------
@@ -106,18 +107,33 @@ def read_error(tones: LocalTones, axes: Sequence[int], kernel: str, oversampling
         Of local grids along range, metres, and direction, by level.
     segments : sequence of L Segment
         By which the images of each level are read.
+
+    Returns
+    -------
+    list of float
+        Along each axis, and last along all of them together.
     """
-    log_gain, log_spread = 0.0, 0.0
-    for level, (known, segment) in enumerate(zip(tones.known, segments, strict=True)):
-        known = known[:, None, None, None]
-        for axis in axes:
-            frequency = tones.along(axis)[level] * spacings[axis][level] / (2 * np.pi)
+    each = []
+    for axis in axes:
+        log_gain, log_spread = 0.0, 0.0
+        for level, (known, segment) in enumerate(zip(tones.known, segments, strict=True)):
+            frequency = tones.along(axis)[level] * (spacings[axis][level] / (2 * np.pi))
             loss, variance = mean_gain(kernel, oversampling[axis], segment.drift(axis), frequency)
-            log_gain = log_gain + np.where(known, np.log1p(-loss), 0.0)
-            log_spread = log_spread + np.where(known, np.log1p(variance / (1 - loss) ** 2), 0.0)
+            known = known[:, None, None, None]
+            log_gain = log_gain + known * np.log1p(-loss)
+            log_spread = log_spread + known * np.log1p(variance / (1 - loss) ** 2)
+        each.append((log_gain, log_spread))
+    if len(axes) > 1:
+        each.append(tuple(map(sum, zip(*each, strict=True))))
+    return [_mean_error(tones, *logs) for logs in each]
+
+
+def _mean_error(tones, log_gain, log_spread) -> float:
+    """Where the image is worst, of what pulses see alike or of noise."""
     lost = np.expm1(log_gain)
     error = lost ** 2 + (1 + lost) ** 2 * np.expm1(log_spread)
-    return float((error * tones.shares).sum(axis=(1, 2, 4)).max(axis=1).max())
+    return float(np.einsum('scpf,wscpf->wp', error, np.broadcast_to(
+        tones.shares, (2, *error.shape))).max())
 
 
 def expansion_error(segments: Sequence[Segment]) -> float:

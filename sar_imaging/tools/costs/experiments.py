@@ -6,12 +6,14 @@ Their samples are noise, since no time depends on them.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
 from sar_imaging.backends.cpu.backprojection import Backprojection
+from sar_imaging.backends.cpu.baselines.ffbp import FactorisedImager
 from sar_imaging.backends.cpu.fusion.spectra import SpectrumFusion
 from sar_imaging.backends.cpu.fusion.to_map import form_map
 from sar_imaging.backends.cpu.subapertures import SubapertureImager
@@ -20,6 +22,7 @@ from sar_imaging.planning.afbp.beams import BeamSampling
 from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
 from sar_imaging.planning.afbp.operations import fusion_operations, image_operations
 from sar_imaging.planning.afbp.plan import AfbpPlan, plan_afbp
+from sar_imaging.planning.baselines.ffbp_choice import plan_ffbp
 from sar_imaging.planning.costs import DEFAULT, using
 from sar_imaging.planning.exact.backprojection import BackprojectionPlan, plan_backprojection
 from sar_imaging.planning.exact.polar_image import plan_polar
@@ -106,6 +109,7 @@ def experiments() -> Iterator[Experiment]:
     yield from _onto_points()
     yield from _by_polar_images()
     yield from _by_afbp()
+    yield from _by_ffbp()
 
 
 def _exact(name: str, plan: BackprojectionPlan, block: PulseBlock) -> Experiment:
@@ -214,6 +218,17 @@ def _map(plan: AfbpPlan) -> Experiment:
     polar_image = _noise(fused.polar.n_alpha, fused.polar.n_range)
     return Experiment('polar image to map', {'map_pixel': grid.n_x * grid.n_y},
                       lambda: form_map(polar_image, fused, grid))
+
+
+def _by_ffbp() -> Iterator[Experiment]:
+    """With few neighbours and many; many pulses are merged, many pixels looked up."""
+    for scene in (_Scene(1e3, 256, 256, 512), _Scene(1e3, 768, 768, 32)):
+        block = scene.block()
+        for kernel in ('linear', 'knab8'):
+            plan = plan_ffbp(scene.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+                             kernel=kernel, merge_factor=4)
+            yield Experiment(f'FFBP, {kernel}', plan.operations,
+                             functools.partial(FactorisedImager(plan).image, block))
 
 
 def _noise(n_lines: int, n_pixels: int) -> np.ndarray:
