@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign format-campaign
+.PHONY: installed formats help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign format-campaign cphd-memory
 .DEFAULT_GOAL := help
 
 help:
@@ -49,6 +49,8 @@ help:
 	@echo '             obstacle maps of 300 random scenes beside the truth, 15 minutes of a core; SCENES=10 for few'
 	@echo 'make format-campaign'
 	@echo '             10,000 damaged files for each reader of formats, some minutes'
+	@echo 'make cphd-memory'
+	@echo '             a CPHD file of 4 GB, written and imaged within 2 GB of memory, ten minutes; BYTES=1e9 for a small one'
 	@echo 'make bags    write the recordings in bags/ again'
 	@echo 'make reproduce-multichannel'
 	@echo '             figures and tables of Rosenberg & Gray into out/multichannel'
@@ -123,6 +125,10 @@ obstacle-campaign: environment
 
 format-campaign: formats
 	@$(RUN) -m pytest -m campaign test/formats
+
+# Results go to benchmarks/results; the file lies in out/ meanwhile, and samples that wait beside it.
+cphd-memory: formats
+	@$(RUN) -m benchmarks.cphd_memory --bytes $${BYTES:-4e9}
 
 # The commands of bags/README.md.
 bags: environment

@@ -17,7 +17,7 @@ from sar_imaging.signal.radar import RadarParameters, Waveform
 
 from ..recordings.recording import read_recording
 
-_LABEL_WIDTH = 12
+_LABEL_WIDTH = 14
 _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
 _UNITS = ((1e9, 'GB'), (1e6, 'MB'), (1e3, 'kB'))
 

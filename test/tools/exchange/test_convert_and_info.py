@@ -105,7 +105,7 @@ def test_info_of_recording_and_cphd(tmp_path, capsys):
     capsys.readouterr()
     assert main(['info', str(source)]) == 0
     told = capsys.readouterr().out
-    for word in ('recording countryside', 'where       not told', 'GHz', 'UTC', 'channels',
+    for word in ('recording countryside', 'where         not told', 'GHz', 'UTC', 'channels',
                  'size'):
         assert word in told, told
     assert main(['info', str(tmp_path / 'a.cphd')]) == 0
@@ -142,7 +142,7 @@ def test_sicd_is_told_and_becomes_a_map(tmp_path, capsys):
     write_sicd(tmp_path / 'a.nitf', image, Datum(47, 8, 450), acquisition)
     assert main(['info', str(tmp_path / 'a.nitf')]) == 0
     told = capsys.readouterr().out
-    for word in ('SICD, Drone', f'{block.radar.carrier_hz / 1e9:.3g}', '47.0', ' E, height',
+    for word in ('SICD, Drone', f'{block.radar.carrier_hz / 1e9:.3g}', '46.99', ' E, height',
                  f'{image.shape[0]} by {image.shape[1]} pixels', 'ground plane', '-3 dB'):
         assert word in told, told
     assert main(['convert', str(tmp_path / 'a.nitf'), str(tmp_path / 'a.tif')]) == 0
