@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...geometry.earth import Datum, ecef_to_geographic
+from ...geometry.earth import Datum, ecef_to_geographic, geographic_to_ecef
 from ...geometry.grids import MapGrid
 from ...signal.pulses import PulseBlock
-from ..extras import require
 from .collection import read_collection, read_start_ns
-from .container import PURPOSE, Container
+from .container import Container
 from .errors import CphdError, reported
 from .phase_history import PhaseHistories
 from .profiles import Profiles
@@ -243,13 +242,28 @@ class CphdReader:
             if not (np.abs(corners) < _LONGEST_AREA_M).all() or x1 >= x2 or y1 >= y2:
                 raise CphdError(f'{container.path}: ImageArea from {(x1, y1)} to {(x2, y2)} m is '
                                 'no area')
-            sarkit = require('sarkit.cphd', PURPOSE)
             with np.errstate(all='ignore'):  # told below
-                area = self.datum.from_ecef(sarkit.iac_to_ecf(container.tree, corners))
+                area = self.datum.from_ecef(self._on_surface(corners))
             if not (np.ptp(area, axis=0) < 2 * _LONGEST_AREA_M).all():
                 raise CphdError(f'{container.path}: the axes of ReferenceSurface are no axes of '
                                 'an area')
             return area
+
+    def _on_surface(self, area_m: np.ndarray) -> np.ndarray:
+        """(N, 3) ECEF points of (N, 2) coordinates on the file's reference surface, metres."""
+        def vector(path, axes):
+            return np.array([float(self.container.text(f'SceneCoordinates/{path}/{axis}'))
+                             for axis in axes])
+
+        planar = 'ReferenceSurface/Planar'
+        if self.container.text(f'SceneCoordinates/{planar}/uIAX/X', ''):
+            axes = np.stack([vector(f'{planar}/uIA{axis}', 'XYZ') for axis in 'XY'])
+            return vector('IARP/ECF', 'XYZ') + area_m @ axes
+        surface, angles = 'ReferenceSurface/HAE', ('Lat', 'Lon')  # radians per metre
+        steps = np.stack([vector(f'{surface}/uIA{axis}LL', angles) for axis in 'XY'])
+        latitude, longitude, height = vector('IARP/LLH', (*angles, 'HAE'))
+        turned = np.degrees(area_m @ steps)
+        return geographic_to_ecef(latitude + turned[:, 0], longitude + turned[:, 1], height)
 
     @property
     def resolution_m(self) -> tuple[float, float]:

@@ -173,6 +173,45 @@ def test_a_reference_that_moves_farther_than_the_window(tmp_path):
     assert level_db(images[0].samples - images[1].samples, images[0].samples) < -40
 
 
+def test_a_squinted_satellite(tmp_path):
+    """The range to one reference walks through five windows; every vector sees the scene."""
+    import sarkit.cphd as skcphd
+
+    def edit(tree, pvps):
+        [own] = pvps.values()
+        time = np.linspace(0, 0.6, len(own))
+        place = DATUM.to_ecef(np.stack([-120e3 + 7500 * time, np.full(len(own), -500e3),
+                                        np.full(len(own), 500e3)], -1))
+        own['TxPos'], own['RcvPos'] = place, place + DATUM.vectors_to_ecef([35.0, 0, 0])
+        own['TxTime'] = time
+        own['RcvTime'] = time + 2 * np.linalg.norm(place - own['SRPPos'], axis=-1) / 3e8
+
+    path = by_formula(template(tmp_path), tmp_path / 'b', edit)
+    block, warnings = read_whole(path)
+    assert any('frequencies instead of 256' in text for text in warnings)
+    walk = np.ptp(np.linalg.norm(block.tx_m[:, 0], axis=-1))
+    assert walk > 5 * 128.0  # metres; the unambiguous window
+    grid = dataclasses.replace(GRID, n_x=24, n_y=24, spacing_m=1.5)
+    image = plan_image(grid, block.radar, block.n_samples, compressed=False,
+                       method='correlation')(block)
+    # directly: each vector correlated with the standard's model of every pixel, float64
+    with open(path, 'rb') as file, skcphd.Reader(file) as reader:
+        signal, own = reader.read_channel('Channel_1')
+    points = DATUM.to_ecef(grid.points().reshape(-1, 3))
+    frequency = own['SC0'][:, None] + own['SCSS'][:, None] * np.arange(256)
+    direct = np.zeros(len(points), complex)
+    for vector, samples, f in zip(own, signal.astype(complex), frequency, strict=True):
+        delay = sum(np.linalg.norm(points - vector[p], axis=-1)
+                    - np.linalg.norm(vector['SRPPos'] - vector[p]) for p in ('TxPos', 'RcvPos'))
+        direct += np.exp(2j * np.pi * np.multiply.outer(delay / 299_792_458.0, f)) @ samples / 256
+    turned = image.samples.ravel()
+    ratio = np.vdot(direct, turned) / np.vdot(direct, direct)
+    # Each profile ends with its window: of sidelobes 1 / (pi x) those beyond x = 128 are missing,
+    # which adds up to 4 / (pi^2 256), -56 dB.
+    assert abs(ratio - 1) < 1e-3
+    assert level_db(turned - ratio * direct, direct) < -55
+
+
 def test_a_reference_that_moves_absurdly_far_is_refused(tmp_path):
     path = by_formula(template(tmp_path), tmp_path / 'b', moved(1000.0))
     with pytest.raises(CphdError, match='times their unambiguous window'):
@@ -232,6 +271,21 @@ def test_version_1_0_1(tmp_path):
         assert reader.container.version == '1.0.1'
         assert etree.QName(reader.container.tree.getroot()).namespace.endswith('1.0.1')
         assert sum(b.n_pulses for b in reader.blocks()) == 40
+
+
+def test_reference_surface_of_constant_height(tmp_path):
+    """An area in latitude and longitude steps is where its corners are."""
+    source = template(tmp_path).read_bytes()
+    start, end = source.index(b'<Planar>'), source.index(b'</Planar>') + len(b'</Planar>')
+    step = [np.radians(v) for v in (1 / 111_170.0, 1 / 76_060.0)]  # per metre at 47 degrees north
+    surface = (f'<HAE><uIAXLL><Lat>0</Lat><Lon>{step[1]:.15g}</Lon></uIAXLL>'
+               f'<uIAYLL><Lat>{step[0]:.15g}</Lat><Lon>0</Lon></uIAYLL></HAE>').encode()
+    assert len(surface) <= end - start
+    (tmp_path / 'b').write_bytes(source[:start] + surface.ljust(end - start) + source[end:])
+    with CphdReader(tmp_path / 'template.cphd') as reader:
+        planar = reader.area_m
+    with CphdReader(tmp_path / 'b') as reader:
+        np.testing.assert_allclose(reader.area_m, planar, atol=0.05)  # degrees were rounded
 
 
 def test_chunks_are_as_small_as_memory_wants_and_equal_the_whole(tmp_path):
