@@ -5,6 +5,8 @@ Fields, all FLOAT32, of moving targets: ``x``, ``y``, ``z`` (metres, frame of th
 (m/s); of obstacles: ``x``, ``y``, ``z``, ``intensity`` (dB above the clutter around) and ``width``
 (metres). Viewers expect
 FLOAT32 places; farther than some 100 km from the origin of the frame these are coarser than 8 mm.
+Where the frame has a datum, FLOAT64 fields ``latitude``, ``longitude`` (degrees) and ``altitude``
+(metres above the WGS 84 ellipsoid, as in sensor_msgs/NavSatFix) follow; NaN while it is unknown.
 """
 
 from __future__ import annotations
@@ -19,10 +21,11 @@ from .errors import WireFormatError
 
 FIELDS = ('x', 'y', 'z', 'radial_velocity', 'snr', 'radial_velocity_std')
 OBSTACLE_FIELDS = ('x', 'y', 'z', 'intensity', 'width')
+GEOGRAPHIC_FIELDS = ('latitude', 'longitude', 'altitude')
 
 
-def to_message(points: np.ndarray, header: Header, fields: tuple[str, ...] = FIELDS
-               ) -> PointCloud2:
+def to_message(points: np.ndarray, header: Header, fields: tuple[str, ...] = FIELDS,
+               geographic: np.ndarray | None = None) -> PointCloud2:
     """Point cloud of moving targets or obstacles.
 
     Parameters
@@ -34,6 +37,8 @@ def to_message(points: np.ndarray, header: Header, fields: tuple[str, ...] = FIE
         Time and frame of the places.
     fields : tuple of str
         `FIELDS` or `OBSTACLE_FIELDS`.
+    geographic : (n, 3) array_like, optional
+        Latitudes, longitudes and ellipsoidal heights of the same places, for frames with a datum.
 
     Returns
     -------
@@ -49,22 +54,30 @@ def to_message(points: np.ndarray, header: Header, fields: tuple[str, ...] = FIE
     if points.ndim != 2 or points.shape[1] != len(fields):
         raise ValueError(f'points.shape={points.shape}; expected (n, {len(fields)}): '
                          f'{", ".join(fields)}')
-    step = 4 * len(fields)
+    further = GEOGRAPHIC_FIELDS if geographic is not None else ()
+    table = np.zeros(len(points), np.dtype(
+        [(name, 'f4') for name in fields] + [(name, 'f8') for name in further], align=True))
+    with np.errstate(over='ignore'):  # what float32 cannot hold is infinite to it
+        for name, column in zip(fields, points.T, strict=True):
+            table[name] = column
+    for number, name in enumerate(further):
+        table[name] = np.asarray(geographic, float).reshape(len(points), 3)[:, number]
     message = PointCloud2(
         header=header, height=1, width=len(points), is_bigendian=sys.byteorder == 'big',
-        point_step=step, row_step=step * len(points),
+        point_step=table.itemsize, row_step=table.nbytes,
         is_dense=bool(np.isfinite(points[:, :3]).all()),
-        fields=[PointField(name=name, offset=4 * i, datatype=PointField.FLOAT32, count=1)
-                for i, name in enumerate(fields)])
-    with np.errstate(over='ignore'):  # what float32 cannot hold is infinite to it
-        message.data.frombytes(points.astype(np.float32).tobytes())
+        fields=[PointField(name=name, offset=table.dtype.fields[name][1], count=1, datatype=(
+            PointField.FLOAT64 if name in further else PointField.FLOAT32))
+                for name in (*fields, *further)])
+    message.data.frombytes(table.tobytes())
     return message
 
 
 def from_message(message: PointCloud2, fields: tuple[str, ...] = FIELDS) -> np.ndarray:
     """(n, len(fields)) float64 targets of a point cloud, columns in the order of the fields.
 
-    The message may have further fields, others in between, and any order.
+    `GEOGRAPHIC_FIELDS` may be among the fields. The message may have further fields, others in
+    between, and any order.
 
     Raises
     ------
@@ -78,11 +91,12 @@ def from_message(message: PointCloud2, fields: tuple[str, ...] = FIELDS) -> np.n
                               f'{", ".join(fields)}')
     for name in fields:
         field = known[name]
-        if field.datatype != PointField.FLOAT32 or field.count != 1:
+        size, kind, number = ((8, 'FLOAT64', PointField.FLOAT64) if name in GEOGRAPHIC_FIELDS
+                              else (4, 'FLOAT32', PointField.FLOAT32))
+        if field.datatype != number or field.count != 1:
             raise WireFormatError(f'field {name} has datatype {field.datatype} and count '
-                                  f'{field.count}; expected one FLOAT32 '
-                                  f'({PointField.FLOAT32})')
-        if field.offset + 4 > message.point_step:
+                                  f'{field.count}; expected one {kind} ({number})')
+        if field.offset + size > message.point_step:
             raise WireFormatError(f'field {name} at offset {field.offset} lies outside the point '
                                   f'of {message.point_step} bytes')
     if (message.row_step < message.width * message.point_step
@@ -91,7 +105,8 @@ def from_message(message: PointCloud2, fields: tuple[str, ...] = FIELDS) -> np.n
                               f'expected {message.height} rows of {message.width} points of '
                               f'{message.point_step} bytes')
     order = '>' if message.is_bigendian else '<'
-    table = np.dtype({'names': fields, 'formats': [f'{order}f4'] * len(fields),
+    table = np.dtype({'names': fields, 'formats': [
+        f'{order}f{8 if name in GEOGRAPHIC_FIELDS else 4}' for name in fields],
                       'offsets': [known[name].offset for name in fields],
                       'itemsize': max(message.point_step, 1)})
     out = np.empty((message.height, message.width, len(fields)))

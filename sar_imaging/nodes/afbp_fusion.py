@@ -5,20 +5,25 @@ from __future__ import annotations
 import dataclasses
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from sar_imaging.exploitation.obstacles.subaperture_tracks import SubapertureTracks
+from sar_imaging.formats import Acquisition
+from sar_imaging.imaging.image import Image, Report
+from sar_imaging.imaging.methods import AFBP
 from sar_imaging.streaming.fusion import FusedImage, LiveFusion
 from sar_imaging.streaming.kernels import compile_fusion_kernels
 from sar_imaging.streaming.mosaic import StripMosaic
 from sar_imaging.streaming.subaperture_image import SubapertureImage
 
-from .backprojection_steps import MIN_PULSE_FRACTION
-from .images import autofocus, focus_watch, image_products, obstacle_products
+from .backprojection_parameters import MIN_PULSE_FRACTION
+from .images import autofocus, focus_watch, image_files, image_products, obstacle_products
 from .images.autofocus import PHASE_GRADIENT, Note, PolarFocus
+from .images.image_files import ImageFiles
 from .images.image_grid import MAX_IMAGE_PIXELS
 from .images.image_products import ImageProducts
 from .images.obstacle_products import ObstacleProducts
+from .poses.frame_datum import DatumInput
 from .runtime.health import Health, Part
 from .runtime.inlet import SubapertureImages
 from .runtime.managed import ManagedNode, run
@@ -38,6 +43,7 @@ PARAMETERS = (
               'pixels; 0 for no strip.', 'pixels', 0, 2**31 - 1),
     PHASE_GRADIENT,
     *image_products.PARAMETERS,
+    *image_files.PARAMETERS,
     *obstacle_products.PARAMETERS,
 )
 
@@ -58,6 +64,7 @@ class FusionStep(Step):
               *obstacle_products.FAULTS)
     IDLE_PARAMETER = 'fusion_timeout_s'
     FORMS_IMAGES = True
+    SAVE_SERVICE = 'save_image'
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
@@ -69,6 +76,9 @@ class FusionStep(Step):
         most = parameters['strip_max_pixels']
         self._strip = StripMosaic(most) if most else None
         self._tracks = SubapertureTracks()
+        self._datum = DatumInput(parameters, health)
+        self._files = ImageFiles(parameters, self._datum)
+        self._carrier_hz = 0.0  # of the latest sub-aperture
         self._seconds = 0.0  # of work since the last image
         self._n_window = 0  # sub-apertures of a complete image
         self._underway = 0  # pulses since the last aperture was closed
@@ -78,9 +88,17 @@ class FusionStep(Step):
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publishers of the images; see `Step`."""
         self._products = ImageProducts(node, self.parameters)
-        self._obstacles = ObstacleProducts(node, self.parameters, self.health)
+        self._obstacles = ObstacleProducts(node, self.parameters, self.health, self._datum)
         if self._strip is not None:
             self._strip_products = ImageProducts(node, self.parameters, 'strip/')
+
+    def activate(self, node: ManagedNode) -> None:
+        """Listen to the datum, where others find it; see `Step`."""
+        self._datum.activate(node)
+
+    def deactivate(self, node: ManagedNode) -> None:
+        """Listen no more; see `Step`."""
+        self._datum.deactivate(node)
 
     def summary(self) -> str:
         """Settings for the log line at the start."""
@@ -93,6 +111,7 @@ class FusionStep(Step):
         before = dataclasses.replace(self._fusion.statistics)
         images = self._follow(self._fusion.add, subaperture)
         self._tracks.add(subaperture)
+        self._carrier_hz = subaperture.fusion.carrier_hz
         statistics = self._fusion.statistics
         self._underway += subaperture.n_pulses * (statistics.fused - before.fused)
         closed = [image.aperture for image in images if image.final]
@@ -119,6 +138,7 @@ class FusionStep(Step):
                                     lambda: self._tracks.view(product.aperture))
         if product.final and self._strip is not None:
             self._extend_strip(product)
+        self._keep(product)
         seconds, self._seconds = self._seconds, 0.0
         self.health.count('images_published')
         self.health.count('images_final' if product.final else 'images_progressive')
@@ -135,6 +155,18 @@ class FusionStep(Step):
         self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, predicted error '
                          f'{product.predicted_error_db:.0f} dB, {figure}'
                          + (f'; {note.details}' if note else ''))
+
+    def _keep(self, product: FusedImage) -> None:
+        """Keep an image for whoever wants it as a file."""
+        if self._files.wanted:
+            report = Report(AFBP, 'fused while pulses arrived', product.predicted_error_db,
+                            product.predicted_error_db)
+            self._files.keep(Image(product.image, product.grid, self._carrier_hz, report,
+                                   product.stamp_ns), _acquisition)
+
+    def saving(self) -> Callable[[], str]:
+        """Function that writes the last image, and the strip; see `Step`."""
+        return self._files.saving(None if self._strip is None else self._strip.form)
 
     def _extend_strip(self, product: FusedImage) -> None:
         try:
@@ -200,6 +232,11 @@ class FusionStep(Step):
         finally:
             self._seconds += time.perf_counter() - started
             self.report(self._fusion.take_events())
+
+
+def _acquisition() -> Acquisition:
+    raise ValueError('sub-aperture images do not tell where each pulse was sent, which SICD '
+                     'needs: set save.format to geotiff, or use mode image')
 
 
 class FusionNode(Stage):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 
-from .backprojection_steps import PARAMETERS, BackprojectionStep
+from .backprojection_parameters import PARAMETERS
+from .backprojection_steps import BackprojectionStep
 from .runtime.managed import run
 from .runtime.stage import Stage
 

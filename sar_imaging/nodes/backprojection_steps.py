@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
+import numpy as np
 from std_msgs.msg import Float32MultiArray
 
 from msg_conversions.subaperture_image import to_message
 from msg_conversions.subaperture_wire import as_received
-from sar_imaging.backends import AUTO
 from sar_imaging.backends.cpu.backprojection import compile_kernels
 from sar_imaging.configuration.startup import TrackWarnings, report_block
 from sar_imaging.exploitation.obstacles.aperture_view import PulseTracks
-from sar_imaging.imaging.methods import AFBP, EXACT
+from sar_imaging.formats.recent_pulses import RecentPulses
+from sar_imaging.geometry.point_grids import TerrainGrid
+from sar_imaging.imaging.image import Image, Report
+from sar_imaging.imaging.methods import EXACT
 from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.pulses.sequence import describe_counters, describe_range
 from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
@@ -22,56 +25,22 @@ from sar_imaging.streaming.kernels import compile_fusion_kernels, compile_subape
 from sar_imaging.streaming.subaperture_image import SubapertureImage
 from sar_imaging.streaming.subapertures import LiveSubapertures
 
-from .images import autofocus, focus_watch, image_products, obstacle_products
+from .backprojection_parameters import IMAGE, PARAMETERS
+from .images import autofocus, focus_watch, obstacle_products
 from .images.autofocus import FocusedImage, ImageFocus
 from .images.focus_watch import FocusWatch, count_focus
-from .images.image_grid import GRID_PARAMETERS, describe_grid, make_grid
+from .images.image_files import ImageFiles
+from .images.image_grid import describe_grid, make_grid
 from .images.image_products import ImageProducts
 from .images.obstacle_products import ObstacleProducts
 from .images.terrain import TERRAIN_FILE, terrain_heights
-from .poses import pose_input
 from .poses.frame_datum import DatumInput
 from .runtime.health import Health, Part
 from .runtime.managed import ManagedNode
-from .runtime.parameters import ANY_TIME, ConfigurationError, Parameter, one_of
+from .runtime.parameters import ConfigurationError
 from .runtime.step import Step, stream_qos
 
-IMAGE, SUBAPERTURES = 'image', 'subapertures'
-MIN_PULSE_FRACTION = Parameter(
-    'min_pulse_fraction', 0.5, 'Share of its pulses that an aperture must have to be imaged.', '',
-    0.0, 1.0, changes=ANY_TIME)
 _REMEMBERED = 4  # apertures whose phase centres are kept: images may wait for autofocus
-
-PARAMETERS = (
-    Parameter('mode', IMAGE, f'{IMAGE}: exact images of whole apertures; {SUBAPERTURES}: '
-              'sub-aperture images for afbp_fusion.', check=one_of(IMAGE, SUBAPERTURES)),
-    *GRID_PARAMETERS,
-    TERRAIN_FILE,
-    Parameter('aperture_timeout_s', 5.0, 'An aperture is closed when no input came for this long, '
-              'by the wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME),
-    MIN_PULSE_FRACTION,
-    Parameter('method', EXACT, f'Imager in mode {IMAGE}: {EXACT} backprojection, as pulses come; '
-              f'{AFBP} of whole apertures; {AUTO}: of these the quicker one that meets target_db.',
-              check=one_of(AUTO, EXACT, AFBP)),
-    Parameter('target_db', -80.0, 'Largest error against exact correlation to plan for in mode '
-              f'{IMAGE}.', 'dB', -100.0, -20.0),
-    Parameter('subapertures.target_db', -60.0, f'The same in mode {SUBAPERTURES}.', 'dB', -85.0,
-              -20.0),
-    Parameter('subapertures.pulses', 0, 'Length of a sub-aperture; 0 for the quickest.', 'pulses',
-              0, 2**31 - 1),
-    Parameter('subapertures.sliding', False, 'Every sub-aperture ends an image of one '
-              "aperture's length."),
-    Parameter('subapertures.follow', False, 'The image moves along with the antenna, on the '
-              'pixels that the grid continues to.'),
-    Parameter('subapertures.follow_ahead', 0.0, 'From the middle of an aperture to that of its '
-              'image, along the direction of flight.', 'm', -1e6, 1e6),
-    Parameter('subapertures.follow_left', 0.0, 'The same to the left of the direction of flight.',
-              'm', -1e6, 1e6),
-    *autofocus.PARAMETERS,
-    *pose_input.TRACK_PARAMETERS,
-    *image_products.PARAMETERS,
-    *obstacle_products.PARAMETERS,
-)
 
 
 class BackprojectionStep(Step):
@@ -89,6 +58,7 @@ class BackprojectionStep(Step):
               'restarts', *obstacle_products.FAULTS)
     IDLE_PARAMETER = 'aperture_timeout_s'
     FORMS_IMAGES = True
+    SAVE_SERVICE = 'save_image'
 
     _imager: ApertureSequence
 
@@ -210,13 +180,16 @@ class ImageStep(BackprojectionStep):
         self._datum = DatumInput(parameters, health)
         self._focus = ImageFocus.wanted(parameters, self._grid, health, self._datum)
         self._positions = None if self._focus is None else self._focus.positions
+        self._heights_m = terrain_heights(parameters, self._grid)
         self._imager = ApertureImager(
             self._grid, pulses_per_aperture=parameters['pulses_per_aperture'],
             min_pulse_fraction=parameters['min_pulse_fraction'],
             target_db=parameters['target_db'],
-            height_m=terrain_heights(parameters, self._grid),
+            height_m=self._heights_m,
             keep_pulses=self._focus is not None, method=parameters['method'])
         self._tracks = PulseTracks(_REMEMBERED * parameters['pulses_per_aperture'])
+        self._files = ImageFiles(parameters, self._datum)
+        self._pulses = RecentPulses(_REMEMBERED * parameters['pulses_per_aperture'])
         self._obstacles: ObstacleProducts | None = None  # images on terrain have none
         compile_kernels()  # the first image must not wait for it
         if parameters['method'] != EXACT:
@@ -227,7 +200,7 @@ class ImageStep(BackprojectionStep):
         """Create the publishers of the images; see `Step`."""
         self._products = ImageProducts(node, self.parameters)
         if not self.parameters[TERRAIN_FILE.name]:
-            self._obstacles = ObstacleProducts(node, self.parameters, self.health)
+            self._obstacles = ObstacleProducts(node, self.parameters, self.health, self._datum)
         if self._positions is not None:
             self._positions.configure(node)
 
@@ -249,6 +222,7 @@ class ImageStep(BackprojectionStep):
         if self._positions is not None:
             self._positions.add(block)
         self._tracks.add(block)
+        self._pulses.add(block)
         return super().process(block)
 
     def collect(self) -> list[ApertureImage]:
@@ -277,6 +251,7 @@ class ImageStep(BackprojectionStep):
         if self._obstacles is not None:
             self._obstacles.publish(product.image, product.grid, product.stamp_ns,
                                     lambda: self._tracks.view(product.counters))
+        self._keep(product)
         seconds = self._count_product(product.n_missing, product.predicted_error_db)
         self.health.count('images_published')
         self.health.set('pulses_missing_in_last_aperture', product.n_missing)
@@ -293,6 +268,22 @@ class ImageStep(BackprojectionStep):
         way = '' if product.method == EXACT else f', by {product.method}'
         return (f'image of aperture {product.aperture}: {product.n_pulses} pulses, '
                 f'missing {missing}{way}{verdict}')
+
+    def saving(self) -> Callable[[], str]:
+        """Function that writes the last image; see `Step`."""
+        return self._files.saving()
+
+    def _keep(self, product: ApertureImage) -> None:
+        """Keep an image for whoever wants it as a file."""
+        if self._files.wanted:
+            grid = (product.grid if self._heights_m is None
+                    else TerrainGrid(product.grid, self._heights_m))
+            report = Report(product.method, 'as configured', self.parameters['target_db'],
+                            product.predicted_error_db)
+            self._files.keep(
+                Image(product.image, grid, self._pulses.radar.carrier_hz, report,
+                      product.stamp_ns, product.counters.astype(np.int64)),
+                lambda: self._pulses.acquisition(product.counters))
 
     def nothing_formed(self) -> str:
         """Why the latest `flush` gave nothing."""
@@ -372,6 +363,11 @@ class SubapertureStep(BackprojectionStep):
         last = product.first_counter + product.length - 1
         return (f'sub-aperture {product.number} of aperture {product.aperture}: pulses '
                 f'{describe_range(product.first_counter, last)}, {product.n_missing} missing')
+
+    def saving(self) -> Callable[[], str]:
+        """Refuse: images are formed by the next node."""
+        raise ValueError('sub-aperture images are no images yet: ask afbp_fusion, which fuses '
+                         'them, for save_image')
 
     def update_counters(self) -> None:
         """Take the statistics over."""

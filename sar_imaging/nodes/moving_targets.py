@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -14,21 +16,25 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
 
 from msg_conversions.images import complex_to_message, map_metadata_to_message
-from msg_conversions.point_cloud import to_message
+from msg_conversions.point_cloud import FIELDS, to_message
 from sar_imaging.backends.cpu.backprojection import compile_kernels
 from sar_imaging.exploitation.movers.moving_targets import (
     LiveMovingTargets,
     MovingTargetFinder,
     MovingTargets,
 )
+from sar_imaging.formats.points import FORMATS, GEOJSON, write_points
+from sar_imaging.geometry.earth import Datum
 from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.pulses.sequence import describe_counters
 from sar_imaging.signal.windows import parse_window
 
 from .images.image_grid import GRID_PARAMETERS, describe_grid, make_grid
+from .poses.frame_datum import DatumInput
 from .runtime.health import Health, Part
 from .runtime.managed import LATCHED, ManagedNode, run
 from .runtime.parameters import ANY_TIME, Parameter, one_of
+from .runtime.saving import SAVE_FOLDER, file_stem
 from .runtime.stage import Stage
 from .runtime.step import Step
 
@@ -46,6 +52,9 @@ PARAMETERS = (
               'by the wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME),
     Parameter('min_pulse_fraction', 0.5, 'Share of its pulses that an aperture must have.', '',
               0.0, 1.0, changes=ANY_TIME),
+    SAVE_FOLDER,
+    Parameter('save.points_format', GEOJSON, 'What ~/save_targets writes: geojson or csv.',
+              check=one_of(*FORMATS), changes=ANY_TIME),
 )
 
 
@@ -61,6 +70,7 @@ class MovingTargetsStep(Step):
               'restarts')
     IDLE_PARAMETER = 'aperture_timeout_s'
     FORMS_IMAGES = True
+    SAVE_SERVICE = 'save_targets'
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
@@ -73,6 +83,8 @@ class MovingTargetsStep(Step):
             finder, pulses_per_aperture=parameters['pulses_per_aperture'],
             min_pulse_fraction=parameters['min_pulse_fraction'])
         self._seconds = 0.0  # of work since the last search
+        self._datum = DatumInput(parameters, health)
+        self._latest: tuple[int, np.ndarray] | None = None  # time and points
         compile_kernels()  # the first search must not wait for it
 
     def create_outputs(self, node: ManagedNode) -> None:
@@ -84,8 +96,13 @@ class MovingTargetsStep(Step):
 
     def activate(self, node: ManagedNode) -> None:
         """Tell where the interferograms will be; see `Step`."""
+        self._datum.activate(node)
         self._map_metadata.publish(map_metadata_to_message(self._grid,
                                                            node.get_clock().now().to_msg()))
+
+    def deactivate(self, node: ManagedNode) -> None:
+        """Listen to the datum no more; see `Step`."""
+        self._datum.deactivate(node)
 
     def summary(self) -> str:
         """Settings for the log line at the start."""
@@ -145,7 +162,10 @@ class MovingTargetsStep(Step):
                         frame_id=self.parameters['frame_id'])
         rows = [(*d.position_m, d.radial_velocity_m_per_s, d.snr_db,
                  d.radial_velocity_std_m_per_s) for d in product.detections]
-        self._targets.publish(to_message(np.array(rows, float).reshape(-1, 6), header))
+        points = np.array(rows, float).reshape(-1, len(FIELDS))
+        self._latest = product.stamp_ns, points
+        self._targets.publish(to_message(points, header,
+                                         geographic=self._datum.geographic(points[:, :3])))
         if self._interferogram.get_subscription_count():
             self._interferogram.publish(complex_to_message(product.interferogram, header))
         seconds, self._seconds = self._seconds, 0.0
@@ -157,11 +177,32 @@ class MovingTargetsStep(Step):
         self.health.set('search_latency_seconds', time.monotonic() - self.received_s)
         self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work')
 
+    def saving(self) -> Callable[[], str]:
+        """Function that writes the targets of the last aperture; see `Step`."""
+        folder = self.parameters[SAVE_FOLDER.name]
+        if not folder:
+            raise ValueError(f'parameter {SAVE_FOLDER.name} is empty: set the folder for targets')
+        if self._latest is None:
+            raise ValueError('no aperture was searched yet')
+        if self._datum.value is None:
+            raise ValueError(self._datum.reason)
+        stamp_ns, points = self._latest
+        path = Path(folder, f'targets_{file_stem(stamp_ns)}.'
+                    f'{self.parameters["save.points_format"]}')
+        properties = dict(zip(FIELDS[3:], points.T[3:], strict=True))
+        return functools.partial(_write, path, points[:, :3], self._datum.value, properties)
+
     def describe(self, product: MovingTargets) -> str:
         """Movers of an aperture in words."""
         missing = describe_counters(product.missing.tolist()) if len(product.missing) else 'none'
         return (f'aperture {product.aperture}: {len(product.detections)} moving targets, '
                 f'{len(product.counters)} pulses, missing {missing}')
+
+
+def _write(path: Path, points_m: np.ndarray, datum: Datum, properties: dict) -> str:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_points(path, points_m, datum, properties)
+    return f'wrote {path}, {len(points_m)} targets'
 
 
 class MovingTargetsNode(Stage):

@@ -88,3 +88,24 @@ def test_impossible_clouds_are_refused(change, text):
     change(message)
     with pytest.raises(WireFormatError, match=text):
         point_cloud.from_message(message)
+
+
+def test_places_on_the_earth_are_float64_fields():
+    fields = point_cloud.GEOGRAPHIC_FIELDS, point_cloud.OBSTACLE_FIELDS
+    points = np.arange(12.0).reshape(2, 6)
+    earth = np.array([[47.123456789012, -8.5, 450.25], [np.nan, np.nan, np.nan]])
+    message = point_cloud.to_message(points, HEADER, geographic=earth)
+    assert [(f.name, f.offset, f.datatype) for f in message.fields[6:]] == [
+        ('latitude', 24, PointField.FLOAT64), ('longitude', 32, PointField.FLOAT64),
+        ('altitude', 40, PointField.FLOAT64)]
+    assert (message.point_step, message.row_step, message.is_dense) == (48, 96, True)
+    np.testing.assert_array_equal(point_cloud.from_message(message), points)
+    np.testing.assert_array_equal(point_cloud.from_message(message, fields[0]), earth)
+    # of five fields: doubles are aligned to eight bytes
+    message = point_cloud.to_message(points[:, :5], HEADER, fields[1], earth)
+    assert message.fields[5].offset == 24
+    np.testing.assert_array_equal(point_cloud.from_message(message, fields[1]), points[:, :5])
+    np.testing.assert_array_equal(point_cloud.from_message(message, fields[0]), earth)
+    message.fields[5].datatype = PointField.FLOAT32
+    with pytest.raises(WireFormatError, match='field latitude .* expected one FLOAT64'):
+        point_cloud.from_message(message, fields[0])

@@ -36,9 +36,10 @@ from sar_imaging.tools.node_processes import (
 )
 from sar_imaging.tools.recordings import bag_io
 
-# Of every node; `form_image` of those that form images.
+# Of every node, and those of type Trigger that only some have.
 SERVICES = {'change_state': ChangeState, 'get_state': GetState, 'set_parameters': SetParameters,
             'reset': Trigger}
+SOME = ('form_image', 'save_image', 'save_targets')
 SETTLE_S = 0.5
 PATIENCE_S = 90.0  # a deadline for what should take a second: kernels may have to be compiled
 # Several, for maps that move on before they are looked at.
@@ -208,7 +209,7 @@ class Observer:
         """Response of a service of a node."""
         clients = self._clients[node]
         if not clients:
-            for name, kind in (SERVICES | {'form_image': Trigger}).items():
+            for name, kind in (SERVICES | dict.fromkeys(SOME, Trigger)).items():
                 clients[name] = self.node.create_client(kind, f'{node}/{name}')
             needed = [clients[name] for name in {*SERVICES, service}]
             self.wait(lambda: all(c.service_is_ready() for c in needed), f'services of {node}')

@@ -69,8 +69,9 @@ def test_every_line_of_the_configuration_file_has_a_sentence(config_file):
 def test_the_page_of_a_node_describes_every_parameter(pytestconfig, name):
     page = (pytestconfig.rootpath / 'docs' / 'nodes' / f'{name}.md').read_text()
     rows = {}
-    for row in re.findall(r'^\| `[^`]+` \|.* (?:start|configure|any time) \|.*$', page,
-                          re.MULTILINE):
+    for row in re.findall(
+            r'^\| `[^`]+` \| [\w\[\]]+ \|.* (?:start|configure|any time) \|.*$', page,
+            re.MULTILINE):
         cells = [c.strip() for c in row.strip('|').split('|')]
         rows[cells[0].strip('`')] = cells[1:6]
     expected = {}
@@ -85,7 +86,9 @@ def test_the_page_of_a_node_describes_every_parameter(pytestconfig, name):
                         'mode': 'image, subapertures', 'method': 'auto, exact, afbp',
                         'quicklook.anchor': 'clutter, peak',
                         'pose.source': 'block, odometry, pose, tf, fix, fix_imu',
-                        'datum.source': 'none, parameters, fix'}
+                        'datum.source': 'none, parameters, fix',
+                        'save.format': 'geotiff, geotiff_complex, sicd',
+                        'save.points_format': 'geojson, csv'}
     for choice, words in expected_choices.items():
         if choice in expected:
             expected[choice][2] = words

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -10,9 +11,9 @@ from nav_msgs.msg import MapMetaData
 from sensor_msgs.msg import Image, PointCloud2
 
 from msg_conversions.images import complex_from_message
-from msg_conversions.point_cloud import from_message
+from msg_conversions.point_cloud import GEOGRAPHIC_FIELDS, from_message
 from sar_imaging.exploitation.movers.moving_targets import LiveMovingTargets, MovingTargetFinder
-from sar_imaging.geometry import MapGrid
+from sar_imaging.geometry import Datum, MapGrid
 from sar_imaging.nodes.runtime.managed import LATCHED
 from sar_imaging.simulation.scenarios import moving_targets
 from sar_imaging.tools.recordings import bag_io
@@ -92,3 +93,33 @@ def test_impossible_clutter_is_refused_with_the_choices(start_node):
     node = start_node('moving_targets', {'clutter': 'weibull'})
     assert node.exit_code('moving_targets') == 1
     assert "clutter: 'weibull' is unknown; use one of k, exponential" in node.log('moving_targets')
+
+
+def test_targets_have_places_on_the_earth_and_become_files(start_node, make_observer, bag,
+                                                           tmp_path):
+    datum = Datum(-12.25, 45.5, 1300.0, heading_deg=77.0)
+    start_node('moving_targets', {
+        'grid.size_x': 40.0, 'grid.size_y': 40.0, 'grid.spacing': 0.5, 'pulses_per_aperture': 120,
+        'datum.source': 'parameters', 'save.folder': str(tmp_path / 'out')} | {
+            f'datum.{name}': value for name, value in vars(datum).items()})
+    observer = make_observer('range_profiles')
+    observer.subscribe(PointCloud2, 'moving_targets')
+    observer.wait(lambda: observer.joined, 'a subscriber of the profiles')
+    assert observer.trigger('moving_targets/save_targets') == (False,
+                                                               'no aperture was searched yet')
+    observer.send(cdr for _, cdr in bag_io.raw_messages(bag[1]))
+    cloud = observer.wait_for('moving_targets', 2)[-1]
+    places, rows = from_message(cloud, GEOGRAPHIC_FIELDS), from_message(cloud)
+    assert len(rows)
+    # float32 places of the cloud, 1e-7 of 20 m
+    np.testing.assert_allclose(datum.from_geographic(*places.T), rows[:, :3], atol=1e-5)
+    for kind in ('geojson', 'csv'):
+        assert observer.set_parameter('moving_targets', 'save.points_format', kind)[0]
+        success, text = observer.trigger('moving_targets/save_targets')
+        assert success and text.endswith(f'.{kind}, {len(rows)} targets')
+    [path] = (tmp_path / 'out').glob('targets_*.geojson')
+    features = json.loads(path.read_text())['features']
+    np.testing.assert_allclose([f['geometry']['coordinates'] for f in features],
+                               places[:, [1, 0, 2]], rtol=0, atol=1e-4)
+    np.testing.assert_allclose([f['properties']['radial_velocity'] for f in features], rows[:, 3],
+                               rtol=1e-6)

@@ -17,7 +17,8 @@ from msg_conversions.images import (
 )
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.nodes.afbp_fusion import FusionStep
-from sar_imaging.nodes.backprojection_steps import IMAGE, SUBAPERTURES, BackprojectionStep
+from sar_imaging.nodes.backprojection_parameters import IMAGE, SUBAPERTURES
+from sar_imaging.nodes.backprojection_steps import BackprojectionStep
 from sar_imaging.nodes.pulse_buffer import PulseBufferStep
 from sar_imaging.nodes.range_compression import RangeCompressionStep
 from sar_imaging.signal.range_compression import RangeCompressor

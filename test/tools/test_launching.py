@@ -140,8 +140,8 @@ def test_replay_reaches_the_topics_of_the_nodes(bag):
     assert launching.replay_command(arguments) == plain
     assert launching.replay_command(arguments | {'use_sim_time': 'true'}) == [*plain, '--clock']
     moved = launching.replay_command(arguments | {'namespace': '/radar1/'})
-    assert moved == [*plain, '--remap', *(f'{topic}:=/radar1{topic}'
-                                          for topic in (TOPIC, ODOMETRY_TOPIC, '/pose'))]
+    topics = TOPIC, ODOMETRY_TOPIC, '/pose', '/fix', '/imu'
+    assert moved == [*plain, '--remap', *(f'{topic}:=/radar1{topic}' for topic in topics)]
 
 
 @pytest.mark.parametrize(('change', 'message'), [

@@ -20,6 +20,7 @@ from sar_imaging.exploitation.obstacles.aperture_view import ApertureView
 from sar_imaging.exploitation.obstacles.obstacle_map import ObstacleMap
 from sar_imaging.geometry.grids import MapGrid
 
+from ..poses.frame_datum import FrameDatum
 from ..runtime.health import Health, Part
 from ..runtime.managed import LATCHED
 from ..runtime.parameters import ANY_TIME, Parameter
@@ -54,10 +55,13 @@ class ObstacleProducts:
         Current values of `PARAMETERS`.
     health : Health or Part
         Where maps are counted, and told why there is none.
+    datum : FrameDatum
+        Tells latitudes and longitudes of obstacles.
     """
 
-    def __init__(self, node: Stage, parameters: Mapping[str, object], health: Health | Part):
-        self._parameters, self._health = parameters, health
+    def __init__(self, node: Stage, parameters: Mapping[str, object], health: Health | Part,
+                 datum: FrameDatum):
+        self._parameters, self._health, self._datum = parameters, health, datum
         self._map = ObstacleMap()
         self._latest: tuple | None = None  # image that nobody has asked for yet
         self._refusal = ''
@@ -110,9 +114,9 @@ class ObstacleProducts:
             self._grid_output.publish(occupancy_to_message(self._map.states(), grid, header))
         if self._cloud_output in outputs:
             rows = [(*o.position_m, o.intensity_db, o.width_m) for o in obstacles]
-            self._cloud_output.publish(to_message(
-                np.array(rows, float).reshape(-1, len(OBSTACLE_FIELDS)), header,
-                OBSTACLE_FIELDS))
+            points = np.array(rows, float).reshape(-1, len(OBSTACLE_FIELDS))
+            self._cloud_output.publish(to_message(points, header, OBSTACLE_FIELDS,
+                                                  self._datum.geographic(points[:, :3])))
         self._health.count('obstacle_maps_published')
         self._health.set('obstacles_in_last_map', len(obstacles))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping
 
+import numpy as np
 from geometry_msgs.msg import TransformStamped
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -56,6 +57,17 @@ class FrameDatum:
     def awaited(self) -> bool:
         """Whether it comes from fixes."""
         return self._source == FIX
+
+    def geographic(self, points_m: np.ndarray) -> np.ndarray | None:
+        """(n, 3) latitudes, longitudes, degrees, and ellipsoidal heights, metres, of points.
+
+        NaN while the datum is awaited; None without one.
+        """
+        if not self.wanted:
+            return None
+        if self.value is None:
+            return np.full_like(points_m, np.nan)
+        return np.stack(self.value.to_geographic(points_m), axis=-1)
 
     def set(self, datum: Datum, how: str) -> None:
         """A datum became known."""

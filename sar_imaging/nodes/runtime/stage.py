@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import functools
 import time
 from collections.abc import Callable
 
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
@@ -23,6 +25,7 @@ from .health import Rates
 from .managed import QOS_ERRORS, ManagedNode
 from .overload import APERTURES, POLICIES, Gate
 from .parameters import ANY_TIME, ConfigurationError, Parameter, one_of
+from .saving import FileThread
 from .step import Step, stream_qos
 from .worker import Worker
 
@@ -65,7 +68,8 @@ class Stage(ManagedNode):
     While it is active, the subscription's callback validates and queues, and one thread works.
     Losses of any kind are counted, logged and published on /diagnostics, `~/progress` tells the
     counter of the last pulse after every finished message, `~/form_image` of nodes that
-    form images finishes what is underway, and `~/reset` drops it. `managed.run` starts a subclass.
+    form images finishes what is underway, and `~/reset` drops it; a service named by the last step
+    writes its latest product to a file. `managed.run` starts a subclass.
 
     Attributes
     ----------
@@ -103,6 +107,10 @@ class Stage(ManagedNode):
         if self.STEPS[-1].FORMS_IMAGES:
             self.create_service(Trigger, '~/form_image', self._form_image,
                                 callback_group=self.service_group)
+        self._files = FileThread()
+        if self.STEPS[-1].SAVE_SERVICE:  # other services do not wait for a disk
+            self.create_service(Trigger, f'~/{self.STEPS[-1].SAVE_SERVICE}', self._save,
+                                callback_group=MutuallyExclusiveCallbackGroup())
 
     def steps(self) -> tuple[type[Step], ...]:
         """Those of `STEPS` that the parameters ask for."""
@@ -169,7 +177,8 @@ class Stage(ManagedNode):
             self._report_discarded('deactivated', waiting, self._chain.discard())
 
     def cleanup(self) -> None:
-        """Forget the steps; see `ManagedNode.cleanup`."""
+        """Finish the file in work and forget the steps; see `ManagedNode.cleanup`."""
+        self._files.close()
         self._chain = None
 
     def in_worker(self, work: Callable[[], None]) -> None:
@@ -238,6 +247,16 @@ class Stage(ManagedNode):
     async def _in_worker(self, work: Callable[[], tuple[bool, str]]) -> tuple[bool, str]:
         if self._worker is None:
             return False, f'the node is {self.state}; activate it first'
+        call = await self._ended(self._worker.call(work))
+        if call.cancelled():
+            return False, 'the node was deactivated meanwhile'
+        if call.exception() is not None:
+            self._work_failed(call.exception())
+            return False, f'{call.exception()}; see the log'
+        return call.result()
+
+    async def _ended(self, call: concurrent.futures.Future) -> concurrent.futures.Future:
+        """A call in another thread, once it has ended."""
         done = Future()
 
         def finish(call):
@@ -245,14 +264,33 @@ class Stage(ManagedNode):
             if self.executor is not None:
                 self.executor.wake()
 
-        self._worker.call(work).add_done_callback(finish)
-        call = await done
-        if call.cancelled():
-            return False, 'the node was deactivated meanwhile'
-        if call.exception() is not None:
-            self._work_failed(call.exception())
-            return False, f'{call.exception()}; see the log'
-        return call.result()
+        call.add_done_callback(finish)
+        return await done
+
+    async def _save(self, request, response):
+        writes = []
+
+        def prepare():
+            try:
+                writes.append(self._chain.steps[-1].saving())
+            except ValueError as error:
+                return False, str(error)
+            return True, ''
+
+        response.success, response.message = await self._in_worker(prepare)
+        if not response.success:
+            return response
+        call = await self._ended(self._files.call(writes[0]))
+        error = call.exception()
+        response.success = error is None
+        response.message = call.result() if error is None else str(error)
+        if error is None:
+            self.health.info(response.message)
+        elif isinstance(error, ImportError | MemoryError | OSError | ValueError):
+            self.health.warning(f'nothing was saved: {error}')
+        else:
+            self._work_failed(error)
+        return response
 
     async def _form_image(self, request, response):
         response.success, response.message = await self._in_worker(

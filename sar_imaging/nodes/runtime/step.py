@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -46,6 +46,8 @@ class Step:
         How to read the items.
     FORMS_IMAGES : bool
         Whether the products are images; then `describe` and `nothing_formed` answer requests.
+    SAVE_SERVICE : str
+        Name of the service that calls `saving`; empty for none.
     received_s : float
         When the latest message of the node came, on `time.monotonic`.
     """
@@ -57,6 +59,7 @@ class Step:
     FAULTS: tuple[str, ...] = ()
     IDLE_PARAMETER: str | None = None
     FORMS_IMAGES = False
+    SAVE_SERVICE = ''
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         self.parameters = parameters
@@ -115,6 +118,18 @@ class Step:
     def nothing_formed(self) -> str:
         """Why the latest `flush` gave nothing."""
         return 'nothing was underway'
+
+    def saving(self) -> Callable[[], str]:
+        """Function that writes the latest product to a file and says what it wrote.
+
+        It is called in another thread, while the step goes on.
+
+        Raises
+        ------
+        ValueError
+            There is nothing to write, or nowhere to write it.
+        """
+        raise NotImplementedError(f'{type(self).__name__} must implement saving')
 
     def skip(self, aperture: int | None) -> list:
         """Leave out an aperture that the machine cannot keep up with, None for none any more.

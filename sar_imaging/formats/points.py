@@ -1,0 +1,98 @@
+"""Points of the imaging frame with their place on the Earth: GeoJSON and CSV."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import pathlib
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from ..geometry.earth import Datum
+
+GEOJSON, CSV = FORMATS = ('geojson', 'csv')
+_DEGREES, _METRES = 9, 4  # decimals: a tenth of a millimetre
+
+
+def write_points(path: os.PathLike | str, points_m: np.ndarray, datum: Datum,
+                 properties: Mapping[str, np.ndarray] | None = None) -> None:
+    """Write points with latitude, longitude and ellipsoidal height.
+
+    GeoJSON (RFC 7946) has a feature for each point, longitude first as it demands. CSV has columns
+    ``latitude``, ``longitude`` (degrees), ``height`` (metres) and those of the properties. What is
+    not known (NaN) is null in the former, empty in the latter.
+
+    Parameters
+    ----------
+    path : path
+        File to write, ending in ``.geojson`` or ``.csv``; complete or absent.
+    points_m : (n, 3) array_like
+        Imaging frame, metres.
+    datum : Datum
+        Place of the imaging frame on the Earth.
+    properties : mapping of str to (n,) array_like, optional
+        Further columns; the places in the frame are always among them as x, y and z.
+
+    Raises
+    ------
+    ValueError
+        The path ends otherwise, or a shape is wrong.
+    """
+    path = pathlib.Path(path)
+    points_m = np.asarray(points_m, np.float64)
+    if points_m.ndim != 2 or points_m.shape[1] != 3:
+        raise ValueError(f'points_m.shape={points_m.shape}; expected (n, 3), metres')
+    columns = dict(zip('xyz', points_m.T, strict=True)) | {
+        name: np.asarray(values) for name, values in (properties or {}).items()}
+    for name, values in columns.items():
+        if values.shape != (len(points_m),):
+            raise ValueError(f'{name}.shape={values.shape}; expected ({len(points_m)},), one for '
+                             'each point')
+    suffix = path.suffix.removeprefix('.')
+    if suffix not in FORMATS:
+        raise ValueError(f'{path.name}: expected a name that ends in '
+                         f'{" or ".join(f".{name}" for name in FORMATS)}')
+    places = np.stack(datum.to_geographic(points_m), axis=-1)
+    part = path.with_name(f'{path.name}.part')
+    try:
+        with open(part, 'w', encoding='utf-8', newline='') as file:
+            if suffix == GEOJSON:
+                json.dump({'type': 'FeatureCollection',
+                           'features': list(_features(places, columns))}, file, indent=1)
+            else:
+                _write_csv(file, places, columns)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _features(places: np.ndarray, columns: Mapping[str, np.ndarray]) -> Iterator[dict]:
+    for row, (latitude, longitude, height) in enumerate(places.tolist()):
+        known = math.isfinite(latitude)
+        coordinates = [round(longitude, _DEGREES), round(latitude, _DEGREES),
+                       round(height, _METRES)]
+        yield {'type': 'Feature',
+               'geometry': {'type': 'Point', 'coordinates': coordinates} if known else None,
+               'properties': {name: _value(values[row]) for name, values in columns.items()}}
+
+
+def _write_csv(file, places: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
+    writer = csv.writer(file)
+    writer.writerow(['latitude', 'longitude', 'height', *columns])
+    for row, (latitude, longitude, height) in enumerate(places.tolist()):
+        numbers = (_value(values[row]) for values in columns.values())
+        writer.writerow([_text(latitude, _DEGREES), _text(longitude, _DEGREES),
+                         _text(height, _METRES), *('' if v is None else v for v in numbers)])
+
+
+def _text(value: float, decimals: int) -> str:
+    return f'{value:.{decimals}f}' if math.isfinite(value) else ''
+
+
+def _value(value):
+    """A number or text of Python; None for a number that is not finite."""
+    value = value.item() if isinstance(value, np.generic) else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,49 @@
+"""Parameters of backprojection."""
+
+from __future__ import annotations
+
+from sar_imaging.backends import AUTO
+from sar_imaging.imaging.methods import AFBP, EXACT
+
+from .images import autofocus, image_files, image_products, obstacle_products
+from .images.image_grid import GRID_PARAMETERS
+from .images.terrain import TERRAIN_FILE
+from .poses import pose_input
+from .runtime.parameters import ANY_TIME, Parameter, one_of
+
+IMAGE, SUBAPERTURES = 'image', 'subapertures'
+MIN_PULSE_FRACTION = Parameter(
+    'min_pulse_fraction', 0.5, 'Share of its pulses that an aperture must have to be imaged.', '',
+    0.0, 1.0, changes=ANY_TIME)
+
+PARAMETERS = (
+    Parameter('mode', IMAGE, f'{IMAGE}: exact images of whole apertures; {SUBAPERTURES}: '
+              'sub-aperture images for afbp_fusion.', check=one_of(IMAGE, SUBAPERTURES)),
+    *GRID_PARAMETERS,
+    TERRAIN_FILE,
+    Parameter('aperture_timeout_s', 5.0, 'An aperture is closed when no input came for this long, '
+              'by the wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME),
+    MIN_PULSE_FRACTION,
+    Parameter('method', EXACT, f'Imager in mode {IMAGE}: {EXACT} backprojection, as pulses come; '
+              f'{AFBP} of whole apertures; {AUTO}: of these the quicker one that meets target_db.',
+              check=one_of(AUTO, EXACT, AFBP)),
+    Parameter('target_db', -80.0, 'Largest error against exact correlation to plan for in mode '
+              f'{IMAGE}.', 'dB', -100.0, -20.0),
+    Parameter('subapertures.target_db', -60.0, f'The same in mode {SUBAPERTURES}.', 'dB', -85.0,
+              -20.0),
+    Parameter('subapertures.pulses', 0, 'Length of a sub-aperture; 0 for the quickest.', 'pulses',
+              0, 2**31 - 1),
+    Parameter('subapertures.sliding', False, 'Every sub-aperture ends an image of one '
+              "aperture's length."),
+    Parameter('subapertures.follow', False, 'The image moves along with the antenna, on the '
+              'pixels that the grid continues to.'),
+    Parameter('subapertures.follow_ahead', 0.0, 'From the middle of an aperture to that of its '
+              'image, along the direction of flight.', 'm', -1e6, 1e6),
+    Parameter('subapertures.follow_left', 0.0, 'The same to the left of the direction of flight.',
+              'm', -1e6, 1e6),
+    *autofocus.PARAMETERS,
+    *pose_input.TRACK_PARAMETERS,
+    *image_products.PARAMETERS,
+    *image_files.PARAMETERS,
+    *obstacle_products.PARAMETERS,
+)

@@ -1,0 +1,150 @@
+"""The last image as a file that knows where it is: asked for over real DDS, read by others."""
+
+import importlib.util
+import re
+
+import numpy as np
+import pytest
+
+from msg_conversions.images import complex_from_message
+from sar_imaging.geometry.earth import Datum, geographic_to_ecef
+from sar_imaging.tools.node_processes import AFBP_NODES, NODES, PIPELINE
+
+DATUM = Datum(69.5, 18.75, 95.0, heading_deg=-35.0)
+PLACE = {'datum.source': 'parameters'} | {f'datum.{name}': value
+                                          for name, value in vars(DATUM).items()}
+needs = {name: pytest.mark.skipif(importlib.util.find_spec(name) is None,
+                                  reason='the extra "formats" is not installed')
+         for name in ('rasterio', 'sarkit', 'pyproj')}
+
+
+def written(answer):
+    """Paths that an answer names."""
+    success, text = answer
+    assert success, text
+    return re.findall(r'wrote ([^,;]+?\.\w+)(?=[,;]|$)', text)
+
+
+def peak_ecef(path):
+    """Place of the brightest pixel of a GeoTIFF by its own projection, on the image plane."""
+    import pyproj
+    import rasterio
+
+    with rasterio.open(path) as file:
+        band = file.read(1)
+        level = np.where(np.isnan(band), -np.inf, np.abs(band) if np.iscomplexobj(band) else band)
+        row, column = np.unravel_index(level.argmax(), level.shape)
+        x, y = file.xy(row, column)
+        to_degrees = pyproj.Transformer.from_crs(file.crs, 'EPSG:4326', always_xy=True)
+    longitude, latitude = to_degrees.transform(x, y)
+    return latitude, longitude, band
+
+
+@needs['rasterio']
+@needs['pyproj']
+@pytest.mark.parametrize('names', [NODES, PIPELINE], ids=['nodes', 'pipeline'])
+def test_the_last_image_is_a_geotiff_at_its_place(make_chain, psf, tmp_path, names):
+    folder = tmp_path / 'not' / 'there'
+    chain = make_chain(psf.truth, names=names, backprojection=PLACE | {
+        'save.folder': str(folder), 'save.format': 'geotiff_complex'})
+    observer, node = chain.observer, names[-1]
+    assert observer.trigger(f'{node}/save_image') == (
+        False, 'no image was formed since save.folder was set')
+    observer.send(psf.blocks(25))
+    image = complex_from_message(observer.wait_for('image_complex', 1)[0])
+    [path] = written(observer.trigger(f'{node}/save_image'))
+    latitude, longitude, band = peak_ecef(path)
+    np.testing.assert_array_equal(band, image)  # every bit of the samples
+    reflector = psf.truth['scatterers'][0]['position_m']
+    place = geographic_to_ecef(latitude, longitude, DATUM.to_geographic(reflector)[2])
+    # half a pixel along both axes, and 2.5 mm of the projection
+    limit_m = psf.truth['grid']['spacing_m'] / np.sqrt(2) + 0.0025
+    assert np.linalg.norm(place - DATUM.to_ecef(reflector)) < limit_m
+    assert [p.name for p in folder.iterdir()] == [path.rsplit('/', 1)[1]]  # nothing half written
+    assert observer.set_parameter(node, 'save.format', 'geotiff')[0]
+    assert written(observer.trigger(f'{node}/save_image')) == [path]
+    level = 20 * np.log10(np.abs(image) + 1e-30)
+    # float32 decibels
+    np.testing.assert_allclose(peak_ecef(path)[2].max(), level.max(), rtol=0, atol=1e-4)
+
+
+@needs['sarkit']
+def test_the_last_image_as_sicd(make_chain, psf, tmp_path):
+    from sar_imaging.formats import read_sicd
+
+    chain = make_chain(psf.truth, backprojection=PLACE | {
+        'save.folder': str(tmp_path / 'out'), 'save.format': 'sicd'})
+    observer = chain.observer
+    observer.send(psf.blocks(25))
+    image = complex_from_message(observer.wait_for('image_complex', 1)[0])
+    [path] = written(observer.trigger('backprojection/save_image'))
+    product = read_sicd(path)
+    assert np.abs(product.image.samples).max() == pytest.approx(np.abs(image).max(), rel=1e-6)
+    row, column = np.unravel_index(np.abs(product.image.samples).argmax(), product.image.shape)
+    found = product.datum.to_ecef(product.image.grid.points()[row, column])
+    expected = DATUM.to_ecef(psf.truth['scatterers'][0]['position_m'])
+    assert np.linalg.norm(found - expected) < psf.truth['grid']['spacing_m'] / np.sqrt(2) + 0.004
+    assert product.acquisition.n_pulses > 1  # the track is in it
+
+
+@needs['rasterio']
+def test_fused_images_and_strips_are_written_and_sicd_is_refused(make_chain, psf, tmp_path):
+    chain = make_chain(psf.truth, names=AFBP_NODES, afbp_fusion=PLACE | {
+        'save.folder': str(tmp_path / 'out'), 'strip_max_pixels': 10**6})
+    observer = chain.observer
+    observer.send(psf.blocks(25))
+    observer.wait_for('image_complex', 1)
+    paths = written(observer.trigger('afbp_fusion/save_image'))
+    assert [path.rsplit('/', 1)[1].split('_')[0] for path in paths] == ['image', 'strip']
+    assert observer.set_parameter('afbp_fusion', 'save.format', 'sicd')[0]
+    success, text = observer.trigger('afbp_fusion/save_image')
+    assert not success and 'do not tell where each pulse was sent, which SICD needs' in text
+    success, text = observer.trigger('backprojection/save_image')
+    assert not success and 'ask afbp_fusion' in text
+    observer.wait_for_counters('afbp_fusion', errors=0)
+
+
+def test_what_is_missing_is_said_in_the_answer_and_the_node_lives_on(make_chain, psf, tmp_path):
+    chain = make_chain(psf.truth)
+    observer = chain.observer
+    success, text = observer.trigger('backprojection/save_image')
+    assert not success and text.startswith('parameter save.folder is empty: set the folder')
+    (tmp_path / 'file').write_text('')
+    assert observer.set_parameter('backprojection', 'save.folder', str(tmp_path / 'file' / 'x'))[0]
+    observer.send(psf.blocks(25))
+    observer.wait_for('image_complex', 1)
+    success, text = observer.trigger('backprojection/save_image')
+    assert not success and text == ('nobody says where on the Earth the frame is: set '
+                                    'datum.source')
+    assert not observer.set_parameter('backprojection', 'save.format', 'png')[0]
+    assert observer.trigger('backprojection/reset')[0]
+    observer.wait_for_counters('backprojection', errors=0)
+
+
+def test_a_folder_that_cannot_be_made_is_told(make_chain, psf, tmp_path):
+    (tmp_path / 'file').write_text('')
+    chain = make_chain(psf.truth, backprojection=PLACE | {
+        'save.folder': str(tmp_path / 'file' / 'x')})
+    observer = chain.observer
+    observer.send(psf.blocks(25))
+    observer.wait_for('image_complex', 1)
+    success, text = observer.trigger('backprojection/save_image')
+    assert not success and 'file' in text
+    chain.wait_for_log('backprojection', 'nothing was saved: ')
+    observer.wait_for_counters('backprojection', errors=0)
+
+
+def test_without_the_extra_the_answer_says_how_to_install_it(make_chain, psf, tmp_path,
+                                                             ros_environment, monkeypatch):
+    hidden = tmp_path / 'hidden'
+    hidden.mkdir()
+    (hidden / 'rasterio.py').write_text('raise ModuleNotFoundError("No module named rasterio")\n')
+    monkeypatch.setitem(ros_environment, 'PYTHONPATH',
+                        f'{hidden}:{ros_environment["PYTHONPATH"]}')
+    chain = make_chain(psf.truth, backprojection=PLACE | {'save.folder': str(tmp_path / 'out')})
+    observer = chain.observer
+    observer.send(psf.blocks(25))
+    observer.wait_for('image_complex', 1)
+    success, text = observer.trigger('backprojection/save_image')
+    assert not success and 'install the extra: pip install sar_imaging[formats]' in text
+    observer.wait_for_counters('backprojection', errors=0)
