@@ -2,6 +2,8 @@
 
 - `sicd`: complex images with all that is known of their acquisition;
 - `geotiff`: maps for geographic information systems, and complex images on them;
+- `quicklook`: PNG with a world file, and an overlay for globes;
+- `stac`: items of catalogues;
 - `acquisition`: radar and track of an image, without its samples.
 
 The libraries that read and write them are an extra, ``pip install sar_imaging[formats]``. They
@@ -12,7 +14,10 @@ from .acquisition import Acquisition
 from .extras import MissingExtraError, require
 from .geotiff import read_geotiff, write_geotiff
 from .product import ImageProduct
+from .quicklook import write_quicklook
 from .sicd import read_sicd, sicd_grid, write_sicd
+from .stac import write_stac_item
 
 __all__ = ['Acquisition', 'ImageProduct', 'MissingExtraError', 'read_geotiff', 'read_sicd',
-           'require', 'sicd_grid', 'write_geotiff', 'write_sicd']
+           'require', 'sicd_grid', 'write_geotiff', 'write_quicklook', 'write_sicd',
+           'write_stac_item']

@@ -1,0 +1,117 @@
+"""Pictures of images for people: PNG with a world file, and a KML overlay for globes."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import tempfile
+from xml.sax import saxutils
+
+import numpy as np
+
+from ..geometry.earth import Datum
+from ..imaging.image import Image
+from .decibels import decibels, grey_levels, limits_db
+from .extras import require
+from .georeference import check_level, georeference
+
+_KML = """<?xml version="1.0" encoding="UTF-8"?>
+<kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2">
+  <GroundOverlay>
+    <name>{name}</name>
+    <Icon><href>{picture}</href></Icon>
+    <altitudeMode>clampToGround</altitudeMode>
+    <gx:LatLonQuad><coordinates>{corners}</coordinates></gx:LatLonQuad>
+  </GroundOverlay>
+</kml>
+"""
+
+
+def image_corners(grid, datum: Datum) -> np.ndarray:
+    """(4, 2) latitude and longitude, degrees, of the outer corners of an image.
+
+    Lower left, lower right, upper right, upper left as the image is drawn, row 0 on top. Those of
+    a sloping plane are carried along its normal onto the horizontal through its middle, as SICD
+    does it.
+    """
+    flat = getattr(grid, 'map_grid', grid)
+    rows, columns = flat.shape
+    index = np.array([[rows, 0], [rows, columns], [0, columns], [0, 0]]) - 0.5
+    places = np.array(flat.origin_m) + index @ flat.steps_m
+    normal = np.cross(*flat.steps_m)
+    height = places[:, 2] - places[:, 2].mean()
+    places = places - (height / normal[2])[:, None] * normal
+    latitude, longitude, _ = datum.to_geographic(places)
+    return np.column_stack([latitude, longitude])
+
+
+def write_quicklook(path: os.PathLike | str, image: Image, datum: Datum, *,
+                    crs=None) -> list[pathlib.Path]:
+    """Write an image in decibels as an 8 bit PNG, with where it lies.
+
+    White is what a thousandth of the pixels exceeds; black is 5 dB below the median, within 30
+    to 60 dB below white; 0 is where there is no image. Beside ``image.png`` come ``image.pgw``
+    (its affine transform), ``image.prj`` (the projection that goes with that) and ``image.kml``
+    (an overlay by its four corners).
+
+    Parameters
+    ----------
+    path : path
+        Of the picture, ending in ``.png``.
+    image : Image
+        On a map, on terrain or on a level plane.
+    datum : Datum
+        Place of the imaging frame on the Earth.
+    crs : optional
+        Of the world file, as for `write_geotiff`.
+
+    Returns
+    -------
+    list of pathlib.Path
+        The files, the picture first.
+
+    Raises
+    ------
+    ValueError
+        The path does not end in ``.png``, or the image is no map.
+    MissingExtraError
+        rasterio or pyproj is not installed.
+    """
+    rasterio = require('rasterio', 'writing PNG')
+    shutil = require('rasterio.shutil', 'writing PNG')
+    path = pathlib.Path(path)
+    if path.suffix.lower() != '.png':
+        raise ValueError(f'path={path}; expected a name that ends in .png')
+    if np.ndim(image.samples) != 2:
+        raise ValueError(f'image.samples.shape={image.shape}; expected (rows, columns): write '
+                         'the image of each channel into a file of its own')
+    check_level(image.grid)
+    place = georeference(image.grid, datum, crs)
+    levels = decibels(image.samples)
+    grey = grey_levels(levels, *limits_db(levels))
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        parts = [pathlib.Path(folder, path.name).with_suffix(suffix)
+                 for suffix in ('.png', '.pgw', '.prj', '.kml')]
+        with rasterio.MemoryFile() as memory:
+            with memory.open(driver='GTiff', height=grey.shape[0], width=grey.shape[1], count=1,
+                             dtype='uint8') as plain:
+                plain.write(grey, 1)
+            with memory.open() as plain:
+                shutil.copy(plain, parts[0], driver='PNG')
+        parts[1].write_text(_world_file(place.affine))
+        parts[2].write_text(place.crs.to_wkt('WKT1_ESRI') + '\n')
+        parts[3].write_text(_overlay(path, image_corners(image.grid, datum)))
+        return [part.replace(path.with_suffix(part.suffix if i else path.suffix))
+                for i, part in enumerate(parts)]
+
+
+def _world_file(affine: np.ndarray) -> str:
+    """Six lines: what a column and a row add to x and y, and the middle of the first pixel."""
+    (a, b, x), (d, e, y) = affine
+    return ''.join(f'{value!r}\n' for value in map(float, (a, d, b, e, x, y)))
+
+
+def _overlay(path: pathlib.Path, corners: np.ndarray) -> str:
+    coordinates = ' '.join(f'{longitude:.9f},{latitude:.9f},0' for latitude, longitude in corners)
+    return _KML.format(name=saxutils.escape(path.stem), picture=saxutils.escape(path.name),
+                       corners=coordinates)
