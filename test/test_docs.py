@@ -14,7 +14,17 @@ from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.simulation.scenarios.passes import TERRACE_HEIGHT_M
 
 ROOT = pathlib.Path(__file__).parent.parent
-PAGES = [*sorted(ROOT.glob('*.md')), *sorted((ROOT / 'docs').rglob('*.md'))]
+PAGES = [*sorted(ROOT.glob('*.md')), *sorted((ROOT / 'docs').rglob('*.md')),
+         ROOT / 'bags' / 'README.md']
+# What an abbreviation stands for: a page that uses it says so, or leads to where it is said.
+ABBREVIATIONS = {
+    'AFBP': 'accelerated fast', 'CFAR': 'constant false alarm', 'CNR': 'clutter-to-noise',
+    'DPCA': 'displaced phase', 'FFBP': 'fast factorised', 'FMCW': 'frequency-modulated',
+    'GMTI': 'moving target indication', 'IRW': 'impulse response width',
+    'ISLR': 'integrated sidelobe', 'LFM': 'linear frequency modulation', 'PGA': 'phase gradient',
+    'PSLR': 'peak sidelobe', 'SDR': 'distortion ratio', 'TDC': 'time-domain correlation',
+    'UWB': 'ultra-wideband'}
+EXPLANATIONS = ('glossary.md', 'theory.md#fast-backprojection-afbp-and-ffbp', 'waveforms.md')
 
 
 def _run_python(page) -> dict:
@@ -79,9 +89,33 @@ def test_two_passes_show_the_terrace(capsys):
     assert 'independent looks' in capsys.readouterr().out
 
 
+def _prose(page) -> str:
+    return re.sub(r'^```.*?^```', '', page.read_text(), flags=re.DOTALL | re.MULTILINE)
+
+
+def _anchors(page) -> set[str]:
+    """Anchors of a page's headings, as GitHub and MyST derive them."""
+    return {re.sub(r'[^\w\- ]', '', heading.lower()).strip().replace(' ', '-')
+            for heading in re.findall(r'^#+ (.*)$', _prose(page), re.MULTILINE)}
+
+
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_links_lead_somewhere(page):
-    prose = re.sub(r'^```.*?^```', '', page.read_text(), flags=re.DOTALL | re.MULTILINE)
-    for target in re.findall(r'\]\(([^)#]+)(?:#[^)]*)?\)', prose):
-        if '://' not in target:
-            assert (page.parent / target).exists(), f'{target} does not exist'
+    for target, anchor in re.findall(r'\]\(([^)#]*)#?([^)]*)\)', _prose(page)):
+        if '://' in target:
+            continue
+        path = page.parent / target if target else page
+        assert path.exists(), f'{target} does not exist'
+        if anchor and path.suffix == '.md':
+            assert anchor in _anchors(path), f'{target}#{anchor} is not a heading'
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_abbreviations_are_explained_where_they_are_met(page):
+    prose = _prose(page)
+    words = re.sub(r'`[^`]*`', '', prose)
+    text = ' '.join(words.lower().split())
+    used = {name for name in ABBREVIATIONS if re.search(rf'\b{name}\b', words)}
+    unexplained = {name for name in used if ABBREVIATIONS[name] not in text}
+    assert not unexplained or any(e in prose for e in EXPLANATIONS), (
+        f'{sorted(unexplained)} stand there unexplained: write them out once, or link the glossary')
