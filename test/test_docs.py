@@ -118,4 +118,4 @@ def test_abbreviations_are_explained_where_they_are_met(page):
     used = {name for name in ABBREVIATIONS if re.search(rf'\b{name}\b', words)}
     unexplained = {name for name in used if ABBREVIATIONS[name] not in text}
     assert not unexplained or any(e in prose for e in EXPLANATIONS), (
-        f'{sorted(unexplained)} stand there unexplained: write them out once, or link the glossary')
+        f'{sorted(unexplained)} are not explained: write them out once, or link the glossary')
