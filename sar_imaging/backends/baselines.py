@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from ..planning.baselines.ffbp import FfbpPlan
+    from ..planning.baselines.wavenumber import WavenumberPlan
     from ..planning.baselines.zero_padding import ZeroPaddingPlan
     from ..signal.pulses import PulseBlock
     from ..signal.radar import RadarParameters
@@ -53,6 +54,9 @@ class Baselines(Protocol):
     def image_zero_padded(self, plan: ZeroPaddingPlan, block: PulseBlock
                           ) -> tuple[np.ndarray, int]:
         """Image of zero-padded profiles, and how many of its sums have a place in a profile."""
+
+    def image_wavenumber(self, plan: WavenumberPlan, block: PulseBlock) -> np.ndarray:
+        """Image of the pulses of the planned aperture in the wavenumber domain, complex64."""
 
 
 def baseline(name: str | Backend, entry: str) -> Callable:

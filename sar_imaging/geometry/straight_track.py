@@ -126,10 +126,7 @@ def check_straight(track: StraightTrack, tx_m, rx_m, points_m, *, wavelength_m: 
         A path is wrong by more than the tolerance.
     """
     u = track.along_m[..., None]
-    along, distance = track.coordinates(points_m)
-    exact = sum(np.linalg.norm(np.asarray(a)[:, :, None] - points_m, axis=-1)
-                for a in (tx_m, rx_m))
-    error = np.abs(exact - 2 * np.hypot(distance, along - u)).max(axis=-1) / wavelength_m
+    error = np.abs(path_errors(track, tx_m, rx_m, points_m)).max(axis=-1) / wavelength_m
     if error.max() <= tolerance_wavelengths:
         return
     m, n = np.unravel_index(error.argmax(), error.shape)
@@ -144,3 +141,17 @@ def check_straight(track: StraightTrack, tx_m, rx_m, points_m, *, wavelength_m: 
         f'{steps.min():.6g} to {steps.max():.6g} m; transmitter and receiver are {apart:.4g} m '
         f'apart. The two-way path to the grid is wrong by {error[m, n]:.3g} wavelengths, allowed '
         f'are {tolerance_wavelengths:.3g}; use backprojection for this track')
+
+
+def path_errors(track: StraightTrack, tx_m, rx_m, points_m) -> np.ndarray:
+    """(P, C, S) float64 two-way paths less those from the fitted track, metres.
+
+    Parameters
+    ----------
+    track, tx_m, rx_m, points_m :
+        As for `check_straight`.
+    """
+    along, distance = track.coordinates(points_m)
+    exact = sum(np.linalg.norm(np.asarray(a)[:, :, None] - points_m, axis=-1)
+                for a in (tx_m, rx_m))
+    return exact - 2 * np.hypot(distance, along - track.along_m[..., None])

@@ -15,6 +15,7 @@ from ..backends import AUTO
 from ..backends.protocol import Backend
 from ..geometry.grids import MapGrid
 from ..geometry.point_grids import as_grid
+from ..planning.baselines.wavenumber import fewest_taps
 from ..planning.error_budget import AFBP_SHARES, EXACT_SHARES, ErrorBudget
 from ..planning.memory import IMAGE_BYTES
 from ..planning.plan import Plan
@@ -239,8 +240,10 @@ class Wavenumber(Method):
         """See `Method`."""
         if not isinstance(self.grid, MapGrid):
             raise ValueError(f'method {self.NAME!r} images maps; use {EXACT!r} for other grids')
-        self._imager = WavenumberImager(self.grid)
-        return self.describe()
+        if self._imager is None:
+            self._imager = WavenumberImager(self.grid, taps=fewest_taps(self.options.target_db),
+                                            backend=self.options.backend)
+        return self.planned(self._imager.plan(self.radar, self.n_samples, tx_m, rx_m))
 
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.fft
 
 from .pulses import PulseBlock
-from .radar import Waveform
+from .radar import RadarParameters, Waveform
 
 
 def phase_history_frequencies(carrier_hz: float, bandwidth_hz: float, n: int) -> np.ndarray:
@@ -67,17 +67,45 @@ def band_spectrum(block: PulseBlock) -> tuple[np.ndarray, np.ndarray]:
         The block holds raw pulses of another waveform; compress them first.
     """
     radar, n = block.radar, block.n_samples
+    frequencies = band_frequencies(radar, n, block.compressed)
     if not block.compressed:
-        if radar.waveform is not Waveform.STEPPED_FREQUENCY:
-            raise ValueError(f'raw {radar.waveform.name} pulses have no band spectrum; '
-                             'apply range compression first')
-        frequencies = phase_history_frequencies(radar.carrier_hz, radar.bandwidth_hz, n)
         reference = np.exp(-2j * np.pi * np.fmod(frequencies * radar.first_sample_delay_s, 1.0))
         return frequencies, block.samples * reference
-    baseband = scipy.fft.fftshift(scipy.fft.fftfreq(n, 1.0 / radar.sample_rate_hz))
-    inside = np.abs(baseband) <= 0.5 * radar.bandwidth_hz * (1 + 1e-9)
+    baseband, inside = _baseband(radar, n)
     spectra = scipy.fft.fft(block.samples.astype(np.complex128), axis=-1, norm='forward')
     spectra = scipy.fft.fftshift(spectra, axes=-1)[..., inside]
     baseband = baseband[inside]
     spectra *= np.exp(-2j * np.pi * np.fmod(baseband * radar.first_sample_delay_s, 1.0))
-    return radar.carrier_hz + baseband, spectra
+    return frequencies, spectra
+
+
+def band_frequencies(radar: RadarParameters, n_samples: int, compressed: bool) -> np.ndarray:
+    """(K,) float64 frequencies of `band_spectrum`, absolute, ascending, hertz.
+
+    Parameters
+    ----------
+    radar : RadarParameters
+        Of the pulses.
+    n_samples : int
+        Samples of each.
+    compressed : bool
+        Whether they are range profiles.
+
+    Raises
+    ------
+    ValueError
+        They are raw pulses of another waveform than stepped frequency.
+    """
+    if compressed:
+        baseband, inside = _baseband(radar, n_samples)
+        return radar.carrier_hz + baseband[inside]
+    if radar.waveform is not Waveform.STEPPED_FREQUENCY:
+        raise ValueError(f'raw {radar.waveform.name} pulses have no band spectrum; '
+                         'apply range compression first')
+    return phase_history_frequencies(radar.carrier_hz, radar.bandwidth_hz, n_samples)
+
+
+def _baseband(radar: RadarParameters, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) frequencies of a transform, ascending, hertz, and which are inside the band."""
+    baseband = scipy.fft.fftshift(scipy.fft.fftfreq(n_samples, 1.0 / radar.sample_rate_hz))
+    return baseband, np.abs(baseband) <= 0.5 * radar.bandwidth_hz * (1 + 1e-9)

@@ -11,7 +11,8 @@ _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'subapertur
             'FactorisedImager': 'baselines.ffbp',
             'correlate_spectra': 'baselines.correlation',
             'correlate_profiles': 'baselines.correlation',
-            'image_zero_padded': 'baselines.zero_padding'}
+            'image_zero_padded': 'baselines.zero_padding',
+            'image_wavenumber': 'baselines.wavenumber'}
 
 
 def __getattr__(name):
