@@ -1,4 +1,4 @@
-"""Messages to arrays and back: the only code that knows a wire format.
+"""Convert messages to arrays and back; no other code knows the wire format.
 
 `msg_conversions.wire`, `msg_conversions.subaperture_wire`, `msg_conversions.layout` and
 `msg_conversions.float_pairs` are plain NumPy and work without ROS; the other modules need the

@@ -1,4 +1,4 @@
-"""The one error that a message of wrong form raises."""
+"""The error that a malformed message raises."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Doubles, nanoseconds and integers in float32 fields, without losing what matters.
+"""Encode doubles, nanoseconds and integers in float32 fields without loss of precision.
 
 A float32 holds 24 significant bits: 128 s of a present-day time in seconds, half a metre of a
 position at Earth radius. A value therefore travels as the sum of two floats, high and low, or

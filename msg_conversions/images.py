@@ -1,4 +1,4 @@
-"""Images and their grid to sensor_msgs/Image, nav_msgs/MapMetaData and OccupancyGrid and back.
+"""Convert images and grids to sensor_msgs/Image, MapMetaData and OccupancyGrid and back.
 
 Image arrays have shape (n_y, n_x): row 0 is the largest y, column 0 the smallest x.
 """

@@ -1,4 +1,4 @@
-"""Layouts of a std_msgs/Float32MultiArray and what every reader of one checks, without ROS."""
+"""Layouts of a std_msgs/Float32MultiArray and the checks of all readers, without ROS."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Tells this package from others of its name: see `sar_imaging.companion`."""
+"""Mark this package as that of sar_imaging, see `sar_imaging.companion`."""

@@ -1,4 +1,4 @@
-"""Moving targets and obstacles to sensor_msgs/PointCloud2 and back.
+"""Convert moving targets and obstacles to sensor_msgs/PointCloud2 and back.
 
 Fields, all FLOAT32, of moving targets: ``x``, ``y``, ``z`` (metres, frame of the header),
 ``radial_velocity`` (m/s, positive away from the radar), ``snr`` (dB) and ``radial_velocity_std``

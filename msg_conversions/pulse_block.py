@@ -1,4 +1,4 @@
-"""Pulse blocks to std_msgs/Float32MultiArray and back."""
+"""Convert pulse blocks to std_msgs/Float32MultiArray and back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sub-aperture images to std_msgs/Float32MultiArray and back."""
+"""Convert sub-aperture images to std_msgs/Float32MultiArray and back."""
 
 from __future__ import annotations
 

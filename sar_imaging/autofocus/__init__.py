@@ -1,4 +1,4 @@
-"""Autofocus: motion and phase errors estimated from the image itself.
+"""Autofocus: estimate motion and phase errors from the image itself.
 
 - `autofocus`: estimates, images again exactly, and accepts only what is better (`report`);
 - `models`, `alignment_model`, `track`: what may be wrong with the geometry;

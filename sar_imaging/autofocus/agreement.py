@@ -1,4 +1,4 @@
-"""Whether two halves of the scene, each by itself, tell the same geometry."""
+"""Check whether two halves of the scene, each by itself, give the same geometry."""
 
 from __future__ import annotations
 

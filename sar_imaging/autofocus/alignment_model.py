@@ -1,4 +1,4 @@
-"""Alignment of a radar with the poses of its platform as unknowns of autofocus."""
+"""Geometry model whose unknowns align a radar with the poses of its platform."""
 
 from __future__ import annotations
 

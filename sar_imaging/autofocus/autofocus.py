@@ -1,4 +1,4 @@
-"""Autofocus of an aperture: estimate, image again exactly, and accept only what is better."""
+"""Autofocus of an aperture: estimate errors, image again exactly, accept only a sharper image."""
 
 from __future__ import annotations
 

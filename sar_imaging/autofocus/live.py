@@ -1,4 +1,4 @@
-"""Autofocus as the nodes use it: what may be wrong with the positions, told by a few numbers."""
+"""Autofocus of the nodes: geometry models from a few parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What may be wrong with the geometry: phase centres as a function of unknown parameters.
+"""Geometry models: phase centres as a function of unknown parameters.
 
 A `GeometryModel` is any function from a vector of parameters to the phase centres of all pulses,
 with a start and an expected size for each parameter. The functions below add common errors to a

@@ -1,4 +1,4 @@
-"""Coarse search for the offset between two clocks, over seconds: contrast of many quick images.
+"""Search for the offset of two clocks over seconds, by the contrast of many quick images.
 
 An offset of a clock is one number, so every value that matters can be tried. How fine the trials
 must be follows from the geometry: from one to the next the phases of the scene change by about a

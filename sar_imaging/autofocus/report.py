@@ -1,4 +1,4 @@
-"""What autofocus did to an image and how far that can be believed, in figures and in words."""
+"""Report of autofocus: the errors found, contrast before and after, and whether to believe it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Phase of each sub-aperture that makes tiles sharpest, whatever its cause, and its error.
+"""Estimate the phase of each sub-aperture that makes tiles sharpest, and the error of it.
 
 What a smooth geometry model leaves, such as vibration, is estimated pulse by pulse as one
 displacement along the line of sight for the whole scene. The fourth power of the image that

@@ -1,4 +1,4 @@
-"""Compiled loop of the search for a clock offset: quick images of few pixels."""
+"""Compiled loop of the clock offset search: quick images of few pixels."""
 
 from __future__ import annotations
 

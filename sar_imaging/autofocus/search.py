@@ -1,4 +1,4 @@
-"""Search for the parameters of a geometry model that make tiles sharpest.
+"""Maximise the sharpness of tiles over the parameters of a geometry model.
 
 The search starts with short coherent segments, whose images are displaced rather than blurred by
 a track error and overlap over many wavelengths of it, and doubles their length until the whole

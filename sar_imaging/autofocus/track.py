@@ -1,4 +1,4 @@
-"""Phase centres of a radar as functions of time, beyond the pulses of one aperture.
+"""Phase centres of a radar as functions of time, before, during and after an aperture.
 
 Where the clocks of pulses and positions differ, the positions of an aperture lie elsewhere on the
 track: before its first pulse, or after its last one.

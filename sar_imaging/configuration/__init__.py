@@ -1,4 +1,4 @@
-"""What follows from radar, platform and settings, and what of it cannot work. No ROS.
+"""Derive quantities from radar, platform and settings, and find what cannot work. No ROS.
 
 - `settings`, `parameters`, `positions`, `datum`: the configuration, from ROS parameter files too;
 - `derived`, `scene`, `subapertures`, `memory`: resolution, ambiguities, times and bytes;

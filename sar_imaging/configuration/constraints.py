@@ -1,4 +1,4 @@
-"""What of a configuration cannot work, and what will disappoint; each with what to change."""
+"""Constraints of a configuration: errors and warnings, each with the parameter to change."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Quantities that follow from radar, platform and settings, in closed form.
+"""Derive resolution, ambiguities, sampling and data rates from a configuration, in closed form.
 
 A straight track, a stationary scene on the plane of the grid, and the middle of the grid for
 what changes over it. Widths are those of a point response at -3 dB.

@@ -1,4 +1,4 @@
-"""ROS parameter files as settings: what the nodes would get, and what no node would read.
+"""Read ROS parameter files as settings of the nodes, and find names that no node reads.
 
 A node ignores silently what a file says for a misspelt node or parameter; here it is an error.
 """

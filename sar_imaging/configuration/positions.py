@@ -1,4 +1,4 @@
-"""Where positions come from: frames, lever arms and clock of a configuration, and mistakes."""
+"""Check the source of positions: frames, lever arms and clock of a configuration."""
 
 from __future__ import annotations
 

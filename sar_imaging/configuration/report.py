@@ -1,4 +1,4 @@
-"""Derived quantities as lines of text: name, value, and what it means without knowing radar."""
+"""Derived quantities as lines of text: name, value, and an explanation without radar terms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Radar, platform and imaging settings as one immutable description each."""
+"""Settings of radar, platform and imaging, one immutable dataclass each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a node tells at its start: derived quantities and what is wrong with its settings.
+"""Report of a node at its start: derived quantities and problems of its settings.
 
 Two questions, as soon as each can be answered: `report_parameters` when the node is configured,
 `report_block` when the first block has told the radar, the pulse rate and the track.

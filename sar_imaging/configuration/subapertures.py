@@ -1,4 +1,4 @@
-"""Sub-apertures that AFBP would cut an aperture into, planned on the straight track."""
+"""Sub-apertures that AFBP would plan for a configuration, on the straight track."""
 
 from __future__ import annotations
 

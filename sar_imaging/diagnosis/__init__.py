@@ -1,4 +1,4 @@
-"""What went wrong with an image: mistakes in samples, positions and clocks, named."""
+"""Diagnose images out of focus: name the mistake in samples, positions or clocks."""
 
 from .diagnose import Diagnosis, diagnose
 from .track import track_doubts

@@ -1,4 +1,4 @@
-"""Whether the pulses of an aperture add up in phase anywhere: focus, whatever the scene.
+"""Coherence of an aperture: how well its pulses add up in phase, whatever the scene.
 
 An image that is not focused still has bright and dark ranges, so its own contrast says little.
 Here each pixel's sum over the aperture is compared with the sums of G groups of pulses at the same

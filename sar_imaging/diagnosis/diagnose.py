@@ -1,4 +1,4 @@
-"""Name the mistake that keeps an aperture from focusing, by trying what would undo it.
+"""Name the mistake that keeps an aperture from focusing, by trying to undo it.
 
 >>> diagnosis = diagnose(block, grid)          # doctest: +SKIP
 >>> print(diagnosis)                           # doctest: +SKIP

@@ -1,4 +1,4 @@
-"""What users get wrong, as changes of a block that undo it."""
+"""Frequent mistakes of users, as changes of a block that undo them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiled loop of the diagnosis: points of an image, coherent and per group of pulses."""
+"""Compiled loop of the diagnosis: sums at points of an image, over all pulses and per group."""
 
 from __future__ import annotations
 

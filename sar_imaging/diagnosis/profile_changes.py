@@ -1,4 +1,4 @@
-"""What mistakes in raw samples do to range profiles, undone on the profiles.
+"""Undo mistakes in raw samples on the range profiles that were computed from them.
 
 Where only range profiles are at hand, raw samples need not be: with the spectrum P0 of a
 pulse centred on time zero, profiles of conjugated LFM pulses are those of the right ones,

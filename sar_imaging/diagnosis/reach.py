@@ -1,4 +1,4 @@
-"""Why profiles do not reach the grid: units, axes and delays with which they would."""
+"""Explain why profiles do not cover the grid, by units, axes and delays with which they would."""
 
 from __future__ import annotations
 

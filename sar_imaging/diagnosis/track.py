@@ -1,4 +1,4 @@
-"""Doubts about positions and times that need no image: what no platform's track looks like."""
+"""Find implausible positions and times without an image: no platform has such a track."""
 
 from __future__ import annotations
 

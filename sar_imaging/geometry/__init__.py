@@ -1,4 +1,4 @@
-"""Where the radar was and where the pixels are: poses, phase centres and image grids.
+"""Poses, phase centres and image grids: where the radar was and where the pixels are.
 
 - `grids`, `polar`, `terrain`: pixels on a map, around an aperture, on the heights of the ground;
 - `poses`, `pose_interpolation`, `alignment`: from the platform's odometry to phase centres;

@@ -1,4 +1,4 @@
-"""How a radar sits on its platform and its clock: poses to phase centres, ranges without bias."""
+"""Lever arms, clock offset and range bias between a radar and the poses of its platform."""
 
 from __future__ import annotations
 

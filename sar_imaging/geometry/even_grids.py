@@ -1,4 +1,4 @@
-"""Planes of any orientation and volumes: grids whose pixels lie at equal steps."""
+"""Planes of any orientation and volumes: grids with equal steps between pixels."""
 
 from __future__ import annotations
 

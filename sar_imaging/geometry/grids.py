@@ -1,4 +1,4 @@
-"""Image grids: where the pixels are."""
+"""Map grids and the protocol of all grids: the positions of an image's pixels."""
 
 from __future__ import annotations
 

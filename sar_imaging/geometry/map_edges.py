@@ -1,4 +1,4 @@
-"""Where the edges of a map lie in polar coordinates, and how far beyond them its rows are read."""
+"""Edges of a map in polar coordinates, and the margin that its interpolation needs."""
 
 from __future__ import annotations
 

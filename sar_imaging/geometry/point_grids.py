@@ -1,4 +1,4 @@
-"""Grids whose pixels lie anywhere: on terrain, or one by one."""
+"""Grids with pixels at any positions: on terrain, or point by point."""
 
 from __future__ import annotations
 

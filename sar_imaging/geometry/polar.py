@@ -1,4 +1,4 @@
-"""Polar image grids around an aperture: range and direction cosine along the track."""
+"""Polar image grids around an aperture, in range and direction cosine along the track."""
 
 from __future__ import annotations
 

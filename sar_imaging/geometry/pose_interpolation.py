@@ -1,4 +1,4 @@
-"""Positions and attitudes between poses: a local cubic whose result no later pose changes."""
+"""Interpolate poses by a local cubic, so that later poses do not change the result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Poses of a platform as they come from odometry, on their own clock: kept, judged, asked."""
+"""Store the poses of a platform on their own clock, reject invalid ones, and interpolate them."""
 
 from __future__ import annotations
 

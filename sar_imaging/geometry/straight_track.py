@@ -1,4 +1,4 @@
-"""The straight, evenly sampled track that transforms over slow time presuppose."""
+"""Check that a track is straight and evenly sampled, as transforms over slow time require."""
 
 from __future__ import annotations
 

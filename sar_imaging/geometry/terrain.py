@@ -1,4 +1,4 @@
-"""Heights of the ground from a file, at the pixels of a map.
+"""Read terrain heights from a file and interpolate them to the pixels of a map.
 
 The file is NumPy's ``.npz`` with three arrays: ``x_m`` (N,) and ``y_m`` (M,), both strictly
 ascending or descending, and ``height_m`` (M, N), all in the imaging frame in metres. Any elevation

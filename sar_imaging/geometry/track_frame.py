@@ -1,4 +1,4 @@
-"""Where a track lies and runs: mean phase centres, main axes, and the side that a scene is on."""
+"""Frame of a track: mean phase centres, main axes, and the side on which the scene lies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the antennas will be: tracks carried on from the pulses that are known."""
+"""Predict phase centres by continuing the track of the pulses received so far."""
 
 from __future__ import annotations
 

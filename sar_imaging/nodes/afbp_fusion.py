@@ -1,4 +1,4 @@
-"""Node afbp_fusion: sub-aperture images to images, while they arrive and of every aperture."""
+"""Node afbp_fusion: fuse sub-aperture images while they arrive, and at the end of apertures."""
 
 from __future__ import annotations
 

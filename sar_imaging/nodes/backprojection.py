@@ -1,4 +1,4 @@
-"""Node backprojection: range profiles to images, or to sub-aperture images of AFBP."""
+"""Node backprojection: form images, or sub-aperture images of AFBP, from range profiles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steps of backprojection: range profiles to images, or to sub-aperture images of AFBP."""
+"""Steps of backprojection: form images, or sub-aperture images of AFBP, from range profiles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Node moving_targets: range profiles of several channels to the movers of every aperture."""
+"""Node moving_targets: find moving targets in the range profiles of several channels."""
 
 from __future__ import annotations
 

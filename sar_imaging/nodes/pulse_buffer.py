@@ -1,4 +1,4 @@
-"""Node pulse_buffer: orders pulses, finds gaps and duplicates, cuts blocks within apertures."""
+"""Node pulse_buffer: order pulses, find gaps and duplicates, cut blocks within apertures."""
 
 from __future__ import annotations
 

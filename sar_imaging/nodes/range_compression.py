@@ -1,4 +1,4 @@
-"""Node range_compression: raw pulse blocks to range profiles."""
+"""Node range_compression: turn raw pulse blocks into range profiles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Node sar_pipeline: from pulses to images in one process, arrays handed over directly."""
+"""Node sar_pipeline: turn pulses into images in one process, without messages in between."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Image quality: point responses, distortion against a reference, focus, entropy, contrast.
+"""Image quality: impulse responses, error against a reference, focus, entropy, contrast.
 
 - `impulse_response`, `scatterers`: widths and sidelobes of cuts, and of scatterers in an image;
 - `measures`, `focus`: figures of whole images, with a reference and without;

@@ -1,4 +1,4 @@
-"""Impulse response of a one-dimensional cut: IRW, PSLR and ISLR."""
+"""Impulse response width (IRW) and sidelobe ratios (PSLR, ISLR) of a one-dimensional cut."""
 
 from __future__ import annotations
 

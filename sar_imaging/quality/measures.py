@@ -1,4 +1,4 @@
-"""Whole-image measures: distortion against a reference, entropy and contrast."""
+"""Measures of a whole image: error against a reference, entropy and contrast."""
 
 from __future__ import annotations
 

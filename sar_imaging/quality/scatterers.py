@@ -1,4 +1,4 @@
-"""Point responses in a complex map image: position, and cuts along range and azimuth."""
+"""Position, width and sidelobes of a scatterer in a complex map, in range and azimuth."""
 
 from __future__ import annotations
 

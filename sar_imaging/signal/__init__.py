@@ -1,4 +1,4 @@
-"""What a radar sends and receives: parameters, waveforms, pulse blocks and range compression.
+"""Radar parameters, waveforms, pulse blocks and range compression.
 
 - `radar`, `waveforms`, `dechirp`, `windows`: the radar, its pulse, FMCW ramps, spectral weights;
 - `pulses`: blocks of multichannel pulses, and the buffer that puts a stream of them in order;

@@ -1,4 +1,4 @@
-"""Static background removed while pulses come: the moving average over slow time is subtracted.
+"""Remove the static background of a pulse stream: a moving average over slow time is subtracted.
 
 The direct path from transmitter to receiver, reflections inside the radar and from its own
 platform do not change from pulse to pulse, whereas the echoes of a scene that is passed by do.

@@ -1,4 +1,4 @@
-"""Channel calibration: amplitude, phase and delay of every channel against the others.
+"""Channel calibration: amplitude, phase and delay of each channel relative to the others.
 
 A channel with errors records ``g exp(j phi) s(t - delta)`` where a perfect one records the
 baseband profile s(t): g from its amplifiers, phi at the carrier, delta from its lines. They are

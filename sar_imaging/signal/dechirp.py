@@ -1,4 +1,4 @@
-"""FMCW radar: what a data sheet says as radar parameters, and what they must obey.
+"""Radar parameters of an FMCW radar from its data sheet, and their limits.
 
 The receiver mixes the echo with the ramp that is being transmitted, of frequency ``f_s + K t`` at
 the time t after the ramp's start. An echo at the delay tau beats with the phase

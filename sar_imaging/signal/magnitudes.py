@@ -1,4 +1,4 @@
-"""Numbers in a unit other than the one asked for: recognised by their magnitude, and named.
+"""Recognise numbers in a wrong unit by their magnitude, and name the unit that was meant.
 
 A radar's numbers come from data sheets in gigahertz, megahertz per microsecond and microseconds.
 Taken for hertz and seconds they are a thousand times or more off what any radar has.

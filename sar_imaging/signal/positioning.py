@@ -1,4 +1,4 @@
-"""Positions for pulses that come without: from poses on a clock of their own."""
+"""Compute the positions of pulses from poses on a clock of their own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the radar transmits and how its receiver samples: one immutable description."""
+"""Parameters of the transmitted pulse and of the receiver's sampling."""
 
 from __future__ import annotations
 

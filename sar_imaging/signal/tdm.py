@@ -1,4 +1,4 @@
-"""Time division: transmitters that take turns while the platform moves on.
+"""Time-division MIMO: phase centres of transmitters that take turns while the platform moves.
 
 A MIMO radar with N_t transmitters and N_r receivers makes N_t N_r channels from N_t pulses, one
 after the other. All of them travel as one pulse of a block, with one time; but each transmitter's

@@ -1,4 +1,4 @@
-"""Ultra-wideband passband radar: what the antennas themselves return, and its removal.
+"""Remove antenna coupling and other static echoes of ultra-wideband passband radars.
 
 A UWB radar samples the pulse at its carrier as real numbers (`Waveform.PASSBAND`);
 `sar_imaging.signal.range_compression` turns them into the analytic signal at baseband. Its direct

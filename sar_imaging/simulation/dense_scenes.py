@@ -1,4 +1,4 @@
-"""Spectra of scenes of a hundred thousand scatterers, which clutter needs."""
+"""Spectra of scenes with a hundred thousand scatterers, as clutter needs."""
 
 from __future__ import annotations
 

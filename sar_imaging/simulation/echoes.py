@@ -1,4 +1,4 @@
-"""Echoes of point scatterers with exact two-way paths, as a receiver would record them.
+"""Simulate the echoes of point scatterers over exact two-way paths, as a receiver records them.
 
 All but FMCW come from the same spectrum ``sum_p a_p exp(-j 2 pi (f_c + f) tau_p)`` with
 ``tau_p = (|tx - x_p| + |rx - x_p|) / c`` for every pulse and channel in float64: what a receiver

@@ -1,4 +1,4 @@
-"""A jammer: band-limited noise from one place, with the exact delay to every receiver."""
+"""Simulate a jammer: band-limited noise from one place, exactly delayed to each receiver."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scatterers that move: their exact places at the pulses' times, and their echoes."""
+"""Simulate moving scatterers, with their exact positions at the times of the pulses."""
 
 from __future__ import annotations
 

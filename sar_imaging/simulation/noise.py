@@ -1,4 +1,4 @@
-"""Gaussian numbers that are the same on every machine and with every version of NumPy.
+"""Gaussian random numbers that are the same on every machine and with every version of NumPy.
 
 NumPy keeps the raw stream of a bit generator for ever, but not that of `Generator.normal`; a
 recording that must be reproducible bit for bit therefore makes its own from the raw stream.

@@ -1,4 +1,4 @@
-"""What stands between a radar and the scatterers of a scene: boxes and the crowns of trees."""
+"""Shadows in a simulated scene: boxes and tree crowns between the radar and the scatterers."""
 
 from __future__ import annotations
 

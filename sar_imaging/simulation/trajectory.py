@@ -1,4 +1,4 @@
-"""Where the platform is at each pulse: a straight track and its known perturbations."""
+"""Platform positions at the pulses: a straight track with known perturbations."""
 
 from __future__ import annotations
 

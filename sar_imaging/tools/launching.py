@@ -1,4 +1,4 @@
-"""What the launch files share: their arguments, the check of the configuration, the nodes.
+"""Common parts of the launch files: arguments, check of the configuration, start of the nodes.
 
 `launch` and `launch_ros` come with a ROS installation alone and are imported where they are used.
 """

@@ -1,4 +1,4 @@
-"""The nodes as child processes, for programs and tests that need the whole chain."""
+"""Run the nodes as child processes, for programs and tests that need the whole chain."""
 
 from __future__ import annotations
 

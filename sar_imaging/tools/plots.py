@@ -1,4 +1,4 @@
-"""Pictures of radar images for people."""
+"""Draw radar images as pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the programs that make figures share: their end, and the look of the figures."""
+"""Common parts of the programs that make figures: exit status, and the look of the figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small tiles around bright points: the part of an image that autofocus looks at."""
+"""Image tiles around bright points, which autofocus focuses instead of the whole image."""
 
 from .points import bright_points
 from .tiles import Tiles

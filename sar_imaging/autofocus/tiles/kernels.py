@@ -1,4 +1,4 @@
-"""Compiled loops of autofocus: profiles around bright points, focused to small tiles."""
+"""Compiled loops of autofocus: profiles around bright points, focused to tiles."""
 
 from __future__ import annotations
 

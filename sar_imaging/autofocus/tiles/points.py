@@ -1,4 +1,4 @@
-"""Bright points of an image: what autofocus looks at."""
+"""Choose the bright points of an image that autofocus uses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small tiles around bright points: the part of an image that autofocus looks at.
+"""Image tiles around bright points: sub-aperture images of a few pixels, focused again quickly.
 
 The aperture is cut into sub-apertures. For each tile and sub-aperture a short piece of range
 profile around the tile's centre is formed once, all pulses of the sub-aperture summed in phase:

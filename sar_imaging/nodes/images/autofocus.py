@@ -1,4 +1,4 @@
-"""Autofocus of the images that the nodes form: when it is wanted, and what it did."""
+"""Autofocus in the nodes: its parameters, and the report of its results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Focus of the images that a node forms, and what is wrong where there is none."""
+"""Watch the focus of the images that a node forms, and diagnose images out of focus."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The image grid as parameters of the nodes that form images."""
+"""Parameters of the image grid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The topics that an image goes out on, each built only when somebody listens."""
+"""Publish an image on its topics, each built only while it has a subscriber."""
 
 from __future__ import annotations
 

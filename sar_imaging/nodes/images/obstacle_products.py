@@ -1,4 +1,4 @@
-"""The map of obstacles and the cloud of them, built only while somebody listens."""
+"""Publish obstacles as a map and a cloud, built only while they have a subscriber."""
 
 from __future__ import annotations
 

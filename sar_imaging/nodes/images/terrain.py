@@ -1,4 +1,4 @@
-"""Heights of the ground as a parameter of the nodes that image on the ground."""
+"""Parameter of the terrain heights on which a node images."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the phase centres were before, during and after an aperture, for autofocus."""
+"""Phase centres before, during and after an aperture, for autofocus."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Poses of the platform from a topic or tf, on their way into the worker's thread."""
+"""Subscribe to poses of the platform, and pass them to the worker thread."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Poses and lever arms from tf, which is there only with a ROS installation."""
+"""Sample poses and lever arms from tf, where a ROS installation provides it."""
 
 from __future__ import annotations
 

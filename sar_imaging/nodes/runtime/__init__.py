@@ -1,4 +1,4 @@
-"""What every node has: parameters, life cycle, queue and worker thread, overload, diagnostics.
+"""Common parts of all nodes: parameters, life cycle, worker thread, overload, diagnostics.
 
 A node is a `stage.Stage`: it takes messages (`inlet`), hands them to the worker thread (`worker`,
 `overload`), in which a `step.Step` or several in a `chain` work on them, and tells how it fares

@@ -1,4 +1,4 @@
-"""Topic of pulse blocks that go from one node to the next, or to nobody."""
+"""Publish pulse blocks for the next node, while it subscribes."""
 
 from __future__ import annotations
 

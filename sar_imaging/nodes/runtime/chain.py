@@ -1,4 +1,4 @@
-"""Steps in a row: the products of one are handed to the next, in one thread."""
+"""Run steps one after the other in one thread; each gets the products of the one before."""
 
 from __future__ import annotations
 

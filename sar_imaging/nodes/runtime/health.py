@@ -1,4 +1,4 @@
-"""Counters, log lines and diagnostics of a node: what happened, how often, and is it bad now."""
+"""Counters, log lines and diagnostics of a node."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What comes into a stage: how its messages are read and which pulses they hold."""
+"""Input of a stage: how its messages are read and which pulses they hold."""
 
 from __future__ import annotations
 

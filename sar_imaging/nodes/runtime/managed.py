@@ -1,4 +1,4 @@
-"""Managed life cycle of a node: configure, activate, deactivate, clean up; and how to run it."""
+"""Managed life cycle of a node: configure, activate, deactivate, clean up; and its main loop."""
 
 from __future__ import annotations
 

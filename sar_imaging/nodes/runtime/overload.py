@@ -1,4 +1,4 @@
-"""What a stage leaves out when it cannot keep up: whole apertures, or single blocks."""
+"""Decide what an overloaded stage leaves out: whole apertures, or single blocks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lets sar_pipeline read the parameter files of the separate nodes."""
+"""Let sar_pipeline read the parameter files of the separate nodes."""
 
 from __future__ import annotations
 

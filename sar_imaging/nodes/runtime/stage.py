@@ -1,4 +1,4 @@
-"""What the nodes have in common: take messages, work on them in one thread, tell about it."""
+"""Base of the nodes: receive messages, process them in one thread, report."""
 
 from __future__ import annotations
 

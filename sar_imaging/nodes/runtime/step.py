@@ -1,4 +1,4 @@
-"""What a stage does apart from its input: shared by the node of the stage and the pipeline."""
+"""Processing step of a stage without its input, shared by its node and the pipeline."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One worker thread behind a bounded queue: callbacks stay short, nothing waits unseen."""
+"""One worker thread behind a bounded queue, so that callbacks stay short."""
 
 from __future__ import annotations
 

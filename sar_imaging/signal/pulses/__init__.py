@@ -1,4 +1,4 @@
-"""Blocks of multichannel pulses, their counters, and the buffer that puts a stream in order."""
+"""Blocks of multichannel pulses, their counters, and the buffer that orders a stream of them."""
 
 from .block import PulseBlock, check_frame, check_profiles, concatenate
 

@@ -1,4 +1,4 @@
-"""A block of multichannel pulses: what travels between the stages."""
+"""A block of multichannel pulses, the data that pass from stage to stage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Order pulses by their counter, find gaps and duplicates, and cut coherent blocks."""
+"""Order pulses by their counter, find gaps and duplicates, and cut blocks within apertures."""
 
 from __future__ import annotations
 

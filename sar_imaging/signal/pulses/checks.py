@@ -1,4 +1,4 @@
-"""Checks of the arrays that make a pulse block; each error says what was probably meant."""
+"""Check the arrays of a pulse block; each error says what was probably meant."""
 
 from __future__ import annotations
 

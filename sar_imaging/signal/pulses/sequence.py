@@ -1,4 +1,4 @@
-"""Pulse counters: wrap-around, ranges as text, a restart or a late pulse; events to be logged."""
+"""Pulse counters: wrap-around, ranges as text, restarts and late pulses, events for the log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Range compression of every waveform: matched filter, phase history, passband, to profiles."""
+"""Range compression of all waveforms: matched filter, phase history and passband samples."""
 
 from .compressor import RANGE_FILTERS, RangeCompressor
 

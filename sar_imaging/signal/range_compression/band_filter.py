@@ -1,4 +1,4 @@
-"""Filters between two FFTs: LFM pulses, profiles and passband samples to range profiles.
+"""Compress LFM pulses, profiles and passband samples by a filter between two FFTs.
 
 The bins of the waveform's band are taken from the transform of the samples, multiplied by a gain
 and transformed back at the output's length: compression, window and resampling in one step.

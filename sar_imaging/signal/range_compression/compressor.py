@@ -1,4 +1,4 @@
-"""Range compression: raw pulses to range profiles that obey the signal model.
+"""Range compression: turn raw pulses into range profiles that follow the signal model.
 
 Output, whatever the waveform: ``s(tau) = sum_p a_p p(tau - tau_p) exp(-j 2 pi f_c tau_p)``
 (Rosenberg & Gray, section 2) with the peak of a scatterer of unit amplitude equal to one, at the

@@ -1,4 +1,4 @@
-"""Phase histories to range profiles: stepped frequency, and FMCW without residual video phase.
+"""Compress phase histories: stepped frequency, and FMCW with its residual video phase removed.
 
 Both hold one sample per frequency f_n, ``exp(-j 2 pi f_n u)`` for an echo at the delay u beyond
 the reference; FMCW has the residual video phase ``+ pi K u^2`` besides. An inverse transform makes

@@ -1,4 +1,4 @@
-"""Scenarios: radar, track and scene together, those of the papers, and the pulses that follow."""
+"""Scenarios: a radar, its track and a scene, and the pulses that follow."""
 
 from .catalogue import RANGE_CENTRE_M, SCENARIOS, WAVELENGTH_M, moving_targets
 from .scenario import Scenario, receive_array

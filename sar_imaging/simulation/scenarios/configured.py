@@ -1,4 +1,4 @@
-"""A scenario from a configuration: a few scatterers as the configured radar would see them."""
+"""Scenario of a configuration: a few scatterers as the configured radar receives them."""
 
 from __future__ import annotations
 

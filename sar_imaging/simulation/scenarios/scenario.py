@@ -1,4 +1,4 @@
-"""A scenario: radar, track and scene together, and the pulses that follow from them."""
+"""A scenario: a radar, its track and a scene, and the pulses that follow."""
 
 from __future__ import annotations
 

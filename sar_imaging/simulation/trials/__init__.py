@@ -1,4 +1,4 @@
-"""Random radars, flights and track errors, all from a seed, to try claims on."""
+"""Random radars, flights and track errors from seeds, to test claims on."""
 
 from .drone_flights import DroneFlight, drone_flight
 from .random_cases import RandomCase, random_case

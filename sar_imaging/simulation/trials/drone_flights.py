@@ -1,4 +1,4 @@
-"""Random drone flights whose radar and poses run on clocks of their own, to try autofocus on.
+"""Random drone flights with unsynchronised clocks of radar and poses, to test autofocus on.
 
 A drone hovers and drifts, or flies into a turn, and looks at a scene of some metres. The pulses
 come without positions; the poses are those of the drone's navigation, on another clock. The

@@ -1,4 +1,4 @@
-"""Random legal radars, tracks, maps and scenes, to try predicted errors on.
+"""Random valid radars, tracks, maps and scenes, to test predicted errors on.
 
 A case follows from its seed alone. Tracks are those that radars fly, drive and are carried on,
 and some that nobody should: climbing steeply, stopping, going over the same ground again.

@@ -1,4 +1,4 @@
-"""Apertures whose stated positions are wrong in a known way, to try autofocus on."""
+"""Apertures whose stated positions are wrong in a known way, to test autofocus on."""
 
 from __future__ import annotations
 

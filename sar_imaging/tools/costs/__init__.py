@@ -1,4 +1,4 @@
-"""What the operations of the compiled backend cost on this machine.
+"""Costs of the operations of the compiled backend on this machine.
 
 - `experiments`: small images, with how often they do each operation;
 - `measurement`: their times, and the costs that explain them.

@@ -1,4 +1,4 @@
-"""Small images whose times tell what the operations cost: plans, chosen to differ in one count.
+"""Small images whose times show the costs of operations: pairs that differ in one count.
 
 Their samples are noise, since no time depends on them.
 """

@@ -1,4 +1,4 @@
-"""Times of the experiments on one thread, and the costs that explain them best."""
+"""Time the experiments on one thread, and fit the costs of the operations to the times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How `evaluate` starts the nodes: parameters from the recording, files and the command line."""
+"""Start the nodes for `evaluate`, with parameters from recording, files and command line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What nodes warn of, from /rosout: for programs that watch them work."""
+"""Collect the warnings of nodes from /rosout, for programs that watch them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Listens to what the nodes publish during an evaluation: image, grid, diagnostics."""
+"""Receive what the nodes publish during an evaluation: image, grid, diagnostics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `evaluate` prints: scatterers, counts, focus, and what the abbreviations mean."""
+"""Print the results of `evaluate`: scatterers, counts, focus, explained abbreviations."""
 
 from __future__ import annotations
 

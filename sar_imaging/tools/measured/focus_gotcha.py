@@ -1,4 +1,4 @@
-"""Autofocus on measured data whose positions are made wrong on purpose: the Gotcha recording.
+"""Make the positions of the measured Gotcha recording wrong, and correct them by autofocus.
 
 Run: python -m sar_imaging.tools.measured.focus_gotcha FOLDER --output out/focus_gotcha
 """

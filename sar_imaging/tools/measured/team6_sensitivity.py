@@ -1,4 +1,4 @@
-"""What the focus of the team 6 reflectors tells about time offset, range bias and lever arm.
+"""Sensitivity of the team 6 reflectors' focus to time offset, range bias and lever arm.
 
 Run: python -m sar_imaging.tools.measured.team6_sensitivity FOLDER --output out/team6_sensitivity
 

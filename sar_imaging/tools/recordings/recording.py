@@ -1,4 +1,4 @@
-"""What evaluation has to know about a recording: its pulses, apertures and phase centres."""
+"""Pulses, apertures and phase centres of a recording, as evaluation needs them."""
 
 from __future__ import annotations
 

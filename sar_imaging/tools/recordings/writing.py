@@ -1,4 +1,4 @@
-"""What the programs that write recordings share: cutting, progress, errors, Ctrl-C."""
+"""Common parts of the programs that write recordings: cutting, progress, errors, Ctrl-C."""
 
 from __future__ import annotations
 

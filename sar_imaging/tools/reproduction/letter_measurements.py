@@ -1,4 +1,4 @@
-"""What `reproduce_spotlight_letter` measures: the responses of points 1 to 3."""
+"""Measurements of `reproduce_spotlight_letter`: the responses of points 1 to 3."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Spectra of sub-aperture images and where they stand in the fused one: figures 3 and 4."""
+"""Spectra of sub-aperture images and their place in the fused one: figures 3 and 4."""
 
 from __future__ import annotations
 

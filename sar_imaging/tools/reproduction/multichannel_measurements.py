@@ -1,4 +1,4 @@
-"""What `reproduce_multichannel` measures: the experiments of Rosenberg & Gray, section 7.
+"""Measurements of `reproduce_multichannel`: the experiments of Rosenberg & Gray, section 7.
 
 Three imagers on the scenarios of the paper's table 1: time-domain correlation (TDC), the
 wavenumber-domain imager and backprojection of zero-padded profiles, nearest sample (BP).
