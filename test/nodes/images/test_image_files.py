@@ -5,10 +5,14 @@ import re
 
 import numpy as np
 import pytest
+from std_srvs.srv import Trigger
 
 from msg_conversions.images import complex_from_message
 from sar_imaging.geometry.earth import Datum, geographic_to_ecef
 from sar_imaging.tools.node_processes import AFBP_NODES, NODES, PIPELINE
+
+from ..poses.test_fixes import RELIABLE, Satellites
+from ..poses.test_odometry import Platform, without_positions
 
 DATUM = Datum(69.5, 18.75, 95.0, heading_deg=-35.0)
 PLACE = {'datum.source': 'parameters'} | {f'datum.{name}': value
@@ -147,4 +151,74 @@ def test_without_the_extra_the_answer_says_how_to_install_it(make_chain, psf, tm
     observer.wait_for('image_complex', 1)
     success, text = observer.trigger('backprojection/save_image')
     assert not success and 'install the extra: pip install sar_imaging[formats]' in text
+    observer.wait_for_counters('backprojection', errors=0)
+
+
+@needs['rasterio']
+@pytest.mark.parametrize('names', [NODES, PIPELINE], ids=['nodes', 'pipeline'])
+def test_a_datum_that_pulse_buffer_finds_reaches_the_images(make_chain, psf, tmp_path, names):
+    pulses = psf.pulses
+    found = {'datum.source': 'fix'}
+    chain = make_chain(
+        psf.truth, names=names,
+        pulse_buffer=found | RELIABLE | {
+            'pose.source': 'odometry', 'pose.wait_s': 60.0,
+            'datum.heading_deg': DATUM.heading_deg, 'antenna.rx': (
+                pulses.rx_m - pulses.tx_m[:, :1])[0].ravel().tolist()},
+        # The heading is that of the frame in all nodes, as in a file's section for all.
+        backprojection=found | {'save.folder': str(tmp_path), 'datum.heading_deg':
+                                DATUM.heading_deg})
+    observer, node = chain.observer, names[-1]
+    platform, sky = Platform(observer), Satellites(observer)
+    observer.send([without_positions(b) for b in psf.blocks(25)])
+    seconds = (pulses.stamp_ns - pulses.stamp_ns[0]) * 1e-9
+    track = np.polynomial.polynomial.polyfit(seconds, pulses.tx_m[:, 0], 1)
+
+    def fly(first, stop):
+        for step in range(first, stop):  # hundredths of a second
+            stamp = pulses.stamp_ns[0] + step * 10**7
+            place = track[0] + 0.01 * step * track[1]
+            platform.send(stamp, place, frame=psf.truth['frame'])
+            sky.send_fix(stamp, place, status=0 if step > 40 else -1)
+
+    fly(-10, 40)
+    observer.wait_for('image_complex', 1)
+    success, text = observer.trigger(f'{node}/save_image')
+    assert not success and text.startswith('nothing came on /datum yet, which pulse_buffer publ')
+    fly(40, 60)
+    chain.wait_for_log(node, 'from datum')
+    [path] = written(observer.trigger(f'{node}/save_image'))
+    latitude, longitude, _ = peak_ecef(path)
+    reflector = psf.truth['scatterers'][0]['position_m']
+    place = geographic_to_ecef(latitude, longitude, DATUM.to_geographic(reflector)[2])
+    limit_m = psf.truth['grid']['spacing_m'] / np.sqrt(2) + 0.0025
+    assert np.linalg.norm(place - DATUM.to_ecef(reflector)) < limit_m
+
+
+def test_imaging_goes_on_while_a_disk_is_slow(make_chain, psf, tmp_path, ros_environment,
+                                              monkeypatch):
+    hidden, awake = tmp_path / 'hidden', tmp_path / 'awake'
+    hidden.mkdir()
+    # Stands for a slow disk: writing begins by importing it.
+    (hidden / 'rasterio.py').write_text(
+        f'import pathlib, time\nprint("a slow disk", flush=True)\n'
+        f'while not pathlib.Path({str(awake)!r}).exists():\n    time.sleep(0.02)\n'
+        'raise OSError("no space left")\n')
+    monkeypatch.setitem(ros_environment, 'PYTHONPATH',
+                        f'{hidden}:{ros_environment["PYTHONPATH"]}')
+    chain = make_chain(psf.truth, backprojection=PLACE | {'save.folder': str(tmp_path / 'out')})
+    observer = chain.observer
+    observer.send(psf.blocks(25))
+    observer.wait_for('image_complex', 1)
+    client = observer.node.create_client(Trigger, 'backprojection/save_image')
+    observer.wait(client.service_is_ready, 'the service')
+    answer = client.call_async(Trigger.Request())
+    chain.wait_for_log('backprojection', 'a slow disk')
+    observer.send(psf.later(psf.blocks(25), 1))
+    observer.wait_for('image_complex', 2)
+    assert observer.trigger('backprojection/form_image')[1] == 'no aperture is being filled'
+    assert not answer.done()
+    awake.touch()
+    observer.wait(answer.done, 'the answer')
+    assert (answer.result().success, answer.result().message) == (False, 'no space left')
     observer.wait_for_counters('backprojection', errors=0)
