@@ -25,6 +25,7 @@ from rclpy.executors import SingleThreadedExecutor
 from tqdm import tqdm
 
 from msg_conversions import WireFormatError
+from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.quality import ScattererQuality, measure_scatterer
 
@@ -327,7 +328,7 @@ def _measure(recording: Recording, result: _Result, grid: MapGrid) -> dict:
     buffer, entry = result.counters['pulse_buffer'], next(iter(result.counters))
     scatterers = [_measure_one(recording, result, grid, s) for s in truth.get('scatterers', ())]
     return {
-        'scatterers': [q.as_json() for q in scatterers],
+        'scatterers': [q.as_json() | _on_the_earth(recording.datum, q, grid) for q in scatterers],
         'pulses_received': buffer.get('pulses_received'),
         'pulses_missing': buffer.get('pulses_missing'),
         'blocks_rejected': result.counters[entry].get('blocks_rejected'),
@@ -343,6 +344,15 @@ def _measure(recording: Recording, result: _Result, grid: MapGrid) -> dict:
         'grid': dataclasses.asdict(grid),
         'nodes': result.counters,
     }
+
+
+def _on_the_earth(datum: Datum | None, scatterer: ScattererQuality, grid: MapGrid) -> dict:
+    """Latitude and longitude of a peak, where the recording says where its frame stands."""
+    if datum is None or not math.isfinite(scatterer.peak_x_m):
+        return {}
+    place = datum.to_geographic([scatterer.peak_x_m, scatterer.peak_y_m, grid.centre_m[2]])
+    return dict(zip(('peak_latitude_deg', 'peak_longitude_deg', 'peak_height_m'),
+                    map(float, place), strict=True))
 
 
 def _measure_one(recording: Recording, result: _Result, grid: MapGrid,

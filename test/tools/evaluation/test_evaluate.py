@@ -17,6 +17,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='rclpy comes as wheels for Linux on x86-64 only')
 
+from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.quality import contrast, entropy, error_db
@@ -188,6 +189,19 @@ def test_other_ways_to_the_image(run, runs, way, image_nodes, largest_error_db):
     [s] = quality['scatterers']
     assert s['islr_range_db'] == pytest.approx(-10.49, abs=0.05)
     assert s['islr_azimuth_db'] == pytest.approx(-10.53, abs=0.05)
+
+
+@nodes
+def test_a_recording_with_a_datum_tells_where_peaks_are_on_the_earth(tmp_path):
+    datum = Datum(-12.25, 45.5, 1300.0, heading_deg=77.0)
+    truth = bag_io.read_truth(PSF) | {'datum': dataclasses.asdict(datum)}
+    bag_io.write_bag(tmp_path / 'bag', bag_io.read_blocks(PSF), truth)
+    result = evaluate(tmp_path / 'bag', '--output', tmp_path / 'out', '--launch-nodes')
+    assert result.returncode == 0, result.stderr
+    [s] = quality_of(tmp_path / 'out')['scatterers']
+    place = [s[f'peak_{name}'] for name in ('latitude_deg', 'longitude_deg', 'height_m')]
+    expected = [s['peak_x_m'], s['peak_y_m'], truth['grid']['centre_m'][2]]
+    np.testing.assert_allclose(datum.from_geographic(*place), expected, rtol=0, atol=1e-6)
 
 
 @nodes
