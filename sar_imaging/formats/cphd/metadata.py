@@ -19,6 +19,11 @@ from .parameters import Pulses, words
 NAMESPACE = 'http://api.nsgreg.nga.mil/schema/cphd/1.1.0'
 SAMPLE_BYTES = {'CI2': 2, 'CI4': 4, 'CF8': 8}
 _LONGEST_AREA_M = 1e6
+# Degrees that angles of the reference geometry have to stay below.
+_ANGLE_LIMITS = {'GrazeAngle': 90.0, 'IncidenceAngle': 90.0, 'SlopeAngle': 90.0,
+                 'DopplerConeAngle': 180.0, 'BistaticAngle': 180.0, 'AzimuthAngle': 360.0,
+                 'LayoverAngle': 360.0}
+_OVER_LIMIT_DEG = 0.5  # between the Earth's normal and the line from its centre
 
 
 def make_metadata(pulses: Pulses, vectors: np.ndarray, grid: MapGrid, collection: Collection,
@@ -226,8 +231,21 @@ def _reference_geometry(tree, vectors: np.ndarray):
         geometry = sarkit.compute_reference_geometry(tree, vectors[0])
     if any(node.text == 'nan' for node in geometry.iter()):
         raise CphdError('the reference geometry is not defined: a phase centre is at the middle '
-                        'of the grid or exactly above it, or moves exactly towards it')
-    for node in geometry.iter():
-        if node.text == '360.0':  # a small negative angle, rounded; the schema wants less
-            node.text = repr(math.nextafter(360.0, 0.0))
+                        'of the grid or above it, or moves straight towards, away from or over it')
+    _within_limits(geometry)
     return geometry
+
+
+def _within_limits(geometry) -> None:
+    """Angles at an end of what the schema allows, by rounding or in the limit, to just inside.
+
+    Tracks that lead straight over the reference have a slope of 90 degrees, which it excludes.
+    """
+    for node in geometry.iter():
+        limit = _ANGLE_LIMITS.get(node.tag.rpartition('}')[2])
+        if limit is None or float(node.text) < limit:
+            continue
+        if float(node.text) > limit + _OVER_LIMIT_DEG:
+            raise CphdError(f'{node.tag.rpartition("}")[2]} of the reference geometry is '
+                            f'{float(node.text):.3g} degrees; CPHD allows less than {limit:g}')
+        node.text = repr(math.nextafter(limit, 0.0))

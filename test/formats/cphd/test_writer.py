@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, assume, given, settings, strategies as st
 
 from sar_imaging.formats.cphd import Collection, CphdError, CphdReader, write_cphd
 from sar_imaging.geometry import MapGrid
@@ -224,3 +225,35 @@ def test_profiles_sampled_too_coarsely(tmp_path):
 def test_no_scene_on_one_plane(tmp_path):
     with pytest.raises(CphdError, match='no scene on one'):
         write_cphd(tmp_path / 'a.cphd', [pulses()], DATUM, MapGrid((0, 0, 0), 10**5, 10**5, 100.0))
+
+
+@settings(max_examples=20, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_checker_accepts_any_geometry(tmp_path, data):
+    """Anywhere on the Earth, with tracks of any direction, climb and squint, far and near."""
+    def number(low, high):
+        return data.draw(st.floats(low, high))
+
+    n_pulses, n_channels = data.draw(st.integers(2, 12)), data.draw(st.integers(1, 3))
+    away, elevation, bearing = number(200, 20e3), number(5, 80), number(0, 2 * np.pi)
+    course, speed, climb = number(0, 2 * np.pi), number(1, 300), number(-0.3, 0.3)
+    assume(abs(np.sin(course - bearing)) > 1e-3)  # straight over the scene: not defined
+    up = np.radians(elevation)
+    middle = away * np.array([np.cos(up) * np.cos(bearing), np.cos(up) * np.sin(bearing),
+                              np.sin(up)])
+    velocity = speed * np.array([np.cos(course), np.sin(course), climb])
+    time = (np.arange(n_pulses) - n_pulses / 2) * 0.01
+    tx = np.repeat((middle + time[:, None] * velocity)[:, None], n_channels, 1)
+    rx = tx + np.arange(n_channels)[:, None] * velocity / speed * number(0, 2 * away)
+    model = pulses(data.draw(st.booleans()), n_channels, n_pulses)
+    radar = dataclasses.replace(model.radar, first_sample_delay_s=2 * away / 299_792_458.0)
+    block = dataclasses.replace(model, radar=radar, tx_m=tx, rx_m=rx)
+    datum = Datum(number(-89.5, 89.5), number(-180, 180), number(-400, 5000), number(-180, 180))
+    write_cphd(tmp_path / 'a.cphd', [block], datum, GRID, overwrite=True,
+               sign=data.draw(st.sampled_from([-1, 1])),
+               sample_type=data.draw(st.sampled_from(['CF8', 'CI4', 'CI2'])))
+    assert problems(tmp_path / 'a.cphd') == []
+    again = read_whole(tmp_path / 'a.cphd', datum=datum)
+    np.testing.assert_allclose(again.tx_m, tx, atol=1e-8)
+    np.testing.assert_allclose(again.rx_m, rx, atol=1e-8)
+    np.testing.assert_array_equal(again.stamp_ns, block.stamp_ns)
