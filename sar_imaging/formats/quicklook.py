@@ -93,8 +93,9 @@ def write_quicklook(path: os.PathLike | str, image: Image, datum: Datum, *,
         parts = [pathlib.Path(folder, path.name).with_suffix(suffix)
                  for suffix in ('.png', '.pgw', '.prj', '.kml')]
         with rasterio.MemoryFile() as memory:
+            transform = rasterio.transform.Affine(*place.corner_affine.ravel())
             with memory.open(driver='GTiff', height=grey.shape[0], width=grey.shape[1], count=1,
-                             dtype='uint8') as plain:
+                             dtype='uint8', transform=transform) as plain:
                 plain.write(grey, 1)
             with memory.open() as plain:
                 shutil.copy(plain, parts[0], driver='PNG')

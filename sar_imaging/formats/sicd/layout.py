@@ -20,6 +20,7 @@ from .spectrum import SpatialSupport, centres, support
 
 _RIGHT_ANGLE = 1e-6  # cosine between rows and columns
 _LEAST_UPWARD = 0.1  # cosine between the plane's normal and the vertical
+_ADVICE = 'form the image on sar_imaging.formats.sicd_grid(...)'
 _SAME_PLANE = np.cos(np.radians(0.5))
 
 
@@ -122,44 +123,52 @@ def lay_out(grid, acquisition: Acquisition) -> Layout:
     ValueError
         The pixels lie on no plane seen from above, or are too far apart for the resolution.
     """
-    advice = 'form the image on sar_imaging.formats.sicd_grid(...)'
-    if isinstance(grid, TerrainGrid):
-        raise ValueError('the image lies on terrain; the pixels of SICD lie on a plane. Write a '
-                         f'GeoTIFF, or {advice}: a reader projects it onto the terrain')
-    if not isinstance(grid, EvenGrid) or len(grid.shape) != 2:
-        raise ValueError(f'the image lies on a {type(grid).__name__}; expected a MapGrid or '
-                         f'PlaneGrid: {advice}')
-    spacing = np.linalg.norm(grid.steps_m, axis=1)
-    units = grid.steps_m / spacing[:, None]
-    cosine = units[0] @ units[1]
-    if abs(cosine) > _RIGHT_ANGLE:
-        raise ValueError(f'rows and columns meet at {np.degrees(np.arccos(cosine)):.4f} degrees; '
-                         f'expected 90: {advice}')
-    normal = np.cross(units[0], units[1])
-    if abs(normal @ UP) < _LEAST_UPWARD:
-        raise ValueError('the plane of the image is upright; SICD wants one whose normal points '
-                         f'away from the Earth: {advice}')
+    steps = _checked_steps(grid)
     middle = np.asarray(grid.positions(grid.shape[0] // 2, grid.shape[1] // 2))
     place, velocity = centre_of_aperture(acquisition)
     look = middle - place
-    transposed, signs = _orientation(units, look)
+    lengths = np.linalg.norm(steps, axis=1)
+    transposed, signs = _orientation(steps / lengths[:, None], look)
     order = [1, 0] if transposed else [0, 1]
-    axes = units[order] * np.array(signs)[:, None]
+    spacing = lengths[order]
+    axes = steps[order] * (np.array(signs) / spacing)[:, None]
     shape = tuple(int(grid.shape[axis]) for axis in order)
-    spacing = spacing[order]
     first = [0 if sign > 0 else n - 1 for sign, n in zip(signs, shape, strict=True)]
     origin = np.asarray(grid.positions(*(first[axis] for axis in order)))
     scp = origin + (np.array(shape) // 2 * spacing) @ axes
     supports = tuple(support(acquisition, scp, axis) for axis in axes)
-    for name, one, step in zip(('rows', 'columns'), supports, spacing, strict=True):
-        if one.bandwidth * step > 1:
-            raise ValueError(f'{name} are {step:g} m apart, but the image has detail of '
-                             f'{1 / one.bandwidth:g} m: SICD does not describe aliased images; '
-                             f'choose a smaller spacing, or {advice}')
+    _check_sampling(supports, spacing)
     quarters = tuple(round(4 * one.centre * step) for one, step in zip(supports, spacing,
                                                                        strict=True))
     return Layout(transposed, *signs, shape, origin, axes, spacing,
                   _plane_name(np.cross(*axes), look, velocity), supports, quarters)
+
+
+def _checked_steps(grid) -> np.ndarray:
+    """(2, 3) steps of rows and columns of a plane that SICD describes."""
+    if isinstance(grid, TerrainGrid):
+        raise ValueError('the image lies on terrain; the pixels of SICD lie on a plane. Write a '
+                         f'GeoTIFF, or {_ADVICE}: a reader projects it onto the terrain')
+    if not isinstance(grid, EvenGrid) or len(grid.shape) != 2:
+        raise ValueError(f'the image lies on a {type(grid).__name__}; expected a MapGrid or '
+                         f'PlaneGrid: {_ADVICE}')
+    units = grid.steps_m / np.linalg.norm(grid.steps_m, axis=1)[:, None]
+    cosine = units[0] @ units[1]
+    if abs(cosine) > _RIGHT_ANGLE:
+        raise ValueError(f'rows and columns meet at {np.degrees(np.arccos(cosine)):.4f} degrees; '
+                         f'expected 90: {_ADVICE}')
+    if abs(np.cross(*units) @ UP) < _LEAST_UPWARD:
+        raise ValueError('the plane of the image is upright; SICD wants one whose normal points '
+                         f'away from the Earth: {_ADVICE}')
+    return grid.steps_m
+
+
+def _check_sampling(supports, spacing) -> None:
+    for name, one, step in zip(('rows', 'columns'), supports, spacing, strict=True):
+        if one.bandwidth * step > 1:
+            raise ValueError(f'{name} are {step:g} m apart, but the image has detail of '
+                             f'{1 / one.bandwidth:g} m: SICD does not describe aliased images; '
+                             f'choose a smaller spacing, or {_ADVICE}')
 
 
 def _orientation(units: np.ndarray, look: np.ndarray) -> tuple[bool, tuple[int, int]]:

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 
 from sar_imaging.formats import read_sicd, write_sicd
+from sar_imaging.formats.sicd.layout import lay_out
 
 from .damage import PROPERTY, Content, damaged, mutations
 
@@ -107,6 +108,42 @@ def test_other_files(tmp_path):
         read(tmp_path, b'II*\0 no such file')
     with pytest.raises(FileNotFoundError):
         read_sicd(tmp_path / 'none.nitf')
+
+
+def test_conjugate_samples(written, tmp_path):
+    """Sgn +1: frequencies count the other way round, and so does the carrier."""
+    ours = read(tmp_path, written)
+    other = read(tmp_path, written.replace(b'<Sgn>-1</Sgn>', b'<Sgn>+1</Sgn>'))
+    samples = at_baseband(ours).conj()
+    np.testing.assert_array_equal(at_baseband(other), samples)
+
+
+def at_baseband(product):
+    return lay_out(product.image.grid, product.acquisition).at_baseband(product.image.samples)
+
+
+def test_frequencies_relative_to_a_secret_one(written, tmp_path):
+    """RefFreqIndex: the carrier is that of the samples, by KCtr on this ground plane."""
+    index = b'</TxFrequency><RefFreqIndex>3</RefFreqIndex>'
+    text = written.replace(b'</TxFrequency>', index, 1)
+    length = len(written) - written.index(b'<SICD')
+    text = text.replace(b'%09d' % length, b'%09d' % (length + len(index) - 14), 1)
+    product, ours = read(tmp_path, text), read(tmp_path, written)
+    assert ours.acquisition.radar.carrier_hz == pytest.approx(9.6e9)
+    assert product.acquisition.radar.carrier_hz == pytest.approx(
+        9.6e9 * 3000 / np.hypot(3000, 1500), rel=0.001)
+    np.testing.assert_array_equal(product.image.samples, ours.image.samples)
+
+
+def test_image_of_several_segments(flight, tmp_path, monkeypatch):
+    """Files of 10 GB and more have them; here of 5 kB."""
+    constants = pytest.importorskip('sarkit.sicd._constants')
+    flown = flight()
+    image, path = flown.sicd_image(size_m=8.0), tmp_path / 'image.nitf'
+    monkeypatch.setattr(constants, 'IS_SIZE_MAX', 3000)
+    write_sicd(path, image, flown.datum, flown.acquisition)
+    assert path.read_bytes().count(b'IMSICD00') > 2
+    np.testing.assert_array_equal(read_sicd(path).image.samples, image.samples)
 
 
 def survives(tmp_path, written, changes):
