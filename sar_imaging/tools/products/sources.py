@@ -21,6 +21,7 @@ from ..recordings.bag_io import BagError, deserialise, raw_messages, read_poses
 from ..recordings.recording import Recording, read_recording
 
 RECORDING, CPHD = 'recording', 'CPHD'
+_CPHD_WORK = 4  # times the samples that may be taken while they are converted
 
 
 class SourceError(RuntimeError):
@@ -58,7 +59,8 @@ class Source:
     scatterers : tuple of dict
         Known ones, each with ``name`` and ``position_m``.
     read : callable
-        Gives the blocks anew, in the order recorded, for a number of bytes that one may take.
+        Gives the blocks anew, in the order recorded, for a number of bytes that the samples of
+        one may take.
     warnings : tuple of str
         What a person should know.
     cut_half_width_m : (2,) floats or None
@@ -174,7 +176,7 @@ def _cphd(path: Path, datum: Datum | None) -> Source:
 
         def read(n_bytes: float) -> Iterator[PulseBlock]:
             with CphdReader(path, datum=reader.datum) as again:
-                yield from again.blocks(memory_bytes=max(1, int(n_bytes)))
+                yield from again.blocks(memory_bytes=max(1, int(_CPHD_WORK * n_bytes)))
 
         return Source(path, CPHD, reader.radar, reader.n_samples, reader.compressed, counter,
                       reader.stamp_ns, reader.tx_m, reader.rx_m, reader.datum, reader.area_m,
