@@ -34,40 +34,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='a map on the ground, or the slant plane (default: %(default)s)')
     parser.add_argument('--target-db', type=float, default=-60.0, metavar='DB',
                         help='wanted error against correlation (default: %(default)g)')
-    parser.add_argument('--size', type=_numbers(1, 2), metavar='M[,M]',
+    parser.add_argument('--size', type=float, nargs='+', metavar='M',
                         help='of the image: along x and y of a map, range and track of the slant '
-                             'plane, metres')
-    parser.add_argument('--spacing', type=_numbers(1), metavar='M',
-                        help='of the pixels, metres')
-    parser.add_argument('--centre', type=_numbers(2, 3), metavar='X,Y[,Z]',
-                        help='middle of the image in the frame of the phase centres, and height '
-                             'of the ground, metres (write --centre=-1,2 for negative numbers)')
-    parser.add_argument('--datum', type=_numbers(3, 4), metavar='LAT,LON,HEIGHT[,HEADING]',
-                        help="where the frame's origin stands on WGS 84, and the bearing of its "
-                             'y axis, degrees and metres (default: what the file tells)')
-    parser.add_argument('--memory', type=_numbers(1), metavar='GB',
+                             'plane, or one number for both, metres')
+    parser.add_argument('--spacing', type=float, metavar='M', help='of the pixels, metres')
+    parser.add_argument('--centre', type=float, nargs='+', metavar='X',
+                        help='middle of the image in the frame of the phase centres (x, y) and '
+                             'height of the ground (z, 0 by default), metres')
+    parser.add_argument('--datum', type=float, nargs='+', metavar='NUMBER',
+                        help='latitude and longitude in degrees, ellipsoidal height in metres '
+                             'and, optionally, heading of the frame in degrees: where its origin '
+                             'stands, instead of what the file tells')
+    parser.add_argument('--memory', type=float, metavar='GB',
                         help='most memory to take (default: half of what is free)')
     parser.add_argument('--aperture', type=int, metavar='N',
                         help='of a recording: number of the aperture, pulse counter // pulses per '
                              'aperture (default: the last complete one)')
-
-
-def _numbers(least: int, most: int | None = None):
-    """Parser of so many finite numbers with commas between them."""
-    most = most or least
-
-    def parse(text: str) -> tuple[float, ...]:
-        try:
-            values = tuple(float(part) for part in text.split(','))
-        except ValueError:
-            values = ()
-        if not least <= len(values) <= most or not all(map(math.isfinite, values)):
-            wanted = f'{least}' if most == least else f'{least} to {most}'
-            raise argparse.ArgumentTypeError(f'{text!r} is not {wanted} numbers with commas '
-                                             'between them')
-        return values
-
-    return parse
 
 
 def datum_of(arguments: argparse.Namespace) -> Datum | None:
@@ -78,19 +60,27 @@ def datum_of(arguments: argparse.Namespace) -> Datum | None:
     SourceError
         There is no such place.
     """
+    _check_count('--datum', arguments.datum, 3, 4, 'latitude, longitude, height and heading')
     try:
         return None if arguments.datum is None else Datum(*arguments.datum)
     except ValueError as error:
         raise SourceError(f'--datum: {error}') from error
 
 
+def _check_count(name: str, values, least: int, most: int, meaning: str) -> None:
+    if values is not None and not (least <= len(values) <= most
+                                   and all(map(math.isfinite, values))):
+        raise SourceError(f'{name} {" ".join(f"{v:g}" for v in values)}: expected {least} to '
+                          f'{most} finite numbers, {meaning}')
+
+
 def memory_bytes(arguments: argparse.Namespace) -> float:
     """Memory that may be taken, bytes."""
     if arguments.memory is None:
         return available_bytes() / 2
-    if not arguments.memory[0] > 0:
-        raise SourceError(f'--memory {arguments.memory[0]:g}; expected a positive number of GB')
-    return arguments.memory[0] * 1e9
+    if not arguments.memory > 0:
+        raise SourceError(f'--memory {arguments.memory:g}; expected a positive number of GB')
+    return arguments.memory * 1e9
 
 
 def choose(source: Source, arguments: argparse.Namespace) -> GridChoice:
@@ -102,9 +92,11 @@ def choose(source: Source, arguments: argparse.Namespace) -> GridChoice:
         The file does not tell where its scene is, and neither do the arguments.
     """
     a = arguments
+    _check_count('--centre', a.centre, 2, 3, 'x, y and z')
+    _check_count('--size', a.size, 1, 2, 'both sides')
     if a.centre is None and source.area_m is None:
         near, far = source.coverage().swath_m
-        raise SourceError(f'{source.path} does not tell where its scene is: give --centre X,Y,Z, '
+        raise SourceError(f'{source.path} does not tell where its scene is: give --centre X Y Z, '
                           f'a place {near:.0f} to {far:.0f} m from the track, whose middle is '
                           f'({_place(source.track_m.mean(axis=0))}) m')
     told = source.grid
@@ -122,7 +114,7 @@ def choose(source: Source, arguments: argparse.Namespace) -> GridChoice:
     size = None if a.size is None else (a.size[0], a.size[-1])
     return choose_grid(source.coverage(), centre, plane=a.plane, size_m=size,
                        area_m=None if a.centre is not None else source.area_m,
-                       spacing_m=None if a.spacing is None else a.spacing[0],
+                       spacing_m=a.spacing,
                        memory_bytes=_IMAGE_SHARE * memory_bytes(a))
 
 

@@ -42,7 +42,7 @@ does not tell is chosen, and the report says what was chosen and how to change i
 
   sar-imaging image bags/countryside --output out/countryside
   sar-imaging image scene.cphd --output out/scene --format sicd,geotiff,png
-  sar-imaging image scene.cphd --output out/part --centre 120,-40 --size 200 --spacing 0.25
+  sar-imaging image scene.cphd --output out/part --centre 120 -40 --size 200 --spacing 0.25
 """
 
 
@@ -114,7 +114,7 @@ def _check_formats(arguments: argparse.Namespace, source: Source) -> None:
             require(*_NEEDS[name])
             if source.datum is None:
                 raise SourceError(f'{source.path} does not tell where on the Earth it is, which '
-                                  f'{name} needs: give --datum LAT,LON,HEIGHT[,HEADING]')
+                                  f'{name} needs: give --datum LATITUDE LONGITUDE HEIGHT')
     if arguments.plane == 'slant' and 'geotiff' in arguments.format:
         raise SourceError('GeoTIFF holds maps; leave out --plane slant, or the format geotiff')
 

@@ -15,6 +15,7 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.image import Image
 from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
 
+from ..exchange.kinds import SICD, kind_of
 from . import forming
 from .sources import Source, SourceError, open_source
 
@@ -68,18 +69,11 @@ def open_pair(first: Path, second: Path, arguments: argparse.Namespace) -> Pair:
     ValueError, MemoryError
         As `plan_image` and `read_sicd`.
     """
-    kinds = [_is_sicd(path) for path in (first, second)]
-    if kinds[0] != kinds[1]:
+    images = [path.is_file() and kind_of(path) == SICD for path in (first, second)]
+    if images[0] != images[1]:
         raise SourceError(f'{first} and {second}: one is SICD, the other is not; compare two '
                           'files of one kind')
-    return _of_sicd(first, second) if kinds[0] else _of_pulses(first, second, arguments)
-
-
-def _is_sicd(path: Path) -> bool:
-    if not path.is_file():
-        return False
-    with path.open('rb') as file:
-        return file.read(4) == b'NITF'
+    return _of_sicd(first, second) if images[0] else _of_pulses(first, second, arguments)
 
 
 def _of_pulses(first: Path, second: Path, arguments: argparse.Namespace) -> Pair:

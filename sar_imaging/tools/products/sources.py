@@ -17,10 +17,10 @@ from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.radar import RadarParameters
 from sar_imaging.signal.range_compression import RangeCompressor
 
+from ..exchange.kinds import CPHD, RECORDING, kind_of
 from ..recordings.bag_io import BagError, deserialise, raw_messages, read_poses
 from ..recordings.recording import Recording, read_recording
 
-RECORDING, CPHD = 'recording', 'CPHD'
 _CPHD_WORK = 4  # times the samples that may be taken while they are converted
 
 
@@ -149,20 +149,18 @@ def open_source(path: Path | str, *, aperture: int | None = None,
     ------
     SourceError
         There is no such file, it has another format, or it lacks what imaging needs.
-    BagError, CphdError, MissingExtraError
+    BagError, CphdError, MissingExtraError, UnknownKindError
         It cannot be read.
     """
     path = Path(path)
     if not path.exists():
         raise SourceError(f'{path} does not exist; expected the folder of a recording or a CPHD '
                           'file')
-    if path.is_dir():
+    kind = kind_of(path)
+    if kind == RECORDING:
         return _recording(path, aperture, datum)
-    with path.open('rb') as file:
-        start = file.read(5)
-    if start != b'CPHD/':
-        raise SourceError(f'{path} is no CPHD file (it begins with {start!r}, expected '
-                          "b'CPHD/'); recordings are folders")
+    if kind != CPHD:
+        raise SourceError(f'{path} is {kind}, an image; expected pulses: a recording or CPHD')
     if aperture is not None:
         raise SourceError(f'{path}: --aperture is for recordings; a CPHD file has one')
     return _cphd(path, datum)

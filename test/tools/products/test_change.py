@@ -12,7 +12,7 @@ from sar_imaging.simulation.scenarios.passes import BASELINE_M, CAR_M, TERRACE_H
 from sar_imaging.tools.command import main
 from sar_imaging.tools.products.sources import open_source
 
-DATUM = '47.3,8.5,400,30'
+DATUM = ('47.3', '8.5', '400', '30')
 # a third of the pixels in the middle of the terrace, of 193 by 193 of 0.25 m around 0, 0
 TERRACE = np.s_[40:64, 84:112]
 
@@ -30,7 +30,7 @@ def recordings(tmp_path_factory):
 def compared(recordings, tmp_path_factory):
     """Folder of the comparison."""
     folder = tmp_path_factory.mktemp('compared')
-    assert main(['change', *map(str, recordings), '--output', str(folder), '--datum', DATUM]) == 0
+    assert main(['change', *map(str, recordings), '--output', str(folder), '--datum', *DATUM]) == 0
     return folder
 
 
@@ -106,7 +106,7 @@ def test_sicd_files_of_one_grid_tell_the_same(recordings, compared, run, tmp_pat
     files = []
     for path in recordings:
         status, _, err = run('image', path, '--output', tmp_path / path.name, '--format', 'sicd',
-                             '--datum', DATUM)
+                             '--datum', *DATUM)
         assert status == 0, err
         files.append(tmp_path / path.name / 'image.nitf')
     status, _, err = run('change', *files, '--output', tmp_path / 'out')

@@ -103,7 +103,7 @@ def test_standard_products_are_where_the_scatterers_are(cphd, run, tmp_path):
 
 def test_slant_plane(spotlight, run, tmp_path):
     status, _, err = run('image', spotlight, '--output', tmp_path, '--plane', 'slant', '--size',
-                         '30,20', '--spacing', '0.2')
+                         '30', '20', '--spacing', '0.2')
     assert status == 0, err
     quality = json.loads((tmp_path / 'quality.json').read_text())
     assert quality['shape'] == [101, 151] and quality['grid']['type'] == 'PlaneGrid'
@@ -111,12 +111,15 @@ def test_slant_plane(spotlight, run, tmp_path):
 
 
 @pytest.mark.parametrize(('words', 'message'), [
-    (['--format', 'geotiff'], 'give --datum LAT,LON,HEIGHT'),
-    (['--format', 'geotiff', '--plane', 'slant', '--datum', '1,2,3'], 'GeoTIFF holds maps'),
-    (['--datum', '91,0,0'], 'latitude_deg=91'),
+    (['--format', 'geotiff'], 'give --datum LATITUDE LONGITUDE HEIGHT'),
+    (['--format', 'geotiff', '--plane', 'slant', '--datum', '1', '2', '3'], 'GeoTIFF holds maps'),
+    (['--datum', '91', '0', '0'], 'latitude_deg=91'),
     (['--aperture', '7'], 'has no aperture 7; it has 0, 1'),
-    (['--centre', '400,0'], 'give --centre a place in the scene'),
+    (['--centre', '400', '0'], 'give --centre a place in the scene'),
     (['--size', '3000', '--spacing', '0.01'], 'ask for a smaller --size'),
+    (['--datum', '47', '8'], 'expected 3 to 4 finite numbers'),
+    (['--size', '1', '2', '3'], 'expected 1 to 2 finite numbers'),
+    (['--centre', '1', 'nan'], 'expected 2 to 3 finite numbers'),
     (['--memory', '-1'], 'expected a positive number of GB')])
 def test_what_cannot_be_done_is_told_before_the_work(spotlight, run, tmp_path, words, message):
     status, _, err = run('image', spotlight, '--output', tmp_path / 'out', *words)
@@ -127,14 +130,14 @@ def test_what_cannot_be_done_is_told_before_the_work(spotlight, run, tmp_path, w
 def test_other_files_are_refused_by_name(run, tmp_path):
     (tmp_path / 'text.cphd').write_text('hello')
     (tmp_path / 'folder').mkdir()
-    for name, message in (('text.cphd', "is no CPHD file (it begins with b'hello'"),
-                          ('folder', 'is not a rosbag2 recording'),
+    for name, message in (('text.cphd', "begins with b'hello': neither CPHD"),
+                          ('folder', 'is a folder without metadata.yaml'),
                           ('nothing', 'does not exist')):
         status, _, err = run('image', tmp_path / name, '--output', tmp_path / 'out')
         assert status == 1 and message in err
 
 
-@pytest.mark.parametrize('words', [['--format', 'jpeg'], ['--size', '1,2,3'], ['--centre', 'x,y']])
+@pytest.mark.parametrize('words', [['--format', 'jpeg'], ['--size', '1,2'], ['--centre', 'x']])
 def test_words_that_mean_nothing_are_refused(spotlight, run, words, tmp_path):
     with pytest.raises(SystemExit) as end:
         run('image', spotlight, '--output', tmp_path, *words)
