@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pathlib
 import re
+import shlex
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.simulation.scenarios.passes import TERRACE_HEIGHT_M
+from sar_imaging.tools import command
 
 ROOT = pathlib.Path(__file__).parent.parent
 PAGES = [*sorted(ROOT.glob('*.md')), *sorted((ROOT / 'docs').rglob('*.md')),
@@ -87,6 +89,37 @@ def test_two_passes_show_the_terrace(capsys):
     height = np.nanmedian(passes.height_m[40:70, 80:120])  # in the middle of the terrace
     assert height == pytest.approx(TERRACE_HEIGHT_M, rel=0.05)
     assert 'independent looks' in capsys.readouterr().out
+
+
+def _run_page(page) -> dict:
+    """Run the commands and the Python of a page, in its order; returns what names are left."""
+    names = {}
+    for language, code in re.findall(r'^```(bash|python)\n(.*?)^```', page.read_text(),
+                                     re.DOTALL | re.MULTILINE):
+        if language == 'python':
+            exec(code, names)
+            continue
+        for line in code.splitlines():
+            program, *words = shlex.split(line)
+            assert (program, command.main(words)) == ('sar-imaging', 0), line
+    return names
+
+
+def test_from_files_to_maps(tmp_path, monkeypatch, capsys):
+    for library in ('sarkit', 'rasterio', 'pyproj'):
+        pytest.importorskip(library, reason='the extra formats is not installed')
+    (tmp_path / 'bags').symlink_to(ROOT / 'bags')
+    monkeypatch.chdir(tmp_path)
+    names = _run_page(ROOT / 'docs' / 'from_files_to_maps.md')
+    assert names['quality']['measured_error']['error_db'] < -60.0
+    told = {path.name for path in (tmp_path / 'out' / 'flight').iterdir()}
+    assert told == {'image.png', 'image.nitf', 'image.tif', 'image.npy', 'quality.json',
+                    'report.html'}
+    # two formats, one place: half a centimetre and the rounding of a degree's seventh digit
+    assert names['latitude'] == pytest.approx(names['latitude_sicd'], abs=5e-8)
+    assert names['longitude'] == pytest.approx(names['longitude_sicd'], abs=7e-8)
+    assert (tmp_path / 'out' / 'change' / 'coherence.png').exists()
+    assert 'no warnings' in capsys.readouterr().out
 
 
 def _prose(page) -> str:

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from sar_imaging.configuration.scene_grid import GridChoice
-from sar_imaging.formats import Acquisition, MissingExtraError, require, write_geotiff, write_sicd
+from sar_imaging.formats import MissingExtraError, require, write_geotiff, write_sicd
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.image import Image
 from sar_imaging.quality import focus_figure, measure_scatterer
@@ -135,9 +135,8 @@ def write_products(folder: Path, formats: Sequence[str], source: Source, choice:
         write_geotiff(folder / FILES['geotiff'], image, source.datum)
         written.append(FILES['geotiff'])
     if 'sicd' in formats:
-        acquisition = Acquisition(radar, source.stamp_ns, source.tx_m.mean(axis=1),
-                                  source.rx_m.mean(axis=1))
-        write_sicd(folder / FILES['sicd'], image, source.datum, acquisition)
+        write_sicd(folder / FILES['sicd'], image, source.datum, source.acquisition(),
+                   classification=source.collection.classification)
         written.append(FILES['sicd'])
     return written
 

@@ -9,6 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from sar_imaging.configuration.scene_grid import Coverage
+from sar_imaging.formats import Acquisition
+from sar_imaging.formats.acquisition import UNKNOWN
+from sar_imaging.formats.cphd import Collection, CphdReader
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
@@ -65,6 +68,8 @@ class Source:
         What a person should know.
     cut_half_width_m : (2,) floats or None
         For measuring the scatterers: half widths of cuts in range and azimuth, metres.
+    collection : Collection
+        Names, polarisations and marking.
     """
 
     path: Path
@@ -83,6 +88,7 @@ class Source:
     read: Callable[[float], Iterator[PulseBlock]]
     warnings: tuple[str, ...] = ()
     cut_half_width_m: tuple[float, float] | None = None
+    collection: Collection = Collection()
 
     @property
     def n_pulses(self) -> int:
@@ -109,6 +115,19 @@ class Source:
     def missing(self) -> int:
         """Pulses between the first and the last that are not in the file."""
         return int(self.counter[-1] - self.counter[0] + 1 - self.n_pulses)
+
+    def acquisition(self) -> Acquisition:
+        """What files of its image tell of its pulses, names and polarisation."""
+        names, told = self.collection, {':'.join(p) for p in self.collection.polarisations}
+        fields = dict(
+            radar=self.radar, stamp_ns=self.stamp_ns, tx_m=self.tx_m.mean(axis=1),
+            rx_m=self.rx_m.mean(axis=1), collector=names.collector_name,
+            illuminator=names.illuminator_name,
+            name='' if names.core_name == UNKNOWN else names.core_name)
+        try:  # one of all channels, which SICD knows
+            return Acquisition(**fields, polarisation=told.pop() if len(told) == 1 else UNKNOWN)
+        except ValueError:
+            return Acquisition(**fields)
 
     def compressor(self) -> RangeCompressor | None:
         """Range compression of its pulses; None for range profiles."""
@@ -167,8 +186,6 @@ def open_source(path: Path | str, *, aperture: int | None = None,
 
 
 def _cphd(path: Path, datum: Datum | None) -> Source:
-    from sar_imaging.formats.cphd import CphdReader
-
     with CphdReader(path, datum=datum) as reader:
         counter = np.arange(reader.n_pulses)  # what lacks is among the warnings
 
@@ -178,7 +195,7 @@ def _cphd(path: Path, datum: Datum | None) -> Source:
 
         return Source(path, CPHD, reader.radar, reader.n_samples, reader.compressed, counter,
                       reader.stamp_ns, reader.tx_m, reader.rx_m, reader.datum, reader.area_m,
-                      None, (), read, tuple(reader.warnings))
+                      None, (), read, tuple(reader.warnings), None, reader.collection)
 
 
 def _recording(path: Path, aperture: int | None, datum: Datum | None) -> Source:
@@ -202,7 +219,14 @@ def _recording(path: Path, aperture: int | None, datum: Datum | None) -> Source:
     return Source(path, RECORDING, first.radar, first.n_samples, first.compressed, counter,
                   stamp_ns, tx_m, rx_m, datum or recording.datum, area, grid,
                   tuple(truth.get('scatterers', ())), read, tuple(warnings),
-                  _half_widths(truth))
+                  _half_widths(truth), _collection(path, truth))
+
+
+def _collection(path: Path, truth: dict) -> Collection:
+    try:
+        return Collection(**truth.get('collection', {}))
+    except TypeError as error:
+        raise SourceError(f'{path}: the collection of the recording: {error}') from error
 
 
 def _half_widths(truth: dict) -> tuple[float, float] | None:

@@ -101,6 +101,30 @@ def test_standard_products_are_where_the_scatterers_are(cphd, run, tmp_path):
     assert peak == pytest.approx(np.abs(image).max(), rel=1e-6)
 
 
+def test_names_and_marking_go_from_cphd_to_sicd(spotlight, run, tmp_path):
+    pytest.importorskip('sarkit', reason='the extra formats is not installed')
+    import sarkit.sicd
+
+    from sar_imaging.formats.cphd import Collection, write_cphd
+
+    source = sources.open_source(spotlight)
+    file = tmp_path / 'named.cphd'
+    named = Collection(collector_name='Drone 7', core_name='Field 3', classification='RESTRICTED',
+                       polarisations=(('V', 'H'),) * source.n_channels)
+    write_cphd(file, source.read(1e9), DATUM, source.grid, collection=named)
+    status, _, err = run('image', file, '--output', tmp_path, '--format', 'sicd', '--size', 10)
+    assert status == 0, err
+    with open(tmp_path / 'image.nitf', 'rb') as file, sarkit.sicd.NitfReader(file) as reader:
+        tree, header = reader.metadata.xmltree, reader.metadata.file_header_part
+    told = {name: tree.findtext(f'{{*}}{path}') for name, path in (
+        ('collector', 'CollectionInfo/{*}CollectorName'), ('core', 'CollectionInfo/{*}CoreName'),
+        ('marking', 'CollectionInfo/{*}Classification'),
+        ('polarisation', 'ImageFormation/{*}TxRcvPolarizationProc'))}
+    assert told == {'collector': 'Drone 7', 'core': 'Field 3', 'marking': 'RESTRICTED',
+                    'polarisation': 'V:H'}
+    assert header.security.clas == 'R'
+
+
 def test_slant_plane(spotlight, run, tmp_path):
     status, _, err = run('image', spotlight, '--output', tmp_path, '--plane', 'slant', '--size',
                          '30', '20', '--spacing', '0.2')
