@@ -7,6 +7,7 @@ from hypothesis import given, settings, strategies as st
 
 from sar_imaging.backends.cpu.baselines import ffbp_kernels as ffbp
 from sar_imaging.backends.cpu.baselines.stolt import SlantImage, spread
+from sar_imaging.backends.reference.factorised import carrier, read_neighbours
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.geometry.straight_track import StraightTrack
@@ -23,26 +24,6 @@ def local_image(rng, polar):
     flat = flat.astype(np.float32)
     real, imag = flat[:-ffbp.PADDING].reshape(2, polar.n_alpha, polar.n_range).astype(float)
     return flat, real + 1j * imag
-
-
-def read(image, weights, range_m, alpha, polar):
-    """``sum_kl w_k(u) w_l(v) f[line + k, node + l]``: u, v from the middle between neighbours."""
-    v = (range_m - polar.range_start_m) / polar.range_spacing_m
-    u = (alpha - polar.alpha_start) / polar.alpha_spacing
-    taps, powers = len(weights), np.arange(weights.shape[1])
-    total = np.zeros(v.shape, complex)
-    node, line = np.floor(v).astype(int), np.floor(u).astype(int)
-    along, across = (((p - np.floor(p) - 0.5)[..., None] ** powers) @ weights.T.astype(float)
-                     for p in (v, u))
-    for k in range(taps):
-        for n in range(taps):
-            total += across[..., k] * along[..., n] * image[line + k + 1 - taps // 2,
-                                                             node + n + 1 - taps // 2]
-    return total
-
-
-def carrier(distance_m, wavelength_m):
-    return np.exp(2j * np.pi * np.fmod(2 * distance_m / wavelength_m, 1.0))
 
 
 @settings(max_examples=30)
@@ -78,7 +59,7 @@ def test_local_images_are_added_to_any_grid(seed, kernel, n_x, n_y, polar_target
                      added.reshape(-1), *np.empty((2, groups)), np.empty(groups, np.int64),
                      *np.empty((4, groups), np.float32))
     r, alpha = local.from_map(points[..., 0], points[..., 1])
-    wanted = before + (read(image, weights, r, alpha, local)
+    wanted = before + (read_neighbours(image, local, r, alpha, weights, weights)
                        * carrier(r - local.range_start_m, wavelength_m)
                        * np.exp(-2j * np.pi * turn * np.arange(n_x)))
     # float32 positions between neighbours, and sine polynomials
@@ -113,7 +94,8 @@ def test_local_images_are_merged(seed, kernel, n_range, n_alpha, add):
     r, alpha = child.from_map(points[..., 0], points[..., 1])
     # at the range baseband of the parent, whose first range is another
     beyond_m = r - child.range_start_m - step_m * np.arange(n_range)
-    wanted = read(image, weights, r, alpha, child) * carrier(beyond_m, wavelength_m)
+    wanted = (read_neighbours(image, child, r, alpha, weights, weights)
+              * carrier(beyond_m, wavelength_m))
     wanted = wanted + before if add else wanted
     size = n_alpha * n_range
     real, imag = merged[:2 * size].astype(float).reshape(2, n_alpha, n_range)

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
+from ...geometry.track_frame import side_of
 from ...signal.radar import RadarParameters
 from ..costs import costs
 from ..error_budget import total_db
@@ -108,6 +109,14 @@ class FfbpPlan(Plan):
         """Range spacing of all local grids, metres."""
         return self.lattice.spacing
 
+    def polar_grid(self, node: Node) -> PolarGrid:
+        """Pixels of a sub-aperture's own image, in the imaging frame."""
+        frame = self.frame
+        return PolarGrid(frame.leave(node.centre), tuple(frame.track),
+                         side_of(frame.track, frame.across), frame.z_m, node.range_start,
+                         self.range_spacing_m, node.shape[1], node.alpha_start,
+                         self.levels[node.level].alpha_spacing, node.shape[0])
+
     @property
     def operations(self) -> dict[str, float]:
         """How often the operations of `CostModel` are done."""
@@ -138,10 +147,6 @@ class FfbpPlan(Plan):
                     * lattice.interpolator.n_planes * lattice.n_phases * lattice.n_cells)
         return profiles + IMAGE_BYTES * (math.prod(self.grid.shape)
                                          + sum(level.size for level in self.levels))
-
-    def is_for(self, tx_m, rx_m) -> bool:
-        """Whether it was made for these phase centres."""
-        return np.array_equal(tx_m, self.tx_m) and np.array_equal(rx_m, self.rx_m)
 
     def __str__(self) -> str:
         counts = ', '.join(str(len(level.nodes)) for level in self.levels)

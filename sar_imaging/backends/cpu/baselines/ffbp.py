@@ -90,10 +90,7 @@ class FactorisedImager:
         if not level.segment:  # too near for the lines of the two grids to run side by side
             if first:
                 target[:2 * rows * columns] = 0.0
-            pixels = [*frame.leave(parent.centre)[:2], parent.centre[2] - frame.z_m, *frame.track,
-                      *frame.across, parent.range_start, spacing, parent.alpha_start,
-                      level.alpha_spacing]
-            self._interpolate(child, source, pixels, target,
+            self._interpolate(child, source, plan.polar_grid(parent), target,
                               (rows, columns, columns, 1, rows * columns), cycles)
             return
         offset = child.centre - parent.centre
@@ -111,18 +108,17 @@ class FactorisedImager:
 
     def _add(self, node, source, image) -> None:
         """Interpolate one of the last local images to the requested grid."""
-        grid = self.plan.grid
+        self._interpolate(node, source, self.plan.grid, image.reshape(-1).view(np.float32),
+                          (*image.shape, 2 * image.shape[1], 2, 1), 0.0)
+
+    def _interpolate(self, node, source, grid, target, layout, cycles_per_column) -> None:
+        plan, frame = self.plan, self.plan.frame
         if isinstance(grid, MapGrid):
             pixels = [grid.x_m[0], grid.y_m[0], grid.spacing_m, -grid.spacing_m]
         else:
             pixels = [*grid.origin_m[:2], grid.height_m, *grid.track, *grid.across,
                       grid.range_start_m, grid.range_spacing_m, grid.alpha_start,
                       grid.alpha_spacing]
-        self._interpolate(node, source, pixels, image.reshape(-1).view(np.float32),
-                          (*image.shape, 2 * image.shape[1], 2, 1), 0.0)
-
-    def _interpolate(self, node, source, pixels, target, layout, cycles_per_column) -> None:
-        plan, frame = self.plan, self.plan.frame
         x, y, z = frame.leave(node.centre)
         geometry = np.array([
             x, y, z - frame.z_m, *frame.track, node.range_start, plan.range_spacing_m,
