@@ -159,8 +159,11 @@ class CphdReader:
         start, stop, _ = slice(start, stop).indices(self.n_pulses)
         n = max(self.n_samples, self.container.channels[self.channels[0]].n_samples)
         step = max(1, int(memory_bytes // (n * (8 * self.n_channels + _WORK_BYTES))))
-        for first in range(start, stop, step):
-            yield self._block(slice(first, min(first + step, stop)))
+        index = self._vectors.index
+        while start < stop:  # vectors without signal are read, too, and count
+            last = min(stop, int(np.searchsorted(index, index[start] + step)))
+            yield self._block(slice(start, last))
+            start = last
 
     def _block(self, rows: slice) -> PulseBlock:
         index = self._vectors.index[rows]

@@ -51,7 +51,7 @@ def of_recording(path: Path) -> Summary:
     rows = [('what', _joined(f'recording {path.name}', truth.get('description'))),
             ('when', _when(recording.stamp_ns.min(), recording.stamp_ns.max())),
             ('where', _datum(recording.datum) if recording.datum else 'not told'),
-            ('radar', _radar(radar)),
+            ('radar', _radar(radar, compressed=truth.get('compressed', False))),
             ('resolution', f'{_length(radar.range_resolution_m)} in range'),
             ('scene', 'not told' if recording.grid is None else
              f'{recording.grid.n_x} by {recording.grid.n_y} pixels of '
@@ -85,7 +85,7 @@ def of_cphd(path: Path) -> Summary:
                      f'{collection.collect_type.lower()}, {collection.classification}'),
             ('when', _when(reader.stamp_ns[0], reader.stamp_ns[-1])),
             ('where', _datum(reader.datum)),
-            ('radar', _radar(reader.radar)),
+            ('radar', _radar(reader.radar, compressed=reader.compressed)),
             ('range', f'{_length(away.min())} to {_length(away.max())} to the middle'),
             ('resolution', f'{_length(range_m)} in range, {_length(across_m)} across'),
             ('footprint', _footprint(area, reader.datum)),
@@ -170,9 +170,10 @@ def _degrees(latitudes, longitudes) -> str:
                      for a, o in zip(latitudes, longitudes, strict=True))
 
 
-def _radar(radar: RadarParameters) -> str:
+def _radar(radar: RadarParameters, *, compressed: bool) -> str:
+    waveform = Waveform(radar.waveform).name.lower().replace('_', ' ')
     return (f'{radar.carrier_hz / 1e9:.4g} GHz, bandwidth {radar.bandwidth_hz / 1e6:.4g} MHz, '
-            f'{Waveform(radar.waveform).name.lower().replace("_", " ")}')
+            f'{"range profiles" if compressed else waveform}')
 
 
 def _footprint(area_m: np.ndarray, datum: Datum) -> str:
@@ -186,7 +187,7 @@ def _point(values) -> str:
 
 
 def _length(metres: float) -> str:
-    return f'{metres / 1e3:.4g} km' if metres >= 1e3 else f'{metres:.3g} m'
+    return f'{metres / 1e3:.4g} km' if metres >= 999.5 else f'{metres:.3g} m'
 
 
 def _bytes(count: int) -> str:

@@ -232,6 +232,26 @@ def test_vectors_without_signal(tmp_path):
     assert len(warnings) == 2
 
 
+def test_vectors_without_signal_take_their_share_of_memory(tmp_path):
+    """One vector in ten has signal: no chunk reads ten times what it may."""
+    def edit(tree, pvps):
+        pvps['Channel_1']['SIGNAL'] = np.arange(40) % 10 == 0
+
+    path = by_formula(template(tmp_path), tmp_path / 'b', edit)
+    with CphdReader(path) as reader:
+        read, spans = reader.container.read_samples, []
+
+        def recorded(channel, start, stop):
+            spans.append(stop - start)
+            return read(channel, start, stop)
+
+        reader.container.read_samples = recorded
+        blocks = list(reader.blocks(memory_bytes=256 * (8 + 64) * 12))
+    assert [list(b.counter) for b in blocks] == [[0, 10], [20, 30]] and max(spans) == 11
+    expected = expected_phase_history(concatenate(blocks))
+    assert level_db(concatenate(blocks).samples - expected, expected) < ROUNDING_DB
+
+
 def test_troposphere_at_the_reference_is_told(tmp_path):
     def edit(tree, pvps):
         pvps['Channel_1']['TDTropoSRP'] = 12e-9
