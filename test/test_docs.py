@@ -122,6 +122,20 @@ def test_from_files_to_maps(tmp_path, monkeypatch, capsys):
     assert 'no warnings' in capsys.readouterr().out
 
 
+def test_a_point_of_the_frame_is_found_on_the_earth(capsys):
+    pytest.importorskip('rclpy', reason='the datum travels as a message')
+    _run_python(ROOT / 'docs' / 'earth.md')
+    latitude, longitude, height = map(float, capsys.readouterr().out.split())
+    heading = np.radians(30.0)  # of the y axis: x = 120 m, y = -35 m
+    north_m = -35.0 * np.cos(heading) - 120.0 * np.sin(heading)
+    east_m = -35.0 * np.sin(heading) + 120.0 * np.cos(heading)
+    # Radii of curvature of WGS 84 at this latitude; six decimals of a degree are 0.06 m.
+    assert latitude == pytest.approx(47.397742 + np.degrees(north_m / 6_370_100), abs=1e-6)
+    assert longitude == pytest.approx(8.545594 + np.degrees(
+        east_m / (6_389_700 * np.cos(np.radians(47.397742)))), abs=1e-6)
+    assert height == pytest.approx(535.3, abs=0.01)  # 125 m of a tangent plane: 1 mm
+
+
 def _prose(page) -> str:
     return re.sub(r'^```.*?^```', '', page.read_text(), flags=re.DOTALL | re.MULTILINE)
 

@@ -1,5 +1,6 @@
 """Fixes, attitudes and the datum as messages."""
 
+import contextlib
 import math
 
 import numpy as np
@@ -105,3 +106,41 @@ def test_transforms_that_are_no_datum_are_refused():
         datum_from_message(message)
     with pytest.raises(WireFormatError, match='expected earth'):
         datum_from_message(TransformStamped())
+
+
+ANYTHING = st.floats(width=64)  # NaN and infinities among them
+
+
+@given(st.integers(-128, 127), st.lists(ANYTHING, min_size=3, max_size=3),
+       st.lists(ANYTHING, min_size=9, max_size=9), st.integers(0, 3))
+def test_whatever_a_receiver_sends_is_a_place_on_the_earth_or_refused(status, place, covariance,
+                                                                      kind):
+    message = NavSatFix(latitude=place[0], longitude=place[1], altitude=place[2],
+                        position_covariance=covariance, position_covariance_type=kind)
+    message.status.status = status
+    try:
+        fix = fix_from_message(message, max_std_m=10.0)
+    except WireFormatError:
+        return
+    assert np.isfinite(fix.ecef_m).all() and not fix.std_m > 10.0
+
+
+@given(st.lists(ANYTHING, min_size=4, max_size=4))
+def test_whatever_a_sensor_sends_is_a_rotation_or_refused(numbers):
+    message = Imu()
+    q = message.orientation
+    q.x, q.y, q.z, q.w = numbers
+    try:
+        _, turn = attitude_from_message(message)
+    except WireFormatError:
+        return
+    assert math.hypot(*turn) == pytest.approx(1.0, abs=0.01)
+
+
+@given(st.lists(ANYTHING, min_size=7, max_size=7))
+def test_whatever_a_transform_holds_is_a_datum_or_refused(numbers):
+    message = datum_to_message(Datum(47.0, 8.0), 'odom', Time())
+    t, q = message.transform.translation, message.transform.rotation
+    t.x, t.y, t.z, q.x, q.y, q.z, q.w = numbers
+    with contextlib.suppress(WireFormatError):
+        datum_from_message(message)

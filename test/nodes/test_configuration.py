@@ -87,7 +87,7 @@ def test_the_page_of_a_node_describes_every_parameter(pytestconfig, name):
                         'quicklook.anchor': 'clutter, peak',
                         'pose.source': 'block, odometry, pose, tf, fix, fix_imu',
                         'datum.source': 'none, parameters, fix',
-                        'save.format': 'geotiff, geotiff_complex, sicd',
+                        'save.format': 'geotiff, geotiff_complex, sicd, png',
                         'save.points_format': 'geojson, csv'}
     for choice, words in expected_choices.items():
         if choice in expected:

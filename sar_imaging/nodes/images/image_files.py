@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sar_imaging.formats import Acquisition, write_geotiff, write_sicd
+from sar_imaging.formats import Acquisition, write_geotiff, write_quicklook, write_sicd
 from sar_imaging.formats.geotiff import COMPLEX, DECIBELS
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
@@ -19,12 +19,13 @@ from ..poses.frame_datum import FrameDatum
 from ..runtime.parameters import ANY_TIME, Parameter, one_of
 from ..runtime.saving import SAVE_FOLDER, file_stem
 
-GEOTIFF, GEOTIFF_COMPLEX, SICD = FORMATS = ('geotiff', 'geotiff_complex', 'sicd')
+GEOTIFF, GEOTIFF_COMPLEX, SICD, PNG = FORMATS = ('geotiff', 'geotiff_complex', 'sicd', 'png')
 _CONTENT = {GEOTIFF: DECIBELS, GEOTIFF_COMPLEX: COMPLEX}
 PARAMETERS = (
     SAVE_FOLDER,
     Parameter('save.format', GEOTIFF, 'What ~/save_image writes: geotiff (amplitude in dB), '
-              'geotiff_complex, or sicd.', check=one_of(*FORMATS), changes=ANY_TIME),
+              'geotiff_complex, sicd, or png (with world file and KML).',
+              check=one_of(*FORMATS), changes=ANY_TIME),
 )
 
 
@@ -103,6 +104,8 @@ def _write(image: Image, name: str, *, kind: str, datum: Datum, folder: Path,
     """Write a file, complete or not at all; returns what was written."""
     folder.mkdir(parents=True, exist_ok=True)
     stem = folder / f'{name}_{file_stem(image.stamp_ns)}'
+    if kind == PNG:
+        return f'wrote {write_quicklook(stem.with_name(f"{stem.name}.png"), image, datum)[0]}'
     if acquisition is None:
         path = stem.with_name(f'{stem.name}.tif')
         place = write_geotiff(path, image, datum, content=_CONTENT[kind])

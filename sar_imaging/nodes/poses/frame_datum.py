@@ -100,7 +100,7 @@ class DatumOutput(FrameDatum):
     def activate(self) -> None:
         """Publish what is known already."""
         if self.value is not None:
-            self._tell('as configured')
+            self._tell('as found before' if self.awaited else 'as configured')
             self._publish()
         else:
             self.wait_for('no good fix yet')

@@ -70,6 +70,10 @@ def test_the_last_image_is_a_geotiff_at_its_place(make_chain, psf, tmp_path, nam
     level = 20 * np.log10(np.abs(image) + 1e-30)
     # float32 decibels
     np.testing.assert_allclose(peak_ecef(path)[2].max(), level.max(), rtol=0, atol=1e-4)
+    assert observer.set_parameter(node, 'save.format', 'png')[0]
+    [picture] = written(observer.trigger(f'{node}/save_image'))
+    assert {p.suffix for p in folder.iterdir()} == {'.tif', '.png', '.pgw', '.prj', '.kml'}
+    assert picture == path.replace('.tif', '.png')
 
 
 @needs['sarkit']
@@ -120,7 +124,7 @@ def test_what_is_missing_is_said_in_the_answer_and_the_node_lives_on(make_chain,
     success, text = observer.trigger('backprojection/save_image')
     assert not success and text == ('nobody says where on the Earth the frame is: set '
                                     'datum.source')
-    assert not observer.set_parameter('backprojection', 'save.format', 'png')[0]
+    assert not observer.set_parameter('backprojection', 'save.format', 'jpeg')[0]
     assert observer.trigger('backprojection/reset')[0]
     observer.wait_for_counters('backprojection', errors=0)
 
