@@ -17,7 +17,14 @@ from pathlib import Path
 import numpy as np
 
 from sar_imaging.configuration.scene_grid import GridChoice
-from sar_imaging.formats import MissingExtraError, require, write_geotiff, write_sicd
+from sar_imaging.formats import (
+    MissingExtraError,
+    require,
+    write_geotiff,
+    write_quicklook,
+    write_sicd,
+    write_stac_item,
+)
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.image import Image
 from sar_imaging.quality import focus_figure, measure_scatterer
@@ -31,9 +38,12 @@ from .acquisition_figure import save_acquisition_png
 from .report import Section, write_report
 from .sources import Source, SourceError, open_source
 
-FORMATS = ('png', 'geotiff', 'sicd')
-FILES = {'png': 'image.png', 'geotiff': 'image.tif', 'sicd': 'image.nitf'}
-_NEEDS = {'geotiff': ('rasterio', 'writing GeoTIFF'), 'sicd': ('sarkit.sicd', 'writing SICD')}
+FORMATS = ('png', 'geotiff', 'sicd', 'kml', 'stac')
+FILES = {'png': 'image.png', 'geotiff': 'image.tif', 'sicd': 'image.nitf', 'kml': 'overlay.png',
+         'stac': 'image.json'}
+_NEEDS = {'geotiff': ('rasterio', 'writing GeoTIFF'), 'sicd': ('sarkit.sicd', 'writing SICD'),
+          'kml': ('rasterio', 'writing KML'), 'stac': ('pystac', 'writing a STAC item')}
+_MAPS = ('geotiff', 'kml')  # formats that hold images on level planes only
 ERRORS = (BagError, SourceError, MissingExtraError, OSError, ValueError, MemoryError)
 
 _EPILOG = """\
@@ -115,8 +125,10 @@ def _check_formats(arguments: argparse.Namespace, source: Source) -> None:
             if source.datum is None:
                 raise SourceError(f'{source.path} does not tell where on the Earth it is, which '
                                   f'{name} needs: give --datum LATITUDE LONGITUDE HEIGHT')
-    if arguments.plane == 'slant' and 'geotiff' in arguments.format:
-        raise SourceError('GeoTIFF holds maps; leave out --plane slant, or the format geotiff')
+    maps = [name for name in arguments.format if name in _MAPS]
+    if arguments.plane == 'slant' and maps:
+        raise SourceError(f'{" and ".join(maps)} hold maps; leave out --plane slant, or the '
+                          f'format {" and ".join(maps)}')
 
 
 def write_products(folder: Path, formats: Sequence[str], source: Source, choice: GridChoice,
@@ -131,13 +143,21 @@ def write_products(folder: Path, formats: Sequence[str], source: Source, choice:
     save_image_png(folder / FILES['png'], image.samples, grid, truth=known,
                    title=f'{title}; {axes}' if axes else title)
     written = [FILES['png']]
-    if 'geotiff' in formats:
-        write_geotiff(folder / FILES['geotiff'], image, source.datum)
+    files = {name: folder / FILES[name] for name in formats}
+    if 'geotiff' in files:
+        write_geotiff(files['geotiff'], image, source.datum)
         written.append(FILES['geotiff'])
-    if 'sicd' in formats:
-        write_sicd(folder / FILES['sicd'], image, source.datum, source.acquisition(),
+    if 'sicd' in files:
+        write_sicd(files['sicd'], image, source.datum, source.acquisition(),
                    classification=source.collection.classification)
         written.append(FILES['sicd'])
+    if 'kml' in files:
+        written += [path.name for path in write_quicklook(files['kml'], image, source.datum)]
+    if 'stac' in files:
+        write_stac_item(files['stac'], image, source.datum, source.acquisition(),
+                        {name: folder / FILES[name]
+                         for name in ('png', *formats) if name != 'stac'})
+        written.append(FILES['stac'])
     return written
 
 

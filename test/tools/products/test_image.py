@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import base64
 import json
+import pathlib
 import re
 
 import numpy as np
 import pytest
 
+from sar_imaging.formats.cphd import CphdReader
 from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.quality import error_db
+from sar_imaging.quality import error_db, measure_scatterer
 from sar_imaging.tools.products import sources
 
 DATUM = Datum(47.3, 8.5, 430.0, 20.0)  # of the CPHD file
+GOTCHA = pathlib.Path(__file__).parents[4] / 'shared' / 'data' / 'gotcha_pass1_hh'
 PNG = b'\x89PNG\r\n\x1a\n'
 
 
@@ -101,6 +104,21 @@ def test_standard_products_are_where_the_scatterers_are(cphd, run, tmp_path):
     assert peak == pytest.approx(np.abs(image).max(), rel=1e-6)
 
 
+def test_overlay_and_catalogue_entry(cphd, run, tmp_path):
+    pytest.importorskip('rasterio')
+    pystac = pytest.importorskip('pystac')
+    status, out, err = run('image', cphd, '--output', tmp_path, '--format', 'kml,stac,sicd')
+    assert status == 0, err
+    assert {'overlay.png', 'overlay.kml', 'overlay.pgw', 'image.json'} <= {
+        path.name for path in tmp_path.iterdir()}
+    assert 'overlay.kml' in out
+    item = pystac.Item.from_file(str(tmp_path / 'image.json'))
+    assert {pathlib.Path(asset.href).name for asset in item.assets.values()} == {
+        'image.png', 'image.nitf', 'overlay.png'}
+    west, south, east, north = item.bbox
+    assert west < DATUM.longitude_deg < east and south < DATUM.latitude_deg < north
+
+
 def test_names_and_marking_go_from_cphd_to_sicd(spotlight, run, tmp_path):
     pytest.importorskip('sarkit', reason='the extra formats is not installed')
     import sarkit.sicd
@@ -134,9 +152,35 @@ def test_slant_plane(spotlight, run, tmp_path):
     assert quality['measured_error']['error_db'] < -60.0
 
 
+@pytest.mark.data
+def test_gotcha_as_cphd_shows_its_reflector(run, tmp_path):
+    pytest.importorskip('sarkit', reason='the extra formats is not installed')
+    if not GOTCHA.exists():
+        pytest.skip(f'needs the measured files in {GOTCHA.name}')
+    for words in (('load', 'gotcha', GOTCHA, '--output', tmp_path / 'bag'),
+                  ('convert', tmp_path / 'bag', tmp_path / 'gotcha.cphd', '--datum', 39.78,
+                   -84.08, 230),
+                  ('image', tmp_path / 'gotcha.cphd', '--output', tmp_path / 'out', '--size', 20,
+                   '--centre', -15, 22)):
+        status, _, err = run(*words)
+        assert status == 0, err
+    quality = json.loads((tmp_path / 'out' / 'quality.json').read_text())
+    assert quality['measured_error']['error_db'] < -60.0
+    grid = MapGrid(*(quality['grid'][k] for k in ('centre_m', 'n_x', 'n_y', 'spacing_m')))
+    with CphdReader(tmp_path / 'gotcha.cphd') as reader:
+        centre, wavenumber = reader.tx_m.mean(axis=(0, 1)), reader.radar.wavenumber_rad_per_m
+    found = measure_scatterer(
+        np.load(tmp_path / 'out' / 'image.npy'), grid, (-15.60, 21.60, 0.0),
+        aperture_centre_m=centre, wavenumber_rad_per_m=wavenumber, cut_half_width_range_m=3.0,
+        cut_half_width_azimuth_m=3.0)
+    # (-15.60, 21.60) m by a float64 backprojection made without this project
+    assert np.hypot(found.peak_x_m + 15.60, found.peak_y_m - 21.60) < 0.03
+    assert found.irw_azimuth_m == pytest.approx(0.285, rel=0.03)
+
+
 @pytest.mark.parametrize(('words', 'message'), [
     (['--format', 'geotiff'], 'give --datum LATITUDE LONGITUDE HEIGHT'),
-    (['--format', 'geotiff', '--plane', 'slant', '--datum', '1', '2', '3'], 'GeoTIFF holds maps'),
+    (['--format', 'geotiff', '--plane', 'slant', '--datum', '1', '2', '3'], 'geotiff hold maps'),
     (['--datum', '91', '0', '0'], 'latitude_deg=91'),
     (['--aperture', '7'], 'has no aperture 7; it has 0, 1'),
     (['--centre', '400', '0'], 'give --centre a place in the scene'),
