@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 import os
 import pathlib
 import time
@@ -34,9 +33,7 @@ os.environ.setdefault('JAX_PLATFORMS', 'cpu')
 
 from tqdm import tqdm  # noqa: E402
 
-from sar_imaging.imaging.afbp import AfbpImager  # noqa: E402
-from sar_imaging.imaging.backprojection import Backprojector  # noqa: E402
-from sar_imaging.imaging.ffbp import FfbpImager  # noqa: E402
+from sar_imaging.imaging.imager import plan_image  # noqa: E402
 from sar_imaging.quality.verification import measure_error  # noqa: E402
 from sar_imaging.signal.range_compression import RangeCompressor  # noqa: E402
 
@@ -84,20 +81,22 @@ def compare_imagers(case: Case) -> dict:
     block = phase_history(case)
     profiles = RangeCompressor.for_block(block)(block)
     radar, n, where = profiles.radar, profiles.n_samples, (profiles.tx_m, profiles.rx_m)
-    exact = Backprojector(case.grid, radar, n)
+    exact = plan_image(case.grid, radar, n, method='exact', target_db=-80.0)
     imagers = {'exact': {'plan_s': 0.0}}
     calls = {'exact': lambda: exact(profiles)}
     for length in SUBAPERTURES:
-        options = {'pulses_per_subaperture': length}
-        for name, make in ((f'afbp_{length}', AfbpImager), (f'ffbp_{length}', FfbpImager)):
-            plan, plan_s = planned(lambda m=make, o=options: m(case.grid, radar, n, *where, **o))
+        for method, own in (('afbp', {}), ('ffbp', {'merge_factor': 2})):
+            name = f'{method}_{length}'
+            imager, plan_s = planned(lambda m=method, n_pulses=length, o=own: plan_image(
+                case.grid, radar, n, *where, method=m, target_db=-50.0,
+                pulses_per_subaperture=n_pulses, **o))
             imagers[name] = {'plan_s': plan_s}
-            calls[name] = lambda plan=plan: plan(profiles)
-            if make is AfbpImager:
-                imagers[name]['predicted_db'] = round(plan.predicted_error_db, 1)
+            calls[name] = lambda imager=imager: imager(profiles)
+            if imager.report.predicted_error_db is not None:
+                imagers[name]['predicted_db'] = round(imager.report.predicted_error_db, 1)
     for name, call in calls.items():
         imagers[name] |= described(call(), case, block)
-    imagers['exact']['predicted_db'] = round(exact.predicted_error_db, 1)
+    imagers['exact']['predicted_db'] = round(exact.report.predicted_error_db, 1)
     for name, seconds in best_seconds(calls, rounds=2).items():
         imagers[name]['seconds'] = round(seconds, 4)
     return dataclasses.asdict(case) | {'imagers': imagers}
@@ -106,14 +105,14 @@ def compare_imagers(case: Case) -> dict:
 def compare_fastsar(case: Case) -> dict:
     """AFBP and FastSAR's FFBP from phase history to map."""
     block = phase_history(case)
-    plan, plan_s = planned(lambda: AfbpImager(case.grid, block.radar, block.n_samples,
-                                              block.tx_m, block.rx_m, compressed=False,
-                                              target_db=TARGET_DB))
+    imager, plan_s = planned(lambda: plan_image(case.grid, block.radar, block.n_samples,
+                                                block.tx_m, block.rx_m, method='afbp',
+                                                compressed=False, target_db=TARGET_DB))
     (peer, predicted_db), peer_plan_s = planned(
         lambda: fastsar_imagers.factorised(block, case.grid))
-    calls = {'afbp': lambda: plan(block), 'fastsar': peer}
+    calls = {'afbp': lambda: imager(block), 'fastsar': peer}
     row = dataclasses.asdict(case) | {
-        'afbp': {'plan_s': plan_s, 'predicted_db': round(plan.predicted_error_db, 1)},
+        'afbp': {'plan_s': plan_s, 'predicted_db': round(imager.report.predicted_error_db, 1)},
         'fastsar': {'plan_s': peer_plan_s, 'predicted_db': round(predicted_db, 1)}}
     for name, call in calls.items():
         row[name] |= described(call(), case, block)
@@ -127,11 +126,13 @@ def compare_fastsar(case: Case) -> dict:
 def report_memory(case: Case) -> None:
     """Peak memory of imaging phase histories, beyond these, and size of the fused spectrum."""
     block = phase_history(case)
-    plan = AfbpImager(case.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
-                      compressed=False, target_db=TARGET_DB)
-    report_peak(lambda: plan(block),
+    imager = plan_image(case.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+                        method='afbp', compressed=False, target_db=TARGET_DB)
+    fused = imager.report.plan.subapertures.fusion_grid
+    report_peak(lambda: imager(block),
                 {'input_mib': round(block.samples.nbytes / 2**20, 1),
-                 'spectrum_mib': round(8 * math.prod(plan.fusion.spectrum_shape) / 2**20, 1)})
+                 'spectrum_mib': round(
+                     8 * fused.n_fine * len(fused.range_wavenumbers) / 2**20, 1)})
 
 
 def growth(rows: list[dict]) -> dict:

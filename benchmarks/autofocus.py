@@ -32,7 +32,7 @@ from sar_imaging.autofocus.autofocus import Autofocus
 from sar_imaging.autofocus.models import Geometry, nominal, with_time_offset
 from sar_imaging.autofocus.phase_gradient import PhaseGradient
 from sar_imaging.autofocus.residual import along_sight
-from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality import error_db, measure_scatterer
 from sar_imaging.simulation.trials.track_errors import (
     FlawedAperture,
@@ -44,6 +44,7 @@ from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
 
 from .support.machine import machine
+from .support.references import exact_image
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'autofocus.json'
 CASES = ('smooth',) * 40 + ('vibration',) * 30 + ('clock',) * 30
@@ -76,13 +77,12 @@ def widths(image, case: FlawedAperture, block) -> np.ndarray:
 
 def measure(case: FlawedAperture) -> dict:
     """One case: what autofocus says, and what is true."""
-    imager = Backprojector(case.grid, case.stated.radar, case.stated.n_samples)
-    wanted, original = imager(case.true), imager(case.stated)
+    wanted, original = (exact_image(case.grid, b) for b in (case.true, case.stated))
     result = autofocus_for(case).process(case.stated, original)
     report = result.report
     aligned = moved_rigidly(result.block, case.true, case.points_m)
     before = moved_rigidly(case.stated, case.true, case.points_m)
-    image = imager(aligned)
+    image = exact_image(case.grid, aligned)
     reference, found = widths(wanted, case, case.true), widths(image, case, case.true)
     with np.errstate(all='ignore'):
         change = np.nanmedian(found / reference, axis=0) - 1
@@ -91,7 +91,7 @@ def measure(case: FlawedAperture) -> dict:
     return {
         'kind': case.kind, 'size': round(case.size, 4), 'accepted': report.accepted,
         'claims_success': report.success, 'true_success': true_success, 'reason': report.reason,
-        'error_before_db': round(fitted_error_db(imager(before), wanted), 1),
+        'error_before_db': round(fitted_error_db(exact_image(case.grid, before), wanted), 1),
         'error_db': round(error, 1), 'estimated_error_db': round(report.estimated_error_db, 1),
         'coherence': round(report.coherence, 3),
         'irw_change': [round(float(c), 4) for c in change],
@@ -119,9 +119,8 @@ def measure_phase_gradient(kind: str, size: float, seed: int) -> dict:
     half_path = np.interp(block.tx_m[:, 0, 0] - middle_m, result.position_m, result.half_path_m)
     moved = along_sight(Geometry(block.tx_m, block.rx_m), half_path, case.grid.centre_m)
     corrected = dataclasses.replace(block, tx_m=moved.tx_m, rx_m=moved.rx_m)
-    imager = Backprojector(case.grid, block.radar, block.n_samples)
-    wanted = imager(case.true)
-    before, after = (round(fitted_error_db(imager(moved_rigidly(
+    wanted = exact_image(case.grid, case.true)
+    before, after = (round(fitted_error_db(exact_image(case.grid, moved_rigidly(
         some, case.true, case.points_m)), wanted), 1) for some in (case.stated, corrected))
     row = {'kind': kind, 'size': size, 'seed': seed, 'accepted': result.accepted,
            'contrast': [round(result.contrast_before, 2), round(result.contrast_after, 2)],
@@ -139,9 +138,10 @@ def fitted_error_db(image, wanted) -> float:
 def measure_cost(half_scene_m: float, n_pulses: int) -> dict:
     """Processor time of autofocus over that of one exact image."""
     case = flawed_aperture('smooth', 1.0, 1, n_pulses=n_pulses, half_scene_m=half_scene_m)
-    imager = Backprojector(case.grid, case.stated.radar, case.stated.n_samples)
+    imager = plan_image(case.grid, case.stated.radar, case.stated.n_samples, method='exact',
+                        target_db=-80.0)
     autofocus = autofocus_for(case)
-    image = imager(case.stated)
+    image = imager(case.stated).samples
     seconds = {'image': [], 'autofocus': []}
     for _ in range(3):
         for name, call in (('image', lambda: imager(case.stated)),

@@ -24,9 +24,7 @@ import numba
 import numpy as np
 from tqdm import tqdm
 
-from sar_imaging.imaging.afbp import AfbpImager
-from sar_imaging.imaging.backprojection import Backprojector
-from sar_imaging.imaging.ffbp import FfbpImager
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.simulation.trials.random_cases import RandomCase, random_case
 from sar_imaging.streaming.fusion import LiveFusion
@@ -44,28 +42,31 @@ _AMBIGUOUS = 'ambiguous'  # of pulses too far apart: true of any image, and no e
 def exact(case: RandomCase, rng):
     """Backprojection of the profiles to the default target."""
     p = case.profiles
-    plan = Backprojector(case.grid, p.radar, p.n_samples)
-    image = plan(p)
-    return image, plan.predicted_error_db, plan.warnings, slice(None), {'method': plan.method}
+    image = plan_image(case.grid, p.radar, p.n_samples, method='exact', target_db=-80.0)(p)
+    report = image.report
+    return image.samples, report.predicted_error_db, report.warnings, slice(None), {
+        'method': report.plan.method}
 
 
 def afbp(case: RandomCase, rng):
     """AFBP of the profiles or of the phase histories to a random target."""
     p, target_db = case.pulses, -rng.uniform(40, 75)
-    plan = AfbpImager(case.grid, p.radar, p.n_samples, p.tx_m, p.rx_m, target_db=target_db,
-                      compressed=p.compressed)
-    return plan(p), plan.predicted_error_db, plan.warnings, slice(None), {
-        'target_db': target_db, 'subapertures': plan.subapertures.n_subapertures,
-        'beams': plan.subapertures.beams is not None}
+    image = plan_image(case.grid, p.radar, p.n_samples, p.tx_m, p.rx_m, method='afbp',
+                       target_db=target_db, compressed=p.compressed)(p)
+    report, cut = image.report, image.report.plan.subapertures
+    return image.samples, report.predicted_error_db, report.warnings, slice(None), {
+        'target_db': target_db, 'subapertures': cut.n_subapertures,
+        'beams': cut.beams is not None}
 
 
 def ffbp(case: RandomCase, rng):
     """FFBP of the profiles to a random target, in sub-apertures of a random length."""
     p, target_db = case.profiles, -rng.uniform(15, 80)
-    plan = FfbpImager(case.grid, p.radar, p.n_samples, p.tx_m, p.rx_m, target_db=target_db,
-                      pulses_per_subaperture=int(rng.integers(4, 25)))
-    return plan(p), plan.predicted_error_db, plan.warnings, slice(None), {
-        'target_db': target_db, 'kernel': plan.plan.sampling.kernel}
+    image = plan_image(case.grid, p.radar, p.n_samples, p.tx_m, p.rx_m, method='ffbp',
+                       target_db=target_db, pulses_per_subaperture=int(rng.integers(4, 25)))(p)
+    report = image.report
+    return image.samples, report.predicted_error_db, report.warnings, slice(None), {
+        'target_db': target_db, 'kernel': report.plan.sampling.kernel}
 
 
 def live(case: RandomCase, rng):

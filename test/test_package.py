@@ -215,7 +215,7 @@ def test_wire_format_imports_without_ros():
 
 
 def test_missing_numba_is_explained():
-    code = "import sys; sys.modules['numba'] = None; import sar_imaging.imaging.backprojection"
+    code = "import sys; sys.modules['numba'] = None; import sar_imaging.imaging.imager"
     result = subprocess.run([sys.executable, '-c', code], cwd=ROOT, text=True, capture_output=True)
     assert 'imaging needs Numba: install it' in result.stderr
 
@@ -271,7 +271,7 @@ def test_imports_run_downward():
 
 def test_the_exact_imager_loads_no_beams_no_fusion_and_no_kernels():
     """5,925 lines in 33 modules of the core before it was divided."""
-    program = ('import sys, sar_imaging.imaging.backprojection\n'
+    program = ('import sys, sar_imaging.imaging.exact\n'
                'print(*(n for n in sys.modules if n.startswith("sar_imaging")))')
     run = subprocess.run([sys.executable, '-c', program], cwd=ROOT, capture_output=True,
                          text=True, check=True)

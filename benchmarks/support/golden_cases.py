@@ -15,9 +15,8 @@ import numpy as np
 import scipy.fft
 
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging.afbp import AfbpImager
-from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.ffbp import FfbpImager
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.imaging.wavenumber import WavenumberImager
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters, Waveform
 from sar_imaging.simulation.echoes import scene_spectrum, two_way_delays
@@ -152,12 +151,19 @@ TRACKS = {
 # ------------------------------------------------------------------------------------- imagers
 # Each returns a function that plans and one that forms the image of a plan.
 
-def exact(case: GoldenCase, block: PulseBlock):
+def _planned(case: GoldenCase, block: PulseBlock, method: str, target_db: float, **options):
+    return plan_image(case.grid, block.radar, block.n_samples, method=method,
+                      compressed=block.compressed,
+                      **{'target_db': target_db, **case.options, **options})
+
+
+def exact(case: GoldenCase, block: PulseBlock, **options):
     """Backprojection onto the map; it plans while it images."""
-    def form(plan):
-        image = plan(block)
-        return GoldenImage(image, plan.predicted_error_db, plan.method)
-    return lambda: Backprojector(case.grid, block.radar, block.n_samples, **case.options), form
+    def form(imager):
+        image = imager(block)
+        return GoldenImage(image.samples, image.report.predicted_error_db,
+                           image.report.plan.method)
+    return lambda: _planned(case, block, 'exact', -80.0, **options), form
 
 
 def terrain(case: GoldenCase, block: PulseBlock):
@@ -165,20 +171,15 @@ def terrain(case: GoldenCase, block: PulseBlock):
     points = case.grid.points()
     height = 3.0 * np.exp(-(points[..., 0] ** 2 + points[..., 1] ** 2)
                           / (0.3 * case.n_side * case.spacing_m) ** 2)
-    return (lambda: Backprojector(case.grid, block.radar, block.n_samples, height_m=height),
-            exact(case, block)[1])
+    return exact(case, block, height_m=height)
 
 
 def afbp(case: GoldenCase, block: PulseBlock):
     """AFBP from profiles or phase histories."""
-    def plan():
-        return AfbpImager(case.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
-                          compressed=block.compressed, **case.options)
-
-    def form(plan):
-        predicted = plan.predicted_error_db  # as planned; images change it
-        return GoldenImage(plan(block), predicted, str(plan.subapertures))
-    return plan, form
+    def form(imager):
+        planned = imager.report  # images change its error
+        return GoldenImage(imager(block).samples, planned.predicted_error_db, str(planned.plan))
+    return lambda: _planned(case, block, 'afbp', -50.0, tx_m=block.tx_m, rx_m=block.rx_m), form
 
 
 def ffbp(case: GoldenCase, block: PulseBlock):

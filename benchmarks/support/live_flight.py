@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
@@ -111,14 +111,15 @@ class Flight:
         return list(self._form_images(map_grid))
 
     def _form_images(self, map_grid: MapGrid) -> Iterator[np.ndarray]:
-        plan = compressor = image = None
+        imager = compressor = image = None
         for block in self.blocks():
-            if plan is None:
+            if imager is None:
                 compressor = RangeCompressor.for_block(block)
                 profiles = compressor(block)
-                plan = Backprojector(map_grid, profiles.radar, profiles.n_samples)
+                imager = plan_image(map_grid, profiles.radar, profiles.n_samples,
+                                    method='exact', target_db=-80.0)
             if block.counter[0] % PULSES_PER_APERTURE == 0:
-                image = plan.new_image()
-            plan.add(compressor(block), image)
+                image = imager.new_image()
+            imager.accumulate(compressor(block), image)
             if (block.counter[-1] + 1) % PULSES_PER_APERTURE == 0:
-                yield image
+                yield image.samples

@@ -18,7 +18,7 @@ from sar_imaging.compilation import njit
 from sar_imaging.configuration.parameters import read_configuration
 from sar_imaging.exploitation.obstacles.aperture_view import ApertureView
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 from sar_imaging.signal.windows import window
@@ -77,7 +77,7 @@ class Platform:
         self._half = int(radar.bandwidth_hz / 2 / (rate / n))
         self._weights = window(name, 2 * self._half + 1)
         self._n_samples, self._near_m = n, near
-        self._backproject = Backprojector(self.grid, self.radar, n, target_db=-60.0)
+        self._imager = plan_image(self.grid, self.radar, n, method='exact', target_db=-60.0)
 
     def spectra(self, aperture: int, points_m, amplitudes) -> np.ndarray:
         """(P, K) complex128 echoes; amplitude 1 stands for 0 dBsm in the middle of the map."""
@@ -98,7 +98,7 @@ class Platform:
 
     def image(self, aperture: int, spectra: np.ndarray) -> np.ndarray:
         """(n_y, n_x) complex64 image, as the node backprojection forms it, in units of 0 dBsm."""
-        return self._backproject(self.profiles(aperture, spectra))
+        return self._imager(self.profiles(aperture, spectra)).samples
 
     def profiles(self, aperture: int, spectra: np.ndarray) -> PulseBlock:
         """Range profiles of an aperture, counted from the first one."""

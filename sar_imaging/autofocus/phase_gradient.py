@@ -115,7 +115,7 @@ class PhaseGradient:
         Parameters
         ----------
         image : (n_alpha, n_range) complex64
-            With the carrier phase of backprojection, as `AfbpImager` makes it on this grid.
+            With the carrier phase of backprojection, as `plan_image` makes it on this grid.
 
         Returns
         -------

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from ..imaging.afbp import AfbpImager
+from ..planning.afbp.plan import plan_afbp
 from .derived import Derived
 from .settings import Acquisition, Imaging
 
@@ -52,9 +52,9 @@ def forecast_subapertures(acquisition: Acquisition, imaging: Imaging,
     rx_m = track + acquisition.receiver_offsets()
     tx_m = np.broadcast_to(track, rx_m.shape)
     try:
-        plan = AfbpImager(imaging.grid, derived.profile_radar, derived.n_profile, tx_m, rx_m,
-                          target_db=imaging.subaperture_target_db,
-                          pulses_per_subaperture=imaging.subaperture_pulses or None)
+        plan = plan_afbp(imaging.grid, derived.profile_radar, derived.n_profile, tx_m, rx_m,
+                         target_db=imaging.subaperture_target_db,
+                         pulses_per_subaperture=imaging.subaperture_pulses or None)
     except ValueError as error:
         return SubapertureForecast(0, 0, 0.0, str(error))
     pulses = plan.subapertures.sampling.pulses

@@ -102,7 +102,7 @@ class Terrain:
         -------
         (n_y, n_x) float64
             Metres, row 0 at the largest y; NaN outside the raster and next to unknown heights:
-            no pixel for `sar_imaging.imaging.backprojection.Backprojector`.
+            no pixel for `sar_imaging.plan_image`.
 
         Raises
         ------

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from ..geometry.grids import Grid
+    from ..planning.plan import Plan
 
 _CAUSE_WIDTH = 24
 
@@ -34,8 +39,8 @@ class Report:
         Memory that forming the image takes, the image included, bytes.
     warnings : tuple of str
         What makes the image worse than wanted, or ambiguous.
-    plan : str
-        How the imager goes about it.
+    plan : Plan or None
+        How the imager goes about it; None where it has no plan to show.
     """
 
     method: str
@@ -47,10 +52,10 @@ class Report:
     seconds: float | None = None
     n_bytes: int = 0
     warnings: tuple[str, ...] = ()
-    plan: str = ''
+    plan: Plan | None = None
 
     def __str__(self) -> str:
-        lines = [f'{self.method}: {self.reason}', *([self.plan] if self.plan else [])]
+        lines = [f'{self.method}: {self.reason}', *([] if self.plan is None else [str(self.plan)])]
         if self.predicted_error_db is None:
             lines.append('error not predicted')
         else:
@@ -77,8 +82,8 @@ class Image:
         in the shape of the grid, row 0 of a map at the largest y; one image after the other,
         ``(C, ...)``, where each channel has its own. The carrier is in it: from pixel to pixel
         the phase turns with the two-way path.
-    grid : Grid or (..., 3) float64
-        Where the pixels are, imaging frame, metres.
+    grid : Grid
+        Where the pixels are, imaging frame.
     carrier_hz : float
         Of the phases, hertz.
     report : Report
@@ -90,7 +95,7 @@ class Image:
     """
 
     samples: np.ndarray
-    grid: object
+    grid: Grid
     carrier_hz: float
     report: Report
     stamp_ns: int = 0

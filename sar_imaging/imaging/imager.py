@@ -5,12 +5,13 @@ from __future__ import annotations
 import dataclasses
 import logging
 import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..backends import AUTO
-from ..backends.protocol import Backend
-from ..geometry.grids import MapGrid
+from ..geometry.grids import Grid, MapGrid
 from ..geometry.point_grids import as_grid
 from ..geometry.polar import PolarGrid
 from ..planning.memory import IMAGE_BYTES, check_memory
@@ -19,25 +20,28 @@ from ..signal.radar import RadarParameters
 from ..signal.range_compression import RangeCompressor
 from .channels import Channels
 from .image import Image, Report
-from .methods import AFBP, EXACT, Method, Options, named_method
+from .methods import AFBP, EXACT, Method, Options, method_class
+
+if TYPE_CHECKING:
+    from ..backends.protocol import Backend
 
 _logger = logging.getLogger(__name__)
 _WORTH_PLANNING_S = 0.1  # that planning AFBP takes (measured: 0.03 to 0.3 s)
 
 
-def plan_image(grid: MapGrid | PolarGrid | np.ndarray, radar: RadarParameters, n_samples: int,
+def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
                tx_m=None, rx_m=None, *, method: str | type[Method] = AUTO,
                target_db: float = -60.0, height_m=None, weights=None, per_channel: bool = False,
                midpoint: bool = False, compressed: bool = True, weighting: str = 'none',
-               pulse_weights=None, backend: str | Backend = AUTO,
-               progress: bool = False) -> Imager:
+               pulse_weights=None, backend: str | Backend = AUTO, progress: bool = False,
+               **own) -> Imager:
     """Plan an image, or as many as come of the same radar.
 
     Parameters
     ----------
     grid : Grid or (..., 3) array_like
         Where the pixels are: any grid of `sar_imaging.geometry`, or positions in the imaging
-        frame, metres.
+        frame, metres, float64.
     radar : RadarParameters
         Of the blocks to come.
     n_samples : int
@@ -52,13 +56,16 @@ def plan_image(grid: MapGrid | PolarGrid | np.ndarray, radar: RadarParameters, n
     target_db : float
         Wanted error against time-domain correlation, dB.
     height_m : (n_y, n_x) array_like, optional
-        Heights of the pixels of a map instead of its plane, metres.
+        Heights of the pixels of a map instead of its plane, metres; row 0 at the largest y. NaN
+        where the height is not known.
     weights : (C,) complex array_like, optional
-        Factor of each channel.
+        Factor of each channel, such as its calibration or the steering of a beam.
     per_channel : bool
-        One image for each channel instead of their sum.
+        One image for each channel instead of their sum, ``(C, ...)``: the input of along-track
+        interferometry and clutter cancelling.
     midpoint : bool
-        Replace both phase centres of a channel by their mean.
+        Replace both phase centres of a channel by their mean (displaced phase centre). For
+        comparison: the exact path costs no more.
     compressed : bool
         False when blocks hold raw pulses. AFBP images phase histories as they are; everything
         else is compressed first.
@@ -71,6 +78,9 @@ def plan_image(grid: MapGrid | PolarGrid | np.ndarray, radar: RadarParameters, n
         the quickest there is. An object with the four entries of a backend is used likewise.
     progress : bool
         Show a progress bar on standard error.
+    **own
+        Options of the method alone, see `sar_imaging.imaging.methods.Method.OWN`:
+        ``pulses_per_subaperture`` of AFBP and FFBP, for instance.
 
     Returns
     -------
@@ -90,34 +100,47 @@ def plan_image(grid: MapGrid | PolarGrid | np.ndarray, radar: RadarParameters, n
     >>> image = imager(profiles)                                          # doctest: +SKIP
     >>> print(image.report)                                               # doctest: +SKIP
     """
-    options = Options(float(target_db), height_m, compressed, weighting, pulse_weights, backend,
-                      progress)
-    imager = Imager(grid, radar, n_samples, method, options,
-                    Channels(weights, per_channel, midpoint))
+    options = Options(float(target_db), compressed, weighting, pulse_weights, backend, progress)
+    imager = Imager(as_grid(grid, height_m), radar, n_samples, method, options,
+                    Channels(weights, per_channel, midpoint), own)
     if tx_m is not None:
-        imager.plan(np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64))
+        imager.plan(tx_m, rx_m)
     return imager
 
 
 class Imager:
     """Forms images by one method; `plan_image` makes it.
 
+    Plans are kept: pulses from the same places as those before them are imaged by the same one.
+
     Attributes
     ----------
-    grid, radar, n_samples, method :
+    grid : Grid
+        Where the pixels are.
+    radar, n_samples :
         As given to `plan_image`.
+    method : str
+        Name of the method, or ``'auto'``.
     report : Report or None
         Of the latest plan or image; None before the first.
     """
 
-    def __init__(self, grid, radar: RadarParameters, n_samples: int,
-                 method: str | type[Method], options: Options, channels: Channels):
+    def __init__(self, grid: Grid, radar: RadarParameters, n_samples: int,
+                 method: str | type[Method], options: Options, channels: Channels,
+                 own: Mapping[str, object]):
+        if method == AUTO and own:
+            raise ValueError(f'{", ".join(sorted(own))}: options of one method, which method='
+                             f'{AUTO!r} leaves open; name the method')
         self.grid, self.radar, self.n_samples = grid, radar, int(n_samples)
-        self.method, self._methods = named_method(method)
+        self._asked = None if method == AUTO else method_class(method)
+        self.method = AUTO if self._asked is None else self._asked.NAME
         self.report = None
-        self._options, self._channels = options, channels
+        self._options, self._channels, self._own = options, channels, own
         self._compressor: RangeCompressor | None = None
-        self._latest: dict[int, Method] = {}  # of each channel, or of all at 0
+        self._check_memory(grid.shape)
+        # Of each channel, or of all at 0; made now, to refuse what it cannot do.
+        self._latest: dict[int, Method] = {}
+        self._latest[0] = self._make(self._asked or method_class(EXACT))
 
     def __call__(self, block: PulseBlock) -> Image:
         """Image of one block.
@@ -125,7 +148,7 @@ class Imager:
         Parameters
         ----------
         block : PulseBlock
-            Pulses with phase centres.
+            Pulses with phase centres, in any order; each is added.
 
         Returns
         -------
@@ -140,7 +163,12 @@ class Imager:
             The image does not fit into memory.
         """
         image = self.new_image(block.n_channels)
-        self.accumulate(block, image)
+        if self._channels.per_channel or not block.n_pulses:
+            self.accumulate(block, image)
+        else:  # without a sum with zeros
+            [block] = self._channels.parts(block)
+            image.samples, image.report = self._formed(0, block)
+            self._count(block, image)
         for warning in image.report.warnings:
             _logger.warning(warning)
         return image
@@ -153,35 +181,37 @@ class Imager:
         MemoryError
             It is larger than the memory that is available.
         """
-        shape = self._channels.shape(as_grid(self.grid).shape, n_channels)
-        check_memory(IMAGE_BYTES * math.prod(shape), f'an image of {shape} pixels',
-                     'choose a smaller grid or a larger pixel spacing')
+        shape = self._channels.shape(self.grid.shape, n_channels)
+        self._check_memory(shape)
         report = Report(self.method, 'no pulses yet', self._options.target_db)
         return Image(np.zeros(shape, np.complex64), self.grid, self.radar.carrier_hz, report)
 
     def accumulate(self, block: PulseBlock, image: Image) -> None:
-        """Add the pulses of a block to an image, which is a sum (equation 17).
+        """Add the pulses of a block to an image, which is a sum (equation 17), in place.
+
+        Live images grow this way, block by block; an empty block adds nothing.
 
         Raises
         ------
         ValueError
-            As a call, or the image is of another shape.
+            As a call, or the image is not one that this imager formed.
         """
         parts = self._channels.parts(block)
-        wanted = self._channels.shape(as_grid(self.grid).shape, block.n_channels)
-        if image.shape != wanted:
-            raise ValueError(f'the image is {image.shape}, that of the block {wanted}; add '
-                             'blocks to images that the same imager formed')
-        images = image.samples if self._channels.per_channel else [image.samples]
+        samples = image.samples
+        wanted = self._channels.shape(self.grid.shape, block.n_channels)
+        if (samples.shape != wanted or samples.dtype != np.complex64
+                or not samples.flags.c_contiguous):
+            raise ValueError(f'the image is {samples.dtype} {samples.shape}, that of the block '
+                             f'complex64 {wanted}, contiguous in C order; add blocks to images '
+                             'that the same imager formed')
+        if not block.n_pulses:
+            return
+        images = samples if self._channels.per_channel else [samples]
         for number, (part, own) in enumerate(zip(parts, images, strict=True)):
-            image.report = _worse(image.report, self._add(number, part, own),
+            _, report = self._formed(number, part, own)
+            image.report = _worse(image.report, report,
                                   first=not image.n_pulses and number == 0)
-        self.report = image.report
-        if block.n_pulses:
-            middle = int(np.sort(block.stamp_ns)[block.n_pulses // 2])
-            image.stamp_ns += ((middle - image.stamp_ns) * block.n_pulses
-                               // (image.n_pulses + block.n_pulses))
-        image.counters = np.sort(np.concatenate([image.counters, block.counter.astype(np.int64)]))
+        self._count(block, image)
 
     def plan(self, tx_m, rx_m) -> Report:
         """Choose the method and plan for pulses from some phase centres, (P, C, 3), metres.
@@ -190,82 +220,88 @@ class Imager:
         ------
         ValueError
             The geometry does not allow the target.
+        MemoryError
+            The image does not fit into memory.
         """
-        reports = []
-        tx_m, rx_m = self._channels.centres(tx_m, rx_m)
-        for number, cut in enumerate(self._channels.cuts(tx_m.shape[1])):
-            tx, rx = tx_m[:, cut], rx_m[:, cut]
-            reports.append(self._planned(number, tx, rx).report)
+        tx_m, rx_m = self._channels.centres(np.asarray(tx_m, np.float64),
+                                            np.asarray(rx_m, np.float64))
+        reports = [self._planned(number, tx_m[:, cut], rx_m[:, cut]).report
+                   for number, cut in enumerate(self._channels.cuts(tx_m.shape[1]))]
         self.report = reports[0]
         return self.report
 
-    def _add(self, number: int, block: PulseBlock, samples: np.ndarray) -> Report:
+    def _count(self, block: PulseBlock, image: Image) -> None:
+        """Take note in an image which pulses it has got."""
+        middle = int(np.sort(block.stamp_ns)[block.n_pulses // 2])
+        image.stamp_ns += ((middle - image.stamp_ns) * block.n_pulses
+                           // (image.n_pulses + block.n_pulses))
+        image.counters = np.sort(np.concatenate([image.counters, block.counter.astype(np.int64)]))
+        self.report = image.report
+
+    def _formed(self, number: int, block: PulseBlock, onto: np.ndarray | None = None
+                ) -> tuple[np.ndarray, Report]:
+        """Image of the block of one channel, or of all, added to one if there is one."""
         if not block.has_positions:
             raise ValueError('the block has no phase centres; imaging needs the transmit and '
                              'receive position of every pulse and channel')
         planned = self._planned(number, block.tx_m, block.rx_m)
-        if self.method != AUTO or planned.NAME == EXACT:
-            return planned.add(self._prepared(planned, block), samples)
-        more, report = planned.image(self._prepared(planned, block))
-        if report.predicted_error_db > self._options.target_db:
-            reason = (f'{planned.NAME} would miss the target by '
-                      f'{report.predicted_error_db - self._options.target_db:.1f} dB: the '
-                      'surroundings are bright')
-            planned = self._plan_anew(number, EXACT, block.tx_m, block.rx_m, reason)
-            return planned.add(self._prepared(planned, block), samples)
-        samples += more
-        return report
+        if self._asked is None and planned.NAME != EXACT:
+            samples, report = planned.image(self._prepared(planned, block))
+            missed_db = report.predicted_error_db - self._options.target_db
+            if missed_db <= 0:
+                return (samples if onto is None else np.add(onto, samples, out=onto)), report
+            planned = self._plan_anew(
+                number, method_class(EXACT), block.tx_m, block.rx_m, f'{planned.NAME} would miss '
+                f'the target by {missed_db:.1f} dB: the surroundings are bright')
+        return planned.image(self._prepared(planned, block), onto)
 
     def _planned(self, number: int, tx_m, rx_m) -> Method:
         """The method for these phase centres; that of the latest ones is kept."""
         latest = self._latest.get(number)
         if latest is not None and latest.is_for(tx_m, rx_m):
             return latest
-        if self.method != AUTO:
-            return self._plan_anew(number, self.method, tx_m, rx_m, 'asked for')
-        exact = self._plan_anew(number, EXACT, tx_m, rx_m, '')
+        if self._asked is not None:
+            return self._plan_anew(number, self._asked, tx_m, rx_m, 'asked for')
+        exact = self._plan_anew(number, method_class(EXACT), tx_m, rx_m, '')
         quicker, reason = self._quicker(exact, tx_m, rx_m)
-        if quicker is None:
-            exact.report = dataclasses.replace(exact.report, reason=reason)
-            return exact
-        quicker.report = dataclasses.replace(quicker.report, reason=reason)
-        self._latest[number] = quicker
-        return quicker
+        chosen = self._latest[number] = quicker or exact
+        chosen.report = dataclasses.replace(chosen.report, reason=reason)
+        return chosen
 
     def _quicker(self, exact: Method, tx_m, rx_m) -> tuple[Method | None, str]:
         """AFBP, where it meets the target in less time than exact backprojection, or why not."""
         seconds = exact.report.seconds
-        if self._options.height_m is not None or not isinstance(self.grid, MapGrid | PolarGrid):
+        if not isinstance(self.grid, MapGrid | PolarGrid):
             return None, 'AFBP images polar grids and flat maps alone'
         if seconds is None or seconds < _WORTH_PLANNING_S:
             return None, 'as quick as planning another'
         try:
-            afbp = self._make(AFBP, tx_m, rx_m, '')
+            afbp = self._make(method_class(AFBP))
+            afbp.replan(tx_m, rx_m, '')
         except (ValueError, MemoryError) as error:
             return None, f'AFBP is not possible: {error}'
-        if not afbp.within_reach:
-            return None, f'AFBP may miss the target: {"; ".join(afbp.report.warnings)}'
+        if doubts := afbp.report.plan.subapertures.warnings:
+            return None, f'AFBP may miss the target: {"; ".join(doubts)}'
         if afbp.report.seconds + _WORTH_PLANNING_S >= seconds:
             return None, f'AFBP would take {afbp.report.seconds:.2g} s, this {seconds:.2g} s'
         return afbp, (f'meets the target in {afbp.report.seconds:.2g} s, exact backprojection '
                       f'takes {seconds:.2g} s')
 
-    def _plan_anew(self, number: int, name: str, tx_m, rx_m, reason: str) -> Method:
+    def _plan_anew(self, number: int, method: type[Method], tx_m, rx_m, reason: str) -> Method:
         latest = self._latest.get(number)
-        if latest is not None and latest.NAME == name:
-            latest.replan(tx_m, rx_m, reason)
-        else:
-            latest = self._latest[number] = self._make(name, tx_m, rx_m, reason)
+        if latest is None or type(latest) is not method:
+            latest = self._latest[number] = self._make(method)
+        latest.replan(tx_m, rx_m, reason)
         return latest
 
-    def _make(self, name: str, tx_m, rx_m, reason: str) -> Method:
-        method, radar, n_samples, options = (self._methods[name], self.radar, self.n_samples,
-                                             self._options)
+    def _make(self, method: type[Method]) -> Method:
+        radar, n_samples, options = self.radar, self.n_samples, self._options
         if not options.compressed and not method.takes_raw(radar):
             compressor = self._compressor_of_raw()
             radar, n_samples = compressor.output_radar, compressor.n_output
             options = dataclasses.replace(options, compressed=True, weighting='none')
-        return method(self.grid, radar, n_samples, tx_m, rx_m, options, reason)
+        like = next((m for m in self._latest.values() if type(m) is method), None)
+        return method(self.grid, radar, n_samples, options, self._own, like)
 
     def _compressor_of_raw(self) -> RangeCompressor:
         if self._compressor is None:
@@ -275,9 +311,15 @@ class Imager:
 
     def _prepared(self, planned: Method, block: PulseBlock) -> PulseBlock:
         """The block as the method takes it."""
-        if planned.compressed and not self._options.compressed:
+        if planned.options.compressed and not self._options.compressed:
             return self._compressor_of_raw()(block)
         return block
+
+    @staticmethod
+    def _check_memory(shape: tuple[int, ...]) -> None:
+        check_memory(IMAGE_BYTES * math.prod(shape),
+                     f'an image of {" x ".join(map(str, reversed(shape)))} pixels',
+                     'choose a smaller grid or a larger pixel spacing')
 
 
 def _worse(one: Report, other: Report, *, first: bool) -> Report:

@@ -3,7 +3,7 @@
 Equations 13 to 19: the spectrum of each profile is padded with zeros by a ratio (14), the profile
 is modulated back to the carrier (15) and each pixel takes the nearest sample (16). Further
 interpolators read the same zero-padded profile at baseband and apply the exact carrier phase. Each
-knows its error beforehand. `sar_imaging.imaging.backprojection` is faster and more accurate.
+knows its error beforehand. `sar_imaging.imaging.exact` is faster and more accurate.
 Equation 18, the image at baseband, is `sar_imaging.quality.to_baseband`.
 """
 

@@ -9,4 +9,20 @@ Plans are float64 NumPy and know no processor; `sar_imaging.backends` computes t
 - `polar_cover`, `polar_to_map`: the polar grid that covers a map, and how the map is read from it;
 - `interpolators`, `aliasing_error`, `local_spectrum`, `echo_power`, `error_budget`: the error;
 - `costs`, `memory`: nanoseconds and bytes.
+
+Names that mean the same in all modules, here and in the backends, are described once:
+
+- `radar`, `n_samples`: `RadarParameters` of the range profiles, and their samples; of phase
+  histories, and their frequencies, where these are imaged as they come;
+- `tx_m`, `rx_m`: float64 phase centres, metres: (R, 3), a row for each pulse and channel, or
+  (P, C, 3) where pulses and channels are told apart;
+- `samples`: (R, N) complex64 profiles of the rows;
+- `grid`: where the pixels are; `polar`: the `PolarGrid` of the image meant;
+- `target_db` and others in dB: mean squared error against time-domain correlation over the mean
+  square of the image; `errors_db` of a plan: the predicted one by cause;
+- `range_m`: least and largest half path that is read, metres;
+- `window`, `source`: part of the profiles that is needed, or the phase histories in their place;
+  `lattice`: how it is resampled;
+- `weight`: (R,) float64 share of each row in the power of the image, see `echo_power`;
+- `wavelength_m`: at the carrier, metres; `warnings`: what makes the image worse than wanted.
 """

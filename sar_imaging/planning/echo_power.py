@@ -21,14 +21,10 @@ def echo_power(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndar
 
     Parameters
     ----------
-    tx_m, rx_m : (R, 3) float64
-        Phase centres, metres.
     centre_m : (3,) array_like
         Middle of the image, metres.
     sides_m : (2, 3) array_like
         Its extents, metres.
-    radar : RadarParameters
-        Of the profiles.
 
     Returns
     -------

@@ -33,8 +33,6 @@ class ErrorBudget:
 
     Attributes
     ----------
-    target_db : float
-        Wanted error against time-domain correlation, dB.
     shares : mapping of str to float
         By how much less each cause may err, dB, as plans name causes.
     """

@@ -198,10 +198,6 @@ def design_interpolator(oversampling: float, margin: float = 0.0, *, taps: int =
     corrected : bool
         The spectrum of the samples will have been multiplied by `Interpolator.gain`.
 
-    Returns
-    -------
-    Interpolator
-
     Raises
     ------
     ValueError

@@ -37,12 +37,8 @@ class LocalSpectrum:
         Lowest and highest of the band, rad/m.
     half_range : float
         Largest frequency along range, relative to the carrier's, rad/m.
-    range_m : (float, float)
-        Smallest and largest half path to the points, metres.
     by_range : (float, float)
         Smallest and largest derivative of the half paths by range.
-    weight : (R,) float64
-        Share that each row has in the power of the image, see `echo_power`.
     """
 
     slope: np.ndarray
@@ -59,16 +55,7 @@ def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Loca
 
     Parameters
     ----------
-    polar : PolarGrid
-        Grid.
     tx_m, rx_m : (P, C, 3) float64
-        Phase centres, metres.
-    radar : RadarParameters
-        Of the profiles.
-
-    Returns
-    -------
-    LocalSpectrum
 
     Raises
     ------

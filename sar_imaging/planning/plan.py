@@ -15,11 +15,6 @@ class Plan:
 
     Plans are equal where all that they hold is, arrays element by element, so that they can be
     compared after a journey to another machine.
-
-    Attributes
-    ----------
-    errors_db : mapping of str to float
-        Predicted error against time-domain correlation by cause, dB.
     """
 
     errors_db: Mapping[str, float]

@@ -47,16 +47,12 @@ class PolarCover:
         How lines of such images read the profiles.
     window : RangeGate or PhaseHistory
         What it needs of the profiles.
-    range_m : (float, float)
-        Bounds of the half path over it, metres.
     axis : int
         Map axis along which the second pass of the resampling goes.
     between, along : Interpolator
         Of the resampling: between lines and along them.
     slope_alpha : (R, S) float64
         Derivative by direction of the half paths from the rows to samples of the map, metres.
-    weight : (R,) float64
-        Share of each row in the power of the image, see `echo_power`.
     wavenumber : (2,) floats
         Lowest and highest of the radar's band, rad/m.
     between_db, along_db : float
@@ -222,8 +218,6 @@ def fitting_interpolator(frequency, weight, wanted_db: float, *, taps: int,
     frequency : (K, R, S) float64
         Of K wavenumbers, R rows and S places; samples lie ``pi / oversampling`` over the highest
         apart.
-    weight : (R,) float64
-        Share of each row in the power.
     wanted_db : float
         Mean error over all, dB.
     taps, corrected :

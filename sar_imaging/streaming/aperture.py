@@ -6,10 +6,11 @@ import dataclasses
 
 import numpy as np
 
+from ..backends import AUTO
 from ..geometry.grids import MapGrid
 from ..imaging.image import Image
 from ..imaging.imager import Imager, plan_image
-from ..imaging.methods import EXACT
+from ..imaging.methods import AFBP, EXACT, method_class
 from ..quality.focus import FocusFigure, focus_figure
 from ..signal.pulses import PulseBlock
 from ..signal.pulses.sequence import describe_counters
@@ -146,6 +147,8 @@ class ApertureImager(ApertureSequence):
         self._height_m = height_m
         self._keep_pulses, self._warned = keep_pulses, False
         self._method, self._grows = method, method == EXACT
+        for name in (EXACT, AFBP) if method == AUTO else (method,):
+            method_class(name)  # known, and loaded before pulses come
 
     def _configure(self, block: PulseBlock) -> Imager:
         self._grows = self._method == EXACT

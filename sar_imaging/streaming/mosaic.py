@@ -24,10 +24,6 @@ def patch_beside(grid: MapGrid, middle_m, flight, ahead_left_m: tuple[float, flo
     ahead_left_m : (float, float)
         From the middle of the aperture to that of the patch: ahead along the flight, and to the
         left of it, metres.
-
-    Returns
-    -------
-    MapGrid
     """
     ahead, left = ahead_left_m
     wanted = middle_m + ahead * flight + left * np.array([-flight[1], flight[0]])

@@ -69,14 +69,10 @@ class LivePlan:
 
     Attributes
     ----------
-    grid : MapGrid
-        As given.
     fusion : UnifiedPolarGrids
         Of the sub-aperture images and the fused one.
     length : int
         Pulses of a sub-aperture.
-    warnings : tuple of str
-        What may make the error larger than predicted.
 
     Raises
     ------

@@ -9,7 +9,11 @@ import numpy as np
 from ..backends import backend
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
-from ..imaging.afbp import AfbpImager
+from ..imaging.afbp import image_of_polar
+from ..imaging.image import Image
+from ..imaging.imager import plan_image
+from ..imaging.methods import AFBP
+from ..planning.afbp.plan import AfbpPlan
 from ..planning.afbp.subapertures import Limits
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
@@ -30,7 +34,7 @@ class RevisableImage:
     block : PulseBlock
         Range profiles of the aperture with phase centres; its samples are kept, not copied.
     target_db : float
-        Wanted error against exact backprojection, dB.
+        Wanted error against time-domain correlation, dB.
     pulses_per_subaperture : int, optional
         Length of the sub-apertures; the quickest if left out. A correction of few pulses costs
         whole sub-apertures.
@@ -39,15 +43,13 @@ class RevisableImage:
     ----------
     block : PulseBlock
         The aperture with its present phase centres.
-    plan : AfbpImager
-        Plan of the present image.
     plans_made : int
         How often the aperture was planned.
 
     Raises
     ------
     ValueError
-        The geometry does not allow the target; see `AfbpImager`.
+        The geometry does not allow the target.
     """
 
     def __init__(self, grid: MapGrid | PolarGrid, block: PulseBlock, *, target_db: float = -50.0,
@@ -62,9 +64,17 @@ class RevisableImage:
         """Number of sub-apertures."""
         return self.plan.subapertures.n_subapertures
 
-    def image(self) -> np.ndarray:
-        """(n_y, n_x) or (n_alpha, n_range) complex64 image, as `AfbpImager` gives it."""
-        return self.plan.form(self._fusion.polar_image())
+    @property
+    def plan(self) -> AfbpPlan:
+        """Plan of the present image."""
+        return self._imager.report.plan
+
+    def image(self) -> Image:
+        """The present image."""
+        samples = image_of_polar(self.plan, self._fusion.polar_image(), backend())
+        return Image(samples, self._grid, self.block.radar.carrier_hz, self._imager.report,
+                     int(np.sort(self.block.stamp_ns)[self.block.n_pulses // 2]),
+                     np.sort(self.block.counter.astype(np.int64)))
 
     def revise(self, tx_m, rx_m) -> tuple[int, ...]:
         """Correct the phase centres.
@@ -110,28 +120,29 @@ class RevisableImage:
 
     def _image_anew(self) -> None:
         block = self.block
-        self.plan = AfbpImager(self._grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
-                               target_db=self._target_db, pulses_per_subaperture=self._length)
+        self._imager = plan_image(self._grid, block.radar, block.n_samples, block.tx_m,
+                                  block.rx_m, method=AFBP, target_db=self._target_db,
+                                  pulses_per_subaperture=self._length)
         self.plans_made += 1
-        stage = self.plan.subapertures
-        limits = _widened(stage.limits, block.radar)
-        self._stage = dataclasses.replace(stage, limits=limits)
-        self._fusion = backend().SpectrumFusion(stage.fusion_grid, keep=True)
-        for number, centre_m in enumerate(stage.sampling.centre):
+        plan = self.plan.subapertures
+        self._within = dataclasses.replace(plan, limits=_widened(plan.limits, block.radar))
+        self._stage = backend().SubapertureImager(plan)
+        self._fusion = backend().SpectrumFusion(plan.fusion_grid, keep=True)
+        for number, centre_m in enumerate(plan.sampling.centre):
             self._add(number, float(centre_m))
 
     def _centre(self, block: PulseBlock, number: int) -> float | None:
         """Middle of a sub-aperture's band; None where the plan does not suit it."""
         some = self._cuts[number]
         try:
-            centre_m, error_db, within = self._stage.check(block.tx_m[some], block.rx_m[some])
+            centre_m, error_db, within = self._within.check(block.tx_m[some], block.rx_m[some])
         except ValueError:
             return None
         return centre_m if within and error_db <= self.plan.predicted_error_db + 1.0 else None
 
     def _add(self, number: int, centre_m: float) -> None:
         part = self.block.select(self._cuts[number])
-        self._fusion.add(number, self.plan.stage.image(number, part), centre_m)
+        self._fusion.add(number, self._stage.image(number, part), centre_m)
 
 
 def _widened(limits: Limits, radar: RadarParameters) -> Limits:

@@ -30,7 +30,7 @@ MOST_PIXELS = 200_000  # of the scene to balance over; coarser pixels above
 
 _EPILOG = """\
 The file goes to the parameter calibration_file of range_compression, or into RangeCompressor and
-Backprojector. Phases are in degrees at the carrier, delays in seconds; all are relative to the
+plan_image. Phases are in degrees at the carrier, delays in seconds; all are relative to the
 mean of the channels. Exit status: 0 when the file was written, 1 with a reason when not.
 """
 

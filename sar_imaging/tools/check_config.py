@@ -26,7 +26,7 @@ from sar_imaging.configuration.report import lines, rows
 from sar_imaging.configuration.settings import Acquisition, Imaging, Machine
 from sar_imaging.configuration.subapertures import forecast_subapertures
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.pulses import PulseBlock
 
 # A part of the problem that takes about a second; larger ones are faster per pixel and pulse.
@@ -155,13 +155,13 @@ def measure_rate(acquisition: Acquisition, imaging: Imaging, derived: Derived) -
         derived.profile_radar, True, np.arange(n_pulses), np.arange(n_pulses),
         samples.view(np.complex64)[..., 0],
         np.broadcast_to(track, (*shape[:2], 3)), track + acquisition.receiver_offsets())
-    plan = Backprojector(grid, derived.profile_radar, derived.n_profile,
-                         target_db=imaging.target_db)
-    plan(profiles)  # compiles
+    imager = plan_image(grid, derived.profile_radar, derived.n_profile, method='exact',
+                        target_db=imaging.target_db)
+    imager(profiles)  # compiles
     seconds = []
     for _ in range(2):
         started = time.perf_counter()
-        plan(profiles)
+        imager(profiles)
         seconds.append(time.perf_counter() - started)
     return grid.n_x * grid.n_y * n_pulses * acquisition.n_channels / min(seconds)
 

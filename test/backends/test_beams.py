@@ -6,11 +6,11 @@ import numba
 import numpy as np
 import pytest
 
+from benchmarks.support.references import exact_image
 from sar_imaging.backends.cpu.beams.forming import ROWS
 from sar_imaging.backends.cpu.beams.subaperture import BeamformedSubaperture
-from sar_imaging.imaging.afbp import AfbpImager
-from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.planning.afbp.beams import plan_beams
+from sar_imaging.planning.afbp.plan import plan_afbp
 from sar_imaging.planning.profiles.range_gate import RangeGate
 from sar_imaging.planning.profiles.range_resampling import plan_resampling, sample_paths
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock
@@ -37,8 +37,8 @@ def _stage(grid, block, pulses, target_db):
 
     Sub-apertures are 10 dB better than what is wanted of the image.
     """
-    plan = AfbpImager(grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
-                      target_db=target_db + 10.0, pulses_per_subaperture=32).subapertures
+    plan = plan_afbp(grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+                     target_db=target_db + 10.0, pulses_per_subaperture=32).subapertures
     radar, window = block.radar, RangeGate.whole(block.radar, block.n_samples)
     part = block.select(pulses)
     r, alpha = (v.ravel() for v in np.meshgrid(plan.polar.range_m[[0, -1]],
@@ -75,7 +75,7 @@ def _error_db(stage, exact, weights=None):
 def _exact(stage, block):
     polar = stage.coarse
     points = np.ascontiguousarray(polar.lines(polar.range_m[None, :], polar.alpha[:, None])[0])
-    return Backprojector(points, block.radar, block.n_samples)(block)
+    return exact_image(points, block)
 
 
 GEOMETRIES = [

@@ -8,7 +8,7 @@ from sar_imaging.configuration import check, derive
 from sar_imaging.configuration.parameters import default_file, read_configuration
 from sar_imaging.configuration.subapertures import forecast_subapertures
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality import measure_scatterer
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.signal.range_compression import RangeCompressor
@@ -70,13 +70,13 @@ def test_a_point_target_has_the_derived_position_and_width(name):
     compressor = RangeCompressor(
         acquisition.radar, acquisition.n_samples, window=imaging.window,
         oversampling=imaging.oversampling, range_filter=imaging.range_filter)
-    plan = Backprojector(grid, compressor.output_radar, compressor.n_output,
-                         target_db=imaging.target_db)
-    image = plan.new_image()
+    imager = plan_image(grid, compressor.output_radar, compressor.n_output, method='exact',
+                        target_db=imaging.target_db)
+    image = imager.new_image()
     for block in scenario.blocks(64):
-        plan.add(compressor(block), image)
+        imager.accumulate(compressor(block), image)
     quality = measure_scatterer(
-        image, grid, target.position_m, aperture_centre_m=acquisition.centre_m,
+        image.samples, grid, target.position_m, aperture_centre_m=acquisition.centre_m,
         wavenumber_rad_per_m=acquisition.radar.wavenumber_rad_per_m,
         cut_half_width_range_m=8 * derived.range_null_m,
         cut_half_width_azimuth_m=8 * derived.azimuth_null_m)

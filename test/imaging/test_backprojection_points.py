@@ -5,15 +5,16 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.support.references import exact_image
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.spectra import band_spectrum
 
 
 def _error_db(block, points, image, seed=0):
     """Error against TDC over the brightest and as many random points, dB."""
-    flat, points = image.ravel(), points.reshape(-1, 3)
+    flat, points = np.ravel(image), points.reshape(-1, 3)
     known = np.flatnonzero(np.isfinite(points).all(axis=1))
     brightest = known[np.argsort(np.abs(flat[known]))[-150:]]
     chosen = np.r_[brightest, np.random.default_rng(seed).choice(known, 150)]
@@ -22,11 +23,11 @@ def _error_db(block, points, image, seed=0):
                          / np.sum(np.abs(reference) ** 2))
 
 
-def _form(block, grid, **options):
-    plan = Backprojector(grid, block.radar, block.n_samples, **options)
-    image = plan(block)
-    assert plan.method == 'points'
-    return image, plan
+def _form(block, grid, target_db=-80.0, **options):
+    image = plan_image(grid, block.radar, block.n_samples, method='exact', target_db=target_db,
+                       **options)(block)
+    assert image.report.plan.method == 'points'
+    return image.samples, image.report
 
 
 def _hills(grid):
@@ -48,17 +49,17 @@ def _on(grid, height_m):
 def test_terrain(make_case, options):
     case = make_case(**options)
     height = _hills(case.grid)
-    image, plan = _form(case.block, case.grid, height_m=height)
+    image, report = _form(case.block, case.grid, height_m=height)
     error = _error_db(case.block, _on(case.grid, height), image)
-    assert error <= min(-80.0, plan.predicted_error_db + 1.0)  # never optimistic
+    assert error <= min(-80.0, report.predicted_error_db + 1.0)  # never optimistic
 
 
 @pytest.mark.parametrize('target_db', [-50.0, -90.0])
 def test_target_is_met_and_predicted(make_case, target_db):
     case = make_case(1e3, height_m=300.0)
-    image, plan = _form(case.block, case.grid.points(), target_db=target_db)
-    assert plan.predicted_error_db <= target_db
-    assert _error_db(case.block, case.grid.points(), image) <= plan.predicted_error_db + 1.0
+    image, report = _form(case.block, case.grid.points(), target_db=target_db)
+    assert report.predicted_error_db <= target_db
+    assert _error_db(case.block, case.grid.points(), image) <= report.predicted_error_db + 1.0
 
 
 def test_tiles_too_large_for_float32_are_computed_in_float64(make_case):
@@ -83,7 +84,7 @@ def test_points_of_any_shape(make_case, shape):
 
 def test_level_terrain_is_the_map(make_case):
     case = make_case(1e3, channels=2)
-    plain = Backprojector(case.grid, case.block.radar, case.block.n_samples)(case.block)
+    plain = exact_image(case.grid, case.block)
     image, _ = _form(case.block, case.grid, height_m=np.zeros(case.grid.shape))
     # two -80 dB images; the largest single error is some times the rms one
     assert np.abs(image - plain).max() <= 5e-4 * np.abs(plain).max()
@@ -92,7 +93,7 @@ def test_level_terrain_is_the_map(make_case):
 def test_unknown_heights_are_no_pixels(make_case):
     case = make_case(1e3)
     height = _hills(case.grid)
-    full, plan = _form(case.block, case.grid, height_m=height)
+    full, _ = _form(case.block, case.grid, height_m=height)
     unknown = np.random.default_rng(3).random(case.grid.shape) < 0.3
     unknown[:20, :20] = True  # whole tiles
     height[unknown] = np.nan
@@ -100,16 +101,19 @@ def test_unknown_heights_are_no_pixels(make_case):
     assert not image[unknown].any()
     # tiles have other centres, which changes the rounding below -80 dB
     assert np.abs(image - full)[~unknown].max() <= 5e-4 * np.abs(full).max()
-    plan = Backprojector(case.grid, case.block.radar, case.block.n_samples, height_m=height)
-    ones = np.ones(case.grid.shape, np.complex64)
-    plan.add(case.block, ones)
-    assert (ones[unknown] == 1).all()
+    plan = plan_image(case.grid, case.block.radar, case.block.n_samples, method='exact',
+                      target_db=-80.0, height_m=height)
+    ones = plan.new_image()
+    ones.samples[:] = 1
+    plan.accumulate(case.block, ones)
+    assert (ones.samples[unknown] == 1).all()
 
 
 def test_nothing_known_is_dark(make_case):
     case = make_case(1e3)
-    plan = Backprojector(np.full((4, 3), np.nan), case.block.radar, case.block.n_samples)
-    assert not plan(case.block).any()
+    plan = plan_image(np.full((4, 3), np.nan), case.block.radar, case.block.n_samples,
+                      method='exact', target_db=-80.0)
+    assert not plan(case.block).samples.any()
 
 
 def test_point_at_the_antenna(make_case):
@@ -140,4 +144,4 @@ def test_ranges_outside_the_profile_are_dark(make_case):
 def test_positions_that_are_none_are_refused(make_case, grid, options, message):
     block = make_case(1e3).block
     with pytest.raises(ValueError, match=message):
-        Backprojector(grid, block.radar, block.n_samples, **options)
+        plan_image(grid, block.radar, block.n_samples, method='exact', **options)

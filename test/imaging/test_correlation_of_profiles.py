@@ -6,9 +6,10 @@ import pathlib
 import numpy as np
 import pytest
 
+from benchmarks.support.references import exact_image
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters, Waveform
 from sar_imaging.signal.dechirp import fmcw_parameters
@@ -57,11 +58,11 @@ def _recording(radar, n_samples, *, pulses=24, seed=1):
 def test_error_of_an_exact_image_keeps_its_prediction(name, window):
     raw = _recording(*RADARS[name])
     profiles = RangeCompressor.for_block(raw, window=window, oversampling=1.5)(raw)
-    plan = Backprojector(GRID, profiles.radar, profiles.n_samples)
+    plan = plan_image(GRID, profiles.radar, profiles.n_samples, method='exact', target_db=-80.0)
     found = measure_error(plan(profiles), GRID, profiles)
     # A Fourier transform of the whole profile as reference gave -17 to -71 dB: profiles end
     # amid echoes, and those of a phase history repeat their beginning.
-    assert found.error_db < plan.predicted_error_db + 1.5  # five deviations of the estimate
+    assert found.error_db < plan.report.predicted_error_db + 1.5  # five deviations of the estimate
     assert found.covered_share == 1.0
 
 
@@ -119,7 +120,7 @@ def _short_profiles():
     radar = dataclasses.replace(radar, first_sample_delay_s=radar.first_sample_delay_s
                                 + first / radar.sample_rate_hz)
     profiles = dataclasses.replace(profiles, radar=radar, samples=profiles.samples[..., first:])
-    return profiles, Backprojector(GRID, radar, profiles.n_samples)(profiles)
+    return profiles, exact_image(GRID, profiles)
 
 
 def test_pixels_near_the_ends_of_profiles_are_left_out():
@@ -202,9 +203,9 @@ def test_images_of_measured_data_keep_their_prediction(name):
         pytest.skip(f'needs ../shared/data/{name} beside the repository')
     raw, grid = _measured(name)
     profiles = RangeCompressor.for_block(raw, window='hamming', oversampling=1.5)(raw)
-    plan = Backprojector(grid, profiles.radar, profiles.n_samples)
+    plan = plan_image(grid, profiles.radar, profiles.n_samples, method='exact', target_db=-80.0)
     found = measure_error(plan(profiles), grid, profiles)
     # Measured: -99.2, -92.5 and -97.1 dB, -82 to -84 dB predicted. A Fourier transform of the
     # whole profile as reference gave -54, -15 and -61 dB.
-    assert found.error_db < plan.predicted_error_db + 1.5
+    assert found.error_db < plan.report.predicted_error_db + 1.5
     assert found.covered_share > 0.7

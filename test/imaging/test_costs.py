@@ -6,7 +6,7 @@ import dataclasses
 
 import pytest
 
-from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.cost_files import read_costs, write_costs
 from sar_imaging.planning.costs import DEFAULT, VARIABLE, costs, using
 
@@ -16,9 +16,10 @@ def test_the_quickest_way_follows_the_costs(make_case):
 
     def method(**changed):
         with using(dataclasses.replace(DEFAULT, **changed)):
-            imager = Backprojector(case.grid, case.block.radar, case.block.n_samples)
-            imager(case.block)
-        return imager.method
+            report = plan_image(case.grid, case.block.radar, case.block.n_samples,
+                                case.block.tx_m, case.block.rx_m, method='exact',
+                                target_db=-80.0).report
+        return report.plan.method
 
     assert method() == 'lines'
     assert method(line_pixel=100.0, point_pixel=1e6) == 'polar'

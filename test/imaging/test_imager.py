@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.imaging.afbp import AfbpImager
-from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.afbp import Afbp
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.costs import DEFAULT, using
 from sar_imaging.signal import PulseBlock
@@ -80,14 +79,9 @@ def test_bright_surroundings_are_imaged_exactly(make_case):
 
 
 def test_pulses_from_the_same_places_are_planned_once(case, monkeypatch):
-    planned = []
-    whole = AfbpImager.__init__
-
-    def counted(self, *arguments, **options):
-        planned.append(1)
-        whole(self, *arguments, **options)
-
-    monkeypatch.setattr(AfbpImager, '__init__', counted)
+    planned, whole = [], Afbp.plan
+    monkeypatch.setattr(Afbp, 'plan', lambda self, *centres: planned.append(1)
+                        or whole(self, *centres))
     block = case.block
     imager = _imager(case, tx_m=block.tx_m, rx_m=block.rx_m, method='afbp')
     assert imager.report.predicted_error_db < -60.0 and len(planned) == 1
@@ -96,6 +90,19 @@ def test_pulses_from_the_same_places_are_planned_once(case, monkeypatch):
     assert len(planned) == 1
     imager(dataclasses.replace(block, tx_m=block.tx_m + 0.5, rx_m=block.rx_m + 0.5))
     assert len(planned) == 2
+
+
+def test_options_of_one_method_are_named(case):
+    block = case.block
+    imager = _imager(case, tx_m=block.tx_m, rx_m=block.rx_m, method='afbp',
+                     pulses_per_subaperture=32)
+    assert imager.report.plan.subapertures.n_subapertures == 4
+    with pytest.raises(ValueError, match="'exact' has no option pulses_per_subaperture"):
+        _imager(case, method='exact', pulses_per_subaperture=32)
+    with pytest.raises(ValueError, match='merge_factor: options of one method'):
+        _imager(case, merge_factor=2)
+    with pytest.raises(ValueError, match='no option taps; it has pulses_per_subaperture, merge'):
+        _imager(case, method='ffbp', taps=4)
 
 
 @pytest.mark.parametrize('method', ['exact', 'afbp'])
@@ -143,8 +150,8 @@ def test_options_mean_the_same_with_all_methods(make_case, method):
 
 def test_polar_grids_and_points_are_imaged_too(case):
     r = float(np.hypot(*np.subtract(case.grid.centre_m[:2], case.block.tx_m[:, 0, :2].mean(0))))
-    polar = AfbpImager(case.grid, case.block.radar, case.block.n_samples, case.block.tx_m,
-                       case.block.rx_m).subapertures.polar
+    polar = _imager(case, tx_m=case.block.tx_m, rx_m=case.block.rx_m, method='afbp',
+                    target_db=-50.0).report.plan.subapertures.polar
     assert isinstance(polar, PolarGrid) and r > 0
     exact = _imager(case, polar, method='exact', target_db=-80.0)(case.block)
     assert exact.shape == (polar.n_alpha, polar.n_range)
@@ -168,8 +175,8 @@ def test_the_reference_backend_forms_the_same_image(make_case, method):
 
 @pytest.mark.parametrize(('options', 'message'), [
     ({'method': 'fast'}, "'exact', 'afbp'"),
-    ({'method': 'afbp', 'height_m': np.zeros((4, 4))}, 'terrain'),
-    ({'method': 'wavenumber', 'grid': np.zeros((4, 3))}, 'maps'),
+    ({'method': 'afbp', 'height_m': np.zeros((96, 96))}, 'terrain'),
+    ({'method': 'wavenumber', 'grid': np.zeros((4, 3))}, 'images a MapGrid'),
     ({'weights': [np.nan]}, 'finite'),
     ({'method': 'exact', 'pulse_weights': [1.0]}, 'one for each pulse'),
 ])
@@ -184,10 +191,3 @@ def test_blocks_without_positions_are_refused(case):
     for method in ('auto', 'exact', 'afbp', 'correlation'):
         with pytest.raises(ValueError, match='phase centres'):
             _imager(case, method=method)(bare)
-
-
-def test_the_exact_imager_is_the_one_behind(case):
-    image = _imager(case, method='exact', target_db=-80.0)(case.block)
-    own = Backprojector(case.grid, case.block.radar, case.block.n_samples)
-    np.testing.assert_array_equal(image.samples, own(case.block))
-    assert image.report.predicted_error_db == own.predicted_error_db

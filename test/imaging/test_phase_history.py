@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.profiles.phase_history import PhaseHistory
 from sar_imaging.quality.verification import measure_error
@@ -36,9 +35,9 @@ def _block(n_frequencies, *, channels=1, pulses=192, n_side=96):
                       samples, tx, rx), MapGrid((0.0, 0.0, 0.0), n_side, n_side, 0.5)
 
 
-def _plan(block, grid, **options):
-    return AfbpImager(grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
-                      compressed=False, **options)
+def _plan(block, grid, target_db=-50.0, **options):
+    return plan_image(grid, block.radar, block.n_samples, block.tx_m, block.rx_m, method='afbp',
+                      target_db=target_db, compressed=False, **options)
 
 
 @pytest.mark.parametrize('target_db', [-50.0, -70.0])
@@ -49,15 +48,15 @@ def test_target_is_met(n_frequencies, channels, target_db):
     plan = _plan(block, grid, target_db=target_db)
     error = measure_error(plan(block), grid, block, fit_scale=True)
     assert max(error.error_db, error.brightest_error_db) <= target_db
-    assert not plan.warnings
+    assert not plan.report.warnings
 
 
 def test_it_is_the_image_of_compressed_profiles():
     block, grid = _block(256)
     profiles = RangeCompressor.for_block(block, window='hamming')(block)
-    other = AfbpImager(grid, profiles.radar, profiles.n_samples, profiles.tx_m, profiles.rx_m,
-                       target_db=-70.0)(profiles)
-    image = _plan(block, grid, weighting='hamming', target_db=-70.0)(block)
+    other = plan_image(grid, profiles.radar, profiles.n_samples, profiles.tx_m, profiles.rx_m,
+                       method='afbp', target_db=-70.0)(profiles).samples
+    image = _plan(block, grid, weighting='hamming', target_db=-70.0)(block).samples
     # Both are within -70 dB of the exact image, and each its own way off it.
     difference = np.sum(np.abs(image - other) ** 2) / np.sum(np.abs(other) ** 2)
     assert 10 * np.log10(difference) <= -67.0
@@ -67,17 +66,17 @@ def test_pulses_are_weighted():
     block, grid = _block(256)
     weights = np.hamming(block.n_pulses)
     weighted = dataclasses.replace(block, samples=block.samples * weights[:, None, None])
-    image = _plan(block, grid, pulse_weights=weights)(block)
+    image = _plan(block, grid, pulse_weights=weights)(block).samples
     np.testing.assert_allclose(image, _plan(block, grid)(weighted), rtol=1e-4,
                                atol=1e-5 * np.abs(image).max())
     with pytest.raises(ValueError, match='192 finite numbers'):
-        _plan(block, grid, pulse_weights=weights[1:])
+        _plan(block, grid, pulse_weights=weights[1:])(block)
 
 
 def test_scenes_beyond_the_unambiguous_range_are_warned_about():
     block, grid = _block(64)
     plan = _plan(block, grid)
-    assert any('64 frequencies tell apart' in warning for warning in plan.warnings)
+    assert any('64 frequencies tell apart' in warning for warning in plan.report.warnings)
 
 
 def test_the_carrier_is_a_frequency_of_the_pulse():
@@ -97,8 +96,8 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(ValueError, match='plan is for raw pulses'):
         _plan(block, grid)(profiles)
     with pytest.raises(ValueError, match='is for phase histories'):
-        AfbpImager(grid, profiles.radar, profiles.n_samples, profiles.tx_m, profiles.rx_m,
-                   weighting='hamming')
+        plan_image(grid, profiles.radar, profiles.n_samples, profiles.tx_m, profiles.rx_m,
+                   method='afbp', target_db=-50.0, weighting='hamming')
 
 
 @pytest.mark.parametrize('method', ['auto', 'exact', 'afbp'])

@@ -13,15 +13,13 @@ import pickle
 import numpy as np
 import pytest
 
+from benchmarks.support.references import exact_image
 from sar_imaging.geometry import MapGrid, PlaneGrid, PointGrid, TerrainGrid, VolumeGrid
-from sar_imaging.imaging.afbp import AfbpImager
-from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate
-from sar_imaging.imaging.ffbp import FfbpImager
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.imaging.wavenumber import WavenumberImager
 from sar_imaging.planning import memory
 from sar_imaging.planning.exact.backprojection import plan_backprojection
+from sar_imaging.planning.exact.points import ImagePoints
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters
 from sar_imaging.signal.spectra import band_spectrum
@@ -117,13 +115,15 @@ def against_correlation_db(image, grid, block):
 def test_images_are_as_exact_as_predicted(name, target_db):
     scene, way = SCENES[name]
     block = scene.block(scene.random_points())
-    plan = Backprojector(scene.grid, block.radar, block.n_samples, target_db=target_db)
-    image = plan(block)
-    assert image.shape == scene.grid.shape and plan.warnings == ()
-    assert plan.predicted_error_db <= target_db
-    assert against_correlation_db(image, scene.grid, block) <= plan.predicted_error_db + 3.0
+    image = plan_image(scene.grid, block.radar, block.n_samples, method='exact',
+                       target_db=target_db)(block)
+    report = image.report
+    assert image.shape == scene.grid.shape and report.warnings == ()
+    assert report.predicted_error_db <= target_db
+    assert (against_correlation_db(image.samples, scene.grid, block)
+            <= report.predicted_error_db + 3.0)
     if target_db == -50.0:  # more exact lines need segments so short that points are quicker
-        assert plan.method == way
+        assert report.plan.method == way
 
 
 @pytest.mark.parametrize('name', ['vertical section', 'slant plane', 'oblique volume',
@@ -134,13 +134,13 @@ def test_what_is_planned_is_what_is_quicker(name):
     rows = block.tx_m.reshape(-1, 3)
     arguments = block.radar, block.n_samples, rows, rows, -50.0
     plan = plan_backprojection(scene.grid, *arguments)
-    points = Backprojector(scene.grid.points(), block.radar, block.n_samples, target_db=-50.0)
-    image, other = np.zeros(scene.grid.shape, np.complex64), points(block)
+    other = exact_image(scene.grid.points(), block, target_db=-50.0)
+    image = exact_image(scene.grid, block, target_db=-50.0)
     assert pickle.loads(pickle.dumps(plan)) == plan
-    Backprojector(scene.grid, block.radar, block.n_samples, target_db=-50.0).add(block, image)
     # Either may be as far from the exact image as is asked for.
     assert np.linalg.norm(image - other) <= 2 * 10 ** (-50 / 20) * np.linalg.norm(other)
-    anywhere = plan_backprojection(points._pixels, *arguments)
+    anywhere = plan_backprojection(
+        ImagePoints.of_grid(PointGrid(scene.grid.points())), *arguments)
     assert plan.way.cost <= anywhere.way.cost * (1 + 1e-9)
 
 
@@ -171,7 +171,7 @@ def along_m(scene):
 def check_focus(scene, grid, point, widths):
     """A reflector is imaged at its place, to a pixel, and so wide along each axis."""
     block = scene.block(np.array([point]))
-    image = Backprojector(grid, block.radar, block.n_samples, target_db=-60.0)(block)
+    image = exact_image(grid, block, target_db=-60.0)
     assert np.abs(image).max() == pytest.approx(block.n_pulses, rel=0.01)
     found = grid.points()[np.unravel_index(np.abs(image).argmax(), image.shape)]
     steps = np.linalg.norm(grid.steps_m, axis=1)
@@ -211,7 +211,7 @@ def test_focus_in_a_volume():
 def test_measure_error_knows_every_grid():
     for scene in (AIRCRAFT, BESIDE):
         block = scene.block(scene.random_points())
-        image = Backprojector(scene.grid, block.radar, block.n_samples, target_db=-60.0)(block)
+        image = exact_image(scene.grid, block, target_db=-60.0)
         told = measure_error(image, scene.grid, block, n_pixels=60, n_brightest=60)
         assert -100.0 < told.error_db <= -60.0
 
@@ -221,46 +221,44 @@ def test_terrain_and_points_are_grids_too(make_case):
     radar, n = case.block.radar, case.block.n_samples
     heights = 2.0 * np.sin(case.grid.x_m / 7) + 0 * case.grid.y_m[:, None]
     heights[3, 4] = np.nan
-    by_map = Backprojector(case.grid, radar, n, height_m=heights)(case.block)
+    by_map = exact_image(case.grid, case.block, height_m=heights)
     terrain = TerrainGrid(case.grid, heights)
-    np.testing.assert_array_equal(Backprojector(terrain, radar, n)(case.block), by_map)
+    np.testing.assert_array_equal(exact_image(terrain, case.block), by_map)
     points = terrain.points()
-    by_array = Backprojector(points, radar, n)
-    np.testing.assert_array_equal(Backprojector(PointGrid(points), radar, n)(case.block),
-                                  by_array(case.block))
+    by_array = plan_image(points, radar, n, method='exact', target_db=-80.0)(case.block)
+    np.testing.assert_array_equal(exact_image(PointGrid(points), case.block), by_array)
     assert isinstance(by_array.grid, PointGrid)
     assert by_map[3, 4] == 0
     with pytest.raises(ValueError, match='height_m goes with a MapGrid, not with PlaneGrid'):
-        Backprojector(AIRCRAFT.grid, radar, n, height_m=heights)
+        plan_image(AIRCRAFT.grid, radar, n, height_m=heights)
 
 
 def test_positions_of_oblique_grids_are_part_of_the_memory(monkeypatch):
     for scene, bytes_per_pixel in ((RAIL, 0), (ROOM, 0), (OBLIQUE, 24)):
         block, shape = scene.block(scene.random_points(3)), scene.grid.shape
-        imager = Backprojector(scene.grid, block.radar, block.n_samples, target_db=-80.0)
-        plan = imager.plan(block.tx_m, block.rx_m)
+        plan = plan_image(scene.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+                          method='exact', target_db=-80.0).report.plan
         assert plan.method == 'points'
         assert plan.n_bytes == bytes_per_pixel * np.prod(shape)
     monkeypatch.setattr(memory, 'available_bytes', lambda: 16 * int(np.prod(shape)))
-    with pytest.raises(MemoryError, match='positions of 30 x 24 x 23 pixels .* steps along x, y'):
-        Backprojector(scene.grid, block.radar, block.n_samples)(block)
+    with pytest.raises(MemoryError, match="30 x 24 x 23 pixels by method 'exact' needs"):
+        exact_image(scene.grid, block)
 
 
 def test_what_does_not_fit_into_memory_is_refused(make_case):
     case = make_case(300.0)
     huge = dataclasses.replace(ROOM.grid, n_x=10 ** 5, n_y=10 ** 5, n_z=10 ** 3)
     with pytest.raises(MemoryError, match='an image of 100000 x 100000 x 1000 pixels needs 8'):
-        Backprojector(huge, case.block.radar, case.block.n_samples)
+        plan_image(huge, case.block.radar, case.block.n_samples)
 
 
 @pytest.mark.parametrize('scene', [AIRCRAFT, TOMOGRAPHY], ids=['slant plane', 'tomography'])
 def test_imagers_of_maps_refuse_other_grids_and_name_the_one_that_does_not(scene):
     grid, block = scene.grid, scene.block(scene.random_points(3))
     aperture = block.radar, block.n_samples, block.tx_m, block.rx_m
-    for make in (lambda: AfbpImager(grid, *aperture), lambda: FfbpImager(grid, *aperture),
-                 lambda: WavenumberImager(grid)):
+    for method in ('afbp', 'ffbp', 'wavenumber'):
         with pytest.raises(ValueError, match=f'grid is a {type(grid).__name__}; .* exact back'):
-            make()
+            plan_image(grid, *aperture, method=method, target_db=-50.0)
 
 
 @pytest.mark.parametrize(('method', 'backend'), [

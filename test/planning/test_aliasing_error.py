@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging.afbp import AfbpImager
 from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
 from sar_imaging.planning.afbp.map_cover import covers, fit_ranges
+from sar_imaging.planning.afbp.plan import plan_afbp
 from sar_imaging.planning.aliasing_error import TONES, PixelDensity, correction_error
 from sar_imaging.planning.guard_taper import guard_taper
 from sar_imaging.planning.interpolators import design_interpolator
@@ -63,7 +63,7 @@ def _brightness(brighter_db, where):
     """Of an image of noise that is brighter in one place, judged for a map in its middle."""
     case = random_case(7)
     p = case.profiles
-    plan = AfbpImager(case.grid, p.radar, p.n_samples, p.tx_m, p.rx_m, target_db=-50.0)
+    plan = plan_afbp(case.grid, p.radar, p.n_samples, p.tx_m, p.rx_m, target_db=-50.0)
     fusion = plan.subapertures.fusion_grid
     rng = np.random.default_rng(1)
     parts = rng.normal(size=(2, fusion.n_coarse, fusion.n_coarse_range)).astype(np.float32)

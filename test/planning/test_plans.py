@@ -26,7 +26,8 @@ def _exact(case, grid=None, shift_m=0.0):
 
 def _afbp(case, shift_m=0.0):
     block = case.block
-    return plan_afbp(case.grid, block.radar, block.n_samples, block.tx_m + shift_m, block.rx_m)
+    return plan_afbp(case.grid, block.radar, block.n_samples, block.tx_m + shift_m, block.rx_m,
+                     target_db=-50.0)
 
 
 def _ffbp(case, shift_m=0.0):

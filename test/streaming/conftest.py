@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sar_imaging.imaging.backprojection import Backprojector
+from benchmarks.support.references import exact_image
 from sar_imaging.streaming.subapertures import LiveSubapertures
 
 LENGTH = 96  # pulses of an aperture
@@ -60,11 +60,10 @@ def error_db(image, reference):
                          / np.sum(np.abs(reference) ** 2))
 
 
-def exact_image(case, pulses, grid=None):
+def exact_of(case, pulses, grid=None):
     """Exact backprojection of some pulses of a case."""
     grid = case.grid if grid is None else grid
-    return Backprojector(grid, case.block.radar, case.block.n_samples, target_db=-90.0)(
-        case.block.select(pulses))
+    return exact_image(grid, case.block.select(pulses), target_db=-90.0)
 
 
 def make_stage(case, **options):

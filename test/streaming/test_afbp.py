@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sar_imaging.imaging.afbp import AfbpImager
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.streaming.fusion import LiveFusion
 
@@ -12,7 +12,7 @@ from .conftest import (
     LENGTH,
     TRACKS,
     error_db,
-    exact_image,
+    exact_of,
     fuse,
     make_stage,
     pieces_of,
@@ -29,7 +29,7 @@ def test_target_is_met_on_any_track(fly, track, target_db):
     assert [(i.aperture, i.final, i.n_pulses, i.n_missing) for i in images] == [
         (0, True, LENGTH, 0), (1, True, LENGTH, 0)]
     for k, result in enumerate(images):
-        error = error_db(result.image, exact_image(case, slice(k * LENGTH, (k + 1) * LENGTH)))
+        error = error_db(result.image, exact_of(case, slice(k * LENGTH, (k + 1) * LENGTH)))
         # Scatterers reach the edges of the grid, where the fusion errs; see test_afbp.
         assert error <= target_db and error <= result.predicted_error_db + 3.0
     assert stage.statistics.imaged == 2 * LENGTH and fusion.statistics.images == 2
@@ -40,8 +40,8 @@ def test_live_is_as_good_as_offline_and_both_agree_with_correlation(fly):
     images = fuse(LiveFusion(), subapertures_of(make_stage(case, target_db=-70.0),
                                                 pieces_of(case.block)))
     block = case.block.select(slice(0, LENGTH))
-    offline = AfbpImager(case.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
-                         target_db=-70.0)(block)
+    offline = plan_image(case.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+                         method='afbp', target_db=-70.0)(block).samples
     assert error_db(images[0].image, offline) <= -65.0  # two errors of -70 dB at most
     checked = measure_error(images[0].image, case.grid, [block], n_pixels=100, n_brightest=50)
     assert checked.error_db <= -70.0
@@ -67,7 +67,7 @@ def test_images_so_far(fly):
     for result in images:
         start = result.aperture * LENGTH
         stop = start + result.n_subapertures * CUT
-        assert error_db(result.image, exact_image(case, slice(start, stop))) <= -60.0
+        assert error_db(result.image, exact_of(case, slice(start, stop))) <= -60.0
         # the stamps of the pulses are their numbers
         assert abs(result.stamp_ns - (start + stop - 1) / 2) <= 1
         assert (result.n_pulses, result.n_missing) == (stop - start, 0)

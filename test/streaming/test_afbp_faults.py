@@ -14,7 +14,7 @@ from .conftest import (
     LENGTH,
     error_db,
     events_of,
-    exact_image,
+    exact_of,
     fuse,
     make_stage,
     pieces_of,
@@ -35,7 +35,7 @@ def test_missing_pulses_do_not_move_the_cuts(fly):
     images = fuse(LiveFusion(min_pulse_fraction=0.1), subapertures)
     for k, result in enumerate(images):
         pulses = kept[kept // LENGTH == k]
-        assert error_db(result.image, exact_image(case, pulses)) <= -60.0
+        assert error_db(result.image, exact_of(case, pulses)) <= -60.0
         assert (result.n_pulses, result.n_missing) == (len(pulses), LENGTH - len(pulses))
         assert abs(result.stamp_ns - (k + 0.5) * LENGTH) <= 2
 
@@ -58,7 +58,7 @@ def test_subapertures_in_any_order_and_twice(fly, sent):
     images = fuse(fusion, [sent[i] for i in order for _ in range(2)])
     for k, result in enumerate(images):
         assert error_db(result.image,
-                        exact_image(fly(), slice(k * LENGTH, (k + 1) * LENGTH))) <= -60.0
+                        exact_of(fly(), slice(k * LENGTH, (k + 1) * LENGTH))) <= -60.0
     assert fusion.statistics.fused == 12
     # The last one of each completes its aperture; when it comes again, that is closed.
     assert (fusion.statistics.duplicate, fusion.statistics.late) == (10, 2)
@@ -69,7 +69,7 @@ def test_subapertures_that_never_come(fly, sent):
     images = fuse(fusion, [s for s in sent if s.number not in (1, 5)]) + fusion.flush()
     pulses = np.r_[0:CUT, 2 * CUT:5 * CUT]
     for k, result in enumerate(images):
-        assert error_db(result.image, exact_image(fly(), k * LENGTH + pulses)) <= -60.0
+        assert error_db(result.image, exact_of(fly(), k * LENGTH + pulses)) <= -60.0
         assert (result.n_pulses, result.n_missing) == (4 * CUT, 2 * CUT)
         assert abs(result.stamp_ns - (k + 0.5) * LENGTH) <= 1
     assert len(images) == 2 and fusion.add(sent[1]) == []
@@ -125,7 +125,7 @@ def test_the_counter_wraps_around(fly):
     images = fuse(LiveFusion(), subapertures_of(stage, pieces_of(block)))
     assert [(i.aperture, i.n_pulses) for i in images] == [
         (number - 1, LENGTH), (number, short)]
-    assert error_db(images[1].image, exact_image(case, slice(LENGTH, LENGTH + short))) <= -60.0
+    assert error_db(images[1].image, exact_of(case, slice(LENGTH, LENGTH + short))) <= -60.0
     assert stage.statistics.restarts == 0
 
 

@@ -12,7 +12,7 @@ from .conftest import (
     LENGTH,
     error_db,
     events_of,
-    exact_image,
+    exact_of,
     fuse,
     make_stage,
     pieces_of,
@@ -34,7 +34,7 @@ def test_an_aperture_is_imaged_anew_when_its_track_was_foreseen_badly(make_case)
     images = fuse(fusion, subapertures)
     for k, result in enumerate(images):
         assert error_db(result.image,
-                        exact_image(case, slice(k * LENGTH, (k + 1) * LENGTH))) <= -60.0
+                        exact_of(case, slice(k * LENGTH, (k + 1) * LENGTH))) <= -60.0
     assert fusion.statistics.revisions == last[0] == stage.statistics.plans_anew
     assert 'planned anew' in events_of(stage, 'plan')[0]
     # What was replaced does not come back.
@@ -54,7 +54,7 @@ def test_a_track_that_sways_a_little_is_planned_once(make_case):
     assert stage.statistics.plans_anew == 0
     for k, result in enumerate(images):
         assert error_db(result.image,
-                        exact_image(case, slice(k * LENGTH, (k + 1) * LENGTH))) <= -60.0
+                        exact_of(case, slice(k * LENGTH, (k + 1) * LENGTH))) <= -60.0
 
 
 def test_the_end_of_a_track_that_cannot_be_foreseen_is_awaited(make_case):
@@ -66,7 +66,7 @@ def test_the_end_of_a_track_that_cannot_be_foreseen_is_awaited(make_case):
     [result] = fuse(LiveFusion(), subapertures_of(stage, pieces_of(case.block)))
     assert 'its end is awaited' in ' '.join(e.text for e in stage.take_events())
     assert result.n_pulses == LENGTH
-    error = error_db(result.image, exact_image(case, slice(None)))
+    error = error_db(result.image, exact_of(case, slice(None)))
     assert error <= result.predicted_error_db + 3.0
 
 
@@ -97,7 +97,7 @@ def test_a_leg_flown_again_is_not_planned_anew_every_time(fly, sliding):
     assert stage.statistics.plans_anew <= 2 * sliding
     assert any('takes over its plan' in text for text in events_of(stage, 'plan'))
     whole = {i.stamp_ns: i for i in images if i.n_pulses == LENGTH}
-    exact = exact_image(case, slice(0, LENGTH))
+    exact = exact_of(case, slice(0, LENGTH))
     for number in range(len(starts)):
         middle = case.block.stamp_ns[0] + (number * LENGTH + (LENGTH - 1) / 2) * 10**6
         [image] = [i for stamp, i in whole.items() if abs(stamp - middle) <= 1]
@@ -115,7 +115,7 @@ def test_a_leg_that_goes_on_after_all_is_planned(fly):
             stage.plan_ahead()
     assert len(images) == len(starts)
     for image, start in zip(images, starts, strict=True):
-        assert error_db(image.image, exact_image(case, slice(start, start + LENGTH))) <= -60.0
+        assert error_db(image.image, exact_of(case, slice(start, start + LENGTH))) <= -60.0
     assert stage.statistics.plans_anew <= 2  # where it goes on, and the first again
 
 
@@ -145,7 +145,7 @@ def test_plans_ahead_are_used(fly, n_before):
     images += stage.add(case.block.select(slice(n_before, None)))
     assert stage.statistics.plans == 2
     images = fuse(LiveFusion(), images)
-    assert error_db(images[1].image, exact_image(case, slice(LENGTH, None))) <= -60.0
+    assert error_db(images[1].image, exact_of(case, slice(LENGTH, None))) <= -60.0
 
 
 def test_planning_ahead_leaves_the_cuts_of_the_aperture_underway(fly):

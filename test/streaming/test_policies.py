@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from benchmarks.support.references import exact_image
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.mosaic import StripMosaic, patch_beside
 from sar_imaging.streaming.subapertures import LiveSubapertures
@@ -23,8 +23,7 @@ def _error_db(image, reference):
 
 
 def _exact(case, pulses, grid):
-    return Backprojector(grid, case.block.radar, case.block.n_samples, target_db=-90.0)(
-        case.block.select(pulses))
+    return exact_image(grid, case.block.select(pulses), target_db=-90.0)
 
 
 def _subapertures(case, pulses=slice(None), **options):

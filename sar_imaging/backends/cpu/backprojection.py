@@ -33,8 +33,6 @@ class Backprojection:
 
     Attributes
     ----------
-    plan : BackprojectionPlan
-        As given.
     memory : WorkSpace
         As given, or its own.
     """
@@ -49,8 +47,6 @@ class Backprojection:
 
         Parameters
         ----------
-        samples : (R, N) complex64
-            Profiles of the rows.
         tx_m, rx_m : (R, 3) float64
             Phase centres of the rows, metres; those of the plan.
         image : (...) complex64

@@ -16,8 +16,6 @@ def spectra(source: RangeGate | PhaseHistory, samples: np.ndarray, n_padded: int
 
     Parameters
     ----------
-    source : RangeGate or PhaseHistory
-        What is needed of them.
     samples : (R, N) complex64
         Profiles, or phase histories: these are spectra already.
     n_padded : int

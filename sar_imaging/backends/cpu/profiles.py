@@ -28,19 +28,8 @@ class Profiles:
     ----------
     source : RangeGate or PhaseHistory
         What the profiles are made of; `lattice` was planned for as many samples.
-    lattice : RangeResampling
-        How to resample them.
-    range_m : (float, float)
-        Smallest and largest half path of the image, metres.
     memory : WorkSpace, optional
         Shared with other profiles that are made in turn.
-
-    Attributes
-    ----------
-    radar : RadarParameters
-        Of the profiles.
-    lattice : RangeResampling
-        As given.
     """
 
     def __init__(self, source: RangeGate | PhaseHistory, lattice: RangeResampling,

@@ -19,11 +19,6 @@ class SubapertureImager:
     ----------
     plan : SubaperturePlan
         What is computed, and where.
-
-    Attributes
-    ----------
-    plan : SubaperturePlan
-        As given.
     """
 
     def __init__(self, plan: SubaperturePlan):

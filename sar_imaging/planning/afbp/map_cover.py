@@ -36,9 +36,6 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     grid, radar, n_samples, band :
         As for `cover_map`.
     tx_m, rx_m : (P, C, 3) float64
-        Phase centres of the whole aperture, metres.
-    target_db : float
-        Wanted error of the map, dB.
     shares : mapping
         Of the target, see `ErrorBudget`: the less ``'polar to map'``, the finer the polar grid.
 

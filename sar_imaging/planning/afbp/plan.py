@@ -30,8 +30,6 @@ class AfbpPlan(Plan):
 
     Attributes
     ----------
-    grid : MapGrid or PolarGrid
-        Where the pixels are.
     tx_m, rx_m : (P, C, 3) float64
         Phase centres that it is for, metres.
     subapertures : SubaperturePlan
@@ -43,8 +41,6 @@ class AfbpPlan(Plan):
         Predicted time on one thread.
     n_bytes : int
         Memory that forming the image takes, bytes.
-    warnings : tuple of str
-        What may make the image worse than wanted, or ambiguous.
     """
 
     grid: MapGrid | PolarGrid
@@ -56,16 +52,12 @@ class AfbpPlan(Plan):
     n_bytes: int
     warnings: tuple[str, ...]
 
-    def is_for(self, tx_m, rx_m) -> bool:
-        """Whether it was made for these phase centres."""
-        return np.array_equal(tx_m, self.tx_m) and np.array_equal(rx_m, self.rx_m)
-
     def __str__(self) -> str:
-        return '\n'.join([f'AFBP: {self.subapertures}', *self.warnings])
+        return str(self.subapertures)
 
 
 def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
-              target_db: float = -50.0, pulses_per_subaperture: int | None = None,
+              target_db: float, pulses_per_subaperture: int | None = None,
               compressed: bool = True, weighting: str = 'none') -> AfbpPlan:
     """Plan the image of an aperture.
 
@@ -73,14 +65,8 @@ def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
     ----------
     grid : MapGrid or PolarGrid
         Where the pixels are. The origin of a polar grid should lie in the middle of the aperture.
-    radar : RadarParameters
-        Of the compressed profiles, or of the phase histories.
-    n_samples : int
-        Samples of a profile, or frequencies of a pulse.
     tx_m, rx_m : (P, C, 3) array_like
         Phase centres of the whole aperture, metres; multichannel paths are exact.
-    target_db : float
-        Wanted error against time-domain correlation, dB.
     pulses_per_subaperture : int, optional
         Length of the sub-apertures; the quickest if left out.
     compressed : bool
@@ -88,14 +74,10 @@ def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
     weighting : str
         Spectral weighting of phase histories, see `sar_imaging.signal.windows`.
 
-    Returns
-    -------
-    AfbpPlan
-
     Raises
     ------
     ValueError
-        The geometry does not allow the target, with the reason; `Backprojector` images any.
+        The geometry does not allow the target, with the reason; exact backprojection images any.
     """
     tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
     _check(grid, target_db, tx_m, rx_m, compressed, weighting)

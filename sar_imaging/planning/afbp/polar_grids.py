@@ -26,8 +26,6 @@ class UnifiedPolarGrids:
 
     Parameters
     ----------
-    polar : PolarGrid
-        Where the fused image is wanted.
     n_coarse, n_fine : int
         Directions of a sub-aperture image and of the fused one over the same extent, guards
         included.

@@ -102,12 +102,9 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
 
     Parameters
     ----------
-    polar : PolarGrid
-        Where the fused image is wanted.
     bands : LocalSpectrum
         Its local frequencies.
     tx_m, rx_m : (P, C, 3) float64
-        Phase centres, metres.
     lengths : sequence of int
         Pulses of a sub-aperture to try.
     first_stage : SubapertureCost
@@ -252,8 +249,6 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: LocalSpectrum, rows, weig
     ----------
     s : Sampling
         Coarse sampling and taper.
-    polar : PolarGrid
-        Where the fused image is wanted.
     bands : LocalSpectrum
         Local frequencies.
     rows : (R,) int array or slice

@@ -26,16 +26,9 @@ class SubapertureCost:
         Of the images, or nearly.
     span : float
         Extent of the wanted pixels in direction cosine.
-    radar : RadarParameters
-        Of the profiles.
-    lattice : RangeResampling
-        Of the profiles.
     tx_m, rx_m : (P, C, 3) float64
-        Phase centres of the aperture, metres.
     target_db : float
         Wanted error of the images, dB.
-    range_m : (float, float)
-        Smallest and largest half path to the pixels, metres.
     padding_m : float
         As for `plan_beams`.
     """

@@ -44,8 +44,6 @@ class Limits:
 
     Attributes
     ----------
-    range_m : (float, float)
-        Smallest and largest half path, metres.
     slope : (float, float)
         Of the half paths by range.
     slope_m : float
@@ -92,31 +90,19 @@ class SubaperturePlan:
 
     Attributes
     ----------
-    polar : PolarGrid
-        Where the fused image is wanted.
     given : RadarParameters
         Of the blocks to come.
-    source : RangeGate or PhaseHistory
-        What is needed of their profiles, or phase histories.
-    n_samples : int
-        Samples of a profile, or frequencies of a pulse.
     n_channels : int
         Channels of a pulse.
     sampling : Sampling
         Cut and coarse sampling.
     fusion_grid : UnifiedPolarGrids
         What the second stage needs.
-    lattice : RangeResampling
-        How profiles are read.
     beams : BeamSampling or None
         Sampling of the beams that sub-aperture images are made from; None where each pulse is
         added to them directly.
-    range_m : (float, float)
-        Smallest and largest half path to the pixels of the sub-aperture images, metres.
     limits : Limits
         Geometry that the plan was made for.
-    warnings : tuple of str
-        What may make the error larger than predicted.
     """
 
     polar: PolarGrid
@@ -226,12 +212,6 @@ def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, 
 
     Parameters
     ----------
-    polar : PolarGrid
-        Where the fused image is wanted.
-    radar : RadarParameters
-        Of the compressed profiles, or of the phase histories.
-    n_samples : int
-        Samples of a profile, or frequencies of a pulse.
     tx_m, rx_m : (P, C, 3) array_like
         Phase centres of the whole aperture, metres, in the order of the pulses.
     target_db : float
@@ -246,10 +226,6 @@ def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, 
         What of `polar` must be right, see `map_density`.
     band : PhaseHistory, optional
         Takes phase histories as they came, in place of profiles.
-
-    Returns
-    -------
-    SubaperturePlan
 
     Raises
     ------

@@ -88,8 +88,6 @@ def plan_parts(fine: PolarGrid, slope, weight, k_lo: float, k_hi: float, interpo
         Grid of the sum.
     slope, k_lo, k_hi :
         As for `angular_bands`.
-    weight : (R,) float64
-        Share of each row in the power of the image.
     interpolation_db : float
         Wanted error of the interpolation to the lines of the sum, dB.
     row_cost : float

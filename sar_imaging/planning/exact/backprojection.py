@@ -50,12 +50,6 @@ class LinePlan(Plan):
     ----------
     lines : GridLines
         Its lines along which range grows.
-    window : RangeGate
-        Part of the profiles that is needed.
-    lattice : RangeResampling
-        How it is resampled.
-    errors_db : mapping of str to float
-        Predicted error against time-domain correlation by cause, dB.
     cost : float
         Nanoseconds per pixel.
     """
@@ -73,18 +67,10 @@ class BackprojectionPlan(Plan):
 
     Attributes
     ----------
-    grid : MapGrid, PlaneGrid, VolumeGrid or ImagePoints
-        Where the pixels are.
-    radar : RadarParameters
-        Of the profiles.
     tx_m, rx_m : (R, 3) float64
         Phase centres of the rows that it is for, metres.
-    range_m : (float, float)
-        Bounds of the half path to the pixels, metres.
     way : PolarPlan, LinePlan or PointPlan
         The quickest of the three.
-    warnings : tuple of str
-        What makes the image worse than wanted.
     """
 
     grid: EvenGrid | ImagePoints
@@ -140,31 +126,10 @@ class BackprojectionPlan(Plan):
         return (f'pulses are added to a polar image of {way.polar.n_alpha} x {way.polar.n_range} '
                 f'pixels in {n} part{"s" * (n > 1)}, which is interpolated to the map')
 
-    def is_for(self, tx_m, rx_m) -> bool:
-        """Whether it was made for these phase centres."""
-        return np.array_equal(tx_m, self.tx_m) and np.array_equal(rx_m, self.rx_m)
-
 
 def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_samples: int,
                         tx_m, rx_m, target_db: float) -> BackprojectionPlan:
     """Plan the quickest way of adding rows to an image.
-
-    Parameters
-    ----------
-    grid : MapGrid, PlaneGrid, VolumeGrid or ImagePoints
-        Where the pixels are.
-    radar : RadarParameters
-        Of the compressed profiles.
-    n_samples : int
-        Samples of a profile.
-    tx_m, rx_m : (R, 3) float64
-        Phase centres, metres.
-    target_db : float
-        Wanted error against time-domain correlation, dB.
-
-    Returns
-    -------
-    BackprojectionPlan
 
     Raises
     ------

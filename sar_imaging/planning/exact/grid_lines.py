@@ -19,8 +19,6 @@ class GridLines:
     ----------
     grid : EvenGrid
         Map, plane or volume.
-    tx_m, rx_m : (R, 3) float64
-        Phase centres, metres.
 
     Attributes
     ----------
@@ -32,8 +30,6 @@ class GridLines:
         its middle axis.
     paths : Paths
         Half paths to some of the pixels, with derivatives by the pixel number.
-    range_m : (float, float)
-        Bounds of the half path over the grid, metres.
     """
 
     def __init__(self, grid: EvenGrid, tx_m, rx_m):

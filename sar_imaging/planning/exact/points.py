@@ -14,7 +14,6 @@ from ...geometry.grids import EvenGrid, Grid, MapGrid
 from ...geometry.point_grids import TerrainGrid
 from ...signal.radar import RadarParameters
 from ..error_budget import EXACT_SHARES, ErrorBudget
-from ..memory import check_memory
 from ..plan import Plan
 from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import RangeResampling, half_paths, plan_point_resampling
@@ -43,8 +42,6 @@ class ImagePoints:
 
     Attributes
     ----------
-    coordinates, strides, shape :
-        As given.
     size : (int, int)
         Rows and columns: the last axis of the image, and all others.
 
@@ -156,18 +153,10 @@ class PointPlan(Plan):
 
     Attributes
     ----------
-    window : RangeGate
-        Part of the profiles that is needed.
-    lattice : RangeResampling
-        How it is resampled.
-    range_m : (float, float)
-        Bounds of the half path, metres.
     tile : (int, int)
         Rows and columns of the tiles in which points are taken.
     reach_m : float
         Largest radius of a tile whose paths are computed in float32, metres.
-    errors_db : mapping of str to float
-        Predicted error against time-domain correlation by cause, dB.
     cost : float
         Nanoseconds per pixel.
     """
@@ -188,18 +177,9 @@ def coordinate_bytes(grid: ImagePoints | EvenGrid) -> int:
 
 
 def image_layers(grid: ImagePoints | EvenGrid) -> list[ImagePoints]:
-    """Pixels of a grid, one part of the image after the other: the layers of a volume.
-
-    Raises
-    ------
-    MemoryError
-        Their coordinates are larger than the memory that is available.
-    """
+    """Pixels of a grid, one part of the image after the other: the layers of a volume."""
     if isinstance(grid, ImagePoints):
         return [grid]
-    size = ' x '.join(map(str, reversed(grid.shape)))
-    check_memory(coordinate_bytes(grid), f'positions of {size} pixels', 'choose a smaller grid, '
-                 'a larger pixel spacing or steps along x, y and z')
     if isinstance(grid, VolumeGrid):
         return [ImagePoints.of_grid(grid.slice(layer)) for layer in range(grid.n_z)]
     return [ImagePoints.of_grid(grid)]
@@ -225,16 +205,6 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
     ----------
     points : ImagePoints
         Where the pixels are, or some neighbours among them.
-    radar : RadarParameters
-        Of the compressed profiles.
-    n_samples : int
-        Samples of a profile.
-    tx_m, rx_m : (R, 3) float64
-        Phase centres of the rows, metres.
-    range_m : (float, float)
-        Bounds of the half path, metres.
-    target_db : float
-        Wanted error against time-domain correlation, dB.
     some_m : (S, 3) float64, optional
         Positions all over the image, metres; those of `points` unless told.
     """

@@ -37,24 +37,16 @@ class PolarPlan(Plan):
 
     Attributes
     ----------
-    polar : PolarGrid
-        Its pixels.
     lattice : RangeResampling
         How its lines read the profiles.
     window : RangeGate
         Part of the profiles that it needs.
-    range_m : (float, float)
-        Bounds of the half path over it, metres.
     axis : int
         Map axis along which the second pass of the resampling goes.
     between, along : Interpolator
         Of the resampling: between lines and along them.
     parts : AzimuthParts or None
         Cut into parts with fewer lines each; None where all rows go straight to `polar`.
-    wavelength_m : float
-        At the carrier, metres.
-    errors_db : mapping of str to float
-        Predicted error of the map against time-domain correlation by cause, dB.
     cost : float
         Nanoseconds per map pixel.
     """
@@ -75,19 +67,6 @@ class PolarPlan(Plan):
 def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
                target_db: float) -> PolarPlan | None:
     """Plan the polar image of rows of phase centres.
-
-    Parameters
-    ----------
-    grid : MapGrid
-        Map to be covered.
-    tx_m, rx_m : (R, 3) float64
-        Phase centres, metres.
-    radar : RadarParameters
-        Of the compressed profiles.
-    n_samples : int
-        Samples of a profile.
-    target_db : float
-        Wanted error of the map against time-domain correlation, dB.
 
     Returns
     -------

@@ -28,15 +28,6 @@ def covered_ranges(radar: RadarParameters, n_samples: int) -> tuple[float, float
 def check_reach(range_m: tuple[float, float], radar: RadarParameters, n_samples: int) -> None:
     """Check that some profile reaches a grid.
 
-    Parameters
-    ----------
-    range_m : (float, float)
-        Smallest and largest half path to the grid, metres.
-    radar : RadarParameters
-        Of the profiles.
-    n_samples : int
-        Samples of a profile.
-
     Raises
     ------
     ValueError
@@ -56,12 +47,6 @@ def reach_warning(points_m, tx_m, rx_m, radar: RadarParameters, n_samples: int) 
     ----------
     points_m : (S, 3) float64
         Pixels, or some of them, metres.
-    tx_m, rx_m : (R, 3) float64
-        Phase centres, metres.
-    radar : RadarParameters
-        Of the profiles.
-    n_samples : int
-        Samples of a profile.
 
     Returns
     -------

@@ -26,8 +26,6 @@ class RangeGate:
 
     Attributes
     ----------
-    radar : RadarParameters
-        Of the profiles.
     first, n_samples : int
         First sample and number of samples.
     range_start_m : float
@@ -50,17 +48,7 @@ class RangeGate:
     @classmethod
     def around(cls, radar: RadarParameters, n_samples: int,
                range_m: tuple[float, float]) -> RangeGate:
-        """Window for half paths, as far as the profile has them.
-
-        Parameters
-        ----------
-        radar : RadarParameters
-            Of the profiles.
-        n_samples : int
-            Samples of a profile.
-        range_m : (float, float)
-            Smallest and largest half path that is read, metres.
-        """
+        """Window for half paths, as far as the profile has them."""
         beyond = math.ceil(_REACH / (1 - radar.bandwidth_hz / radar.sample_rate_hz))
         lo, hi = ((r - radar.range_start_m) / radar.sample_spacing_m for r in range_m)
         first = min(max(math.floor(lo) - beyond, 0), n_samples)

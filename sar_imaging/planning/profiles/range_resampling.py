@@ -75,8 +75,6 @@ def sample_paths(tx_m, rx_m, line) -> Paths:
 
     Parameters
     ----------
-    tx_m, rx_m : (R, 3) float64
-        Phase centres, metres.
     line : sequence of (S, 3) float64
         Points, metres, and their first to at most fourth derivative along the line; the others
         are zero.
@@ -114,8 +112,6 @@ def half_paths(tx_m, rx_m, position, *directions) -> np.ndarray:
 
     Parameters
     ----------
-    tx_m, rx_m : (R, 3) float64
-        Phase centres, metres.
     position : (S, 3) float64
         Points, metres.
     directions : (S, 3) float64
@@ -208,12 +204,6 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
         Pixel spacing along a line.
     n_line : int
         Pixels of a line.
-    radar : RadarParameters
-        Of the compressed profiles.
-    n_samples : int
-        Samples of a profile, or of the window that is taken of it.
-    target_db : float
-        Wanted error against time-domain correlation, dB.
     fit_spacing : bool
         The image may take the pixel spacing that fits the lattice, near `spacing`.
     periodic : bool
@@ -310,17 +300,7 @@ def _expansion_errors(paths, radar):
 
 def plan_point_resampling(radar: RadarParameters, n_samples: int, target_db: float
                           ) -> RangeResampling:
-    """Lattice for the routine that needs no common direction of range and lines.
-
-    Parameters
-    ----------
-    radar : RadarParameters
-        Of the compressed profiles.
-    n_samples : int
-        Samples of a profile, or of the window that is taken of it.
-    target_db : float
-        Wanted error against time-domain correlation, dB.
-    """
+    """Lattice for the routine that needs no common direction of range and lines."""
     oversampling = next(v for v in np.arange(1.6, 8.0, 0.2)
                         if design_interpolator(v, LEAST_MARGIN).error_db <= target_db - 3.0)
     pitch = radar.range_resolution_m / oversampling

@@ -170,7 +170,7 @@ def _by_afbp() -> Iterator[Experiment]:
         block = scene.block()
         with using(dataclasses.replace(DEFAULT, line_pixel=_NEVER)):
             plan = plan_afbp(scene.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
-                             pulses_per_subaperture=length)
+                             target_db=-50.0, pulses_per_subaperture=length)
         yield from _images(plan, block)
         yield _fusion(plan)
     yield _map(plan)

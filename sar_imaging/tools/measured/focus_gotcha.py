@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from sar_imaging.autofocus.live import live_autofocus
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality import contrast, entropy, measure_scatterer
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
@@ -106,7 +106,8 @@ def measure(image, block: PulseBlock, grid: MapGrid) -> dict:
 
 
 def _image(block: PulseBlock, grid: MapGrid) -> np.ndarray:
-    return Backprojector(grid, block.radar, block.n_samples)(block)
+    imager = plan_image(grid, block.radar, block.n_samples, method='exact', target_db=-80.0)
+    return imager(block).samples
 
 
 def draw(path: Path, images: dict[str, np.ndarray], grid: MapGrid) -> None:

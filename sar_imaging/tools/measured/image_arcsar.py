@@ -23,7 +23,7 @@ from sar_imaging.autofocus.models import Geometry, GeometryModel
 from sar_imaging.autofocus.search import search
 from sar_imaging.autofocus.tiles.points import bright_points
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality import measure_scatterer
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
@@ -66,11 +66,9 @@ def image_within_beam(profiles: PulseBlock, points_m: np.ndarray,
         part = slice(start, start + PULSES_PER_STEP)
         seen = np.abs(direction - angle[part].mean()) <= np.radians(half_beam_deg)
         if seen.any():
-            added = np.zeros(np.count_nonzero(seen), np.complex64)
-            plan = Backprojector(points_m[seen], profiles.radar, profiles.n_samples,
-                                 target_db=-60.0)
-            plan.add(profiles.select(part), added)
-            image[seen] += added
+            imager = plan_image(points_m[seen], profiles.radar, profiles.n_samples,
+                                method='exact', target_db=-60.0)
+            image[seen] += imager(profiles.select(part)).samples
     return image
 
 

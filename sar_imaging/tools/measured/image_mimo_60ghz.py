@@ -19,7 +19,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from sar_imaging.exploitation.calibration import Balance, balance_channels
-from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
@@ -61,9 +61,9 @@ def balance(profiles: PulseBlock) -> Balance:
 def channel_volumes(profiles: PulseBlock) -> np.ndarray:
     """(C, A, E, R) complex64 volume of each channel."""
     points = directions_to_points(AZIMUTH_DEG, ELEVATION_DEG, RANGE_M)
-    plan = Backprojector(points, profiles.radar, profiles.n_samples, target_db=-50.0,
-                         per_channel=True)
-    return plan(profiles)
+    imager = plan_image(points, profiles.radar, profiles.n_samples, method='exact',
+                        target_db=-50.0, per_channel=True)
+    return imager(profiles).samples
 
 
 def strongest(volume: np.ndarray, azimuth_deg, range_m) -> dict:

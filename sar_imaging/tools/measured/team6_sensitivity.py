@@ -26,7 +26,7 @@ from sar_imaging.autofocus.alignment_model import alignment_model
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.poses import PoseTrack
-from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality import measure_scatterer
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
@@ -53,9 +53,10 @@ _LIMIT_M = 0.10
 def focus(profiles: PulseBlock, place_m) -> tuple[float, np.ndarray]:
     """Amplitude and place (2,) of the brightest point within 0.23 m of a place (3,), metres."""
     grid = MapGrid.from_size(place_m, 2 * _TILE_M, 2 * _TILE_M, 0.025)
-    image = Backprojector(grid, profiles.radar, profiles.n_samples)(profiles)
+    imager = plan_image(grid, profiles.radar, profiles.n_samples, method='exact', target_db=-80.0)
     found = measure_scatterer(
-        image, grid, place_m, aperture_centre_m=profiles.phase_centre_m.mean(axis=0),
+        imager(profiles).samples, grid, place_m,
+        aperture_centre_m=profiles.phase_centre_m.mean(axis=0),
         wavenumber_rad_per_m=profiles.radar.wavenumber_rad_per_m,
         cut_half_width_range_m=_TILE_M, cut_half_width_azimuth_m=_TILE_M)
     return found.peak_amplitude, np.array([found.peak_x_m, found.peak_y_m])
@@ -164,8 +165,8 @@ def _echoes(profiles: PulseBlock, place_m) -> np.ndarray:
     pulses = profiles.select(slice(0, 1))
     pulses = dataclasses.replace(pulses, **{name: getattr(profiles, name).swapaxes(0, 1)
                                             for name in ('samples', 'tx_m', 'rx_m')})
-    return Backprojector(np.asarray(place_m)[None], profiles.radar, profiles.n_samples,
-                         per_channel=True)(pulses)[:, 0]
+    return plan_image(np.asarray(place_m)[None], profiles.radar, profiles.n_samples,
+                      method='exact', target_db=-80.0, per_channel=True)(pulses).samples[:, 0]
 
 
 def _deviations(information: np.ndarray, n: int) -> list[float]:

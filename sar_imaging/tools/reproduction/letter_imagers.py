@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
+from sar_imaging.backends import backend
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging.afbp import AfbpImager
-from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.ffbp import FfbpImager
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.pulses import PulseBlock
 
 from .letter_recording import Recording
@@ -52,10 +52,9 @@ SceneImager = Callable[[MapGrid, Recording], Formed]
 
 def _exact(grid: MapGrid, block: PulseBlock) -> Formed:
     start = time.perf_counter()
-    plan = Backprojector(grid, block.radar, block.n_samples)
-    image = plan(block)
-    return Formed(image, {'backprojection': time.perf_counter() - start},
-                  plan.predicted_error_db)
+    image = plan_image(grid, block.radar, block.n_samples, method='exact', target_db=-80.0)(block)
+    return Formed(image.samples, {'backprojection': time.perf_counter() - start},
+                  image.report.predicted_error_db)
 
 
 def _ffbp(kernel: str, oversampling: float, pulses: int) -> Imager:
@@ -77,15 +76,30 @@ def _afbp(pulses: int | None) -> Imager:
 
 
 def _form_by_afbp(grid: MapGrid, block: PulseBlock, **options) -> Formed:
-    start = time.perf_counter()
-    plan = AfbpImager(grid, block.radar, block.n_samples, block.tx_m, block.rx_m, **options)
-    seconds = {'planning': time.perf_counter() - start}
-    _timed(plan.stage, {'image': 'stage 1'}, seconds)
-    _timed(plan.fusion, {'add': 'fusion', 'take_polar_image': 'fusion'}, seconds)
-    _timed(plan, {'form': 'resampling'}, seconds)
-    image = plan(block)
-    lengths = [p.stop - p.start for p in plan.subapertures.sampling.pulses]
-    return Formed(image, seconds, plan.predicted_error_db, max(lengths))
+    start, timed = time.perf_counter(), _TimedBackend()
+    imager = plan_image(grid, block.radar, block.n_samples, block.tx_m, block.rx_m, method='afbp',
+                        target_db=-50.0, backend=timed, **options)
+    planning_s, lengths = time.perf_counter() - start, [
+        p.stop - p.start for p in imager.report.plan.subapertures.sampling.pulses]
+    image = imager(block)
+    return Formed(image.samples, {'planning': planning_s, **timed.seconds},
+                  image.report.predicted_error_db, max(lengths))
+
+
+class _TimedBackend:
+    """The quickest backend, with the seconds of each stage of AFBP."""
+
+    def __init__(self):
+        self.seconds, self._backend = {}, backend()
+        self.Backprojection = self._backend.Backprojection
+        self.form_map = _stopwatch(self._backend.form_map, 'resampling', self.seconds)
+
+    def SubapertureImager(self, plan):
+        return _timed(self._backend.SubapertureImager(plan), {'image': 'stage 1'}, self.seconds)
+
+    def SpectrumFusion(self, grid, *, keep=False):
+        return _timed(self._backend.SpectrumFusion(grid, keep=keep),
+                      {'add': 'fusion', 'take_polar_image': 'fusion'}, self.seconds)
 
 
 def _whole_afbp(pulses: int | None) -> SceneImager:
@@ -110,11 +124,11 @@ def _whole_ffbp(kernel: str, oversampling: float, pulses: int) -> SceneImager:
     return form
 
 
-def _timed(plan, stages: dict[str, str], seconds: dict[str, float]) -> None:
+def _timed(plan, stages: dict[str, str], seconds: dict[str, float]):
     """Have an imager's own steps add up their wall clock by stage."""
     for step, stage in stages.items():
-        seconds[stage] = 0.0
         setattr(plan, step, _stopwatch(getattr(plan, step), stage, seconds))
+    return plan
 
 
 def _stopwatch(step: Callable, stage: str, seconds: dict[str, float]) -> Callable:
@@ -123,7 +137,7 @@ def _stopwatch(step: Callable, stage: str, seconds: dict[str, float]) -> Callabl
         try:
             return step(*arguments, **options)
         finally:
-            seconds[stage] += time.perf_counter() - start
+            seconds[stage] = seconds.get(stage, 0.0) + time.perf_counter() - start
 
     return call
 

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.fft
 
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.simulation.scenarios.spotlight_letter import SUBSCENE_M
 
@@ -91,8 +91,8 @@ def measure_spectra(recording: Recording) -> Spectra:
     experiment = recording.experiment
     block = recording.patch_profiles(subscene_grid(experiment))
     radar, grid = block.radar, _coarse_grid(recording)
-    plan = Backprojector(grid.lines(grid.range_m, grid.alpha[:, None])[0], radar,
-                         block.n_samples, target_db=-60.0)
+    imager = plan_image(grid.lines(grid.range_m, grid.alpha[:, None])[0], radar, block.n_samples,
+                        method='exact', target_db=-60.0)
     # towards the edges to zero, as the image is not periodic; and to range baseband
     factor = (np.outer(np.hanning(grid.n_alpha), np.hanning(grid.n_range))
               * np.exp(-1j * radar.wavenumber_rad_per_m * grid.range_m))
@@ -105,7 +105,7 @@ def measure_spectra(recording: Recording) -> Spectra:
     edges = np.arange(N_SUBAPERTURES + 1) * (experiment.n_pulses // N_SUBAPERTURES)
     for number, pulses in enumerate(map(slice, edges[:-1], edges[1:])):
         part = block.select(pulses)
-        coarse = scipy.fft.fft2(plan(part) * factor)
+        coarse = scipy.fft.fft2(imager(part).samples * factor)
         track = part.tx_m[:, 0, 1]
         middle = np.rint(-track.mean() * stretch / width_m).astype(int)
         bins = middle + np.arange(n_coarse)[:, None] - n_coarse // 2

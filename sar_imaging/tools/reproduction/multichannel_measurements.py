@@ -15,8 +15,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.imaging.correlation import correlate
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.imaging.wavenumber import WavenumberImager
 from sar_imaging.imaging.zero_padding import (
     DELAYS,
@@ -356,7 +356,8 @@ def measure_run_times(rate_hz: float, spacing_m: float, tick: Tick) -> dict[str,
     form = {'TDC': lambda: tdc(block, points),
             'wavenumber': lambda: WavenumberImager(grid)(block),
             'BP': lambda: zero_padded(block, grid, COMPARISON_RATIO),
-            'Backprojector': lambda: Backprojector(grid, block.radar, block.n_samples)(block)}
+            'exact': lambda: plan_image(grid, block.radar, block.n_samples, method='exact',
+                                        target_db=-80.0)(block)}
     seconds = {}
     for name, make in form.items():
         make()  # compiles or loads what it needs

@@ -26,7 +26,7 @@ def _interrupt_at(process, sign):
 
 
 # Python tells what it has imported: numpy comes early, the last of these before the node starts.
-@pytest.mark.parametrize('module', ['numpy', 'numba', 'sar_imaging.imaging.backprojection',
+@pytest.mark.parametrize('module', ['numpy', 'numba', 'sar_imaging.imaging.imager',
                                     'rclpy', 'sar_imaging.nodes.backprojection_steps'])
 def test_while_libraries_are_loaded(ros_environment, module):
     process = _start(ros_environment, '-X', 'importtime')

@@ -8,11 +8,11 @@ import pytest
 from nav_msgs.msg import Odometry
 from std_msgs.msg import Float32MultiArray
 
+from benchmarks.support.references import exact_image
 from msg_conversions import pulse_block
 from msg_conversions.images import complex_from_message
 from msg_conversions.subaperture_wire import as_received
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.nodes.backprojection_steps import PARAMETERS, BackprojectionStep
 from sar_imaging.nodes.images import autofocus as nodes_autofocus
 from sar_imaging.nodes.images.autofocus import ImageFocus
@@ -89,7 +89,7 @@ def test_images_are_focused_and_the_report_tells(make_chain, case, truth, offset
     imager = ApertureImager(case.grid, pulses_per_aperture=LENGTH)
     plain = [product.image for block in profiles for product in imager.add(block)]
     first = concatenate(profiles[:LENGTH // 32])
-    wanted = Backprojector(case.grid, first.radar, first.n_samples)(moved(first, -offset_m))
+    wanted = exact_image(case.grid, moved(first, -offset_m))
 
     assert scaled_error_db(plain[0], wanted) > -1.0
     assert scaled_error_db(published[0], wanted) < -20.0  # -31 measured
@@ -154,7 +154,7 @@ def test_fused_images_are_focused_and_the_report_tells(make_chain, case, truth, 
                   for fused in fusion.add(as_received(sub))]
         subapertures.plan_ahead()  # as the node does between two blocks
     first = concatenate(profiles[:LENGTH // 32])
-    wanted = Backprojector(case.grid, first.radar, first.n_samples)(moved(first, -offset_m))
+    wanted = exact_image(case.grid, moved(first, -offset_m))
 
     assert scaled_error_db(plain[0], wanted) > -3.0
     assert scaled_error_db(published[0], wanted) < -20.0  # -23.7 measured
@@ -175,7 +175,7 @@ def flight():
 def true_image(flight):
     located = locate(flight.block, flight.track(), flight.alignment)
     profiles = RangeCompressor.for_block(located)(located)
-    return Backprojector(flight.grid, profiles.radar, profiles.n_samples)(profiles)
+    return exact_image(flight.grid, profiles)
 
 
 def test_a_clock_that_is_a_second_wrong_is_found_with_poses_from_odometry(make_chains, flight):

@@ -19,7 +19,7 @@ pytest.importorskip('rclpy', reason='rclpy comes as wheels for Linux on x86-64 o
 
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.backprojection import Backprojector
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality import contrast, entropy, error_db
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
@@ -64,11 +64,11 @@ def direct_image(bag, first, stop):
     profiles = RangeCompressor.for_block(block)(block)
     g = truth['grid']
     grid = MapGrid(g['centre_m'], g['n_x'], g['n_y'], g['spacing_m'])
-    plan = Backprojector(grid, profiles.radar, profiles.n_samples)
-    image = np.zeros(grid.shape, np.complex64)
+    imager = plan_image(grid, profiles.radar, profiles.n_samples, method='exact', target_db=-80.0)
+    image = imager.new_image()
     for start in range(0, stop - first, 32):
-        plan.add(profiles.select(slice(start, start + 32)), image)
-    return image
+        imager.accumulate(profiles.select(slice(start, start + 32)), image)
+    return image.samples
 
 
 RUNS = {'exact': (PSF,),

@@ -7,8 +7,8 @@ import pathlib
 import numpy as np
 import pytest
 
+from benchmarks.support.references import exact_image
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.backprojection import Backprojector
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, Waveform
@@ -57,7 +57,7 @@ def peak(folder, kind, near, size_m=1.0, **options):
     located = locate(block, poses.track(), load_team6_rail.read_alignment(folder, kind))
     compressed = RangeCompressor.for_block(located, **options)(located)
     grid = MapGrid.from_size(near, size_m, size_m, 0.01)
-    image = np.abs(Backprojector(grid, compressed.radar, compressed.n_samples)(compressed))
+    image = np.abs(exact_image(grid, compressed))
     row, column = np.unravel_index(image.argmax(), image.shape)
     return np.array([grid.x_m[column], grid.y_m[row]])
 

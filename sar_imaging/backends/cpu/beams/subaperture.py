@@ -38,16 +38,12 @@ class BeamformedSubaperture:
 
     Parameters
     ----------
-    polar : PolarGrid
-        Pixels.
     source : RangeGate or PhaseHistory
         What the profiles are made of.
     lattice : RangeResampling
         Its cells are those of the beams.
     sampling : BeamSampling
         From `plan_beams`.
-    range_m : (float, float)
-        Smallest and largest half path to the pixels, metres.
     """
 
     def __init__(self, polar: PolarGrid, source: RangeGate | PhaseHistory,
@@ -89,8 +85,6 @@ class BeamformedSubaperture:
         ----------
         samples : (R, N) complex64
             Profiles, or phase histories, of the rows.
-        tx_m, rx_m : (R, 3) float64
-            Phase centres of the rows, metres.
         parts : (2, n_alpha, n_range) float32
             Real and imaginary part of the image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0
             the first range; written to, contiguous.

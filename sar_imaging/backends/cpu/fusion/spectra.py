@@ -37,8 +37,6 @@ class SpectrumFusion:
 
     Attributes
     ----------
-    grid : UnifiedPolarGrids
-        As given.
     included : frozenset of int
         Sub-apertures in the image.
     """

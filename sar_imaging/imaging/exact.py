@@ -1,0 +1,84 @@
+"""Multichannel backprojection with the exact two-way path of every channel.
+
+Rosenberg & Gray, equations 13 to 17 and 19: each range profile is read at the distance of each
+pixel, its carrier phase is restored, and all pulses and channels are summed. The paper applies
+the phase of a channel's offset to the profile read at the reference antenna's delay; here every
+channel is read at its own delay, which needs no approximation.
+
+`planning.exact.backprojection` tells the three ways that lead to this sum.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .. import backends
+from ..geometry.grids import EvenGrid, MapGrid
+from ..planning.error_budget import EXACT_SHARES, ErrorBudget
+from ..planning.exact.backprojection import LEAST_TARGET_DB, plan_backprojection
+from ..planning.exact.points import ImagePoints
+from ..planning.memory import IMAGE_BYTES
+from ..signal.pulses import PulseBlock, check_profiles
+from .image import Report
+from .methods import EXACT, Method
+
+if TYPE_CHECKING:
+    from ..backends.protocol import Backprojection
+
+
+class Exact(Method):
+    """Backprojection: any grid, any track.
+
+    A position with a NaN is no pixel; its value stays as it is, 0 in a new image. Ranges outside
+    a profile contribute nothing.
+    """
+
+    NAME, TERRAIN = EXACT, True
+
+    def __init__(self, *arguments, **options):
+        super().__init__(*arguments, **options)
+        radar, target_db = self.radar, self.options.target_db
+        if radar.sample_rate_hz < 1.25 * radar.bandwidth_hz:
+            raise ValueError(
+                f'profiles sampled at {radar.sample_rate_hz:g} Hz for a bandwidth of '
+                f'{radar.bandwidth_hz:g} Hz; sample them at 1.25 times the bandwidth or more '
+                '(parameter oversampling of the range compression)')
+        if not LEAST_TARGET_DB <= target_db <= -20.0:
+            raise ValueError(f'target_db={target_db}; expected -100 to -20 dB, float32 '
+                             'arithmetic reaches -100 dB')
+        self._pixels = (self.grid if isinstance(self.grid, MapGrid | EvenGrid)
+                        else ImagePoints.of_grid(self.grid))
+        self._backend = backends.backend(self.options.backend)
+        self._sum: Backprojection | None = None
+
+    def plan(self, tx_m, rx_m) -> Report:
+        """See `Method`; memory serves plans in turn."""
+        if not tx_m.size or isinstance(self._pixels, ImagePoints) and self._pixels.empty:
+            self._sum = None
+            return self.describe()
+        plan = plan_backprojection(self._pixels, self.radar, self.n_samples, _rows(tx_m),
+                                   _rows(rx_m), self.options.target_db)
+        before = self._sum or self.like and self.like._sum
+        self._sum = self._backend.Backprojection(plan, before and before.memory)
+        return self.planned(
+            plan, shares_db=ErrorBudget(self.options.target_db, EXACT_SHARES).shares_db,
+            n_bytes=plan.n_bytes + IMAGE_BYTES * math.prod(self.grid.shape))
+
+    def image(self, block: PulseBlock, onto=None) -> tuple[np.ndarray, Report]:
+        """See `Method`; takes no memory for another image."""
+        check_profiles(block, self.radar, self.n_samples)
+        if onto is None:
+            onto = np.zeros(self.grid.shape, np.complex64)
+        if self._sum is not None:
+            samples = np.ascontiguousarray(self.weighted(block).samples)
+            self._sum.add(samples.reshape(-1, self.n_samples), _rows(block.tx_m),
+                          _rows(block.rx_m), onto)
+        return onto, self.report
+
+
+def _rows(centres_m: np.ndarray) -> np.ndarray:
+    """(R, 3) float64 phase centres, one row for each pulse and channel."""
+    return np.ascontiguousarray(centres_m, np.float64).reshape(-1, 3)
