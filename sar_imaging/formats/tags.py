@@ -21,12 +21,13 @@ def image_to_text(image: Image, datum: Datum) -> str:
 
     A grid that is no map and no plane is left out.
     """
-    kind = type(image.grid).__name__
+    kind, plan = type(image.grid).__name__, image.report.plan
+    report = dataclasses.replace(image.report, plan=None if plan is None else str(plan))
     grid = {'type': kind, **dataclasses.asdict(image.grid)} if kind in _GRIDS else None
     return json.dumps({'version': _VERSION, 'carrier_hz': image.carrier_hz,
                        'stamp_ns': image.stamp_ns, 'counters': _ranges(image.counters),
                        'datum': dataclasses.asdict(datum), 'grid': grid,
-                       'report': dataclasses.asdict(image.report)})
+                       'report': dataclasses.asdict(report)})
 
 
 def image_from_text(text: str, samples: np.ndarray, *,

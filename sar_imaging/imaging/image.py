@@ -39,8 +39,9 @@ class Report:
         Memory that forming the image takes, the image included, bytes.
     warnings : tuple of str
         What makes the image worse than wanted, or ambiguous.
-    plan : Plan or None
-        How the imager goes about it; None where it has no plan to show.
+    plan : Plan, str or None
+        How the imager goes about it: its words, where the report was read from a file; None where
+        it has no plan to show.
     """
 
     method: str
@@ -52,7 +53,7 @@ class Report:
     seconds: float | None = None
     n_bytes: int = 0
     warnings: tuple[str, ...] = ()
-    plan: Plan | None = None
+    plan: Plan | str | None = dataclasses.field(default=None, compare=False)
 
     def __str__(self) -> str:
         lines = [f'{self.method}: {self.reason}', *([] if self.plan is None else [str(self.plan)])]
