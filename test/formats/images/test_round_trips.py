@@ -96,3 +96,16 @@ def _same(one, other):
         return float(one) == pytest.approx(float(other), rel=1e-6, abs=1e-4)
     except ValueError:
         return one == other
+
+
+def test_from_sicd_to_geotiff_and_back(flight, tmp_path):
+    pytest.importorskip('sarkit', reason='sarkit is not installed: it needs Python 3.11')
+    flown = flight(heading_deg=20.0)
+    image = flown.sicd_image(size_m=25.0)
+    sicd, tif, again = (tmp_path / name for name in ('a.nitf', 'a.tif', 'b.nitf'))
+    write_sicd(sicd, image, flown.datum, flown.acquisition)
+    first = read_sicd(sicd)
+    write_geotiff(tif, first.image, first.datum, content='complex')
+    second = read_geotiff(tif)
+    write_sicd(again, second.image, second.datum, first.acquisition)
+    np.testing.assert_array_equal(read_sicd(again).image.samples, image.samples)

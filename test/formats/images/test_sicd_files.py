@@ -15,17 +15,9 @@ from sar_imaging.geometry import (
 from sar_imaging.imaging.image import Image, Report
 from sar_imaging.signal import RadarParameters
 
+from .checker import failures
+
 sksicd = pytest.importorskip('sarkit.sicd', reason='sarkit is not installed: it needs Python 3.11')
-verification = pytest.importorskip('sarkit.verification')
-
-
-def failures(path):
-    """What sicdcheck says against a file."""
-    with open(path, 'rb') as file:
-        checker = verification.SicdConsistency.from_file(file)
-    checker.check()
-    return {name: [detail for detail in told['details'] if not detail['passed']]
-            for name, told in checker.failures(omit_passed_sub=True).items()}
 
 
 @pytest.mark.parametrize('plane', ['ground', 'slant'])

@@ -9,8 +9,8 @@ from sar_imaging.geometry import Datum
 from sar_imaging.imaging.image import Image, Report
 from sar_imaging.signal import RadarParameters
 
+from .checker import failures
 from .damage import PROPERTY
-from .test_sicd_files import failures
 
 # Carrier and band of the radars, hertz, and their ranges, metres: UWB drone, L to Ka band
 # aircraft, satellite, car
