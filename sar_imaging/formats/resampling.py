@@ -9,6 +9,7 @@ is put back.
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 from scipy import ndimage
@@ -20,7 +21,8 @@ from ..quality.interpolation import interpolate_image
 from .acquisition import Acquisition
 from .georeference import from_map, to_map
 
-_ROUNDS = 4  # that find the point of the plane over a place; each gains four digits
+_ROUNDS = 3  # that find the point of the plane over a place; each gains two digits or more
+_MOST_PIXELS = 40  # for each of the image; a narrow one that lies askew needs some
 _BLOCK = 1 << 17  # pixels at a time
 
 
@@ -58,6 +60,11 @@ def covering_pixels(grid, datum: Datum, crs, spacing_m: float) -> MapPixels:
     """Pixels of a projection that cover an image.
 
     Their edges are multiples of the spacing, so that images beside each other share pixels.
+
+    Raises
+    ------
+    ValueError
+        The edge of the map runs through the image, or the map is stretched there.
     """
     rows, columns = grid.shape
     row, column = np.meshgrid(np.linspace(-0.5, rows - 0.5, 17),
@@ -75,7 +82,12 @@ def covering_pixels(grid, datum: Datum, crs, spacing_m: float) -> MapPixels:
     high = np.ceil(np.array([east.max(), north.max()]) / spacing).astype(int)
     affine = np.array([[spacing[0], 0.0, (low[0] + 0.5) * spacing[0]],
                        [0.0, -spacing[1], (high[1] - 0.5) * spacing[1]]])
-    return MapPixels(crs, affine, (int(high[1] - low[1]), int(high[0] - low[0])))
+    shape = (int(high[1] - low[1]), int(high[0] - low[0]))
+    if math.prod(shape) > _MOST_PIXELS * (math.prod(grid.shape) + 1000):
+        raise ValueError(f'in {crs.name} the image would need {shape[0]} by {shape[1]} pixels, '
+                         f'here it has {grid.shape[0]} by {grid.shape[1]}: it lies on the edge '
+                         'of this map, or far outside; choose another CRS')
+    return MapPixels(crs, affine, shape)
 
 
 def resample(image: Image, datum: Datum, acquisition: Acquisition,

@@ -95,6 +95,17 @@ def test_interpolated_pixels_are_those_that_imaging_gives(flight, tmp_path):
     assert error_db(image.samples[inside], exact[inside]) < -70
 
 
+def test_edge_of_a_map(flight, tmp_path):
+    """Longitudes jump from 180 to -180 within the image."""
+    flown = flight(datum=(10.0, 180.0, 0.0, 0.0))
+    image, path = flown.image(MAP), tmp_path / 'image.tif'
+    with pytest.raises(ValueError, match='in WGS 84 the image would need .* pixels, here it has '
+                                         '230 by 240: it lies on the edge of this map'):
+        write_geotiff(path, image, flown.datum, crs=4326, acquisition=flown.acquisition)
+    write_geotiff(path, image, flown.datum, crs=32660)
+    assert path.exists()
+
+
 def test_cloud_optimised(flight, tmp_path):
     cogeo = pytest.importorskip('rio_cogeo.cogeo', reason='rio-cogeo is not installed')
     flown, path = flight(), tmp_path / 'image.tif'
