@@ -40,3 +40,13 @@ def backend(name: str | Backend = AUTO) -> Backend:
         raise ValueError(f'backend={name!r}; expected {", ".join((AUTO, *BACKENDS))}, or an '
                          f'object that has {", ".join(missing)}, too')
     return name
+
+
+def compile_beforehand(*entries: str, name: str | Backend = AUTO) -> None:
+    """Have a backend compile what some of its entries need, so that the first pulse does not wait.
+
+    Nothing happens where a backend compiles nothing: it then has no `compile_kernels`.
+    """
+    compile_kernels = getattr(backend(name), 'compile_kernels', None)
+    for entry in entries if compile_kernels else ():
+        compile_kernels(entry)

@@ -7,12 +7,12 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 
+from sar_imaging.backends import compile_beforehand
 from sar_imaging.exploitation.obstacles.subaperture_tracks import SubapertureTracks
 from sar_imaging.formats import Acquisition
 from sar_imaging.imaging.image import Image, Report
 from sar_imaging.imaging.methods import AFBP
 from sar_imaging.streaming.fusion import FusedImage, LiveFusion
-from sar_imaging.streaming.kernels import compile_fusion_kernels
 from sar_imaging.streaming.mosaic import StripMosaic
 from sar_imaging.streaming.subaperture_image import SubapertureImage
 
@@ -83,7 +83,7 @@ class FusionStep(Step):
         self._n_window = 0  # sub-apertures of a complete image
         self._underway = 0  # pulses since the last aperture was closed
         self._dropped = False  # by the latest flush
-        compile_fusion_kernels()  # the first image must not wait for it
+        compile_beforehand('SpectrumFusion')  # the first image must not wait for it
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publishers of the images; see `Step`."""

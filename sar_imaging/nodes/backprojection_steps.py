@@ -10,7 +10,7 @@ from std_msgs.msg import Float32MultiArray
 
 from msg_conversions.subaperture_image import to_message
 from msg_conversions.subaperture_wire import as_received
-from sar_imaging.backends.cpu.backprojection import compile_kernels
+from sar_imaging.backends import compile_beforehand
 from sar_imaging.configuration.startup import TrackWarnings, report_block
 from sar_imaging.exploitation.obstacles.aperture_view import PulseTracks
 from sar_imaging.formats.recent_pulses import RecentPulses
@@ -21,7 +21,6 @@ from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.pulses.sequence import describe_counters, describe_range
 from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
 from sar_imaging.streaming.aperture_sequence import ApertureSequence
-from sar_imaging.streaming.kernels import compile_fusion_kernels, compile_subaperture_kernels
 from sar_imaging.streaming.subaperture_image import SubapertureImage
 from sar_imaging.streaming.subapertures import LiveSubapertures
 
@@ -191,10 +190,9 @@ class ImageStep(BackprojectionStep):
         self._files = ImageFiles(parameters, self._datum)
         self._pulses = RecentPulses(_REMEMBERED * parameters['pulses_per_aperture'])
         self._obstacles: ObstacleProducts | None = None  # images on terrain have none
-        compile_kernels()  # the first image must not wait for it
+        compile_beforehand('Backprojection')  # the first image must not wait for it
         if parameters['method'] != EXACT:
-            compile_subaperture_kernels()
-            compile_fusion_kernels()
+            compile_beforehand('SubapertureImager', 'SpectrumFusion')
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publishers of the images; see `Step`."""
@@ -324,7 +322,7 @@ class SubapertureStep(BackprojectionStep):
                 follow_m=follow_m)
         except ValueError as error:
             raise ConfigurationError(f'subapertures: {error}') from error
-        compile_subaperture_kernels()  # the first sub-aperture must not wait for it
+        compile_beforehand('SubapertureImager')  # the first sub-aperture must not wait for it
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publisher of the sub-aperture images; see `Step`."""

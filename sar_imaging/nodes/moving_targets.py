@@ -17,7 +17,7 @@ from std_msgs.msg import Header
 
 from msg_conversions.images import complex_to_message, map_metadata_to_message
 from msg_conversions.point_cloud import FIELDS, to_message
-from sar_imaging.backends.cpu.backprojection import compile_kernels
+from sar_imaging.backends import compile_beforehand
 from sar_imaging.exploitation.movers.moving_targets import (
     LiveMovingTargets,
     MovingTargetFinder,
@@ -85,7 +85,7 @@ class MovingTargetsStep(Step):
         self._seconds = 0.0  # of work since the last search
         self._datum = DatumInput(parameters, health)
         self._latest: tuple[int, np.ndarray] | None = None  # time and points
-        compile_kernels()  # the first search must not wait for it
+        compile_beforehand('Backprojection')  # the first search must not wait for it
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publishers; see `Step`."""

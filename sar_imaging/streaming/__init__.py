@@ -5,5 +5,5 @@
 - `reimaging`: corrected trajectories for an image that is there already;
 - `mosaic`: a strip of map patches that follows the platform;
 - `aperture_sequence`, `aperture_pulses`: which pulses belong to which aperture;
-- `plan`, `kernels`: what is planned and compiled before the pulses come.
+- `plan`: what is planned before the pulses come.
 """

@@ -26,12 +26,11 @@ as the user who will run the nodes.
 def _jobs() -> list[tuple[str, Callable[[], None]]]:
     """What is compiled, in words, and the functions that do it."""
     from sar_imaging.autofocus.live import compile_autofocus
-    from sar_imaging.backends.cpu import backprojection
-    from sar_imaging.streaming import kernels
+    from sar_imaging.backends import compile_beforehand
 
-    return [('exact backprojection', backprojection.compile_kernels),
-            ('sub-aperture images', kernels.compile_subaperture_kernels),
-            ('fusion of sub-apertures', kernels.compile_fusion_kernels),
+    return [('exact backprojection', lambda: compile_beforehand('Backprojection')),
+            ('sub-aperture images', lambda: compile_beforehand('SubapertureImager')),
+            ('fusion of sub-apertures', lambda: compile_beforehand('SpectrumFusion')),
             ('autofocus', compile_autofocus)]
 
 

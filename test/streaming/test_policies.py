@@ -175,8 +175,7 @@ from sar_imaging.backends.cpu.beams import forming, interpolation
 from sar_imaging.backends.cpu.fft import columns, rows
 from sar_imaging.backends.cpu.fusion import lines, spectra, to_map
 from sar_imaging.streaming.fusion import LiveFusion
-from sar_imaging.streaming.kernels import (compile_fusion_kernels,
-                                              compile_subaperture_kernels)
+from sar_imaging.backends import compile_beforehand
 from sar_imaging.streaming.subapertures import LiveSubapertures
 from sar_imaging.signal import PulseBlock, RadarParameters
 
@@ -186,11 +185,11 @@ def compiled():
                            forming, interpolation, columns, rows)
             for name, kernel in vars(module).items() if hasattr(kernel, 'signatures')}
 
-compile_subaperture_kernels()
+compile_beforehand('SubapertureImager')
 first_stage = compiled()
 assert all(first_stage[name] for name in ('project_lines', '_form_beams', 'interpolate_beams'))
 assert not first_stage['_fold_lines']
-compile_fusion_kernels()
+compile_beforehand('SpectrumFusion')
 before = compiled()
 assert all(n for name, n in before.items() if name in ('_fold_lines', '_restore_carrier'))
 n = np.arange(96)

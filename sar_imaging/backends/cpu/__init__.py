@@ -8,6 +8,7 @@ import importlib
 
 _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'subapertures',
             'SpectrumFusion': 'fusion.spectra', 'form_map': 'fusion.to_map',
+            'compile_kernels': 'beforehand',
             'FactorisedImager': 'baselines.ffbp',
             'correlate_spectra': 'baselines.correlation',
             'correlate_profiles': 'baselines.correlation',

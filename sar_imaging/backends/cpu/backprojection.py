@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from ...geometry.grids import MapGrid
-from ...planning.exact.azimuth_upsampling import DEGREE, TAPS, AzimuthParts
-from ...planning.exact.backprojection import BackprojectionPlan, LinePlan, plan_backprojection
+from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
 from ...planning.exact.points import PointPlan, image_layers
-from ...planning.exact.polar_image import PolarPlan, plan_polar
-from ...planning.interpolators import design_interpolator
-from ...signal.radar import RadarParameters
+from ...planning.exact.polar_image import PolarPlan
 from .azimuth_upsampling import AzimuthUpsampling
 from .lines import PolarLines, add_to_lines, line_middles, shared_phase
 from .memory import WorkSpace
@@ -105,25 +100,3 @@ class _Points:
     def add(self, samples, tx_m, rx_m, image) -> None:
         add_to_points(self._plan, self._layers, samples, tx_m, rx_m,
                       image.reshape(-1).view(np.float32), self._memory)
-
-
-def compile_kernels() -> None:
-    """Compile the kernels, or load them from the cache, before the first pulse arrives.
-
-    Takes some seconds the first time on a machine and well under one after that.
-    """
-    radar, target_db = RadarParameters(10e9, 300e6, 600e6, 0.0), -80.0
-    samples, centres = np.zeros((1, 512), np.complex64), np.zeros((1, 3))
-    for x in (100.0, 1.0):  # by lines, and around the antenna by points
-        grid = MapGrid((x, 0.0, 0.0), 16, 16, 0.25)
-        image = np.zeros(grid.shape, np.complex64)
-        plan = plan_backprojection(grid, radar, 512, centres, centres, target_db)
-        plans, polar = [plan], plan_polar(grid, centres, centres, radar, 512, target_db)
-        if polar is not None:
-            between = design_interpolator(2.0, taps=TAPS, degree=DEGREE)
-            parts = AzimuthParts((slice(None),), np.zeros(1), polar.polar, polar.polar, between,
-                                 0.0, 0.0)
-            plans += [dataclasses.replace(plan, way=dataclasses.replace(polar, parts=p))
-                      for p in (None, parts)]
-        for way in plans:
-            Backprojection(way).add(samples, centres, centres, image)
