@@ -90,7 +90,7 @@ def check_settings(imaging: Imaging, machine: Machine) -> list[Finding]:
         findings.append(Finding(
             'error', f'autofocus.track_error={imaging.autofocus_track_error:g} and '
             f'autofocus.time_offset={imaging.autofocus_time_offset:g} are of no use in mode: '
-            f'{imaging.mode}, where images come without their pulses; set both to 0.0 and use '
+            f'{imaging.mode}, whose images have no pulses; set both to 0.0 and use '
             'autofocus.phase_gradient of afbp_fusion, or mode: image'))
     return findings
 
@@ -136,16 +136,16 @@ def _check_pulse_rate(a: Acquisition, d: Derived):
     ahead = math.floor(2 * d.scene.far_m / a.radar.propagation_speed_m_per_s * a.prf_hz)
     if ahead:
         yield Finding('warning', f'the scene at {d.scene.far_m:.4g} m is beyond the unambiguous '
-                      f'range of {d.unambiguous_range_m:.4g} m: {ahead} later pulses are in the '
-                      'air, and echoes from nearer by overlap those of the scene unless the '
+                      f'range of {d.unambiguous_range_m:.4g} m: {ahead} later pulses are in '
+                      'flight, and echoes from nearer by overlap those of the scene unless the '
                       'antenna suppresses them; lower prf_hz', from_track=True)
     # The receiver is deaf while a later pulse goes out.
     start = a.radar.first_sample_delay_s * a.prf_hz % 1.0
     stop = start + a.n_samples / a.radar.sample_rate_hz * a.prf_hz
     if start < length * a.prf_hz * (1 - 1e-9) or stop > _ROUNDING:
-        yield Finding('warning', f'at prf_hz={a.prf_hz:g} a pulse goes out while echoes are '
-                      'recorded; an antenna that cannot do both loses them: change prf_hz or '
-                      'the range window')
+        yield Finding('warning', f'at prf_hz={a.prf_hz:g} a pulse is sent while echoes are '
+                      'recorded; a receiver that is blanked meanwhile loses them: change prf_hz '
+                      'or the range window')
 
 
 def _check_direction(a: Acquisition, d: Derived):
@@ -159,16 +159,16 @@ def _check_direction(a: Acquisition, d: Derived):
                       f'prf_hz={a.prf_hz:g} to {d.least_prf_hz:.4g} or more, fly slower, or make '
                       'the grid narrower along the track', from_track=True)
     if d.scene.both_sides:
-        yield Finding('warning', 'the grid reaches across the track: what lies left and right of '
-                      'it at equal ranges is told apart by the antenna alone', from_track=True)
+        yield Finding('warning', 'the grid extends across the track: only the antenna pattern '
+                      'separates scatterers left and right of it at equal ranges', from_track=True)
     if d.azimuth_width_m > d.scene.range_m:
         yield Finding('error', f'the aperture of {d.aperture_m:.3g} m resolves '
                       f'{d.azimuth_width_m:.3g} m in azimuth, more than the range: raise '
                       'pulses_per_aperture, or look away from the direction of flight',
                       from_track=True)
     if d.range_width_m > d.scene.range_m:
-        yield Finding('error', f'{d.scene.range_m:.4g} m from the platform to the middle of the '
-                      'grid lie one below the other: ranges on the ground are not resolved; '
+        yield Finding('error', f"the grid's centre is directly below the radar, "
+                      f'{d.scene.range_m:.4g} m away: ranges on the ground are not resolved; '
                       'image beside the track', from_track=True)
 
 
@@ -211,12 +211,12 @@ def _check_blocks(a: Acquisition, imaging: Imaging, d: Derived):
                       f'{largest // 4} floats, more than max_message_elements='
                       f'{imaging.max_message_elements}; lower pulses_per_block')
     elif largest > MESSAGE_BYTES[1]:
-        yield Finding('warning', f'blocks of {largest / 1e6:.3g} MB are slow to travel; lower '
+        yield Finding('warning', f'blocks of {largest / 1e6:.3g} MB take long to transfer; lower '
                       f'pulses_per_block={imaging.pulses_per_block} (0.25 to 2 MB are best)')
     elif d.block_bytes < MESSAGE_BYTES[0] and imaging.pulses_per_block < 0.5 * a.prf_hz:
-        yield Finding('warning', f'blocks of {d.block_bytes / 1e3:.3g} kB are many and small; '
-                      f'raise pulses_per_block={imaging.pulses_per_block} (0.25 to 2 MB are '
-                      'best)')
+        yield Finding('warning', f'blocks of {d.block_bytes / 1e3:.3g} kB are small, so there are '
+                      f'many; raise pulses_per_block={imaging.pulses_per_block} (0.25 to 2 MB '
+                      'are best)')
 
 
 def _check_load(imaging: Imaging, machine: Machine, d: Derived):

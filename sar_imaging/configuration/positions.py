@@ -45,7 +45,7 @@ def position_rows(nodes: Mapping[str, Mapping],
     source, frame = buffer['pose.source'], buffer['frame_id']
     datum = datum_rows(buffer)
     if source == BLOCK:
-        return [('positions', 'pulses', f'every pulse brings those of its antennas, in {frame}'),
+        return [('positions', 'pulses', f'every pulse states those of its antennas, in {frame}'),
                 *datum]
     searched = imager['autofocus.time_offset']
     moved = f'{0.1 * acquisition.speed_m_per_s:.3g} m'

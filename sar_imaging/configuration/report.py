@@ -45,44 +45,44 @@ def _geometry_rows(a: Acquisition, imaging: Imaging, d: Derived):
            f'distance from the radar; nearest pixel {_metres(scene.near_m)}, farthest '
            f'{_metres(scene.far_m)}')
     yield ('range window', f'{_metres(d.window_m[0])} to {_metres(d.window_m[1])}',
-           'distances whose echoes are recorded as a whole; pixels elsewhere stay dark')
+           'ranges whose echoes are recorded completely; pixels elsewhere stay dark')
     if is_phase_history(a):
         yield ('unambiguous depth', _metres(d.unambiguous_depth_m),
-               'a scene that is deeper lies on top of itself')
+               'a deeper scene is folded onto itself')
     yield ('range resolution', f'{d.range_width_m:.3g} m',
-           'points nearer together, one behind the other, merge (width at -3 dB on the ground, '
+           'points closer than this, one behind the other, merge (width at -3 dB on the ground, '
            f'window {imaging.window})')
     yield ('azimuth resolution', f'{d.azimuth_width_m:.3g} m',
-           'points nearer together, side by side, merge (width at -3 dB)')
+           'points closer than this, side by side, merge (width at -3 dB)')
     yield ('pixel spacing', f'{imaging.grid.spacing_m:g} m',
            f'{0.5 * min(d.range_null_m, d.azimuth_null_m):.3g} m or less loses no point between '
            f'pixels: half of the null spacing, {d.range_null_m:.3g} m in range and '
            f'{d.azimuth_null_m:.3g} m in azimuth')
     yield ('aperture', _metres(d.aperture_m),
-           f'way flown for one image: {imaging.pulses_per_aperture} pulses in {d.aperture_s:.3g} '
-           f's, {math.degrees(d.aperture_rad):.3g} degrees seen from the scene')
+           f'distance flown for one image: {imaging.pulses_per_aperture} pulses in '
+           f'{d.aperture_s:.3g} s, {math.degrees(d.aperture_rad):.3g} degrees seen from the scene')
 
 
 def _pulse_rows(a: Acquisition, d: Derived):
-    yield 'pulse spacing', _metres(d.pulse_spacing_m), 'way flown from pulse to pulse'
+    yield 'pulse spacing', _metres(d.pulse_spacing_m), 'distance flown from pulse to pulse'
     yield ('scene in direction', f'{d.needed_direction:.3g}',
            'directions that the scene' + (' in the beam' if a.beamwidth_rad else '')
            + ' takes, as cosine of the angle to the flight')
     yield ('unambiguous direction', f'{d.unambiguous_direction:.3g}',
-           'directions that pulses this close tell apart; of a wider scene every point appears '
-           f'again {_metres(d.ambiguity_m)} away in azimuth')
+           'directions that pulses at this spacing separate; in a wider scene every point '
+           f'appears again {_metres(d.ambiguity_m)} away in azimuth')
     yield ('PRF', _hertz(a.prf_hz),
            f'pulses per second; at least {_hertz(d.least_prf_hz)}, or points appear twice'
            + ('' if a.compressed or a.radar.waveform != Waveform.LFM else
-              f'; at most {_hertz(d.largest_prf_hz)}, or a recording meets the next pulse'))
+              f'; at most {_hertz(d.largest_prf_hz)}, or recordings overlap the next pulse'))
     yield ('unambiguous range', _metres(d.unambiguous_range_m),
-           'echoes from beyond it come after the next pulse has gone out')
+           'echoes from farther away arrive after the next pulse was sent')
 
 
 def _load_rows(imaging: Imaging, machine: Machine, d: Derived):
     grid = imaging.grid
     yield ('input', f'{d.input_rate / 1e6:.3g} MB/s',
-           f'into the nodes, in messages of {d.block_bytes / 1e6:.2g} MB; behind '
+           f'into the nodes, in messages of {d.block_bytes / 1e6:.2g} MB; after '
            f'range_compression {d.profile_rate / 1e6:.3g} MB/s, in messages of '
            f'{d.profile_block_bytes / 1e6:.2g} MB')
     yield 'image', f'{grid.n_x} x {grid.n_y}', f'pixels, {d.n_pixels / 1e6:.3g} million'

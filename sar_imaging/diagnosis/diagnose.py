@@ -133,7 +133,7 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none') -> Diagn
 def _nothing_helps(first: Coherence) -> str:
     if not first.coverage:
         return ('the profiles do not reach the grid, and no hypothesis about units, axes or '
-                'delays brings them there; check the positions of antenna and grid')
+                'delays explains it; check the positions of antenna and grid')
     return ('nothing stands out from noise, and no hypothesis about samples, positions or clock '
             'helps: an empty scene, or a mistake that is not among them')
 

@@ -117,8 +117,8 @@ class BackprojectionStep(Step):
         for text in self._track.texts if straight else ():
             self.health.warning(text)
         if not straight:
-            self.health.info('the track does not go on straight; the derived quantities of its '
-                             'aperture hold for a straight one')
+            self.health.info('the track is not straight; the derived quantities assume that it '
+                             'is')
         self._track = None
 
     def flush(self) -> list:

@@ -340,7 +340,7 @@ class Positioner(EventSource):
         elif verdict == PoseVerdict.JUMP:
             s.pose_jumps += 1
             self._report('pose_jump', 'the frame of the poses jumped: the platform cannot have '
-                         f'moved like that within {after_s:.3g} s; apertures do not go on across '
+                         f'moved like that within {after_s:.3g} s; no aperture extends across '
                          'it (odometry that never jumps makes better images than a map frame)')
         elif verdict == PoseVerdict.RESTART:
             s.pose_restarts += 1

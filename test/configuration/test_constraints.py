@@ -49,19 +49,19 @@ CASES = {
                            'the 2.5 us between pulses; at most 3.333e.05 Hz',
                            {'prf_hz': 400e3}, {}),
     'pulses in the air': ('warning', 'the scene at .* is beyond the unambiguous range of 599.6 m: '
-                          '1 later pulses are in the air', {'prf_hz': 250e3}, {}),
-    'receiver deaf': ('warning', 'at prf_hz=130000 a pulse goes out while echoes are recorded',
+                          '1 later pulses are in flight', {'prf_hz': 250e3}, {}),
+    'receiver deaf': ('warning', 'at prf_hz=130000 a pulse is sent while echoes are recorded',
                       {'prf_hz': 130e3}, {}),
     'ambiguous beam': ('error', 'pulses every 0.25 m repeat scatterers every 0.059.* the '
                        'illuminated scene is 0.0.* wide: raise prf_hz=200 to 2',
                        {'beamwidth_rad': 1.0}, {'grid': grid(20.0, 80.0, 0.1)}),
     'ambiguous scene': ('warning', 'repeat scatterers every .* the scene is 0.0.* wide: raise '
                         'prf_hz', {}, {'grid': grid(20.0, 80.0, 0.1)}),
-    'both sides': ('warning', 'the grid reaches across the track: what lies left and right',
+    'both sides': ('warning', 'the grid extends across the track: only the antenna pattern',
                    {'centre_m': (-10.0, 0.0, 900.0)}, {}),
     'along the track': ('error', 'the aperture of 63.8 m resolves inf m in azimuth',
                         {'velocity_m_per_s': (50.0 * 0.8, 0.0, -50.0 * 0.6)}, {}),
-    'below': ('error', 'lie one below the other: ranges on the ground are not resolved',
+    'below': ('error', 'directly below the radar, .* m away: ranges on the ground are not',
               {'centre_m': (0.0, 0.0, 1000.0)}, {}),
     'pixels far apart': ('error', 'grid.spacing=2 m: scatterers between pixels vanish, the '
                          r'null spacing in azimuth is 0.234 m; use at most half of it, 0.11 m',
@@ -77,9 +77,11 @@ CASES = {
     'block too large': ('error', 'a block of 32 pulses has 153728 floats, more than '
                         'max_message_elements=1000; lower pulses_per_block',
                         {}, {'max_message_elements': 1000}),
-    'block large': ('warning', 'blocks of 39.4 MB are slow to travel; lower pulses_per_block=2048',
+    'block large': ('warning', 'blocks of 39.4 MB take long to transfer; lower '
+                    'pulses_per_block=2048',
                     {}, {'pulses_per_block': 2048}),
-    'blocks small': ('warning', 'blocks of 38.4 kB are many and small; raise pulses_per_block=2',
+    'blocks small': ('warning', 'blocks of 38.4 kB are small, so there are many; raise '
+                     'pulses_per_block=2',
                      {}, {'pulses_per_block': 2}),
 }
 
@@ -100,13 +102,13 @@ LIMITS = {
     'elements': ('more than max_message_elements', [{}, {'max_message_elements': 153_728}],
                  [{}, {'max_message_elements': 153_727}]),
     # 19 216 bytes a pulse: 32 bit complex numbers, 2 channels, 1201 samples of a profile.
-    'large blocks': ('are slow to travel', [{}, {'pulses_per_block': 832}],
+    'large blocks': ('take long to transfer', [{}, {'pulses_per_block': 832}],
                      [{}, {'pulses_per_block': 833}]),
     # 16 bytes a sample as it comes: 100 kB.
-    'small blocks': ('are many and small', [{'n_samples': 1250}, {'pulses_per_block': 5}],
+    'small blocks': ('so there are many', [{'n_samples': 1250}, {'pulses_per_block': 5}],
                      [{'n_samples': 1249}, {'pulses_per_block': 5}]),
     # Half a second of pulses is enough, however small the blocks are.
-    'long blocks': ('are many and small', [{'prf_hz': 10.0}, {'pulses_per_block': 5}],
+    'long blocks': ('so there are many', [{'prf_hz': 10.0}, {'pulses_per_block': 5}],
                     [{'prf_hz': 10.5}, {'pulses_per_block': 5}]),
     'strip': ('are never imaged',
               [{}, {'mode': 'subapertures', 'subaperture_follow': True,

@@ -152,7 +152,7 @@ def test_parameters_are_checked_and_used_while_the_node_runs(start_node, make_ob
     assert not successful
     successful, reason = set_parameter('queue_depth', 7)
     assert not successful
-    assert 'queue_depth counts when the node is configured; deactivate it and clean' in reason
+    assert 'queue_depth is read when the node is configured; deactivate it and clean' in reason
     assert set_parameter('queue_depth', 50) == (True, '')  # which it is already
     successful, reason = set_parameter('autostart', False)
     assert not successful

@@ -30,7 +30,7 @@ def test_a_node_that_waits_for_its_manager(start_node, make_observer):
     assert observer.state(name) == 'inactive'
     successful, reason = observer.set_parameter(name, 'grid.spacing', 0.5)
     assert not successful
-    assert 'grid.spacing counts when the node is configured; deactivate it and clean' in reason
+    assert 'grid.spacing is read when the node is configured; deactivate it and clean' in reason
     assert observer.set_parameter(name, 'min_pulse_fraction', 0.25) == (True, '')
     assert not observer.node.count_subscribers('range_profiles')
     assert not observer.messages['map_metadata']

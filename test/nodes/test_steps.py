@@ -200,7 +200,7 @@ def test_a_raster_is_not_warned_of_what_its_first_row_carried_on_would_be(grid, 
         step.process(dataclasses.replace(block, **{
             name: place[start:start + CUT] for name, place in places.items()}))
     assert not any(line.startswith(STRIP) for line in log.lines)
-    assert any('the track does not go on straight' in line for line in log.lines)
+    assert any('the track is not straight' in line for line in log.lines)
 
 
 def test_every_product_goes_to_who_listens(grid, profiles):

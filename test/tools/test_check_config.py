@@ -125,7 +125,7 @@ def test_channels_at_one_place_must_be_said(run):
 def test_pulses_with_positions_need_no_lever_arms(run):
     code, out, err = run(('frame_id: odom', 'frame_id: odom\n    antenna: {rx: [0.0, 1.0]}'))
     assert (code, err) == (0, '')
-    assert 'every pulse brings those of its antennas, in odom' in out
+    assert 'every pulse states those of its antennas, in odom' in out
 
 
 @pytest.mark.parametrize(('change', 'expected'), [
@@ -153,7 +153,7 @@ def test_sub_apertures_where_they_cannot_be(run):
     code, out, err = run(('centre_x: -7.0', 'centre_x: -2.9'))
     assert code == 0
     assert 'mode image only: ' in out
-    assert 'the grid reaches across the track' in err
+    assert 'the grid extends across the track' in err
 
 
 def test_without_a_radar_only_names_types_and_sizes_are_checked(tmp_path, capsys):

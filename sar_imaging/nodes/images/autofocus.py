@@ -178,7 +178,7 @@ class ImageFocus:
         except (ValueError, MemoryError) as error:
             self._health.count('autofocus_failed')
             self._health.warning(f'autofocus of aperture {product.aperture} failed, the image '
-                                 f'stays as it is: {error}')
+                                 f'is published unchanged: {error}')
             return FocusedImage(**fields, verdict='autofocus failed', details=str(error))
         seconds = time.perf_counter() - began
         report = result.report
@@ -242,7 +242,7 @@ class PolarFocus:
             result = PhaseGradient(grid.polar, grid, ends_m).at_baseband(polar, grid.between)
         except (ValueError, MemoryError) as error:
             health.count('autofocus_failed')
-            health.warning(f'autofocus failed, the image stays as it is: {error}')
+            health.warning(f'autofocus failed, the image is published unchanged: {error}')
             return polar, Note('autofocus failed', str(error))
         seconds = time.perf_counter() - began
         health.count('autofocus_accepted', int(result.accepted))

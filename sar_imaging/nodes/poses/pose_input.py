@@ -127,7 +127,7 @@ def clock_notice(parameters: Mapping[str, object]) -> str:
         if parameters['autofocus.time_offset']:
             return ''
     return (f'nothing checks pose.time_offset_s={parameters["pose.time_offset_s"]:g}: poses '
-            'stamped 0.1 s late move an image from 2 m/s by 0.2 m, as sharp as ever; '
+            'stamped 0.1 s late displace an image at 2 m/s by 0.2 m, as sharp as before; '
             'autofocus.time_offset of backprojection estimates it')
 
 

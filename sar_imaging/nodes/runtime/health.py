@@ -87,7 +87,7 @@ class Tally:
         if problem:
             return DiagnosticStatus.WARN, problem
         if recent:
-            return DiagnosticStatus.WARN, 'losses a moment ago, see the counters and the log'
+            return DiagnosticStatus.WARN, 'recent losses, see the counters and the log'
         return DiagnosticStatus.OK, state
 
 

@@ -233,7 +233,7 @@ class ParameterValues:
         if (self._configured and parameter.changes == CONFIGURE
                 and value != self._values[parameter.name]):
             raise ConfigurationError(
-                f'parameter {parameter.name} counts when the node is configured; deactivate it '
+                f'parameter {parameter.name} is read when the node is configured; deactivate it '
                 'and clean it up, set the parameter, then configure and activate it again')
 
     def _apply(self, parameters: list[RosParameter]) -> None:

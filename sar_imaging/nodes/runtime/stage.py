@@ -240,7 +240,7 @@ class Stage(ManagedNode):
 
     def _work_failed(self, error: BaseException) -> None:
         if self.context.ok():  # publishing fails once Ctrl-C has shut the context down
-            self.report_error(error, 'error while working, the node goes on')
+            self.report_error(error, 'error while working, the node continues')
 
     # ------------------------------------------------------------------------- services
 
@@ -361,7 +361,7 @@ class Stage(ManagedNode):
             self.health.warning('input stalled: nothing on '
                                 f'{self.resolve_topic_name(self.INPUT)} for {pause:.0f} s')
         elif self._stalled and not stalled:
-            self.health.info('input goes on')
+            self.health.info('input continues')
         self._stalled = stalled
         return f'no input for {pause:.0f} s' if stalled else ''
 

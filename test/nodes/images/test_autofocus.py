@@ -224,7 +224,7 @@ def test_phase_gradient_needs_whole_fused_images(changes):
 
 @pytest.mark.parametrize(('changes', 'reason'), [
     ({'mode': 'subapertures'}, 'autofocus.time_offset=0.1 are of no use in mode: subapertures, '
-     'where images come without their pulses; .* use autofocus.phase_gradient of afbp_fusion'),
+     'whose images have no pulses; .* use autofocus.phase_gradient of afbp_fusion'),
     ({'terrain.file': 'hill.npz'}, r'autofocus \(autofocus.time_offset\) is not possible here: '
      'it works on a plane; leave terrain.file empty'),
     ({'autofocus.time_offset': 0.0, 'autofocus.range_bias': 0.1}, 'autofocus.range_bias=0.1 is '

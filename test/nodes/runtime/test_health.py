@@ -41,7 +41,7 @@ def judgement(tally, problem=''):
 
 
 @pytest.mark.parametrize(('key', 'level', 'text'), [
-    ('lost', WARN, 'losses a moment ago'), ('errors', ERROR, 'errors while working')])
+    ('lost', WARN, 'recent losses'), ('errors', ERROR, 'errors while working')])
 def test_a_fault_colours_the_diagnostics_for_ten_seconds(clock, tally, key, level, text):
     assert judgement(tally) == (OK, 'working')
     tally.count(key)

@@ -162,7 +162,7 @@ def test_a_stall_of_before_is_forgotten_when_the_node_is_activated_again(bench):
     bench.node.health.info = lines.append
     bench.send(1)
     bench.wait_for(blocks_received=2)
-    assert 'input goes on' not in lines
+    assert 'input continues' not in lines
 
 
 def test_a_clean_up_counts_from_zero(bench):

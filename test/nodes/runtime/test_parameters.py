@@ -100,7 +100,7 @@ def test_what_counts_at_the_configuration_changes_only_without_one(node):
     assert changed(ros, 'number', 2.0)[0] and values['number'] == 2.0
     values.load()
     successful, reason = changed(ros, 'number', 3.0)
-    assert not successful and 'counts when the node is configured' in reason
+    assert not successful and 'is read when the node is configured' in reason
     assert values['number'] == 2.0
     assert changed(ros, 'number', 2.0)[0]  # as it is
     assert changed(ros, 'count', 5)[0] and values['count'] == 5
