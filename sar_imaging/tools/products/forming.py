@@ -21,7 +21,7 @@ from sar_imaging.signal.radar import Waveform
 
 from .sources import Source, SourceError
 
-_IMAGE_SHARE = 0.5  # of the memory, for the image and what is made of it
+IMAGE_SHARE = 0.5  # of the memory, for the image and what is made of it
 _BLOCK_SHARE = 0.1  # for the samples of a block; its profiles are resampled more finely
 _VERIFIED_PIXELS = 200
 
@@ -83,8 +83,11 @@ def memory_bytes(arguments: argparse.Namespace) -> float:
     return arguments.memory * 1e9
 
 
-def choose(source: Source, arguments: argparse.Namespace) -> GridChoice:
+def choose(source: Source, arguments: argparse.Namespace,
+           share: float = IMAGE_SHARE) -> GridChoice:
     """Grid for a source: that of the arguments, of the file, or one chosen from its pulses.
+
+    An image may take some share of the memory.
 
     Raises
     ------
@@ -105,7 +108,7 @@ def choose(source: Source, arguments: argparse.Namespace) -> GridChoice:
         bound = choose_grid(source.coverage(), told.centre_m, spacing_m=told.spacing_m,
                             size_m=((told.n_x - 1) * told.spacing_m,
                                     (told.n_y - 1) * told.spacing_m),
-                            memory_bytes=_IMAGE_SHARE * memory_bytes(a))
+                            memory_bytes=share * memory_bytes(a))
         return GridChoice(told, a.plane, bound.range_resolution_m, bound.azimuth_resolution_m, (
             f'{told.n_x} by {told.n_y} pixels of {told.spacing_m:g} m: the grid that the '
             'recording proposes (--size, --spacing and --centre change it)',))
@@ -115,7 +118,7 @@ def choose(source: Source, arguments: argparse.Namespace) -> GridChoice:
     return choose_grid(source.coverage(), centre, plane=a.plane, size_m=size,
                        area_m=None if a.centre is not None else source.area_m,
                        spacing_m=a.spacing,
-                       memory_bytes=_IMAGE_SHARE * memory_bytes(a))
+                       memory_bytes=share * memory_bytes(a))
 
 
 def _place(place) -> str:
@@ -163,7 +166,7 @@ def verify(source: Source, image: Image, n_bytes: float) -> Verification | str:
     blocks = (source.read if raw else source.profiles)(_BLOCK_SHARE * n_bytes)
     try:
         return measure_error(image.samples, image.grid, blocks, n_pixels=_VERIFIED_PIXELS,
-                             n_brightest=_VERIFIED_PIXELS, fit_scale=raw)
+                             n_brightest=_VERIFIED_PIXELS, fit_scale=raw, progress=True)
     except ValueError as error:
         return str(error)
 

@@ -19,6 +19,7 @@ from ..exchange.kinds import SICD, kind_of
 from . import forming
 from .sources import Source, SourceError, open_source
 
+_IMAGE_SHARE = forming.IMAGE_SHARE / 4  # two images, and what tells their difference
 _SQUARE = 0.02  # relative difference of steps up to which a picture is drawn to scale
 
 
@@ -85,7 +86,7 @@ def _of_pulses(first: Path, second: Path, arguments: argparse.Namespace) -> Pair
     if one.datum != other.datum and None not in (one.datum, other.datum):
         raise SourceError(f'{second} stands at {other.datum}, {first} at {one.datum}; expected '
                           'recordings in one frame')
-    choice = forming.choose(one, arguments)
+    choice = forming.choose(one, arguments, _IMAGE_SHARE)
     centre = choice.grid.points().reshape(-1, 3).mean(axis=0)
     if not other.coverage().covers(centre[None]).all():
         raise SourceError(f'{second} does not cover the middle of the grid chosen for {first}, '

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import pathlib
 
@@ -99,6 +100,41 @@ def test_cphd_tells_the_same_as_the_recordings(recordings, compared, run, tmp_pa
     largest = [change['position_m'][:2] for change in figures['change']['largest'][:2]]
     for place in CAR_M.values():
         assert min(np.hypot(*np.subtract(place, found)) for found in largest) < 2.2
+
+
+def test_a_file_in_another_frame_is_brought_into_that_of_the_first(recordings, compared, run,
+                                                                   tmp_path):
+    pytest.importorskip('sarkit', reason='the extra formats is not installed')
+    from sar_imaging.formats.cphd import write_cphd
+    from sar_imaging.geometry.earth import Datum
+    from sar_imaging.geometry.grids import MapGrid
+
+    own, other = Datum(47.3, 8.5, 400.0, 0.0), Datum(47.3001, 8.4999, 405.0, 70.0)
+    files = [tmp_path / 'a.cphd', tmp_path / 'b.cphd']
+    sources = [open_source(path) for path in recordings]
+    write_cphd(files[0], sources[0].read(1e9), own, sources[0].grid)
+    moved = [dataclasses.replace(block, **{
+        name: other.from_ecef(own.to_ecef(getattr(block, name))) for name in ('tx_m', 'rx_m')})
+        for block in sources[1].read(1e9)]
+    centre = other.from_ecef(own.to_ecef([0.0, 0.0, 0.0]))
+    write_cphd(files[1], moved, other, MapGrid.from_size(centre, 48.0, 48.0, 0.25))
+    status, _, err = run('change', *files, '--output', tmp_path / 'out', '--spacing', 0.25)
+    assert status == 0, err
+    figures = json.loads((tmp_path / 'out' / 'comparison.json').read_text())
+    expected = json.loads((compared / 'comparison.json').read_text())
+    # the Earth's curve over 10 m and the rounding of float64 at its radius are below 1e-8 m
+    assert figures['coherence']['median'] == pytest.approx(expected['coherence']['median'],
+                                                           abs=0.005)
+    assert figures['baseline_m'] == pytest.approx(BASELINE_M, abs=1e-3)
+
+
+def test_little_memory_compares_a_smaller_part(recordings, run, tmp_path):
+    status, _, err = run('change', *recordings, '--output', tmp_path, '--memory', 0.008,
+                         '--centre', 0, 0, '--spacing', 0.25)
+    assert status == 0, err
+    figures = json.loads((tmp_path / 'comparison.json').read_text())
+    assert figures['shape'][0] * figures['shape'][1] < 30_000
+    assert any('--memory' in reason for reason in figures['chosen'])
 
 
 def test_sicd_files_of_one_grid_tell_the_same(recordings, compared, run, tmp_path):

@@ -6,9 +6,11 @@ import base64
 import json
 import pathlib
 import re
+import shutil
 
 import numpy as np
 import pytest
+import yaml
 
 from sar_imaging.formats.cphd import CphdReader
 from sar_imaging.geometry import MapGrid
@@ -19,6 +21,7 @@ from sar_imaging.tools.products import sources
 
 DATUM = Datum(47.3, 8.5, 430.0, 20.0)  # of the CPHD file
 GOTCHA = pathlib.Path(__file__).parents[4] / 'shared' / 'data' / 'gotcha_pass1_hh'
+BAGS = pathlib.Path(__file__).parents[3] / 'bags'
 PNG = b'\x89PNG\r\n\x1a\n'
 
 
@@ -193,6 +196,31 @@ def test_what_cannot_be_done_is_told_before_the_work(spotlight, run, tmp_path, w
     status, _, err = run('image', spotlight, '--output', tmp_path / 'out', *words)
     assert status == 1 and message in err and 'Traceback' not in err
     assert not (tmp_path / 'out').exists()
+
+
+@pytest.fixture(scope='module')
+def bare(spotlight, tmp_path_factory):
+    """The recording as `ros2 bag record` would have made it: nothing but messages."""
+    path = tmp_path_factory.mktemp('bare') / 'spotlight'
+    shutil.copytree(spotlight, path)
+    metadata = yaml.safe_load((path / 'metadata.yaml').read_text())
+    metadata['rosbag2_bagfile_information']['custom_data'] = {}
+    (path / 'metadata.yaml').write_text(yaml.safe_dump(metadata))
+    return path
+
+
+def test_a_recording_without_truth_needs_its_middle_and_no_more(bare, run, tmp_path):
+    status, _, err = run('image', bare, '--output', tmp_path)
+    assert status == 1
+    assert 'does not tell where its scene is: give --centre X Y Z' in err
+    status, _, err = run('image', bare, '--output', tmp_path, '--centre', 0, 0,
+                         '--target-db=-50')
+    assert status == 0, err
+    assert 'what the profiles cover without ambiguity' in err
+    quality = json.loads((tmp_path / 'quality.json').read_text())
+    assert quality['measured_error']['error_db'] < -50.0
+    assert quality['measured_error']['covered_share'] > 0.99
+    assert quality['pulses'] == 2 * sources.open_source(BAGS / 'spotlight').n_pulses  # all of it
 
 
 def test_other_files_are_refused_by_name(run, tmp_path):
