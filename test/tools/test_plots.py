@@ -5,7 +5,7 @@ import pytest
 from matplotlib.image import imread
 
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.tools.plots import grey_limits_db, save_image_png
+from sar_imaging.tools.plots import grey_limits_db, save_image_png, save_values_png
 
 
 def draw(path, image, grid, **options):
@@ -97,3 +97,19 @@ def test_few_points_are_shown_over_60_db():
     image[20, 30] = image[150, 60] = 1
     assert grey_limits_db(image) == (-60, 0)
     assert grey_limits_db(np.zeros((4, 4))) == (-60, 0)
+
+
+def test_values_are_drawn_with_what_is_marked(tmp_path):
+    grid = MapGrid((0.0, 0.0, 0.0), 40, 30, 1.0)
+    values, marked = np.full(grid.shape, 0.5), np.zeros(grid.shape, bool)
+    marked[10:20, 10:20] = True
+    values[:, 30:] = np.nan
+    options = {'title': 'a', 'label': 'b', 'limits': (0.0, 1.0), 'colours': 'gray'}
+    save_values_png(tmp_path / 'a.png', values, grid, marked=marked, **options)
+    picture = imread(tmp_path / 'a.png')[..., :3]
+    red = (picture[..., 0] > picture[..., 1] + 0.2).mean()
+    grey = (np.abs(picture - 0.5).max(axis=-1) < 0.02).mean()
+    # of 1200 pixels 100 are red, 800 grey and 300 white; the bar has greys of its own
+    assert 0.7 < 8 * red / grey < 1.1
+    with pytest.raises(ValueError, match='does not match'):
+        save_values_png(tmp_path / 'b.png', values[1:], grid, **options)
