@@ -1,9 +1,9 @@
 """Autofocus: estimate motion and phase errors from the image itself.
 
-- `autofocus`: estimates, images again exactly, and accepts only what is better (`report`);
-- `models`, `alignment_model`, `track`: what may be wrong with the geometry;
-- `search`, `offset_search`, `residual`, `agreement`: how it is found and how far it is believed;
-- `tiles`: the small tiles around bright points that are looked at;
+- `autofocus`: estimates errors, images again, accepts only sharper images (`report`);
+- `models`, `alignment_model`, `track`: geometries with unknown parameters;
+- `search`, `offset_search`, `residual`, `agreement`: estimates of the parameters, and checks;
+- `tiles`: image tiles around bright points;
 - `phase_gradient`: phase gradient autofocus of polar images; `live`: autofocus in the nodes.
 """
 

@@ -2,7 +2,7 @@
 
 - `settings`, `parameters`, `positions`, `datum`: the configuration, from ROS parameter files too;
 - `derived`, `scene`, `subapertures`, `memory`: resolution, ambiguities, times and bytes;
-- `constraints`: what cannot work or will disappoint, with what to change;
+- `constraints`: errors and warnings, each with the parameter to change;
 - `report`, `startup`: the same in words, for `check_config` and at the start of a node.
 """
 

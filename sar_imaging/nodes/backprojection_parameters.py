@@ -13,8 +13,8 @@ from .runtime.parameters import ANY_TIME, Parameter, one_of
 
 IMAGE, SUBAPERTURES = 'image', 'subapertures'
 MIN_PULSE_FRACTION = Parameter(
-    'min_pulse_fraction', 0.5, 'Share of its pulses that an aperture must have to be imaged.', '',
-    0.0, 1.0, changes=ANY_TIME)
+    'min_pulse_fraction', 0.5, 'Least share of its pulses that an aperture needs to be imaged.',
+    '', 0.0, 1.0, changes=ANY_TIME)
 
 PARAMETERS = (
     Parameter('mode', IMAGE, f'{IMAGE}: exact images of whole apertures; {SUBAPERTURES}: '
@@ -27,10 +27,10 @@ PARAMETERS = (
     Parameter('method', EXACT, f'Imager in mode {IMAGE}: {EXACT} backprojection, as pulses come; '
               f'{AFBP} of whole apertures; {AUTO}: of these the quicker one that meets target_db.',
               check=one_of(AUTO, EXACT, AFBP)),
-    Parameter('target_db', -80.0, 'Largest error against exact correlation to plan for in mode '
-              f'{IMAGE}.', 'dB', -100.0, -20.0),
-    Parameter('subapertures.target_db', -60.0, f'The same in mode {SUBAPERTURES}.', 'dB', -85.0,
-              -20.0),
+    Parameter('target_db', -80.0, 'Largest predicted error against time-domain correlation in '
+              f'mode {IMAGE}.', 'dB', -100.0, -20.0),
+    Parameter('subapertures.target_db', -60.0, 'Largest predicted error in mode '
+              f'{SUBAPERTURES}.', 'dB', -85.0, -20.0),
     Parameter('subapertures.pulses', 0, 'Length of a sub-aperture; 0 for the quickest.', 'pulses',
               0, 2**31 - 1),
     Parameter('subapertures.sliding', False, 'Every sub-aperture ends an image of one '
@@ -39,8 +39,8 @@ PARAMETERS = (
               'pixels that the grid continues to.'),
     Parameter('subapertures.follow_ahead', 0.0, 'From the middle of an aperture to that of its '
               'image, along the direction of flight.', 'm', -1e6, 1e6),
-    Parameter('subapertures.follow_left', 0.0, 'The same to the left of the direction of flight.',
-              'm', -1e6, 1e6),
+    Parameter('subapertures.follow_left', 0.0, 'From the middle of an aperture to that of its '
+              'image, to the left of the direction of flight.', 'm', -1e6, 1e6),
     *autofocus.PARAMETERS,
     *pose_input.TRACK_PARAMETERS,
     *image_products.PARAMETERS,

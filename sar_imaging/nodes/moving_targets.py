@@ -44,7 +44,7 @@ PARAMETERS = (
               1e-12, 0.1),
     Parameter('largest_speed', 0.0, 'Range rates to search, plus and minus; 0.0 for all that the '
               'channels tell apart.', 'm/s', 0.0, 1e4),
-    Parameter('clutter', 'k', 'Model of what is left of the scene: k (estimated K distribution) '
+    Parameter('clutter', 'k', 'Model of the residual clutter: k (estimated K distribution) '
               'or exponential.', check=one_of('k', 'exponential')),
     Parameter('window', 'hamming', 'Taper over the aperture, as the windows of '
               'range_compression.', check=parse_window),

@@ -3,7 +3,7 @@
 - `scene`, `movers`, `shadows`, `jammer`, `noise`, `trajectory`: what there is and how it moves;
 - `echoes`, `dense_scenes`: the echoes, over the exact two-way path of every channel;
 - `scenarios`: ready ones by name, those of the papers among them, and one from a configuration;
-- `trials`: random radars, flights and track errors, on which predictions and autofocus are tried.
+- `trials`: random radars, flights and track errors, to test predictions and autofocus on.
 """
 
 from .echoes import EchoSimulator

@@ -1,5 +1,5 @@
 """Positions in the nodes: poses from odometry, poses or tf, and lever arms.
 
-`pose_input` brings poses into the worker's thread, `tf_input` reads tf, and `known_positions`
-keeps where the phase centres were around an aperture.
+`pose_input` passes poses to the worker thread, `tf_input` samples tf, and `known_positions`
+keeps the phase centres around an aperture.
 """

@@ -54,7 +54,7 @@ PARAMETERS = (
     Parameter('pose.frame_id', '', 'Frame of the poses, which must be that of the images; empty '
               'takes frame_id.'),
     Parameter('pose.child_frame_id', 'base_link', 'Body frame to look up in tf.'),
-    Parameter('pose.tf_rate_hz', 100.0, 'How often tf is sampled.', 'Hz', 1.0, 10_000.0),
+    Parameter('pose.tf_rate_hz', 100.0, 'Rate at which tf is sampled.', 'Hz', 1.0, 10_000.0),
     Parameter('antenna.tx', [0.0, 0.0, 0.0], 'Lever arms: transmit phase centres in the body '
               'frame of the poses, x, y, z for each channel or once for all.', 'm',
               check=_check_arms),

@@ -1,6 +1,6 @@
 """Common parts of all nodes: parameters, life cycle, worker thread, overload, diagnostics.
 
-A node is a `stage.Stage`: it takes messages (`inlet`), hands them to the worker thread (`worker`,
-`overload`), in which a `step.Step` or several in a `chain` work on them, and tells how it fares
-(`health`). `managed` is its life cycle, `parameters` what users set.
+A node is a `stage.Stage`. It receives messages (`inlet`) and passes them to the worker thread
+(`worker`, `overload`), in which one `step.Step` or several in a `chain` process them. `health`
+reports, `managed` is the life cycle, `parameters` the tables of parameters.
 """
