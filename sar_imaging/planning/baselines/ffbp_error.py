@@ -2,13 +2,17 @@
 
 What a pulse contributes to a local image is a tone at every pixel: its local frequencies are the
 derivatives of its half path. Each interpolation multiplies the tone by a factor h that depends on
-its frequency and on the place between samples. Places of different levels are independent, so that
-the error of a tone after all its interpolations is
+its frequency and on the place between samples, with a mean of 1 - l and a variance v over the
+places. After all its interpolations the tone errs by
 
-``E |prod h - 1|^2 = prod E |h|^2 - 2 prod E h + 1``
+``E |H - 1|^2 = L^2 + (1 - L)^2 ((1 + s_range^2) (1 + s_direction^2) - 1)``
 
-where what the levels have in common, the loss ``1 - E h``, adds up in amplitude. Tones are weighed
-by their share in the power of the image.
+with ``L = 1 - prod (1 - l)``.
+
+The losses l of all levels add up in amplitude. So do the spreads along range, where the places are
+nearly the same for all of a level: s is the sum of ``sqrt(v) / (1 - l)``. Along direction places
+differ from line to line and levels are independent: s^2 is the sum of ``v / (1 - l)^2``. Tones are
+weighed by their share in the power of the image.
 """
 
 from __future__ import annotations
@@ -26,6 +30,9 @@ from .ffbp_grids import local_slopes
 from .ffbp_segments import Segment
 from .neighbour_weights import mean_gain
 
+# Places along range are nearly the same for a whole level, so that amplitudes of errors add up;
+# those along direction differ from line to line, so that powers do.
+_POWERS = (1, 2)
 _PULSES, _CHANNELS, _TONES = 32, 4, 12  # that stand for all: errors ripple over the band
 
 
@@ -115,14 +122,14 @@ def read_errors(tones: LocalTones, axes: Sequence[int], kernel: str,
     """
     each = []
     for axis in axes:
-        log_gain, log_spread = 0.0, 0.0
+        log_gain, spread = 0.0, 0.0
         for level, (known, segment) in enumerate(zip(tones.known, segments, strict=True)):
             frequency = tones.along(axis)[level] * (spacings[axis][level] / (2 * np.pi))
             loss, variance = mean_gain(kernel, oversampling[axis], segment.drift(axis), frequency)
             known = known[:, None, None, None]
             log_gain = log_gain + known * np.log1p(-loss)
-            log_spread = log_spread + known * np.log1p(variance / (1 - loss) ** 2)
-        each.append((log_gain, log_spread))
+            spread = spread + known * (np.sqrt(variance) / (1 - loss)) ** _POWERS[axis]
+        each.append((log_gain, np.log1p(spread ** (2 / _POWERS[axis]))))
     if len(axes) > 1:
         each.append(tuple(map(sum, zip(*each, strict=True))))
     return [_mean_error(tones, *logs) for logs in each]
