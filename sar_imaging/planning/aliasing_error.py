@@ -5,7 +5,7 @@ image is not periodic. It is therefore extended by guard cells over which a tape
 what the taper's spectrum carries beyond the spare band is aliased. Both grids being regular, the
 error of a complex exponential follows from the taper's transform.
 
-A map is read from the fine grid by an interpolator for which the spectrum was corrected. The
+A map is read from the fine grid by an interpolator for which the spectrum was deapodised. The
 correction mixes neighbouring lines, near the guards with some that the taper has changed.
 """
 
@@ -37,7 +37,7 @@ class PixelDensity:
     along_alpha, along_range : (B,) float64
         Density of wanted pixels from the first line, or range, to the last, of mean one.
     between : Interpolator or None
-        By which a map is read between lines, with the spectrum corrected for it; None where the
+        By which a map is read between lines, with the spectrum deapodised for it; None where the
         polar image itself is wanted.
     tones : (TONES,) float64
         Share of the power by cycles per line of the fused image, equal steps from 0 to 0.5.
@@ -205,7 +205,7 @@ def correction_error(coverage: PixelDensity, n: int, n_guard: float, beta: float
 def _correction_table(oversampling: float, taps: int, degree: int, n: int, n_guard: float,
                       beta: float) -> np.ndarray:
     """(TONES, n) mean squared error of tones by the line before the place that is read."""
-    between = design_interpolator(oversampling, taps=taps, degree=degree, corrected=True)
+    between = design_interpolator(oversampling, taps=taps, degree=degree, deapodised=True)
     taper, line = guard_taper(n, n_guard, beta), np.arange(n)
     cycles = 0.5 * (np.arange(TONES) + 0.5) / TONES
     tones = np.exp(2j * np.pi * np.outer(cycles, line))

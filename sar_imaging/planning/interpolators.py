@@ -48,7 +48,7 @@ class Interpolator:
         Mean squared error over band and interval relative to the signal's power, dB.
     oversampling : float
         Sample rate over two-sided bandwidth that it is for.
-    corrected : bool
+    deapodised : bool
         The spectrum of the samples was multiplied by `gain`.
     margin : float
         Samples beyond the interval for which the polynomials are made, too.
@@ -58,7 +58,7 @@ class Interpolator:
     first: int
     error_db: float
     oversampling: float
-    corrected: bool = False
+    deapodised: bool = False
     margin: float = 0.0
 
     @property
@@ -82,7 +82,7 @@ class Interpolator:
     def gain(self, frequency) -> np.ndarray:
         """By what the spectrum of the samples is to be multiplied for the least error in the band.
 
-        Nearly 1 unless the interpolator was designed with ``corrected=True``. Smooth, also beyond
+        Nearly 1 unless the interpolator was designed with ``deapodised=True``. Smooth, also beyond
         the band.
 
         Parameters
@@ -158,7 +158,7 @@ class Interpolator:
     def _errors(self) -> np.ndarray:
         """Of every `_COARSER`-th of `_frequencies`."""
         read, wanted = self._read(_frequencies()[::_COARSER])
-        if self.corrected:
+        if self.deapodised:
             read *= np.exp(self._log_gain[::_COARSER])[:, None]
         return np.sum((read - wanted) ** 2, axis=0) @ (0.5 * _nodes()[1])
 
@@ -184,7 +184,7 @@ class Interpolator:
 
 
 def design_interpolator(oversampling: float, margin: float = 0.0, *, taps: int = TAPS,
-                        degree: int = POINT_DEGREE, corrected: bool = False) -> Interpolator:
+                        degree: int = POINT_DEGREE, deapodised: bool = False) -> Interpolator:
     """Least-squares polynomial interpolator for a band-limited signal.
 
     Parameters
@@ -195,7 +195,7 @@ def design_interpolator(oversampling: float, margin: float = 0.0, *, taps: int =
         The polynomial is used for ``-margin <= t <= 1 + margin``, in samples.
     taps, degree : int
         Number of neighbours, even, and degree of the polynomial.
-    corrected : bool
+    deapodised : bool
         The spectrum of the samples will have been multiplied by `Interpolator.gain`.
 
     Raises
@@ -210,11 +210,11 @@ def design_interpolator(oversampling: float, margin: float = 0.0, *, taps: int =
         raise ValueError(f'margin={margin} must not be negative')
     # Rounding against the safe side makes the cache useful for the values that geometry yields.
     return _design(math.floor(50 * oversampling + 1e-6) / 50,
-                   math.ceil(margin * 100) / 100, taps, degree, corrected)
+                   math.ceil(margin * 100) / 100, taps, degree, deapodised)
 
 
 @functools.lru_cache(maxsize=256)
-def _design(oversampling, margin, taps, degree, corrected):
+def _design(oversampling, margin, taps, degree, deapodised):
     # Real weights are as good at negative frequencies as at positive ones.
     x, fw = _nodes()
     f = (1 + x) / (4 * oversampling)
@@ -224,23 +224,23 @@ def _design(oversampling, margin, taps, degree, corrected):
     powers = (t[:, None] - 0.5) ** np.arange(degree + 1)  # centred: better conditioned
     place = np.arange(taps) + first
     samples, wanted = (np.exp(2j * np.pi * np.outer(f, v)) for v in (place, t))
-    gain = _first_gain(samples, place, t, oversampling) if corrected else np.ones(_NODES)
+    gain = _first_gain(samples, place, t, oversampling) if deapodised else np.ones(_NODES)
     samples, wanted = _parts(samples), _parts(wanted)
     weighted = (wanted * weight[:, None]).reshape(2 * _NODES, -1)
     to_powers = np.linalg.pinv(powers * weight[:, None], rcond=1e-13) * weight
-    for _ in range(_ROUNDS if corrected else 1):
+    for _ in range(_ROUNDS if deapodised else 1):
         # The model is a product of functions of frequency and of position: one problem after the
         # other
         by_position = np.linalg.lstsq(
             (samples * (gain * weight)[:, None]).reshape(2 * _NODES, -1), weighted, rcond=1e-13)[0]
         centred = to_powers @ by_position.T
         read = samples @ (powers @ centred).T
-        if corrected:
+        if deapodised:
             gain = _best_gain(read, wanted, fw)
     error = np.sum((gain[:, None] * read - wanted) ** 2, axis=0)
     return Interpolator(_shifted(centred, -0.5).astype(np.float32), first,
                         10 * math.log10(weight ** 2 @ error @ weight ** 2), oversampling,
-                        corrected, margin)
+                        deapodised, margin)
 
 
 @functools.cache
@@ -285,14 +285,14 @@ def _shifted(weights, shift: float) -> np.ndarray:
 
 
 def coarsest_interpolator(error_db: float, *, taps: int, degree: int,
-                          corrected: bool = False) -> Interpolator | None:
+                          deapodised: bool = False) -> Interpolator | None:
     """Interpolator for the coarsest sampling with which it reaches an error.
 
     Parameters
     ----------
     error_db : float
         Wanted error of the interpolator, dB.
-    taps, degree, corrected :
+    taps, degree, deapodised :
         As for `design_interpolator`.
 
     Returns
@@ -301,7 +301,7 @@ def coarsest_interpolator(error_db: float, *, taps: int, degree: int,
         None where no oversampling below 4 does.
     """
     for oversampling in np.arange(1.1, _MOST_OVERSAMPLING, _OVERSAMPLING_STEP):
-        found = design_interpolator(oversampling, taps=taps, degree=degree, corrected=corrected)
+        found = design_interpolator(oversampling, taps=taps, degree=degree, deapodised=deapodised)
         if found.error_db <= error_db:
             return found
     return None
@@ -312,4 +312,4 @@ def finer_interpolator(found: Interpolator) -> Interpolator | None:
     if found.oversampling > _MOST_OVERSAMPLING:
         return None
     return design_interpolator(found.oversampling + _OVERSAMPLING_STEP, taps=found.n_taps,
-                               degree=len(found.weights) - 1, corrected=found.corrected)
+                               degree=len(found.weights) - 1, deapodised=found.deapodised)

@@ -21,7 +21,7 @@ from ..signal.radar import RadarParameters
 from .echo_power import echo_power
 from .error_budget import total_db
 from .interpolators import Interpolator, coarsest_interpolator, finer_interpolator
-from .polar_to_map import CORRECTED_TAPS, DEGREE, LEAST_RANGES, TAPS, margin
+from .polar_to_map import DEAPODISED_TAPS, DEGREE, LEAST_RANGES, TAPS, margin
 from .profiles.range_gate import RangeGate
 from .profiles.range_resampling import RangeResampling, half_paths, plan_resampling, sample_paths
 
@@ -102,7 +102,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         Phase histories instead of profiles; `radar` is its own.
     fit_ranges : callable, optional
         The polar image will be formed by its spectrum, as that of `SpectrumFusion` is, and
-        corrected for the interpolation between lines, which may be fewer.
+        deapodised for the interpolation between lines, which may be fewer.
         ``fit_ranges(spacing, extent, half_band)`` gives the spacing of its ranges and the ratio
         of the ranges of the images that are added to them, from the spacing that the
         interpolation along lines needs, metres, the extent, metres, and half the band of a line,
@@ -117,7 +117,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     if frame is None or min(grid.shape) < TAPS:
         return None
     origin, track, side, axis = frame
-    corrected = fit_ranges is not None
+    deapodised = fit_ranges is not None
     bands = _bands(grid, tx_m, rx_m, radar, origin, track, side, axis)
     if bands is None:
         return None
@@ -125,8 +125,8 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     weight = echo_power(tx_m, rx_m, grid.centre_m, grid.spacing_m * np.array(
         [[grid.n_x, 0, 0], [0, grid.n_y, 0]]), radar)
     between, between_db = fitting_interpolator(
-        along_alpha, weight, resampling_db, taps=CORRECTED_TAPS if corrected else TAPS,
-        corrected=corrected)
+        along_alpha, weight, resampling_db, taps=DEAPODISED_TAPS if deapodised else TAPS,
+        deapodised=deapodised)
     along, along_db = fitting_interpolator(along_range, weight, resampling_db, taps=TAPS)
     if between is None or along is None:
         return None
@@ -210,7 +210,7 @@ def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
 
 
 def fitting_interpolator(frequency, weight, wanted_db: float, *, taps: int,
-                         corrected: bool = False) -> tuple[Interpolator | None, float]:
+                         deapodised: bool = False) -> tuple[Interpolator | None, float]:
     """Interpolator for the coarsest sampling with which these frequencies are read well enough.
 
     Parameters
@@ -220,7 +220,7 @@ def fitting_interpolator(frequency, weight, wanted_db: float, *, taps: int,
         apart.
     wanted_db : float
         Mean error over all, dB.
-    taps, corrected :
+    taps, deapodised :
         As for `design_interpolator`.
 
     Returns
@@ -230,7 +230,7 @@ def fitting_interpolator(frequency, weight, wanted_db: float, *, taps: int,
     error_db : float
         Its mean error, dB.
     """
-    found = coarsest_interpolator(wanted_db, taps=taps, degree=DEGREE, corrected=corrected)
+    found = coarsest_interpolator(wanted_db, taps=taps, degree=DEGREE, deapodised=deapodised)
     half = max(float(np.abs(frequency).max()), 1e-12)
     weight = weight[:, None] / weight.sum()
     while found is not None:

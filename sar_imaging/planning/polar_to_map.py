@@ -5,9 +5,9 @@ from __future__ import annotations
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 
-# Neighbours that are read, and along direction where the spectrum is corrected for it. Along range
-# it cannot be: along a row of the map direction changes, too, and with it what range must take.
-TAPS, CORRECTED_TAPS = 14, 6
+# Taps of the interpolation, and of that along direction where the spectrum is deapodised. Along
+# range it cannot be: along a row of the map direction changes, too, and with it the gain of range.
+TAPS, DEAPODISED_TAPS = 14, 6
 NOT_READ = 3  # pixels of the margin
 DEGREE = 5  # of the polynomials
 LEAST_RANGES = 16  # of the polar image: a vector of the kernels

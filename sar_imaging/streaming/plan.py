@@ -17,7 +17,7 @@ from ..planning.afbp.subapertures import plan_subapertures
 from ..planning.error_budget import LIVE_SHARES, total_db
 from ..planning.interpolators import Interpolator
 from ..planning.local_spectrum import LocalSpectrum, local_spectrum
-from ..planning.polar_to_map import CORRECTED_TAPS, margin
+from ..planning.polar_to_map import DEAPODISED_TAPS, margin
 from ..planning.profiles.profile_reach import reach_warning, some_pixels
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
@@ -188,7 +188,7 @@ def _for_windows(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window:
     rest = 0.5 * np.ptp(bands.wavenumber) * np.abs(low + high) / 2
     half = float((bands.wavenumber[1] * 0.5 * (high - low) + rest).max())
     spacing = max(math.pi / (half * oversampling), polar.alpha_spacing)
-    beyond = margin(CORRECTED_TAPS)
+    beyond = margin(DEAPODISED_TAPS)
     first = polar.alpha_start + beyond * polar.alpha_spacing
     extent = (polar.n_alpha - 2 * beyond) * polar.alpha_spacing
     return dataclasses.replace(

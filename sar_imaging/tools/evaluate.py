@@ -231,8 +231,10 @@ def _replay(recording: Recording, arguments: argparse.Namespace, names: Sequence
         now = time.monotonic()
         for name in observer.stages:  # the counters that include the last pulse
             observer.status_after(name, now, now + 5.0, check)
-        counters = {name: counter_increase(before[name], observer.counters(name))
-                    for name in observer.stages}
+        # an image is published before it is counted
+        while not _imagers(_counted(observer, before)) and time.monotonic() < now + 5.0:
+            observer.spin(check)
+        counters = _counted(observer, before)
         return _Result(aperture, length, observer.image, observer.image.received_s - sent_s,
                        observer.grid, counters, _predicted_error_db(observer, counters))
     finally:
@@ -243,9 +245,20 @@ def _replay(recording: Recording, arguments: argparse.Namespace, names: Sequence
         rclpy.try_shutdown()
 
 
+def _counted(observer: Observer, before: dict[str, dict[str, int]]) -> dict[str, dict[str, int]]:
+    """What the nodes counted since then."""
+    return {name: counter_increase(before[name], observer.counters(name))
+            for name in observer.stages}
+
+
+def _imagers(counters: dict[str, dict[str, int]]) -> list[str]:
+    """Nodes that published images."""
+    return [name for name in counters if counters[name].get('images_published')]
+
+
 def _predicted_error_db(observer: Observer, counters: dict[str, dict[str, int]]) -> float | None:
     """Of the latest image, as the node says that formed it."""
-    imagers = [name for name in observer.stages if counters[name].get('images_published')]
+    imagers = _imagers(counters)
     return observer.figure(imagers[-1], 'predicted_error_db') if imagers else None
 
 

@@ -17,8 +17,8 @@ from sar_imaging.planning.afbp.beam_gain import BEAM_TAPS, DEGREE
 from sar_imaging.planning.afbp.beams import CELL_TAPS
 from sar_imaging.planning.interpolators import design_interpolator
 
-BETWEEN = design_interpolator(1.4, taps=BEAM_TAPS, degree=DEGREE, corrected=True)
-ALONG = design_interpolator(1.3, taps=CELL_TAPS, degree=DEGREE, corrected=True)
+BETWEEN = design_interpolator(1.4, taps=BEAM_TAPS, degree=DEGREE, deapodised=True)
+ALONG = design_interpolator(1.3, taps=CELL_TAPS, degree=DEGREE, deapodised=True)
 
 
 def _table(interpolator):

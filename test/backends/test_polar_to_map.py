@@ -19,7 +19,7 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.planning.error_budget import SINCOS_ERROR_DB, total_db
 from sar_imaging.planning.interpolators import design_interpolator
-from sar_imaging.planning.polar_to_map import CORRECTED_TAPS, DEGREE, TAPS
+from sar_imaging.planning.polar_to_map import DEAPODISED_TAPS, DEGREE, TAPS
 
 WAVELENGTH_M, OVERSAMPLING = 0.03, 2.0
 # Cycles per sample, half the band's edge; the interpolators are better than the phasors
@@ -58,8 +58,8 @@ def _case(distance_m, height_m, axis, sign, turn, n_gap):
 def test_a_wave_arrives_with_its_carrier(distance_m, height_m, axis, sign, turn, corrected):
     grid, polar, lines, expected = _case(distance_m, height_m, axis, sign, turn, n_gap=5)
     along = design_interpolator(OVERSAMPLING, taps=TAPS, degree=DEGREE)
-    between = design_interpolator(OVERSAMPLING, taps=CORRECTED_TAPS if corrected else TAPS,
-                                  degree=DEGREE, corrected=corrected)
+    between = design_interpolator(OVERSAMPLING, taps=DEAPODISED_TAPS if corrected else TAPS,
+                                  degree=DEGREE, deapodised=corrected)
     lines *= np.float32(between.gain([WAVE])[0]) if corrected else 1
     threads, images = numba.get_num_threads(), []
     try:
@@ -81,8 +81,8 @@ def test_a_wave_arrives_with_its_carrier(distance_m, height_m, axis, sign, turn,
 @pytest.fixture(name='interpolators', scope='module')
 def interpolators_fixture():
     return {'along': design_interpolator(OVERSAMPLING, taps=TAPS, degree=DEGREE),
-            'between': design_interpolator(OVERSAMPLING, taps=CORRECTED_TAPS, degree=DEGREE,
-                                           corrected=True)}
+            'between': design_interpolator(OVERSAMPLING, taps=DEAPODISED_TAPS, degree=DEGREE,
+                                           deapodised=True)}
 
 
 def _lines_beyond(grid, turn, axis, height_m, flip, step, before):

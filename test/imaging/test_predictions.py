@@ -300,7 +300,7 @@ def test_error_with_drift_is_that_of_positions_that_drift():
 @pytest.mark.parametrize('oversampling', [1.14, 1.24, 1.4, 1.58])
 def test_gain_of_a_spectrum_stays_near_its_line(oversampling):
     """Sharp features beyond the band would spread what tapers do: -41 dB over all lines."""
-    interpolator = design_interpolator(oversampling, taps=6, degree=5, corrected=True)
+    interpolator = design_interpolator(oversampling, taps=6, degree=5, deapodised=True)
     n = 512
     kernel = np.abs(np.fft.ifft(interpolator.gain(np.fft.fftfreq(n))))
     far = kernel[40:n - 40].max() / kernel.max()

@@ -14,7 +14,7 @@ from sar_imaging.planning.aliasing_error import TONES, PixelDensity, correction_
 from sar_imaging.planning.guard_taper import guard_taper
 from sar_imaging.planning.interpolators import design_interpolator
 from sar_imaging.planning.polar_cover import cover_map
-from sar_imaging.planning.polar_to_map import CORRECTED_TAPS, DEGREE
+from sar_imaging.planning.polar_to_map import DEAPODISED_TAPS, DEGREE
 from sar_imaging.simulation.trials.random_cases import random_case
 
 
@@ -35,8 +35,8 @@ def _read_error(between, cycles, n, guard, beta, places):
 @pytest.mark.parametrize('oversampling', [1.12, 1.22, 1.5])
 @pytest.mark.parametrize(('n', 'guard', 'beta'), [(36, 4.0, 4.0), (48, 5.2, 2.6), (400, 9.0, 6.0)])
 def test_lines_mixed_with_tapered_ones_err_as_told(oversampling, n, guard, beta):
-    between = design_interpolator(oversampling, taps=CORRECTED_TAPS, degree=DEGREE,
-                                  corrected=True)
+    between = design_interpolator(oversampling, taps=DEAPODISED_TAPS, degree=DEGREE,
+                                  deapodised=True)
     share = 0.5 / TONES
     for number in (0, TONES // 2, int(TONES / oversampling) - 1):
         tones = (np.arange(TONES) == number).astype(float)

@@ -47,7 +47,7 @@ def test_predicted_error_is_the_measured_one(oversampling, margin, degree):
 
 @pytest.mark.parametrize(('taps', 'oversampling'), [(6, 1.18), (6, 1.5), (8, 1.1), (8, 1.3)])
 def test_corrected_spectra_need_few_taps(taps, oversampling):
-    interpolator = design_interpolator(oversampling, taps=taps, degree=5, corrected=True)
+    interpolator = design_interpolator(oversampling, taps=taps, degree=5, deapodised=True)
     assert interpolator.error_db < -62.0  # 14 taps of 1.18 times sampled tones: -45
     frequency = (np.arange(400) + 0.5) / 400 * 0.5 / oversampling
     t = np.linspace(0, 1, 101)
@@ -61,8 +61,8 @@ def test_corrected_spectra_need_few_taps(taps, oversampling):
 
 
 def test_the_coarsest_interpolator_reaches_its_error_just_so():
-    found = coarsest_interpolator(-63.0, taps=6, degree=5, corrected=True)
-    coarser = design_interpolator(found.oversampling - 0.02, taps=6, degree=5, corrected=True)
+    found = coarsest_interpolator(-63.0, taps=6, degree=5, deapodised=True)
+    coarser = design_interpolator(found.oversampling - 0.02, taps=6, degree=5, deapodised=True)
     assert found.error_db <= -63.0 < coarser.error_db
     assert coarsest_interpolator(-63.0, taps=14, degree=5).oversampling > found.oversampling
     assert coarsest_interpolator(-150.0, taps=2, degree=1) is None

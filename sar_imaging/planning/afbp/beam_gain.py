@@ -146,17 +146,17 @@ def rms_of_rows(errors) -> np.ndarray:
 
 
 @functools.lru_cache(maxsize=64)
-def beam_gain(oversampling: float, corrected: bool) -> BeamGain:
+def beam_gain(oversampling: float, deapodised: bool) -> BeamGain:
     """Gain and interpolator for beams that lie so much closer than needed.
 
-    Frequencies that change from beam to beam do best with gains of 1, which not being `corrected`
+    Frequencies that change from beam to beam do best with gains of 1, which not being `deapodised`
     means.
     """
     interpolator = design_interpolator(oversampling, taps=BEAM_TAPS, degree=DEGREE,
-                                       corrected=corrected)
+                                       deapodised=deapodised)
     step = min(0.5, _BEYOND * 0.5 / interpolator.oversampling) / (_POINTS - 1)
     log_gain = np.zeros(_POINTS)
-    if corrected:
+    if deapodised:
         log_gain = np.log(interpolator.gain(step * np.arange(_POINTS)))
     return BeamGain(interpolator, step, log_gain, _power(interpolator))
 

@@ -31,7 +31,7 @@ from .beam_geometry import BeamGeometry, grid_edges, unevenness
 CELL_TAPS = 8  # neighbours along range
 _OVERSAMPLING = (1.16, 1.2, 1.24, 1.28, 1.34, 1.4, 1.5, 1.6, 1.8, 2.0,  # of beams
                  2.4, 2.8, 3.2, 4.0)
-_MOST_CORRECTED = 2.0  # beyond, interpolation takes little from any frequency
+_MOST_DEAPODISED = 2.0  # beyond, interpolation takes little from any frequency
 _LEAST_OVERSAMPLING = 1.1  # of cells: the interpolation could do with no less
 _GROUPS = (18, 16, 14, 12, 10, 8, 6, 4, 2, 1)  # beams whose phases grow alike from bin to bin
 _SEGMENTS = (128, 64, 32, 16)
@@ -212,7 +212,7 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
     oversampling_range = radar.range_resolution_m / lattice.cell_m
     if oversampling_range < _LEAST_OVERSAMPLING:
         return None
-    along = design_interpolator(oversampling_range, taps=CELL_TAPS, degree=DEGREE, corrected=True)
+    along = design_interpolator(oversampling_range, taps=CELL_TAPS, degree=DEGREE, deapodised=True)
     k = radar.wavenumber_rad_per_m
     views, geometry = [], 0.0
     for view in _views(polar, subapertures):
@@ -251,7 +251,7 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
     best = None
     for oversampling in _OVERSAMPLING:
         spacing = math.pi / (highest * widest * oversampling)
-        between = beam_gain(oversampling, oversampling <= _MOST_CORRECTED)
+        between = beam_gain(oversampling, oversampling <= _MOST_DEAPODISED)
         if between.interpolator.error_db > target_db:
             continue
         n_beams = _n_beams(span, spacing)

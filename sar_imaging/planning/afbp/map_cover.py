@@ -15,7 +15,7 @@ from ..aliasing_error import TONES, PixelDensity
 from ..error_budget import AFBP_SHARES, ErrorBudget, remaining_db
 from ..local_spectrum import TAPERS_NEEDED, used_share
 from ..polar_cover import PolarCover, cover_map
-from ..polar_to_map import CORRECTED_TAPS, NOT_READ, TAPS, margin, range_axis
+from ..polar_to_map import DEAPODISED_TAPS, NOT_READ, TAPS, margin, range_axis
 from ..profiles.phase_history import PhaseHistory
 
 _COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
@@ -121,5 +121,5 @@ def covers(polar: PolarGrid, grid: MapGrid) -> bool:
                               reach * polar.range_spacing_m)
     axes = (((r - polar.range_start_m) / polar.range_spacing_m, polar.n_range, reach),
             ((alpha - polar.alpha_start) / polar.alpha_spacing, polar.n_alpha,
-             margin(CORRECTED_TAPS) - NOT_READ))
+             margin(DEAPODISED_TAPS) - NOT_READ))
     return all(read <= v.min() and v.max() <= n - read - 1 for v, n, read in axes)

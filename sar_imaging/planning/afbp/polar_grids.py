@@ -12,7 +12,7 @@ from ...geometry.polar import PolarGrid
 from ...signal.radar import SPEED_OF_LIGHT
 from ..interpolators import Interpolator, design_interpolator
 from ..local_spectrum import taper_band
-from ..polar_to_map import CORRECTED_TAPS, DEGREE
+from ..polar_to_map import DEAPODISED_TAPS, DEGREE
 
 _MAX_PIXELS = 2 ** 31  # of each grid; far beyond any memory, and safe to multiply
 
@@ -118,11 +118,11 @@ class UnifiedPolarGrids:
 
     @functools.cached_property
     def between(self) -> Interpolator | None:
-        """Between lines, to a map; the spectrum is corrected for it. None for no map."""
+        """Between lines, to a map; the spectrum is deapodised for it. None for no map."""
         if self.alpha_oversampling == 1:
             return None
-        return design_interpolator(self.alpha_oversampling, taps=CORRECTED_TAPS, degree=DEGREE,
-                                   corrected=True)
+        return design_interpolator(self.alpha_oversampling, taps=DEAPODISED_TAPS, degree=DEGREE,
+                                   deapodised=True)
 
     @property
     def extent(self) -> float:
