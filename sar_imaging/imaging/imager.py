@@ -134,7 +134,7 @@ class Imager:
         self.grid, self.radar, self.n_samples = grid, radar, int(n_samples)
         self._asked = None if method == AUTO else method_class(method)
         self.method = AUTO if self._asked is None else self._asked.NAME
-        self.report = None
+        self.report, self._told = None, set()
         self._options, self._channels, self._own = options, channels, own
         self._compressor: RangeCompressor | None = None
         self._check_memory(grid.shape)
@@ -169,8 +169,9 @@ class Imager:
             [block] = self._channels.parts(block)
             image.samples, image.report = self._formed(0, block)
             self._count(block, image)
-        for warning in image.report.warnings:
+        for warning in set(image.report.warnings) - self._told:
             _logger.warning(warning)
+        self._told.update(image.report.warnings)
         return image
 
     def new_image(self, n_channels: int = 1) -> Image:

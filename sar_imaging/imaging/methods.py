@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ import numpy as np
 from ..backends import AUTO
 from ..geometry.grids import Grid
 from ..geometry.point_grids import TerrainGrid
-from ..planning.memory import check_memory
+from ..planning.memory import IMAGE_BYTES, check_memory
 from ..planning.plan import Plan
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters, Waveform
@@ -84,7 +85,10 @@ class Method:
                              f'it has {", ".join(self.OWN) or "none of its own"}')
         self.grid, self.radar, self.n_samples = grid, radar, n_samples
         self.options, self.own, self.like = options, {**self.OWN, **(own or {})}, like
-        self._centres, self._fitting_bytes = None, 0
+        self._centres = None
+        # The imager has seen to the image itself.
+        self._fitting_bytes = (IMAGE_BYTES * math.prod(grid.shape) if like is None
+                               else like._fitting_bytes)
 
     def plan(self, tx_m: np.ndarray, rx_m: np.ndarray) -> Report:
         """Plan for pulses from phase centres (P, C, 3), metres; say what images will be like."""
