@@ -119,16 +119,16 @@ def run(arguments: argparse.Namespace) -> str:
 
 def _check_formats(arguments: argparse.Namespace, source: Source) -> None:
     """Refuse before the work what cannot be written after it."""
-    for name in arguments.format:
-        if name in _NEEDS:
-            require(*_NEEDS[name])
-            if source.datum is None:
-                raise SourceError(f'{source.path} does not tell where on the Earth it is, which '
-                                  f'{name} needs: give --datum LATITUDE LONGITUDE HEIGHT')
+    placed = [name for name in arguments.format if name in _NEEDS]
+    if placed and source.datum is None:
+        raise SourceError(f'{source.path} does not tell where on the Earth it is, which '
+                          f'{" and ".join(placed)} need: give --datum LATITUDE LONGITUDE HEIGHT')
     maps = [name for name in arguments.format if name in _MAPS]
     if arguments.plane == 'slant' and maps:
         raise SourceError(f'{" and ".join(maps)} hold maps; leave out --plane slant, or the '
                           f'format {" and ".join(maps)}')
+    for name in placed:
+        require(*_NEEDS[name])
 
 
 def write_products(folder: Path, formats: Sequence[str], source: Source, choice: GridChoice,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 import json
 import pathlib
 
@@ -54,7 +55,9 @@ def test_pictures_and_report_are_complete(compared):
     assert names <= {path.name for path in compared.iterdir()}
     text = (compared / 'report.html').read_text()
     assert text.count('src="data:image/png;base64,') == len(names)
-    assert 'No warnings' in text and 'independent looks' in text
+    if importlib.util.find_spec('rasterio'):  # its absence is a warning
+        assert 'No warnings' in text
+    assert 'independent looks' in text
     assert 'pixels, coherence' in text and 'false alarm' in text
 
 
