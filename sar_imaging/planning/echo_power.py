@@ -14,22 +14,11 @@ from .profiles.range_resampling import half_paths
 
 
 def echo_power(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndarray:
-    """Share that each row has in the power of an image, relative to the mean.
+    """(R,) float64 share that each row has in the power of an image, relative to the mean.
 
     It is the number of rows whose local frequencies in the image differ by less than the image
-    resolves, along range by less than the band of a pulse.
-
-    Parameters
-    ----------
-    centre_m : (3,) array_like
-        Middle of the image, metres.
-    sides_m : (2, 3) array_like
-        Its extents, metres.
-
-    Returns
-    -------
-    (R,) float64
-        With a mean of 1.
+    resolves, along range by less than the band of a pulse. The image has its middle at
+    `centre_m`, (3,), and extends along `sides_m`, (2, 3), metres.
     """
     sides = np.asarray(sides_m, float)
     slopes = half_paths(tx_m, rx_m, np.asarray(centre_m, float)[None], *sides[:, None])[1:, :, 0]

@@ -80,49 +80,25 @@ class Interpolator:
         return _shifted(self.weights.astype(np.float64), 0.5).astype(np.float32)
 
     def gain(self, frequency) -> np.ndarray:
-        """By what the spectrum of the samples is to be multiplied for the least error in the band.
+        """(F,) by what spectra of samples are to be multiplied for the least error in the band.
 
-        Nearly 1 unless the interpolator was designed with ``deapodised=True``. Smooth, also beyond
-        the band.
-
-        Parameters
-        ----------
-        frequency : (F,) array_like
-            Cycles per sample, -0.5 to 0.5.
-
-        Returns
-        -------
-        (F,) float64
+        Of frequencies (F,) from -0.5 to 0.5 cycles per sample. Nearly 1 unless the interpolator
+        was designed with ``corrected=True``. Smooth, also beyond the band.
         """
         return np.exp(np.interp(np.abs(frequency), _frequencies(), self._log_gain))
 
     def error_at(self, frequency) -> np.ndarray:
-        """Mean squared error over the interval, relative to power, of some frequencies.
+        """(...) mean squared error over the interval, relative to power, of frequencies (...).
 
-        Parameters
-        ----------
-        frequency : (...) array_like
-            Cycles per sample.
-
-        Returns
-        -------
-        (...) float64
-            2 where a frequency is beyond what samples can hold.
+        Cycles per sample; 2 where one is beyond what samples can hold.
         """
         return np.interp(np.abs(frequency), _frequencies()[::_COARSER], self._errors, right=2.0)
 
     def error_with_drift(self, drift) -> np.ndarray:
-        """Mean squared error where positions begin anywhere in the interval and drift evenly.
+        """(...) mean squared error where positions begin anywhere and drift evenly.
 
-        Parameters
-        ----------
-        drift : (...) array_like
-            Furthest in either direction, samples, up to `margin`.
-
-        Returns
-        -------
-        (...) float64
-            Relative to the signal's power, over the band.
+        Over the band, relative to the signal's power; `drift`, (...), is the furthest in either
+        direction, samples, up to `margin`.
         """
         return np.interp(drift, np.linspace(0, self.margin, len(self._drift_errors)),
                          self._drift_errors)
@@ -286,19 +262,9 @@ def _shifted(weights, shift: float) -> np.ndarray:
 
 def coarsest_interpolator(error_db: float, *, taps: int, degree: int,
                           deapodised: bool = False) -> Interpolator | None:
-    """Interpolator for the coarsest sampling with which it reaches an error.
+    """Interpolator for the coarsest sampling with which it reaches an error, dB.
 
-    Parameters
-    ----------
-    error_db : float
-        Wanted error of the interpolator, dB.
-    taps, degree, deapodised :
-        As for `design_interpolator`.
-
-    Returns
-    -------
-    Interpolator or None
-        None where no oversampling below 4 does.
+    Other arguments as of `design_interpolator`; None where no oversampling below 4 does.
     """
     for oversampling in np.arange(1.1, _MOST_OVERSAMPLING, _OVERSAMPLING_STEP):
         found = design_interpolator(oversampling, taps=taps, degree=degree, deapodised=deapodised)

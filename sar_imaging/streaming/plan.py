@@ -59,7 +59,7 @@ class LivePlan:
     tx_m, rx_m : (P, C, 3) float64
         Phase centres of the aperture as foreseen, metres, extended at both ends.
     target_db : float
-        Wanted error of the fused image on the map against exact backprojection, dB.
+        Wanted error of the fused image on the map against time-domain correlation, dB.
     length : int, optional
         Pulses of a sub-aperture; the quickest if left out.
     slack : float
@@ -131,7 +131,7 @@ class LivePlan:
         Returns
         -------
         centre_m, predicted_error_db : float
-            Middle of the band, metres, and error against exact backprojection, dB.
+            Middle of the band, metres, and error against time-domain correlation, dB.
 
         None where the track differs so much that the error may exceed the target; never where
         the track had been known.

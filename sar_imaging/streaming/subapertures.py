@@ -74,7 +74,7 @@ class LiveSubapertures(ApertureSequence):
     pulses_per_subaperture : int
         Length of a sub-aperture, pulses; 0 for the quickest.
     target_db : float
-        Wanted error of an image against exact backprojection, dB.
+        Wanted error of an image against time-domain correlation, dB.
     sliding : bool
         Every sub-aperture ends an image of one aperture's length. Each is imaged twice, on the
         polar grids of the two apertures before and after.

@@ -17,19 +17,9 @@ from .profiles import Profiles
 
 
 class Backprojection:
-    """Adds range profiles to images by one plan; what blocks share is prepared once.
+    """Adds range profiles to images by one plan, see `backends.protocol.Backprojection`.
 
-    Parameters
-    ----------
-    plan : BackprojectionPlan
-        What is computed, and how.
-    memory : WorkSpace, optional
-        Shared with other plans whose rows are added in turn.
-
-    Attributes
-    ----------
-    memory : WorkSpace
-        As given, or its own.
+    What blocks share is prepared once; `memory` is a `WorkSpace`.
     """
 
     def __init__(self, plan: BackprojectionPlan, memory: WorkSpace | None = None):
@@ -38,15 +28,7 @@ class Backprojection:
         self._way = ways[type(plan.way)](plan, self.memory)
 
     def add(self, samples, tx_m, rx_m, image) -> None:
-        """Add rows to an image.
-
-        Parameters
-        ----------
-        tx_m, rx_m : (R, 3) float64
-            Phase centres of the rows, metres; those of the plan.
-        image : (...) complex64
-            Changed in place; contiguous in C order.
-        """
+        """Add rows to an image, see `backends.protocol.Backprojection`."""
         self._way.add(samples, tx_m, rx_m, image)
 
 

@@ -13,13 +13,7 @@ from .profiles import Profiles
 
 
 class SubapertureImager:
-    """Images of the sub-apertures of a plan.
-
-    Parameters
-    ----------
-    plan : SubaperturePlan
-        What is computed, and where.
-    """
+    """Images of the sub-apertures of a plan, see `backends.protocol.SubapertureImager`."""
 
     def __init__(self, plan: SubaperturePlan):
         self.plan = plan

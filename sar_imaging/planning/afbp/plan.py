@@ -59,20 +59,11 @@ class AfbpPlan(Plan):
 def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
               target_db: float, pulses_per_subaperture: int | None = None,
               compressed: bool = True, weighting: str = 'none') -> AfbpPlan:
-    """Plan the image of an aperture.
+    """Plan the image of an aperture; arguments as of `imaging.imager.plan_image`.
 
-    Parameters
-    ----------
-    grid : MapGrid or PolarGrid
-        Where the pixels are. The origin of a polar grid should lie in the middle of the aperture.
-    tx_m, rx_m : (P, C, 3) array_like
-        Phase centres of the whole aperture, metres; multichannel paths are exact.
-    pulses_per_subaperture : int, optional
-        Length of the sub-apertures; the quickest if left out.
-    compressed : bool
-        False for stepped-frequency phase histories as they come.
-    weighting : str
-        Spectral weighting of phase histories, see `sar_imaging.signal.windows`.
+    `tx_m` and `rx_m`, (P, C, 3), are those of the whole aperture; multichannel paths are exact.
+    The origin of a polar grid should lie in its middle. Sub-apertures have the length that is
+    quickest unless `pulses_per_subaperture` tells it.
 
     Raises
     ------

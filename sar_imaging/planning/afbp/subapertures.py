@@ -145,7 +145,7 @@ class SubaperturePlan:
 
     @property
     def predicted_error_db(self) -> float:
-        """Predicted error of the fused polar image against exact backprojection, dB."""
+        """Predicted error of the fused polar image against time-domain correlation, dB."""
         return total_db(self.stage_error_db, self.sampling.error_db)
 
     def __str__(self) -> str:
@@ -183,7 +183,7 @@ class SubaperturePlan:
         centre_m : float
             Middle of the band, metres, as `SpectrumFusion.add` wants it.
         error_db : float
-            Predicted error against exact backprojection, dB.
+            Predicted error against time-domain correlation, dB.
         within : bool
             The phase centres lie within what was planned for.
 
@@ -208,14 +208,10 @@ def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, 
                       oversampling: tuple[float, float] = (1.0, 1.0),
                       ratio: tuple[int, int] = (1, 1), coverage: PixelDensity = EVERYTHING,
                       band: PhaseHistory | None = None) -> SubaperturePlan:
-    """Plan the sub-apertures of an aperture.
+    """Plan the sub-apertures of an aperture, (P, C, 3) in the order of the pulses.
 
     Parameters
     ----------
-    tx_m, rx_m : (P, C, 3) array_like
-        Phase centres of the whole aperture, metres, in the order of the pulses.
-    target_db : float
-        Wanted error of the fused image against exact backprojection, dB.
     pulses_per_subaperture : int, optional
         Length of the sub-apertures; the quickest if left out.
     oversampling : (float, float)

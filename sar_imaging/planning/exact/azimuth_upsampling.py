@@ -52,7 +52,7 @@ class AzimuthParts:
 
 
 def angular_bands(slope, k_lo: float, k_hi: float, n_parts: int):
-    """Band along direction of each part of the rows.
+    """Cut rows into parts: their slices, and middle and half width of each one's band.
 
     Parameters
     ----------
@@ -60,15 +60,11 @@ def angular_bands(slope, k_lo: float, k_hi: float, n_parts: int):
         Derivative by alpha of the half path from each row to sampled points, metres.
     k_lo, k_hi : float
         Wavenumbers at the ends of the radar's band, rad/m.
-    n_parts : int
-        Number of parts.
 
     Returns
     -------
-    rows : list of slice
-        Rows of each part.
-    middle, half_width : (n_parts,) float64
-        Of the bands, radians per unit of alpha.
+    rows, middle, half_width
+        Bands, (n_parts,) float64, along direction, radians per unit of alpha.
     """
     edges = np.linspace(0, len(slope), n_parts + 1).round().astype(int)
     lo = np.minimum.reduceat(slope.min(axis=1), edges[:-1])
@@ -80,7 +76,7 @@ def angular_bands(slope, k_lo: float, k_hi: float, n_parts: int):
 
 def plan_parts(fine: PolarGrid, slope, weight, k_lo: float, k_hi: float, interpolation_db: float,
                row_cost: float) -> AzimuthParts | None:
-    """Cut rows into as many parts as make the image quickest.
+    """Cut rows into as many parts as make the image quickest; None where that gains nothing.
 
     Parameters
     ----------
@@ -92,11 +88,6 @@ def plan_parts(fine: PolarGrid, slope, weight, k_lo: float, k_hi: float, interpo
         Wanted error of the interpolation to the lines of the sum, dB.
     row_cost : float
         Nanoseconds of backprojecting one row to one pixel.
-
-    Returns
-    -------
-    AzimuthParts or None
-        None where cutting gains nothing.
     """
     interpolator = coarsest_interpolator(interpolation_db, taps=TAPS, degree=DEGREE)
     while interpolator is not None:

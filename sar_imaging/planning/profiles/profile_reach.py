@@ -26,7 +26,7 @@ def covered_ranges(radar: RadarParameters, n_samples: int) -> tuple[float, float
 
 
 def check_reach(range_m: tuple[float, float], radar: RadarParameters, n_samples: int) -> None:
-    """Check that some profile reaches a grid.
+    """Check that some profile reaches a grid whose half paths are `range_m`.
 
     Raises
     ------
@@ -41,17 +41,9 @@ def check_reach(range_m: tuple[float, float], radar: RadarParameters, n_samples:
 
 
 def reach_warning(points_m, tx_m, rx_m, radar: RadarParameters, n_samples: int) -> str | None:
-    """Say which share of the pixels lies beyond the profiles for some of the pulses.
+    """Say which share of pixels (S, 3), metres, lies beyond the profiles for some of the pulses.
 
-    Parameters
-    ----------
-    points_m : (S, 3) float64
-        Pixels, or some of them, metres.
-
-    Returns
-    -------
-    str or None
-        None where all pixels lie within the profiles for all pulses.
+    None where all lie within the profiles for all pulses.
     """
     start, stop = covered_ranges(radar, n_samples)
     rows = np.linspace(0, len(tx_m) - 1, min(len(tx_m), _ROWS)).round().astype(int)

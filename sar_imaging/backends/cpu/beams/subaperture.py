@@ -79,17 +79,7 @@ class BeamformedSubaperture:
         return np.concatenate([d * step ** order for order, d in enumerate(derivatives)], axis=-1)
 
     def fill(self, samples, tx_m, rx_m, parts, weights=None) -> None:
-        """Image of some rows at range baseband.
-
-        Parameters
-        ----------
-        samples : (R, N) complex64
-            Profiles, or phase histories, of the rows.
-        parts : (2, n_alpha, n_range) float32
-            Real and imaginary part of the image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0
-            the first range; written to, contiguous.
-        weights : (R,) float32, optional
-            Of the rows.
+        """Image of some rows at range baseband; parts and weights as of `PolarLines.fill`.
 
         Raises
         ------

@@ -23,22 +23,11 @@ _LINES_PER_CALL = 32  # of the fused image
 
 
 class SpectrumFusion:
-    """Fuse sub-aperture images that share a grid, in any order, any subset.
+    """Fuse sub-aperture images that share a grid, see `backends.protocol.SpectrumFusion`.
 
-    Parameters
-    ----------
-    grid : UnifiedPolarGrids
-        Of the sub-aperture images and of the fused one.
-    keep : bool
-        Keep each contribution, so that `remove` and replacing are possible and never leave a
-        rounding behind: wavenumbers that a change concerns are summed again from the
-        contributions, the others stay as they are. Takes about two to three times the memory of
-        the fused spectrum more.
-
-    Attributes
-    ----------
-    included : frozenset of int
-        Sub-apertures in the image.
+    Where contributions are kept, removing and replacing leave no rounding behind: wavenumbers
+    that a change concerns are summed again from the contributions, the others stay as they are.
+    That takes about two to three times the memory of the fused spectrum more.
     """
 
     def __init__(self, grid: UnifiedPolarGrids, *, keep: bool = False):
