@@ -211,7 +211,9 @@ def _bands(grid, tx_m, rx_m, radar, origin, track, side, axis):
 
 def fitting_interpolator(frequency, weight, wanted_db: float, *, taps: int,
                          deapodised: bool = False) -> tuple[Interpolator | None, float]:
-    """Interpolator for the coarsest sampling with which these frequencies are read well enough.
+    """Interpolator for the coarsest sampling that reads frequencies well, and its mean error, dB.
+
+    None where no oversampling below 4 does.
 
     Parameters
     ----------
@@ -220,15 +222,8 @@ def fitting_interpolator(frequency, weight, wanted_db: float, *, taps: int,
         apart.
     wanted_db : float
         Mean error over all, dB.
-    taps, deapodised :
+    taps, corrected :
         As for `design_interpolator`.
-
-    Returns
-    -------
-    interpolator : Interpolator or None
-        None where no oversampling below 4 does.
-    error_db : float
-        Its mean error, dB.
     """
     found = coarsest_interpolator(wanted_db, taps=taps, degree=DEGREE, deapodised=deapodised)
     half = max(float(np.abs(frequency).max()), 1e-12)

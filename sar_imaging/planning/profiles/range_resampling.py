@@ -73,11 +73,8 @@ def _some_rows(n: int) -> np.ndarray:
 def sample_paths(tx_m, rx_m, line) -> Paths:
     """Half paths and their derivatives at points of image lines.
 
-    Parameters
-    ----------
-    line : sequence of (S, 3) float64
-        Points, metres, and their first to at most fourth derivative along the line; the others
-        are zero.
+    `line` holds points (S, 3), metres, and their first to at most fourth derivative along the
+    line; the others are zero.
     """
     position, first, *higher = line
     second, third, fourth = (*higher, *[np.zeros_like(position)] * (3 - len(higher)))
@@ -108,19 +105,9 @@ def _distinct(tx_m, rx_m) -> list:
 
 
 def half_paths(tx_m, rx_m, position, *directions) -> np.ndarray:
-    """Half paths to some points and their derivatives along directions at each.
+    """(1 + D, R, S) half paths to points (S, 3), metres, and their derivatives along D directions.
 
-    Parameters
-    ----------
-    position : (S, 3) float64
-        Points, metres.
-    directions : (S, 3) float64
-        Derivatives of the position by some parameters.
-
-    Returns
-    -------
-    (1 + len(directions), R, S) float64
-        Metres, and metres per unit of each parameter.
+    `directions` are derivatives of the positions by some parameters, (S, 3) each.
     """
     centres = _distinct(tx_m, rx_m)
     found = np.zeros((1 + len(directions), len(position), len(tx_m)))
