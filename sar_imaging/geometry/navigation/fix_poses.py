@@ -52,7 +52,8 @@ class FixPoses:
     datum : Datum or None
         May be set once it is known; call `take` then.
     n_unused : int
-        Attitudes without fixes around them, and those that are no rotation.
+        Attitudes in a gap or a jump of the fixes, and those that are no rotation; not those before
+        the first fix.
     """
 
     def __init__(self, *, datum: Datum | None = None, antenna_m=(0.0, 0.0, 0.0),
@@ -116,7 +117,9 @@ class FixPoses:
         wait = np.flatnonzero(places.status == PoseStatus.WAIT)
         self._attitudes.clear()
         self._attitudes.extend(waiting[i] for i in wait)
-        self.n_unused += len(waiting) - len(ready) - len(wait)
+        # Sensors of attitude begin before satellites are found: those are no loss.
+        before = np.count_nonzero(places.status == PoseStatus.BEFORE)
+        self.n_unused += len(waiting) - len(ready) - len(wait) - before
         if not ready.size:
             return []
         latitude, longitude, _ = self.datum.to_geographic(places.position_m[ready])
