@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import pathlib
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from .decibels import decibels, grey_levels, limits_db
 from .extras import require
 from .georeference import TOLERANCE_M, Georeference, georeference, named_crs, utm_crs
 from .product import ImageProduct
+from .raster import write_cog
 from .resampling import MapPixels, covering_pixels, resample
 from .tags import image_from_text, image_to_text
 
@@ -66,7 +66,6 @@ def write_geotiff(path: os.PathLike | str, image: Image, datum: Datum, *,
     MissingExtraError
         rasterio or pyproj is not installed.
     """
-    rasterio = require('rasterio', 'writing GeoTIFF')
     if content not in CONTENTS:
         raise ValueError(f'content={content!r}; expected one of {", ".join(CONTENTS)}')
     if np.ndim(image.samples) != 2:
@@ -74,14 +73,13 @@ def write_geotiff(path: os.PathLike | str, image: Image, datum: Datum, *,
                          'the image of each channel into a file of its own')
     place, samples = _placed(image, datum, crs, acquisition, north_up)
     band, nodata = _band(samples, content)
-    transform = rasterio.transform.Affine(*place.corner_affine.ravel())
-    profile = dict(driver='GTiff', height=band.shape[0], width=band.shape[1], count=1,
-                   dtype=band.dtype, crs=place.crs.to_wkt(), transform=transform, nodata=nodata)
     tags = {_TAG: image_to_text(image, datum), 'CONTENT': content,
             'PLACE_ERROR_M': f'{place.error_m:.2g}'}
     if samples is not image.samples:
         tags[_RESAMPLED] = 'YES'
-    _write_cog(rasterio, pathlib.Path(path), band, profile, tags)
+    # phases of neighbours would cancel
+    write_cog(path, [band], place, nodata=nodata, tags=tags,
+              overviews='NEAREST' if content == COMPLEX else 'AVERAGE')
     return place
 
 
@@ -113,24 +111,6 @@ def _band(samples: np.ndarray, content: str) -> tuple[np.ndarray, float | None]:
     if content == DECIBELS:
         return levels, float('nan')
     return grey_levels(levels, *limits_db(levels)), 0
-
-
-def _write_cog(rasterio, path: pathlib.Path, band, profile: dict, tags: dict) -> None:
-    shutil = require('rasterio.shutil', 'writing GeoTIFF')
-    part = path.with_name(f'{path.name}.part')
-    smooth = profile['dtype'] != np.complex64  # phases of neighbours would cancel
-    try:
-        with rasterio.MemoryFile() as memory:
-            with memory.open(**profile) as plain:
-                plain.write(band, 1)
-                plain.update_tags(**tags)
-            with memory.open() as plain:
-                shutil.copy(plain, part, driver='COG', COMPRESS='DEFLATE', BIGTIFF='IF_SAFER',
-                            PREDICTOR='YES' if smooth else 'NO',
-                            RESAMPLING='AVERAGE' if smooth else 'NEAREST')
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def read_geotiff(path: os.PathLike | str) -> ImageProduct:

@@ -1,10 +1,10 @@
-"""Maps of numbers, such as coherence and height, to cloud-optimised GeoTIFF."""
+"""Bands of numbers, such as coherence and height, to cloud-optimised GeoTIFF."""
 
 from __future__ import annotations
 
 import os
 import pathlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -43,8 +43,6 @@ def write_raster(path: os.PathLike | str, bands: Mapping[str, np.ndarray], grid,
     MissingExtraError
         rasterio or pyproj is not installed.
     """
-    rasterio = require('rasterio', 'writing GeoTIFF')
-    shutil = require('rasterio.shutil', 'writing GeoTIFF')
     for name, values in bands.items():
         if np.shape(values) != grid.shape:
             raise ValueError(f'band {name!r} has the shape {np.shape(values)}, its grid '
@@ -53,21 +51,58 @@ def write_raster(path: os.PathLike | str, bands: Mapping[str, np.ndarray], grid,
     if place.error_m > TOLERANCE_M:
         raise ValueError(f'in {place.crs.name} pixels would lie up to {place.error_m:.3g} m from '
                          f'their places; {TOLERANCE_M} m are allowed: write smaller pieces')
-    profile = dict(driver='GTiff', height=grid.shape[0], width=grid.shape[1], count=len(bands),
-                   dtype='float32', crs=place.crs.to_wkt(), nodata=float('nan'),
+    write_cog(path, [np.asarray(values, np.float32) for values in bands.values()], place,
+              names=tuple(bands), nodata=float('nan'))
+    return place
+
+
+def write_cog(path: os.PathLike | str, bands: Sequence[np.ndarray], place: Georeference, *,
+              names: Sequence[str] = (), nodata: float | None = None,
+              tags: Mapping[str, str] | None = None, overviews: str = 'NEAREST') -> None:
+    """Write bands of one shape and type.
+
+    Parameters
+    ----------
+    path : path
+        File to write.
+    bands : sequence of (rows, columns) array
+        Of a type that GDAL knows.
+    place : Georeference
+        Projection and transform.
+    names : sequence of str
+        Of the bands.
+    nodata : float, optional
+        Value that stands for nothing.
+    tags : mapping of str to str, optional
+        Metadata of the file.
+    overviews : str
+        How GDAL makes the smaller images, such as ``'AVERAGE'``.
+
+    Raises
+    ------
+    MissingExtraError
+        rasterio is not installed.
+    """
+    rasterio = require('rasterio', 'writing GeoTIFF')
+    shutil = require('rasterio.shutil', 'writing GeoTIFF')
+    (height, width), dtype = bands[0].shape, bands[0].dtype
+    profile = dict(driver='GTiff', height=height, width=width, count=len(bands), dtype=dtype,
+                   crs=place.crs.to_wkt(), nodata=nodata,
                    transform=rasterio.transform.Affine(*place.corner_affine.ravel()))
     path = pathlib.Path(path)
     part = path.with_name(f'{path.name}.part')
     try:
         with rasterio.MemoryFile() as memory:
             with memory.open(**profile) as plain:
-                for number, (name, values) in enumerate(bands.items(), 1):
-                    plain.write(np.asarray(values, np.float32), number)
+                for number, band in enumerate(bands, 1):
+                    plain.write(band, number)
+                for number, name in enumerate(names, 1):
                     plain.set_band_description(number, name)
+                plain.update_tags(**(tags or {}))
             with memory.open() as plain:
-                shutil.copy(plain, part, driver='COG', COMPRESS='DEFLATE', PREDICTOR='YES',
-                            BIGTIFF='IF_SAFER', RESAMPLING='NEAREST')
+                shutil.copy(plain, part, driver='COG', COMPRESS='DEFLATE', BIGTIFF='IF_SAFER',
+                            PREDICTOR='NO' if np.iscomplexobj(bands[0]) else 'YES',
+                            RESAMPLING=overviews)
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
-    return place

@@ -54,13 +54,13 @@ def _case(distance_m, height_m, axis, sign, turn, n_gap):
 @pytest.mark.parametrize('distance_m, height_m', [(12.0, 6.0), (1000.0, 300.0)])
 @pytest.mark.parametrize('axis, sign, turn',
                          list(itertools.product((0, 1), (1, -1), (0.0, 0.3))))
-@pytest.mark.parametrize('corrected', [False, True], ids=['', 'corrected'])
-def test_a_wave_arrives_with_its_carrier(distance_m, height_m, axis, sign, turn, corrected):
+@pytest.mark.parametrize('deapodised', [False, True], ids=['', 'deapodised'])
+def test_a_wave_arrives_with_its_carrier(distance_m, height_m, axis, sign, turn, deapodised):
     grid, polar, lines, expected = _case(distance_m, height_m, axis, sign, turn, n_gap=5)
     along = design_interpolator(OVERSAMPLING, taps=TAPS, degree=DEGREE)
-    between = design_interpolator(OVERSAMPLING, taps=DEAPODISED_TAPS if corrected else TAPS,
-                                  degree=DEGREE, deapodised=corrected)
-    lines *= np.float32(between.gain([WAVE])[0]) if corrected else 1
+    between = design_interpolator(OVERSAMPLING, taps=DEAPODISED_TAPS if deapodised else TAPS,
+                                  degree=DEGREE, deapodised=deapodised)
+    lines *= np.float32(between.gain([WAVE])[0]) if deapodised else 1
     threads, images = numba.get_num_threads(), []
     try:
         for n in (1, threads):

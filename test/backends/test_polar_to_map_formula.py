@@ -16,7 +16,7 @@ from sar_imaging.planning.polar_to_map import DEAPODISED_TAPS, DEGREE, TAPS, mar
 @given(seed=st.integers(0, 2 ** 32), n_x=st.integers(1, 90), n_y=st.integers(1, 90),
        axis=st.integers(0, 1), ahead=st.sampled_from([-1.0, 1.0]), deapodised=st.booleans(),
        added=st.booleans())
-def test_any_image(seed, n_x, n_y, axis, ahead, corrected, added):
+def test_any_image(seed, n_x, n_y, axis, ahead, deapodised, added):
     rng = np.random.default_rng(seed)
     pitch_m = rng.uniform(0.1, 0.5)
     height_m = rng.uniform(0.0, 60.0)
@@ -28,8 +28,8 @@ def test_any_image(seed, n_x, n_y, axis, ahead, corrected, added):
     x, y = look[::1 - 2 * axis]
     side = 1 if y * track[0] - x * track[1] >= 0 else -1
     spacing_m, alpha_spacing = rng.uniform(0.5, 1.5) * pitch_m, rng.uniform(1e-4, 1e-3)
-    taps = DEAPODISED_TAPS if corrected else TAPS
-    between = design_interpolator(1.5, taps=taps, degree=DEGREE, deapodised=corrected)
+    taps = DEAPODISED_TAPS if deapodised else TAPS
+    between = design_interpolator(1.5, taps=taps, degree=DEGREE, deapodised=deapodised)
     along = design_interpolator(1.3, taps=TAPS, degree=DEGREE)
     before, beside = margin(TAPS), margin(taps)
     r, alpha = edge_positions(grid, origin, track, axis, before * spacing_m)

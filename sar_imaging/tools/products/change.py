@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import logging
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,7 +21,7 @@ from sar_imaging.quality import focus_figure
 
 from ..plots import save_image_png, save_values_png
 from . import forming
-from .image import ERRORS
+from .image import run_command
 from .pairs import Pair, open_pair
 from .report import Section, write_report
 
@@ -64,17 +63,7 @@ def parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    logging.basicConfig(level=logging.ERROR)  # warnings are in the report and told at the end
-    try:
-        print(run(arguments))
-    except ERRORS as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print('interrupted', file=sys.stderr)
-        return 130
-    return 0
+    return run_command(run, parser().parse_args(argv))
 
 
 def run(arguments: argparse.Namespace) -> str:

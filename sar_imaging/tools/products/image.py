@@ -11,7 +11,7 @@ import json
 import logging
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -79,7 +79,11 @@ def _formats(text: str) -> tuple[str, ...]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
-    arguments = parser().parse_args(argv)
+    return run_command(run, parser().parse_args(argv))
+
+
+def run_command(run: Callable[[argparse.Namespace], str], arguments: argparse.Namespace) -> int:
+    """Print the summary of a command, or why there is none; returns its exit status."""
     logging.basicConfig(level=logging.ERROR)  # warnings are in the report and told at the end
     try:
         print(run(arguments))
