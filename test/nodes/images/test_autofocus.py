@@ -117,7 +117,9 @@ def test_images_are_focused_and_the_report_tells(make_chain, case, truth, offset
                        pulses='range_profiles', backprojection=EXPECTED).observer
     alone.send_messages(observer.messages['range_profiles'][:LENGTH // 32])
     [image] = alone.wait_for('image_complex', 1)
-    np.testing.assert_array_equal(complex_from_message(image), published[0])
+    # Equal, unless kernels were compiled between the two: other roundings, which the choices of
+    # autofocus amplify (-50 dB measured).
+    assert scaled_error_db(complex_from_message(image), published[0]) < -40.0
     alone.wait_for_counters('radar1/backprojection', autofocus_attempted=1, autofocus_accepted=1,
                             autofocus_claimed=1)
     counters = alone.counters('radar1/backprojection')
