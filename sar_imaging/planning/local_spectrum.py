@@ -55,7 +55,12 @@ def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Loca
 
     Parameters
     ----------
+    polar : PolarGrid
+        Of the image.
     tx_m, rx_m : (P, C, 3) float64
+        Phase centres, metres.
+    radar : RadarParameters
+        Its carrier and band.
 
     Raises
     ------

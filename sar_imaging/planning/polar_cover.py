@@ -220,9 +220,11 @@ def fitting_interpolator(frequency, weight, wanted_db: float, *, taps: int,
     frequency : (K, R, S) float64
         Of K wavenumbers, R rows and S places; samples lie ``pi / oversampling`` over the highest
         apart.
+    weight : (R,) float64
+        Share of each row in the power of the image.
     wanted_db : float
         Mean error over all, dB.
-    taps, corrected :
+    taps, deapodised :
         As for `design_interpolator`.
     """
     found = coarsest_interpolator(wanted_db, taps=taps, degree=DEGREE, deapodised=deapodised)

@@ -44,6 +44,10 @@ def add_to_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image) -
     ----------
     profiles : Profiles
         Plan of the profiles; its lattice has segments.
+    samples : (R, N) complex64
+        Profiles of the rows.
+    tx_m, rx_m : (R, 3) float64
+        Phase centres of the rows, metres.
     layers : sequence of ((G, S, 12, LINES) float64, (5,) int64)
         Lines from `line_middles`, and where they lie in the image: the layout of
         `line_kernels.project_lines`. All layers are of one size.
@@ -105,6 +109,10 @@ class PolarLines:
 
         Parameters
         ----------
+        samples : (R, N) complex64
+            Profiles of the rows.
+        tx_m, rx_m : (R, 3) float64
+            Phase centres of the rows, metres.
         parts : (2, n_alpha, n_range or more) float32
             Real and imaginary part of the image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0
             the first range; changed in place, contiguous. Lines may end in padding.

@@ -64,10 +64,14 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
     polar : PolarGrid
         Its grid; it must reach `margin` pixels beyond the map on all sides and have `LANES` ranges
         or more.
+    grid : MapGrid
+        Where the pixels of the map are.
     image : (n_y, n_x) complex64
         Map to add to, contiguous in C order.
     axis : int
         Map axis that follows range: 0 when rows of the second pass follow x, 1 for y.
+    wavelength_m : float
+        At the carrier, metres.
     between, along : Interpolator
         Between lines and along them, of degree `DEGREE`.
     """

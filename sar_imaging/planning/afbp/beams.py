@@ -190,6 +190,8 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
     ----------
     polar : PolarGrid
         Of the sub-aperture images.
+    radar : RadarParameters
+        Of the profiles.
     lattice : RangeResampling
         Of the profiles; its cells are those of the beams.
     n_bins : int

@@ -36,6 +36,9 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     grid, radar, n_samples, band :
         As for `cover_map`.
     tx_m, rx_m : (P, C, 3) float64
+        Phase centres, metres.
+    target_db : float
+        Wanted error of the map against time-domain correlation, dB.
     shares : mapping
         Of the target, see `ErrorBudget`: the less ``'polar to map'``, the finer the polar grid.
 

@@ -102,9 +102,12 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
 
     Parameters
     ----------
+    polar : PolarGrid
+        Of the fused image.
     bands : LocalSpectrum
         Its local frequencies.
     tx_m, rx_m : (P, C, 3) float64
+        Phase centres, metres.
     lengths : sequence of int
         Pulses of a sub-aperture to try.
     first_stage : SubapertureCost
@@ -249,6 +252,8 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: LocalSpectrum, rows, weig
     ----------
     s : Sampling
         Coarse sampling and taper.
+    polar : PolarGrid
+        Where the fused image is wanted.
     bands : LocalSpectrum
         Local frequencies.
     rows : (R,) int array or slice

@@ -208,10 +208,20 @@ def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, 
                       oversampling: tuple[float, float] = (1.0, 1.0),
                       ratio: tuple[int, int] = (1, 1), coverage: PixelDensity = EVERYTHING,
                       band: PhaseHistory | None = None) -> SubaperturePlan:
-    """Plan the sub-apertures of an aperture, (P, C, 3) in the order of the pulses.
+    """Plan the sub-apertures of an aperture.
 
     Parameters
     ----------
+    polar : PolarGrid
+        Where the fused image is wanted.
+    radar : RadarParameters
+        Of the profiles, or of the phase histories that are imaged as they come.
+    n_samples : int
+        Samples of each profile, or frequencies.
+    tx_m, rx_m : (P, C, 3) float64
+        Phase centres in the order of the pulses, metres.
+    target_db : float
+        Wanted error of the fused image, dB.
     pulses_per_subaperture : int, optional
         Length of the sub-apertures; the quickest if left out.
     oversampling : (float, float)

@@ -60,6 +60,8 @@ def angular_bands(slope, k_lo: float, k_hi: float, n_parts: int):
         Derivative by alpha of the half path from each row to sampled points, metres.
     k_lo, k_hi : float
         Wavenumbers at the ends of the radar's band, rad/m.
+    n_parts : int
+        Parts, about equally many rows in each.
 
     Returns
     -------
@@ -84,6 +86,8 @@ def plan_parts(fine: PolarGrid, slope, weight, k_lo: float, k_hi: float, interpo
         Grid of the sum.
     slope, k_lo, k_hi :
         As for `angular_bands`.
+    weight : (R,) float64
+        Share of each row in the power of the image.
     interpolation_db : float
         Wanted error of the interpolation to the lines of the sum, dB.
     row_cost : float

@@ -205,6 +205,16 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
     ----------
     points : ImagePoints
         Where the pixels are, or some neighbours among them.
+    radar : RadarParameters
+        Of the profiles.
+    n_samples : int
+        Samples of each profile.
+    tx_m, rx_m : (R, 3) float64
+        Phase centres of the rows, metres.
+    range_m : (float, float)
+        Least and largest half path that is read, metres.
+    target_db : float
+        Wanted error against time-domain correlation, dB.
     some_m : (S, 3) float64, optional
         Positions all over the image, metres; those of `points` unless told.
     """

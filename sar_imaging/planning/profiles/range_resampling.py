@@ -191,6 +191,12 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
         Pixel spacing along a line.
     n_line : int
         Pixels of a line.
+    radar : RadarParameters
+        Of the profiles.
+    n_samples : int
+        Samples of each profile.
+    target_db : float
+        Wanted error of reading a profile, dB.
     fit_spacing : bool
         The image may take the pixel spacing that fits the lattice, near `spacing`.
     periodic : bool

@@ -22,6 +22,10 @@ def add_to_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m,
         For these rows.
     layers : sequence of ImagePoints
         Where the pixels are, one part of the image after the other.
+    samples : (R, N) complex64
+        Profiles of the rows.
+    tx_m, rx_m : (R, 3) float64
+        Phase centres of the rows, metres.
     image : (K,) float32
         Real and imaginary parts to add to, in turn; changed in place.
     memory : WorkSpace, optional
