@@ -70,7 +70,8 @@ def test_polynomials_are_the_profile(seed, n_samples, n_rows, history, n_phases,
     planes = profiles.planes(samples).astype(float)
     n = int((hi_m - lo_m) / lattice.cell_m) - 2
     cell = int(np.ceil((limits[0] - profiles.range_at(0)) / lattice.cell_m)) + np.arange(n)
-    t = rng.random((n_rows, n_phases, n))
+    cell = cell[cell >= 0]  # no cell stands before those that hold signal; -1 would be the last
+    t = rng.random((n_rows, n_phases, len(cell)))
     powers = t[..., None] ** np.arange(LINE_DEGREE + 1)
     real, imag = np.split(np.moveaxis(planes[..., cell], 2, -1), 2, axis=-1)
     value = ((real + 1j * imag) * powers).sum(axis=-1)
