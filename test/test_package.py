@@ -14,6 +14,7 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 import sar_imaging
+from sar_imaging.tools.command import COMMANDS
 
 ROOT = pathlib.Path(__file__).parent.parent
 PACKAGES = ('msg_conversions', 'sar_imaging')
@@ -150,6 +151,12 @@ def test_executables_exist():
         assert module.split('.')[-1] == name
         tree = ast.parse((ROOT / (module.replace('.', '/') + '.py')).read_text())
         assert function in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+
+
+def test_every_command_is_an_executable_of_ros():
+    scripts = _setup_keywords()['entry_points']['console_scripts']
+    modules = {script.split(' = ')[1].split(':')[0] for script in scripts}
+    assert {f'sar_imaging.tools.{module}' for module in COMMANDS.values()} <= modules
 
 
 @pytest.mark.parametrize(('command', 'expected'), [
