@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign format-campaign cphd-memory
+.PHONY: installed formats archive help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign format-campaign cphd-memory
 .DEFAULT_GOAL := help
 
 help:
@@ -60,6 +60,7 @@ help:
 	@echo 'make environment'
 	@echo '             the virtual environment alone; its Python imports the package from anywhere'
 	@echo 'make formats the libraries that read and write CPHD, SICD and GeoTIFF, into that environment'
+	@echo 'make archive Dask and Zarr besides, which image archives of many recordings'
 	@echo 'make clean   remove what these commands made, the environment excepted'
 	@echo 'Variables: PYTHON=python3.12 (interpreter), VENV=path (environment)'
 
@@ -67,7 +68,7 @@ demo: environment
 	@echo 'Replaying bags/countryside through pulse_buffer, range_compression and backprojection ...'
 	@$(RUN) -m sar_imaging.tools.evaluate bags/countryside --output out/demo --launch-nodes
 
-test: lint formats
+test: lint archive
 	@echo 'pytest ...'
 	@$(RUN) -m pytest
 
@@ -171,6 +172,14 @@ formats: environment
 	$(RUN) -m pip install --quiet --disable-pip-version-check -r requirements-formats.txt \
 	    "numpy==$$($(RUN) -c 'import numpy; print(numpy.__version__)')" && \
 	cp requirements-formats.txt "$(VENV)/installed-formats.txt"
+
+# Dask and Zarr: what `pip install sar_imaging[archive]` installs besides.
+archive: formats
+	@if cmp -s requirements-archive.txt "$(VENV)/installed-archive.txt"; then exit 0; fi; \
+	echo 'Installing Dask and Zarr into $(VENV), once ...' && \
+	$(RUN) -m pip install --quiet --disable-pip-version-check -r requirements-archive.txt \
+	    "numpy==$$($(RUN) -c 'import numpy; print(numpy.__version__)')" && \
+	cp requirements-archive.txt "$(VENV)/installed-archive.txt"
 
 # Colcon and the mutation campaign bring copies of the package of their own.
 installed:

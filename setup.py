@@ -42,9 +42,15 @@ arguments = dict(
         'rosbags>=0.11,<0.12',
         'tqdm>=4.64,<5',
     ],
-    # Formats of files, see sar_imaging.formats; sarkit exists for Python 3.11 and later.
+    # Formats of files, see sar_imaging.formats; sarkit exists for Python 3.11 and later. Archives,
+    # see sar_imaging.tools.archive, need those too; so does zarr 3.
     extras_require={'formats': ['sarkit>=1.3,<2 ; python_version>="3.11"', 'rasterio>=1.3,<2',
                                 'pyproj>=3.4,<4', 'pystac>=1.8,<2'],
+                    'archive': ['sar_imaging[formats]',
+                                'dask>=2024.1,<2027', 'distributed>=2024.1,<2027',
+                                'bokeh>=3.1,<4', 'zarr>=3,<4 ; python_version>="3.11"',
+                                'zarr>=2.18,<3 ; python_version<"3.11"',
+                                'numcodecs>=0.11,<0.16 ; python_version<"3.11"'],
                     'test': ['pytest>=7.4,<10', 'hypothesis>=6.80,<7']},
     entry_points={
         'console_scripts': [

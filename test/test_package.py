@@ -144,6 +144,15 @@ def test_setup_and_requirements_pin_the_same_versions():
     assert not [name for name in wanted if name.startswith('ros-')]
 
 
+def test_extras_are_what_make_installs():
+    extras = _setup_keywords()['extras_require']
+    for extra in ('formats', 'archive'):
+        lines = (ROOT / f'requirements-{extra}.txt').read_text().splitlines()
+        missing = {*extras[extra]} - {*lines, 'sar_imaging[formats]'}
+        assert not missing, f'requirements-{extra}.txt lacks {missing}'
+    assert 'sar_imaging[formats]' in extras['archive']
+
+
 def test_executables_exist():
     scripts = _setup_keywords()['entry_points']['console_scripts']
     for script in scripts:

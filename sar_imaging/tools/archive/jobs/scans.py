@@ -1,0 +1,133 @@
+"""What a scan of a recording tells: its apertures, or why it is lost."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from sar_imaging.geometry.earth import Datum
+from sar_imaging.signal.radar import RadarParameters
+
+from .windows import Window
+
+
+@dataclasses.dataclass(frozen=True)
+class Loss:
+    """Something of an archive that no image is made of.
+
+    Attributes
+    ----------
+    name : str
+        Recording, aperture or piece.
+    path : Path or None
+        Of the recording, where there is one.
+    reason : str
+        One line.
+    """
+
+    name: str
+    path: Path | None
+    reason: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Division:
+    """How the image of an aperture is divided into pieces.
+
+    Attributes
+    ----------
+    windows : tuple of Window
+        Parts of its window, each of which reads the pulses; they touch and do not overlap.
+    pulses : tuple of (int, int)
+        Parts of its pulses, ascending: first index and the one after the last. With several,
+        their images are summed in a fixed binary tree, window by window.
+    seconds : float
+        Predicted, of the longest piece, on one core.
+    total_seconds : float
+        Predicted, of all its pieces, on one core.
+    memory_bytes : int
+        Predicted, of the largest piece: image, what forms it, and blocks of pulses.
+    """
+
+    windows: tuple[Window, ...]
+    pulses: tuple[tuple[int, int], ...]
+    seconds: float
+    total_seconds: float
+    memory_bytes: int
+
+
+@dataclasses.dataclass(frozen=True)
+class ApertureScan:
+    """One aperture of a recording, as everything after the scan needs it.
+
+    Attributes
+    ----------
+    name : str
+        Unique within the archive, fit for file names: ``'flight-012_aperture-003'``.
+    path : Path
+        Recording.
+    recording : str
+        Its name in the archive: ``'flight-012'``, the name of its strip.
+    aperture : int or None
+        Number that `open_source` takes; None for a file with one.
+    fingerprint : str
+        Of the recording: sizes of its files and a checksum of their first and last bytes.
+    kind : str
+        ``'recording'`` or ``'CPHD'``.
+    radar : RadarParameters
+        Of its samples.
+    n_pulses, n_channels, n_samples : int
+        Sizes.
+    compressed : bool
+        Whether these are range profiles.
+    first_ns, last_ns : int
+        Times of the first and the last pulse, nanoseconds.
+    datum : Datum or None
+        Of the recording; its phase centres in `centres` are in the map's frame already.
+    footprint_m : ((x, y), ...) floats
+        Corners of what it tells something about, in the map's frame, metres.
+    window : Window
+        Pixels of its image, on the map's lattice.
+    range_m : float
+        Median distance of the window's middle from the phase centres, metres.
+    reads_bytes : int
+        Of its samples on disk.
+    division : Division
+        How its image is made.
+    centres : str
+        File of its phase centres below the output folder: ``'scans/NAME.npz'``.
+    warnings : tuple of str
+        What a person should know.
+    """
+
+    name: str
+    path: Path
+    recording: str
+    aperture: int | None
+    fingerprint: str
+    kind: str
+    radar: RadarParameters
+    n_pulses: int
+    n_channels: int
+    n_samples: int
+    compressed: bool
+    first_ns: int
+    last_ns: int
+    datum: Datum | None
+    footprint_m: tuple[tuple[float, float], ...]
+    window: Window
+    range_m: float
+    reads_bytes: int
+    division: Division
+    centres: str
+    warnings: tuple[str, ...] = ()
+
+    def phase_centres(self, output: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Counters (P,), times (P,) ns, and phase centres tx and rx (P, C, 3) in the map's frame.
+
+        Ascending counters; float64 metres; from the file that the scan wrote.
+        """
+        with np.load(output / self.centres) as file:
+            return file['counter'], file['stamp_ns'], file['tx_m'], file['rx_m']

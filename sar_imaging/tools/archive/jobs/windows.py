@@ -1,0 +1,107 @@
+"""Windows of a map's lattice: whole pixels, wherever on the map.
+
+Pixel ``(row, column)`` of the lattice lies at ``x = column * spacing`` and ``y = -row * spacing``
+of the map's frame: the lattice follows from the frame and the spacing alone, rows run south as
+in images, and both numbers may be negative. Tiles are squares of it that begin at multiples of
+their size.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from sar_imaging.geometry.grids import MapGrid
+
+
+@dataclasses.dataclass(frozen=True, order=True)
+class Window:
+    """Rectangle of pixels of the lattice; the last row and column are not in it.
+
+    Parameters
+    ----------
+    row0, row1, column0, column1 : int
+        First row and the one after the last; columns likewise.
+
+    Raises
+    ------
+    ValueError
+        It has no pixel.
+    """
+
+    row0: int
+    row1: int
+    column0: int
+    column1: int
+
+    def __post_init__(self):
+        if self.row1 <= self.row0 or self.column1 <= self.column0:
+            raise ValueError(f'rows {self.row0} to {self.row1}, columns {self.column0} to '
+                             f'{self.column1}: expected at least one pixel')
+
+    @classmethod
+    def around(cls, points_m, spacing_m: float) -> Window:
+        """Smallest window with the points (N, 2 or 3), x and y in the map's frame, metres."""
+        points = np.asarray(points_m, np.float64)
+        columns, rows = points[:, 0] / spacing_m, -points[:, 1] / spacing_m
+        # points on pixels, but for rounding, are those pixels
+        return cls(math.floor(rows.min() + 1e-6), math.ceil(rows.max() - 1e-6) + 1,
+                   math.floor(columns.min() + 1e-6), math.ceil(columns.max() - 1e-6) + 1)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.row1 - self.row0, self.column1 - self.column0
+
+    @property
+    def n_pixels(self) -> int:
+        """Number of pixels."""
+        return math.prod(self.shape)
+
+    @property
+    def as_tuple(self) -> tuple[int, int, int, int]:
+        """First row, the one after the last, first column, the one after the last."""
+        return dataclasses.astuple(self)
+
+    def grid(self, spacing_m: float, height_m: float = 0.0) -> MapGrid:
+        """The same pixels as a map grid in the map's frame."""
+        return MapGrid(((self.column0 + self.column1 - 1) / 2 * spacing_m,
+                        -(self.row0 + self.row1 - 1) / 2 * spacing_m, height_m),
+                       self.column1 - self.column0, self.row1 - self.row0, spacing_m)
+
+    def within(self, other: Window) -> tuple[slice, slice]:
+        """Rows and columns of this window in an array of another window's pixels."""
+        return (slice(self.row0 - other.row0, self.row1 - other.row0),
+                slice(self.column0 - other.column0, self.column1 - other.column0))
+
+    def intersection(self, other: Window) -> Window | None:
+        """Pixels that both have, None without any."""
+        row0, row1 = max(self.row0, other.row0), min(self.row1, other.row1)
+        column0, column1 = max(self.column0, other.column0), min(self.column1, other.column1)
+        return Window(row0, row1, column0, column1) if row0 < row1 and column0 < column1 else None
+
+    def grown(self, margin: int) -> Window:
+        """The window with some more pixels on all sides."""
+        return Window(self.row0 - margin, self.row1 + margin, self.column0 - margin,
+                      self.column1 + margin)
+
+    def on_tiles(self, tile: int) -> Window:
+        """Smallest window of whole tiles around it."""
+        return Window(self.row0 // tile * tile, -(-self.row1 // tile) * tile,
+                      self.column0 // tile * tile, -(-self.column1 // tile) * tile)
+
+    def tiles(self, tile: int) -> Iterator[Window]:
+        """Whole tiles that it touches, row by row."""
+        whole = self.on_tiles(tile)
+        for row in range(whole.row0, whole.row1, tile):
+            for column in range(whole.column0, whole.column1, tile):
+                yield Window(row, row + tile, column, column + tile)
+
+
+def union(windows: Iterable[Window]) -> Window:
+    """Smallest window around some, at least one."""
+    rows0, rows1, columns0, columns1 = zip(*(w.as_tuple for w in windows), strict=True)
+    return Window(min(rows0), max(rows1), min(columns0), max(columns1))
