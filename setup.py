@@ -62,6 +62,7 @@ arguments = dict(
             'moving_targets = sar_imaging.nodes.moving_targets:main',
             'wait_until_active = sar_imaging.tools.wait_until_active:main',
             'simulate = sar_imaging.tools.simulate:main',
+            'simulate_archive = sar_imaging.tools.simulate_archive:main',
             'compile_kernels = sar_imaging.tools.compile_kernels:main',
             'measure_costs = sar_imaging.tools.measure_costs:main',
             'check_config = sar_imaging.tools.check_config:main',

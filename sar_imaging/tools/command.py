@@ -14,6 +14,7 @@ import sar_imaging
 #: Words of a command, and the module of this package whose `main` it is.
 COMMANDS = {
     ('simulate',): 'simulate',
+    ('simulate', 'archive'): 'simulate_archive',
     ('evaluate',): 'evaluate',
     ('check-config',): 'check_config',
     ('calibrate',): 'calibrate',
