@@ -90,6 +90,15 @@ class PolarGrid:
         """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
         return self.lines(self.range_m[column], self.alpha[row])[0]
 
+    def sampled(self, n_range: int, n_alpha: int) -> tuple[np.ndarray, np.ndarray]:
+        """Ranges and directions of some pixels from edge to edge, (S,) float64 each.
+
+        `n_range` times `n_alpha` of them, direction by direction.
+        """
+        r, alpha = np.meshgrid(np.linspace(self.range_m[0], self.range_m[-1], n_range),
+                               np.linspace(self.alpha[0], self.alpha[-1], n_alpha))
+        return r.ravel(), alpha.ravel()
+
     def points(self) -> np.ndarray:
         """(n_alpha, n_range, 3) float64 positions of all pixels, metres."""
         return self.positions(*np.ogrid[:self.n_alpha, :self.n_range])

@@ -94,6 +94,11 @@ class Interpolator:
         """
         return np.interp(np.abs(frequency), _frequencies()[::_COARSER], self._errors, right=2.0)
 
+    def mean_error_db(self, frequency, weight) -> float:
+        """Mean of `error_at` over (K, R, S) frequencies of R rows, by their weight (R,), dB."""
+        error = self.error_at(frequency).mean(axis=(0, 2))
+        return 10 * math.log10(float(error @ weight / weight.sum()) + 1e-16)
+
     def error_with_drift(self, drift) -> np.ndarray:
         """(...) mean squared error where positions begin anywhere and drift evenly.
 
@@ -258,6 +263,34 @@ def _shifted(weights, shift: float) -> np.ndarray:
         for p in range(q + 1):
             result[p] += math.comb(q, p) * shift ** (q - p) * weights[q]
     return result
+
+
+def fitting_interpolator(frequency, weight, wanted_db: float, **kind
+                         ) -> tuple[Interpolator | None, float]:
+    """Interpolator for the coarsest sampling that reads frequencies well, and its mean error, dB.
+
+    None where no oversampling below 4 does. Samples lie ``pi / oversampling`` over the highest
+    frequency apart.
+
+    Parameters
+    ----------
+    frequency : (K, R, S) float64
+        Of K wavenumbers, R rows and S places, radians per unit of place.
+    weight : (R,) float64
+        Share of each row in the power of the image.
+    wanted_db : float
+        Mean error over all, dB.
+    **kind
+        As of `coarsest_interpolator`.
+    """
+    found = coarsest_interpolator(wanted_db, **kind)
+    half = max(float(np.abs(frequency).max()), 1e-12)
+    while found is not None:
+        error_db = found.mean_error_db(frequency / (2 * half * found.oversampling), weight)
+        if error_db <= wanted_db:
+            return found, error_db
+        found = finer_interpolator(found)  # much of the power lies where the band ends
+    return None, math.inf
 
 
 def coarsest_interpolator(error_db: float, *, taps: int, degree: int,

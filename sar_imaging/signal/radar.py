@@ -116,6 +116,12 @@ class RadarParameters:
         return 2 * math.pi * self.bandwidth_hz / self.propagation_speed_m_per_s
 
     @property
+    def wavenumbers_rad_per_m(self) -> tuple[float, float]:
+        """Two-way wavenumbers at the lower and the upper edge of the band, radians per metre."""
+        k, half = self.wavenumber_rad_per_m, self.half_band_rad_per_m
+        return k - half, k + half
+
+    @property
     def shortest_wavelength_m(self) -> float:
         """Wavelength at the upper edge of the band, metres."""
         return self.propagation_speed_m_per_s / (self.carrier_hz + self.bandwidth_hz / 2)

@@ -18,7 +18,7 @@ from ..planning.error_budget import LIVE_SHARES, total_db
 from ..planning.interpolators import Interpolator
 from ..planning.local_spectrum import LocalSpectrum, local_spectrum
 from ..planning.polar_to_map import DEAPODISED_TAPS, margin
-from ..planning.profiles.profile_reach import reach_warning, some_pixels
+from ..planning.profiles.profile_reach import reach_warnings, some_pixels
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 
@@ -111,9 +111,8 @@ class LivePlan:
         self._map_db = total_db(self._map_db, between_db)
         self._plan, self._stage = plan, backend().SubapertureImager(plan)
         self.fusion = plan.fusion_grid
-        reach = reach_warning(some_pixels(grid), tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), radar,
-                              n_samples)
-        self.warnings = (*plan.warnings, *([] if reach is None else [reach]))
+        self.warnings = plan.warnings + reach_warnings(some_pixels(grid), tx_m, rx_m, radar,
+                                                       n_samples)
 
     def __str__(self) -> str:
         polar, fusion = self.fusion.polar, self.fusion

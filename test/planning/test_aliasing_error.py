@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 
 from sar_imaging.geometry import MapGrid
 from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
-from sar_imaging.planning.afbp.map_cover import covers, fit_ranges
+from sar_imaging.planning.afbp.map_cover import covers
 from sar_imaging.planning.afbp.plan import plan_afbp
 from sar_imaging.planning.aliasing_error import TONES, PixelDensity, correction_error
 from sar_imaging.planning.guard_taper import guard_taper
@@ -102,7 +102,7 @@ def test_a_cover_reaches_as_far_as_the_rows_of_its_map_read(seed):
     p = case.profiles
     rows = (a.reshape(-1, 3) for a in (p.tx_m, p.rx_m))
     cover = cover_map(case.grid, *rows, p.radar, p.n_samples, -60.0, -60.0,
-                      fit_ranges=fit_ranges)
+                      fused=True)
     if cover is None:
         return
     assert covers(cover.polar, case.grid)

@@ -13,7 +13,6 @@ from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
 from ..aliasing_error import TONES, PixelDensity
 from ..error_budget import AFBP_SHARES, ErrorBudget, remaining_db
-from ..local_spectrum import TAPERS_NEEDED, used_share
 from ..polar_cover import PolarCover, cover_map
 from ..polar_to_map import DEAPODISED_TAPS, NOT_READ, TAPS, margin, range_axis
 from ..profiles.phase_history import PhaseHistory
@@ -21,8 +20,6 @@ from ..profiles.phase_history import PhaseHistory
 _COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
 _MIXED_LINES = 4  # on either side
 _WAVENUMBERS = 7  # of the band
-_SLACK = 1.01  # frequencies between samples of the map, and beside it
-_RANGE_RATIOS = (2, 3), (5, 7), (3, 4), (4, 5), (5, 6), (7, 8), (9, 10)
 _ROWS = 256
 
 
@@ -56,9 +53,8 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     step = max(1, len(tx_m) // _ROWS)
     rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
     cover = cover_map(grid, *rows, radar if band is None else band.radar, n_samples,
-                      ErrorBudget(target_db, shares).pass_db,
-                      min(target_db - 10.0, -50.0), band,
-                      fit_ranges)
+                      ErrorBudget(target_db, shares).pass_db, min(target_db - 10.0, -50.0), band,
+                      fused=True)
     if cover is None:
         raise ValueError('the map is too small, too near, around or beside the aperture for a '
                          'polar image; use exact backprojection')
@@ -86,7 +82,7 @@ def map_density(polar: PolarGrid, grid: MapGrid, cover: PolarCover) -> PixelDens
 
 def _tones(polar: PolarGrid, cover: PolarCover) -> np.ndarray:
     """Power of the image by cycles per line, as `PixelDensity` has it."""
-    k = np.linspace(*cover.wavenumber, _WAVENUMBERS)[:, None, None]
+    k = np.linspace(*cover.window.radar.wavenumbers_rad_per_m, _WAVENUMBERS)[:, None, None]
     cycles = np.abs(k * cover.slope_alpha) * (polar.alpha_spacing / (2 * math.pi))
     if cycles.max() > 0.5:  # images of parts of the track, which may lie anywhere in its band
         even = (np.arange(TONES) < TONES / cover.between.oversampling).astype(float)
@@ -94,20 +90,6 @@ def _tones(polar: PolarGrid, cover: PolarCover) -> np.ndarray:
     weight = np.broadcast_to(cover.weight[:, None], cycles.shape)
     power = np.histogram(cycles, TONES, (0.0, 0.5), weights=weight)[0]
     return power / power.sum()
-
-
-def fit_ranges(spacing: float, extent: float, half_band: float
-                ) -> tuple[float, tuple[int, int]]:
-    """Spacing of the ranges of the fused image, and the fewest ranges of a sub-aperture image.
-
-    The band of a line, which may be wider than that of a row of the map, must fit.
-    """
-    share = used_share(_SLACK * half_band, spacing, math.ceil(extent / spacing),
-                       tapers=TAPERS_NEEDED)
-    spacing /= max(share, 1.0)
-    needed = used_share(_SLACK * half_band, spacing, math.ceil(extent / spacing))
-    return spacing, next((ratio for ratio in _RANGE_RATIOS if ratio[0] / ratio[1] >= needed),
-                         (1, 1))
 
 
 def covers(polar: PolarGrid, grid: MapGrid) -> bool:

@@ -15,7 +15,7 @@ from ..aliasing_error import EVERYTHING
 from ..costs import costs
 from ..plan import Plan
 from ..profiles.phase_history import PhaseHistory
-from ..profiles.profile_reach import reach_warning, some_pixels
+from ..profiles.profile_reach import reach_warnings, some_pixels
 from .map_cover import cover_for_fusion, map_density
 from .operations import fusion_operations, image_operations
 from .subapertures import SubaperturePlan, plan_subapertures
@@ -84,8 +84,9 @@ def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
     errors = {'sub-aperture images': plan.stage_error_db, 'fusion': plan.sampling.error_db}
     if cover is not None:
         errors |= {'polar to map': cover.resampling_db, 'ends of profiles': cover.profile_db}
-    warnings = (*plan.warnings, *_reach_warnings(grid, plan, tx_m, rx_m),
-                *_sampling_warnings(polar, plan.radar, tx_m, rx_m))
+    # phase histories repeat
+    beyond = reach_warnings(some_pixels(grid), tx_m, rx_m, radar, n_samples) if compressed else ()
+    warnings = *plan.warnings, *beyond, *_sampling_warnings(polar, plan.radar, tx_m, rx_m)
     return AfbpPlan(grid, tx_m.copy(), rx_m.copy(), plan, errors, _seconds(grid, plan),
                     _n_bytes(grid, plan), warnings)
 
@@ -117,13 +118,6 @@ def _n_bytes(grid, plan: SubaperturePlan) -> int:
     spectrum = fused.n_fine * len(fused.range_wavenumbers)
     pixels = grid.n_x * grid.n_y if isinstance(grid, MapGrid) else grid.n_alpha * grid.n_range
     return _SAMPLE_BYTES * (spectrum + 2 * coarse.n_alpha * coarse.n_range + pixels)
-
-
-def _reach_warnings(grid, plan: SubaperturePlan, tx_m, rx_m) -> list[str]:
-    """Of profiles; phase histories repeat."""
-    warning = None if not plan.compressed else reach_warning(
-        some_pixels(grid), tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), plan.radar, plan.n_samples)
-    return [] if warning is None else [warning]
 
 
 def _sampling_warnings(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m) -> Iterator[str]:

@@ -19,7 +19,7 @@ from ..costs import costs
 from ..error_budget import total_db
 from ..memory import IMAGE_BYTES
 from ..plan import Plan
-from ..profiles.profile_reach import check_reach, reach_warning, some_pixels
+from ..profiles.profile_reach import check_reach, reach_warnings, some_pixels
 from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import ROWS_PER_PASS, RangeResampling, half_paths
 from .ffbp_error import LocalTones, expansion_error, read_errors, rounding_error
@@ -197,12 +197,11 @@ def plan_from_geometry(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samp
                               TAPS[sampling.kernel])
     range_m = _reach(placed[0].nodes, geometry, lattice.spacing)
     check_reach(range_m, radar, n_samples)
-    warning = reach_warning(some_pixels(grid), tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), radar,
-                            n_samples)
+    warnings = reach_warnings(some_pixels(grid), tx_m, rx_m, radar, n_samples)
     errors = _errors_db(geometry, radar, RangeGate.whole(radar, n_samples), tones, sampling,
                         lattice, alpha_spacings, segments)
     return FfbpPlan(grid, radar, n_samples, tx_m.copy(), rx_m.copy(), sampling, frame, placed,
-                    top, lattice, range_m, errors, () if warning is None else (warning,))
+                    top, lattice, range_m, errors, warnings)
 
 
 def _reach(nodes: Sequence[Node], geometry: FfbpGeometry, spacing: float) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from ...geometry.track_frame import mean_centres
 from ...signal.radar import RadarParameters
 from ..memory import IMAGE_BYTES
 from ..plan import Plan
-from ..profiles.profile_reach import reach_warning, some_pixels
+from ..profiles.profile_reach import reach_warnings, some_pixels
 
 #: How a zero-padded profile is read between its samples.
 INTERPOLATORS = ('nearest', 'linear', 'cubic', 'sinc')
@@ -161,10 +161,10 @@ def plan_zero_padding(grid: Grid | np.ndarray, radar: RadarParameters, n_samples
         pixels = grid.points_m.reshape(-1, 3)
     else:
         pixels = some_pixels(grid)
-    warning = None if tx_m is None or not np.size(tx_m) else reach_warning(
-        pixels, np.reshape(tx_m, (-1, 3)), np.reshape(rx_m, (-1, 3)), radar, n_samples)
+    warnings = () if tx_m is None or not np.size(tx_m) else reach_warnings(
+        pixels, np.asarray(tx_m), np.asarray(rx_m), radar, n_samples)
     plan = ZeroPaddingPlan(grid, radar, n_samples, interpolator, ratio, delay,
-                           {'range profiles': error}, 0, () if warning is None else (warning,))
+                           {'range profiles': error}, 0, warnings)
     profiles = _COPIES * _SAMPLE_BYTES * plan.rows_per_pass * ratio * n_samples
     return dataclasses.replace(plan, n_bytes=profiles + math.prod(grid.shape) * (
         _POSITION_BYTES + _SUM_BYTES + IMAGE_BYTES))

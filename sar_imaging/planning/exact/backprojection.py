@@ -17,22 +17,11 @@ from ...geometry.grids import EvenGrid, MapGrid
 from ...signal.radar import RadarParameters
 from ..costs import costs
 from ..plan import Plan
-from ..profiles.profile_reach import (
-    check_reach,
-    covered_ranges,
-    reach_warning,
-    some_pixels,
-)
+from ..profiles.profile_reach import check_reach, covered_ranges, reach_warnings, some_pixels
 from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import RangeResampling, plan_point_resampling, plan_resampling
 from .grid_lines import GridLines
-from .points import (
-    ImagePoints,
-    PointPlan,
-    coordinate_bytes,
-    plan_even_points,
-    plan_points,
-)
+from .points import ImagePoints, PointPlan, coordinate_bytes, plan_even_points, plan_points
 from .polar_image import PolarPlan, plan_polar
 
 # Predictions are for scenes that are evenly bright. Of some dozen scatterers, images are by chance
@@ -137,13 +126,18 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
         None of the profiles reaches the pixels.
     """
     target_db = max(target_db - _CHANCE_DB, LEAST_TARGET_DB)
-    if isinstance(grid, ImagePoints):
+    is_points = isinstance(grid, ImagePoints)
+    if is_points:
         range_m = grid.bounds(tx_m, rx_m)
         way = plan_points(grid, radar, n_samples, tx_m, rx_m, range_m, target_db)
     else:
         range_m, way = _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db)
-    return BackprojectionPlan(grid, radar, tx_m.copy(), rx_m.copy(), range_m, way,
-                              _reach_warnings(grid, radar, n_samples, tx_m, rx_m, range_m))
+    check_reach(range_m, radar, n_samples)
+    (start, stop), warnings = covered_ranges(radar, n_samples), ()
+    if range_m[0] < start or stop < range_m[1]:
+        warnings = reach_warnings(grid.some() if is_points else some_pixels(grid), tx_m, rx_m,
+                                  radar, n_samples)
+    return BackprojectionPlan(grid, radar, tx_m.copy(), rx_m.copy(), range_m, way, warnings)
 
 
 def _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db):
@@ -167,21 +161,3 @@ def _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db):
     if way is None:
         way = plan_even_points(grid, radar, n_samples, tx_m, rx_m, lines.range_m, target_db)
     return lines.range_m, way
-
-
-def _reach_warnings(grid, radar: RadarParameters, n_samples: int, tx_m, rx_m,
-                    range_m) -> tuple[str, ...]:
-    """What profiles lack of the image.
-
-    Raises
-    ------
-    ValueError
-        Everything.
-    """
-    check_reach(range_m, radar, n_samples)
-    start, stop = covered_ranges(radar, n_samples)
-    if start <= range_m[0] and range_m[1] <= stop:
-        return ()
-    pixels = grid.some() if isinstance(grid, ImagePoints) else some_pixels(grid)
-    warning = reach_warning(pixels, tx_m, rx_m, radar, n_samples)
-    return () if warning is None else (warning,)

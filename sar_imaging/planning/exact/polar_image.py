@@ -9,8 +9,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 
-import numpy as np
-
 from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
@@ -18,7 +16,7 @@ from ..costs import costs
 from ..error_budget import EXACT_SHARES, ErrorBudget
 from ..interpolators import Interpolator
 from ..plan import Plan
-from ..polar_cover import cover_map
+from ..polar_cover import PolarCover, cover_map
 from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import (
     RangeResampling,
@@ -78,40 +76,36 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     cover = cover_map(grid, tx_m, rx_m, radar, n_samples, budget.pass_db, profiles_db)
     if cover is None:
         return None
-    polar, lattice = cover.polar, cover.lattice
-    if polar.n_range * polar.n_alpha > 3 * grid.n_x * grid.n_y + 100_000:
+    polar, n_pixels = cover.polar, grid.n_x * grid.n_y
+    if polar.n_range * polar.n_alpha > 3 * n_pixels + 100_000:
         return None
-    parts = plan_parts(polar, cover.slope_alpha, cover.weight, *cover.wavenumber,
-                       budget['azimuth upsampling'], lattice.cost)
+    parts, lattice = plan_parts(cover, budget['azimuth upsampling']), None
     if parts is not None:
-        lattice = _lattice_of_parts(parts, lattice, tx_m, rx_m, radar, cover.window,
-                                    profiles_db)
-        if lattice is None:
-            lattice, parts = cover.lattice, None
-    share = polar.n_range * polar.n_alpha / (grid.n_x * grid.n_y)
-    per_pixel = lattice.cost * len(tx_m) if parts is None else parts.cost
+        lattice = _lattice_of_parts(parts, cover, tx_m, rx_m, profiles_db)
+    if lattice is None:
+        lattice, parts = cover.lattice, None
     errors = {'range profiles': lattice.predicted_error_db, 'polar to map': cover.resampling_db,
               'ends of profiles': cover.profile_db}
+    cost = lattice.cost * len(tx_m)
     if parts is not None:
-        errors['azimuth upsampling'] = parts.error_db
+        errors['azimuth upsampling'], cost = parts.error_db, parts.cost
     return PolarPlan(polar, lattice, cover.window, cover.range_m, cover.axis, cover.between,
                      cover.along, parts, radar.wavelength_m, errors,
-                     per_pixel * share + costs().map_pixel)
+                     cost * (polar.n_range * polar.n_alpha / n_pixels) + costs().map_pixel)
 
 
-def _lattice_of_parts(parts, lattice, tx_m, rx_m, radar, window, target_db
-                      ) -> RangeResampling | None:
+def _lattice_of_parts(parts: AzimuthParts, cover: PolarCover, tx_m, rx_m,
+                      target_db: float) -> RangeResampling | None:
     """Lattice that is as good where rows are added part by part, to lines far beyond the map.
 
     That of the map where it will do, None where none does.
     """
-    coarse = parts.coarse
-    r, alpha = (v.ravel() for v in np.meshgrid(
-        *(np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (coarse.range_m, coarse.alpha))))
-    paths = dataclasses.replace(sample_paths(tx_m, rx_m, coarse.lines(r, alpha)),
+    coarse, window = parts.coarse, cover.window
+    lines = coarse.lines(*coarse.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE))
+    paths = dataclasses.replace(sample_paths(tx_m, rx_m, lines),
                                 parts=tuple(rows.start for rows in parts.rows))
-    error_db = resampling_error_db(lattice, paths, radar)
+    error_db = resampling_error_db(cover.lattice, paths, window.radar)
     if error_db <= target_db:
-        return dataclasses.replace(lattice, predicted_error_db=error_db)
-    return plan_resampling(paths, coarse.range_spacing_m, coarse.n_range, radar, window.n_samples,
-                        target_db)
+        return dataclasses.replace(cover.lattice, predicted_error_db=error_db)
+    return plan_resampling(paths, coarse.range_spacing_m, coarse.n_range, window.radar,
+                           window.n_samples, target_db)

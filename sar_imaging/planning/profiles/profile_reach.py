@@ -40,22 +40,35 @@ def check_reach(range_m: tuple[float, float], radar: RadarParameters, n_samples:
             f'profiles cover {start:.1f} to {stop:.1f} m; move the grid or the range window')
 
 
-def reach_warning(points_m, tx_m, rx_m, radar: RadarParameters, n_samples: int) -> str | None:
-    """Say which share of pixels (S, 3), metres, lies beyond the profiles for some of the pulses.
+def reach_warnings(points_m, tx_m, rx_m, radar: RadarParameters, n_samples: int
+                   ) -> tuple[str, ...]:
+    """Say which share of pixels lies beyond the profiles for some of the pulses.
 
-    None where all lie within the profiles for all pulses.
+    Nothing where all lie within the profiles for all pulses.
+
+    Parameters
+    ----------
+    points_m : (S, 3) float64
+        Pixels all over the image, metres.
+    tx_m, rx_m : (..., 3) float64
+        Phase centres, metres.
+    radar : RadarParameters
+        Of the profiles.
+    n_samples : int
+        Samples of each.
     """
     start, stop = covered_ranges(radar, n_samples)
-    rows = np.linspace(0, len(tx_m) - 1, min(len(tx_m), _ROWS)).round().astype(int)
-    length = half_paths(tx_m[rows], rx_m[rows], points_m)[0]
+    centres = [c.reshape(-1, 3) for c in (tx_m, rx_m)]
+    rows = np.linspace(0, len(centres[0]) - 1, min(len(centres[0]), _ROWS)).round().astype(int)
+    length = half_paths(*(c[rows] for c in centres), points_m)[0]
     outside = (length < start) | (length > stop)
     if not outside.any():
-        return None
+        return ()
     return (f'the ranges of {_percent(outside.any(axis=0).mean())} of the pixels, '
             f'{length.min():.1f} to {length.max():.1f} m, leave the profiles, {start:.1f} to '
             f'{stop:.1f} m, for some of the pulses, which add nothing there: '
             f'{_percent(outside.mean())} of the image is missing and its error larger than '
-            'predicted; keep more of the profiles, or make the grid smaller')
+            'predicted; keep more of the profiles, or make the grid smaller',)
 
 
 def _percent(share: float) -> str:
