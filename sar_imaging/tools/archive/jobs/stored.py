@@ -1,0 +1,104 @@
+"""Jobs and scans in the output folder: JSON that is complete or absent."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+import sar_imaging
+from sar_imaging.geometry.earth import Datum
+from sar_imaging.signal.radar import RadarParameters, Waveform
+
+from .job import Job, JobError, Products
+from .scans import ApertureScan, Division, Loss
+from .windows import Window
+
+JOB_FILE = 'job.json'
+SCANS = 'scans'
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file, all of it or nothing; the folder is made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f'.{path.name}.{os.getpid()}.part')
+    try:
+        part.write_text(text)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def write_job(job: Job) -> None:
+    """Write ``job.json`` into the job's output folder: the job, its digest and the version."""
+    fields = dataclasses.asdict(job) | {'output': str(job.output)}
+    text = json.dumps({'version': sar_imaging.__version__, 'digest': job.digest(), 'job': fields},
+                      indent=1)
+    write_text(job.output / JOB_FILE, text + '\n')
+
+
+def load_job(output: Path) -> Job:
+    """The job of an output folder, whatever folder it was moved to.
+
+    Raises
+    ------
+    JobError
+        The folder has none, or it cannot be read.
+    """
+    path = Path(output) / JOB_FILE
+    try:
+        fields = json.loads(path.read_text())['job']
+        datum, area = fields['datum'], fields['area_m']
+        products = fields['products']
+        return Job(**fields | {
+            'recordings': tuple(fields['recordings']), 'output': Path(output),
+            'datum': None if datum is None else Datum(**datum),
+            'area_m': None if area is None else tuple(area),
+            'products': Products(**products | {'images': tuple(products['images'])})})
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        raise JobError(f'{path} holds no job of an archive ({error}); expected the output folder '
+                       'of one; name another folder') from error
+
+
+def scan_file(recording: str) -> str:
+    """File of a recording's scan below the output folder."""
+    return f'{SCANS}/{recording}.json'
+
+
+def write_scans(output: Path, recording: str, scans: Iterable[ApertureScan] | Loss) -> None:
+    """Write what the scan of a recording told."""
+    if isinstance(scans, Loss):
+        told = {'loss': dataclasses.asdict(scans)}
+    else:
+        told = {'apertures': [dataclasses.asdict(scan) for scan in scans]}
+    write_text(output / scan_file(recording), json.dumps(told, default=str, indent=1) + '\n')
+
+
+def load_scans(output: Path, recording: str) -> list[ApertureScan] | Loss:
+    """What the scan of a recording told.
+
+    Raises
+    ------
+    FileNotFoundError
+        It was not scanned.
+    """
+    told = json.loads((output / scan_file(recording)).read_text())
+    if 'loss' in told:
+        loss = told['loss']
+        return Loss(loss['name'], loss['path'] and Path(loss['path']), loss['reason'])
+    return [_aperture(fields) for fields in told['apertures']]
+
+
+def _aperture(fields: dict) -> ApertureScan:
+    radar, division, datum = fields['radar'], fields['division'], fields['datum']
+    return ApertureScan(**fields | {
+        'path': Path(fields['path']),
+        'radar': RadarParameters(**radar | {'waveform': Waveform(radar['waveform'])}),
+        'datum': None if datum is None else Datum(**datum),
+        'footprint_m': tuple(map(tuple, fields['footprint_m'])),
+        'window': Window(**fields['window']), 'warnings': tuple(fields['warnings']),
+        'division': Division(**division | {
+            'windows': tuple(Window(**w) for w in division['windows']),
+            'pulses': tuple(map(tuple, division['pulses']))})})
