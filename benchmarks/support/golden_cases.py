@@ -15,9 +15,7 @@ import numpy as np
 import scipy.fft
 
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging.ffbp import FfbpImager
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.imaging.wavenumber import WavenumberImager
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters, Waveform
 from sar_imaging.simulation.echoes import scene_spectrum, two_way_delays
 from sar_imaging.streaming.fusion import LiveFusion
@@ -184,16 +182,16 @@ def afbp(case: GoldenCase, block: PulseBlock):
 
 def ffbp(case: GoldenCase, block: PulseBlock):
     """FFBP with sampling as asked for."""
-    return (lambda: FfbpImager(case.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
-                               **case.options),
-            lambda plan: GoldenImage(plan(block), plan.predicted_error_db,
-                                     str(len(plan.plan.levels))))
+    def form(imager):
+        plan = imager.report.plan
+        return GoldenImage(imager(block).samples, plan.predicted_error_db, str(len(plan.levels)))
+    return lambda: _planned(case, block, 'ffbp', -60.0, tx_m=block.tx_m, rx_m=block.rx_m), form
 
 
 def wavenumber(case: GoldenCase, block: PulseBlock):
     """The imager in the wavenumber domain."""
-    return (lambda: WavenumberImager(case.grid, **case.options),
-            lambda plan: GoldenImage(plan(block), None, ''))
+    return (lambda: _planned(case, block, 'wavenumber', -60.0),
+            lambda imager: GoldenImage(imager(block).samples, None, ''))
 
 
 def live(case: GoldenCase, block: PulseBlock):
@@ -236,8 +234,10 @@ CASES = {
                               options={'target_db': -60.0}),
     'afbp_climbing': GoldenCase(afbp, 2e3, n_side=128, n_pulses=128, track='climbing',
                                 height_m=600.0, options={'target_db': -50.0}),
-    'ffbp': GoldenCase(ffbp, 1e3, n_pulses=64, options={'merge_factor': 4}),
-    'wavenumber': GoldenCase(wavenumber, 1e3, n_pulses=128),
+    'ffbp': GoldenCase(ffbp, 1e3, n_pulses=64, options={
+        'merge_factor': 4, 'kernel': 'knab8', 'range_oversampling': 1.8,
+        'angle_oversampling': 1.8}),
+    'wavenumber': GoldenCase(wavenumber, 1e3, n_pulses=128, options={'taps': 16}),
     'live': GoldenCase(live, 1e3, n_side=128, n_pulses=128, options={'target_db': -50.0}),
     'live_sliding': GoldenCase(live, 1e3, n_side=128, n_pulses=192,
                                options={'target_db': -50.0, 'sliding': True}),

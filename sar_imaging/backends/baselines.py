@@ -51,9 +51,8 @@ class Baselines(Protocol):
                            ) -> tuple[np.ndarray, np.ndarray]:
         """Time-domain correlation of profiles at points, and which of these they cover."""
 
-    def image_zero_padded(self, plan: ZeroPaddingPlan, block: PulseBlock
-                          ) -> tuple[np.ndarray, int]:
-        """Image of zero-padded profiles, and how many of its sums have a place in a profile."""
+    def image_zero_padded(self, plan: ZeroPaddingPlan, block: PulseBlock) -> np.ndarray:
+        """Image of zero-padded profiles, complex64."""
 
     def image_wavenumber(self, plan: WavenumberPlan, block: PulseBlock) -> np.ndarray:
         """Image of the pulses of the planned aperture in the wavenumber domain, complex64."""

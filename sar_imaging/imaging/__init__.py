@@ -1,10 +1,10 @@
 """Image formation: from range profiles or phase histories of many pulses to a focused image.
 
-- `imager`: `plan_image`, the one entry that chooses the imager, and `image`, what it returns;
-- `backprojection`: exact backprojection, over the two-way path of every channel;
+- `imager`: `plan_image`, the one entry that chooses the method, and `image`, what it returns;
+- `exact`: exact backprojection, over the two-way path of every channel;
 - `afbp`: accelerated fast backprojection, the quickest where many pulses make an image;
 - `correlation`: time-domain correlation, the exact reference;
-- `ffbp`, `wavenumber`, `zero_padding`: other published methods, for comparison.
+- `baselines`: other published methods, for comparison.
 """
 
 import importlib.util

@@ -1,24 +1,32 @@
-"""Methods that images are compared with: their imagers as `plan_image` uses them."""
+"""Published methods that images are compared with: each a plan, and the backend that follows it.
+
+- FFBP: Ulander, Hellsten & Stenström, IEEE Trans. AES 39, 2003; Zhang et al., section II.A;
+- the wavenumber domain: Rosenberg & Gray, equations 9 to 12;
+- zero-padded profiles: Rosenberg & Gray, equations 13 to 19;
+- time-domain correlation: Rosenberg & Gray, equations 7 and 8, see `correlation`.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..planning.baselines.wavenumber import fewest_taps
-from ..signal.pulses import PulseBlock
+from ..backends.baselines import baseline
+from ..planning.baselines.ffbp_choice import plan_ffbp
+from ..planning.baselines.wavenumber import plan_wavenumber
+from ..planning.baselines.zero_padding import plan_zero_padding
+from ..signal.pulses import PulseBlock, check_profiles
 from .correlation import correlate_profiles
-from .ffbp import FfbpImager
 from .image import Report
 from .methods import Method
-from .wavenumber import WavenumberImager
-from .zero_padding import ZeroPaddedBackprojector, predicted_error_db
 
 _CORRELATION_DB = -200.0  # float64: it is what errors are stated against
-_RATIOS = (2, 4, 8, 16)  # of zero-padding
 
 
 class Ffbp(Method):
-    """Fast factorised backprojection: what AFBP is compared with."""
+    """Fast factorised backprojection: maps and polar grids that lie on one side of the track.
+
+    For its options see `planning.baselines.ffbp_choice.plan_ffbp`.
+    """
 
     NAME = 'ffbp'
     OWN = {'pulses_per_subaperture': 16, 'merge_factor': None, 'kernel': None,
@@ -26,53 +34,62 @@ class Ffbp(Method):
 
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""
-        options = self.options
-        self._imager = FfbpImager(self.grid, self.radar, self.n_samples, tx_m, rx_m,
-                                  target_db=options.target_db, backend=options.backend,
-                                  progress=options.progress, **self.own)
-        return self.planned(self._imager.plan)
+        stage = baseline(self.options.backend, 'FactorisedImager')
+        plan = plan_ffbp(self.grid, self.radar, self.n_samples, tx_m, rx_m,
+                         target_db=self.options.target_db, **self.own)
+        report = self.planned(plan)
+        self._stage = stage(plan)
+        return report
 
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""
-        return self._imager(block)
+        check_profiles(block, self.radar, self.n_samples)
+        return self._stage.image(block, progress=self.options.progress)
 
 
 class Wavenumber(Method):
-    """Imaging in the wavenumber domain: maps beside a straight, evenly sampled track."""
+    """Imaging in the wavenumber domain: maps beside a straight, evenly sampled track.
+
+    The cost grows with the sum of samples and pixels, not with pixels times pulses as that of
+    backprojection. The track may run in any direction and at any height. For the options see
+    `planning.baselines.wavenumber.plan_wavenumber`.
+    """
 
     NAME = 'wavenumber'
     OWN = {'taps': None, 'range_padding': 2.0, 'azimuth_padding': None}
 
     def plan(self, tx_m, rx_m) -> Report:
-        """See `Method`; as few taps as meet the target unless told."""
-        own = {**self.own, 'taps': self.own['taps'] or fewest_taps(self.options.target_db)}
-        self._imager = WavenumberImager(self.grid, backend=self.options.backend, **own)
-        return self.planned(self._imager.plan(self.radar, self.n_samples, tx_m, rx_m))
+        """See `Method`."""
+        self._image = baseline(self.options.backend, 'image_wavenumber')
+        return self.planned(plan_wavenumber(self.grid, self.radar, self.n_samples, tx_m, rx_m,
+                                            target_db=self.options.target_db, **self.own))
 
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""
-        return self._imager(block)
+        check_profiles(block, self.radar, self.n_samples)
+        return self._image(self.report.plan, block)
 
 
 class ZeroPadding(Method):
-    """`ZeroPaddedBackprojector`: backprojection as Rosenberg & Gray publish it."""
+    """Backprojection of zero-padded profiles: any grid, any track; `exact` errs less in less time.
+
+    For its options see `planning.baselines.zero_padding.plan_zero_padding`. Ranges outside a
+    profile contribute nothing. Equation 18, the image at baseband, is `quality.to_baseband`.
+    """
 
     NAME = 'zero-padding'
     OWN = {'interpolator': 'sinc', 'ratio': None, 'delay': 'exact'}
 
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""
-        own = dict(self.own)
-        if own['ratio'] is None:  # the least that meets the target
-            own['ratio'] = next((r for r in _RATIOS if predicted_error_db(
-                own['interpolator'], r, self.radar) <= self.options.target_db), _RATIOS[-1])
-        self._imager = ZeroPaddedBackprojector(self.grid, self.radar, self.n_samples, tx_m, rx_m,
-                                               backend=self.options.backend, **own)
-        return self.planned(self._imager.plan)
+        self._image = baseline(self.options.backend, 'image_zero_padded')
+        return self.planned(plan_zero_padding(self.grid, self.radar, self.n_samples, tx_m, rx_m,
+                                              target_db=self.options.target_db, **self.own))
 
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""
-        return self._imager(block)
+        check_profiles(block, self.radar, self.n_samples)
+        return self._image(self.report.plan, block)
 
 
 class Correlation(Method):

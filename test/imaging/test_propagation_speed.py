@@ -17,10 +17,7 @@ from msg_conversions import subaperture_wire
 from sar_imaging.exploitation.calibration import calibrate_at_reflector
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
-from sar_imaging.imaging.ffbp import FfbpImager
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.imaging.wavenumber import WavenumberImager
-from sar_imaging.imaging.zero_padding import ZeroPaddedBackprojector
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
@@ -58,17 +55,21 @@ def afbp(case):
 
 
 def ffbp(case):
-    block = case.block
-    return FfbpImager(case.grid, block.radar, block.n_samples, block.tx_m, block.rx_m)(block)
+    return by(case, 'ffbp', merge_factor=2, kernel='knab8', range_oversampling=1.8,
+              angle_oversampling=1.8)
 
 
 def wavenumber(case):
-    return WavenumberImager(case.grid)(case.block)
+    return by(case, 'wavenumber')
 
 
 def zero_padded(case):
-    return ZeroPaddedBackprojector(case.grid, case.block.radar, case.block.n_samples, ratio=8,
-                                   interpolator='sinc')(case.block)
+    return by(case, 'zero-padding')
+
+
+def by(case, method, **options):
+    return plan_image(case.grid, case.block.radar, case.block.n_samples, method=method,
+                      **options)(case.block).samples
 
 
 def correlated(case):

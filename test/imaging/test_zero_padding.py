@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from sar_imaging.imaging import zero_padding
 from sar_imaging.imaging.correlation import correlate
-from sar_imaging.imaging.zero_padding import ZeroPaddedBackprojector, predicted_error_db
+from sar_imaging.imaging.imager import plan_image
+from sar_imaging.planning.baselines.zero_padding import DELAYS, INTERPOLATORS, predicted_error_db
 from sar_imaging.quality import error_db
 from sar_imaging.signal import SPEED_OF_LIGHT
 from sar_imaging.signal.spectra import band_spectrum
@@ -20,9 +20,14 @@ def case(make_case):
     return make_case(1e3, channels=2, height_m=300.0, n=32, heading_rad=0.4)
 
 
-def _plan(case, points=None, **options):
-    return ZeroPaddedBackprojector(case.grid if points is None else points, case.block.radar,
-                                   case.block.n_samples, **options)
+def _imager(case, points=None, *, interpolator='nearest', **options):
+    return plan_image(case.grid if points is None else points, case.block.radar,
+                      case.block.n_samples, method='zero-padding', interpolator=interpolator,
+                      **options)
+
+
+def _image(case, points=None, **options):
+    return _imager(case, points, **options)(case.block).samples
 
 
 def _reference(block, points):
@@ -40,16 +45,16 @@ def test_error_of_a_read_is_predicted(make_case, interpolator, ratio):
     length = case.block.n_samples * radar.sample_spacing_m
     x = radar.range_start_m + np.random.default_rng(3).uniform(0, length, 20_000)
     points = pulse.tx_m[0, 0] + np.stack([x, 0 * x, 0 * x], axis=-1)
-    plan = _plan(case, points, interpolator=interpolator, ratio=ratio)
-    error = error_db(plan(pulse), _reference(pulse, points))
-    assert error == pytest.approx(plan.plan.predicted_error_db, abs=0.7)
+    image = _imager(case, points, interpolator=interpolator, ratio=ratio)(pulse)
+    error = error_db(image.samples, _reference(pulse, points))
+    assert error == pytest.approx(image.report.predicted_error_db, abs=0.7)
 
 
 @pytest.mark.parametrize(('interpolator', 'ratio'), SETTINGS)
 def test_prediction_of_an_image_is_not_optimistic(case, interpolator, ratio):
-    plan = _plan(case, interpolator=interpolator, ratio=ratio)
-    error = error_db(plan(case.block), _reference(case.block, case.grid.points()))
-    assert error <= plan.plan.predicted_error_db + 1.0
+    image = _imager(case, interpolator=interpolator, ratio=ratio)(case.block)
+    error = error_db(image.samples, _reference(case.block, case.grid.points()))
+    assert error <= image.report.predicted_error_db + 1.0
 
 
 @pytest.mark.parametrize(('ratio', 'limit_db'), [(2, -72.0), (4, -95.0)])
@@ -68,7 +73,7 @@ def test_nearest_is_predicted_in_closed_form(make_case):
     assert predicted_error_db('nearest', 100, radar) == pytest.approx(expected, abs=0.01)
 
 
-@pytest.mark.parametrize('delay', zero_padding.DELAYS)
+@pytest.mark.parametrize('delay', DELAYS)
 def test_equations_14_to_19_as_written(case, delay):
     """Pixel by pixel in float64; the float32 transforms leave 1e-5."""
     block, ratio = case.block, 60
@@ -94,8 +99,7 @@ def test_equations_14_to_19_as_written(case, delay):
             nearest = np.abs(time_s[:, None] - tau).argmin(axis=0)                  # (16)
             steering = np.exp(-1j * w_c * (exact - temporal)) if delay == 'steering' else 1.0
             expected += np.conj(steering) * profile[nearest]                        # (17, 19)
-    plan = _plan(case, points, ratio=ratio, delay=delay)
-    assert error_db(plan(block), expected) < -100.0
+    assert error_db(_image(case, points, ratio=ratio, delay=delay), expected) < -100.0
 
 
 def test_steering_and_midpoint_are_approximations(make_case):
@@ -103,44 +107,55 @@ def test_steering_and_midpoint_are_approximations(make_case):
     # 0.2 degrees; the reference antenna's delay misses the envelope by up to 8 mm of 0.5 m.
     case = make_case(15.0, channels=5, n=24, aperture_m=20.0)
     reference = _reference(case.block, case.grid.points())
-    errors = {delay: error_db(_plan(case, interpolator='cubic', ratio=20, delay=delay)(case.block),
-                              reference) for delay in zero_padding.DELAYS}
+    errors = {delay: error_db(_image(case, interpolator='cubic', ratio=20, delay=delay),
+                              reference) for delay in DELAYS}
     assert errors['exact'] < -105.0
     assert errors['midpoint'] == pytest.approx(-58.0, abs=3.0)
     assert errors['steering'] == pytest.approx(-42.0, abs=3.0)
 
 
 def test_points_have_the_image_of_the_grid(case):
-    grid = _plan(case, ratio=50)(case.block)
-    points = _plan(case, case.grid.points(), ratio=50)(case.block)
+    grid = _image(case, ratio=50)
+    points = _image(case, case.grid.points(), ratio=50)
     assert grid.shape == case.grid.shape and grid.dtype == np.complex64
     assert np.array_equal(grid, points)
 
 
-@pytest.mark.parametrize('interpolator', zero_padding.INTERPOLATORS)
+@pytest.mark.parametrize('interpolator', INTERPOLATORS)
 def test_pulses_are_taken_in_parts(case, interpolator, monkeypatch):
-    whole = _plan(case, interpolator=interpolator, ratio=10)(case.block)
+    whole = _image(case, interpolator=interpolator, ratio=10)
     monkeypatch.setattr('sar_imaging.planning.baselines.zero_padding.CHUNK_BYTES', 1)
     # Another order of the same float64 sums, rounded once to float32.
-    np.testing.assert_allclose(_plan(case, interpolator=interpolator, ratio=10)(case.block),
-                               whole, rtol=2e-7, atol=1e-5)
+    np.testing.assert_allclose(_image(case, interpolator=interpolator, ratio=10), whole,
+                               rtol=2e-7, atol=1e-5)
 
 
-@pytest.mark.parametrize('interpolator', zero_padding.INTERPOLATORS)
+@pytest.mark.parametrize('interpolator', INTERPOLATORS)
 def test_ranges_outside_the_profile_contribute_nothing(case, interpolator):
     radar = case.block.radar
     x = radar.range_start_m + np.array([-3.0, 0.5, 1.5]) * case.block.n_samples \
         * radar.sample_spacing_m
     antenna = case.block.tx_m[0, 0]
     points = antenna + np.stack([x, 0 * x, 0 * x], axis=-1)
-    image = _plan(case, points, interpolator=interpolator, ratio=4)(case.block)
+    image = _image(case, points, interpolator=interpolator, ratio=4)
     assert image[0] == 0 and image[2] == 0 and image[1] != 0
-    with pytest.raises(ValueError, match='no point lies within the profiles'):
-        _plan(case, points[[0, 2]], interpolator=interpolator, ratio=4)(case.block)
+    with pytest.raises(ValueError, match='the profiles cover'):
+        _image(case, points[[2]], interpolator=interpolator, ratio=4)
+    none = _imager(case, points[[0, 2]], interpolator=interpolator, ratio=4)(case.block)
+    assert not none.samples.any() and '100.0 % of the image is missing' in none.report.warnings[0]
+
+
+def test_the_least_ratio_that_meets_the_target(case):
+    for interpolator, target_db in (('sinc', -60.0), ('cubic', -60.0), ('sinc', -90.0)):
+        report = _imager(case, interpolator=interpolator, target_db=target_db)(case.block).report
+        ratio = report.plan.ratio
+        assert report.predicted_error_db <= target_db
+        assert predicted_error_db(interpolator, ratio // 2, case.block.radar) > target_db
+    assert _imager(case, target_db=-60.0)(case.block).report.plan.ratio == 16  # none does
 
 
 def test_no_pulses_make_an_empty_image(case):
-    assert not _plan(case, ratio=2)(case.block.select(slice(0, 0))).any()
+    assert not _imager(case, ratio=2)(case.block.select(slice(0, 0))).samples.any()
 
 
 @pytest.mark.parametrize(('options', 'message'), [
@@ -153,10 +168,10 @@ def test_no_pulses_make_an_empty_image(case):
 ])
 def test_wrong_options_are_named(case, options, message):
     with pytest.raises(ValueError, match=message):
-        _plan(case, **options)
+        _image(case, **options)
 
 
 def test_blocks_of_another_radar_are_refused(case, make_case):
-    plan = _plan(case, ratio=2)
+    imager = _imager(case, ratio=2)
     with pytest.raises(ValueError, match='this plan is for'):
-        plan(make_case(2e3, pulses=2).block)
+        imager(make_case(2e3, pulses=2).block)

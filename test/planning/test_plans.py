@@ -12,6 +12,7 @@ from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning import memory
 from sar_imaging.planning.afbp.plan import plan_afbp
 from sar_imaging.planning.baselines.ffbp_choice import plan_ffbp
+from sar_imaging.planning.baselines.wavenumber import plan_wavenumber
 from sar_imaging.planning.baselines.zero_padding import plan_zero_padding
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 from sar_imaging.planning.exact.points import ImagePoints
@@ -36,17 +37,24 @@ def _ffbp(case, shift_m=0.0):
                      target_db=-50.0)
 
 
+def _wavenumber(case, shift_m=0.0):
+    block = case.block
+    return plan_wavenumber(case.grid, block.radar, block.n_samples, block.tx_m + shift_m,
+                           block.rx_m + shift_m, target_db=-50.0)
+
+
 def _zero_padding(case, shift_m=0.0):
     return plan_zero_padding(dataclasses.replace(case.grid, spacing_m=case.grid.spacing_m
                                                  + 0.1 * shift_m), case.block.radar,
-                             case.block.n_samples, interpolator='sinc', ratio=4)
+                             case.block.n_samples, case.block.tx_m, case.block.rx_m, ratio=4)
 
 
 def _points(case, shift_m=0.0):
     return _exact(case, ImagePoints.of_grid(case.grid), shift_m)
 
 
-@pytest.mark.parametrize('plan', [_exact, _points, _afbp, _ffbp, _zero_padding])
+@pytest.mark.parametrize('plan', [_exact, _points, _afbp, _ffbp, _wavenumber,
+                                  _zero_padding])
 def test_a_plan_travels_and_is_the_same_on_arrival(make_case, plan):
     case = make_case(1e3, pulses=128)
     made = plan(case)
@@ -65,7 +73,8 @@ def test_errors_by_cause_make_the_predicted_one(make_case, plan):
 
 
 @pytest.mark.parametrize(('plan', 'method'), [
-    (_afbp, 'afbp'), (_ffbp, 'ffbp'), (_zero_padding, 'zero-padding')])
+    (_afbp, 'afbp'), (_ffbp, 'ffbp'), (_wavenumber, 'wavenumber'),
+    (_zero_padding, 'zero-padding')])
 def test_a_plan_knows_the_memory_of_its_image(make_case, monkeypatch, plan, method):
     case = make_case(1e3, pulses=128)
     plan = plan(case)

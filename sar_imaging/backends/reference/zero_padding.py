@@ -9,7 +9,7 @@ from ...signal.pulses import PulseBlock
 from .project_points import half_paths
 
 
-def image_zero_padded(plan: ZeroPaddingPlan, block: PulseBlock) -> tuple[np.ndarray, int]:
+def image_zero_padded(plan: ZeroPaddingPlan, block: PulseBlock) -> np.ndarray:
     """``f(x) = sum_r s_r(tau_r(x)) exp(+j w_c tau_r(x))``, s_r read as the plan says.
 
     Parameters
@@ -21,12 +21,10 @@ def image_zero_padded(plan: ZeroPaddingPlan, block: PulseBlock) -> tuple[np.ndar
 
     Returns
     -------
-    image : complex64 array
+    complex64 array
         Of the shape of the plan's grid.
-    n_reads : int
-        Places within a profile, over all pixels and profiles.
     """
-    radar, points, n_reads = plan.radar, plan.grid.points(), 0
+    radar, points = plan.radar, plan.grid.points()
     n, n_dense = plan.n_samples, plan.ratio * plan.n_samples
     image = np.zeros(points.shape[:-1], np.complex128)
     profiles = block.samples.reshape(-1, n).astype(np.complex128)
@@ -49,7 +47,6 @@ def image_zero_padded(plan: ZeroPaddingPlan, block: PulseBlock) -> tuple[np.ndar
             value = (weights * dense[(cell[..., None] + taps) % n_dense]).sum(axis=-1)
             turned = exact
         inside = (cell >= 0) & (cell < n_dense)
-        n_reads += int(inside.sum())
         cycles = np.fmod(radar.carrier_hz * turned, 1.0)
         image += inside * value * np.exp(2j * np.pi * cycles)                          # (17)
-    return image.astype(np.complex64), n_reads
+    return image.astype(np.complex64)

@@ -1,4 +1,9 @@
-"""Choice of kernel, merge factor and sampling of fast factorised backprojection for a target."""
+"""Choice of kernel, merge factor and sampling of fast factorised backprojection for a target.
+
+The two-way path of every channel is exact in the first stage. The error against time-domain
+correlation is that of the interpolations, one along range and one along direction per level. What
+they lose adds up in amplitude: larger merge factors make fewer of them.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +23,7 @@ from .ffbp import ENDS, FfbpPlan, FfbpSampling, plan_from_geometry
 from .ffbp_error import LocalTones, local_tones, read_errors
 from .ffbp_geometry import FfbpGeometry, ffbp_geometry
 from .ffbp_segments import Segment
-from .neighbour_weights import OVERSAMPLING, TAPS
+from .neighbour_weights import TAPS
 
 _MERGE_FACTORS = (4, 8)  # those of 2 and 3 take as long as that of 4, and err more
 _OVERSAMPLINGS = 1.3 * 1.04 ** np.arange(40)  # to choose from, 1.3 to 6
@@ -29,7 +34,7 @@ _ROUNDS = 4
 
 
 def plan_ffbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
-              target_db: float | None = None, pulses_per_subaperture: int = 16,
+              target_db: float = -60.0, pulses_per_subaperture: int = 16,
               merge_factor: int | None = None, kernel: str | None = None,
               range_oversampling: float | None = None, angle_oversampling: float | None = None
               ) -> FfbpPlan:
@@ -45,20 +50,20 @@ def plan_ffbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
         Samples of each profile.
     tx_m, rx_m : (P, C, 3) array_like
         Transmit and receive phase centres of the aperture, metres.
-    target_db : float, optional
-        Wanted error against time-domain correlation, dB. What is not given of the following then
-        is what meets it in the least time.
+    target_db : float
+        Wanted error against time-domain correlation, dB. What is left out of `merge_factor` and
+        the options behind it is what meets the target in the least time; where all of them are
+        given, the error is what they make it.
     pulses_per_subaperture : int
         Pulses that the first stage backprojects together.
     merge_factor : int, optional
         Images that are merged at a time, 2 or more. Their number need not be a power of it.
-        Without a target 2.
     kernel : str, optional
         Interpolation kernel: 'linear', 'cubic' (four neighbours each way) or 'knab8' (eight,
-        a sinc in Knab's window). Without a target 'knab8'.
+        a sinc in Knab's window).
     range_oversampling, angle_oversampling : float, optional
         Samples per reciprocal bandwidth of the local images, above 1.25 along range and above 1
-        along direction; without a target `OVERSAMPLING` of the kernel.
+        along direction.
 
     Returns
     -------
@@ -71,8 +76,6 @@ def plan_ffbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
         coarsely, the scene is too near or not on one side of the track, or the target is out of
         reach. Profiles that are too short for the scene raise the predicted error alone.
     """
-    tx_m, rx_m = (np.asarray(a, np.float64) for a in (tx_m, rx_m))
-    n_samples = int(n_samples)
     _check_aperture(grid, radar, tx_m, rx_m)
     _check_options(kernel, pulses_per_subaperture, merge_factor)
     given = [None if v is None else _checked(name, v, least) for name, v, least in (
@@ -85,10 +88,8 @@ def plan_ffbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
         geometry = ffbp_geometry(grid, radar, tx_m, rx_m, int(pulses_per_subaperture), factor)
         return geometry, local_tones(geometry, radar)
 
-    if target_db is None:
-        kernel = kernel or 'knab8'
-        return plan(*geometry_of(int(merge_factor or 2)), FfbpSampling(
-            kernel, tuple(v or OVERSAMPLING[kernel] for v in given)))
+    if None not in (merge_factor, kernel, *given):
+        return plan(*geometry_of(int(merge_factor)), FfbpSampling(kernel, tuple(given)))
     if not _LEAST_DB <= target_db <= _MOST_DB:
         raise ValueError(f'target_db={target_db}; expected {_LEAST_DB:g} to {_MOST_DB:g} dB')
     trees = [geometry_of(int(f)) for f in ((merge_factor,) if merge_factor else _MERGE_FACTORS)]

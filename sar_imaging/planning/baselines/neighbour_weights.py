@@ -9,8 +9,6 @@ import numpy as np
 
 #: Neighbours that each kernel reads along range and along direction.
 TAPS = {'linear': 2, 'cubic': 4, 'knab8': 8}
-#: Default samples per reciprocal bandwidth along range and along direction.
-OVERSAMPLING = {'linear': 4.0, 'cubic': 2.5, 'knab8': 1.8}
 DEGREE = 7  # of the polynomials in the tables of weights
 MARGIN = 0.25  # how far beyond its interval a kernel is evaluated, pixels
 

@@ -1,4 +1,9 @@
-"""Plan of spatial matched-filter interpolation, Rosenberg & Gray, equations 9 to 12."""
+"""Plan of spatial matched-filter interpolation (omega-k with Stolt) for any number of channels.
+
+Rosenberg & Gray, equations 9 to 12: a Fourier transform over slow time, the inner product of the
+channels with the reference of the scene centre, the change of variables from (omega, k_u) to
+(k_x, k_y) by a Hamming-windowed sinc, and a two-dimensional inverse Fourier transform.
+"""
 
 from __future__ import annotations
 
@@ -44,17 +49,13 @@ class WavenumberPlan(Plan):
     grid : MapGrid
         Where the pixels are.
     radar : RadarParameters
-        Of the pulses.
+        Of the compressed profiles.
     n_samples : int
-        Samples of each pulse.
-    compressed : bool
-        Whether they are range profiles, or phase histories of a stepped-frequency radar.
-    tx_m, rx_m : (P, C, 3) float64
-        Phase centres that it is for, metres.
+        Samples of each profile.
     track : StraightTrack
         Fitted to the phase centres.
     frequencies_hz : (K,) float64
-        Of the pulses' band, absolute, ascending, hertz.
+        Of the profiles' band, absolute, ascending, hertz.
     centre_m : (float, float)
         Middle of the scene along the track and distance from it, metres.
     band : DopplerBand
@@ -74,9 +75,6 @@ class WavenumberPlan(Plan):
     grid: MapGrid
     radar: RadarParameters
     n_samples: int
-    compressed: bool
-    tx_m: np.ndarray
-    rx_m: np.ndarray
     track: StraightTrack
     frequencies_hz: np.ndarray
     centre_m: tuple[float, float]
@@ -102,10 +100,6 @@ class WavenumberPlan(Plan):
         slant = _SAMPLE_BYTES * n_u * self.n_x * (1 + 2 * 4)
         return spectra + slant + IMAGE_BYTES * math.prod(self.grid.shape)
 
-    def is_for(self, tx_m, rx_m) -> bool:
-        """Whether it was made for these phase centres."""
-        return np.array_equal(tx_m, self.tx_m) and np.array_equal(rx_m, self.rx_m)
-
     def __str__(self) -> str:
         n_u = len(self.band.wavenumbers(self.wavenumbers))
         return (f'{n_u} x {len(self.frequencies_hz)} wavenumbers, interpolated over {self.taps} '
@@ -113,24 +107,40 @@ class WavenumberPlan(Plan):
 
 
 def plan_wavenumber(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
-                    compressed: bool = True, taps: int = 16, range_padding: float = 2.0,
+                    target_db: float = -60.0, taps: int | None = None, range_padding: float = 2.0,
                     azimuth_padding: float | None = None) -> WavenumberPlan:
     """Plan the image of an aperture.
+
+    The track may run in any direction and at any height, the grid may lie anywhere beside it:
+    the transform images distance from the line of flight against position along it (the slant
+    plane of the paper), and each pixel of the horizontal map grid is read at its own exact
+    distance and position. The reference is that of the middle of the grid, and the Doppler band
+    is taken around the grid's own, so squint and off-centre scenes need nothing special.
 
     Parameters
     ----------
     grid : MapGrid
         Where the pixels are.
     radar : RadarParameters
-        Of the pulses.
+        Of the compressed profiles.
     n_samples : int
-        Samples of each pulse.
+        Samples of each profile.
     tx_m, rx_m : (P, C, 3) float64
         Phase centres of all pulses, in order, metres.
-    compressed : bool
-        False for phase histories of a stepped-frequency radar.
-    taps, range_padding, azimuth_padding :
-        See `imaging.wavenumber.WavenumberImager`.
+    target_db : float
+        Wanted error against time-domain correlation, dB.
+    taps : int, optional
+        Samples over which the Hamming-windowed sinc of the Stolt interpolation spreads, even. By
+        default the fewest that the target allows, or the most that are sensible.
+    range_padding : float
+        Period of the image in range over the extent of the grid in range, at least 1. Sets the
+        spacing in k_x and with it the pass band of the interpolation. With 1, as published,
+        scatterers near the near and far edge of the grid lose up to half their magnitude and
+        appear at the opposite edge as well (6 dB lost and a ghost of equal strength at the
+        very edge).
+    azimuth_padding : float, optional
+        Length of the slow-time transform over the number of pulses, at least 1; 1 as published,
+        which wraps around. By default as long as it takes to keep the grid free of that.
 
     Returns
     -------
@@ -139,17 +149,25 @@ def plan_wavenumber(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m,
     Raises
     ------
     ValueError
-        The track is not straight and even; the pulses are too far apart for the Doppler band of
-        the grid; the grid touches the track, is seen along it, or lies outside the profiles.
+        An option is out of range; the track is not straight and even; the pulses are too far
+        apart for the Doppler band of the grid; the grid touches the track, is seen along it, or
+        lies outside the profiles.
     """
+    if not isinstance(grid, MapGrid):
+        raise ValueError(f'grid is a {type(grid).__name__}; the wavenumber imager images a '
+                         'MapGrid: use exact backprojection')
+    _check_paddings(range_padding=range_padding, azimuth_padding=azimuth_padding)
+    taps = fewest_taps(target_db, range_padding) if taps is None else taps
+    if taps < 2 or taps % 2:
+        raise ValueError(f'taps={taps}; expected an even number, at least 2')
     corners, outline = _outline(grid)
     track = fit_straight_track(tx_m, rx_m)
     check_straight(track, tx_m, rx_m, corners, wavelength_m=radar.wavelength_m,
                    tolerance_wavelengths=PATH_TOLERANCE_WAVELENGTHS)
     scene = Scene(track, *track.coordinates(outline))
-    frequencies = band_frequencies(radar, n_samples, compressed)
+    frequencies = band_frequencies(radar, n_samples, compressed=True)
     k = 4 * np.pi * frequencies / radar.propagation_speed_m_per_s
-    _check_place(scene, radar, compressed, frequencies)
+    _check_place(scene, radar, frequencies)
     band = choose_band(scene, k[-1], azimuth_padding)
     span = max(np.ptp(scene.distance_m), grid.spacing_m)
     step = 2 * np.pi / (range_padding * span)
@@ -164,10 +182,16 @@ def plan_wavenumber(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m,
               'stationary phase': (3 / (8 * k_x_ends[0] * scene.distance_m.min())) ** 2,
               'read pixels': 10 ** (_READ_ERROR_DB / 10)}
     return WavenumberPlan(
-        grid, radar, n_samples, compressed, np.array(tx_m), np.array(rx_m), track, frequencies,
-        scene.centre_m, band, taps, first, step, n_x,
+        grid, radar, n_samples, track, frequencies, scene.centre_m, band, int(taps), first, step,
+        n_x,
         {cause: 10 * math.log10(max(e, _LEAST)) for cause, e in errors.items()},
         () if band.warning is None else (band.warning,))
+
+
+def _check_paddings(**paddings: float | None) -> None:
+    for name, value in paddings.items():
+        if value is not None and not 1 <= value < math.inf:
+            raise ValueError(f'{name}={value}; expected at least 1')
 
 
 def fewest_taps(target_db: float, range_padding: float = 2.0) -> int:
@@ -199,7 +223,7 @@ def _outline(grid: MapGrid) -> tuple[np.ndarray, np.ndarray]:
     return tuple(np.array([(*p, grid.z_m) for p in points]) for points in (corners, edge))
 
 
-def _check_place(scene: Scene, radar: RadarParameters, compressed: bool, frequencies) -> None:
+def _check_place(scene: Scene, radar: RadarParameters, frequencies) -> None:
     """Refuse grids on the track, seen along the track, or outside the recorded ranges."""
     nearest = NEAREST_WAVELENGTHS * radar.wavelength_m
     if scene.distance_m.min() < nearest:
@@ -216,7 +240,7 @@ def _check_place(scene: Scene, radar: RadarParameters, compressed: bool, frequen
         raise ValueError('the band of the profiles holds one frequency only; expected at least '
                          'two, record longer profiles')
     period = radar.propagation_speed_m_per_s / (2 * (frequencies[1] - frequencies[0]))
-    start = radar.range_start_m - (0.0 if compressed else period / 2)
+    start = radar.range_start_m
     ranges = scene.ranges()
     if ranges[0] < start or ranges[1] > start + period:
         raise ValueError(f'the grid lies {ranges[0]:.1f} to {ranges[1]:.1f} m from the antenna, '

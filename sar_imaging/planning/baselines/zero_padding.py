@@ -1,4 +1,10 @@
-"""Plan of backprojection of zero-padded profiles as Rosenberg & Gray publish it."""
+"""Plan of backprojection of zero-padded profiles as Rosenberg & Gray publish it.
+
+Equations 13 to 19: the spectrum of each profile is padded with zeros by a ratio (14), the profile
+is modulated back to the carrier (15) and each pixel takes the nearest sample (16). Further
+interpolators read the same zero-padded profile at baseband and apply the exact carrier phase. Each
+knows its error beforehand.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +15,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...geometry.grids import Grid
-from ...geometry.point_grids import PointGrid, as_grid
+from ...geometry.point_grids import PointGrid
 from ...geometry.track_frame import mean_centres
 from ...signal.radar import RadarParameters
 from ..memory import IMAGE_BYTES
 from ..plan import Plan
-from ..profiles.profile_reach import reach_warnings, some_pixels
+from ..profiles.profile_reach import check_reach, reach_warnings, some_pixels
 
 #: How a zero-padded profile is read between its samples.
 INTERPOLATORS = ('nearest', 'linear', 'cubic', 'sinc')
@@ -29,6 +35,8 @@ CHUNK_BYTES = 16 << 20  # zero-padded profiles held at a time
 
 _POSITION_BYTES, _SUM_BYTES, _SAMPLE_BYTES = 24, 16, 8  # float64 x 3, complex128, complex64
 _COPIES = 3  # of the profiles that are padded at a time
+_RATIOS = (2, 4, 8, 16)  # to choose from
+_POINTS = 4096  # whose ranges are looked at closely
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -48,8 +56,6 @@ class ZeroPaddingPlan(Plan):
     errors_db : mapping of str to float
         Predicted error against time-domain correlation by cause, dB; approximations of the delay
         are not part of it.
-    n_bytes : int
-        Memory that forming the image takes, bytes.
     warnings : tuple of str
         What makes the image worse than predicted.
     """
@@ -61,7 +67,6 @@ class ZeroPaddingPlan(Plan):
     ratio: int
     delay: str
     errors_db: Mapping[str, float]
-    n_bytes: int
     warnings: tuple[str, ...]
 
     @property
@@ -73,6 +78,12 @@ class ZeroPaddingPlan(Plan):
     def rows_per_pass(self) -> int:
         """Profiles that are zero-padded at a time, which bounds memory."""
         return max(1, CHUNK_BYTES // (_SAMPLE_BYTES * self.n_samples * self.ratio))
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory that forming the image takes, bytes."""
+        profiles = _COPIES * _SAMPLE_BYTES * self.rows_per_pass * self.ratio * self.n_samples
+        return profiles + math.prod(self.grid.shape) * (_POSITION_BYTES + _SUM_BYTES + IMAGE_BYTES)
 
     def weights(self, position) -> np.ndarray:
         """Weights of the neighbours of a place between two zero-padded samples.
@@ -114,27 +125,30 @@ class ZeroPaddingPlan(Plan):
                 f'interpolation, delays: {self.delay}')
 
 
-def plan_zero_padding(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int, tx_m=None,
-                      rx_m=None, *, interpolator: str = 'nearest', ratio: int = 100,
-                      delay: str = 'exact') -> ZeroPaddingPlan:
+def plan_zero_padding(grid: Grid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
+                      target_db: float = -60.0, interpolator: str = 'sinc',
+                      ratio: int | None = None, delay: str = 'exact') -> ZeroPaddingPlan:
     """Plan an image from zero-padded profiles.
 
     Parameters
     ----------
-    grid : Grid or (..., 3) array_like
-        Where the pixels are, metres.
+    grid : Grid
+        Where the pixels are.
     radar : RadarParameters
         Of the compressed profiles.
     n_samples : int
         Samples L of each profile.
-    tx_m, rx_m : (P, C, 3) array_like, optional
+    tx_m, rx_m : (P, C, 3) float64
         Phase centres, metres, to tell which pixels lie beyond the profiles.
+    target_db : float
+        Wanted error against time-domain correlation, dB.
     interpolator : {'nearest', 'linear', 'cubic', 'sinc'}
         'nearest' takes the nearest sample with the carrier phase of that sample, as the paper
         does (equations 15 and 16). The others interpolate the baseband profile over 2, 4
         (Lagrange) and 8 (Kaiser-windowed sinc) samples and apply the exact carrier phase.
-    ratio : int
-        Zero-padding ratio ``Z_rat``: samples per sample of the profile.
+    ratio : int, optional
+        Zero-padding ratio ``Z_rat``: samples per sample of the profile. By default the least of
+        some that meets the target, or the largest of them.
     delay : {'exact', 'midpoint', 'steering'}
         Delay of each channel. 'exact': both legs of its own path. 'midpoint': twice the distance
         from the middle between its antennas, ``0.5 d_n`` (equation 3). 'steering': the profile is
@@ -148,26 +162,26 @@ def plan_zero_padding(grid: Grid | np.ndarray, radar: RadarParameters, n_samples
     Raises
     ------
     ValueError
-        An option is unknown or out of range, points are malformed, or the profiles are sampled
-        below their bandwidth.
+        An option is unknown or out of range, a point is NaN, or the profiles are sampled below
+        their bandwidth or reach no pixel.
     """
     if delay not in DELAYS:
         raise ValueError(f'delay={delay!r} is unknown; use one of {", ".join(DELAYS)}')
+    if ratio is None:
+        ratio = next((r for r in _RATIOS if predicted_error_db(interpolator, r, radar)
+                      <= target_db), _RATIOS[-1])
     error = predicted_error_db(interpolator, ratio, radar)
-    grid, ratio, n_samples = as_grid(grid), int(ratio), int(n_samples)
-    if isinstance(grid, PointGrid):
-        if not np.isfinite(grid.points_m).all():
-            raise ValueError('points contain NaN or infinity; expected finite numbers')
-        pixels = grid.points_m.reshape(-1, 3)
-    else:
-        pixels = some_pixels(grid)
-    warnings = () if tx_m is None or not np.size(tx_m) else reach_warnings(
-        pixels, np.asarray(tx_m), np.asarray(rx_m), radar, n_samples)
-    plan = ZeroPaddingPlan(grid, radar, n_samples, interpolator, ratio, delay,
-                           {'range profiles': error}, 0, warnings)
-    profiles = _COPIES * _SAMPLE_BYTES * plan.rows_per_pass * ratio * n_samples
-    return dataclasses.replace(plan, n_bytes=profiles + math.prod(grid.shape) * (
-        _POSITION_BYTES + _SUM_BYTES + IMAGE_BYTES))
+    pixels = grid.points_m.reshape(-1, 3) if isinstance(grid, PointGrid) else some_pixels(grid)
+    if not np.isfinite(pixels).all():
+        raise ValueError('points contain NaN or infinity; expected finite numbers')
+    centre = 0.5 * (pixels.min(axis=0) + pixels.max(axis=0))
+    radius = np.linalg.norm(pixels - centre, axis=-1).max()
+    path = 0.5 * sum(np.linalg.norm(a - centre, axis=-1) for a in (tx_m, rx_m))
+    check_reach((path.min() - radius, path.max() + radius), radar, n_samples)
+    return ZeroPaddingPlan(grid, radar, n_samples, interpolator, int(ratio), delay,
+                           {'range profiles': error},
+                           reach_warnings(pixels[::-(-len(pixels) // _POINTS)], tx_m, rx_m, radar,
+                                          n_samples))
 
 
 def predicted_error_db(interpolator: str, ratio: int, radar: RadarParameters) -> float:

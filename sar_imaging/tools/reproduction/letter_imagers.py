@@ -13,8 +13,8 @@ import numpy as np
 
 from sar_imaging.backends import backend
 from sar_imaging.geometry import MapGrid
-from sar_imaging.imaging.ffbp import FfbpImager
 from sar_imaging.imaging.imager import plan_image
+from sar_imaging.planning.plan import Plan
 from sar_imaging.signal.pulses import PulseBlock
 
 from .letter_recording import Recording
@@ -59,14 +59,10 @@ def _exact(grid: MapGrid, block: PulseBlock) -> Formed:
 
 def _ffbp(kernel: str, oversampling: float, pulses: int) -> Imager:
     def form(grid: MapGrid, block: PulseBlock) -> Formed:
-        start = time.perf_counter()
-        plan = FfbpImager(grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
-                          pulses_per_subaperture=pulses, kernel=kernel,
-                          range_oversampling=oversampling, angle_oversampling=oversampling)
-        seconds = {'planning': time.perf_counter() - start}
-        stages = {'_backproject': 'stage 1', '_merge': 'fusion', '_add': 'resampling'}
-        _timed(plan.stage, stages, seconds)
-        return Formed(plan(block), seconds, plan.predicted_error_db)
+        formed, _ = _form(grid, block, 'ffbp', pulses_per_subaperture=pulses, merge_factor=2,
+                          kernel=kernel, range_oversampling=oversampling,
+                          angle_oversampling=oversampling)
+        return formed
 
     return form
 
@@ -76,18 +72,22 @@ def _afbp(pulses: int | None) -> Imager:
 
 
 def _form_by_afbp(grid: MapGrid, block: PulseBlock, **options) -> Formed:
+    formed, plan = _form(grid, block, 'afbp', target_db=-50.0, **options)
+    return dataclasses.replace(formed, pulses_per_subaperture=max(
+        p.stop - p.start for p in plan.subapertures.sampling.pulses))
+
+
+def _form(grid: MapGrid, block: PulseBlock, method: str, **options) -> tuple[Formed, Plan]:
     start, timed = time.perf_counter(), _TimedBackend()
-    imager = plan_image(grid, block.radar, block.n_samples, block.tx_m, block.rx_m, method='afbp',
-                        target_db=-50.0, backend=timed, **options)
-    planning_s, lengths = time.perf_counter() - start, [
-        p.stop - p.start for p in imager.report.plan.subapertures.sampling.pulses]
+    imager = plan_image(grid, block.radar, block.n_samples, block.tx_m, block.rx_m, method=method,
+                        backend=timed, **options)
+    seconds, plan = {'planning': time.perf_counter() - start}, imager.report.plan
     image = imager(block)
-    return Formed(image.samples, {'planning': planning_s, **timed.seconds},
-                  image.report.predicted_error_db, max(lengths))
+    return Formed(image.samples, seconds | timed.seconds, image.report.predicted_error_db), plan
 
 
 class _TimedBackend:
-    """The quickest backend, with the seconds of each stage of AFBP."""
+    """The quickest backend, with the seconds of each stage of AFBP and FFBP."""
 
     def __init__(self):
         self.seconds, self._backend = {}, backend()
@@ -100,6 +100,10 @@ class _TimedBackend:
     def SpectrumFusion(self, grid, *, keep=False):
         return _timed(self._backend.SpectrumFusion(grid, keep=keep),
                       {'add': 'fusion', 'take_polar_image': 'fusion'}, self.seconds)
+
+    def FactorisedImager(self, plan):
+        return _timed(self._backend.FactorisedImager(plan), {
+            '_backproject': 'stage 1', '_merge': 'fusion', '_add': 'resampling'}, self.seconds)
 
 
 def _whole_afbp(pulses: int | None) -> SceneImager:

@@ -17,12 +17,7 @@ import numpy as np
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.imaging.wavenumber import WavenumberImager
-from sar_imaging.imaging.zero_padding import (
-    DELAYS,
-    ZeroPaddedBackprojector,
-    predicted_error_db,
-)
+from sar_imaging.planning.baselines.zero_padding import DELAYS, predicted_error_db
 from sar_imaging.quality import (
     error_db,
     impulse_response,
@@ -64,10 +59,21 @@ def tdc(block: PulseBlock, points) -> np.ndarray:
     return correlate(*band_spectrum(block), block.tx_m, block.rx_m, points)
 
 
-def zero_padded(block: PulseBlock, grid_or_points, ratio: int) -> np.ndarray:
+def zero_padded(block: PulseBlock, grid_or_points, ratio: int, interpolator: str = 'nearest',
+                delay: str = 'exact') -> np.ndarray:
     """Backprojection of the paper: nearest sample of zero-padded profiles, complex64."""
-    return ZeroPaddedBackprojector(grid_or_points, block.radar, block.n_samples,
-                                   ratio=ratio)(block)
+    return _image(block, grid_or_points, 'zero-padding', ratio=ratio, interpolator=interpolator,
+                  delay=delay)
+
+
+def wavenumber(block: PulseBlock, grid: MapGrid, **padding: float) -> np.ndarray:
+    """Image in the wavenumber domain, complex64."""
+    return _image(block, grid, 'wavenumber', taps=16, **padding)
+
+
+def _image(block: PulseBlock, grid_or_points, method: str, **options) -> np.ndarray:
+    return plan_image(grid_or_points, block.radar, block.n_samples, method=method,
+                      **options)(block).samples
 
 
 def ratios(quick: bool) -> list[int]:
@@ -293,9 +299,9 @@ def compare_imagers(rate_hz: float, spacing_m: float, tick: Tick) -> Comparison:
     grid = MapGrid.from_size((RANGE_CENTRE_M, 0.0, 0.0), 2 * PATCH_M[0], 2 * PATCH_M[1],
                              spacing_m)
     form = (lambda: tdc(block, grid.points()),
-            lambda: WavenumberImager(grid, range_padding=1.0, azimuth_padding=1.0)(block),
+            lambda: wavenumber(block, grid, range_padding=1.0, azimuth_padding=1.0),
             lambda: zero_padded(block, grid, COMPARISON_RATIO),
-            lambda: WavenumberImager(grid)(block))
+            lambda: wavenumber(block, grid))
     image = {}
     for name, make in zip(IMAGERS, form, strict=True):
         image[name] = make()
@@ -329,9 +335,9 @@ def measure_delays(rate_hz: float, tick: Tick) -> dict[str, dict[str, float]]:
     exact = tdc(block, grid.points())
     errors = {}
     for interpolator, ratio in (('nearest', COMPARISON_RATIO), ('cubic', 16)):
-        errors[interpolator] = {delay: error_db(ZeroPaddedBackprojector(
-            grid, block.radar, block.n_samples, interpolator=interpolator, ratio=ratio,
-            delay=delay)(block), exact) for delay in DELAYS}
+        errors[interpolator] = {
+            delay: error_db(zero_padded(block, grid, ratio, interpolator, delay), exact)
+            for delay in DELAYS}
         tick()
     return errors
 
@@ -354,10 +360,9 @@ def measure_run_times(rate_hz: float, spacing_m: float, tick: Tick) -> dict[str,
                              spacing_m)
     points = grid.points()
     form = {'TDC': lambda: tdc(block, points),
-            'wavenumber': lambda: WavenumberImager(grid)(block),
+            'wavenumber': lambda: wavenumber(block, grid),
             'BP': lambda: zero_padded(block, grid, COMPARISON_RATIO),
-            'exact': lambda: plan_image(grid, block.radar, block.n_samples, method='exact',
-                                        target_db=-80.0)(block)}
+            'exact': lambda: _image(block, grid, 'exact', target_db=-80.0)}
     seconds = {}
     for name, make in form.items():
         make()  # compiles or loads what it needs

@@ -15,7 +15,7 @@ _PHASES = 2048  # of the weight table, interpolated linearly: below -120 dB
 _POINTS_PER_GROUP = 512  # neighbours, which read neighbouring samples
 
 
-def image_zero_padded(plan: ZeroPaddingPlan, block: PulseBlock) -> tuple[np.ndarray, int]:
+def image_zero_padded(plan: ZeroPaddingPlan, block: PulseBlock) -> np.ndarray:
     """See `backends.baselines.Baselines`."""
     radar = plan.radar
     points = np.ascontiguousarray(plan.grid.points().reshape(-1, 3))
@@ -26,7 +26,6 @@ def image_zero_padded(plan: ZeroPaddingPlan, block: PulseBlock) -> tuple[np.ndar
     where = (points, start, plan.rate_hz / speed, radar.carrier_hz / speed,
              plan.delay == 'steering')
     image = np.zeros(len(points), np.complex128)
-    reads = np.zeros(-(-len(points) // _POINTS_PER_GROUP), np.int64)
     nearest = plan.interpolator == 'nearest'
     carrier = _carrier_at_samples(plan) if nearest else None
     table = None if nearest else plan.weights(np.linspace(0, 1, _PHASES + 1))
@@ -35,14 +34,14 @@ def image_zero_padded(plan: ZeroPaddingPlan, block: PulseBlock) -> tuple[np.ndar
         padded, ends = _padded(plan, profiles[rows]), [a[rows] for a in paths]
         if nearest:
             padded *= carrier
-            _add_nearest(padded, *ends, *where, image, reads)
+            _add_nearest(padded, *ends, *where, image)
             continue
         half = table.shape[1] // 2
         # One period of the profile, continued where the taps reach beyond its ends.
         padded = np.concatenate([padded[:, padded.shape[1] - half + 1:], padded,
                                  padded[:, :half]], axis=1)
-        _add_interpolated(padded, table, *ends, *where, image, reads)
-    return image.astype(np.complex64).reshape(plan.grid.shape), int(reads.sum())
+        _add_interpolated(padded, table, *ends, *where, image)
+    return image.astype(np.complex64).reshape(plan.grid.shape)
 
 
 def _padded(plan, profiles) -> np.ndarray:
@@ -67,10 +66,10 @@ def _path(point, a, b):
 
 @njit(parallel=True)
 def _add_nearest(profiles, read_a, read_b, tx, rx, points, start, samples_per_metre,
-                 cycles_per_metre, steer, out, reads):
+                 cycles_per_metre, steer, out):
     """Add the sample nearest to each point's delay (equation 16), steered by equation 19."""
     n_rows, n = profiles.shape
-    for group in numba.prange(len(reads)):
+    for group in numba.prange(-(-len(points) // _POINTS_PER_GROUP)):
         first = group * _POINTS_PER_GROUP
         last = min(first + _POINTS_PER_GROUP, len(points))
         for row in range(n_rows):
@@ -79,7 +78,6 @@ def _add_nearest(profiles, read_a, read_b, tx, rx, points, start, samples_per_me
                 k = int(np.floor(path * samples_per_metre - start + 0.5))
                 if not 0 <= k < n:
                     continue
-                reads[group] += 1
                 value = complex(profiles[row, k])
                 if steer:
                     spatial = _path(points[i], tx[row], rx[row]) - path
@@ -89,14 +87,14 @@ def _add_nearest(profiles, read_a, read_b, tx, rx, points, start, samples_per_me
 
 @njit(parallel=True)
 def _add_interpolated(profiles, table, read_a, read_b, tx, rx, points, start, samples_per_metre,
-                      cycles_per_metre, steer, out, reads):
+                      cycles_per_metre, steer, out):
     """Add the interpolated baseband profile at each point's delay times the carrier phase.
 
     Profiles start ``T/2 - 1`` samples before the first and end ``T/2`` after the last.
     """
     n_taps = table.shape[1]
     n_rows, n = profiles.shape[0], profiles.shape[1] - n_taps + 1
-    for group in numba.prange(len(reads)):
+    for group in numba.prange(-(-len(points) // _POINTS_PER_GROUP)):
         first = group * _POINTS_PER_GROUP
         last = min(first + _POINTS_PER_GROUP, len(points))
         for row in range(n_rows):
@@ -106,7 +104,6 @@ def _add_interpolated(profiles, table, read_a, read_b, tx, rx, points, start, sa
                 k = int(np.floor(position))
                 if not 0 <= k < n:
                     continue
-                reads[group] += 1
                 phase = (position - k) * _PHASES
                 p = min(int(phase), _PHASES - 1)
                 between = phase - p
