@@ -1,0 +1,57 @@
+"""Where the pixels of a window are: on the plane of the map, or on the ellipsoid below it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sar_imaging.geometry.earth import Datum
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.point_grids import TerrainGrid
+
+from ..jobs import Job, Window
+
+ELLIPSOID = 'ellipsoid'
+_ROUNDS = 4  # that find the surface; each gains three digits or more
+_ROWS_AT_ONCE = 64
+
+
+def window_grid(window: Window, job: Job) -> MapGrid | TerrainGrid:
+    """Grid of a window's pixels in the map's frame.
+
+    Pixels keep their x and y. On the ellipsoid, they have the height of the job above the
+    ellipsoid through the datum.
+    """
+    grid = window.grid(job.spacing_m, job.height_m)
+    if job.surface != ELLIPSOID or job.datum is None:
+        return grid
+    height = np.empty(grid.shape)
+    for first in range(0, grid.n_y, _ROWS_AT_ONCE):
+        rows = slice(first, first + _ROWS_AT_ONCE)
+        height[rows] = surface_z(grid.x_m, grid.y_m[rows, None], job.datum, job.height_m)
+    return TerrainGrid(grid, height)
+
+
+def surface_z(x_m, y_m, datum: Datum, height_m: float = 0.0) -> np.ndarray:
+    """Height in the frame of places at one height above the ellipsoid through the datum.
+
+    Parameters
+    ----------
+    x_m, y_m : (...) array_like
+        Places in the frame, broadcast together, metres.
+    datum : Datum
+        Of the frame.
+    height_m : float
+        Above the ellipsoid through the frame's origin, metres.
+
+    Returns
+    -------
+    (...) float64
+        z in the frame, metres.
+    """
+    x, y = np.broadcast_arrays(np.asarray(x_m, np.float64), np.asarray(y_m, np.float64))
+    points = np.stack([x, y, np.full(x.shape, float(height_m))], axis=-1)
+    wanted = datum.height_m + height_m
+    for _ in range(_ROUNDS):
+        _, _, height = datum.to_geographic(points)
+        points[..., 2] += wanted - height
+    return points[..., 2]
