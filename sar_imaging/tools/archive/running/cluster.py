@@ -10,6 +10,7 @@ import uuid
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 
 import sar_imaging
 from sar_imaging.formats.extras import require
@@ -26,6 +27,8 @@ _SETTINGS = {
     'distributed.worker.memory.spill': False,
     'distributed.worker.memory.pause': False,
     'distributed.worker.memory.terminate': 0.98,
+    # A worker that dies starts again, on a busy machine in more than the usual 15 s.
+    'distributed.deploy.lost-worker-timeout': '1h',
     'distributed.worker.preload': ['sar_imaging.tools.archive.running.quiet'],
     # A kernel that compiles for a minute or holds the interpreter is no reason for warnings.
     'distributed.admin.tick.limit': '1h',
@@ -68,7 +71,7 @@ def open_cluster(output: Path, *, scheduler: str | None = None, workers: int | N
     MissingExtraError
         Dask is not installed.
     """
-    require('distributed', 'an archive', extra='archive')
+    dask()
     for name in ('distributed', 'tornado.application', 'asyncio', 'bokeh'):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     opened = _running(scheduler) if scheduler else _local(workers or os.cpu_count() or 1,
@@ -78,24 +81,29 @@ def open_cluster(output: Path, *, scheduler: str | None = None, workers: int | N
         yield client
 
 
+def dask(module: str = 'distributed') -> ModuleType:
+    """A module of Dask, or one line that says how to install it."""
+    return require(module, 'an archive', extra='archive')
+
+
 @contextlib.contextmanager
 def _local(workers: int, memory_bytes: int | None) -> Iterator:
-    import dask
-    from distributed import Client, LocalCluster
-    with dask.config.set(_SETTINGS), warnings.catch_warnings():
+    config, distributed = dask('dask').config, dask()
+    with config.set(_SETTINGS), warnings.catch_warnings():
         warnings.simplefilter('ignore')  # of a port that another dashboard has taken
-        with LocalCluster(n_workers=workers, threads_per_worker=1, processes=True,
-                          memory_limit=memory_bytes or 0, dashboard_address='localhost:8787',
-                          silence_logs=logging.CRITICAL, env=ENVIRONMENT) as cluster, \
-                Client(cluster, set_as_default=False) as client:
+        with distributed.LocalCluster(n_workers=workers, threads_per_worker=1, processes=True,
+                                      memory_limit=memory_bytes or 0, env=ENVIRONMENT,
+                                      dashboard_address='localhost:8787',
+                                      silence_logs=logging.CRITICAL) as cluster, \
+                distributed.Client(cluster, set_as_default=False) as client:
             yield client
 
 
 @contextlib.contextmanager
 def _running(address: str) -> Iterator:
-    from distributed import Client
+    distributed = dask()
     try:
-        client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+        client = distributed.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except Exception as error:  # of sockets, of addresses, of what else answers there
         raise ClusterError(
             f'no Dask scheduler answers at {address} ({" ".join(str(error).split())}); start one '

@@ -11,17 +11,14 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-#: Predictions of a piece: they decide no bits, so that another forecast spoils no record.
-PREDICTIONS = frozenset({'seconds', 'memory_bytes', 'reads_bytes', 'writes_bytes'})
-
 
 def fingerprint(piece: Any, needs: Mapping[str, str | None]) -> str:
     """Digest of all that decides what a piece computes.
 
     Parameters
     ----------
-    piece : dataclass
-        The piece; its predictions of time, memory and traffic do not count.
+    piece : Piece
+        Its `fingerprint` tells all of it but the predictions.
     needs : mapping of str to str
         Fingerprints of the pieces that it needs by their keys; None for one that is lost.
 
@@ -31,9 +28,7 @@ def fingerprint(piece: Any, needs: Mapping[str, str | None]) -> str:
         Changes when the piece does, when one of its needs is computed anew, and when one that
         was lost is there now.
     """
-    told = [(field.name, repr(getattr(piece, field.name))) for field in dataclasses.fields(piece)
-            if field.name not in PREDICTIONS]
-    text = json.dumps([type(piece).__name__, told, sorted(needs.items())])
+    text = json.dumps([piece.fingerprint(), sorted(needs.items())])
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -10,10 +10,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from .cluster import dask
 from .order import Order
 from .progress import Progress
 from .records import Records, fingerprint
 from .summary import Loss, Summary
+from .upkeep import Upkeep
 from .worker import Outcome, Task, died, run_piece
 
 IN_FLIGHT = 3  # pieces for each thread of a worker: one runs, the others wait beside it
@@ -33,9 +35,8 @@ def run_pieces(pieces: Sequence[Any], compute: Callable[[Any, Path], Any], clien
 
     Parameters
     ----------
-    pieces : sequence of dataclass
-        With `key` (unique, for people), `kind`, `needs` (keys of other pieces) and `seconds`
-        (predicted).
+    pieces : sequence of Piece
+        See `jobs.pieces.Piece`; keys are unique.
     compute : callable
         ``compute(piece, output)``, a function of a module, see `Task`.
     client : distributed.Client
@@ -71,7 +72,7 @@ class _Run:
     """State of one call of `run_pieces`; only the thread that called it changes it."""
 
     def __init__(self, pieces, client, output, may_lack, on_result):
-        self.order = Order(pieces)
+        self.order, self.upkeep = Order(pieces), Upkeep(client)
         self.pieces, self.client, self.records = pieces, client, Records(output)
         self.may_lack, self.on_result = may_lack, on_result
         self.task: dict[str, Any] = {}
@@ -109,6 +110,7 @@ class _Run:
         if now - self.looked < _LOOK_SECONDS:
             return
         self.looked = now
+        self.upkeep.look()
         if self.client.status != 'running':
             self.stop('the scheduler has gone; start the job again: it goes on where it stopped')
             return
@@ -150,10 +152,12 @@ class _Run:
     def send(self, index: int, mark: str) -> None:
         piece, number = self.pieces[index], self.tries.get(index, 0)
         again = f', again ({number})' if number else ''
-        # Dask's dashboard shows the first word of a key as the kind of its tasks.
+        # Dask's dashboard groups tasks by the first entry. The last one keeps jobs apart, for a
+        # scheduler takes tasks of one key for one, whoever sent them.
         future = self.client.submit(
             run_piece, Task(piece=piece, mark=mark, **self.task),
-            key=(piece.kind, piece.key + again), priority=-index)
+            key=(piece.KIND, piece.key + again, self.task['run'][:8]),
+            priority=-index)
         self.futures[future] = index
         future.add_done_callback(self.answers.put)
 
@@ -171,7 +175,6 @@ class _Run:
 
     def outcome(self, index: int, future) -> Outcome:
         """What became of a piece; the end of its worker and of the scheduler among others."""
-        from distributed import KilledWorker
         if future.status == 'finished':
             return future.result()
         if future.status == 'cancelled':
@@ -179,7 +182,7 @@ class _Run:
                            f'{self.pieces[index].key}; start the job again: it goes on where it '
                            'stopped')
         error = future.exception()
-        if isinstance(error, KilledWorker):
+        if isinstance(error, dask().KilledWorker):
             return self.after_death(index)
         if isinstance(error, ImportError):
             return Outcome('stop', f'a worker cannot load what it should run ({error}); install '

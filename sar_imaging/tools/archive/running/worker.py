@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import sar_imaging
+from sar_imaging.formats.extras import require
 
 from .memory import Peak, bounded
 from .records import Records
@@ -147,9 +148,8 @@ def _worker() -> str:
 
 def _dask_worker():
     """Dask's worker that runs this function, or None."""
-    from distributed import get_worker
     try:
-        return get_worker()
+        return require('distributed', 'an archive', extra='archive').get_worker()
     except ValueError:
         return None
 

@@ -9,27 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
+from sar_imaging.tools.archive.jobs.pieces import Piece, PieceResult
 
-@dataclass(frozen=True)
-class Toy:
+
+@dataclass(frozen=True, kw_only=True)
+class Toy(Piece):
     """A piece whose file is a digest of its value and of the files of what it needs."""
 
-    key: str
-    kind: str = 'toy'
-    needs: tuple[str, ...] = ()
-    seconds: float = 0.01
-    memory_bytes: int = 0
+    KIND = 'toy'
+
     value: int = 0
     does: str = ''
     rounds: int = 200
-
-
-@dataclass(frozen=True)
-class ToyResult:
-    """What a toy tells."""
-
-    key: str
-    files: tuple[str, ...]
 
 
 def name_of(key):
@@ -52,7 +43,7 @@ def compute(piece, output):
     part = output / f'{name_of(piece.key)}.{os.getpid()}.part'
     part.write_bytes(total.tobytes())
     part.replace(output / name_of(piece.key))
-    return ToyResult(piece.key, (name_of(piece.key),))
+    return PieceResult(piece.key, 0.0, files=(name_of(piece.key),))
 
 
 def misbehave(piece, output):
@@ -81,12 +72,12 @@ def calls(output):
 
 def tree(leaves, **options):
     """Leaves, sums of neighbours, sums of sums, down to one: a strip fused as a binary tree."""
-    pieces = [Toy(f'image flight-{i:03d} aperture 0', 'image', value=i, **options)
+    pieces = [Toy(key=f'image flight-{i:03d} aperture 0', value=i, **options)
               for i in range(leaves)]
     level, stage = [p.key for p in pieces], 0
     while len(level) > 1:
         stage += 1
-        sums = [Toy(f'sum {stage}.{i}', 'sum', tuple(level[2 * i:2 * i + 2]), **options)
+        sums = [Toy(key=f'sum {stage}.{i}', needs=tuple(level[2 * i:2 * i + 2]), **options)
                 for i in range((len(level) + 1) // 2)]
         pieces += sums
         level = [p.key for p in sums]

@@ -38,7 +38,7 @@ def test_all_pieces_are_computed_once_and_found_again(run, toys, tmp_path):
 def test_what_changed_is_computed_anew_with_what_needs_it(run, toys, tmp_path):
     pieces = toys.tree(4)
     run(pieces)
-    changed = [toys.Toy(pieces[0].key, 'image', value=99, seconds=5.0), *pieces[1:]]
+    changed = [toys.Toy(key=pieces[0].key, value=99, seconds=5.0), *pieces[1:]]
     assert run(changed).n_computed == 3  # itself, its sum, the sum of all
     (tmp_path / toys.name_of(pieces[3].key)).unlink()
     assert run(changed).n_computed == 1  # the same bits again: what needs them stays
@@ -54,7 +54,7 @@ def test_forecasts_spoil_no_record(run, toys):
 
 def test_corrupt_data_are_lost_at_once_and_the_rest_goes_on(run, toys, tmp_path):
     pieces = toys.tree(4)
-    pieces[1] = toys.Toy(pieces[1].key, 'image', does='corrupt')
+    pieces[1] = toys.Toy(key=pieces[1].key, does='corrupt')
     summary = run(pieces)
     assert summary.exit_status == WITH_LOSSES
     assert [(loss.key, loss.reason) for loss in summary.losses] == [
@@ -69,12 +69,12 @@ def test_corrupt_data_are_lost_at_once_and_the_rest_goes_on(run, toys, tmp_path)
 
 
 def test_a_mosaic_may_lack_an_aperture_until_it_is_there(run, toys, tmp_path):
-    images = [toys.Toy(f'image {i}', 'image', value=i) for i in range(3)]
-    mosaic = toys.Toy('mosaic', 'mosaic', tuple(p.key for p in images))
-    broken = toys.Toy('image 1', 'image', does='corrupt')
+    images = [toys.Toy(key=f'image {i}', value=i) for i in range(3)]
+    mosaic = toys.Toy(key='mosaic', needs=tuple(p.key for p in images))
+    broken = toys.Toy(key='image 1', does='corrupt')
 
     def may_lack(piece, lost):
-        return piece.kind == 'mosaic' and len(lost) < 3
+        return piece.key == 'mosaic' and len(lost) < 3
 
     summary = run([images[0], broken, images[2], mosaic], may_lack=may_lack)
     assert [loss.key for loss in summary.losses] == ['image 1']
@@ -86,7 +86,7 @@ def test_a_mosaic_may_lack_an_aperture_until_it_is_there(run, toys, tmp_path):
 
 def test_a_worker_that_always_dies_for_one_piece_costs_that_piece_alone(run, toys, tmp_path):
     pieces = toys.tree(8)
-    pieces[2] = toys.Toy(pieces[2].key, 'image', does='die')
+    pieces[2] = toys.Toy(key=pieces[2].key, does='die')
     summary = run(pieces, retries=1)
     assert [loss.key for loss in summary.losses] == [
         pieces[2].key, 'sum 1.1', 'sum 2.0', 'sum 3.0']
@@ -97,30 +97,50 @@ def test_a_worker_that_always_dies_for_one_piece_costs_that_piece_alone(run, toy
 def test_one_worker_whose_piece_always_kills_it_spares_those_that_wait(toys, tmp_path):
     """All others stand behind it in the queue of the only worker, time after time."""
     from sar_imaging.tools.archive.running.cluster import open_cluster
-    pieces = [toys.Toy('killer', does='die'), toys.Toy('a'), toys.Toy('b')]
+    pieces = [toys.Toy(key='killer', does='die'), toys.Toy(key='a'), toys.Toy(key='b')]
     with open_cluster(tmp_path, workers=1) as client:
         summary = run_pieces(pieces, toys.compute, client, tmp_path, retries=2)
     assert [loss.key for loss in summary.losses] == ['killer']
     assert sorted(toys.calls(tmp_path)) == ['a', 'b', 'killer', 'killer', 'killer']
 
 
+def test_a_worker_killed_while_it_starts_is_replaced(toys, tmp_path):
+    """Dask's nanny starts no other then."""
+    from sar_imaging.tools.archive.running.cluster import open_cluster
+    killed = []
+
+    def kill_twice(piece, result):
+        if killed:
+            return
+        [nanny] = client.cluster.workers.values()
+        for _ in range(2):
+            while (pid := nanny.pid) is None or pid in killed:
+                pass
+            os.kill(pid, signal.SIGKILL)
+            killed.append(pid)
+
+    with open_cluster(tmp_path, workers=1) as client:
+        summary = run_pieces(toys.tree(4), toys.compute, client, tmp_path, on_result=kill_twice)
+    assert summary.exit_status == 0 and len(killed) == 2
+
+
 @pytest.mark.parametrize('does', ['die once', 'trouble once'])
 def test_what_goes_wrong_once_is_tried_again(run, toys, tmp_path, does):
     pieces = toys.tree(4)
-    pieces[0] = toys.Toy(pieces[0].key, 'image', does=does)
+    pieces[0] = toys.Toy(key=pieces[0].key, does=does)
     assert run(pieces).exit_status == 0
     assert toys.calls(tmp_path).count(pieces[0].key) == 2
 
 
 def test_trouble_with_files_is_tried_so_often_and_no_more(run, toys, tmp_path):
-    summary = run([toys.Toy('a', does='trouble'), toys.Toy('b')], retries=3)
+    summary = run([toys.Toy(key='a', does='trouble'), toys.Toy(key='b')], retries=3)
     assert toys.calls(tmp_path).count('a') == 4
     assert "Input/output error: 'flight.cphd'" in summary.losses[0].reason
 
 
 def test_a_full_disk_stops_the_job_which_goes_on_later(run, toys, tmp_path):
     pieces = toys.tree(4)
-    full = [*pieces[:2], toys.Toy(pieces[2].key, 'image', value=2, does='full'), *pieces[3:]]
+    full = [*pieces[:2], toys.Toy(key=pieces[2].key, value=2, does='full'), *pieces[3:]]
     summary = run(full)
     assert summary.exit_status == 1 and summary.losses == ()
     assert summary.stopped == ('no space is left; make room and start the job again: it goes on '
@@ -131,7 +151,7 @@ def test_a_full_disk_stops_the_job_which_goes_on_later(run, toys, tmp_path):
 
 
 def test_memory_beyond_the_bound_is_a_loss_that_says_so(run, toys):
-    pieces = [toys.Toy('large', memory_bytes=3_000_000_000, does='hog'), toys.Toy('small')]
+    pieces = [toys.Toy(key='large', memory_bytes=3_000_000_000, does='hog'), toys.Toy(key='small')]
     summary = run(pieces, memory_bytes=1_500_000_000)
     assert [loss.key for loss in summary.losses] == ['large']
     assert 'its memory did not suffice within 1.5 GB of a worker' in summary.losses[0].reason
@@ -139,8 +159,8 @@ def test_memory_beyond_the_bound_is_a_loss_that_says_so(run, toys):
 
 
 def test_the_peak_of_a_piece_is_recorded(run, toys, tmp_path):
-    run([toys.Toy('large', memory_bytes=400_000_000, does='hog')])
-    run([toys.Toy('large', memory_bytes=400_000_000, does='hog'), toys.Toy('small')])
+    run([toys.Toy(key='large', memory_bytes=400_000_000, does='hog')])
+    run([toys.Toy(key='large', memory_bytes=400_000_000, does='hog'), toys.Toy(key='small')])
     peaks = {record['key']: record['peak_bytes'] for path in tmp_path.glob('records/*/*.json')
              for record in [json.loads(path.read_text())]}
     # Not below what it allocates; the small one ran in such a process and is far below.
@@ -154,11 +174,11 @@ def test_the_dashboard_groups_pieces_by_kind(toys):
 
 def test_wrong_lists_of_pieces_are_refused(run, toys):
     with pytest.raises(ValueError, match="two pieces are called 'a'"):
-        run([toys.Toy('a'), toys.Toy('a')])
+        run([toys.Toy(key='a'), toys.Toy(key='a')])
     with pytest.raises(ValueError, match="'a' needs 'b', which is not among the pieces"):
-        run([toys.Toy('a', needs=('b',))])
+        run([toys.Toy(key='a', needs=('b',))])
     with pytest.raises(ValueError, match="'a' needs itself"):
-        run([toys.Toy('a', needs=('b',)), toys.Toy('b', needs=('a',))])
+        run([toys.Toy(key='a', needs=('b',)), toys.Toy(key='b', needs=('a',))])
 
 
 def test_ctrl_c_stops_and_the_next_run_goes_on(run, toys, tmp_path):
@@ -178,7 +198,7 @@ def test_ctrl_c_stops_and_the_next_run_goes_on(run, toys, tmp_path):
 
 def test_workers_killed_at_random_moments_change_no_bits(run, toys, tmp_path, client):
     import random
-    pieces = toys.tree(12, rounds=2000)
+    pieces = toys.tree(12, rounds=500)
     (tmp_path / 'quiet').mkdir()
     run(pieces, tmp_path / 'quiet')
     for seed in range(2):
