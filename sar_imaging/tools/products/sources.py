@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from sar_imaging.formats.cphd import Collection, CphdReader
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.signal.positioning import locate
+from sar_imaging.signal.positioning import locate, without_range_bias
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.radar import RadarParameters
 from sar_imaging.signal.range_compression import RangeCompressor
@@ -70,6 +70,10 @@ class Source:
         For measuring the scatterers: half widths of cuts in range and azimuth, metres.
     collection : Collection
         Names, polarisations and marking.
+    aperture : int or None
+        Its number, where `open_apertures` found it among those of a recording.
+    message_ns : (P,) int64 or None
+        Of a recording: when the message of each pulse was recorded, nanoseconds.
     """
 
     path: Path
@@ -89,6 +93,8 @@ class Source:
     warnings: tuple[str, ...] = ()
     cut_half_width_m: tuple[float, float] | None = None
     collection: Collection = Collection()
+    aperture: int | None = None
+    message_ns: np.ndarray | None = None
 
     @property
     def n_pulses(self) -> int:
@@ -172,17 +178,51 @@ def open_source(path: Path | str, *, aperture: int | None = None,
         It cannot be read.
     """
     path = Path(path)
+    if _kind(path) == RECORDING:
+        return _recording(path, aperture, datum)
+    if aperture is not None:
+        raise SourceError(f'{path}: --aperture is for recordings; a CPHD file has one')
+    return _cphd(path, datum)
+
+
+def open_apertures(path: Path | str, *, datum: Datum | None = None) -> list[Source]:
+    """Open all apertures of a recording, which is read once; a CPHD file has one.
+
+    Parameters
+    ----------
+    path, datum :
+        As of `open_source`.
+
+    Returns
+    -------
+    list of Source
+        In the order of their numbers; incomplete ones, too.
+
+    Raises
+    ------
+    SourceError, BagError, CphdError, MissingExtraError, UnknownKindError
+        As `open_source`.
+    """
+    path = Path(path)
+    if _kind(path) == CPHD:
+        return [_cphd(path, datum)]
+    recording = _located_recording(path)
+    length = (recording.truth or {}).get('pulses_per_aperture')
+    if length is None:
+        return [_of_recording(recording, (0, 2**32), datum)]
+    return [_of_recording(recording, (a.number * length, (a.number + 1) * length), datum,
+                          number=a.number) for a in recording.apertures(length)]
+
+
+def _kind(path: Path) -> str:
+    """Kind of a file of pulses."""
     if not path.exists():
         raise SourceError(f'{path} does not exist; expected the folder of a recording or a CPHD '
                           'file')
     kind = kind_of(path)
-    if kind == RECORDING:
-        return _recording(path, aperture, datum)
-    if kind != CPHD:
+    if kind not in (RECORDING, CPHD):
         raise SourceError(f'{path} is {kind}, an image; expected pulses: a recording or CPHD')
-    if aperture is not None:
-        raise SourceError(f'{path}: --aperture is for recordings; a CPHD file has one')
-    return _cphd(path, datum)
+    return kind
 
 
 def _cphd(path: Path, datum: Datum | None) -> Source:
@@ -199,27 +239,54 @@ def _cphd(path: Path, datum: Datum | None) -> Source:
 
 
 def _recording(path: Path, aperture: int | None, datum: Datum | None) -> Source:
+    recording = _located_recording(path)
+    warnings = []
+    wanted = _aperture(recording, (recording.truth or {}).get('pulses_per_aperture'), aperture,
+                       warnings)
+    return _of_recording(recording, wanted, datum, warnings)
+
+
+def _located_recording(path: Path) -> Recording:
     recording = read_recording(path)
     if recording.phase_centre_m is None:
         raise SourceError(f'{path}: its pulses have no phase centres, and no poses tell them')
-    truth = recording.truth or {}
-    warnings = []
+    if not recording.uniform:
+        raise BagError(f'{path} has pulses of different radars or lengths; record them apart')
+    return recording
+
+
+def _of_recording(recording: Recording, wanted: tuple[int, int], datum: Datum | None,
+                  warnings: Iterable[str] = (), number: int | None = None) -> Source:
+    """Source of the pulses with some counters: the first, and the one after the last."""
+    path, truth, warnings = recording.path, recording.truth or {}, list(warnings)
     if recording.n_unreadable:
-        warnings.append(f'{recording.n_unreadable} of {recording.n_messages} messages hold no '
+        warnings.insert(0, f'{recording.n_unreadable} of {recording.n_messages} messages hold no '
                         'pulse block')
-    wanted = _aperture(recording, truth.get('pulses_per_aperture'), aperture, warnings)
+    inside = (recording.counter >= wanted[0]) & (recording.counter < wanted[1])
+    counter, index = np.unique(recording.counter[inside], return_index=True)
+    index = np.flatnonzero(inside)[index]  # where each pulse came first
+    message_ns = recording.message_ns[recording.message[index]]
+    times = int(message_ns.min()), int(message_ns.max()) + 1
 
     def read(n_bytes: float) -> Iterator[PulseBlock]:
-        return _chunks(_located(recording, wanted), n_bytes)
+        return _chunks(_located(recording, wanted, times), n_bytes)
 
-    tx_m, rx_m, counter, stamp_ns, first = _scan(read)
+    tx_m, rx_m = (centres[index] for centres in recording.centres_m)
     grid = recording.grid
     area = None if grid is None else grid.points()[::max(1, grid.n_y - 1),
                                                    ::max(1, grid.n_x - 1)].reshape(-1, 3)
-    return Source(path, RECORDING, first.radar, first.n_samples, first.compressed, counter,
-                  stamp_ns, tx_m, rx_m, datum or recording.datum, area, grid,
-                  tuple(truth.get('scatterers', ())), read, tuple(warnings),
-                  _half_widths(truth), _collection(path, truth))
+    return Source(path, RECORDING, _geometric(recording), recording.n_samples,
+                  recording.compressed, counter, recording.stamp_ns[index], tx_m, rx_m,
+                  datum or recording.datum, area, grid, tuple(truth.get('scatterers', ())), read,
+                  tuple(warnings), _half_widths(truth), _collection(path, truth), number,
+                  message_ns)
+
+
+def _geometric(recording: Recording) -> RadarParameters:
+    """Radar of the pulses with phase centres: by poses, they are without the range bias."""
+    if not recording.by_poses:
+        return recording.radar
+    return without_range_bias(recording.radar, Alignment(**recording.truth['alignment']))
 
 
 def _collection(path: Path, truth: dict) -> Collection:
@@ -256,13 +323,14 @@ def _aperture(recording: Recording, length: int | None, number: int | None,
     return number * length, (number + 1) * length
 
 
-def _located(recording: Recording, wanted: tuple[int, int]) -> Iterator[PulseBlock]:
+def _located(recording: Recording, wanted: tuple[int, int], times: tuple[int, int]
+             ) -> Iterator[PulseBlock]:
     """Blocks of some pulses with phase centres, each pulse once."""
     poses = read_poses(recording.path)
     track = None if poses is None else poses.track()
     alignment = Alignment(**(recording.truth or {}).get('alignment', {}))
     seen: set[int] = set()
-    for _, cdr in raw_messages(recording.path):
+    for _, cdr in raw_messages(recording.path, *times):
         try:
             block = deserialise(cdr)
         except Exception:  # damaged bytes fail in many ways; they were counted
@@ -293,17 +361,3 @@ def _chunks(blocks: Iterator[PulseBlock], n_bytes: float) -> Iterator[PulseBlock
         waiting.append(block)
     if waiting:
         yield concatenate(waiting)
-
-
-def _scan(read):
-    """Phase centres, counters and times of all pulses, by counter, and the first block."""
-    parts, first = [], None
-    for block in read(0.0):
-        first = first or block
-        if not block.matches(first):
-            raise BagError('the recording has pulses of different radars or lengths; record them '
-                           'apart')
-        parts.append((block.tx_m, block.rx_m, block.counter.astype(np.int64), block.stamp_ns))
-    tx_m, rx_m, counter, stamp_ns = (np.concatenate(part) for part in zip(*parts, strict=True))
-    order = np.argsort(counter, kind='stable')
-    return tx_m[order], rx_m[order], counter[order], stamp_ns[order], first

@@ -160,13 +160,17 @@ def _opened(path: Path | str) -> Iterator:
         raise BagError(f'{path} cannot be read: {error}') from error
 
 
-def raw_messages(path: Path | str) -> Iterator[tuple[int, bytes]]:
+def raw_messages(path: Path | str, start_ns: int | None = None, stop_ns: int | None = None
+                 ) -> Iterator[tuple[int, bytes]]:
     """Messages of `/pulses` as they were recorded, for a publisher to send on.
 
     Parameters
     ----------
     path : path
         Bag folder.
+    start_ns, stop_ns : int, optional
+        Only those recorded at the first time or later, and before the second, nanoseconds: the
+        rest of the file is not read.
 
     Yields
     ------
@@ -180,7 +184,7 @@ def raw_messages(path: Path | str) -> Iterator[tuple[int, bytes]]:
     BagError
         The folder is no bag or has no topic `/pulses` of the right type.
     """
-    yield from _messages(path, TOPIC, MESSAGE_TYPE)
+    yield from _messages(path, TOPIC, MESSAGE_TYPE, start_ns, stop_ns)
 
 
 def pose_messages(path: Path | str) -> Iterator[tuple[int, bytes]]:
@@ -196,7 +200,8 @@ def read_poses(path: Path | str) -> RecordedPoses | None:
     return RecordedPoses.from_messages(_store(), [cdr for _, cdr in pose_messages(path)])
 
 
-def _messages(path: Path | str, topic: str, message_type: str) -> Iterator[tuple[int, bytes]]:
+def _messages(path: Path | str, topic: str, message_type: str, start_ns: int | None = None,
+              stop_ns: int | None = None) -> Iterator[tuple[int, bytes]]:
     with _opened(path) as reader:
         connections = [c for c in reader.connections
                        if c.topic == topic and c.msgtype == message_type]
@@ -204,7 +209,7 @@ def _messages(path: Path | str, topic: str, message_type: str) -> Iterator[tuple
             present = ', '.join(f'{c.topic} ({c.msgtype})' for c in reader.connections) or 'none'
             raise BagError(f'{path} has no topic {topic} of type {message_type}; topics in it: '
                            f'{present}')
-        for _, time_ns, cdr in reader.messages(connections=connections):
+        for _, time_ns, cdr in reader.messages(connections, start_ns, stop_ns):
             yield time_ns, bytes(cdr)
 
 

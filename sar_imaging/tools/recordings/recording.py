@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,12 @@ class Recording:
         What `bag_io.make_truth` stored with it.
     radar : RadarParameters
         Of its first readable message.
+    n_samples : int
+        Of its pulses, of that message.
+    compressed : bool
+        Whether these are range profiles.
+    uniform : bool
+        Whether all messages are of the same radar, channels and samples.
     n_messages : int
         Messages on `/pulses`.
     n_unreadable : int
@@ -63,20 +70,42 @@ class Recording:
         Pulse times, nanoseconds.
     message : (P,) int64
         Index of the message of each pulse.
-    phase_centre_m : (P, 3) float64 or None
-        Mean phase centres, metres, of the pulses or by the poses recorded with them; None when
-        the recording has neither.
+    message_ns : (M,) int64
+        Times at which the messages were recorded, nanoseconds.
+    tx_m, rx_m : tuple of (p, C, 3) float64, or None
+        Phase centres of the pulses of each readable message, metres, theirs or by the poses
+        recorded with them; None when the recording has neither.
+    by_poses : bool
+        Whether they come from poses.
     """
 
     path: Path
     truth: dict | None
     radar: RadarParameters
+    n_samples: int
+    compressed: bool
+    uniform: bool
     n_messages: int
     n_unreadable: int
     counter: np.ndarray
     stamp_ns: np.ndarray
     message: np.ndarray
-    phase_centre_m: np.ndarray | None
+    message_ns: np.ndarray
+    tx_m: tuple[np.ndarray, ...] | None
+    rx_m: tuple[np.ndarray, ...] | None
+    by_poses: bool = False
+
+    @functools.cached_property
+    def phase_centre_m(self) -> np.ndarray | None:
+        """(P, 3) float64 mean phase centres, metres; None where they are not known."""
+        if self.tx_m is None:
+            return None
+        return np.concatenate([mean_centres(*m) for m in zip(self.tx_m, self.rx_m, strict=True)])
+
+    @functools.cached_property
+    def centres_m(self) -> tuple[np.ndarray, np.ndarray]:
+        """(P, C, 3) float64 phase centres tx and rx of uniform recordings, metres."""
+        return np.concatenate(self.tx_m), np.concatenate(self.rx_m)
 
     @property
     def grid(self) -> MapGrid | None:
@@ -143,36 +172,40 @@ def read_recording(path: Path | str) -> Recording:
     truth = read_truth(path)
     poses = read_poses(path)
     track = None if poses is None else poses.track()
-    counter, stamp_ns, message, centre = [], [], [], []
-    radar, n_messages, problem = None, 0, None
-    for index, (_, cdr) in enumerate(raw_messages(path)):
-        n_messages += 1
+    counter, stamp_ns, message, message_ns, centres = [], [], [], [], []
+    first, uniform, problem = None, True, None
+    for index, (time_ns, cdr) in enumerate(raw_messages(path)):
+        message_ns.append(time_ns)
         try:
             block = deserialise(cdr)
         except Exception as error:  # damaged bytes fail in many ways; nodes have to live with them
             problem = error
             continue
-        radar = radar or block.radar
+        first = first or block.select(slice(0, 1))
+        uniform = uniform and block.matches(first)
         counter.append(block.counter.astype(np.int64))
         stamp_ns.append(block.stamp_ns)
         message.append(np.full(block.n_pulses, index))
         if block.has_positions:
-            centre.append(block.phase_centre_m)
+            centres.append((block.tx_m, block.rx_m))
         elif track is not None and truth is not None and 'alignment' in truth:
-            centre.append(_phase_centre(block, track, Alignment(**truth['alignment'])))
-    if radar is None:
-        raise BagError(f'{path}: none of {n_messages} messages holds a pulse block'
+            centres.append(_phase_centres(block, track, Alignment(**truth['alignment'])))
+    if first is None:
+        raise BagError(f'{path}: none of {len(message_ns)} messages holds a pulse block'
                        + (f'; the last one: {problem}' if problem else ''))
+    known = len(centres) == len(counter)
+    tx_m, rx_m = zip(*centres, strict=True) if known else (None, None)
     return Recording(
-        Path(path), truth, radar, n_messages, n_messages - len(counter),
-        np.concatenate(counter), np.concatenate(stamp_ns), np.concatenate(message),
-        np.concatenate(centre) if len(centre) == len(counter) else None)
+        Path(path), truth, first.radar, first.n_samples, first.compressed, uniform,
+        len(message_ns), len(message_ns) - len(counter), np.concatenate(counter),
+        np.concatenate(stamp_ns), np.concatenate(message), np.array(message_ns, np.int64), tx_m,
+        rx_m, by_poses=known and not first.has_positions)
 
 
-def _phase_centre(block: PulseBlock, track: PoseTrack, alignment: Alignment) -> np.ndarray:
-    """(P, 3) mean phase centres of pulses by the poses recorded with them."""
+def _phase_centres(block: PulseBlock, track: PoseTrack, alignment: Alignment
+                   ) -> tuple[np.ndarray, np.ndarray]:
+    """(P, C, 3) phase centres of pulses by the poses recorded with them."""
     poses = track.sample(block.stamp_ns + alignment.time_offset_ns, final=True)
     if (poses.status != PoseStatus.READY).any():
         raise BagError('the recording has pulses without poses around them')
-    tx_m, rx_m = alignment.phase_centres(poses.position_m, poses.attitude, block.n_channels)
-    return mean_centres(tx_m, rx_m)
+    return alignment.phase_centres(poses.position_m, poses.attitude, block.n_channels)
