@@ -5,5 +5,5 @@
 - `reimaging`: corrected trajectories for an image that is there already;
 - `mosaic`: a strip of map patches that follows the platform;
 - `aperture_sequence`, `aperture_pulses`: which pulses belong to which aperture;
-- `plan`: what is planned before the pulses come.
+- `subaperture_stage`: computes the plan of an aperture that was foreseen.
 """

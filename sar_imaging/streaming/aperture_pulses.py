@@ -7,6 +7,8 @@ import numpy as np
 from ..signal.pulses import PulseBlock
 from .aperture_sequence import Aperture
 
+_SAME_PLACE = 0.1  # of an aperture, within which a leg begins where another did
+
 
 class AperturePulses(Aperture):
     """An aperture that keeps its pulses, so that its sub-apertures can be imaged again.
@@ -58,3 +60,11 @@ class AperturePulses(Aperture):
         counter = (self.first + np.arange(len(self.seen)))[index].astype(np.uint32)
         return PulseBlock(self._radar, True, self.stamp_ns[index], counter, self.memory[index],
                           self.tx_m[index], self.rx_m[index])
+
+    def begins_like(self, other: AperturePulses, n_pulses: int) -> bool:
+        """Whether so many pulses lie, on average, where the first of another aperture do."""
+        first, before = (a.rx_m[:n_pulses, 0][a.seen[:n_pulses]] for a in (self, other))
+        track = other.rx_m[other.seen, 0]
+        return (len(first) > 0 < len(before)
+                and np.linalg.norm(first.mean(axis=0) - before.mean(axis=0))
+                < _SAME_PLACE * np.linalg.norm(track[-1] - track[0]))

@@ -11,18 +11,18 @@ import numpy as np
 from ..geometry.grids import MapGrid
 from ..geometry.track_frame import mean_centres, unit_vector
 from ..geometry.track_prediction import predict_track
+from ..planning.afbp.live import extension, plan_live
 from ..signal.pulses import PulseBlock
 from ..signal.pulses.sequence import COUNTER_MASK
 from .aperture_pulses import AperturePulses
 from .aperture_sequence import ApertureSequence, ApertureStatistics
 from .mosaic import patch_beside
-from .plan import LivePlan, extension
 from .subaperture_image import SubapertureImage
+from .subaperture_stage import SubapertureStage
 
 _LEAST_PULSES = 16  # from which a track is carried on, where nothing came before
 _SHARE_TO_PLAN_AHEAD = 0.75  # of an aperture that must be known
 _SAME_LEG = np.cos(np.deg2rad(15.0))
-_SAME_PLACE = 0.1  # of an aperture, within which a leg begins where another did
 _MOST_REVISIONS = 3  # after which the whole track is awaited
 
 
@@ -43,7 +43,7 @@ class _Target:
     n_apertures: int
     sequence: int
     apertures: list[AperturePulses] = dataclasses.field(default_factory=list)
-    plan: LivePlan | None = None
+    stage: SubapertureStage | None = None
     revision: int = 0
     waits: bool = False  # for the whole track
     refused: bool = False
@@ -139,18 +139,18 @@ class LiveSubapertures(ApertureSequence):
         if not share.any() or number * self._length > COUNTER_MASK or number == self._tried:
             return
         self._tried = number
-        if self._again and self._targets and self._targets[-1].plan is not None:
+        if self._again and self._targets and self._targets[-1].stage is not None:
             self._ahead = self._new_target(number)
-            self._ahead.plan = self._targets[-1].plan  # and so on, as far as can be told
+            self._ahead.stage = self._targets[-1].stage  # and so on, as far as can be told
             return
         try:
             # Another cut has to wait: the aperture being filled is cut like this to its end.
-            plan = self._plan_for(_Target(number, self._n_apertures, 0), self._cut, slack=1.0)
+            stage = self._stage_for(_Target(number, self._n_apertures, 0), self._cut, slack=1.0)
         except ValueError:
             return
         self.statistics.plans += 1
         self._ahead = self._new_target(number)
-        self._ahead.plan = plan
+        self._ahead.stage = stage
 
     def _configure(self, block: PulseBlock) -> PulseBlock:
         return block.select(slice(0, 0))
@@ -208,7 +208,7 @@ class LiveSubapertures(ApertureSequence):
                 results += self._image_again(target, slack=0.0)
             if target.refused and ends:
                 self.statistics.apertures_dropped += 1
-            if target.plan is not None and ends:
+            if target.stage is not None and ends:
                 self._former = target
         if aperture.next < len(aperture.seen):  # the last plan has cut it anew
             results += self._advance(aperture, closing=True) + self.catch_up()
@@ -250,12 +250,12 @@ class LiveSubapertures(ApertureSequence):
     def _image(self, target: _Target, aperture: AperturePulses, number: int
                ) -> list[SubapertureImage]:
         """Image one sub-aperture, or all so far where the plan does not suit it."""
-        if target.plan is None and not target.refused:
+        if target.stage is None and not target.refused:
             self._make_plan(target)
         if target.refused or target.waits:
             return []
         block = aperture.block(aperture.part(number, self._cut))
-        band = target.plan.check(block.tx_m, block.rx_m)
+        band = target.stage.plan.check(block.tx_m, block.rx_m)
         if band is None:
             images = self._fly_again(target)
             return self._image_again(target) if images is None else images
@@ -263,26 +263,20 @@ class LiveSubapertures(ApertureSequence):
 
     def _fly_again(self, target: _Target) -> list[SubapertureImage] | None:
         """Images with the plan of the aperture before; None where this is not its leg."""
-        former, foreseen = self._former, target.plan
-        if (target.revision or former is None or former.plan in (None, foreseen)
-                or former.plan.length != self._cut
-                or not all(map(self._begin_alike, target.apertures, former.apertures))):
+        former, foreseen = self._former, target.stage
+        if (target.revision or former is None or former.stage in (None, foreseen)
+                or former.stage.plan.length != self._cut
+                or not all(one.begins_like(other, self._cut) for one, other in zip(
+                    target.apertures, former.apertures, strict=False))):
             return None
-        target.plan, target.revision = former.plan, 1
+        target.stage, target.revision = former.stage, 1
         if (images := self._form_all(target)) is None:
-            target.plan, target.revision = foreseen, 0
+            target.stage, target.revision = foreseen, 0
             return None
         self._again = True
         self._report('plan', f'aperture {target.first} begins where aperture {former.first} began '
                      'and takes over its plan')
         return images
-
-    def _begin_alike(self, one: AperturePulses, other: AperturePulses) -> bool:
-        first, before = (a.rx_m[:self._cut, 0][a.seen[:self._cut]] for a in (one, other))
-        track = other.rx_m[other.seen, 0]
-        return (len(first) > 0 < len(before)
-                and np.linalg.norm(first.mean(axis=0) - before.mean(axis=0))
-                < _SAME_PLACE * np.linalg.norm(track[-1] - track[0]))
 
     def _image_again(self, target: _Target, slack: float | None = None) -> list[SubapertureImage]:
         """Plan an aperture anew and image what it has so far."""
@@ -312,7 +306,7 @@ class LiveSubapertures(ApertureSequence):
                    and part.stop <= aperture.next):
                 if aperture.seen[part].any():
                     block = aperture.block(part)
-                    band = target.plan.check(block.tx_m, block.rx_m)
+                    band = target.stage.plan.check(block.tx_m, block.rx_m)
                     if band is None:
                         return None
                     found.append((target, aperture, number, block, band))
@@ -325,9 +319,9 @@ class LiveSubapertures(ApertureSequence):
         # Apertures are equally long but for the last before the counter wraps around.
         counts = [self._count_parts(target.first + i) for i in range(target.n_apertures)]
         before = sum(counts[:aperture.number - target.first])
-        image, uneven_db = target.plan.image(block)
+        plan, (image, uneven_db) = target.stage.plan, target.stage.image(block)
         return SubapertureImage(
-            image, target.plan.fusion, band[0], target.plan.grid,
+            image, plan.subapertures.fusion_grid, band[0], plan.grid,
             block.radar.bandwidth_hz, self._session, target.sequence, target.revision,
             aperture.number, before + number, sum(counts), counts[0], aperture.first + part.start,
             block.n_pulses, part.stop - part.start - block.n_pulses,
@@ -344,34 +338,35 @@ class LiveSubapertures(ApertureSequence):
         begin = time.perf_counter()
         try:
             try:
-                target.plan = self._plan_for(target, self._cut, slack)
+                target.stage = self._stage_for(target, self._cut, slack)
             except ValueError:
                 if not self._cut or self._wanted_cut or self._n_apertures > 1:
                     raise
-                target.plan = self._plan_for(target, 0, slack)
+                target.stage = self._stage_for(target, 0, slack)
         except ValueError as error:
             if target.revision and slack:
                 self._wait(target)
                 return
-            target.refused, target.plan, self._cut = True, None, self._wanted_cut
+            target.refused, target.stage, self._cut = True, None, self._wanted_cut
             self._report('aperture', f'aperture {target.first} cannot be imaged by sub-apertures: '
                          f'{error}; use mode image')
             return
         finally:
             self.statistics.plans += 1
             self.statistics.plan_seconds = time.perf_counter() - begin
-        if target.plan.warnings and not self._warned:
+        plan = target.stage.plan
+        if plan.warnings and not self._warned:
             self._warned = True
-            self._report('plan', f'aperture {target.first}: {"; ".join(target.plan.warnings)}')
+            self._report('plan', f'aperture {target.first}: {"; ".join(plan.warnings)}')
         if target.revision:
             self._report('plan', f'aperture {target.first} planned anew, its track differs from '
-                         f'the one foreseen: {target.plan}')
-        if target.plan.length != self._cut:
-            self._cut = target.plan.length
+                         f'the one foreseen: {plan}')
+        if plan.length != self._cut:
+            self._cut = plan.length
             for aperture in target.apertures:
                 aperture.next = aperture.next // self._cut * self._cut
 
-    def _plan_for(self, target: _Target, cut: int, slack: float) -> LivePlan:
+    def _stage_for(self, target: _Target, cut: int, slack: float) -> SubapertureStage:
         apertures = {a.number: a for a in target.apertures}
         apertures |= {a.number: a for a in (self._previous, self._open)
                       if a is not None and a.number < target.first}
@@ -384,9 +379,10 @@ class LiveSubapertures(ApertureSequence):
             *(np.concatenate([getattr(a, name)[a.seen] for a in known])
               for name in ('tx_m', 'rx_m')),
             np.arange(first - before, first + n_pulses + after))
-        return LivePlan(self._map(tx_m, rx_m), self._plan.radar, self._plan.n_samples, tx_m, rx_m,
-                        target_db=self._target_db, length=cut or None, slack=slack,
-                        n_window=self._length if self._n_apertures > 1 else 0)
+        return SubapertureStage(plan_live(
+            self._map(tx_m, rx_m), self._plan.radar, self._plan.n_samples, tx_m, rx_m,
+            target_db=self._target_db, pulses_per_subaperture=cut or None, slack=slack,
+            n_window=self._length if self._n_apertures > 1 else 0))
 
     def _map(self, tx_m, rx_m) -> MapGrid:
         """Map of an aperture with these phase centres."""

@@ -10,6 +10,7 @@ import pytest
 
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning import memory
+from sar_imaging.planning.afbp.live import plan_live
 from sar_imaging.planning.afbp.plan import plan_afbp
 from sar_imaging.planning.baselines.ffbp_choice import plan_ffbp
 from sar_imaging.planning.baselines.wavenumber import plan_wavenumber
@@ -29,6 +30,12 @@ def _afbp(case, shift_m=0.0):
     block = case.block
     return plan_afbp(case.grid, block.radar, block.n_samples, block.tx_m + shift_m, block.rx_m,
                      target_db=-50.0)
+
+
+def _live(case, shift_m=0.0, **options):
+    block = case.block
+    return plan_live(case.grid, block.radar, block.n_samples, block.tx_m + shift_m, block.rx_m,
+                     **{'target_db': -50.0} | options)
 
 
 def _ffbp(case, shift_m=0.0):
@@ -53,7 +60,7 @@ def _points(case, shift_m=0.0):
     return _exact(case, ImagePoints.of_grid(case.grid), shift_m)
 
 
-@pytest.mark.parametrize('plan', [_exact, _points, _afbp, _ffbp, _wavenumber,
+@pytest.mark.parametrize('plan', [_exact, _points, _afbp, _live, _ffbp, _wavenumber,
                                   _zero_padding])
 def test_a_plan_travels_and_is_the_same_on_arrival(make_case, plan):
     case = make_case(1e3, pulses=128)
@@ -63,7 +70,7 @@ def test_a_plan_travels_and_is_the_same_on_arrival(make_case, plan):
     assert made != plan(case, shift_m=0.1) and made != 'a plan'
 
 
-@pytest.mark.parametrize('plan', [_exact, _points, _afbp, _ffbp])
+@pytest.mark.parametrize('plan', [_exact, _points, _afbp, _live, _ffbp])
 def test_errors_by_cause_make_the_predicted_one(make_case, plan):
     made = plan(make_case(1e3, pulses=128))
     total = 10 * np.log10(sum(10 ** (e / 10) for e in made.errors_db.values()))
@@ -84,3 +91,28 @@ def test_a_plan_knows_the_memory_of_its_image(make_case, monkeypatch, plan, meth
     with pytest.raises(MemoryError, match='an image'):
         plan_image(case.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
                    method=method, target_db=-50.0)
+
+
+def test_plans_of_tracks_that_are_foreseen_warn_and_refuse_as_all_do(make_case):
+    case = make_case(1e3, pulses=128)
+    few = dataclasses.replace(case, block=case.block.select(slice(None, None, 16)))
+    [ambiguous] = (text for text in _afbp(few).warnings if 'ambiguous' in text)
+    assert ambiguous.split(',')[0] in ' '.join(_live(few).warnings)  # how far apart pulses are
+    block = case.block
+    for wrong, expected in (({'target_db': -10.0}, 'target_db=-10'),
+                            ({'tx_m': block.tx_m[:, 0]}, r'\(pulses, channels, 3\)')):
+        for plan in (plan_afbp, plan_live):
+            with pytest.raises(ValueError, match=expected):
+                plan(case.grid, block.radar, block.n_samples, **{
+                    'tx_m': block.tx_m, 'rx_m': block.rx_m, 'target_db': -50.0} | wrong)
+
+
+def test_a_track_that_was_known_is_never_planned_anew(make_case):
+    """Of one that was foreseen what deviates is refused: its plan would have to be another."""
+    case = make_case(1e3, pulses=128)
+    block = case.block.select(slice(0, 16))
+    foreseen, known = (_live(case, pulses_per_subaperture=16, slack=slack) for slack in (1.0, 0.0))
+    assert foreseen.check(block.tx_m, block.rx_m)[1] <= -50.0
+    away = block.tx_m + [0.0, 30.0, 0.0], block.rx_m + [0.0, 30.0, 0.0]
+    assert foreseen.check(*away) is None
+    assert known.check(*away) is not None

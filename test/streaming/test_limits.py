@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry import MapGrid
+from sar_imaging.planning.afbp.live import extension
 from sar_imaging.streaming.aperture import ApertureImager
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.mosaic import StripMosaic
-from sar_imaging.streaming.plan import extension
 from sar_imaging.streaming.subapertures import LiveSubapertures
 
 LENGTH, CUT = 96, 24

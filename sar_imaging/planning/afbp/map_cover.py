@@ -61,6 +61,12 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     return cover, remaining_db(target_db, cover.resampling_db)
 
 
+def fusion_options(polar: PolarGrid, grid: MapGrid, cover: PolarCover) -> dict[str, object]:
+    """What `plan_subapertures` has to know of a map; `polar` as for `map_density`."""
+    return {'oversampling': cover.oversampling, 'ratio': cover.ratio,
+            'coverage': map_density(polar, grid, cover)}
+
+
 def map_density(polar: PolarGrid, grid: MapGrid, cover: PolarCover) -> PixelDensity:
     """How densely what is read for the pixels of a map fills the lines and ranges of its cover.
 

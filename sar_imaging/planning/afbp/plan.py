@@ -14,14 +14,17 @@ from ...signal.radar import RadarParameters
 from ..aliasing_error import EVERYTHING
 from ..costs import costs
 from ..plan import Plan
+from ..polar_cover import PolarCover
 from ..profiles.phase_history import PhaseHistory
 from ..profiles.profile_reach import reach_warnings, some_pixels
-from .map_cover import cover_for_fusion, map_density
+from .map_cover import cover_for_fusion, fusion_options
 from .operations import fusion_operations, image_operations
 from .subapertures import SubaperturePlan, plan_subapertures
 
 _SAMPLE_BYTES = 8  # complex64
 _LEAST_DB, _MOST_DB = -90.0, -20.0  # targets
+#: Causes of errors of the polar image, by which they are named.
+POLAR_CAUSES = 'sub-aperture images', 'fusion'
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -55,6 +58,36 @@ class AfbpPlan(Plan):
     def __str__(self) -> str:
         return str(self.subapertures)
 
+    @classmethod
+    def of(cls, grid: MapGrid | PolarGrid, tx_m: np.ndarray, rx_m: np.ndarray,
+           plan: SubaperturePlan, cover: PolarCover | None, **more) -> AfbpPlan:
+        """Plan of an image on a grid from that of its sub-apertures.
+
+        Parameters
+        ----------
+        grid : MapGrid or PolarGrid
+            Where the pixels are.
+        tx_m, rx_m : (P, C, 3) float64
+            Phase centres that it is for, metres.
+        plan : SubaperturePlan
+            Of the polar image that a map is made from, or of the image itself.
+        cover : PolarCover or None
+            How a map is made from it; None for a polar grid.
+        **more
+            Attributes of a subclass.
+        """
+        errors = dict(zip(POLAR_CAUSES, (plan.stage_error_db, plan.sampling.error_db),
+                          strict=True))
+        if cover is not None:
+            errors |= {'polar to map': cover.resampling_db, 'ends of profiles': cover.profile_db}
+        # phase histories repeat
+        beyond = reach_warnings(some_pixels(grid), tx_m, rx_m, plan.given,
+                                plan.n_samples) if plan.compressed else ()
+        warnings = (*plan.warnings, *beyond,
+                    *_sampling_warnings(plan.polar, plan.radar, tx_m, rx_m))
+        return cls(grid, tx_m.copy(), rx_m.copy(), plan, errors, _seconds(grid, plan),
+                   _n_bytes(grid, plan), warnings, **more)
+
 
 def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
               target_db: float, pulses_per_subaperture: int | None = None,
@@ -71,27 +104,23 @@ def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
         The geometry does not allow the target, with the reason; exact backprojection images any.
     """
     tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
-    _check(grid, target_db, tx_m, rx_m, compressed, weighting)
+    check_arguments(grid, target_db, tx_m, rx_m)
+    if compressed and weighting != 'none':
+        raise ValueError(f'weighting={weighting!r} is for phase histories (compressed=False); '
+                         'profiles are weighted by range compression')
     band = None if compressed else PhaseHistory(radar, n_samples, weighting)
     polar, cover, options = grid, None, {'coverage': EVERYTHING}
     if isinstance(grid, MapGrid):
         cover, target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples, target_db, band)
         polar = cover.polar
-        options = {'oversampling': cover.oversampling, 'ratio': cover.ratio,
-                   'coverage': map_density(polar, grid, cover)}
+        options = fusion_options(polar, grid, cover)
     plan = plan_subapertures(polar, radar, n_samples, tx_m, rx_m, target_db=target_db,
                              pulses_per_subaperture=pulses_per_subaperture, band=band, **options)
-    errors = {'sub-aperture images': plan.stage_error_db, 'fusion': plan.sampling.error_db}
-    if cover is not None:
-        errors |= {'polar to map': cover.resampling_db, 'ends of profiles': cover.profile_db}
-    # phase histories repeat
-    beyond = reach_warnings(some_pixels(grid), tx_m, rx_m, radar, n_samples) if compressed else ()
-    warnings = *plan.warnings, *beyond, *_sampling_warnings(polar, plan.radar, tx_m, rx_m)
-    return AfbpPlan(grid, tx_m.copy(), rx_m.copy(), plan, errors, _seconds(grid, plan),
-                    _n_bytes(grid, plan), warnings)
+    return AfbpPlan.of(grid, tx_m, rx_m, plan, cover)
 
 
-def _check(grid, target_db, tx_m, rx_m, compressed, weighting) -> None:
+def check_arguments(grid, target_db: float, tx_m: np.ndarray, rx_m: np.ndarray) -> None:
+    """Refuse what AFBP cannot image, with a ValueError."""
     if not isinstance(grid, MapGrid | PolarGrid):
         raise ValueError(f'grid is a {type(grid).__name__}; AFBP images a MapGrid or a PolarGrid; '
                          'use exact backprojection')
@@ -100,9 +129,6 @@ def _check(grid, target_db, tx_m, rx_m, compressed, weighting) -> None:
     if tx_m.shape != rx_m.shape or tx_m.ndim != 3 or tx_m.shape[-1] != 3 or not tx_m.size:
         raise ValueError(f'tx_m.shape={tx_m.shape}, rx_m.shape={rx_m.shape}; expected '
                          '(pulses, channels, 3) for both')
-    if compressed and weighting != 'none':
-        raise ValueError(f'weighting={weighting!r} is for phase histories (compressed=False); '
-                         'profiles are weighted by range compression')
 
 
 def _seconds(grid, plan: SubaperturePlan) -> float:

@@ -1,0 +1,182 @@
+"""Plan of an aperture by AFBP while its pulses arrive, from a track that is foreseen."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+from ...geometry.grids import MapGrid
+from ...geometry.polar import PolarGrid
+from ...signal.radar import RadarParameters
+from ..error_budget import LIVE_SHARES, total_db
+from ..interpolators import Interpolator
+from ..local_spectrum import LocalSpectrum, local_spectrum
+from ..polar_to_map import DEAPODISED_TAPS, margin
+from .map_cover import cover_for_fusion, fusion_options
+from .plan import POLAR_CAUSES, AfbpPlan, check_arguments
+from .subapertures import plan_subapertures
+
+_ROWS_FOR_COVER = 256
+_WINDOWS, _WAVENUMBERS = 9, 5  # at which errors of a sliding aperture are looked up
+_FUSION_MARGIN_DB = 3.0  # for tracks that are less smooth than foreseen
+_EXTENSION = 0.05  # of the aperture at both ends, for what is foreseen too short
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class LivePlan(AfbpPlan):
+    """How the sub-apertures of an aperture are imaged while their pulses arrive.
+
+    Attributes
+    ----------
+    length : int
+        Pulses of a sub-aperture.
+    limit_db : float
+        Largest error of a sub-aperture on the polar grid that keeps the target, dB; infinite
+        where the track was known.
+    """
+
+    length: int
+    limit_db: float
+
+    def __str__(self) -> str:
+        fusion = self.subapertures.fusion_grid
+        return (f'sub-apertures of {self.length} pulses on {fusion.n_coarse} x '
+                f'{fusion.coarse.n_range} pixels, fused to {fusion.polar.n_alpha} x '
+                f'{fusion.polar.n_range}')
+
+    def check(self, tx_m, rx_m) -> tuple[float, float] | None:
+        """Band of a sub-aperture and its error on the map, from its real phase centres.
+
+        Parameters
+        ----------
+        tx_m, rx_m : (P, C, 3) float64
+            Phase centres, metres.
+
+        Returns
+        -------
+        centre_m, predicted_error_db : float
+            Middle of the band, metres, and error against time-domain correlation, dB.
+
+        None where the track differs so much that the error may exceed the target; never where
+        the track had been known.
+        """
+        try:
+            centre_m, error_db, within = self.subapertures.check(tx_m, rx_m)
+        except ValueError:
+            return None
+        if error_db > self.limit_db or not (within or math.isinf(self.limit_db)):
+            return None
+        return centre_m, total_db(error_db, *(error for cause, error in self.errors_db.items()
+                                              if cause not in POLAR_CAUSES))
+
+
+def extension(n_pulses: int, length: int, slack: float) -> tuple[int, int]:
+    """Pulses by which to extend an aperture at its start and end, to whole sub-apertures.
+
+    Parameters
+    ----------
+    n_pulses : int
+        Of the aperture.
+    length : int
+        Of a sub-aperture.
+    slack : float
+        Times the usual extension.
+    """
+    least = math.ceil(slack * _EXTENSION * n_pulses)
+    extra = math.ceil((n_pulses + 2 * least) / length) * length - n_pulses
+    return extra // 2, extra - extra // 2
+
+
+def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
+              target_db: float, pulses_per_subaperture: int | None = None, slack: float = 1.0,
+              n_window: int = 0) -> LivePlan:
+    """Plan the sub-apertures of an aperture before its pulses came; arguments as of `plan_afbp`.
+
+    `tx_m` and `rx_m` are phase centres as foreseen, extended at both ends (`extension`).
+
+    Parameters
+    ----------
+    grid, radar, n_samples, tx_m, rx_m, target_db, pulses_per_subaperture :
+        As for `plan_afbp`; blocks hold range profiles.
+    slack : float
+        Times the usual margin for deviations from the track; 0 for a track that is known.
+    n_window : int
+        Pulses of an image, where that is of any part of the track; 0 for the whole of it.
+
+    Raises
+    ------
+    ValueError
+        The geometry does not allow the target.
+    """
+    check_arguments(grid, target_db, tx_m, rx_m)
+    cover, polar_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples, target_db,
+                                       shares=LIVE_SHARES)
+    margin_db = min(slack, 2.0) * _FUSION_MARGIN_DB
+
+    def planned(n_pulses):
+        polar = cover.polar if not n_pulses else _for_windows(
+            cover.polar, radar, tx_m, rx_m, n_pulses, cover.between.oversampling)
+        return plan_subapertures(polar, radar, n_samples, tx_m, rx_m,
+                                 target_db=polar_db - margin_db,
+                                 pulses_per_subaperture=pulses_per_subaperture,
+                                 **fusion_options(polar, grid, cover))
+
+    plan = planned(n_window)
+    # Where another length was asked for, gaps of the foreseen track made these shorter.
+    length = pulses_per_subaperture or max(p.stop - p.start for p in plan.sampling.pulses)
+    if n_window % length:  # windows are whole sub-apertures
+        plan = planned(-(-n_window // length) * length)
+    if n_window:
+        cover = dataclasses.replace(cover, between_db=_windows_db(
+            plan.polar, radar, tx_m, rx_m, n_window, cover.between))
+    return LivePlan.of(grid, tx_m, rx_m, plan, cover, length=length,
+                       limit_db=polar_db if slack else math.inf)
+
+
+def _for_windows(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window: int,
+                 oversampling: float) -> PolarGrid:
+    """A polar grid with as many directions as images of windows of the track need.
+
+    At baseband along direction their band is that of the window, wherever that lies.
+    """
+    bands, width = _bands_of_some(polar, radar, tx_m, rx_m, n_window)
+    slope = bands.slope.reshape(-1, rx_m.shape[1] * bands.slope.shape[1])
+    # Every window: where a track turns back, their bands differ much.
+    low = minimum_filter1d(slope.min(axis=1), width, mode='nearest')
+    high = maximum_filter1d(slope.max(axis=1), width, mode='nearest')
+    # the carrier's phase is taken away, what the rest of the band has of it remains
+    rest = 0.5 * np.ptp(bands.wavenumber) * np.abs(low + high) / 2
+    half = float((bands.wavenumber[1] * 0.5 * (high - low) + rest).max())
+    spacing = max(math.pi / (half * oversampling), polar.alpha_spacing)
+    beyond = margin(DEAPODISED_TAPS)
+    first = polar.alpha_start + beyond * polar.alpha_spacing
+    extent = (polar.n_alpha - 2 * beyond) * polar.alpha_spacing
+    return dataclasses.replace(
+        polar, alpha_start=first - beyond * spacing, alpha_spacing=spacing,
+        n_alpha=math.ceil(extent / spacing) + 2 * beyond)
+
+
+def _windows_db(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window: int,
+                between: Interpolator) -> float:
+    """Error of the interpolation between lines in the worst of some windows, dB."""
+    bands, width = _bands_of_some(polar, radar, tx_m, rx_m, n_window)
+    n_channels, worst = rx_m.shape[1], 0.0
+    k = np.linspace(*bands.wavenumber, _WAVENUMBERS)[:, None, None]
+    for first in np.unique(np.linspace(0, len(bands.slope) // n_channels - width,
+                                       _WINDOWS).astype(int)):
+        rows = slice(first * n_channels, (first + width) * n_channels)
+        slope, weight = bands.slope[rows], bands.weight[rows]
+        middle = 0.5 * (slope.min() + slope.max()) * radar.wavenumber_rad_per_m
+        error = between.error_at((k * slope - middle) * (polar.alpha_spacing / (2 * math.pi)))
+        worst = max(worst, float(error.mean(axis=(0, 2)) @ weight / weight.sum()))
+    return 10 * math.log10(worst + 1e-16)
+
+
+def _bands_of_some(polar, radar, tx_m, rx_m, n_window) -> tuple[LocalSpectrum, int]:
+    """Local frequencies of some pulses of a track, and how many of these a window has."""
+    step = max(1, len(tx_m) // _ROWS_FOR_COVER)
+    tx_m, rx_m = tx_m[::step], rx_m[::step]
+    return local_spectrum(polar, tx_m, rx_m, radar), min(n_window // step + 2, len(tx_m))

@@ -1,0 +1,53 @@
+"""Computes a live plan: images of single sub-apertures as their pulses arrive."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..backends import backend
+from ..planning.afbp.edge_brightness import EdgeBrightness
+from ..planning.afbp.live import LivePlan
+from ..signal.pulses import PulseBlock
+
+
+class SubapertureStage:
+    """Backprojects sub-apertures by the plan of their aperture.
+
+    Parameters
+    ----------
+    plan : LivePlan
+        Of the aperture.
+    """
+
+    def __init__(self, plan: LivePlan):
+        self.plan = plan
+        self._imager = backend().SubapertureImager(plan.subapertures)
+
+    def image(self, block: PulseBlock) -> tuple[np.ndarray, float]:
+        """Backproject a sub-aperture.
+
+        Parameters
+        ----------
+        block : PulseBlock
+            Its range profiles with phase centres.
+
+        Returns
+        -------
+        image : (n_alpha, n_range) complex64
+            On the coarse grid of the plan, at range baseband.
+        uneven_db : float
+            By how much its error exceeds the predicted one, because what lies right beyond the
+            edges is brighter than the image, dB.
+
+        Raises
+        ------
+        ValueError
+            The block does not match the plan.
+        """
+        parts = self._imager.image(0, block)
+        image = np.empty(parts.shape[1:], np.complex64)
+        image.real, image.imag = parts
+        plan = self.plan.subapertures
+        brightness = EdgeBrightness(plan.fusion_grid, plan.sampling.coverage)
+        brightness.add(parts)
+        return image, brightness.uneven_db
