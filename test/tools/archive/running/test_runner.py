@@ -2,6 +2,7 @@
 
 import json
 import os
+import random
 import signal
 
 import pytest
@@ -197,16 +198,26 @@ def test_ctrl_c_stops_and_the_next_run_goes_on(run, toys, tmp_path):
 
 
 def test_workers_killed_at_random_moments_change_no_bits(run, toys, tmp_path, client):
-    import random
+    kill_and_compare(run, toys, tmp_path, client, range(2))
+
+
+@pytest.mark.campaign
+def test_campaign_of_killed_workers(run, toys, tmp_path, client):
+    kill_and_compare(run, toys, tmp_path, client, range(100, 120))
+
+
+def kill_and_compare(run, toys, folder, client, seeds):
+    """Jobs whose workers are killed at random moments make the bits of one that was left alone."""
     pieces = toys.tree(12, rounds=500)
-    (tmp_path / 'quiet').mkdir()
-    run(pieces, tmp_path / 'quiet')
-    for seed in range(2):
-        kill_and_compare(run, toys, pieces, tmp_path / str(seed), client, random.Random(seed),
-                         toys.bits(tmp_path / 'quiet'))
+    (folder / 'quiet').mkdir()
+    run(pieces, folder / 'quiet')
+    expected = toys.bits(folder / 'quiet')
+    for seed in seeds:
+        run_and_kill(run, toys, pieces, folder / str(seed), client, random.Random(seed))
+        assert toys.bits(folder / str(seed)) == expected
 
 
-def kill_and_compare(run, toys, pieces, output, client, rng, expected):
+def run_and_kill(run, toys, pieces, output, client, rng):
     """Kill a worker after some of the pieces, which are chosen by chance."""
     output.mkdir()
     moments = set(rng.sample(range(1, len(pieces)), 3))
@@ -220,4 +231,3 @@ def kill_and_compare(run, toys, pieces, output, client, rng, expected):
 
     summary = run(pieces, output, on_result=kill, retries=3)
     assert summary.exit_status == 0, summary.told(output)
-    assert toys.bits(output) == expected

@@ -1,0 +1,99 @@
+"""Jobs as processes: killed with all their workers, interrupted, with other numbers of workers."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPT = Path(__file__).parent / 'toy_job.py'
+LEAVES = 12
+
+
+@pytest.fixture(scope='module')
+def toys(toys_are_importable):
+    import archive_toys
+    return archive_toys
+
+
+def start(output, workers=2, rounds=500, *more):
+    """The job in a session of its own, which is what a terminal gives it."""
+    output.mkdir(exist_ok=True)
+    return subprocess.Popen(
+        [sys.executable, str(SCRIPT), str(output), str(LEAVES), str(workers), str(rounds), *more],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+
+def finish(process):
+    """Summary of a job that runs to its end, and what it says on its standard error."""
+    out, err = process.communicate()
+    return json.loads(out.splitlines()[-1]), err
+
+
+@pytest.fixture(scope='module')
+def one_worker(toys, tmp_path_factory):
+    """Bits of a job that nothing disturbed, with one worker."""
+    output = tmp_path_factory.mktemp('one')
+    summary, err = finish(start(output, 1))
+    assert summary['exit_status'] == 0 and err == ''
+    return toys.bits(output)
+
+
+@pytest.mark.parametrize('workers', [2, 4])
+def test_the_same_bits_with_more_workers(toys, tmp_path, one_worker, workers):
+    summary, _ = finish(start(tmp_path, workers))
+    assert summary['exit_status'] == 0 and len(one_worker) == summary['n_pieces']
+    assert toys.bits(tmp_path) == one_worker
+
+
+def finished(output):
+    """Keys of pieces with a record."""
+    return {json.loads(path.read_text())['key'] for path in output.glob('records/*/*.json')}
+
+
+def kill_and_go_on(toys, output, seed):
+    """Kill the job and its workers after some pieces, twice, then let it end."""
+    rng = random.Random(seed)
+    before = set()
+    for _ in range(2):
+        process = start(output)
+        for _ in range(rng.randrange(1, 1 + LEAVES // 2)):
+            process.stdout.readline()
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        assert before <= finished(output)
+        before, n_calls = finished(output), len(toys.calls(output))
+    summary, _ = finish(start(output))
+    assert summary['exit_status'] == 0 and summary['n_found'] == len(before)
+    assert not before & set(toys.calls(output)[n_calls:])  # computed twice
+
+
+@pytest.mark.parametrize('seed', range(2))
+def test_kill_9_of_everything_and_a_restart(toys, tmp_path, one_worker, seed):
+    kill_and_go_on(toys, tmp_path / 'job', seed)
+    assert toys.bits(tmp_path / 'job') == one_worker
+    assert not list((tmp_path / 'job').glob('records/*/.*'))  # parts
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize('seed', range(100, 120))
+def test_campaign_of_kill_9(toys, tmp_path, one_worker, seed):
+    kill_and_go_on(toys, tmp_path / 'job', seed)
+    assert toys.bits(tmp_path / 'job') == one_worker
+
+
+def test_ctrl_c_in_a_terminal_is_quiet_and_the_job_goes_on(toys, tmp_path, one_worker):
+    """A terminal sends it to the workers, too."""
+    process = start(tmp_path)
+    for _ in range(3):
+        process.stdout.readline()
+    os.killpg(process.pid, signal.SIGINT)
+    summary, err = finish(process)
+    assert process.returncode == summary['exit_status'] == 130
+    assert err == ''
+    assert finish(start(tmp_path))[0]['exit_status'] == 0
+    assert toys.bits(tmp_path) == one_worker
