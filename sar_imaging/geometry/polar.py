@@ -36,7 +36,8 @@ class PolarGrid:
     Raises
     ------
     ValueError
-        The nearest pixel would lie above the plane, or a size is not positive.
+        The nearest pixel would lie above the plane, a size or spacing is not positive, a number
+        is not finite, the track no unit vector, or the side another.
     """
 
     origin_m: tuple[float, float, float]
@@ -51,6 +52,17 @@ class PolarGrid:
     n_alpha: int
 
     def __post_init__(self):
+        numbers = (*self.origin_m, *self.track, self.z_m, self.range_start_m,
+                   self.range_spacing_m, self.alpha_start, self.alpha_spacing)
+        if not all(map(math.isfinite, numbers)):
+            raise ValueError(f'{self} holds numbers that are NaN or infinite')
+        if self.range_spacing_m <= 0 or self.alpha_spacing <= 0:
+            raise ValueError(f'range_spacing_m={self.range_spacing_m}, alpha_spacing='
+                             f'{self.alpha_spacing}; expected positive spacings: both axes ascend')
+        if abs(math.hypot(*self.track) - 1) > 1e-9:
+            raise ValueError(f'track={self.track} is no unit vector; divide it by its length')
+        if self.side not in (-1, 1):
+            raise ValueError(f'side={self.side}; expected +1 (left of the track) or -1 (right)')
         if self.n_range < 1 or self.n_alpha < 1:
             raise ValueError(f'n_range={self.n_range}, n_alpha={self.n_alpha}; expected at least '
                              'one each')

@@ -40,6 +40,8 @@ class PolarCover:
 
     Attributes
     ----------
+    grid : MapGrid
+        The map.
     polar : PolarGrid
         It reaches `margin` pixels beyond the map.
     ratio : (int, int)
@@ -60,6 +62,7 @@ class PolarCover:
         Error on the map because profiles, or the part of them that is used, end, dB.
     """
 
+    grid: MapGrid
     polar: PolarGrid
     ratio: tuple[int, int]
     lattice: RangeResampling
@@ -154,8 +157,8 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     polar = _cover(grid, frame, axis, lattice.spacing * ratio[0] / ratio[1], half_alpha, between)
     if polar is None:
         return None
-    return PolarCover(polar, ratio, lattice, window, range_m, axis, between, along, slope_alpha,
-                      weight, between_db, along_db, window.mean_end_error_db(
+    return PolarCover(grid, polar, ratio, lattice, window, range_m, axis, between, along,
+                      slope_alpha, weight, between_db, along_db, window.mean_end_error_db(
                           paths.length, oversampling=lattice.oversampling(radar)))
 
 

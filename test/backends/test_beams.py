@@ -47,7 +47,7 @@ def _stage(grid, block, pulses, target_db):
     lattice = plan_resampling(paths, plan.polar.range_spacing_m, plan.polar.n_range, radar,
                            window.n_samples + _PADDING, target_db)
     range_m = paths.length.min() - 3.0, paths.length.max() + 3.0
-    beams = plan_beams(plan.polar, radar, lattice, lattice.n_padded, [_rows(part)], target_db,
+    beams = plan_beams(plan.polar, radar, lattice, [_rows(part)], target_db,
                        range_m[1] - range_m[0], _PADDING * radar.sample_spacing_m)
     if beams is None:
         return None

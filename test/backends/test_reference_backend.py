@@ -18,7 +18,7 @@ from sar_imaging.backends.protocol import (
 from sar_imaging.geometry import PlaneGrid, PointGrid, VolumeGrid
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
 from sar_imaging.planning.afbp.beams import plan_beams
-from sar_imaging.planning.afbp.map_cover import cover_for_fusion, map_density
+from sar_imaging.planning.afbp.map_cover import cover_for_fusion
 from sar_imaging.planning.afbp.subapertures import plan_subapertures
 from sar_imaging.planning.error_budget import total_db
 from sar_imaging.planning.exact.azimuth_upsampling import AzimuthParts
@@ -116,16 +116,14 @@ def _afbp_plan(scene, target_db, way):
     centres = block.tx_m, block.rx_m
     cover, polar_db = cover_for_fusion(grid, *centres, block.radar, block.n_samples, target_db,
                                        band)
-    polar = cover.polar
-    plan = plan_subapertures(polar, block.radar, block.n_samples, *centres, target_db=polar_db,
-                             pulses_per_subaperture=16 if way == 'beams' else 48,
-                             oversampling=cover.oversampling, ratio=cover.ratio,
-                             coverage=map_density(polar, grid, cover), band=band)
+    plan = plan_subapertures(cover.polar, block.radar, block.n_samples, *centres,
+                             target_db=polar_db, cover=cover, band=band,
+                             pulses_per_subaperture=16 if way == 'beams' else 48)
     beams = None
     if way == 'beams':  # a way for larger images than these
         some = [tuple(a[p].reshape(-1, 3) for a in centres) for p in plan.sampling.pulses]
-        beams = plan_beams(plan.coarse, plan.radar, plan.lattice, plan.lattice.n_padded, some,
-                           target_db - 6.0, plan.range_m[1] - plan.range_m[0])
+        beams = plan_beams(plan.coarse, plan.radar, plan.lattice, some, target_db - 6.0,
+                           plan.range_m[1] - plan.range_m[0])
         assert beams is not None
     plan = dataclasses.replace(plan, beams=beams)
     return plan, total_db(plan.predicted_error_db, cover.resampling_db, cover.profile_db)

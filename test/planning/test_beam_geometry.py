@@ -8,8 +8,8 @@ from hypothesis import given, strategies as st
 
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.planning.afbp.beam_geometry import BeamGeometry, grid_edges
-from sar_imaging.planning.afbp.beams import BeamSampling, least_cost
-from sar_imaging.planning.costs import DEFAULT
+from sar_imaging.planning.afbp.beams import BeamSampling, least_operations
+from sar_imaging.planning.profiles.range_resampling import RangeResampling
 
 POLAR = PolarGrid((30.0, -20.0, 400.0), (0.6, 0.8), 1, 10.0, 900.0, 0.25, 512, -0.05, 1e-3, 100)
 
@@ -63,5 +63,7 @@ def test_spread_is_the_steepest_slope(rows):
 def test_no_beams_cost_less_than_the_least(group, paired, segment, span, spacing, n_rows, n_bins,
                                            n_cells, n_pixels):
     sampling = BeamSampling(1.0, spacing, group, 1.0 * paired, segment, None, None, -60.0)
-    assert (least_cost(DEFAULT, n_rows, n_bins, n_cells, n_pixels)
-            <= sampling.cost(n_rows, n_bins, n_cells, n_pixels, span))
+    lattice = RangeResampling(n_bins, n_cells, 1, 0, 0.1, 0.1, None, -60.0, 1.0)
+    least = least_operations(n_rows, lattice, n_pixels)
+    needed = sampling.operations(n_rows, lattice, n_pixels, span)
+    assert all(least[name] <= needed[name] for name in least)

@@ -15,7 +15,6 @@ from benchmarks.support.references import exact_image
 from sar_imaging.backends.cpu.subapertures import SubapertureImager
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.afbp.beams import BeamSampling
-from sar_imaging.planning.afbp.operations import fusion_operations, image_operations
 from sar_imaging.planning.afbp.plan import plan_afbp
 from sar_imaging.planning.cost_files import read_costs, write_costs
 from sar_imaging.planning.costs import DEFAULT, VARIABLE, CostModel, using
@@ -141,11 +140,11 @@ def test_operations_of_afbp_are_those_that_the_backend_does(make_case, monkeypat
         directions(self, *rest)) or formed[-1])
     some = block.select(stage.sampling.pulses[0])
     image = SubapertureImager(stage).image(0, some)
-    counts = image_operations(stage, some.n_pulses * some.n_channels)
+    counts = stage.image_operations(some.n_pulses * some.n_channels)
     assert counts['beam_pixel'] == image[0].size
     # From where the sub-aperture is the grid spans a little more or less.
     [(_, _, n_beams)] = formed
     assert counts['beam_cell'] / stage.lattice.n_cells == pytest.approx(n_beams, abs=3)
-    whole = image_operations(stage, 2 * block.n_pulses, stage.n_subapertures)
-    assert plan.seconds == pytest.approx(DEFAULT.seconds(whole | fusion_operations(stage) | {
+    whole = stage.image_operations(2 * block.n_pulses, stage.n_subapertures)
+    assert plan.seconds == pytest.approx(DEFAULT.seconds(whole | stage.fusion_operations | {
         'image': 1, 'map_pixel': case.grid.n_x * case.grid.n_y}))

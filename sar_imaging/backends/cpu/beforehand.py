@@ -72,7 +72,7 @@ def _subapertures() -> None:
     rows = centres.reshape(-1, 3), centres.reshape(-1, 3)
     paths = sample_paths(*rows, polar.lines(polar.range_m[[0, -1]], 0.0))
     lattice = plan_resampling(paths, 0.25, 32, radar, _N_SAMPLES, _TARGET_DB)
-    beams = plan_beams(polar, radar, lattice, lattice.n_padded, [rows], _TARGET_DB, 8.0)
+    beams = plan_beams(polar, radar, lattice, [rows], _TARGET_DB, 8.0)
     window, range_m = RangeGate.whole(radar, _N_SAMPLES), (_RANGE_M, _RANGE_M + 8.0)
     for lines in (BeamformedSubaperture(polar, window, lattice, beams, range_m),
                   PolarLines(polar, Profiles(window, lattice, range_m))):

@@ -132,6 +132,4 @@ def unevenness(slope: np.ndarray) -> float:
 
 def grid_edges(polar: PolarGrid) -> np.ndarray:
     """(S, 3) float64 positions along the near and the far edge of a grid, metres."""
-    alpha = np.linspace(polar.alpha[0], polar.alpha[-1], _SAMPLES_PER_SIDE)
-    r = np.repeat([polar.range_m[0], polar.range_m[-1]], len(alpha))
-    return polar.lines(r, np.tile(alpha, 2))[0]
+    return polar.lines(*polar.sampled(2, _SAMPLES_PER_SIDE))[0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
+import functools
 import math
 from collections.abc import Iterator
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
-from ..costs import CostModel, costs
+from ..costs import costs
 from ..error_budget import total_db
 from ..guard_taper import cosine_fall
 from ..interpolators import Interpolator, design_interpolator
@@ -86,7 +86,7 @@ class BeamSampling:
 
     def n_beams(self, span: float) -> int:
         """Beams over some extent in direction cosine, with those that interpolation needs."""
-        return _n_beams(span, self.spacing)
+        return int(_n_beams(span, self.spacing))
 
     def directions(self, beams: BeamGeometry, tx_m, rx_m) -> tuple[float, float, int]:
         """First direction cosine, spacing and number of the beams of a sub-aperture.
@@ -97,7 +97,7 @@ class BeamSampling:
         spread = beams.spread(tx_m, rx_m, OUTSIDE * spacing)
         if spread > self.spread_m:
             spacing *= self.spread_m / spread
-        return low - OUTSIDE * spacing, spacing, _n_beams(high - low, spacing)
+        return low - OUTSIDE * spacing, spacing, int(_n_beams(high - low, spacing))
 
     def range_gain(self, gain, number, n_cells: int) -> np.ndarray:
         """By what the bins of a profile's spectrum are multiplied on the way to cells.
@@ -126,33 +126,54 @@ class BeamSampling:
 
     def group_of(self, n_beams: int) -> int:
         """Beams of each group, in no more groups than needed: even, or one."""
-        return _group_of(n_beams, self.group)
+        return int(_groups(n_beams, self.group)[1])
 
-    def cost(self, n_rows: int, n_bins: int, n_cells: int, n_pixels: int, span: float) -> float:
-        """Nanoseconds of a sub-aperture image."""
-        model = costs()
-        return (_forming_cost(model, self.n_beams(span), self.group, self.paired, n_rows, n_bins,
-                              n_cells) + _interpolation_cost(model, self.segment, n_pixels))
+    def operations(self, n_rows: int, lattice: RangeResampling, n_pixels: int, span: float,
+                   n_images: int = 1) -> dict[str, float]:
+        """How often images do the operations of `CostModel` with beams.
 
-
-def _n_beams(span: float, spacing: float) -> int:
-    return math.ceil(span / spacing) + BEAM_TAPS + 2 * BEYOND
-
-
-def _group_of(n_beams: int, most: int) -> int:
-    size = math.ceil(n_beams / math.ceil(n_beams / most))
-    return size + size % 2 if most > 1 else 1
-
-
-def _forming_cost(model, n_beams, most, paired, n_rows, n_bins, n_cells) -> float:
-    group = _group_of(n_beams, most)
-    per_bin = math.ceil(n_beams / group) * (group * (0.5 if paired else 1.0) * model.beam_bin
-                                            + model.beam_group)
-    return per_bin * n_rows * n_bins + n_beams * n_cells * model.beam_cell
+        Parameters
+        ----------
+        n_rows : int
+            Of all images together.
+        lattice : RangeResampling
+            Of the profiles.
+        n_pixels : int
+            Of each image.
+        span : float
+            Of the image in direction cosine.
+        n_images : int
+            How many images.
+        """
+        return _operations(self.n_beams(span), self.group, self.paired, self.segment, n_rows,
+                           lattice, n_pixels, n_images)
 
 
-def _interpolation_cost(model, segment, n_pixels) -> float:
-    return n_pixels * (model.beam_pixel + model.beam_segment / segment)
+def least_operations(n_rows: int, lattice: RangeResampling, n_pixels: int) -> dict[str, float]:
+    """What `BeamSampling.operations` is not below, whatever the sampling."""
+    return _operations(BEAM_TAPS + 2 * BEYOND, max(_GROUPS), True, max(_SEGMENTS), n_rows, lattice,
+                       n_pixels)
+
+
+# The next three take numbers, or arrays that are broadcast together.
+
+def _n_beams(span, spacing):
+    return np.ceil(span / spacing) + BEAM_TAPS + 2 * BEYOND
+
+
+def _groups(n_beams, most):
+    """Number and size of the groups of beams."""
+    size = np.ceil(n_beams / np.ceil(n_beams / most))
+    size = np.where(np.greater(most, 1), size + size % 2, 1)
+    return np.ceil(n_beams / size), size
+
+
+def _operations(n_beams, most, paired, segment, n_rows, lattice, n_pixels, n_images=1):
+    (n_groups, size), n = _groups(n_beams, most), n_rows * lattice.n_padded
+    return {'beam_bin': n_groups * size * np.where(paired, 0.5, 1.0) * n,
+            'beam_group': n_groups * n,
+            'beam_cell': n_images * n_beams * lattice.n_cells, 'beam_pixel': n_images * n_pixels,
+            'beam_segment': n_images * n_pixels / segment}
 
 
 def _taper(frequency, edge: float) -> np.ndarray:
@@ -160,16 +181,8 @@ def _taper(frequency, edge: float) -> np.ndarray:
     return cosine_fall((np.abs(frequency) - edge) / (0.5 - edge))
 
 
-def least_cost(model: CostModel, n_rows: int, n_bins: int, n_cells: int, n_pixels: int) -> float:
-    """What `BeamSampling.cost` is not below, whatever the sampling."""
-    n_beams = BEAM_TAPS + 2 * BEYOND
-    return ((0.5 * n_beams * model.beam_bin + model.beam_group) * n_rows * n_bins
-            + n_beams * n_cells * model.beam_cell
-            + _interpolation_cost(model, max(_SEGMENTS), n_pixels))
-
-
-def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResampling, n_bins: int,
-               subapertures, target_db: float, reach_m: float,
+def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResampling, subapertures,
+               target_db: float, reach_m: float,
                padding_m: float = math.inf) -> BeamSampling | None:
     """Quickest sampling of beams that meets a target.
 
@@ -194,8 +207,6 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
         Of the profiles.
     lattice : RangeResampling
         Of the profiles; its cells are those of the beams.
-    n_bins : int
-        Bins of a profile's spectrum.
     subapertures : sequence of ((R, 3), (R, 3)) float64
         Phase centres of some sub-apertures of the length that is looked at, metres.
     target_db : float
@@ -211,11 +222,11 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
     BeamSampling or None
         None where no sampling meets the target.
     """
-    oversampling_range = radar.range_resolution_m / lattice.cell_m
-    if oversampling_range < _LEAST_OVERSAMPLING:
+    over_range = radar.range_resolution_m / lattice.cell_m
+    if over_range < _LEAST_OVERSAMPLING:
         return None
-    along = design_interpolator(oversampling_range, taps=CELL_TAPS, degree=DEGREE, deapodised=True)
-    k = radar.wavenumber_rad_per_m
+    along = design_interpolator(over_range, taps=CELL_TAPS, degree=DEGREE, deapodised=True)
+    k, wavelength_m = radar.wavenumber_rad_per_m, radar.wavelength_m
     views, geometry = [], 0.0
     for view in _views(polar, subapertures):
         if view is None:
@@ -224,64 +235,61 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
         if 20 * math.log10(geometry + 1e-12) > target_db:
             return None
         views.append(view)
-    slope, curvature = (np.stack([getattr(view, name) for view in views])
-                        for name in ('slope', 'curvature'))
-    uneven = max(_LEAST_UNEVEN * radar.wavelength_m, *(view.uneven_m for view in views))
-    highest = k + radar.half_band_rad_per_m
-    spread = max(view.beams.spread(*view.centres) for view in views)
     # Beams beside the grid count, too; there are fewer the wider the spread.
-    widest = max(spread, 1e-3 * radar.wavelength_m)
-    beyond = OUTSIDE * math.pi / (highest * widest * _OVERSAMPLING[0])
+    finest = math.pi / (radar.wavenumbers_rad_per_m[1] * _OVERSAMPLING[0])
+    spread = max(view.beams.spread(*view.centres) for view in views)
+    beyond = OUTSIDE * finest / max(spread, 1e-3 * wavelength_m)
     spread = max(view.beams.spread(*view.centres, beyond) for view in views)
     # The last segment reaches beyond the image.
     spare = lattice.n_cells - reach_m / lattice.cell_m - 2 * CELL_TAPS
-    segments = [segment for segment in _SEGMENTS if segment <= spare]
-    if 2 * spread > padding_m:
+    segments = np.array([segment for segment in _SEGMENTS if segment <= spare])
+    if 2 * spread > padding_m or not len(segments):
         return None
     # In steps: plans for nearly the same sub-apertures give the same images to the last bit.
-    steps = math.log(max(spread, 1e-3 * radar.wavelength_m), _SPREAD_STEP)
+    steps = math.log(max(spread, 1e-3 * wavelength_m), _SPREAD_STEP)
     widest = _SPREAD_STEP ** math.ceil(steps)
-    bin_rad_per_m = 2 * math.pi / (lattice.n_cells * lattice.cell_m)
+    spacings = finest / widest * (_OVERSAMPLING[0] / np.array(_OVERSAMPLING))
+    # The image has about as many lines as beams that lie as far apart as they may.
+    span = polar.n_alpha * polar.alpha_spacing
+    cost = costs().nanoseconds(_operations(
+        _n_beams(span, spacings)[:, None, None, None], np.array(_GROUPS)[:, None, None],
+        np.array([[True], [False]]), segments, len(subapertures[0][0]), lattice,
+        polar.n_range * span / spacings[0]))
+    slope, curvature = (k * np.stack([getattr(view, name) for view in views])
+                        for name in ('slope', 'curvature'))
+    uneven = max(_LEAST_UNEVEN * wavelength_m, *(view.uneven_m for view in views))
+    n_bins, bin_rad_per_m = lattice.n_padded, 2 * math.pi / (lattice.n_cells * lattice.cell_m)
     relative = [n * bin_rad_per_m / k
                 for n in (bins_per_run(n_bins, n_bins * bin_rad_per_m / k), STEP_BINS)]
-    n_rows, span = len(subapertures[0][0]), polar.n_alpha * polar.alpha_spacing
-    # The image has about as many lines as beams that lie as far apart as they may.
-    n_pixels = polar.n_range * span * highest * widest * _OVERSAMPLING[0] / math.pi
-    model = costs()
-    interpolation = {segment: _interpolation_cost(model, segment, n_pixels)
-                     for segment in segments}
-    best = None
-    for oversampling in _OVERSAMPLING:
-        spacing = math.pi / (highest * widest * oversampling)
-        between = beam_gain(oversampling, oversampling <= _MOST_DEAPODISED)
-        if between.interpolator.error_db > target_db:
-            continue
-        n_beams = _n_beams(span, spacing)
-        forming = {key: _forming_cost(model, n_beams, *key, n_rows, n_bins, lattice.n_cells)
-                   for key in itertools.product(_GROUPS, (True, False))}
-        cost_of = {(*key, segment): forming_cost + interpolation[segment]
-                   for key, forming_cost in forming.items() for segment in segments}
-        cheaper = [key for key, cost in cost_of.items() if best is None or cost < best[0]]
-        if not cheaper:
-            break
+
+    @functools.cache
+    def errors(i: int) -> np.ndarray:
+        """Mean squared errors with an oversampling, as the costs are arranged."""
+        between, spacing = _between(i), spacings[i]
         always, grouped, shared = shared_errors(
-            between, *(k * spacing * v for v in (slope, spacing * curvature, uneven)), relative,
-            _GROUPS)
-        expansion = {segment: np.max([view.expansion_errors(
-            segment * polar.range_spacing_m / 2, lattice.cell_m, polar.range_spacing_m, spacing,
-            oversampling_range, oversampling, k) for view in views], axis=0)
-            for segment in segments}
-        for key in sorted(cheaper, key=cost_of.get):
-            group, paired, segment = key
-            i = _GROUPS.index(group)
-            errors = geometry, *always, *grouped[i], paired * shared[i], *expansion[segment]
-            error = total_db(between.interpolator.error_db, along.error_db, _ARITHMETIC_DB,
-                             *(20 * math.log10(e + 1e-12) for e in errors))
-            if error <= target_db:
-                best = cost_of[key], BeamSampling(widest, spacing, group, paired * _SLACK * uneven,
-                                                segment, between, along, error)
-                break
-    return best and best[1]
+            between, spacing * slope, spacing * (spacing * curvature), spacing * (k * uneven),
+            relative, _GROUPS)
+        expansion = np.max([view.expansion_errors(
+            segments * polar.range_spacing_m / 2, lattice.cell_m, polar.range_spacing_m, spacing,
+            over_range, _OVERSAMPLING[i], k) for view in views], axis=0)
+        return (10 ** (between.interpolator.error_db / 10) + geometry ** 2 + always @ always
+                + (grouped ** 2).sum(axis=1)[:, None, None]
+                + np.array([[1.0], [0.0]]) * shared[:, None, None] ** 2
+                + (expansion ** 2).sum(axis=0))
+
+    for place in np.argsort(cost, axis=None, kind='stable'):
+        i, group, alone, segment = np.unravel_index(place, cost.shape)
+        error_db = total_db(10 * math.log10(errors(i)[group, alone, segment]), along.error_db,
+                            _ARITHMETIC_DB)
+        if error_db <= target_db:
+            return BeamSampling(widest, float(spacings[i]), _GROUPS[group],
+                                0.0 if alone else _SLACK * uneven, int(segments[segment]),
+                                _between(i), along, error_db)
+    return None
+
+
+def _between(i: int) -> BeamGain:
+    return beam_gain(_OVERSAMPLING[i], _OVERSAMPLING[i] <= _MOST_DEAPODISED)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -307,21 +315,22 @@ class _View:
         return float(rms_of_rows(error[None]))
 
     def expansion_errors(self, half_m, cell_m, pixel_m, spacing, over_range, over_beams, k):
-        """Rms errors of expanding places between cells, between beams, and phases."""
+        """(3, S) rms errors of expanding places between cells, between beams, and phases.
+
+        `half_m` are halves of S segments, metres.
+        """
         slope, d2, d4, s1, s2 = self.by_range
         d1 = max(abs(d - cell_m / pixel_m) for d in slope)
         drifts = ((d1 * half_m + d2 * half_m ** 2 / 2) / cell_m,
                   (s1 * half_m + s2 * half_m ** 2 / 2) / spacing)
-        return [*(t ** 3 / 6 * (math.pi / over) ** 3 / 7
-                  for t, over in zip(drifts, (over_range, over_beams), strict=True)),
-                k * d4 * half_m ** 4 / 24 / 3]
+        return np.stack([*(t ** 3 / 6 * (math.pi / over) ** 3 / 7
+                           for t, over in zip(drifts, (over_range, over_beams), strict=True)),
+                         k * d4 * half_m ** 4 / 24 / 3])
 
 
 def _views(polar: PolarGrid, subapertures) -> Iterator[_View | None]:
     """Of each sub-aperture; None where the plane is too steep below one."""
-    r, alpha = (v.ravel() for v in np.meshgrid(
-        *(np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (polar.range_m, polar.alpha))))
-    lines, edges = polar.lines(r, alpha), grid_edges(polar)
+    lines, edges = polar.lines(*polar.sampled(*2 * (_SAMPLES_PER_SIDE,))), grid_edges(polar)
     geometries = [BeamGeometry.of(polar, edges, *centres) for centres in subapertures]
     if None in geometries:
         yield None

@@ -15,7 +15,7 @@ from ..error_budget import LIVE_SHARES, total_db
 from ..interpolators import Interpolator
 from ..local_spectrum import LocalSpectrum, local_spectrum
 from ..polar_to_map import DEAPODISED_TAPS, margin
-from .map_cover import cover_for_fusion, fusion_options
+from .map_cover import cover_for_fusion
 from .plan import POLAR_CAUSES, AfbpPlan, check_arguments
 from .subapertures import plan_subapertures
 
@@ -120,9 +120,8 @@ def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m,
         polar = cover.polar if not n_pulses else _for_windows(
             cover.polar, radar, tx_m, rx_m, n_pulses, cover.between.oversampling)
         return plan_subapertures(polar, radar, n_samples, tx_m, rx_m,
-                                 target_db=polar_db - margin_db,
-                                 pulses_per_subaperture=pulses_per_subaperture,
-                                 **fusion_options(polar, grid, cover))
+                                 target_db=polar_db - margin_db, cover=cover,
+                                 pulses_per_subaperture=pulses_per_subaperture)
 
     plan = planned(n_window)
     # Where another length was asked for, gaps of the foreseen track made these shorter.

@@ -61,18 +61,13 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     return cover, remaining_db(target_db, cover.resampling_db)
 
 
-def fusion_options(polar: PolarGrid, grid: MapGrid, cover: PolarCover) -> dict[str, object]:
-    """What `plan_subapertures` has to know of a map; `polar` as for `map_density`."""
-    return {'oversampling': cover.oversampling, 'ratio': cover.ratio,
-            'coverage': map_density(polar, grid, cover)}
-
-
-def map_density(polar: PolarGrid, grid: MapGrid, cover: PolarCover) -> PixelDensity:
+def map_density(polar: PolarGrid, cover: PolarCover) -> PixelDensity:
     """How densely what is read for the pixels of a map fills the lines and ranges of its cover.
 
     `polar` is that of `cover` or, for images of parts of the track, one with fewer lines.
     """
-    x, y = (np.linspace(v[0], v[-1], _COVERAGE_SAMPLES) for v in (grid.x_m, grid.y_m))
+    x, y = (np.linspace(v[0], v[-1], _COVERAGE_SAMPLES)
+            for v in (cover.grid.x_m, cover.grid.y_m))
     r, alpha = polar.from_map(*(v.ravel() for v in np.meshgrid(x, y)))
     along_alpha, along_range = (
         _COVERAGE_BINS / len(r)

@@ -11,14 +11,12 @@ from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...geometry.track_frame import mean_centres
 from ...signal.radar import RadarParameters
-from ..aliasing_error import EVERYTHING
 from ..costs import costs
 from ..plan import Plan
 from ..polar_cover import PolarCover
 from ..profiles.phase_history import PhaseHistory
 from ..profiles.profile_reach import reach_warnings, some_pixels
-from .map_cover import cover_for_fusion, fusion_options
-from .operations import fusion_operations, image_operations
+from .map_cover import cover_for_fusion
 from .subapertures import SubaperturePlan, plan_subapertures
 
 _SAMPLE_BYTES = 8  # complex64
@@ -109,13 +107,12 @@ def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
         raise ValueError(f'weighting={weighting!r} is for phase histories (compressed=False); '
                          'profiles are weighted by range compression')
     band = None if compressed else PhaseHistory(radar, n_samples, weighting)
-    polar, cover, options = grid, None, {'coverage': EVERYTHING}
+    polar, cover = grid, None
     if isinstance(grid, MapGrid):
         cover, target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples, target_db, band)
         polar = cover.polar
-        options = fusion_options(polar, grid, cover)
-    plan = plan_subapertures(polar, radar, n_samples, tx_m, rx_m, target_db=target_db,
-                             pulses_per_subaperture=pulses_per_subaperture, band=band, **options)
+    plan = plan_subapertures(polar, radar, n_samples, tx_m, rx_m, target_db=target_db, cover=cover,
+                             pulses_per_subaperture=pulses_per_subaperture, band=band)
     return AfbpPlan.of(grid, tx_m, rx_m, plan, cover)
 
 
@@ -134,8 +131,8 @@ def check_arguments(grid, target_db: float, tx_m: np.ndarray, rx_m: np.ndarray) 
 def _seconds(grid, plan: SubaperturePlan) -> float:
     n_rows = plan.n_channels * sum(p.stop - p.start for p in plan.sampling.pulses)
     counts = {'image': 1, 'map_pixel': grid.n_x * grid.n_y if isinstance(grid, MapGrid) else 0}
-    counts |= image_operations(plan, n_rows, plan.n_subapertures)
-    return costs().seconds(counts | fusion_operations(plan))
+    counts |= plan.image_operations(n_rows, plan.n_subapertures)
+    return costs().seconds(counts | plan.fusion_operations)
 
 
 def _n_bytes(grid, plan: SubaperturePlan) -> int:

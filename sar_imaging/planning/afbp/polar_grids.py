@@ -18,13 +18,10 @@ _MAX_PIXELS = 2 ** 31  # of each grid; far beyond any memory, and safe to multip
 
 
 @dataclasses.dataclass(frozen=True)
-class UnifiedPolarGrids:
-    """Polar grids that the sub-apertures of an aperture share, coarse and fused.
+class FusionSizes:
+    """Sizes of the polar grids that sub-apertures share, coarse and fused.
 
-    Together with the middle of each sub-aperture's band it is all that `SpectrumFusion` needs:
-    the plan of the backprojection stays with the first stage.
-
-    Parameters
+    Attributes
     ----------
     n_coarse, n_fine : int
         Directions of a sub-aperture image and of the fused one over the same extent, guards
@@ -36,6 +33,57 @@ class UnifiedPolarGrids:
     n_coarse_range, n_fine_range : int
         Ranges of a sub-aperture image, and of the fused one over the same extent, guards
         included: those of `polar` lie in the middle.
+    """
+
+    polar: PolarGrid
+    n_coarse: int
+    n_fine: int
+    n_guard: float
+    beta: float
+    n_coarse_range: int
+    n_fine_range: int
+
+    @property
+    def extent(self) -> float:
+        """Extent of both grids in direction cosine, guards included."""
+        return self.n_fine * self.polar.alpha_spacing
+
+    @property
+    def fine_guard(self) -> int:
+        """Fine directions of the guard before the first one of `polar`."""
+        return math.ceil(self.n_guard * self.n_fine / self.n_coarse)
+
+    @property
+    def range_extent_m(self) -> float:
+        """Extent of both grids in range, guards included, metres."""
+        return self.n_fine_range * self.polar.range_spacing_m
+
+    @property
+    def fine_range_guard(self) -> int:
+        """Fine ranges of the guard before the first one of `polar`."""
+        return (self.n_fine_range - self.polar.n_range) // 2
+
+    @property
+    def range_guard(self) -> int:
+        """Whole coarse ranges of each guard."""
+        return self.fine_range_guard * self.n_coarse_range // self.n_fine_range
+
+    def operations(self, n_subapertures: int) -> dict[str, float]:
+        """How often fusing so many sub-aperture images does the operations of `CostModel`."""
+        return {'subaperture': n_subapertures,
+                'coarse_pixel': n_subapertures * self.n_coarse * self.n_coarse_range,
+                'fine_pixel': self.n_fine * self.n_fine_range}
+
+
+@dataclasses.dataclass(frozen=True)
+class UnifiedPolarGrids(FusionSizes):
+    """Polar grids that the sub-apertures of an aperture share, coarse and fused.
+
+    Together with the middle of each sub-aperture's band it is all that `SpectrumFusion` needs:
+    the plan of the backprojection stays with the first stage.
+
+    Parameters
+    ----------
     half_range : float
         Largest frequency of the images along range, relative to the carrier's, rad/m.
     carrier_hz : float
@@ -52,13 +100,6 @@ class UnifiedPolarGrids:
         A number is impossible, or the guards leave the plane.
     """
 
-    polar: PolarGrid
-    n_coarse: int
-    n_fine: int
-    n_guard: float
-    beta: float
-    n_coarse_range: int
-    n_fine_range: int
     half_range: float
     carrier_hz: float
     range_oversampling: float = 1.0
@@ -66,7 +107,6 @@ class UnifiedPolarGrids:
     propagation_speed_m_per_s: float = SPEED_OF_LIGHT
 
     def __post_init__(self):
-        _check_polar(self.polar)
         for name in ('n_guard', 'half_range', 'carrier_hz', 'propagation_speed_m_per_s'):
             value = getattr(self, name)
             if not 0 < value < math.inf:
@@ -124,31 +164,6 @@ class UnifiedPolarGrids:
         return design_interpolator(self.alpha_oversampling, taps=DEAPODISED_TAPS, degree=DEGREE,
                                    deapodised=True)
 
-    @property
-    def extent(self) -> float:
-        """Extent of both grids in direction cosine, guards included."""
-        return self.n_fine * self.polar.alpha_spacing
-
-    @property
-    def fine_guard(self) -> int:
-        """Fine directions of the guard before the first one of `polar`."""
-        return math.ceil(self.n_guard * self.n_fine / self.n_coarse)
-
-    @property
-    def range_extent_m(self) -> float:
-        """Extent of both grids in range, guards included, metres."""
-        return self.n_fine_range * self.polar.range_spacing_m
-
-    @property
-    def fine_range_guard(self) -> int:
-        """Fine ranges of the guard before the first one of `polar`."""
-        return (self.n_fine_range - self.polar.n_range) // 2
-
-    @property
-    def range_guard(self) -> int:
-        """Whole coarse ranges of each guard."""
-        return self.fine_range_guard * self.n_coarse_range // self.n_fine_range
-
     @functools.cached_property
     def range_wavenumbers(self) -> np.ndarray:
         """(K,) float64 two-way wavenumbers K_r of the images along range, rad/m, ascending.
@@ -197,17 +212,3 @@ class UnifiedPolarGrids:
         if self.between is None:
             raise ValueError('the fused image is not sampled finely enough to be interpolated to '
                              'a map; plan it for a MapGrid')
-
-
-def _check_polar(grid: PolarGrid) -> None:
-    numbers = (*grid.origin_m, *grid.track, grid.z_m, grid.range_start_m, grid.range_spacing_m,
-               grid.alpha_start, grid.alpha_spacing)
-    if not all(map(math.isfinite, numbers)):
-        raise ValueError(f'{grid} holds numbers that are NaN or infinite')
-    if grid.range_spacing_m <= 0 or grid.alpha_spacing <= 0:
-        raise ValueError(f'range_spacing_m={grid.range_spacing_m}, alpha_spacing='
-                         f'{grid.alpha_spacing}; expected positive spacings: both axes ascend')
-    if abs(math.hypot(*grid.track) - 1) > 1e-9:
-        raise ValueError(f'track={grid.track} is no unit vector; divide it by its length')
-    if grid.side not in (-1, 1):
-        raise ValueError(f'side={grid.side}; expected +1 (left of the track) or -1 (right)')

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import heapq
+import itertools
 import math
 from collections.abc import Iterator
 
@@ -28,6 +29,7 @@ from ..costs import costs
 from ..local_spectrum import SAMPLES_PER_SIDE, LocalSpectrum, ranges_before, usual_guard
 from ..profiles.transform_length import quick_length
 from .aperture_cut import cut_pulses, pieces_between_gaps
+from .polar_grids import FusionSizes
 from .row_length import row_length
 from .subaperture_cost import SubapertureCost
 
@@ -46,7 +48,7 @@ _CUTS_FOR_ERROR, _ROWS_FOR_ERROR, _WAVENUMBERS = 16, 24, 6
 
 @dataclasses.dataclass(frozen=True)
 class Sampling:
-    """Cut into sub-apertures and coarse sampling in direction.
+    """Cut into sub-apertures, and sizes of their grids.
 
     Attributes
     ----------
@@ -54,16 +56,8 @@ class Sampling:
         Pulses of each sub-aperture.
     centre : (U,) float64
         Middle of the slopes of each, metres (minus the position along the track, to first order).
-    n_coarse, n_fine : int
-        Lines of a sub-aperture image and of the fused one over the same extent.
-    extent : float
-        Of both in direction cosine, guards included.
-    n_guard : float
-        Coarse lines of each guard.
-    beta : float
-        Shape of the taper.
-    n_coarse_range, n_fine_range : int
-        Ranges of a sub-aperture image and of the fused one over the same extent, guards included.
+    sizes : FusionSizes
+        Of the grids of a sub-aperture image and of the fused one.
     coverage : PixelDensity
         What of the wanted grid must be right.
     error_db : float
@@ -74,16 +68,27 @@ class Sampling:
 
     pulses: tuple[slice, ...]
     centre: np.ndarray
-    n_coarse: int
-    n_fine: int
-    extent: float
-    n_guard: float
-    beta: float
-    n_coarse_range: int
-    n_fine_range: int
+    sizes: FusionSizes
     coverage: PixelDensity
-    error_db: float
-    cost: float
+    error_db: float = math.nan
+    cost: float = math.nan
+
+
+class _Cut:
+    """One cut into sub-apertures, with the sizes of all oversamplings and guards.
+
+    `half` is half the widest band along direction, rad; ratio and coverage as of
+    `choose_sampling`.
+    """
+
+    def __init__(self, polar: PolarGrid, ratio, pulses, centre, half: float, coverage):
+        self.pulses, furthest = pulses, float(np.abs(centre).max())
+        self.samplings = [
+            Sampling(pulses, centre, _sizes(polar, ratio, furthest, max(half, 1e-9), *choice),
+                     coverage) for choice in itertools.product(_OVERSAMPLING, _GUARDS)]
+        sizes, model = [s.sizes for s in self.samplings], costs()
+        self.n_pixels = np.array([s.n_coarse * s.n_coarse_range for s in sizes])
+        self.fusion_cost = np.array([model.nanoseconds(s.operations(len(pulses))) for s in sizes])
 
 
 def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
@@ -124,75 +129,70 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
     Sampling or None
         None where the target cannot be met.
     """
-    choices, model = [], costs()
     n_pulses, n_channels = tx_m.shape[:2]
     pieces = pieces_between_gaps(mean_centres(tx_m, rx_m))
     least, most = bands.slope.min(axis=1), bands.slope.max(axis=1)
+    cuts = []
     for length in lengths:
-        if length > n_pulses and length != lengths[0]:
+        if length > n_pulses and cuts:
             break
         pulses = tuple(cut_pulses(pieces, length))
         first = np.array([p.start for p in pulses]) * n_channels
         lo, hi = np.minimum.reduceat(least, first), np.maximum.reduceat(most, first)
-        centre, half = 0.5 * (lo + hi), bands.wavenumber[1] * 0.5 * float((hi - lo).max())
-        furthest = float(np.abs(centre).max())
-        choices += [((length, i, j), _sampling(polar, ratio, model, pulses, centre, furthest, half,
-                                               oversampling, n_guard, coverage))
-                    for i, oversampling in enumerate(_OVERSAMPLING)
-                    for j, n_guard in enumerate(_GUARDS)]
+        half = bands.wavenumber[1] * 0.5 * float((hi - lo).max())
+        cuts.append(_Cut(polar, ratio, pulses, 0.5 * (lo + hi), half, coverage))
 
     @functools.cache
-    def some_rows(length):
-        return _rows_for_error(samplings[length, 0, 0], bands, n_channels)
+    def some_rows(cut):
+        return _rows_for_error(cuts[cut].samplings[0], bands, n_channels)
 
     @functools.cache
-    def complete(key):
-        error = fusion_error(samplings[key], polar, bands, *some_rows(key[0]))
-        return dataclasses.replace(samplings[key], error_db=10 * math.log10(error + 1e-16))
+    def error_db(cut, i, j):
+        sampling = cuts[cut].samplings[i * n_j + j]
+        return 10 * math.log10(fusion_error(sampling, bands, *some_rows(cut)) + 1e-16)
 
-    samplings, fine, failed = dict(choices), set(), set()
     n_i, n_j = len(_OVERSAMPLING), len(_GUARDS)
-    for key, found in _by_cost(choices, first_stage):
-        if not _on_plane(polar, found):
+    fine, failed = np.zeros((2, len(cuts), n_i, n_j), bool)
+    for cost, cut, place in _by_cost(cuts, first_stage):
+        (i, j), found = divmod(place, n_j), cuts[cut].samplings[place]
+        if not _on_plane(found.sizes):
             continue
         # What fails with wider guards and finer sampling fails with less: most choices fall with
         # a few others far ahead.
         for ahead in _AHEAD:
-            length, i, j = key[0], min(key[1] + ahead, n_i - 1), min(key[2] + ahead, n_j - 1)
-            if key in failed:
+            if failed[cut, i, j]:
                 break
-            if ahead and (length, i, j) in fine:
+            a, b = min(i + ahead, n_i - 1), min(j + ahead, n_j - 1)
+            if ahead and fine[cut, a, b]:
                 continue
-            if complete((length, i, j)).error_db <= target_db:
-                fine |= {(length, a, b) for a in range(i, n_i) for b in range(j, n_j)}
+            if error_db(cut, a, b) <= target_db:
+                fine[cut, a:, b:] = True
             else:
-                failed |= {(length, a, b) for a in range(i + 1) for b in range(j + 1)}
-        if key not in failed:
-            return dataclasses.replace(complete(key), cost=found.cost)
+                failed[cut, :a + 1, :b + 1] = True
+        if not failed[cut, i, j]:
+            return dataclasses.replace(found, error_db=error_db(cut, i, j), cost=cost)
     return None
 
 
-def _by_cost(choices, first_stage: SubapertureCost
-             ) -> Iterator[tuple[tuple[int, int, int], Sampling]]:
-    """Choices from the quickest; whole costs are found for those alone that may be next."""
-    images = [(found.pulses, found.n_coarse * found.n_coarse_range) for _, found in choices]
-    queue = [(found.cost + first_stage.least_cost(*images[i]), i, False)
-             for i, (_, found) in enumerate(choices)]
+def _by_cost(cuts: list[_Cut], first_stage: SubapertureCost) -> Iterator[tuple[float, int, int]]:
+    """Costs, cuts and their choices from the quickest; beams are planned for few of the cuts."""
+    queue = [(cut.fusion_cost.min() + first_stage.least_cost(cut.pulses, cut.n_pixels.min()),
+              number, -1) for number, cut in enumerate(cuts)]
     heapq.heapify(queue)
     while queue:
-        cost, i, whole = heapq.heappop(queue)
-        key, found = choices[i]
-        if whole:
-            yield key, dataclasses.replace(found, cost=cost)
-        else:
-            heapq.heappush(queue, (found.cost + first_stage.cost(*images[i]), i, True))
+        cost, number, place = heapq.heappop(queue)
+        if place >= 0:
+            yield float(cost), number, place
+            continue
+        cut = cuts[number]
+        whole = cut.fusion_cost + first_stage.cost(cut.pulses, cut.n_pixels)
+        for found in zip(whole, [number] * len(whole), range(len(whole)), strict=True):
+            heapq.heappush(queue, found)
 
 
-def _sampling(polar, ratio, model, pulses, centre, furthest, half, oversampling, n_guard,
-              coverage):
-    """Grid sizes of one choice, and its cost without the first stage's."""
+def _sizes(polar, ratio, furthest, half, oversampling, n_guard) -> FusionSizes:
     wanted = polar.n_alpha * polar.alpha_spacing
-    spacing = min(math.pi / (max(half, 1e-9) * oversampling), wanted)
+    spacing = min(math.pi / (half * oversampling), wanted)
     least = wanted + (2 * n_guard + 1) * spacing
     n_coarse = scipy.fft.next_fast_len(math.ceil(least / spacing))
     # Fine lines are those of the wanted grid. Bands beyond their spectrum fold, as they should.
@@ -201,23 +201,22 @@ def _sampling(polar, ratio, model, pulses, centre, furthest, half, oversampling,
     spacing = extent / n_coarse
     # what rounding to fast lengths leaves over widens the guards
     guard = math.floor(32 * (n_coarse - wanted / spacing)) / 64
-    beta = taper_shape(guard, math.pi / (max(half, 1e-9) * spacing))
     least = max(_LEAST_RANGE_GUARD,
                 math.ceil(n_guard * spacing * furthest / polar.range_spacing_m))
     range_guard = max(least, min(usual_guard(polar.n_range),
                                  ranges_before(polar, (extent - wanted) / 2 + spacing)))
-    n_coarse_range, n_fine_range = (n * row_length(
-        math.ceil((polar.n_range + 2 * range_guard) / ratio[1]), ratio) for n in ratio)
-    cost = (len(pulses) * (model.coarse_pixel * n_coarse * n_coarse_range + model.subaperture)
-            + model.fine_pixel * n_fine * n_fine_range)
-    return Sampling(pulses, centre, n_coarse, n_fine, extent, guard, beta, n_coarse_range,
-                    n_fine_range, coverage, 0.0, cost)
+    n_range = row_length(math.ceil((polar.n_range + 2 * range_guard) / ratio[1]), ratio)
+    return FusionSizes(polar, n_coarse, n_fine, guard,
+                       taper_shape(guard, math.pi / (half * spacing)), ratio[0] * n_range,
+                       ratio[1] * n_range)
 
 
-def _on_plane(polar: PolarGrid, s: Sampling) -> bool:
+def _on_plane(sizes: FusionSizes) -> bool:
     """Whether the coarse grid, which rounding may move by a line, lies on the plane."""
-    beyond = (s.extent - polar.n_alpha * polar.alpha_spacing) / 2 + s.extent / s.n_coarse
-    return (s.n_fine_range - polar.n_range) // 2 < ranges_before(polar, beyond)
+    polar = sizes.polar
+    beyond = ((sizes.extent - polar.n_alpha * polar.alpha_spacing) / 2
+              + sizes.extent / sizes.n_coarse)
+    return sizes.fine_range_guard < ranges_before(polar, beyond)
 
 
 def _rows_for_error(s: Sampling, bands: LocalSpectrum, n_channels: int) -> tuple[np.ndarray, ...]:
@@ -244,16 +243,13 @@ def _rows_by_slope(slope, weight) -> tuple[np.ndarray, np.ndarray]:
     return order[(0.5 * (edges[1:] + edges[:-1])).astype(int)], np.diff(power)
 
 
-def fusion_error(s: Sampling, polar: PolarGrid, bands: LocalSpectrum, rows, weight,
-                 centre_m) -> float:
+def fusion_error(sampling: Sampling, bands: LocalSpectrum, rows, weight, centre_m) -> float:
     """Mean squared error of fusing some rows, relative to their power.
 
     Parameters
     ----------
-    s : Sampling
+    sampling : Sampling
         Coarse sampling and taper.
-    polar : PolarGrid
-        Where the fused image is wanted.
     bands : LocalSpectrum
         Local frequencies.
     rows : (R,) int array or slice
@@ -268,6 +264,7 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: LocalSpectrum, rows, weig
     float
         2 or more, as if nothing fitted, where a frequency lies beyond the coarse grid's.
     """
+    s, coverage = sampling.sizes, sampling.coverage
     guard = s.n_guard / (s.n_coarse - 2 * s.n_guard)
     slope = _to_guards(bands.slope[rows], guard)
     low, high = bands.wavenumber
@@ -277,29 +274,25 @@ def fusion_error(s: Sampling, polar: PolarGrid, bands: LocalSpectrum, rows, weig
     frequency = bins * slope - np.rint(bins * np.reshape(centre_m, (-1, 1)))
     weight = np.broadcast_to(np.reshape(weight, (-1, 1)), (len(slope), 1))
     error = aliasing_error(s.n_coarse, s.n_guard, s.beta, frequency, weight, bands.position,
-                       s.coverage.along_alpha)
-    error += correction_error(s.coverage, s.n_fine, s.n_guard * s.n_fine / s.n_coarse, s.beta)
+                           coverage.along_alpha)
+    error += correction_error(coverage, s.n_fine, s.n_guard * s.n_fine / s.n_coarse, s.beta)
     # Along range the same happens over a length that grows with the distance from the centre.
     away = np.broadcast_to(np.abs(np.ravel(centre_m)), len(slope))
-    furthest = max(float(np.abs(s.centre).max()), float(away.max()), 1e-9)
+    furthest = max(float(np.abs(sampling.centre).max()), float(away.max()), 1e-9)
     which = np.searchsorted(_NEARER, away / furthest)
     for number in np.unique(which):
         some = which == number
+        # ranges that move by a coarse line
         shift = (furthest * [*_NEARER, 1.0][number] * s.extent / s.n_coarse
-                 / polar.range_spacing_m)
-        error += (weight[some].sum() / weight.sum()) * _range_error(
-            s, polar, frequency[:, some], weight[some], shift)
-    return error * (1 + _CHANCE / math.sqrt(2 * len(s.pulses)))
-
-
-def _range_error(s: Sampling, polar: PolarGrid, frequency, weight, shift: float) -> float:
-    """Mean squared error near the ends of the ranges, of which `shift` move by a coarse line."""
-    n_guard = (s.n_fine_range - polar.n_range) // 2 / shift
-    if n_guard > _WIDE_GUARD * s.n_guard:
-        return 0.0
-    n = int(polar.n_range / shift + 2 * n_guard) + 2
-    return aliasing_error(n, n_guard, s.beta, frequency * (n / s.n_coarse), weight,
-                      density=s.coverage.along_range)
+                 / s.polar.range_spacing_m)
+        n_guard = s.fine_range_guard / shift
+        if n_guard > _WIDE_GUARD * s.n_guard:
+            continue
+        n = int(s.polar.n_range / shift + 2 * n_guard) + 2
+        error += (weight[some].sum() / weight.sum()) * aliasing_error(
+            n, n_guard, s.beta, frequency[:, some] * (n / s.n_coarse), weight[some],
+            density=coverage.along_range)
+    return error * (1 + _CHANCE / math.sqrt(2 * len(sampling.pulses)))
 
 
 def _to_guards(slope, share: float) -> np.ndarray:

@@ -19,10 +19,13 @@ from ...signal.radar import RadarParameters
 from ..aliasing_error import EVERYTHING, PixelDensity
 from ..error_budget import AFBP_SHARES, ErrorBudget, remaining_db, total_db
 from ..local_spectrum import TAPERS_NEEDED, LocalSpectrum, local_spectrum, used_share
+from ..polar_cover import PolarCover
 from ..profiles.phase_history import PhaseHistory
 from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import RangeResampling, half_paths, plan_resampling, sample_paths
+from .beam_gain import bins_per_run
 from .beams import BeamSampling
+from .map_cover import map_density
 from .polar_grids import UnifiedPolarGrids
 from .sampling import Sampling, choose_sampling, fusion_error
 from .subaperture_cost import SubapertureCost
@@ -149,13 +152,38 @@ class SubaperturePlan:
         return total_db(self.stage_error_db, self.sampling.error_db)
 
     def __str__(self) -> str:
-        s, lengths = self.sampling, [p.stop - p.start for p in self.sampling.pulses]
+        s, lengths = self.fusion_grid, [p.stop - p.start for p in self.sampling.pulses]
         way = 'directly' if self.beams is None else 'from beams'
         return (f'{self.n_subapertures} sub-apertures of {min(lengths)} to {max(lengths)} pulses, '
                 f'backprojected {way}, '
                 f'{s.n_coarse} coarse lines each ({2 * s.n_guard:g} of them guards) of '
                 f'{self.coarse.n_range} ranges, fused to {s.n_fine} lines; predicted error '
                 f'{self.predicted_error_db:.1f} dB')
+
+    def image_operations(self, n_rows: int, n_images: int = 1) -> dict[str, float]:
+        """How often forming sub-aperture images does the operations of `CostModel`.
+
+        `n_rows` are the rows of all images together.
+        """
+        coarse, lattice, beams = self.coarse, self.lattice, self.beams
+        n_pixels, n_bins = coarse.n_alpha * coarse.n_range, lattice.n_padded
+        if beams is None:
+            return lattice.operations(n_rows, n_pixels)
+        span = coarse.n_alpha * coarse.alpha_spacing
+        counts = beams.operations(n_rows, lattice, n_pixels, span, n_images)
+        relative_bandwidth = (n_bins * self.radar.wavelength_m
+                              / (2 * lattice.n_cells * lattice.cell_m))
+        half = min(n_bins, lattice.n_cells) / 2
+        n_runs = 2 * math.ceil(half / bins_per_run(n_bins, relative_bandwidth))
+        return {'profile_bin': n_rows * n_bins * (not self.source.periodic),
+                'beam_path': n_rows * beams.n_beams(span) * (1.0 if beams.paired else 1.5),
+                'beam_run': counts['beam_group'] / n_bins * n_runs,
+                **{name: float(n) for name, n in counts.items()}}
+
+    @property
+    def fusion_operations(self) -> dict[str, float]:
+        """How often fusing all sub-aperture images does the operations of `CostModel`."""
+        return self.fusion_grid.operations(self.n_subapertures)
 
     def check_block(self, number: int, block: PulseBlock) -> None:
         """Refuse what cannot be imaged by this plan.
@@ -198,15 +226,14 @@ class SubaperturePlan:
             max(self.lattice.segment, 1) * self.lattice.spacing)
         within = self.limits.contain(Limits.of(bands), slack)
         centre = 0.5 * float(bands.slope.min() + bands.slope.max())
-        error = fusion_error(self.sampling, self.polar, bands, slice(None), bands.weight, centre)
+        error = fusion_error(self.sampling, bands, slice(None), bands.weight, centre)
         error_db = total_db(self.stage_error_db, 10 * math.log10(error + 1e-16))
         return centre, error_db, within
 
 
 def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
                       target_db: float = -50.0, pulses_per_subaperture: int | None = None,
-                      oversampling: tuple[float, float] = (1.0, 1.0),
-                      ratio: tuple[int, int] = (1, 1), coverage: PixelDensity = EVERYTHING,
+                      cover: PolarCover | None = None,
                       band: PhaseHistory | None = None) -> SubaperturePlan:
     """Plan the sub-apertures of an aperture.
 
@@ -224,12 +251,8 @@ def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, 
         Wanted error of the fused image, dB.
     pulses_per_subaperture : int, optional
         Length of the sub-apertures; the quickest if left out.
-    oversampling : (float, float)
-        Of `polar` along range and direction, for `UnifiedPolarGrids`.
-    ratio : (int, int)
-        Ranges of a sub-aperture image to those of the fused one.
-    coverage : PixelDensity
-        What of `polar` must be right, see `map_density`.
+    cover : PolarCover, optional
+        Of the map that the fused image is read for; `polar` is its own, or has fewer lines.
     band : PhaseHistory, optional
         Takes phase histories as they came, in place of profiles.
 
@@ -240,8 +263,8 @@ def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, 
     """
     tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
     planner = _Planner(polar, radar if band is None else band.radar, int(n_samples), tx_m, rx_m,
-                       target_db, band)
-    return planner.plan(radar, pulses_per_subaperture, oversampling, ratio, coverage)
+                       target_db, EVERYTHING if cover is None else map_density(polar, cover), band)
+    return planner.plan(radar, pulses_per_subaperture, cover)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -252,33 +275,39 @@ class _Planner:
     tx_m: np.ndarray
     rx_m: np.ndarray
     target_db: float
+    coverage: PixelDensity
     band: PhaseHistory | None
 
-    def plan(self, given, length, oversampling, ratio, coverage) -> SubaperturePlan:
-        polar, tx_m, rx_m = self.polar, self.tx_m, self.rx_m
-        paths = sample_paths(*_rows_and_samples(polar, tx_m, rx_m, _SAMPLES_PER_SIDE,
-                                                _SAMPLES_PER_SIDE))
-        bands = local_spectrum(polar, tx_m, rx_m, self.radar)
-        sampling = self._sampling(bands, paths, length, ratio, coverage)
-        grid = UnifiedPolarGrids(polar, sampling.n_coarse, sampling.n_fine, sampling.n_guard,
-                          sampling.beta, sampling.n_coarse_range, sampling.n_fine_range,
-                          bands.half_range, self.radar.carrier_hz, *oversampling,
-                          self.radar.propagation_speed_m_per_s)
+    def plan(self, given, length, cover) -> SubaperturePlan:
+        polar, radar, tx_m, rx_m = self.polar, self.radar, self.tx_m, self.rx_m
+        ratio, oversampling = ((1, 1), ()) if cover is None else (cover.ratio, cover.oversampling)
+        # neighbouring rows in groups, since they are added together
+        step = max(1, tx_m[..., 0].size // _ROWS_FOR_PATHS)
+        paths = sample_paths(*(c.reshape(-1, 3)[::step] for c in (tx_m, rx_m)),
+                             polar.lines(*polar.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE)))
+        bands = local_spectrum(polar, tx_m, rx_m, radar)
+        sampling = self._sampling(bands, paths, length, ratio)
+        grid = UnifiedPolarGrids(
+            *vars(sampling.sizes).values(), bands.half_range, radar.carrier_hz,
+            *(oversampling or (1.0, 1.0)), radar.propagation_speed_m_per_s)
         range_m = _bounds(grid.coarse, tx_m, rx_m)
-        source = self.band or RangeGate.around(self.radar, self.n_samples, range_m)
-        lattice = self._lattice_for(sampling, grid.coarse, source, paths)
-        beams = self._cost(grid.coarse, lattice, range_m).choose_beams(
-            sampling.pulses, grid.coarse.n_alpha * grid.coarse.n_range)
-        guard_m = grid.fine_range_guard * polar.range_spacing_m
-        warnings = tuple(self._cut_warnings(paths.length, guard_m, coverage))
+        source = self.band or RangeGate.around(radar, self.n_samples, range_m)
+        # rows of one sub-aperture share phases, never those of two
+        first = {p.start * tx_m.shape[1] // step for p in sampling.pulses}
+        lattice = self._lattice(
+            dataclasses.replace(paths, parts=tuple(sorted(first))), grid.coarse.range_spacing_m,
+            source.n_samples + (0 if source.periodic else _PADDING),
+            remaining_db(self.target_db, sampling.error_db))
+        beams = self._cost(grid.coarse, lattice, range_m).choose_beams(sampling.pulses)
+        warnings = self._cut_warnings(paths.length, grid.fine_range_guard * polar.range_spacing_m)
         return SubaperturePlan(polar, given, source, self.n_samples, tx_m.shape[1], sampling, grid,
-                               lattice, beams, range_m, Limits.of(bands), warnings)
+                               lattice, beams, range_m, Limits.of(bands), tuple(warnings))
 
     @property
     def _lattice_db(self) -> float:
         return min(ErrorBudget(self.target_db, AFBP_SHARES)['sub-aperture images'], -50.0)
 
-    def _sampling(self, bands, paths, length, ratio, coverage) -> Sampling:
+    def _sampling(self, bands, paths, length, ratio) -> Sampling:
         polar = self.polar
         share = used_share(bands.half_range, polar.range_spacing_m, polar.n_range,
                            tapers=TAPERS_NEEDED)
@@ -286,7 +315,7 @@ class _Planner:
             ratio = 1, 1
         usual = dataclasses.replace(polar, n_range=polar.n_range * ratio[0] // ratio[1],
                                     range_spacing_m=polar.range_spacing_m * ratio[1] / ratio[0])
-        lattice = self._plan_lattice(paths, usual.range_spacing_m, self.n_samples)
+        lattice = self._lattice(paths, usual.range_spacing_m, self.n_samples)
         filled = bands.half_range * usual.range_spacing_m / math.pi
         if filled > _MOST_FILLED:
             raise ValueError(
@@ -297,7 +326,7 @@ class _Planner:
         sampling = choose_sampling(polar, bands, self.tx_m, self.rx_m, lengths,
                                    self._cost(usual, lattice, bands.range_m),
                                    remaining_db(self.target_db - _MARGIN_DB, self._lattice_db),
-                                   coverage, ratio)
+                                   self.coverage, ratio)
         if sampling is None:
             raise ValueError(
                 f'no sub-apertures of {", ".join(map(str, lengths))} pulses reach '
@@ -305,32 +334,23 @@ class _Planner:
                 'scene, or use exact backprojection')
         return sampling
 
-    def _lattice_for(self, sampling, coarse, source, paths) -> RangeResampling:
-        padding = 0 if source.periodic else _PADDING
-        # rows of one sub-aperture share phases, never those of two
-        per_path = self.tx_m[..., 0].size / len(paths.length)
-        first = {int(p.start * self.tx_m.shape[1] / per_path) for p in sampling.pulses}
-        paths = dataclasses.replace(paths, parts=tuple(sorted(first)))
-        return self._plan_lattice(paths, coarse.range_spacing_m, source.n_samples + padding,
-                                  remaining_db(self.target_db, sampling.error_db))
-
     def _cost(self, grid, lattice, range_m) -> SubapertureCost:
-        span = self.polar.n_alpha * self.polar.alpha_spacing
         padding_m = math.inf if self.band else _PADDING * self.radar.sample_spacing_m
-        return SubapertureCost(grid, span, self.radar, lattice, self.tx_m, self.rx_m,
-                               self._lattice_db, range_m, padding_m)
+        return SubapertureCost(grid, self.polar.n_alpha * self.polar.alpha_spacing, self.radar,
+                               lattice, self.tx_m, self.rx_m, self._lattice_db,
+                               range_m[1] - range_m[0], padding_m)
 
-    def _plan_lattice(self, paths, spacing, n_samples, *more_db) -> RangeResampling:
+    def _lattice(self, paths, spacing, n_samples, *more_db) -> RangeResampling:
         """Lattice with the usual error, or where there is none, with one of `more_db`."""
         for error_db in (self._lattice_db, *more_db):
             lattice = plan_resampling(paths, spacing, self.polar.n_range, self.radar, n_samples,
-                                   error_db, periodic=self.band is not None)
+                                      error_db, periodic=self.band is not None)
             if lattice is not None:
                 return lattice
         raise ValueError('the polar grid does not follow the range of this track (too near, or '
                          'around the antenna); use exact backprojection')
 
-    def _cut_warnings(self, length, guard_m: float, coverage: PixelDensity):
+    def _cut_warnings(self, length, guard_m: float):
         """Profiles that end within the guards, where the taper should find whole responses."""
         if self.band is None:
             start = self.radar.range_start_m
@@ -339,7 +359,7 @@ class _Planner:
             start, guard_m = self.band.range_start_m, 0.0
             stop = start + self.band.period_m
         before, after = (share * self.polar.n_range * self.polar.range_spacing_m
-                         for share in coverage.range_margins)
+                         for share in self.coverage.range_margins)
         short = max(start - length.min() - before, length.max() - after - stop) + guard_m
         if short > 0 and self.band is None:
             yield (f'the profiles end {short:.1f} m short of the guards, {guard_m:.1f} m wide, '
@@ -351,21 +371,11 @@ class _Planner:
                    'lies there appears in its place as well')
 
 
-def _rows_and_samples(polar: PolarGrid, tx_m, rx_m, n_range, n_alpha):
-    """Some rows, and ranges and directions of the grid, direction by direction."""
-    r, alpha = (v.ravel() for v in np.meshgrid(
-        np.linspace(polar.range_m[0], polar.range_m[-1], n_range),
-        np.linspace(polar.alpha[0], polar.alpha[-1], n_alpha)))
-    tx, rx = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
-    # neighbouring rows in groups, since they are added together
-    step = max(1, len(tx) // _ROWS_FOR_PATHS)
-    return tx[::step], rx[::step], polar.lines(r, alpha)
-
-
 def _bounds(polar: PolarGrid, tx_m, rx_m) -> tuple[float, float]:
     """Smallest and largest half path to a grid along whose lines they grow, metres."""
-    tx_m, rx_m, lines = _rows_and_samples(polar, tx_m, rx_m, 2, _SAMPLES_PER_EDGE)
-    length = half_paths(tx_m, rx_m, lines[0])[0]
+    step = max(1, tx_m[..., 0].size // _ROWS_FOR_PATHS)
+    length = half_paths(*(c.reshape(-1, 3)[::step] for c in (tx_m, rx_m)),
+                        polar.lines(*polar.sampled(2, _SAMPLES_PER_EDGE))[0])[0]
     near, far = length[:, ::2], length[:, 1::2]
     # what rows and directions between the samples may add
     slack = [sum(np.abs(np.diff(edge, axis=axis)).max(initial=0.0) for axis in (0, 1))

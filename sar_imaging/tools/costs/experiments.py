@@ -20,7 +20,6 @@ from sar_imaging.backends.cpu.subapertures import SubapertureImager
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.planning.afbp.beams import BeamSampling
 from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
-from sar_imaging.planning.afbp.operations import fusion_operations, image_operations
 from sar_imaging.planning.afbp.plan import AfbpPlan, plan_afbp
 from sar_imaging.planning.baselines.ffbp_choice import plan_ffbp
 from sar_imaging.planning.costs import DEFAULT, using
@@ -191,7 +190,7 @@ def _image(beams: BeamSampling, plan: AfbpPlan, some: PulseBlock) -> Experiment:
     stage = dataclasses.replace(plan.subapertures, beams=beams)
     image = SubapertureImager(stage)
     out = image.image(0, some)
-    counts = {**image_operations(stage, some.n_pulses * some.n_channels), IMAGE_OVERHEAD: 1}
+    counts = {**stage.image_operations(some.n_pulses * some.n_channels), IMAGE_OVERHEAD: 1}
     return Experiment('beams', counts, lambda: image.image(0, some, None, out))
 
 
@@ -199,7 +198,7 @@ def _fusion(plan: AfbpPlan) -> Experiment:
     stage = plan.subapertures
     grid, sampling = stage.fusion_grid, stage.sampling
     fusion, image = SpectrumFusion(grid), _noise(grid.n_coarse, grid.n_coarse_range)
-    counts = fusion_operations(stage)
+    counts = stage.fusion_operations
     counts[FUSION_OVERHEAD] = counts.pop('subaperture')
 
     def run():
