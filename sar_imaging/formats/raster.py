@@ -1,16 +1,23 @@
-"""Bands of numbers, such as coherence and height, to cloud-optimised GeoTIFF."""
+"""Bands of numbers, such as coherence and height, to cloud-optimised GeoTIFF.
+
+`write_raster` and `write_cog` take whole bands; `write_large_cog` takes a band larger than memory,
+window by window.
+"""
 
 from __future__ import annotations
 
 import os
 import pathlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from ..geometry.earth import Datum
 from .extras import require
 from .georeference import TOLERANCE_M, Georeference, georeference
+
+_CACHE_BYTES = 1 << 27  # of GDAL's blocks, for bands larger than memory
+_BLOCK = 512  # sides of the file's tiles, pixels
 
 
 def write_raster(path: os.PathLike | str, bands: Mapping[str, np.ndarray], grid, datum: Datum, *,
@@ -106,3 +113,59 @@ def write_cog(path: os.PathLike | str, bands: Sequence[np.ndarray], place: Geore
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def write_large_cog(path: os.PathLike | str, shape: tuple[int, int], dtype,
+                    windows: Iterable[tuple[tuple[slice, slice], np.ndarray]],
+                    place: Georeference, *, name: str = '', nodata: float | None = None,
+                    tags: Mapping[str, str] | None = None, overviews: str = 'AVERAGE') -> None:
+    """Write one band that comes window by window, in some 300 MB of memory whatever its size.
+
+    Beside the file stands one without compression meanwhile, so that twice its size and more is
+    needed on the disk.
+
+    Parameters
+    ----------
+    path : path
+        File to write, complete or absent; BigTIFF where it has to be.
+    shape : (int, int)
+        Rows and columns.
+    dtype : dtype
+        Of the values, which GDAL knows.
+    windows : iterable of ((slice, slice), array)
+        Rows and columns, and their values; pixels of no window hold `nodata`, or 0.
+    place, nodata, tags, overviews :
+        As in `write_cog`.
+    name : str
+        Of the band.
+
+    Raises
+    ------
+    MissingExtraError
+        rasterio is not installed.
+    """
+    rasterio = require('rasterio', 'writing GeoTIFF')
+    shutil = require('rasterio.shutil', 'writing GeoTIFF')
+    path = pathlib.Path(path)
+    plain, part = (path.with_name(f'{path.name}.{end}') for end in ('plain.part', 'part'))
+    dtype = np.dtype(dtype)
+    profile = dict(driver='GTiff', height=shape[0], width=shape[1], count=1, dtype=dtype,
+                   crs=place.crs.to_wkt(), nodata=nodata, tiled=True, blockxsize=_BLOCK,
+                   blockysize=_BLOCK, BIGTIFF='YES', SPARSE_OK='TRUE',
+                   transform=rasterio.transform.Affine(*place.corner_affine.ravel()))
+    predictor = {'f': '3', 'u': '2', 'i': '2'}.get(dtype.kind, 'NO')
+    try:
+        with rasterio.Env(GDAL_CACHEMAX=_CACHE_BYTES, GDAL_NUM_THREADS='1'):
+            with rasterio.open(plain, 'w', **profile) as file:
+                for (rows, columns), values in windows:
+                    file.write(np.asarray(values, dtype), 1, window=rasterio.windows.Window(
+                        columns.start, rows.start, values.shape[1], values.shape[0]))
+                file.set_band_description(1, name)
+                file.update_tags(**(tags or {}))
+            shutil.copy(plain, part, driver='COG', COMPRESS='DEFLATE', LEVEL='1',
+                        BIGTIFF='IF_SAFER', PREDICTOR=predictor, RESAMPLING=overviews,
+                        SPARSE_OK='TRUE')
+        part.replace(path)
+    finally:
+        for file in (plain, part):
+            file.unlink(missing_ok=True)
