@@ -14,7 +14,6 @@ import numpy as np
 
 from ..geometry.earth import FLATTENING, SEMI_MAJOR_M, Datum
 from ..geometry.grids import EvenGrid
-from ..geometry.point_grids import TerrainGrid
 from .extras import require
 
 LOCAL = 'local'
@@ -84,7 +83,7 @@ def georeference(grid, datum: Datum, crs=None) -> Georeference:
 
 def check_level(grid) -> None:
     """Raise ValueError unless a grid is a map, terrain or a level plane."""
-    if isinstance(grid, TerrainGrid):
+    if hasattr(grid, 'map_grid'):  # on heights
         return
     advice = 'form the image on a MapGrid, or write it as SICD'
     if not isinstance(grid, EvenGrid) or len(grid.shape) != 2:

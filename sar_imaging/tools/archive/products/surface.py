@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from sar_imaging.geometry.earth import Datum
@@ -21,9 +23,10 @@ def window_grid(window: Window, job: Job) -> MapGrid | TerrainGrid:
     Pixels keep their x and y. On the ellipsoid, they have the height of the job above the
     ellipsoid through the datum.
     """
-    grid = window.grid(job.spacing_m, job.height_m)
-    if job.surface != ELLIPSOID or job.datum is None:
-        return grid
+    surface = lattice_grid(window, job)
+    if isinstance(surface, MapGrid):
+        return surface
+    grid = surface.map_grid
     height = np.empty(grid.shape)
     for first in range(0, grid.n_y, _ROWS_AT_ONCE):
         rows = slice(first, first + _ROWS_AT_ONCE)
@@ -55,3 +58,46 @@ def surface_z(x_m, y_m, datum: Datum, height_m: float = 0.0) -> np.ndarray:
         _, _, height = datum.to_geographic(points)
         points[..., 2] += wanted - height
     return points[..., 2]
+
+
+@dataclasses.dataclass(frozen=True)
+class SurfaceGrid:
+    """Pixels at a height above the ellipsoid, computed when they are asked for.
+
+    Parameters
+    ----------
+    map_grid : MapGrid
+        Where the pixels are in x and y.
+    datum : Datum
+        Of the map's frame.
+    height_m : float
+        Above the ellipsoid through the frame's origin, metres.
+    """
+
+    map_grid: MapGrid
+    datum: Datum
+    height_m: float
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Image shape ``(n_y, n_x)``."""
+        return self.map_grid.shape
+
+    def positions(self, row, column) -> np.ndarray:
+        """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
+        out = self.map_grid.positions(row, column)
+        out[..., 2] = surface_z(out[..., 0], out[..., 1], self.datum, self.height_m)
+        return out
+
+    def points(self) -> np.ndarray:
+        """(n_y, n_x, 3) float64 positions of all pixels, metres."""
+        rows, columns = self.shape
+        return self.positions(np.arange(rows)[:, None], np.arange(columns))
+
+
+def lattice_grid(window: Window, job: Job) -> MapGrid | SurfaceGrid:
+    """The same pixels as `window_grid`, without memory for each."""
+    grid = window.grid(job.spacing_m, job.height_m)
+    if job.surface != ELLIPSOID or job.datum is None:
+        return grid
+    return SurfaceGrid(grid, job.datum, job.height_m)
