@@ -26,7 +26,7 @@ PROJECTION = 'https://stac-extensions.github.io/projection/v2.0.0/schema.json'
 _BANDS = {'P': (0.25, 0.5), 'L': (1, 2), 'S': (2, 4), 'C': (4, 8), 'X': (8, 12.5),
           'Ku': (12.5, 18), 'K': (18, 26.5), 'Ka': (26.5, 40)}
 _POLARISATIONS = ('HH', 'VV', 'HV', 'VH')
-_MEDIA = {'.tif': 'image/tiff; application=geotiff; profile=cloud-optimized',
+MEDIA = {'.tif': 'image/tiff; application=geotiff; profile=cloud-optimized',
           '.png': 'image/png', '.kml': 'application/vnd.google-earth.kml+xml',
           '.nitf': 'application/vnd.nitf', '.ntf': 'application/vnd.nitf',
           '.json': 'application/json', '.html': 'text/html'}
@@ -73,7 +73,7 @@ def write_stac_item(path: os.PathLike | str, image: Image, datum: Datum,
     if not assets:
         raise ValueError('assets is empty; expected at least one file of the image')
     times = [_date(acquisition.stamp_ns[i]) for i in (0, acquisition.n_pulses // 2, -1)]
-    geometry, bbox = _footprint(image_corners(image.grid, datum))
+    geometry, bbox = footprint(image_corners(image.grid, datum))
     item = pystac.Item(
         id=name or path.stem, geometry=geometry, bbox=bbox, datetime=times[1],
         start_datetime=times[0], end_datetime=times[2],
@@ -83,11 +83,11 @@ def write_stac_item(path: os.PathLike | str, image: Image, datum: Datum,
         if not file.is_file():
             raise FileNotFoundError(f'{file} of asset {key!r} does not exist; write it first')
         suffix = file.suffix.lower()
-        extra = _projection(file) if suffix == '.tif' else {}
+        extra = projection(file) if suffix == '.tif' else {}
         if extra and PROJECTION not in item.stac_extensions:
             item.stac_extensions.append(PROJECTION)
         item.add_asset(key, pystac.Asset(
-            os.path.relpath(file, path.parent), media_type=_MEDIA.get(suffix),
+            os.path.relpath(file, path.parent), media_type=MEDIA.get(suffix),
             roles=_ROLES.get(suffix, ['data']), extra_fields=extra))
     part = path.with_name(f'{path.name}.part')
     try:
@@ -120,15 +120,22 @@ def _properties(image: Image, acquisition: Acquisition) -> dict:
              'sar:pixel_spacing_azimuth': float(spacing[1]),
              'sar:looks_range': 1, 'sar:looks_azimuth': 1,
              'sar:observation_direction': _side(acquisition, middle)}
-    for band, (low, high) in _BANDS.items():
-        if low <= radar.carrier_hz / 1e9 < high:
-            found['sar:frequency_band'] = band
+    if band := band_name(radar.carrier_hz):
+        found['sar:frequency_band'] = band
     polarisation = acquisition.polarisation.replace(':', '')
     if polarisation in _POLARISATIONS:
         found['sar:polarizations'] = [polarisation]
     if acquisition.collector == UNKNOWN:
         del found['platform']
     return found
+
+
+def band_name(carrier_hz: float) -> str | None:
+    """Letter of a frequency band, as the sar extension names it; None outside them all."""
+    for band, (low, high) in _BANDS.items():
+        if low <= carrier_hz / 1e9 < high:
+            return band
+    return None
 
 
 def _side(acquisition: Acquisition, middle: np.ndarray) -> str:
@@ -139,7 +146,7 @@ def _side(acquisition: Acquisition, middle: np.ndarray) -> str:
     return 'left' if side_of(ahead, middle[:2] - track.mean(axis=0)) > 0 else 'right'
 
 
-def _projection(path: pathlib.Path) -> dict:
+def projection(path: pathlib.Path) -> dict:
     """Projection, transform and size of a GeoTIFF, in words of the projection extension."""
     rasterio = require('rasterio', 'reading GeoTIFF')
     with rasterio.open(path) as file:
@@ -152,7 +159,7 @@ def _projection(path: pathlib.Path) -> dict:
     return {'proj:code': None, 'proj:wkt2': pyproj.CRS(crs.to_wkt()).to_wkt(), **found}
 
 
-def _footprint(corners: np.ndarray) -> tuple[dict, list[float]]:
+def footprint(corners: np.ndarray) -> tuple[dict, list[float]]:
     """Geometry and bounding box of a counter-clockwise or clockwise quadrangle.
 
     One that crosses the date line is cut there, and its box has the larger longitude first
@@ -171,7 +178,7 @@ def _footprint(corners: np.ndarray) -> tuple[dict, list[float]]:
     if -180 <= box[0] and box[2] <= 180:
         return {'type': 'Polygon', 'coordinates': [_closed(ring)]}, box
     if np.ptp(wrapped) < 180:  # all of it beyond the line
-        return _footprint(np.column_stack([latitude, wrapped]))
+        return footprint(np.column_stack([latitude, wrapped]))
     beyond, short = _cut(ring, line, 1), _cut(ring, line, -1)
     beyond[:, 0] -= 360 if line > 0 else 0
     short[:, 0] += 360 if line < 0 else 0

@@ -3,9 +3,15 @@
 - `compute`: the work of each kind of piece;
 - `aperture_images`, `pulses`, `surface`: images of apertures, and their error at some pixels;
 - `looks`: strips and mosaics;
+- `coherence_tiles`: coherence of pairs of passes;
+- `rasters`, `sicd_images`: files for other programs;
+- `catalogue`, `report`: where everything came from, and a picture;
+- `provenance`: pixels of the mosaic against correlation from the recordings;
 - `storage`: arrays on disk.
 """
 
 from .compute import compute
+from .provenance import PixelCheck, check_mosaic
+from .report import write_archive_report
 
-__all__ = ['compute']
+__all__ = ['PixelCheck', 'check_mosaic', 'compute', 'write_archive_report']

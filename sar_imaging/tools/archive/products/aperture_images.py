@@ -32,7 +32,7 @@ from .storage import TiledArray, image_array, partial_array
 from .surface import window_grid
 
 PROCESS_BYTES = 4e8  # of Python, its libraries and compiled kernels
-_BLOCK_SHARE = 0.1  # of a worker's memory, for the samples of a block
+BLOCK_SHARE = 0.1  # of a worker's memory, for the samples of a block
 _FIGURES, _APERTURE = 'figures', 'aperture.json'
 _AT_ONCE = 1 << 22  # pixels whose energy is summed at a time
 
@@ -115,14 +115,14 @@ def form_image(piece: ImagePiece, job: Job, output: Path) -> PieceResult:
     start = time.perf_counter()
     pulses = AperturePulses(piece.scan, output, piece.pulses)
     checked = Checked.of(piece.window, job.checked_pixels, piece.scan.name)
-    with using(DEFAULT), _one_thread():
+    with using(DEFAULT), one_thread():
         image = _streamed(pulses, job, piece.window, checked)
     figures = checked.figures(image.samples) | _told(image.report)
     _store(piece, job, output, image.samples, checked, figures)
     return _result(piece, figures, time.perf_counter() - start)
 
 
-class _one_thread:
+class one_thread:
     """Numba on one thread, as before afterwards."""
 
     def __enter__(self):
@@ -141,7 +141,7 @@ def _streamed(pulses: AperturePulses, job: Job, window: Window, checked: Checked
     imager = _imager(pulses, job, grid, room)
     if imager.method == EXACT:
         image = imager.new_image()
-        for block in pulses.profiles(_BLOCK_SHARE * room):
+        for block in pulses.profiles(BLOCK_SHARE * room):
             imager.accumulate(block, image)
             checked.add(block, points)
         return image

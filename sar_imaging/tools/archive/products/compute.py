@@ -2,25 +2,44 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
 from ..jobs import (
+    CoherencePiece,
     ImagePiece,
     Job,
     MosaicPiece,
     Piece,
     PieceResult,
+    ProductPiece,
     StripPiece,
     SumPiece,
     load_job,
 )
 from .aperture_images import form_image, sum_images
+from .catalogue import write_catalogue
+from .coherence_tiles import coherence_tile
 from .looks import looks_tile
+from .rasters import write_rasters
+from .report import write_archive_report
+from .sicd_images import write_sicd_image
+
+
+def _product(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
+    if piece.product == 'image sicd':
+        return write_sicd_image(piece, job, output)
+    if piece.product != 'catalogue':
+        return write_rasters(piece, job, output)
+    files = write_archive_report(output, job)
+    told = write_catalogue(piece, job, output)
+    return dataclasses.replace(told, files=(*files, *told.files))
+
 
 _WORK: dict[type[Piece], Callable[[Piece, Job, Path], PieceResult]] = {
     ImagePiece: form_image, SumPiece: sum_images, StripPiece: looks_tile,
-    MosaicPiece: looks_tile}
+    MosaicPiece: looks_tile, CoherencePiece: coherence_tile, ProductPiece: _product}
 
 
 def compute(piece: Piece, output: Path) -> PieceResult:

@@ -93,8 +93,10 @@ class AperturePulses:
         """Blocks of these pulses, each pulse once, with phase centres of the map's frame."""
         blocks = self._cphd(n_bytes) if self.scan.kind == CPHD else self._recorded()
         for index, block in blocks:
-            yield dataclasses.replace(block, frame='', stamp_ns=self.stamp_ns[index],
-                                      tx_m=self.tx_m[index], rx_m=self.rx_m[index])
+            # the radar of the scan is without the range bias that poses correct
+            yield dataclasses.replace(block, radar=self.scan.radar, frame='',
+                                      stamp_ns=self.stamp_ns[index], tx_m=self.tx_m[index],
+                                      rx_m=self.rx_m[index])
 
     def _cphd(self, n_bytes: float) -> Iterator[tuple[np.ndarray, PulseBlock]]:
         """Blocks and the numbers of their pulses among these, which a file has in order."""
@@ -113,8 +115,7 @@ class AperturePulses:
                 block = deserialise(cdr)
             except Exception:  # damaged bytes fail in many ways; the scan has counted them
                 continue
-            if (block.radar, *block.samples.shape[1:]) != (scan.radar, scan.n_channels,
-                                                           scan.n_samples):
+            if block.samples.shape[1:] != (scan.n_channels, scan.n_samples):
                 continue
             counter = block.counter.astype(np.int64)
             index = np.minimum(np.searchsorted(self.counter, counter), self.n_pulses - 1)

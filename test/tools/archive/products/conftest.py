@@ -24,6 +24,7 @@ from sar_imaging.tools.archive.jobs import (
     Window,
     union,
     write_job,
+    write_scans,
 )
 from sar_imaging.tools.archive.products import compute
 from sar_imaging.tools.recordings.bag_io import make_truth, read_blocks, write_bag
@@ -144,6 +145,8 @@ def make_archive(folder, flights, *, datum=DATUM, **job):
                      stamp_ns=block.stamp_ns, tx_m=block.tx_m, rx_m=block.rx_m)
             scans.append(scan)
             blocks[scan.name] = block
+    for name in flights:
+        write_scans(output, name, [scan for scan in scans if scan.recording == name])
     options = dict(datum=datum, tile=TILE, target_db=-50.0, checked_pixels=20) | job
     return Archive(Job(tuple(str(folder / name) for name in flights), output, SPACING_M,
                        **options), tuple(scans), blocks)

@@ -1,0 +1,234 @@
+"""STAC catalogue of a job: where everything came from, and how good it is.
+
+``catalog.json`` is a collection. Each aperture image, strip, mosaic and pair is an item below
+``items/``, with the recording and pulses, the software and its parameters, the error predicted
+and measured, and links to what it was derived from.
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+import sar_imaging
+from sar_imaging.formats import require
+from sar_imaging.formats.stac import (
+    MEDIA,
+    PROJECTION as PROJECTION_EXTENSION,
+    SAR,
+    band_name,
+    footprint,
+    projection,
+)
+
+from ..jobs import ApertureScan, Job, Loss, PieceResult, ProductPiece, load_scans
+from ..jobs.stored import SCANS, write_text
+from .aperture_images import StoredImage, error_db
+from .storage import COHERENCE, IMAGES, MOSAIC, STRIPS
+from .surface import surface_z
+
+CATALOGUE, ITEMS = 'catalog.json', 'items'
+_PROCESSING = 'https://stac-extensions.github.io/processing/v1.2.0/schema.json'
+_ZARR = 'application/vnd+zarr'
+_OUR = 'sar_imaging:'
+
+
+def write_catalogue(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
+    """Write the catalogue of what is there; without a datum there is no place to tell."""
+    start = time.perf_counter()
+    if job.datum is None:
+        return PieceResult(piece.key, 0.0, warnings=(
+            'no STAC catalogue: neither the job nor a recording tells where on the Earth the map '
+            'is; give map: datum',))
+    scans = all_scans(output)
+    makers = _Items(job, output)
+    names, boxes, times = [], [], []
+    for item in makers.all(scans):
+        item.collection_id = _name(job)
+        item.add_link(makers.link('collection', f'../{CATALOGUE}'))
+        write_text(output / ITEMS / f'{item.id}.json',
+                   json.dumps(item.to_dict(include_self_link=False), indent=1) + '\n')
+        names.append(item.id)
+        boxes.append(item.bbox)
+        times += [item.common_metadata.start_datetime, item.common_metadata.end_datetime]
+    if not names:
+        return PieceResult(piece.key, time.perf_counter() - start, warnings=(
+            'no STAC catalogue: nothing was imaged',))
+    write_text(output / CATALOGUE, json.dumps(_collection(job, names, boxes, times), indent=1)
+               + '\n')
+    return PieceResult(piece.key, time.perf_counter() - start,
+                       files=(CATALOGUE, *(f'{ITEMS}/{name}.json' for name in names)),
+                       found={'items': len(names)})
+
+
+def all_scans(output: Path) -> list[ApertureScan]:
+    """Scans of all apertures of a job, in the order of their names."""
+    found = []
+    for path in sorted((output / SCANS).glob('*.json')):
+        scans = load_scans(output, path.stem)
+        if not isinstance(scans, Loss):
+            found += scans
+    return sorted(found, key=lambda scan: scan.name)
+
+
+def _collection(job: Job, names, boxes, times) -> dict:
+    """``catalog.json``, written by hand: pystac would read all items again."""
+    west, south, east, north = np.array(boxes).T
+    return {
+        'type': 'Collection', 'stac_version': '1.1.0', 'id': _name(job),
+        'description': f'Images of an archive, {job.spacing_m:g} m apart, formed by sar_imaging '
+                       f'{sar_imaging.__version__}',
+        'license': 'other', 'stac_extensions': [],
+        'extent': {'spatial': {'bbox': [[float(west.min()), float(south.min()),
+                                         float(east.max()), float(north.max())]]},
+                   'temporal': {'interval': [[_text(min(times)), _text(max(times))]]}},
+        'links': [{'rel': 'root', 'href': './catalog.json', 'type': 'application/json'},
+                  *({'rel': 'item', 'href': f'./{ITEMS}/{name}.json',
+                     'type': 'application/geo+json'} for name in names)]}
+
+
+def _name(job: Job) -> str:
+    return job.output.name or 'archive'
+
+
+def _text(moment: datetime.datetime) -> str:
+    return moment.isoformat().replace('+00:00', 'Z')
+
+
+class _Items:
+    """Makes items of a job."""
+
+    def __init__(self, job: Job, output: Path):
+        self._stac = require('pystac', 'writing a STAC catalogue')
+        self._job, self._output = job, output
+        self._made = datetime.datetime.now(datetime.timezone.utc)
+
+    def link(self, rel: str, href: str, media: str = 'application/json'):
+        """A link as it stands in a file."""
+        return self._stac.Link(rel, href, media)
+
+    def all(self, scans: list[ApertureScan]) -> Iterator:
+        """Items of images, strips, the mosaic and pairs that are there."""
+        imaged = [scan for scan in scans if StoredImage.open(self._output, scan.name)]
+        by_name = {scan.name: scan for scan in imaged}
+        for scan in imaged:
+            yield self._image(scan)
+        strips = {}
+        for scan in imaged:
+            strips.setdefault(scan.recording, []).append(scan)
+        for name, own in strips.items():
+            if (self._output / STRIPS / name).is_dir():
+                yield self._of_many(f'strip-{name}', 'strip', own, {
+                    'zarr': f'{STRIPS}/{name}', 'power': f'strips/{name}.tif',
+                    'looks': f'strips/{name}_looks.tif'})
+        if (self._output / MOSAIC).is_dir() and imaged:
+            yield self._of_many('mosaic', 'mosaic', imaged, {
+                'zarr': MOSAIC, 'power': 'mosaic.tif', 'looks': 'mosaic_looks.tif',
+                'overview': 'mosaic.png'})
+        for path in sorted((self._output / COHERENCE).glob('*/coherence/.zattrs')):
+            told, pair = json.loads(path.read_text()), path.parent.parent.name
+            own = [by_name[name] for name in (told['first'], told['second']) if name in by_name]
+            if len(own) == 2:
+                yield self._of_many(f'coherence-{pair}', 'coherence', own, {
+                    'zarr': f'{COHERENCE}/{pair}', 'coherence': f'coherence/{pair}.tif',
+                    'phase': f'coherence/{pair}_phase.tif'})
+
+    def _image(self, scan: ApertureScan):
+        figures = StoredImage.open(self._output, scan.name).figures(self._output)
+        radar = scan.radar
+        predicted = [f['predicted_error_db'] for f in figures
+                     if f['predicted_error_db'] is not None]
+        band = band_name(radar.carrier_hz)
+        item = self._item(f'image-{scan.name}', 'image', [scan], {
+            'sar:instrument_mode': 'spotlight', 'sar:product_type': 'SLC',
+            'sar:center_frequency': radar.carrier_hz / 1e9,
+            'sar:bandwidth': radar.bandwidth_hz / 1e9,
+            **({'sar:frequency_band': band} if band else {}),
+            f'{_OUR}recording': str(scan.path), f'{_OUR}recording_fingerprint': scan.fingerprint,
+            f'{_OUR}aperture': scan.aperture, f'{_OUR}pulses': scan.n_pulses,
+            f'{_OUR}channels': scan.n_channels,
+            f'{_OUR}method': ', '.join(dict.fromkeys(f['method'] for f in figures)),
+            f'{_OUR}predicted_error_db': max(predicted, default=None),
+            f'{_OUR}measured_error_db': error_db(figures),
+            f'{_OUR}checked_pixels': sum(f['n_checked'] for f in figures),
+            f'{_OUR}complete_pieces': [len(figures), len(scan.division.windows)],
+            f'{_OUR}warnings': list(dict.fromkeys(
+                [*scan.warnings, *(text for f in figures for text in f['warnings'])]))})
+        item.stac_extensions.append(SAR)
+        item.add_link(self.link('derived_from', _relative(scan.path, self._output / ITEMS),
+                                'application/octet-stream'))
+        self._add_assets(item, {'zarr': f'{IMAGES}/{scan.name}',
+                                'geotiff': f'images/{scan.name}.tif',
+                                'sicd': f'images/{scan.name}.nitf'})
+        return item
+
+    def _of_many(self, name: str, kind: str, scans: list[ApertureScan], assets):
+        """Item of what was made of several images."""
+        figures = [f for scan in scans
+                   for f in StoredImage.open(self._output, scan.name).figures(self._output)]
+        predicted = [f['predicted_error_db'] for f in figures
+                     if f['predicted_error_db'] is not None]
+        item = self._item(name, kind, scans, {
+            f'{_OUR}apertures': len(scans), f'{_OUR}pulses': sum(s.n_pulses for s in scans),
+            f'{_OUR}recordings': list(dict.fromkeys(scan.recording for scan in scans)),
+            f'{_OUR}predicted_error_db': max(predicted, default=None),
+            f'{_OUR}measured_error_db': error_db(figures),
+            f'{_OUR}checked_pixels': sum(f['n_checked'] for f in figures)})
+        for scan in scans:
+            item.add_link(self.link('derived_from', f'image-{scan.name}.json',
+                                    'application/geo+json'))
+        self._add_assets(item, assets)
+        return item
+
+    def _item(self, name: str, kind: str, scans: list[ApertureScan], properties: Mapping):
+        job = self._job
+        first, last = (_date(f(getattr(scan, which) for scan in scans))
+                       for f, which in ((min, 'first_ns'), (max, 'last_ns')))
+        geometry, bbox = footprint(self._corners([s.footprint_m for s in scans]))
+        return self._stac.Item(
+            name, geometry, bbox, first + (last - first) / 2,
+            dict(properties) | {
+                'created': _text(self._made), 'gsd': job.spacing_m, f'{_OUR}kind': kind,
+                'processing:software': {'sar_imaging': sar_imaging.__version__},
+                f'{_OUR}parameters': job.deciding(), f'{_OUR}digest': job.digest()},
+            first, last, [_PROCESSING])
+
+    def _corners(self, footprints: Iterable) -> np.ndarray:
+        """(N, 2) latitude and longitude of a footprint, or of the rectangle around several."""
+        corners = np.array([corner for one in footprints for corner in one], float)
+        if len(corners) > 4:
+            (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
+            corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+        job = self._job
+        z = (surface_z(corners[:, 0], corners[:, 1], job.datum, job.height_m)
+             if job.surface == 'ellipsoid' else np.full(len(corners), job.height_m))
+        latitude, longitude, _ = job.datum.to_geographic(np.column_stack([corners, z]))
+        return np.column_stack([latitude, longitude])
+
+    def _add_assets(self, item, files: Mapping[str, str]) -> None:
+        for key, name in files.items():
+            path = self._output / name
+            if not path.exists():
+                continue
+            extra = projection(path) if path.suffix == '.tif' else {}
+            if extra and PROJECTION_EXTENSION not in item.stac_extensions:
+                item.stac_extensions.append(PROJECTION_EXTENSION)
+            media = _ZARR if path.is_dir() else MEDIA.get(path.suffix)
+            item.add_asset(key, self._stac.Asset(
+                f'../{name}', media_type=media, extra_fields=extra,
+                roles=['overview'] if path.suffix == '.png' else ['data']))
+
+
+def _relative(path: Path, folder: Path) -> str:
+    return Path(os.path.relpath(path, folder)).as_posix()
+
+
+def _date(stamp_ns: int) -> datetime.datetime:
+    return (datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
+            + datetime.timedelta(microseconds=stamp_ns // 1000))
