@@ -24,12 +24,14 @@ arguments = dict(
     packages=find_packages(include=['sar_imaging', 'sar_imaging.*',
                                     'msg_conversions', 'msg_conversions.*']),
     # Twice on purpose: inside the package for importlib.resources, in share for ROS tools.
-    package_data={'sar_imaging': ['config/*', 'launch/*', 'resource/*']},
+    package_data={'sar_imaging': ['config/*.*', 'config/recordings/*', 'launch/*', 'resource/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['sar_imaging/resource/sar_imaging']),
         ('share/sar_imaging', ['package.xml']),
         ('share/sar_imaging/launch', sorted(glob('sar_imaging/launch/*.launch.py'))),
         ('share/sar_imaging/config', sorted(glob('sar_imaging/config/*.*ml'))),
+        ('share/sar_imaging/config/recordings',
+         sorted(glob('sar_imaging/config/recordings/*.yaml'))),
         ('share/sar_imaging/resource', sorted(glob('sar_imaging/resource/*.*'))),
     ],
     # rclpy and the messages stand in package.xml only: on a robot they come from the system.
@@ -51,6 +53,7 @@ arguments = dict(
                                 'bokeh>=3.1,<4', 'zarr>=3,<4 ; python_version>="3.11"',
                                 'zarr>=2.18,<3 ; python_version<"3.11"',
                                 'numcodecs>=0.11,<0.16 ; python_version<"3.11"'],
+                    'hdf5': ['h5py>=3.8,<4'],  # MATLAB 7.3 and HDF5, see docs/loading.md
                     'test': ['pytest>=7.4,<10', 'hypothesis>=6.80,<7']},
     entry_points={
         'console_scripts': [
@@ -73,10 +76,7 @@ arguments = dict(
             'convert = sar_imaging.tools.exchange.convert:main',
             'info = sar_imaging.tools.exchange.info:main',
             'calibrate = sar_imaging.tools.calibrate:main',
-            'load_gotcha = sar_imaging.tools.measured.load_gotcha:main',
-            'load_team6_rail = sar_imaging.tools.measured.load_team6_rail:main',
-            'load_arcsar = sar_imaging.tools.measured.load_arcsar:main',
-            'load_mimo_60ghz = sar_imaging.tools.measured.load_mimo_60ghz:main',
+            'load = sar_imaging.tools.loading.load:main',
             'image_mimo_60ghz = sar_imaging.tools.measured.image_mimo_60ghz:main',
             'image_arcsar = sar_imaging.tools.measured.image_arcsar:main',
             'reproduce_multichannel = '

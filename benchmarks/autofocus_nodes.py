@@ -24,13 +24,14 @@ import numpy as np
 from tqdm import tqdm
 
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.loading import load
 from sar_imaging.quality import contrast
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.trials.drone_flights import MOTIONS, RADARS, drone_flight
 from sar_imaging.tools import evaluate
-from sar_imaging.tools.measured import load_team6_rail as rails
+from sar_imaging.tools.loading.load import recorded
 from sar_imaging.tools.node_processes import (
     NodeProcesses,
     isolated_environment,
@@ -69,13 +70,13 @@ class Case:
 def cases(data: pathlib.Path):
     """All of them, one after the other."""
     for folder, offsets in RAILS:
-        block, poses = rails.read_folder(data / folder)
-        found = rails.read_alignment(data / folder, 'nominal' if 'team5' in folder else 'fitted')
+        name = folder.split('_', 1)[1]
+        rail = load(name if name == 'team5_rail' else 'team6_rail_fitted', data / folder)
+        found = rail.alignment
         around = [dataclasses.replace(found, time_offset_s=found.time_offset_s + step)
                   for step in AROUND_S]
         for offset_s in offsets:
-            yield Case(folder, block, poses, around, rails.recording_in(data / folder).grid,
-                       offset_s)
+            yield Case(folder, rail.block, recorded(rail.poses), around, rail.scene.grid, offset_s)
     for k in range(FLIGHTS):
         flight = drone_flight(FIRST_SEED + k, motion=MOTIONS[k % 2], radar_kind=RADARS[k // 2 % 2])
         poses = RecordedPoses(flight.stamp_ns, flight.position_m, flight.quaternion)

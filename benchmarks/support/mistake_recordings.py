@@ -8,17 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.loading import load
 from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
-from sar_imaging.signal.uwb import subtract_background
 from sar_imaging.simulation.echoes import EchoSimulator
 from sar_imaging.simulation.scenarios import SCENARIOS
-from sar_imaging.tools.measured import load_arcsar, load_gotcha, load_mimo_60ghz, load_team6_rail
-from sar_imaging.tools.recordings.recorded_poses import RecordedPoses
+from sar_imaging.tools.loading.load import recorded
+from sar_imaging.tools.measured.image_arcsar import arm_angles
 
 DATA = Path(__file__).resolve().parents[2] / '..' / 'shared' / 'data'
 START_NS = 1_700_000_000_000_000_000
@@ -130,13 +129,11 @@ def spotlight() -> Recording:
 
 def arcsar() -> Recording:
     """Measured: 77 GHz FMCW radar on a rotating arm, the pulses that see the points."""
-    block = load_arcsar.read_file(DATA / 'arcsar_77ghz' / 'Prova_Esterna_7.bin')
-    angle = load_arcsar.arm_angles(block.n_pulses)
+    block = load('arcsar_7', DATA / 'arcsar_77ghz').block
+    angle = arm_angles(block.n_pulses)
     block = block.select(np.abs(np.degrees(angle) - 90) < _ARC_BEAM_DEG)
-    fmcw = {'start_frequency_hz': load_arcsar.START_HZ,
-            'slope_hz_per_s': load_arcsar.SLOPE_HZ_PER_S,
-            'sample_rate_hz': load_arcsar.SAMPLE_RATE_HZ, 'n_samples': load_arcsar.N_SAMPLES,
-            'adc_start_s': load_arcsar.ADC_START_S}
+    fmcw = {'start_frequency_hz': 77e9, 'slope_hz_per_s': 39.058e12, 'sample_rate_hz': 2.652e6,
+            'n_samples': block.n_samples, 'adc_start_s': 3.94e-6}
     grid = MapGrid.from_size((0.0, 5.0, 0.0), 8.0, 8.0, 0.02)
     return Recording('arcsar', block, grid, fmcw, 'taylor:4:35')
 
@@ -144,7 +141,7 @@ def arcsar() -> Recording:
 def mimo() -> Recording:
     """Measured: 60 GHz MIMO radar on a slider."""
     path = DATA / 'mimo_sar_60ghz' / 'mimo_chair.npz'
-    block = load_mimo_60ghz.read_file(path)
+    block = load('mimo_60ghz', path).block
     with np.load(path) as data:
         fmcw = {'start_frequency_hz': float(data['f_start_hz']),
                 'slope_hz_per_s': float(data['slope_hz_per_s']),
@@ -155,39 +152,26 @@ def mimo() -> Recording:
 
 def gotcha() -> Recording:
     """Measured: airborne X-band spotlight."""
-    block = load_gotcha.read_folder(DATA / 'gotcha_pass1_hh')
+    block = load('gotcha', DATA / 'gotcha_pass1_hh').block
     return Recording('gotcha', block, MapGrid.from_size((0.0, 0.0, 0.0), 100.0, 100.0, 0.2))
 
 
 def team6() -> Recording:
     """Measured: UWB radar on a rail with motion capture."""
-    folder = DATA / 'bwsi2019_team6_rail'
-    pulses, poses = load_team6_rail.read_folder(folder)
-    block = locate(pulses, poses.track(), load_team6_rail.read_alignment(folder, 'fitted'))
+    block = _rail('team6_rail_fitted')
     return Recording('team6', block, MapGrid.from_size((1.0, 1.5, 0.04), 8.0, 8.0, 0.04))
 
 
 def team5() -> Recording:
     """Measured: another UWB radar on another rail."""
-    with np.load(DATA / 'bwsi2019_team5_rail' / 'team5_rail_pass_a.npz') as file:
-        data = dict(file)
-    start_s, stop_s = data['moving_s']
-    moving = (data['scan_time_s'] >= start_s) & (data['scan_time_s'] <= stop_s)
-    radar = RadarParameters(
-        load_team6_rail.CARRIER_HZ, load_team6_rail.BANDWIDTH_HZ,
-        SPEED_OF_LIGHT / (2 * float(data['range_bin_m'])),
-        2 * float(data['range_start_m']) / SPEED_OF_LIGHT, waveform=Waveform.PASSBAND)
-    stamps = START_NS + np.rint(1e9 * data['scan_time_s'][moving]).astype(np.int64)
-    samples = load_team6_rail.SAMPLE_SCALE * data['scan'][moving][:, None]
-    block = subtract_background(PulseBlock(radar, False, stamps, np.arange(int(moving.sum())),
-                                           samples.astype(np.complex64)))
-    level = np.tile([0.0, 0.0, 0.0, 1.0], (len(data['mocap_time_s']), 1))
-    poses = RecordedPoses(START_NS + np.rint(1e9 * data['mocap_time_s']).astype(np.int64),
-                          np.asarray(data['mocap_pos_m'], float), level)
-    block = locate(block, poses.track(), Alignment(
-        time_offset_s=float(data['reference_time_offset_s']),
-        range_bias_m=float(data['reference_range_bias_m'])))
+    block = _rail('team5_rail')
     return Recording('team5', block, MapGrid.from_size((0.0, 2.5, 0.067), 8.0, 7.0, 0.04))
+
+
+def _rail(name: str) -> PulseBlock:
+    """Pulses of a rail pass with their positions."""
+    rail = load(name, DATA / f'bwsi2019_{name.removesuffix("_fitted")}')
+    return locate(rail.block, recorded(rail.poses).track(), rail.alignment)
 
 
 SIMULATED: dict[str, Callable[[], Recording]] = {

@@ -22,10 +22,11 @@ from sar_imaging.autofocus import (
 from sar_imaging.autofocus.search import detrend, differentiate, sharpness
 from sar_imaging.autofocus.tiles import Tiles
 from sar_imaging.geometry import MapGrid
+from sar_imaging.loading import load
 from sar_imaging.quality import contrast, error_db
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.trials.track_errors import flawed_aperture, moved_rigidly
-from sar_imaging.tools.measured.load_arcsar import arm_angles, read_file
+from sar_imaging.tools.measured.image_arcsar import arm_angles
 
 ARC = pathlib.Path(__file__).parents[2] / '../shared/data/arcsar_77ghz/Prova_Esterna_7.bin'
 
@@ -155,7 +156,7 @@ def test_range_bias_moves_the_profiles():
 
 @pytest.mark.skipif(not ARC.exists(), reason='the arc SAR recording is not here')
 def test_radius_of_the_rotating_arm():
-    raw = read_file(ARC, radius_m=0.20)
+    raw = load('arcsar_7', ARC, changes={'positions.arc.radius_m': 0.20}).block
     profiles = RangeCompressor.for_block(raw, window='taylor:4:35')(raw)
     angle = arm_angles(raw.n_pulses)
     point = (1.32, 2.96)

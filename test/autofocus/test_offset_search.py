@@ -15,6 +15,7 @@ from sar_imaging.autofocus.offset_search import OffsetSearch, visible_phase
 from sar_imaging.autofocus.scout_kernels import LENGTH, scout
 from sar_imaging.autofocus.track import PhaseCentreTrack
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.loading import load
 from sar_imaging.quality import contrast
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
@@ -22,7 +23,7 @@ from sar_imaging.signal.radar import RadarParameters
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.echoes import EchoSimulator
 from sar_imaging.simulation.trials.drone_flights import drone_flight
-from sar_imaging.tools.measured import load_team6_rail as rails
+from sar_imaging.tools.loading.load import recorded
 
 DATA = pathlib.Path(__file__).parents[3] / 'shared' / 'data'
 SMALL = {'n_pixels': 72, 'n_pulses': 128}
@@ -170,12 +171,12 @@ def test_the_offset_of_a_rail_pass_is_found(folder, right_s, wrong_s):
     folder = DATA / folder
     if not folder.is_dir():
         pytest.skip(f'needs the recording in ../shared/data/{folder.name} beside the repository')
-    block, poses = rails.read_folder(folder)
-    grid = rails.recording_in(folder).grid
+    rail = load(folder.name.split('_', 1)[1], folder)
+    grid = rail.scene.grid
     grid = MapGrid.from_size(grid.centre_m, 4.5, 6.5, 0.06)
-    alignment = dataclasses.replace(rails.read_alignment(folder, 'nominal'),
+    alignment = dataclasses.replace(rail.alignment,
                                     time_offset_s=right_s + wrong_s)
-    profiles, track = profiles_of(block, poses.track(), alignment, 1.25)
+    profiles, track = profiles_of(rail.block, recorded(rail.poses).track(), alignment, 1.25)
     report = live_autofocus(grid, time_offset_s=1.0, track=track).process(profiles).report
     assert report.accepted
     # "the image tells the offset to about 0.05 s"; 0.01 s measured

@@ -8,10 +8,10 @@ import pytest
 from benchmarks.support.references import exact_image
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.imager import plan_image
+from sar_imaging.loading import load
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
-from sar_imaging.tools.measured.load_gotcha import read_folder
 from sar_imaging.tools.recordings.writing import split
 
 MEASURED = pathlib.Path(__file__).parents[3] / 'shared' / 'data' / 'gotcha_pass1_hh'
@@ -24,7 +24,7 @@ pytestmark = [pytest.mark.data, pytest.mark.skipif(
 @pytest.fixture(scope='module')
 def profiles():
     """Range profiles of all pulses."""
-    block = read_folder(MEASURED)
+    block = load('gotcha', MEASURED).block
     return RangeCompressor.for_block(block)(block)
 
 

@@ -10,6 +10,7 @@ from benchmarks.support.references import exact_image
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
 from sar_imaging.imaging.imager import plan_image
+from sar_imaging.loading import load
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters, Waveform
 from sar_imaging.signal.dechirp import fmcw_parameters
@@ -17,7 +18,7 @@ from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.signal.spectra import band_spectrum
 from sar_imaging.simulation.echoes import EchoSimulator
-from sar_imaging.tools.measured import load_arcsar, load_gotcha, load_team6_rail
+from sar_imaging.tools.loading.load import recorded
 
 DATA = pathlib.Path(__file__).parents[3] / 'shared' / 'data'
 RANGE_M = 100.0
@@ -186,13 +187,13 @@ def test_bad_points_are_named():
 def _measured(name):
     """Raw pulses with positions, and a grid of 100 to 500 pixels a side."""
     if name == 'gotcha_pass1_hh':
-        return load_gotcha.read_folder(DATA / name), MapGrid.from_size((0, 0, 0), 100, 100, 0.5)
+        return load(name[:6], DATA / name).block, MapGrid.from_size((0, 0, 0), 100, 100, 0.5)
     if name == 'bwsi2019_team6_rail':
-        block, poses = load_team6_rail.read_folder(DATA / name)
-        alignment = load_team6_rail.read_alignment(DATA / name, 'fitted')
-        return locate(block, poses.track(), alignment), load_team6_rail.GRID
+        rail = load('team6_rail_fitted', DATA / name)
+        track = recorded(rail.poses).track()
+        return locate(rail.block, track, rail.alignment), rail.scene.grid
     file = sorted((DATA / name).glob('*.bin'))[0]
-    return (load_arcsar.read_file(file).select(slice(120, 280)),
+    return (load('arcsar', file).block.select(slice(120, 280)),
             MapGrid.from_size((0, 3, 0), 6, 5, 0.03))
 
 

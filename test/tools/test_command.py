@@ -27,12 +27,12 @@ def test_the_overview_has_every_command_and_its_purpose(capsys):
 
 @pytest.mark.parametrize(('argv', 'message', 'absent'), [
     (['imagine'], "there is no command 'imagine'", None),
-    (['load', 'cphd'], "there is no command 'load cphd'", 'simulate'),
-    (['load'], "there is no command 'load'", 'simulate')])
+    (['reproduce', 'cphd'], "there is no command 'reproduce cphd'", 'simulate'),
+    (['reproduce'], "there is no command 'reproduce'", 'simulate')])
 def test_what_does_not_exist_is_named(argv, message, absent, capsys):
     assert command.main(argv) == 2
     text = capsys.readouterr().err
-    assert message in text and 'load gotcha' in text
+    assert message in text and 'reproduce multichannel' in text
     assert absent is None or absent not in text
 
 

@@ -19,14 +19,13 @@ from scipy.interpolate import CubicSpline
 from sar_imaging.autofocus.live import live_autofocus
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.imager import plan_image
+from sar_imaging.loading import DescriptionError, load
 from sar_imaging.quality import contrast, entropy, measure_scatterer
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.signal.range_compression import RangeCompressor
 
-from ..recordings.bag_io import BagError
 from ..reporting import run_and_report
-from .load_gotcha import read_folder
 
 GRID = MapGrid.from_size((0.0, 0.0, 0.0), 100.0, 100.0, 0.1)
 REFLECTOR_M = (-15.60, 21.60, 0.0)
@@ -39,7 +38,7 @@ _RANGE_DB = 50.0
 
 def read_profiles(folder: Path) -> PulseBlock:
     """Range profiles of the recording."""
-    pulses = read_folder(folder)
+    pulses = load('gotcha', folder).block
     return RangeCompressor.for_block(pulses)(pulses)
 
 
@@ -163,7 +162,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
     return run_and_report(arguments.output, lambda: run(arguments.folder, arguments.output),
-                          lambda results: json.dumps(results, indent=2), errors=(BagError,))
+                          lambda results: json.dumps(results, indent=2),
+                          errors=(DescriptionError,))
 
 
 if __name__ == '__main__':

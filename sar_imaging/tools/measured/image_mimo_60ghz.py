@@ -20,13 +20,12 @@ from matplotlib.figure import Figure
 
 from sar_imaging.exploitation.calibration import Balance, balance_channels
 from sar_imaging.imaging.imager import plan_image
+from sar_imaging.loading import DescriptionError, load
 from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
 
-from ..recordings.bag_io import BagError
 from ..reporting import decibels, run_and_report
-from .load_mimo_60ghz import read_file
 
 AZIMUTH_DEG = np.arange(-60.0, 60.1, 1.0)
 ELEVATION_DEG = np.arange(-24.0, 20.1, 1.0)
@@ -141,7 +140,7 @@ def save_volumes_png(path: Path, volumes: dict[str, np.ndarray]) -> None:
 
 def run(file: Path, output: Path) -> dict:
     """Calibrate, image, measure, draw into a folder; returns the contents of results.json."""
-    profiles = range_profiles(read_file(file))
+    profiles = range_profiles(load('mimo_60ghz', file).block)
     balanced = balance(profiles)
     found = balanced.calibration
     # Delays come out smaller than they scatter from object to object: only the rest is used.
@@ -180,7 +179,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
     return run_and_report(arguments.output, lambda: run(arguments.file, arguments.output), summary,
-                          errors=(BagError,))
+                          errors=(DescriptionError,))
 
 
 def summary(figures: dict) -> str:

@@ -27,16 +27,16 @@ from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.poses import PoseTrack
 from sar_imaging.imaging.imager import plan_image
+from sar_imaging.loading import DescriptionError, Loaded, load
 from sar_imaging.quality import measure_scatterer
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.signal.range_compression import RangeCompressor
 
-from ..recordings.bag_io import BagError
+from ..loading.load import recorded
 from ..recordings.recorded_poses import RecordedPoses
 from ..reporting import run_and_report
-from .load_team6_rail import read_alignment, read_attitudes, read_folder, read_reflectors
 
 TIME_OFFSETS_S = np.arange(9.26, 9.3001, 0.01)
 RANGE_BIASES_M = np.arange(0.0, 1.0001, 0.1)
@@ -48,6 +48,11 @@ SMOOTH_S = 0.25  # of the attitudes, whose noise is 0.7 degrees and white
 _TILE_M = 0.7
 _STEP = 1e-4  # of numerical derivatives, s or m
 _LIMIT_M = 0.10
+
+
+def reflectors(recording: Loaded) -> np.ndarray:
+    """(K, 3) float64 surveyed positions of the corner reflectors, metres."""
+    return np.array([s['position_m'] for s in recording.scene.scatterers])
 
 
 def focus(profiles: PulseBlock, place_m) -> tuple[float, np.ndarray]:
@@ -184,7 +189,8 @@ def _deviations(information: np.ndarray, n: int) -> list[float]:
 
 def with_attitudes(folder: Path, poses: RecordedPoses) -> RecordedPoses:
     """Poses with the recording's quaternions, smoothed, taken to refer to the axes x, y, z."""
-    turn = Rotation.from_quat(read_attitudes(folder)).as_rotvec()
+    measured = load('team6_rail', folder, changes={'poses.quaternions': 'mocap_quat_xyzw_raw'})
+    turn = Rotation.from_quat(measured.poses.quaternion).as_rotvec()
     rate = 1e9 * (len(poses.stamp_ns) - 1) / float(np.ptp(poses.stamp_ns))
     smooth = uniform_filter1d(turn, round(SMOOTH_S * rate), axis=0)
     return dataclasses.replace(poses, quaternion=Rotation.from_rotvec(smooth).as_quat())
@@ -222,9 +228,9 @@ def draw(path: Path, level_db: np.ndarray, error_m: np.ndarray, marks: dict[str,
 
 def run(folder: Path, output: Path) -> dict:
     """Scan, judge, draw; returns the contents of results.json."""
-    block, poses = read_folder(folder)
-    track, survey_m = poses.track(), read_reflectors(folder)
-    start = read_alignment(folder, 'nominal')
+    recording = load('team6_rail', folder)
+    block, poses, start = recording.block, recorded(recording.poses), recording.alignment
+    track, survey_m = poses.track(), reflectors(recording)
     amplitude, place_m = scan(block, track, start, survey_m)
     error_m = np.linalg.norm(place_m - survey_m[:, :2], axis=-1)
     t, b = np.unravel_index(np.sum(amplitude**2, axis=-1).argmax(), amplitude.shape[:2])
@@ -247,7 +253,7 @@ def run(folder: Path, output: Path) -> dict:
     output.mkdir(parents=True, exist_ok=True)
     draw(output / 'team6_sensitivity.png', level_db, error_m[t],
          {'nominal': start.range_bias_m,
-          'fitted to the survey': read_alignment(folder, 'fitted').range_bias_m})
+          'fitted to the survey': load('team6_rail_fitted', folder).alignment.range_bias_m})
     return result
 
 
@@ -274,7 +280,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser().parse_args(argv)
     return run_and_report(arguments.output, lambda: run(arguments.folder, arguments.output),
                           lambda results: json.dumps(results, indent=2),
-                          errors=(BagError, ValueError))
+                          errors=(DescriptionError, ValueError))
 
 
 if __name__ == '__main__':

@@ -8,7 +8,7 @@ import pytest
 from sar_imaging.formats import Acquisition, read_sicd, sicd_grid, write_sicd
 from sar_imaging.geometry import Datum
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.tools.measured.load_gotcha import read_folder
+from sar_imaging.loading import load
 
 from .checker import failures
 
@@ -22,7 +22,7 @@ pytestmark = [pytest.mark.data, pytest.mark.skipif(
 @pytest.mark.parametrize('plane', ['ground', 'slant'])
 def test_measured_pulses_as_sicd(tmp_path, plane):
     pytest.importorskip('sarkit', reason='sarkit is not installed: it needs Python 3.11')
-    block = read_folder(MEASURED)
+    block = load('gotcha', MEASURED).block
     acquisition = Acquisition.of(block, polarisation='H:H', collector='Gotcha')
     grid = sicd_grid(acquisition, (-15.6, 21.6, 0.0), 30.0, 30.0, plane=plane)
     image = plan_image(grid, block.radar, block.n_samples, compressed=block.compressed)(block)

@@ -25,7 +25,7 @@ from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.tools.evaluate import main
 from sar_imaging.tools.evaluation.observer import counter_increase
-from sar_imaging.tools.measured import load_gotcha
+from sar_imaging.tools.loading import load
 from sar_imaging.tools.node_processes import (
     NodeProcesses,
     free_domain,
@@ -314,7 +314,7 @@ def test_nodes_cannot_be_launched_without_a_grid(tmp_path, capsys):
 @pytest.mark.skipif(not GOTCHA.is_dir(), reason=f'{GOTCHA} is not there')
 def test_gotcha(tmp_path):
     """Measured data: the brighter reflector of AFRL Gotcha, pass 1 HH."""
-    assert load_gotcha.main([str(GOTCHA), '--output', str(tmp_path / 'bag')]) == 0
+    assert load.main(['gotcha', str(GOTCHA), '--output', str(tmp_path / 'bag')]) == 0
     result = evaluate(tmp_path / 'bag', '--output', tmp_path, '--launch-nodes')
     assert result.returncode == 0, result.stderr
     quality = quality_of(tmp_path)

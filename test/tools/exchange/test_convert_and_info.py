@@ -85,10 +85,12 @@ def test_image_of_gotcha(tmp_path):
         pytest.skip('the Gotcha files are not in ../shared/data')
     from sarkit.verification import CphdConsistency
 
-    from sar_imaging.tools.measured.load_gotcha import gotcha_truth, read_folder
+    from sar_imaging.loading import load
+    from sar_imaging.tools.loading.load import truth_of
 
-    block = read_folder(GOTCHA).select(slice(0, None, 6))
-    bag_io.write_bag(tmp_path / 'gotcha', [block], gotcha_truth(block))
+    gotcha = load('gotcha', GOTCHA)
+    block = gotcha.block.select(slice(0, None, 6))
+    bag_io.write_bag(tmp_path / 'gotcha', [block], truth_of(gotcha, None))
     assert main(['convert', str(tmp_path / 'gotcha'), str(tmp_path / 'a.cphd'), *HERE]) == 0
     grid = dataclasses.replace(part_of(read_recording(tmp_path / 'gotcha').grid, 40),
                                centre_m=(-15.6, 21.6, 0.0))

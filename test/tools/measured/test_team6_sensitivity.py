@@ -9,9 +9,16 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from sar_imaging.loading import load
+from sar_imaging.tools.loading.load import recorded
 from sar_imaging.tools.measured import team6_sensitivity
-from sar_imaging.tools.measured.load_team6_rail import read_alignment, read_folder, read_reflectors
-from sar_imaging.tools.measured.team6_sensitivity import LEVER_NAMES, bounds, scan, with_attitudes
+from sar_imaging.tools.measured.team6_sensitivity import (
+    LEVER_NAMES,
+    bounds,
+    reflectors,
+    scan,
+    with_attitudes,
+)
 
 MEASURED = pathlib.Path(__file__).parents[4] / 'shared' / 'data' / 'bwsi2019_team6_rail'
 
@@ -25,8 +32,8 @@ def needs_data(test):
 
 @pytest.fixture(scope='module')
 def recording():
-    block, poses = read_folder(MEASURED)
-    return block, poses, read_alignment(MEASURED, 'nominal'), read_reflectors(MEASURED)
+    rail = load('team6_rail', MEASURED)
+    return rail.block, recorded(rail.poses), rail.alignment, reflectors(rail)
 
 
 @needs_data
@@ -61,7 +68,7 @@ def test_echoes_tell_the_time_offset_and_not_the_lever_arm(recording):
 
 def test_a_missing_recording_is_told(tmp_path, capsys):
     assert team6_sensitivity.main([str(tmp_path), '--output', str(tmp_path)]) == 1
-    assert 'holds no team6_rail_trial6.npz' in capsys.readouterr().err
+    assert 'holds no file team6_rail_trial6.npz' in capsys.readouterr().err
 
 
 def test_the_picture_shows_both_reflectors(tmp_path):

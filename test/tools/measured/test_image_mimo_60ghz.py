@@ -1,4 +1,4 @@
-"""Loader and imaging of the MIMO recording: on a made-up file, and on the measured one."""
+"""Imaging of the MIMO recording: on a made-up file, and on the measured one."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from benchmarks.support.references import exact_image
-from sar_imaging.signal.pulses import concatenate
-from sar_imaging.signal.radar import Waveform
+from sar_imaging.loading import load
 from sar_imaging.simulation.echoes import EchoSimulator
-from sar_imaging.tools.measured import image_mimo_60ghz, load_mimo_60ghz
-from sar_imaging.tools.recordings.bag_io import BagError, read_blocks, read_truth
+from sar_imaging.tools.measured import image_mimo_60ghz
 
 MEASURED = (pathlib.Path(__file__).parents[4] / 'shared' / 'data' / 'mimo_sar_60ghz'
             / 'mimo_chair.npz')
@@ -31,7 +29,7 @@ def _write(path, n_steps=16, **changes):
     """A file like the real one with a unit scatterer 20 degrees to the right, 5 below."""
     adc = np.zeros((3, n_steps, 8, 256), np.complex64)
     np.savez(path, adc=adc, **SCALARS)
-    block = load_mimo_60ghz.read_file(path)
+    block = load('mimo_60ghz', path).block
     simulate = EchoSimulator(block.radar, 256, compressed=False,
                              points_m=[_direction(20.0, -5.0, 1.8)], amplitudes=[1.0])
     beat = simulate(block.tx_m, block.rx_m).conj()  # the board's sideband
@@ -39,27 +37,9 @@ def _write(path, n_steps=16, **changes):
     return path
 
 
-def test_bag_holds_all_stops_as_one_aperture(tmp_path, capsys):
-    file, output = _write(tmp_path / 'm.npz'), tmp_path / 'bag'
-    assert load_mimo_60ghz.main([str(file), '--output', str(output)]) == 0
-    assert '48 pulses in 2 messages' in capsys.readouterr().out
-    block = concatenate(list(read_blocks(output)))
-    assert block.radar.waveform == Waveform.FMCW and block.n_channels == 8
-    # Channels and stops run towards -x; the first step is the lowest.
-    middle = 0.5 * (block.tx_m + block.rx_m)
-    np.testing.assert_allclose(np.diff(middle[0, :, 0]), -0.00125, atol=1e-9)
-    np.testing.assert_allclose(middle[16, :, 0] - middle[0, :, 0], -0.02, atol=1e-9)
-    np.testing.assert_allclose(np.diff(block.tx_m[:16, 0, 2]), 0.0025, atol=1e-9)
-    np.testing.assert_allclose(middle.mean(axis=(0, 1)), 0.0, atol=1e-9)
-    truth = read_truth(output)
-    assert truth['pulses_per_aperture'] == 48 and truth['n_channels'] == 8
-    assert load_mimo_60ghz.main([str(file), '--output', str(output)]) == 1
-    assert '--force' in capsys.readouterr().err
-
-
 def test_scatterer_focuses_in_its_direction(tmp_path):
-    profiles = image_mimo_60ghz.range_profiles(load_mimo_60ghz.read_file(
-        _write(tmp_path / 'm.npz')))
+    file = _write(tmp_path / 'm.npz')
+    profiles = image_mimo_60ghz.range_profiles(load('mimo_60ghz', file).block)
     directions = [(20.0, -5.0), (-20.0, -5.0), (20.0, 5.0)]
     points = np.array([_direction(*d, 1.8) for d in directions])
     image = exact_image(points, profiles)
@@ -84,30 +64,11 @@ def test_figures_find_what_is_there():
     assert found['contrast_db'] == pytest.approx(10 * np.log10(inside / 0.01), abs=0.01)
 
 
-@pytest.mark.parametrize(('changes', 'message'), [
-    ({'adc': np.zeros((3, 4, 7, 256))}, 'expected .stops, steps, 8 channels'),
-    ({'adc': np.zeros((3, 4))}, 'expected .stops, steps, 8 channels'),
-    ({'fs_hz': 'fast'}, 'is not the MIMO recording')])
-def test_other_files_are_refused(tmp_path, changes, message):
-    with pytest.raises(BagError, match=message):
-        load_mimo_60ghz.read_file(_write(tmp_path / 'm.npz', n_steps=2, **changes))
-
-
-def test_missing_and_foreign_files_are_told(tmp_path, capsys):
-    np.savez(tmp_path / 'other.npz', image=np.zeros(3))
-    (tmp_path / 'text.npz').write_text('no archive')
-    for name in ('no.npz', 'other.npz', 'text.npz'):
-        for tool in (load_mimo_60ghz, image_mimo_60ghz):
-            assert tool.main([str(tmp_path / name), '--output', str(tmp_path / 'out')]) == 1
-            assert 'is not the MIMO recording' in capsys.readouterr().err
-    assert not (tmp_path / 'out').exists()
-
-
 @pytest.fixture(scope='module')
 def measured():
     if not MEASURED.is_file():
         pytest.skip('needs the MIMO recording in ../shared/data/mimo_sar_60ghz')
-    return image_mimo_60ghz.range_profiles(load_mimo_60ghz.read_file(MEASURED))
+    return image_mimo_60ghz.range_profiles(load('mimo_60ghz', MEASURED).block)
 
 
 AZIMUTHS = np.arange(-60.0, 61.0, 2.0)

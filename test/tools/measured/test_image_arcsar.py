@@ -1,4 +1,4 @@
-"""Loader and imaging of the arc SAR: on a made-up file of the same form, and the measured one."""
+"""Imaging of the arc SAR: on a made-up file of the same form, and the measured one."""
 
 from __future__ import annotations
 
@@ -9,54 +9,35 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.signal.pulses import concatenate
-from sar_imaging.signal.radar import Waveform
+from sar_imaging.loading import load
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.echoes import EchoSimulator
-from sar_imaging.tools.measured import image_arcsar, load_arcsar
-from sar_imaging.tools.recordings.bag_io import BagError, read_blocks, read_truth
+from sar_imaging.tools.measured import image_arcsar
 
 MEASURED = (pathlib.Path(__file__).parents[4] / 'shared' / 'data' / 'arcsar_77ghz'
             / 'Prova_Esterna_7.bin')
+POINTS_M = ((1.32, 2.96), (-0.94, 3.58))
 needs_data = pytest.mark.skipif(not MEASURED.is_file(), reason='needs the arc SAR recording in '
                                 '../shared/data/arcsar_77ghz beside the repository')
 
 
-def _write(path, radius_m=load_arcsar.RADIUS_M, n_pulses=160):
+def _write(path, radius_m=image_arcsar.RADIUS_M, n_pulses=160):
     """A file like the real ones with two unit scatterers, amplitude 1000 steps."""
     path.write_bytes(np.zeros((2, 4 * 128), '<i2').tobytes())
-    radar = load_arcsar.read_file(path).radar
+    radar = load('arcsar', path).block.radar
     simulate = EchoSimulator(radar, 256, compressed=False, amplitudes=[1e3, 1e3], points_m=[
-        (x, y, 0.0) for x, y in load_arcsar.POINTS_M])
-    centre_m = load_arcsar.arc(n_pulses, radius_m)
+        (x, y, 0.0) for x, y in POINTS_M])
+    centre_m = image_arcsar.arc(n_pulses, radius_m)
     beat = simulate(centre_m, centre_m).conj().reshape(-1, 2)  # the board's sideband
     np.concatenate([beat.real, beat.imag], axis=1).round().astype('<i2').tofile(path)
     return path
 
 
-def test_bag_holds_all_ramps_as_one_aperture(tmp_path, capsys):
-    file, output = _write(tmp_path / 'arc.bin'), tmp_path / 'bag'
-    assert load_arcsar.main([str(file), '--output', str(output)]) == 0
-    assert '160 pulses in 5 messages' in capsys.readouterr().out
-    block = concatenate(list(read_blocks(output)))
-    radar = block.radar
-    assert radar.waveform == Waveform.FMCW and not block.compressed
-    # First sample at 77 GHz + 39.058 MHz/us * 3.94 us = 77.154 GHz, as the data's page says
-    first_hz = radar.carrier_hz - radar.chirp_rate_hz_per_s * 127.5 / radar.sample_rate_hz
-    assert first_hz == pytest.approx(77.1539e9, abs=1e5)
-    np.testing.assert_allclose(np.linalg.norm(block.tx_m, axis=-1), 0.2105, atol=1e-8)
-    np.testing.assert_allclose(block.tx_m[[0, -1], 0], [[0.2105, 0, 0], [-0.2105, 0, 0]],
-                               atol=1e-8)
-    assert read_truth(output)['pulses_per_aperture'] == 160
-    assert load_arcsar.main([str(file), '--output', str(output)]) == 1
-    assert '--force' in capsys.readouterr().err
-
-
 def test_simulated_recording_focuses_and_tells_its_radius(tmp_path):
-    block = load_arcsar.read_file(_write(tmp_path / 'arc.bin', radius_m=0.2063))
+    block = load('arcsar', _write(tmp_path / 'arc.bin', radius_m=0.2063)).block
     profiles = RangeCompressor.for_block(block, window='hamming')(block)
     radii = np.array([0.2, 0.203, 0.2063, 0.21])
-    for point in load_arcsar.POINTS_M:
+    for point in POINTS_M:
         # From 0.2 m: measured 9 and 10 um off.
         assert image_arcsar.autofocus_radius(profiles, point) == pytest.approx(0.2063, abs=3e-5)
         assert image_arcsar.radius_sharpness(profiles, point, radii).argmax() == 2
@@ -69,28 +50,25 @@ def test_simulated_recording_focuses_and_tells_its_radius(tmp_path):
 
 
 def test_pulses_go_only_where_the_antenna_looks(tmp_path):
-    block = load_arcsar.read_file(_write(tmp_path / 'arc.bin'))
+    block = load('arcsar', _write(tmp_path / 'arc.bin')).block
     profiles = RangeCompressor.for_block(block)(block)
-    x, y = load_arcsar.POINTS_M[0]
+    x, y = POINTS_M[0]
     image = image_arcsar.image_within_beam(profiles, np.array([[x, y, 0.0], [x, -y, 0.0]]))
     # 70 of 180 degrees are 62 pulses, to the nearest step of 10: measured 60
     assert abs(image[0]) / 1e3 == pytest.approx(62, abs=10.5)
     assert image[1] == 0  # behind the arm
 
 
-def test_other_recordings_do_not_get_the_points_of_recording_7(tmp_path, capsys):
-    file, output = _write(tmp_path / 'Prova_Esterna_7.bin'), tmp_path / 'bag'
-    assert load_arcsar.known_points(file) == {}  # the name alone says nothing
-    assert load_arcsar.main([str(file), '--output', str(output)]) == 0
-    truth = read_truth(output)
-    assert truth['scatterers'] == [] and 'No scatterer is known' in truth['notes']
+def test_other_recordings_do_not_get_the_points_of_recording_7(tmp_path):
+    file = _write(tmp_path / 'Prova_Esterna_7.bin')
+    assert image_arcsar.read_recording(file).scene.scatterers == []  # the name says nothing
     # Imaged and measured all the same, at its brightest places: here the two simulated points.
     assert image_arcsar.main([str(file), '--output', str(tmp_path / 'image')]) == 0
     results = json.loads((tmp_path / 'image' / 'results.json').read_text())
     found = [(p['peak_x_m'], p['peak_y_m']) for p in results['points'][:2]]
     assert [p['name'] for p in results['points'][:2]] == ['bright_1', 'bright_2']
     # pixels of 2 cm
-    np.testing.assert_allclose(sorted(found), sorted(load_arcsar.POINTS_M), atol=0.03)
+    np.testing.assert_allclose(sorted(found), sorted(POINTS_M), atol=0.03)
     assert 'far reflector' not in results['radius_m']
 
 
@@ -110,33 +88,20 @@ def test_what_cannot_be_measured_is_told_not_formatted():
 @pytest.mark.data
 @needs_data
 def test_known_and_other_measured_recordings(tmp_path, capsys):
-    assert list(load_arcsar.known_points(MEASURED)) == ['point_1', 'point_2']
+    known = image_arcsar.read_recording(MEASURED).scene.scatterers
+    assert [s['name'] for s in known] == ['point_1', 'point_2']
     other = MEASURED.with_name('Prova_Esterna_10.bin')
-    assert load_arcsar.known_points(other) == {}
+    assert image_arcsar.read_recording(other).scene.scatterers == []
     assert image_arcsar.main([str(other), '--output', str(tmp_path)]) == 0
     assert 'bright_3: (' in capsys.readouterr().out
-
-
-@pytest.mark.parametrize('numbers', [0, 512, 1000, 1027])
-def test_other_files_are_refused(tmp_path, numbers):
-    path = tmp_path / 'x.bin'
-    np.zeros(numbers, '<i2').tofile(path)
-    with pytest.raises(BagError, match='expected two for each of 256 samples'):
-        load_arcsar.read_file(path)
-
-
-def test_missing_file_is_told(tmp_path, capsys):
-    arguments = [str(tmp_path / 'no.bin'), '--output', str(tmp_path / 'out')]
-    assert load_arcsar.main(arguments) == image_arcsar.main(arguments) == 1
-    assert capsys.readouterr().err.count('cannot be read') == 2
 
 
 @pytest.mark.data
 @needs_data
 def test_measured_points_focus_where_they_stand():
-    block = load_arcsar.read_file(MEASURED)
+    block = load('arcsar', MEASURED).block
     profiles = RangeCompressor.for_block(block, window='taylor:4:35')(block)
-    for x, y in load_arcsar.POINTS_M:
+    for x, y in POINTS_M:
         grid = MapGrid.from_size((x, y, 0.0), 0.4, 0.4, 0.01)
         image = np.abs(image_arcsar.image_within_beam(profiles, grid.points()))
         row, column = np.unravel_index(image.argmax(), image.shape)
@@ -148,11 +113,16 @@ def test_measured_points_focus_where_they_stand():
 @pytest.mark.data
 @needs_data
 def test_measured_radius_comes_out_of_autofocus():
-    block = load_arcsar.read_file(MEASURED)
+    block = load('arcsar', MEASURED).block
     profiles = RangeCompressor.for_block(block, window='taylor:4:35')(block)
-    point = load_arcsar.POINTS_M[0]
+    point = POINTS_M[0]
     # From 200 mm; the data's description says 210.5 mm. Measured 210.41 mm.
     radius_m = image_arcsar.autofocus_radius(profiles, point)
     assert radius_m == pytest.approx(0.2105, abs=5e-4)
     start, end = image_arcsar.radius_sharpness(profiles, point, [0.2, radius_m])
     assert end > 1.8 * start  # measured 2.06
+
+
+def test_missing_file_is_told(tmp_path, capsys):
+    assert image_arcsar.main([str(tmp_path / 'no.bin'), '--output', str(tmp_path / 'out')]) == 1
+    assert 'cannot be read' in capsys.readouterr().err

@@ -1,0 +1,12 @@
+"""Load any measured data from a description in YAML: arrays, times, poses, radar parameters.
+
+`load` reads a description and the files that it names; docs/loading.md lists all keys.
+"""
+
+from .description import DescriptionError, read_description
+from .load import Loaded, load
+from .poses import PoseTable
+from .shipped import find_description, shipped_names
+
+__all__ = ['DescriptionError', 'Loaded', 'PoseTable', 'find_description', 'load',
+           'read_description', 'shipped_names']

@@ -1,0 +1,195 @@
+"""Variables of data files: NumPy, MATLAB and HDF5, with their sizes checked before they are read.
+
+Names of nested variables have points: ``data.fp`` is the field fp of the MATLAB structure data,
+or the data set fp of the HDF5 group data.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.io import loadmat, whosmat
+from scipy.io.matlab import MatReadError
+
+from ..formats.extras import require
+from ..planning.memory import available_bytes
+from .description import DescriptionError
+
+_HDF5_MAGIC = b'\x89HDF\r\n\x1a\n'
+_MATLAB_HEADER = 512  # of HDF5 files that MATLAB wrote
+_SHARE = 0.5  # of the free memory that one variable may take
+
+
+def check_memory(name: str, n_bytes: int) -> None:
+    """Refuse what would not fit into memory.
+
+    Raises
+    ------
+    DescriptionError
+        More than half of the free memory would be needed.
+    """
+    free = available_bytes()
+    if n_bytes > _SHARE * free:
+        raise DescriptionError(
+            f'{name} takes {n_bytes / 1e9:.3g} GB, and {free / 1e9:.3g} GB of memory are free; '
+            'expected at most half of that: cut the file into shorter ones')
+
+
+def find_files(folder: Path, pattern: str, key: str) -> list[Path]:
+    """Files of a pattern in a folder, in the order of their names.
+
+    Raises
+    ------
+    DescriptionError
+        There is none.
+    """
+    given = folder / pattern
+    files = [given] if given.is_file() else sorted(folder.glob(pattern)) if not Path(
+        pattern).is_absolute() else []
+    files = [file for file in files if file.is_file()]
+    if not files:
+        raise DescriptionError(f'{key}: {folder} holds no file {pattern}; name the folder with '
+                               'the data as second argument, or correct the name')
+    return files
+
+
+class DataFiles:
+    """Variables of one file, or of several that continue each other.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        In the order of their pulses.
+    """
+
+    def __init__(self, paths: Sequence[Path]):
+        self.paths = list(paths)
+        self._read: dict[tuple[Path, str], np.ndarray] = {}
+
+    def parts(self, name: str) -> list[np.ndarray]:
+        """The variable of each file."""
+        out = []
+        for path in self.paths:
+            if (path, name) not in self._read:
+                self._read[path, name] = read_variable(path, name)
+            out.append(self._read[path, name])
+        return out
+
+    def joined(self, name: str, axis: int = 0) -> np.ndarray:
+        """The variables of all files, one after the other along an axis."""
+        parts = self.parts(name)
+        shapes = {p.shape[:axis] + p.shape[axis + 1:] for p in parts}
+        if len(shapes) > 1:
+            other = next(i for i, p in enumerate(parts)
+                         if p.shape[:axis] + p.shape[axis + 1:] != parts[0].shape[:axis]
+                         + parts[0].shape[axis + 1:])
+            raise DescriptionError(
+                f'{self.paths[other].name}: {name}.shape={parts[other].shape} does not continue '
+                f'{parts[0].shape} of {self.paths[0].name}; load files of one recording at a time')
+        return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=axis)
+
+    def same(self, name: str) -> np.ndarray:
+        """A variable that must be equal in all files."""
+        parts = self.parts(name)
+        for path, part in zip(self.paths, parts, strict=True):
+            if not np.array_equal(part, parts[0]):
+                raise DescriptionError(
+                    f'{path.name}: {name} differs from that of {self.paths[0].name}; load files '
+                    'of one recording at a time')
+        return parts[0]
+
+
+def read_variable(path: Path, name: str) -> np.ndarray:
+    """Array of a variable.
+
+    Parameters
+    ----------
+    path : Path
+        File of type .npy, .npz, .mat, .h5 or .hdf5.
+    name : str
+        Of the variable; .npy files have one, whatever its name.
+
+    Raises
+    ------
+    DescriptionError
+        The file cannot be read, lacks the variable, or this is too large.
+    MissingExtraError
+        It is an HDF5 file, and h5py is not installed.
+    """
+    readers = {'.npy': _npy, '.npz': _npz, '.mat': _mat, '.h5': _hdf5, '.hdf5': _hdf5}
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        raise DescriptionError(f'{path.name}: expected a file of type {", ".join(readers)}; other '
+                               'samples need samples.dtype and samples.sizes')
+    try:
+        array = np.asarray(reader(path, name))
+    except (OSError, ValueError, KeyError, TypeError, EOFError, AttributeError,
+            NotImplementedError, zipfile.BadZipFile, MatReadError) as error:
+        if isinstance(error, DescriptionError):
+            raise
+        raise DescriptionError(f'{path} cannot be read: {error}') from error
+    if array.dtype.kind not in 'iufcb':
+        raise DescriptionError(f'{path.name}: {name} holds {array.dtype}; expected numbers')
+    return array
+
+
+def _absent(path: Path, name: str, present) -> DescriptionError:
+    return DescriptionError(f'{path.name} has no variable {name}; it has '
+                            f'{", ".join(sorted(present)) or "none"}')
+
+
+def _npy(path: Path, name: str) -> np.ndarray:
+    array = np.load(path, mmap_mode='r', allow_pickle=False)
+    check_memory(f'{path.name}', array.nbytes)
+    return np.array(array)
+
+
+def _npz(path: Path, name: str) -> np.ndarray:
+    with np.load(path, allow_pickle=False) as data:
+        if name not in data.files:
+            raise _absent(path, name, data.files)
+        check_memory(f'{name} of {path.name}', data.zip.getinfo(f'{name}.npy').file_size)
+        return data[name]
+
+
+def _mat(path: Path, name: str) -> np.ndarray:
+    with path.open('rb') as file:
+        head = file.read(_MATLAB_HEADER + len(_HDF5_MAGIC))
+    if head[_MATLAB_HEADER:] == _HDF5_MAGIC or head.startswith(_HDF5_MAGIC):
+        return _hdf5(path, name, matlab=True)
+    first, *fields = name.split('.')
+    # The least that a number can take: the sizes within a structure are not told beforehand.
+    shapes = {entry[0]: entry[1] for entry in whosmat(path)}
+    if first not in shapes:
+        raise _absent(path, name, shapes)
+    check_memory(f'{first} of {path.name}', max(path.stat().st_size,
+                                                int(np.prod(shapes[first], dtype=float))))
+    value = loadmat(path, squeeze_me=True, struct_as_record=False, variable_names=[first])[first]
+    for field in fields:
+        present = getattr(value, '_fieldnames', ())
+        if field not in present:
+            raise _absent(path, name, [f'{first}.{other}' for other in present])
+        value = getattr(value, field)
+    return value
+
+
+def _hdf5(path: Path, name: str, *, matlab: bool = False) -> np.ndarray:
+    h5py = require('h5py', f'reading {path.name}', 'hdf5')
+    with h5py.File(path, 'r') as file:
+        place = name.replace('.', '/')
+        if place not in file or not isinstance(file[place], h5py.Dataset):
+            present = []
+            file.visititems(lambda key, item: present.append(key.replace('/', '.'))
+                            if isinstance(item, h5py.Dataset) else None)
+            raise _absent(path, name, present)
+        check_memory(f'{name} of {path.name}', file[place].nbytes)
+        array = file[place][()]
+    array = np.asarray(array)
+    if array.dtype.names is not None and len(array.dtype.names) == 2:  # real and imaginary part
+        real, imaginary = (array[field] for field in array.dtype.names)
+        array = real + 1j * imaginary
+    # MATLAB stores the first axis last, and has no array of one axis.
+    return np.squeeze(array.T) if matlab else array

@@ -1,0 +1,225 @@
+"""The description of measured data: a YAML file read key by key, with errors that say what to do.
+
+Every number may be given as the name of a variable of the data file instead.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from ..files import check_file
+
+MOST_BYTES = 1_000_000
+# All sections and their keys; docs/loading.md explains each.
+SECTIONS = ('name', 'description', 'notes', 'samples', 'radar', 'times', 'positions', 'poses',
+            'alignment', 'array', 'calibration', 'scene')
+_REQUIRED = object()
+
+
+class DescriptionError(ValueError):
+    """A description or the data that it describes cannot be used; the text says why."""
+
+
+class Section:
+    """Keys of a part of a description.
+
+    Parameters
+    ----------
+    values : mapping
+        As YAML has them.
+    name : str
+        Path of the part, such as ``'radar'``; empty for the whole.
+    known : sequence of str
+        Keys that it may have.
+    origin : str
+        The file, for messages.
+    variable : callable, optional
+        Gives the array of a variable of the data by its name.
+
+    Raises
+    ------
+    DescriptionError
+        It is no mapping or has an unknown key.
+    """
+
+    def __init__(self, values, name: str, known, origin: str,
+                 variable: Callable[[str], np.ndarray] | None = None):
+        self._name, self._origin, self._variable = name, origin, variable
+        if not isinstance(values, Mapping):
+            raise DescriptionError(f'{origin}: {name or "the file"}: expected keys with values '
+                                   f'({", ".join(known)}), got {values!r}')
+        self._values = dict(values)
+        for key in self._values:
+            if key not in known:
+                close = (difflib.get_close_matches(str(key), known, 1)
+                         or [name for name in known if name.startswith(f'{key}_')])
+                advice = f'did you mean {close[0]}?' if close else f'known are {", ".join(known)}'
+                raise DescriptionError(f'{origin}: unknown key {self._path(key)}; {advice}')
+
+    def _path(self, key) -> str:
+        return f'{self._name}.{key}' if self._name else str(key)
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._values
+
+    def with_variables(self, variable: Callable[[str], np.ndarray]) -> Section:
+        """The same keys, whose texts may name variables."""
+        return Section(self._values, self._name, tuple(self._values), self._origin, variable)
+
+    def raw(self, key: str, default=_REQUIRED):
+        """Value as YAML has it."""
+        if key in self._values:
+            return self._values[key]
+        if default is _REQUIRED:
+            raise DescriptionError(f'{self._origin}: {self._path(key)} is missing; add it')
+        return default
+
+    def error(self, key: str, expected: str, advice: str = '') -> DescriptionError:
+        """What to raise for a value that is not as expected."""
+        value = repr(self._values.get(key))
+        return DescriptionError(
+            f'{self._origin}: {self._path(key)}: expected {expected}, got '
+            f'{value if len(value) < 80 else value[:77] + "..."}' + (f'; {advice}' if advice
+                                                                      else ''))
+
+    def text(self, key: str, default=_REQUIRED) -> str:
+        """A text."""
+        value = self.raw(key, default)
+        if value is not default and not isinstance(value, str):
+            raise self.error(key, 'a text', 'put it in quotes')
+        return value
+
+    def choice(self, key: str, options, default=_REQUIRED) -> str:
+        """One of some words."""
+        value = self.raw(key, default)
+        if value is not default and value not in options:
+            close = difflib.get_close_matches(str(value), options, 1)
+            raise self.error(key, f'one of {", ".join(options)}',
+                             f'did you mean {close[0]}?' if close else '')
+        return value
+
+    def flag(self, key: str) -> bool:
+        """True or false; false where it is not given."""
+        value = self.raw(key, False)
+        if not isinstance(value, bool):
+            raise self.error(key, 'true or false')
+        return value
+
+    def array(self, key: str, default=_REQUIRED) -> np.ndarray:
+        """Numbers, or a variable that holds them, as a float64 array of any shape."""
+        value = self.raw(key, default)
+        if value is default:
+            return value
+        if isinstance(value, str) and _number(value) is None:
+            if self._variable is None:
+                raise self.error(key, 'numbers')
+            value = self._variable(value)
+        try:
+            # YAML takes 1e-9 for a text (1.0e-9 is a number); people write both.
+            out = np.array(value, np.float64)
+        except (TypeError, ValueError):
+            raise self.error(key, 'numbers, or the name of a variable that holds them') from None
+        if not np.isfinite(out).all():
+            raise self.error(key, 'finite numbers')
+        return out
+
+    def number(self, key: str, default=_REQUIRED) -> float:
+        """One number."""
+        value = self.array(key, default)
+        if value is default:
+            return value
+        if value.size != 1:
+            raise self.error(key, 'one number', f'it holds {value.size}')
+        return float(value.reshape(-1)[0])
+
+    def integer(self, key: str, default=_REQUIRED, *, least: int = 1) -> int:
+        """A whole number, at least `least`."""
+        value = self.number(key, default)
+        if value is default:
+            return value
+        if value != round(value) or value < least:
+            raise self.error(key, f'a whole number of at least {least}')
+        return int(value)
+
+    def vectors(self, key: str, default=_REQUIRED, *, size: int = 3) -> np.ndarray:
+        """(N, size) float64 array; a single vector is one row."""
+        value = self.array(key, default)
+        if value is default:
+            return value
+        out = np.atleast_2d(value)
+        if out.ndim != 2 or out.shape[1] != size or not len(out):
+            raise self.error(key, f'[{", ".join("xyz"[:size])}] or a list of these',
+                             f'its shape is {value.shape}')
+        return out
+
+    def vector(self, key: str, default=_REQUIRED, *, size: int = 3) -> np.ndarray:
+        """(size,) float64 array."""
+        value = self.vectors(key, default, size=size)
+        if value is default:
+            return value
+        if len(value) != 1:
+            raise self.error(key, f'one vector of {size} numbers', f'it holds {len(value)}')
+        return value[0]
+
+    def section(self, key: str, known) -> Section:
+        """Part below a key; without keys where it is absent."""
+        return Section(self.raw(key, {}), self._path(key), known, self._origin, self._variable)
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def read_description(path: Path | str, changes: Mapping[str, object] | None = None) -> Section:
+    """Read a description.
+
+    Parameters
+    ----------
+    path : path
+        YAML file.
+    changes : mapping, optional
+        Values to put in place of those of the file, by path such as
+        ``'alignment.time_offset_s'``.
+
+    Returns
+    -------
+    Section
+        The whole description.
+
+    Raises
+    ------
+    DescriptionError
+        It cannot be read, is no YAML, or has unknown sections.
+    """
+    try:
+        check_file(path, MOST_BYTES)
+        tree = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+    except yaml.YAMLError as error:
+        mark = getattr(error, 'problem_mark', None)
+        where = '' if mark is None else f' in line {mark.line + 1}'
+        problem = getattr(error, 'problem', None) or 'it cannot be parsed'
+        raise DescriptionError(f'{path} is no YAML{where}: {problem}') from error
+    except UnicodeDecodeError as error:
+        raise DescriptionError(f'{path} is no text; expected a YAML description') from error
+    except (OSError, ValueError) as error:
+        raise DescriptionError(f'description {error}') from error
+    for key, value in (changes or {}).items():
+        _change(tree, key, value)
+    return Section(tree, '', SECTIONS, Path(path).name)
+
+
+def _change(tree, path: str, value) -> None:
+    *parents, last = path.split('.')
+    for parent in parents:
+        tree = tree.setdefault(parent, {}) if isinstance(tree, dict) else None
+    if not isinstance(tree, dict):
+        raise DescriptionError(f'{path}={value!r} cannot be set: {".".join(parents)} has no keys')
+    tree[last] = value

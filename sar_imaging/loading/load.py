@@ -1,0 +1,268 @@
+"""Load measured data by their description: pulses, poses, and what is known of the scene."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ..geometry.alignment import Alignment
+from ..geometry.poses import PoseTrack
+from ..signal.positioning import without_range_bias
+from ..signal.pulses import PulseBlock, concatenate
+from ..signal.radar import Waveform
+from ..signal.tdm import locate_channels, move_channels
+from ..signal.uwb import subtract_background
+from . import (
+    poses as pose_files,
+    radar as radar_section,
+    samples,
+    scene as scene_section,
+    times,
+    tracks,
+    virtual_array,
+)
+from .data_files import DataFiles, find_files
+from .description import DescriptionError, Section, read_description
+from .poses import PoseTable, read_poses
+from .scene import Scene, read_scene
+from .shipped import find_description
+from .virtual_array import VirtualArray, calibration_weights, read_array
+
+ALIGNMENT_KEYS = ('time_offset_s', 'range_bias_m', 'lever_arm_m')
+POSES_AROUND_NS = 3_000_000_000  # kept before the first and after the last pulse
+_LOCATED = 1024  # pulses whose phase centres are computed at once
+_REAL = (Waveform.PASSBAND, Waveform.FMCW_REAL)
+_AT_REST_M_PER_S = 0.02
+_STEP_S = 0.25  # between places whose distance tells motion from the jitter of motion capture
+_MOST_AT_REST = 0.2  # share of the pulses
+
+
+@dataclasses.dataclass(frozen=True)
+class Loaded:
+    """What a description and its data hold.
+
+    Attributes
+    ----------
+    name, description, notes : str
+        Of the recording.
+    block : PulseBlock
+        All pulses. They have no positions where `poses` tell these.
+    poses : PoseTable or None
+        Poses on a clock of their own, nanoseconds.
+    alignment : Alignment or None
+        Between pulses and poses, where there are poses.
+    scene : Scene
+        Where and what to image.
+    warnings : tuple of str
+        What a person should know.
+    """
+
+    name: str
+    description: str
+    notes: str
+    block: PulseBlock
+    poses: PoseTable | None
+    alignment: Alignment | None
+    scene: Scene
+    warnings: tuple[str, ...] = ()
+
+
+def load(description: Path | str, data: Path | str | None = None, *,
+         changes: Mapping[str, object] | None = None,
+         read_bag: Callable[[Path, str | None], PoseTable] | None = None) -> Loaded:
+    """Load measured data.
+
+    Parameters
+    ----------
+    description : path
+        YAML file, see docs/loading.md, or the name of a shipped one such as ``'gotcha'``.
+    data : path, optional
+        Folder with the files that it names, or the file of the samples; by default they lie
+        beside the description.
+    changes : mapping, optional
+        Values in place of those of the file, by path such as ``'alignment.time_offset_s'``.
+    read_bag : callable, optional
+        Reads the poses of ROS bags, see `sar_imaging.loading.poses.read_poses`.
+
+    Raises
+    ------
+    DescriptionError
+        The description or the data cannot be used; the text says where and why.
+    MissingExtraError
+        A file needs a library that is not installed.
+    """
+    description = find_description(description)
+    top = read_description(description, changes)
+    section, folder, files = _find(top, description, data)
+    every = DataFiles(files)
+    top = top.with_variables(every.same)
+    pulses, array, shape = _read_pulses(top, section, every)
+    poses, position_m = None, None
+    if ('poses' in top) == ('positions' in top):
+        raise top.error('positions', 'either positions or poses, to say where the radar was')
+    if 'poses' in top:
+        poses = read_poses(top.section('poses', pose_files.KEYS), folder, every, read_bag)
+    else:
+        position_m, pulses = _read_positions(top, folder, every, shape, pulses)
+    if 'calibration' in top:
+        weights = calibration_weights(folder / top.text('calibration'), pulses.n_channels,
+                                      real_samples=pulses.radar.waveform in _REAL)
+        pulses = dataclasses.replace(pulses, samples=pulses.samples * weights)
+    used, pulses = _choose(top, pulses)
+    if section.flag('remove_background'):
+        pulses = subtract_background(pulses)
+    scene = read_scene(top.section('scene', scene_section.KEYS))
+    alignment = _alignment(top.section('alignment', ALIGNMENT_KEYS), array, poses is not None)
+    names = [top.text(key, '') for key in ('name', 'description', 'notes')]
+    told = names[0] or description.stem, *names[1:]
+    if poses is None:
+        block = _at_positions(pulses, position_m[used], alignment, array)
+        return Loaded(*told, _dated(block), None, None, scene)
+    poses = _around(poses, pulses, alignment)
+    warnings = _motion(pulses, poses, alignment)
+    if times.is_relative(pulses.stamp_ns, poses.time_ns):
+        pulses = _dated(pulses)
+        poses = dataclasses.replace(poses, time_ns=poses.time_ns + times.EPOCH_NS)
+    if array.schedule is None:
+        return Loaded(*told, pulses, poses, alignment, scene, warnings)
+    block = _at_own_times(pulses, poses, alignment, array)
+    return Loaded(*told, block, None, None, scene, warnings)
+
+
+def _find(top: Section, description: Path, data: Path | str | None
+          ) -> tuple[Section, Path, list[Path]]:
+    """Part ``samples``, folder of the data, and files of the samples."""
+    section = top.section('samples', samples.KEYS)
+    place = description.parent if data is None else Path(data)
+    if place.is_file():
+        return section, place.parent, [place]
+    if not place.is_dir():
+        raise DescriptionError(f'{place} does not exist; expected the folder with the data')
+    return section, place, find_files(place, section.text('file'), 'samples.file')
+
+
+def _read_pulses(top: Section, section: Section, data: DataFiles
+                 ) -> tuple[PulseBlock, VirtualArray, tuple[int, ...]]:
+    """All pulses with the radar's own times, their array, and axes that count them."""
+    values, shape, n_receivers = samples.read_samples(section, data)
+    radar, compressed = radar_section.read_radar(top.section('radar', radar_section.KEYS),
+                                                 values.shape[-1])
+    is_real = section.raw('iq', 'complex') == 'real'
+    if is_real != (radar.waveform in _REAL):
+        raise section.error('iq', f'{"not real" if is_real else "real"} samples of the waveform '
+                            f'{radar.waveform.name.lower()}', 'real samples are of fmcw_real and '
+                            'passband')
+    array = read_array(top.section('array', virtual_array.KEYS), values.shape[1], n_receivers)
+    time_ns, counter = times.read_times(top.section('times', times.KEYS), len(values),
+                                        data.joined)
+    return PulseBlock(radar, compressed, time_ns, counter, values), array, shape
+
+
+def _read_positions(top: Section, folder: Path, data: DataFiles, shape: tuple[int, ...],
+                    pulses: PulseBlock) -> tuple[np.ndarray, PulseBlock]:
+    """(P, 3) positions, and the pulses referenced to one range."""
+    section = top.section('positions', tracks.KEYS)
+    if 'file' in section:
+        data = DataFiles(find_files(folder, section.text('file'), 'positions.file'))
+    position_m = tracks.read_positions(section, shape, data)
+    keys = top.section('radar', radar_section.KEYS)
+    values, radar = radar_section.reference_to_one_range(
+        keys, data.joined, pulses.radar, pulses.samples, position_m)
+    return position_m, dataclasses.replace(pulses, radar=radar, samples=values)
+
+
+def _choose(top: Section, pulses: PulseBlock) -> tuple[np.ndarray, PulseBlock]:
+    """Which pulses are used, (P,) bool, and these, counted from 0 where they had no numbers."""
+    section = top.section('times', times.KEYS)
+    used = times.used_pulses(section, pulses.stamp_ns)
+    if not used.all():
+        pulses = pulses.select(used)
+    if 'counter' not in section:
+        pulses = dataclasses.replace(pulses, counter=np.arange(pulses.n_pulses))
+    return used, pulses
+
+
+def _alignment(section: Section, array: VirtualArray, has_poses: bool) -> Alignment:
+    if 'time_offset_s' in section and not has_poses:
+        raise section.error('time_offset_s', 'no offset for positions that need no clock',
+                            'leave it out')
+    lever_m = section.vector('lever_arm_m', np.zeros(3))
+    arms = [lever_m + centres for centres in (array.tx_m, array.rx_m)]
+    one = all((a == a[0]).all() for a in arms)
+    return Alignment(*(a[:1] if one else a for a in arms), section.number('time_offset_s', 0.0),
+                     section.number('range_bias_m', 0.0))
+
+
+def _dated(block: PulseBlock) -> PulseBlock:
+    """Block whose clock begins in 2023 where it began at zero."""
+    if not times.is_relative(block.stamp_ns):
+        return block
+    return dataclasses.replace(block, stamp_ns=block.stamp_ns + times.EPOCH_NS)
+
+
+def _at_positions(pulses: PulseBlock, position_m: np.ndarray, alignment: Alignment,
+                  array: VirtualArray) -> PulseBlock:
+    """Pulses with the phase centres of a radar that does not turn."""
+    shape = (pulses.n_pulses, pulses.n_channels, 3)
+    tx_m, rx_m = (np.broadcast_to(position_m[:, None] + arms, shape)
+                  for arms in (alignment.tx_m, alignment.rx_m))
+    block = dataclasses.replace(pulses, tx_m=tx_m, rx_m=rx_m)
+    if alignment.range_bias_m:
+        block = dataclasses.replace(block, radar=without_range_bias(block.radar, alignment))
+    if array.schedule is None:
+        return block
+    time_s = (pulses.stamp_ns - pulses.stamp_ns[0]) * 1e-9
+    return move_channels(block, np.gradient(position_m, time_s, axis=0), array.schedule)
+
+
+def _around(poses: PoseTable, pulses: PulseBlock, alignment: Alignment) -> PoseTable:
+    first, last = pulses.stamp_ns[[0, -1]] + alignment.time_offset_ns
+    near = (poses.time_ns > first - POSES_AROUND_NS) & (poses.time_ns < last + POSES_AROUND_NS)
+    ends = poses.time_ns[[0, -1]]
+    if ends[0] > first or ends[1] < last:
+        raise DescriptionError(
+            f'the pulses need poses from {first * 1e-9:.6f} to {last * 1e-9:.6f} s of the clock '
+            f'of the poses; there are poses from {ends[0] * 1e-9:.6f} to {ends[1] * 1e-9:.6f} s: '
+            'correct alignment.time_offset_s (clock of the poses minus clock of the pulses), '
+            'times.unit_s or poses.unit_s, or shorten times.use_s')
+    return poses.select(near)
+
+
+def _at_own_times(pulses: PulseBlock, poses: PoseTable, alignment: Alignment,
+                  array: VirtualArray) -> PulseBlock:
+    """Phase centres of every channel where the platform is at the channel's own time."""
+    parts = []
+    for first in range(0, pulses.n_pulses, _LOCATED):
+        part = pulses.select(slice(first, first + _LOCATED))
+        near, track = _around(poses, part, alignment), PoseTrack()
+        for pose in zip(near.time_ns.tolist(), near.position_m, near.quaternion, strict=True):
+            track.add(*pose)
+        try:
+            parts.append(locate_channels(part, track, alignment, array.schedule))
+        except ValueError as error:
+            raise DescriptionError(f'poses: {error}') from error
+    return concatenate(parts)
+
+
+def _motion(pulses: PulseBlock, poses: PoseTable, alignment: Alignment) -> tuple[str, ...]:
+    """A warning where the platform rests: its pulses spoil the image."""
+    time_s = (pulses.stamp_ns - pulses.stamp_ns[0]) * 1e-9
+    pose_s = (poses.time_ns - pulses.stamp_ns[0] - alignment.time_offset_ns) * 1e-9
+    at = np.arange(time_s[0], time_s[-1], _STEP_S)
+    if at.size < 4:
+        return ()
+    place = np.stack([np.interp(at, pose_s, axis) for axis in poses.position_m.T], axis=-1)
+    moves = np.linalg.norm(np.diff(place, axis=0), axis=1) > _AT_REST_M_PER_S * _STEP_S
+    if not moves.any():
+        return ('the platform stands still while the radar sends; check '
+                'alignment.time_offset_s and the poses',)
+    if np.mean(~moves) <= _MOST_AT_REST:
+        return ()
+    first_s = pulses.stamp_ns[0] * 1e-9
+    begin, end = at[:-1][moves][0] + first_s, at[1:][moves][-1] + first_s
+    return (f'the platform rests for {100 * np.mean(~moves):.0f} % of the pulses and moves from '
+            f'{begin:.1f} to {end:.1f} s of the radar clock: times.use_s: [{begin:.1f}, '
+            f'{end:.1f}] keeps those',)

@@ -1,0 +1,245 @@
+"""Poses of a platform from files: CSV, TUM trajectories, OptiTrack exports, arrays.
+
+ROS bags are read by whoever knows ROS; see `read_poses`.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from .data_files import DataFiles, check_memory
+from .description import DescriptionError, Section
+from .times import to_nanoseconds
+from .tracks import FRAMES, TO_Z_UP
+
+KEYS = ('file', 'format', 'frame', 'unit_s', 'columns', 'times', 'positions', 'quaternions',
+        'quaternion_order', 'level', 'body', 'topic')
+FORMATS = ('arrays', 'csv', 'tum', 'optitrack', 'bag')
+_NAMES = {'time': ('time', 't', 'timestamp', 'stamp', 'time_s', 'seconds', 'sec'),
+          **{a: (a, f'p{a}', f'pos_{a}', f'position_{a}', f'{a}_m', f't{a}') for a in 'xyz'},
+          **{f'q{a}': (f'q{a}', f'q_{a}', f'quat_{a}', f'quaternion_{a}', f'orientation_{a}')
+             for a in 'xyzw'}}
+_QUATERNION = tuple(f'q{a}' for a in 'xyzw')
+_UNITS_M = {'Meters': 1.0, 'Centimeters': 1e-2, 'Millimeters': 1e-3}
+_BYTES_PER_CHARACTER = 8  # of a table of numbers, as Python reads it
+
+
+@dataclasses.dataclass(frozen=True)
+class PoseTable:
+    """Poses of a platform.
+
+    Parameters
+    ----------
+    time_ns : (N,) int64
+        On the clock of the poses, nanoseconds.
+    position_m : (N, 3) float64
+        Metres, z up.
+    quaternion : (N, 4) float64
+        x, y, z, w: turns body vectors into the frame of the positions.
+    """
+
+    time_ns: np.ndarray
+    position_m: np.ndarray
+    quaternion: np.ndarray
+
+    def select(self, index: np.ndarray) -> PoseTable:
+        """Some of the poses."""
+        return PoseTable(self.time_ns[index], self.position_m[index], self.quaternion[index])
+
+
+def read_poses(section: Section, folder: Path, data: DataFiles,
+               read_bag: Callable[[Path, str | None], PoseTable] | None = None) -> PoseTable:
+    """Poses of a description.
+
+    Parameters
+    ----------
+    section : Section
+        The part ``poses``.
+    folder : Path
+        Where files of relative names lie.
+    data : DataFiles
+        Files of the samples, for poses that stand in them.
+    read_bag : callable, optional
+        Reads the poses of a ROS bag from its path and the name of a topic, None where it is not
+        given.
+
+    Returns
+    -------
+    PoseTable
+        In the order of time, z up.
+
+    Raises
+    ------
+    DescriptionError
+        File and description do not fit.
+    """
+    file = section.text('file', None)
+    path = None if file is None else folder / file
+    if path is not None and not path.exists():
+        raise section.error('file', f'a file in {folder}')
+    kind = (section.choice('format', FORMATS) if 'format' in section
+            else _guess(section, path))
+    if kind == 'arrays':
+        found = _arrays(section, data if path is None else DataFiles([path]))
+    elif kind == 'bag':
+        if read_bag is None:
+            raise section.error('format', 'another format than bag here', 'sar-imaging load '
+                                'reads bags')
+        found = read_bag(path, section.text('topic', None))
+    else:
+        check_memory(str(path.name), _BYTES_PER_CHARACTER * path.stat().st_size)
+        read = {'csv': _csv, 'tum': _tum, 'optitrack': _optitrack}[kind]
+        try:
+            found = read(section, path)
+        except (UnicodeDecodeError, OSError, csv.Error) as error:
+            raise DescriptionError(f'{path} cannot be read as {kind}: {error}') from error
+    if section.flag('level'):
+        found = dataclasses.replace(found, quaternion=_level(len(found.time_ns)))
+    frame = section.choice('frame', FRAMES, 'y_up' if kind == 'optitrack' else 'z_up')
+    return _checked(_z_up(found, frame), path.name if path else 'poses')
+
+
+def _guess(section: Section, path: Path | None) -> str:
+    if path is None or path.suffix in ('.npz', '.npy', '.mat', '.h5', '.hdf5'):
+        return 'arrays'
+    if path.is_dir() or path.suffix in ('.bag', '.mcap', '.db3'):
+        return 'bag'
+    if path.suffix in ('.tum', '.txt'):
+        return 'tum'
+    if path.suffix == '.csv':
+        with path.open(errors='replace') as file:
+            return 'optitrack' if file.readline().startswith('Format Version') else 'csv'
+    raise section.error('file', 'a known type of file', f'add format: {", ".join(FORMATS)}')
+
+
+def _level(n: int) -> np.ndarray:
+    return np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))
+
+
+def _arrays(section: Section, data: DataFiles) -> PoseTable:
+    time_ns = to_nanoseconds(data.joined(section.text('times')).reshape(-1),
+                             section.number('unit_s', 1.0))
+    position_m = data.joined(section.text('positions')).astype(np.float64)
+    if position_m.shape != (time_ns.size, 3):
+        raise section.error('positions', f'shape ({time_ns.size}, 3), one position for each time',
+                            f'its shape is {position_m.shape}')
+    if 'quaternions' not in section:
+        return PoseTable(time_ns, position_m, _level(time_ns.size))
+    quaternion = data.joined(section.text('quaternions')).astype(np.float64)
+    if quaternion.shape != (time_ns.size, 4):
+        raise section.error('quaternions', f'shape ({time_ns.size}, 4)',
+                            f'its shape is {quaternion.shape}')
+    if section.choice('quaternion_order', ('xyzw', 'wxyz'), 'xyzw') == 'wxyz':
+        quaternion = np.roll(quaternion, -1, axis=1)
+    return PoseTable(time_ns, position_m, quaternion)
+
+
+def _csv(section: Section, path: Path) -> PoseTable:
+    text = path.read_text(encoding='utf-8-sig')
+    lines = [line for line in text.splitlines() if line.strip()]
+    if len(lines) < 2:
+        raise DescriptionError(f'{path.name} has no rows; expected a line of column names and one '
+                               'line for each pose')
+    separator = next((s for s in ',;\t' if s in lines[0]), None)
+    header = [name.strip().strip('#').strip().strip('"') for name in lines[0].split(separator)]
+    wanted = section.section('columns', tuple(_NAMES))
+    place = {}
+    for key, usual in _NAMES.items():
+        names = (wanted.text(key),) if key in wanted else usual
+        found = [i for i, name in enumerate(header) if name in names or name.lower() in usual
+                 and key not in wanted]
+        if found:
+            place[key] = found[0]
+        elif key in wanted or key not in _QUATERNION:
+            raise DescriptionError(f'{path.name} has no column {" or ".join(names[:3])}; it has '
+                                   f'{", ".join(header)}: name it in poses.columns.{key}')
+    rows = _numbers(path, lines[1:], separator, len(header))
+    turned = all(key in place for key in _QUATERNION)
+    return PoseTable(
+        to_nanoseconds(rows[:, place['time']], section.number('unit_s', 1.0)),
+        rows[:, [place[a] for a in 'xyz']],
+        rows[:, [place[key] for key in _QUATERNION]] if turned else _level(len(rows)))
+
+
+def _tum(section: Section, path: Path) -> PoseTable:
+    lines = [line for line in path.read_text().splitlines()
+             if line.strip() and not line.startswith('#')]
+    rows = _numbers(path, lines, None, 8)
+    return PoseTable(to_nanoseconds(rows[:, 0], section.number('unit_s', 1.0)), rows[:, 1:4],
+                     rows[:, 4:8])
+
+
+def _numbers(path: Path, lines: list[str], separator: str | None, n_columns: int) -> np.ndarray:
+    rows = [line.split(separator) for line in lines]
+    for number, row in enumerate(rows, 1):
+        if len(row) != n_columns:
+            raise DescriptionError(f'{path.name}: row {number} has {len(row)} columns; expected '
+                                   f'{n_columns}')
+    try:
+        return np.array(rows, np.float64)
+    except ValueError as error:
+        raise DescriptionError(f'{path.name}: {error}; expected numbers') from None
+
+
+def _optitrack(section: Section, path: Path) -> PoseTable:
+    """Rigid body of a CSV export of Motive; rows without a tracked body are left out."""
+    with path.open(newline='', encoding='utf-8-sig') as file:
+        rows = [row for row in csv.reader(file) if row]
+    first = next((i for i, row in enumerate(rows) if row[0] == 'Frame'), None)
+    if first is None or first < 3:
+        raise DescriptionError(f'{path.name} has no row "Frame, Time (Seconds), ..."; expected a '
+                               'CSV export of Motive')
+    told = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
+    unit_m = _UNITS_M.get(told.get('Length Units', told.get('Units Type', 'Meters')))
+    if unit_m is None or told.get('Rotation Type', 'Quaternion') != 'Quaternion':
+        raise DescriptionError(f'{path.name}: expected lengths in {", ".join(_UNITS_M)} and '
+                               'rotations as quaternions; export it from Motive so')
+    kinds, names, quantities, axes = rows[1], rows[2], rows[first - 1], rows[first]
+    bodies = dict.fromkeys(name for kind, name in zip(kinds, names, strict=False)
+                           if kind == 'Rigid Body' and name)
+    body = section.text('body', None) or next(iter(bodies), None)
+    if body not in bodies:
+        raise section.error('body', f'one of the rigid bodies {", ".join(bodies) or "(none)"} of '
+                            f'{path.name}')
+    place = {(quantity, axis): i for i, (kind, name, quantity, axis)
+             in enumerate(zip(kinds, names, quantities, axes, strict=False))
+             if kind == 'Rigid Body' and name == body}
+    columns = [1, *(place[('Position', a)] for a in 'XYZ'),
+               *(place[('Rotation', a)] for a in 'XYZW')]
+    tracked = [[row[i] for i in columns] for row in rows[first + 1:]
+               if len(row) > max(columns) and all(row[i] for i in columns)]
+    if not tracked:
+        raise DescriptionError(f'{path.name}: {body} was never tracked')
+    table = np.array(tracked, np.float64)
+    return PoseTable(to_nanoseconds(table[:, 0]), unit_m * table[:, 1:4], table[:, 4:])
+
+
+def _z_up(poses: PoseTable, frame: str) -> PoseTable:
+    if frame == 'z_up':
+        return poses
+    turn = Rotation.from_matrix(TO_Z_UP[frame])
+    # The body's axes follow: of NED they are forward, right, down and become forward, left, up.
+    body = turn if frame == 'y_up' else Rotation.from_matrix(np.diag([1.0, -1.0, -1.0]))
+    attitude = turn * Rotation.from_quat(poses.quaternion) * body.inv()
+    return PoseTable(poses.time_ns, poses.position_m @ TO_Z_UP[frame].T, attitude.as_quat())
+
+
+def _checked(poses: PoseTable, name: str) -> PoseTable:
+    if len(poses.time_ns) < 2:
+        raise DescriptionError(f'{name} has {len(poses.time_ns)} poses; expected two or more')
+    for what, values in (('positions', poses.position_m), ('quaternions', poses.quaternion)):
+        if not np.isfinite(values).all():
+            raise DescriptionError(f'{name}: {what} hold NaN or infinity; leave these rows out')
+    norm = np.linalg.norm(poses.quaternion, axis=1)
+    if (np.abs(norm - 1) > 0.01).any():
+        at = int(np.abs(norm - 1).argmax())
+        raise DescriptionError(f'{name}: quaternion {at} has the norm {norm[at]:.4g}; expected 1 '
+                               '(use poses.level: true where there are none)')
+    order = np.argsort(poses.time_ns, kind='stable')
+    return poses.select(order)

@@ -1,0 +1,39 @@
+"""Descriptions of public measured data that come with the package."""
+
+from __future__ import annotations
+
+import importlib.resources
+from pathlib import Path
+
+from .description import DescriptionError
+
+
+def shipped_names() -> list[str]:
+    """Names of the descriptions in `config/recordings`."""
+    return sorted(path.stem for path in _folder().glob('*.yaml'))
+
+
+def find_description(name: Path | str) -> Path:
+    """File of a description.
+
+    Parameters
+    ----------
+    name : path
+        A file, or the name of a shipped description.
+
+    Raises
+    ------
+    DescriptionError
+        Neither of both exists.
+    """
+    if Path(name).is_file():
+        return Path(name)
+    path = _folder() / f'{name}.yaml'
+    if str(name) not in shipped_names():
+        raise DescriptionError(f'{name} does not exist; expected a YAML file or one of '
+                               f'{", ".join(shipped_names())}')
+    return path
+
+
+def _folder() -> Path:
+    return Path(str(importlib.resources.files('sar_imaging') / 'config' / 'recordings'))

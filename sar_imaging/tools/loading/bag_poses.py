@@ -1,0 +1,87 @@
+"""Poses from ROS bags, of ROS 1 or 2, by the fields of their messages."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from sar_imaging.loading import DescriptionError, PoseTable
+
+from ..recordings.bag_io import BagError
+
+_PATHS = {  # place of position and orientation in a message
+    'nav_msgs/msg/Odometry': 'pose.pose', 'geometry_msgs/msg/PoseStamped': 'pose',
+    'geometry_msgs/msg/PoseWithCovarianceStamped': 'pose.pose',
+    'geometry_msgs/msg/TransformStamped': 'transform'}
+
+
+@contextlib.contextmanager
+def open_bag(path: Path) -> Iterator:
+    """Reader of a bag, ROS 1 or 2, opened.
+
+    Raises
+    ------
+    BagError
+        It cannot be read, or rosbags is not installed.
+    """
+    try:
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.typesys import Stores, get_typestore
+    except ModuleNotFoundError as error:
+        raise BagError('bags need the Python package rosbags, which is not installed: pip '
+                       'install "rosbags>=0.11,<0.12"') from error
+    path = Path(path)
+    if not path.exists():
+        raise BagError(f'{path} does not exist; expected a ROS 1 bag or the folder of a ROS 2 bag')
+    try:
+        # Definitions in the recording go before; old ones have none, and then Jazzy's count.
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
+            yield bag
+    except (AnyReaderError, OSError) as error:
+        raise BagError(f'{path} cannot be read: {error}') from error
+
+
+def read_bag_poses(path: Path, topic: str | None = None) -> PoseTable:
+    """Poses of a bag.
+
+    Parameters
+    ----------
+    path : Path
+        ROS 1 file, or folder of a ROS 2 bag.
+    topic : str, optional
+        Of type Odometry, PoseStamped, PoseWithCovarianceStamped or TransformStamped; needed
+        where the bag has several of these.
+
+    Raises
+    ------
+    DescriptionError
+        The bag has no such topic, or several.
+    BagError
+        It cannot be read.
+    """
+    with open_bag(path) as bag:
+        fit = [c for c in bag.connections
+               if c.msgtype in _PATHS and (topic is None or c.topic == topic)]
+        if len({c.topic for c in fit}) != 1:
+            present = ', '.join(sorted(f'{c.topic} ({c.msgtype})' for c in bag.connections))
+            raise DescriptionError(
+                f'{Path(path).name}: expected {"one topic" if topic is None else topic} with '
+                f'poses ({", ".join(_PATHS)}); it has {present or "no topic"}: name one in '
+                'poses.topic')
+        stamp, position, quaternion = [], [], []
+        for connection, _, raw in bag.messages(connections=fit):
+            message = bag.deserialize(raw, connection.msgtype)
+            pose = message
+            for name in _PATHS[connection.msgtype].split('.'):
+                pose = getattr(pose, name)
+            place = getattr(pose, 'position', None) or pose.translation
+            turn = getattr(pose, 'orientation', None) or pose.rotation
+            at = message.header.stamp
+            stamp.append(at.sec * 10**9 + at.nanosec)
+            position.append([place.x, place.y, place.z])
+            quaternion.append([turn.x, turn.y, turn.z, turn.w])
+    return PoseTable(np.array(stamp, np.int64), np.array(position, float).reshape(-1, 3),
+                     np.array(quaternion, float).reshape(-1, 4))
