@@ -252,8 +252,14 @@ def test_half_bands_are_the_largest_local_frequencies():
     highest = 4 * np.pi * 2.15e9 / SPEED_OF_LIGHT
     wanted = (band * np.abs(by_range).max() + highest * np.abs(by_range - 1).max(),
               highest * np.abs(by_alpha).max())
-    found = half_bands([Node(slice(0, n_pulses), 0, (), centre)], tx, rx, points, radar)
-    assert found == pytest.approx(np.multiply(1.02, wanted), rel=1e-5)  # 2 % for what lies between
+    # beside it a level of two sub-apertures, from farther away
+    node, away = Node(slice(0, n_pulses), 0, (), centre), centre - [0.0, 5.0, 0.0]
+    others = [Node(slice(0, 3), 1, (), away), Node(slice(3, 5), 1, (), away)]
+    found = half_bands([[node], others], tx, rx, points, radar)
+    wanted = np.multiply(1.02, wanted)  # for what lies between
+    assert [by_level[0] for by_level in found] == pytest.approx(wanted, rel=1e-5)
+    alone = [half_bands([[n]], tx, rx, points, radar)[1][0] for n in others]
+    assert found[1][1] == max(alone) and alone[0] != alone[1]
 
 
 @pytest.mark.parametrize(('range_m', 'segment'), [(100.0, 48), (1e3, 112), (5e3, 112)])

@@ -19,7 +19,7 @@ from ..costs import costs
 from ..error_budget import total_db
 from ..memory import IMAGE_BYTES
 from ..plan import Plan
-from ..profiles.profile_reach import check_reach, reach_warnings, some_pixels
+from ..profiles.profile_reach import check_reach, covered_ranges, reach_warnings, some_pixels
 from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import ROWS_PER_PASS, RangeResampling, half_paths
 from .ffbp_error import LocalTones, expansion_error, read_errors, rounding_error
@@ -197,7 +197,9 @@ def plan_from_geometry(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samp
                               TAPS[sampling.kernel])
     range_m = _reach(placed[0].nodes, geometry, lattice.spacing)
     check_reach(range_m, radar, n_samples)
-    warnings = reach_warnings(some_pixels(grid), tx_m, rx_m, radar, n_samples)
+    start, stop = covered_ranges(radar, n_samples)
+    within = start <= range_m[0] and range_m[1] <= stop
+    warnings = () if within else reach_warnings(some_pixels(grid), tx_m, rx_m, radar, n_samples)
     errors = _errors_db(geometry, radar, RangeGate.whole(radar, n_samples), tones, sampling,
                         lattice, alpha_spacings, segments)
     return FfbpPlan(grid, radar, n_samples, tx_m.copy(), rx_m.copy(), sampling, frame, placed,
@@ -206,13 +208,14 @@ def plan_from_geometry(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samp
 
 def _reach(nodes: Sequence[Node], geometry: FfbpGeometry, spacing: float) -> tuple[float, float]:
     """Bounds of the half path over all first images, metres."""
-    lo, hi = math.inf, -math.inf
-    for node in nodes:
-        rows = np.stack([geometry.tx[node.pulses], geometry.rx[node.pulses]])
-        away = float(np.linalg.norm(rows - node.centre, axis=-1).mean(axis=0).max())
-        lo = min(lo, node.range_start - away)
-        hi = max(hi, node.range_start + node.shape[1] * spacing + away)
-    return lo, hi
+    first = [n.pulses.start for n in nodes]
+    centres = np.repeat([n.centre for n in nodes], np.diff([*first, nodes[-1].pulses.stop]),
+                        axis=0)[:, None]
+    path = 0.5 * sum(np.linalg.norm(a - centres, axis=-1) for a in (geometry.tx, geometry.rx))
+    away = np.maximum.reduceat(path.max(axis=1), first)
+    start = np.array([n.range_start for n in nodes])
+    stop = start + np.array([n.shape[1] for n in nodes]) * spacing
+    return float((start - away).min()), float((stop + away).max())
 
 
 def _errors_db(geometry, radar, window, tones, sampling, lattice, alpha_spacings, segments

@@ -30,10 +30,8 @@ from .ffbp_grids import local_slopes
 from .ffbp_segments import Segment
 from .neighbour_weights import mean_gain
 
-# Places along range are nearly the same for a whole level, so that amplitudes of errors add up;
-# those along direction differ from line to line, so that powers do.
-_POWERS = (1, 2)
-_PULSES, _CHANNELS, _TONES = 32, 4, 12  # that stand for all: errors ripple over the band
+_PULSES, _CHANNELS = 32, 4  # that stand for all
+_TONE, _BY_TONE = np.polynomial.legendre.leggauss(12)  # over the band, where errors ripple
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -42,22 +40,27 @@ class LocalTones:
 
     Attributes
     ----------
-    along_range, along_alpha : (L, S, C, K, F) float64
-        Of pulses, channels, positions and frequencies, rad/m and rad.
+    slopes : (2, L, S, C, K) float64
+        Derivatives of half paths from pulses and channels to positions, by range and direction.
+    k, k_c : (F,) float64 and float
+        Wavenumbers over the band and at the carrier, rad/m.
     known : (L, S) bool
         Whether a level has an image with the pulse in it.
     shares : (2, S, C, 1, F) float64
         In the power of an image, of what all pulses see alike and of noise; of sum 1.
     """
 
-    along_range: np.ndarray
-    along_alpha: np.ndarray
+    slopes: np.ndarray
+    k: np.ndarray
+    k_c: float
     known: np.ndarray
     shares: np.ndarray
 
-    def along(self, axis: int) -> np.ndarray:
-        """Frequencies along range (0) or direction (1)."""
-        return (self.along_range, self.along_alpha)[axis]
+    def cycles(self, axis: int, level: int, spacing: float) -> np.ndarray:
+        """(S, C, K, F) cycles per sample along range (0) or direction (1)."""
+        turns = spacing / (2 * np.pi)
+        found = turns * self.k * self.slopes[axis, level][..., None]
+        return found if axis else found - turns * self.k_c
 
 
 def local_tones(geometry: FfbpGeometry, radar: RadarParameters) -> LocalTones:
@@ -66,22 +69,20 @@ def local_tones(geometry: FfbpGeometry, radar: RadarParameters) -> LocalTones:
     pulses, channels = (np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(int))
                         for n, most in zip(tx.shape[:2], (_PULSES, _CHANNELS), strict=True))
     some = [a[np.ix_(pulses, channels)] for a in (tx, rx)]
-    tone, by_tone = np.polynomial.legendre.leggauss(_TONES)
     k_c = radar.wavenumber_rad_per_m
-    k = k_c + radar.half_band_rad_per_m * tone
-    found, known = [], []
+    k = k_c + radar.half_band_rad_per_m * _TONE
+    origins, known = [], []
     for nodes in geometry.levels:
         starts, stops = (np.array([getattr(n.pulses, e) for n in nodes])
                          for e in ('start', 'stop'))
         number = np.maximum(np.searchsorted(starts, pulses, 'right') - 1, 0)
-        known.append(np.zeros(len(pulses), bool) if not nodes else
-                     (starts[number] <= pulses) & (pulses < stops[number]))
-        origins = (np.array([nodes[i].centre for i in number]) if nodes
-                   else np.tile(geometry.levels[0][0].centre, (len(pulses), 1)))
-        by_range, by_alpha = local_slopes(origins, *some, points)
-        found.append((k * by_range[..., None] - k_c, k * by_alpha[..., None]))
-    return LocalTones(*(np.array(a) for a in zip(*found, strict=True)), np.array(known),
-                      _shares(geometry, radar, pulses, channels)[..., None, None] * by_tone / 2)
+        known.append((starts[number] <= pulses) & (pulses < stops[number]))
+        origins += [nodes[i].centre for i in number]
+    slopes = local_slopes(np.array(origins), *(np.tile(a, (len(known), 1, 1)) for a in some),
+                          points)
+    shares = _shares(geometry, radar, pulses, channels)
+    return LocalTones(slopes.reshape(2, *np.shape(known), *slopes.shape[2:]), k, k_c,
+                      np.array(known), shares[..., None, None] * _BY_TONE / 2)
 
 
 def _shares(geometry, radar, pulses, channels) -> np.ndarray:
@@ -122,23 +123,26 @@ def read_errors(tones: LocalTones, axes: Sequence[int], kernel: str,
     """
     each = []
     for axis in axes:
-        log_gain, spread = 0.0, 0.0
+        kept, spread = 1.0, 0.0
         for level, (known, segment) in enumerate(zip(tones.known, segments, strict=True)):
-            frequency = tones.along(axis)[level] * (spacings[axis][level] / (2 * np.pi))
-            loss, variance = mean_gain(kernel, oversampling[axis], segment.drift(axis), frequency)
-            known = known[:, None, None, None]
-            log_gain = log_gain + known * np.log1p(-loss)
-            spread = spread + known * (np.sqrt(variance) / (1 - loss)) ** _POWERS[axis]
-        each.append((log_gain, np.log1p(spread ** (2 / _POWERS[axis]))))
+            loss, variance = mean_gain(kernel, oversampling[axis], segment.drift(axis),
+                                       tones.cycles(axis, level, spacings[axis][level]))
+            if not known.all():
+                loss, variance = (known[:, None, None, None] * v for v in (loss, variance))
+            gain = 1 - loss
+            kept = kept * gain
+            spread = spread + (variance / gain ** 2 if axis else np.sqrt(variance) / gain)
+        each.append((kept, spread if axis else spread ** 2))
     if len(axes) > 1:
-        each.append(tuple(map(sum, zip(*each, strict=True))))
-    return [_mean_error(tones, *logs) for logs in each]
+        (kept_range, range_spread), (kept_alpha, alpha_spread) = each
+        each.append((kept_range * kept_alpha,
+                     range_spread + alpha_spread + range_spread * alpha_spread))
+    return [_mean_error(tones, *both) for both in each]
 
 
-def _mean_error(tones, log_gain, log_spread) -> float:
+def _mean_error(tones, kept, spread) -> float:
     """Where the image is worst, of what pulses see alike or of noise."""
-    lost = np.expm1(log_gain)
-    error = lost ** 2 + (1 + lost) ** 2 * np.expm1(log_spread)
+    error = (1 - kept) ** 2 + kept ** 2 * spread
     return float(np.einsum('scpf,wscpf->wp', error, np.broadcast_to(
         tones.shares, (2, *error.shape))).max())
 

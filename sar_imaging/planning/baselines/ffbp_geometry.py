@@ -11,7 +11,7 @@ from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...geometry.track_frame import mean_centres
 from ...signal.radar import RadarParameters
-from .ffbp_grids import check_side, half_bands, outline_of, widest_spacing
+from .ffbp_grids import check_side, half_bands, outline_of, widest_spacings
 from .ffbp_tree import Frame, Node, build_tree, find_frame
 
 _SLIGHTLY_FINER = 0.999  # spacing of range than the band asks for
@@ -40,7 +40,7 @@ class FfbpGeometry:
     half_range : float
         Half the bandwidth of local images along range, rad/m.
     half_alpha : list of float
-        Half the bandwidth along direction cosine by level, rad; 0 where it has no sub-aperture.
+        Half the bandwidth along direction cosine by level, rad.
     widest : list of float
         Largest spacings of direction by level.
     """
@@ -82,9 +82,6 @@ def ffbp_geometry(grid: MapGrid | PolarGrid, radar: RadarParameters, tx_m, rx_m,
     tx, rx, centres, edge, inside = (frame.enter(a) for a in (tx_m, rx_m, centres, edge, inside))
     levels, top = build_tree(centres, pulses_per_subaperture, merge_factor)
     check_side(levels[0], edge)
-    bands = [half_bands(nodes, tx, rx, inside, radar) if nodes else (0.0, 0.0)
-             for nodes in levels]
-    widest = [widest_spacing(nodes, inside) if nodes else 0.0 for nodes in levels]
-    return FfbpGeometry(frame, tx, rx, edge, edge_step, inside, levels, top,
-                        max(along_range for along_range, _ in bands),
-                        [along_alpha for _, along_alpha in bands], widest)
+    half_range, half_alpha = half_bands(levels, tx, rx, inside, radar)
+    return FfbpGeometry(frame, tx, rx, edge, edge_step, inside, levels, top, max(half_range),
+                        half_alpha, widest_spacings(levels, inside))

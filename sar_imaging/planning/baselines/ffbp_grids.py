@@ -6,7 +6,6 @@ grid and what the interpolation kernels of the levels above it reach beyond it.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -67,40 +66,59 @@ def check_side(nodes: list[Node], edge) -> None:
                          'backprojection')
 
 
-def widest_spacing(nodes: list[Node], points) -> float:
-    """Spacing of directions that keeps the margins of a short sub-aperture near the scene."""
-    origin = np.array([n.centre for n in nodes])[:, None]
-    offset = points - origin
-    alpha = offset[..., 0] / np.linalg.norm(offset, axis=-1)
-    return max(float(np.ptp(alpha, axis=1).max()) / 2, _NARROW)
+def widest_spacings(levels: list[list[Node]], points) -> list[float]:
+    """Spacings of directions by level that keep the margins of short sub-apertures near the scene.
+
+    Parameters
+    ----------
+    levels : list of lists of Node
+        Sub-apertures with centres.
+    points : (K, 3) float64
+        Positions all over the scene, in the frame, metres.
+    """
+    along, _, _, r = _offsets(_centres(levels), points)
+    spread = np.maximum.reduceat(np.ptp(along / r, axis=1), _firsts(levels))
+    return np.maximum(spread / 2, _NARROW).tolist()
 
 
-def half_bands(nodes: list[Node], tx, rx, points, radar: RadarParameters) -> tuple[float, float]:
-    """Half the bandwidth of local images along range (rad/m) and direction (rad).
+def half_bands(levels: list[list[Node]], tx, rx, points, radar: RadarParameters
+               ) -> tuple[list[float], list[float]]:
+    """Half the bandwidth of local images along range (rad/m) and direction (rad) by level.
 
     They are the derivatives of the half path times the wavenumber, largest over the
     sub-apertures' pulses (their first and last among them) and over the scene.
 
     Parameters
     ----------
-    nodes : list of Node
-        Sub-apertures with centres.
+    levels, points :
+        As for `widest_spacings`.
     tx, rx : (P, C, 3) float64
         Phase centres in the frame, metres.
-    points : (K, 3) float64
-        Positions all over the scene, in the frame, metres.
     radar : RadarParameters
         Of the profiles.
     """
     share = np.linspace(0.0, 1.0, _PULSES_PER_NODE)
-    start, stop = (np.array([[getattr(n.pulses, e)] for n in nodes]) for e in ('start', 'stop'))
+    start, stop = (np.array([[getattr(n.pulses, e)] for nodes in levels for n in nodes])
+                   for e in ('start', 'stop'))
     pulses = np.rint(start + share * (stop - 1 - start)).astype(int)
-    slopes = local_slopes(np.array([n.centre for n in nodes]),
-                          *(a[pulses].reshape(len(nodes), -1, 3) for a in (tx, rx)), points)
+    slopes = local_slopes(_centres(levels),
+                          *(a[pulses].reshape(len(pulses), -1, 3) for a in (tx, rx)), points)
+    by_range, beside, by_alpha = (
+        np.maximum.reduceat(np.abs(s).max(axis=(1, 2)), _firsts(levels))
+        for s in (slopes[0], slopes[0] - 1, slopes[1]))
     band = radar.half_band_rad_per_m
     k = radar.wavenumber_rad_per_m + band
-    half_range = band * np.abs(slopes[0]).max() + k * np.abs(slopes[0] - 1).max()
-    return _SAFETY * float(half_range), _SAFETY * float(k * np.abs(slopes[1]).max())
+    return (_SAFETY * (band * by_range + k * beside)).tolist(), (_SAFETY * (k * by_alpha)).tolist()
+
+
+def _centres(levels: list[list[Node]]) -> np.ndarray:
+    """(N, 3) centres of all sub-apertures, level by level, metres."""
+    return np.array([n.centre for nodes in levels for n in nodes])
+
+
+def _firsts(levels: list[list[Node]]) -> np.ndarray:
+    """(L,) number of the first sub-aperture of each level among them all."""
+    return np.cumsum([0, *map(len, levels[:-1])])
 
 
 def local_slopes(origins, tx, rx, points) -> np.ndarray:
@@ -120,19 +138,23 @@ def local_slopes(origins, tx, rx, points) -> np.ndarray:
     (2, N, R, K) float64
         By range, and by direction cosine, metres.
     """
-    offset = points - origins[:, None]  # (N, K, 3)
-    r = np.linalg.norm(offset, axis=-1)
-    alpha, ground = offset[..., 0] / r, offset[..., 1]
-    zero = np.zeros_like(r)
-    by_range = np.stack([alpha, r * (1 - alpha ** 2) / ground, zero], axis=-1)
-    by_alpha = np.stack([r, -r ** 2 * alpha / ground, zero], axis=-1)
+    along, ground, _, r = _offsets(origins, points)
+    alpha = along / r
+    by_range = alpha, r * (1 - alpha ** 2) / ground
+    by_alpha = r, -r ** 2 * alpha / ground
     slopes = 0.0
     for centres in (tx, rx):
-        ray = points - centres[:, :, None]  # (N, R, K, 3)
-        ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
-        slopes = slopes + 0.5 * np.array([np.einsum('nrkc,nkc->nrk', ray, d)
-                                          for d in (by_range, by_alpha)])
+        *ray, _, length = _offsets(centres, points)  # (N, R, K)
+        u, v = (part / length for part in ray)
+        slopes = slopes + 0.5 * np.array([u * a[:, None] + v * b[:, None]
+                                          for a, b in (by_range, by_alpha)])
     return slopes
+
+
+def _offsets(origins, points) -> tuple[np.ndarray, ...]:
+    """Along track, across and up from origins (..., 3) to points (K, 3), and distance, metres."""
+    along, across, up = (points[:, axis] - origins[..., axis, None] for axis in range(3))
+    return along, across, up, np.sqrt(along * along + across * across + up * up)
 
 
 def plan_profiles(nodes: list[Node], frame: Frame, tx, rx, points, spacing: float,
@@ -184,49 +206,54 @@ def place_grids(levels: list[list[Node]], top: list[Node], alpha_spacings: list[
     beyond = taps // 2 + 1 + MARGIN
     more_range, more_alpha = 0.0, 0.0  # of the grids that read this level, beyond the scene
     offset = 0.0  # of their origins from those of their parts
-    nearest = min(float(np.linalg.norm(edge - n.centre, axis=-1).min()) for n in levels[0])
+    nearest = float(_offsets(_centres(levels[:1]), edge)[-1].min())
     grids = {}  # of nodes
     for nodes, alpha_spacing in zip(reversed(levels), reversed(alpha_spacings), strict=True):
         more_range, more_alpha = (
             more_range + more_alpha * offset + beyond * spacing,
             more_alpha * (1 + offset / nearest) + more_range * offset / nearest ** 2
             + beyond * alpha_spacing)
-        for node in nodes:
-            grids[node] = _grid(node, edge, edge_step, (spacing, alpha_spacing),
-                                (more_range, more_alpha))
-        offset = max((float(np.linalg.norm(c.centre - n.centre)) for n in nodes
-                      for c in n.children), default=0.0)
+        grids |= zip(nodes, _grids(nodes, edge, edge_step, (spacing, alpha_spacing),
+                                   (more_range, more_alpha)), strict=True)
+        away = [c.centre - n.centre for n in nodes for c in n.children]
+        offset = float(np.linalg.norm(away, axis=-1).max()) if away else 0.0
     placed = {}
     for nodes in levels:  # parts before what is made of them
-        for node in nodes:
-            placed[node] = dataclasses.replace(
-                node, children=tuple(placed[child] for child in node.children), **grids[node])
+        for n in nodes:
+            placed[n] = Node(n.pulses, n.level, tuple(placed[c] for c in n.children), n.centre,
+                             *grids[n])
     return (tuple(Level(tuple(placed[n] for n in nodes), *shared) for nodes, *shared in
                   zip(levels, alpha_spacings, segments, strict=True)),
             tuple(placed[n] for n in top))
 
 
-def _grid(node, edge, edge_step, spacings, more) -> dict:
-    """First range, direction and shape of a grid; `spacings` and `more` of range and direction."""
+def _grids(nodes, edge, edge_step, spacings, more) -> list[tuple]:
+    """First range, direction and shape of the grids of a level.
+
+    `spacings` and `more` are those of range and direction.
+    """
     (spacing, alpha_spacing), (more_range, more_alpha) = spacings, more
-    offset = edge - node.centre
-    r = np.linalg.norm(offset, axis=-1)
-    alpha = offset[:, 0] / r
+    along, across, up, r = _offsets(_centres([nodes]), edge)
+    alpha = along / r
+    r_lo, alpha_lo, alpha_hi = r.min(axis=1), alpha.min(axis=1), alpha.max(axis=1)
     # between two samples of the edge
-    more_range = more_range + edge_step ** 2 / r.min()
-    more_alpha = more_alpha + 2 * edge_step ** 2 / r.min() ** 2
-    range_start = float(r.min() - more_range)
-    alpha_start = float(alpha.min() - more_alpha)
-    steepest = max(abs(alpha_start), float(alpha.max() + more_alpha))
-    height = abs(float(offset[0, 2]))
-    if (offset[:, 1].min() <= more_range
-            or range_start * math.sqrt(max(0.0, 1 - steepest ** 2)) <= height + spacing):
+    more_range = more_range + edge_step ** 2 / r_lo
+    more_alpha = more_alpha + 2 * edge_step ** 2 / r_lo ** 2
+    range_start, alpha_start = r_lo - more_range, alpha_lo - more_alpha
+    steepest = np.maximum(np.abs(alpha_start), alpha_hi + more_alpha)
+    height = np.abs(up[:, 0])
+    ground = range_start * np.sqrt(np.maximum(0.0, 1 - steepest ** 2))
+    below = (across.min(axis=1) <= more_range) | (ground <= height + spacing)
+    if below.any():
+        i = int(below.argmax())
         raise ValueError(
-            f'the scene begins {r.min():.1f} m from the sub-aperture of pulses '
-            f'{node.pulses.start} to {node.pulses.stop - 1}, {height:.1f} m above it, at '
-            f'direction cosines {alpha.min():.3f} to {alpha.max():.3f}: its grid would reach '
+            f'the scene begins {r_lo[i]:.1f} m from the sub-aperture of pulses '
+            f'{nodes[i].pulses.start} to {nodes[i].pulses.stop - 1}, {height[i]:.1f} m above it, '
+            f'at direction cosines {alpha_lo[i]:.3f} to {alpha_hi[i]:.3f}: its grid would reach '
             'the ground below the antenna or the track; move the grid away or use exact '
             'backprojection')
-    return {'range_start': range_start, 'alpha_start': alpha_start,
-            'shape': (math.ceil((np.ptp(alpha) + 2 * more_alpha) / alpha_spacing) + 1,
-                      math.ceil((np.ptp(r) + 2 * more_range) / spacing) + 1)}
+    shape = [(np.ceil((extent + 2 * more) / step) + 1).astype(int).tolist() for extent, more, step
+             in ((alpha_hi - alpha_lo, more_alpha, alpha_spacing),
+                 (np.ptp(r, axis=1), more_range, spacing))]
+    return list(zip(range_start.tolist(), alpha_start.tolist(), zip(*shape, strict=True),
+                    strict=True))

@@ -64,7 +64,7 @@ class Level:
     @property
     def size(self) -> int:
         """Pixels of the largest image."""
-        return max((n.shape[0] * n.shape[1] for n in self.nodes), default=0)
+        return max(n.shape[0] * n.shape[1] for n in self.nodes)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -132,20 +132,21 @@ def build_tree(centres, pulses_per_subaperture: int, merge_factor: int
     top : list of Node
         At most `merge_factor` sub-apertures that make up the whole aperture.
     """
-    def node(start, stop, level, parts):
-        some = centres[start:stop]
-        return Node(slice(start, stop), level, tuple(parts),
-                    0.5 * (some.min(axis=0) + some.max(axis=0)))
+    def made(starts, parts):
+        """Sub-apertures, each up to where the next one starts."""
+        middles = 0.5 * (np.minimum.reduceat(centres, starts)
+                         + np.maximum.reduceat(centres, starts))
+        return [some[0] if len(some) == 1 else Node(slice(start, stop), len(levels), some, middle)
+                for start, stop, some, middle
+                in zip(starts, [*starts[1:], len(centres)], parts, middles, strict=True)]
 
-    n_pulses, size = len(centres), pulses_per_subaperture
-    top = [node(start, min(start + size, n_pulses), 0, ()) for start in range(0, n_pulses, size)]
-    levels = [top]
+    levels, starts = [], list(range(0, len(centres), pulses_per_subaperture))
+    top = made(starts, [()] * len(starts))
+    levels.append(top)
     while len(top) > merge_factor:
         groups = -(-len(top) // merge_factor)
         edges = [len(top) * i // groups for i in range(groups + 1)]
-        parts = [top[a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)]
-        top = [part[0] if len(part) == 1
-               else node(part[0].pulses.start, part[-1].pulses.stop, len(levels), part)
-               for part in parts]
+        parts = [tuple(top[a:b]) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        top = made([part[0].pulses.start for part in parts], parts)
         levels.append([n for n in top if n.level == len(levels)])
     return levels, top

@@ -80,14 +80,17 @@ def mean_gain(kernel: str, oversampling: float, drift: float, frequency
     variance : (...) float64
         ``E |h|^2 - (E h)^2``.
     """
-    found = np.interp(np.abs(frequency), _FREQUENCIES, _gain_table(
-        kernel, round(oversampling, 3), round(drift / _DRIFT_STEP) * _DRIFT_STEP))
-    return found.real, found.imag
+    tables = _gain_tables(kernel, round(oversampling, 3), round(drift / _DRIFT_STEP) * _DRIFT_STEP)
+    place = np.abs(frequency) * ((len(_FREQUENCIES) - 1) / _FREQUENCIES[-1])
+    cell = place.astype(np.intp)
+    part = place - cell
+    return tuple(value.take(cell, mode='clip') + part * step.take(cell, mode='clip')
+                 for value, step in tables)
 
 
 @functools.lru_cache(maxsize=256)
-def _gain_table(kernel, oversampling, drift) -> np.ndarray:
-    """Loss, and variance as imaginary part: both are read at once."""
+def _gain_tables(kernel, oversampling, drift) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Loss and variance at frequencies, and their steps from there to the next."""
     place, by_place = np.polynomial.legendre.leggauss(_PLACES)
     along, by_along = np.polynomial.legendre.leggauss(_DRIFTS)
     x = np.add.outer(0.5 * place, drift * along).ravel()
@@ -98,4 +101,5 @@ def _gain_table(kernel, oversampling, drift) -> np.ndarray:
     error = 1 - np.einsum('kx,fkx->fx', values, np.exp(
         2j * np.pi * _FREQUENCIES[:, None, None] * away))
     loss = error.real @ share
-    return loss + 1j * (np.abs(error) ** 2 @ share - loss ** 2)
+    variance = np.abs(error) ** 2 @ share - loss ** 2
+    return [(v, np.diff(v, append=v[-1])) for v in (loss, variance)]

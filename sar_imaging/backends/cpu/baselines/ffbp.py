@@ -41,8 +41,7 @@ class FactorisedImager:
         plan = self.plan
         image = np.zeros(plan.grid.shape, np.complex64)
         # one image per level is alive: a part is added to its parent as soon as it is made
-        buffers = [np.zeros(2 * level.size + loops.PADDING if level.nodes else 0, np.float32)
-                   for level in plan.levels]
+        buffers = [np.zeros(2 * level.size + loops.PADDING, np.float32) for level in plan.levels]
         with tqdm(total=len(plan.levels[0].nodes), desc='ffbp', unit='sub-aperture',
                   disable=not progress) as bar:
             for node in plan.top:
