@@ -6,6 +6,7 @@ import heapq
 import queue
 import time
 import uuid
+from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -78,7 +79,8 @@ class _Run:
         self.task: dict[str, Any] = {}
         self.marks: dict[str, str | None] = {}  # of finished pieces; None of lost ones
         self.losses: dict[int, Loss] = {}
-        self.tries: dict[int, int] = {}
+        self.tries: Counter[int] = Counter()  # beside the first
+        self.troubles: Counter[int] = Counter()  # those of which were no deaths of workers
         self.futures: dict[Any, int] = {}
         self.answers: queue.SimpleQueue = queue.SimpleQueue()
         self.n_computed = self.n_found = 0
@@ -150,7 +152,7 @@ class _Run:
         self.send(index, mark)
 
     def send(self, index: int, mark: str) -> None:
-        piece, number = self.pieces[index], self.tries.get(index, 0)
+        piece, number = self.pieces[index], self.tries[index]
         again = f', again ({number})' if number else ''
         # Dask's dashboard groups tasks by the first entry. The last one keeps jobs apart, for a
         # scheduler takes tasks of one key for one, whoever sent them.
@@ -195,7 +197,7 @@ class _Run:
         starts = self.records.starts(key, self.task['run'])
         if starts > self.task['retries']:
             return Outcome('lost', died(starts))
-        if self.tries.get(index, 0) >= _MOST_RESUBMISSIONS:
+        if self.tries[index] >= _MOST_RESUBMISSIONS:
             return Outcome('lost', f'{_MOST_RESUBMISSIONS} workers died before they started it')
         return Outcome('free')
 
@@ -205,9 +207,10 @@ class _Run:
             self.finish(index, outcome)
         elif outcome.state == 'stop':
             self.stop(outcome.reason)
-        elif outcome.state == 'free' or (
-                outcome.state == 'again' and self.tries.get(index, 0) < self.task['retries']):
-            self.tries[index] = self.tries.get(index, 0) + 1
+        elif outcome.state == 'free' or self.troubles[index] < self.task['retries'] and (
+                outcome.state == 'again'):
+            self.tries[index] += 1
+            self.troubles[index] += outcome.state == 'again'
             piece = self.pieces[index]
             self.send(index, fingerprint(piece, {key: self.marks[key] for key in piece.needs}))
         else:
