@@ -162,7 +162,7 @@ def probe(path: Path, dask_worker=None) -> dict:
 
 def _trouble(answer, output: Path, memory_bytes: int | None) -> str:
     """Why a worker cannot do the job, or ''."""
-    if isinstance(answer, ImportError):
+    if isinstance(answer, Exception) and cannot_import(answer):
         return (f'cannot load sar_imaging {sar_imaging.__version__} ({_line(answer)}); install it '
                 'with the extra `archive` where the worker runs')
     if isinstance(answer, Exception):
@@ -179,6 +179,11 @@ def _trouble(answer, output: Path, memory_bytes: int | None) -> str:
                 f'{wanted / 1e9:.3g} GB; start it with --nthreads 1 and a larger --memory-limit, '
                 'or lower the memory of a worker in the job')
     return ''
+
+
+def cannot_import(error: Exception) -> bool:
+    """Whether a worker could not import what it was sent; Dask tells some errors as texts."""
+    return isinstance(error, ImportError) or 'ModuleNotFoundError' in str(error)
 
 
 def _line(error: Exception) -> str:

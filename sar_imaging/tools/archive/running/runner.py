@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from .cluster import dask
+from .cluster import cannot_import, dask
 from .order import Order
 from .progress import Progress
 from .records import Records, fingerprint
@@ -186,7 +186,7 @@ class _Run:
         error = future.exception()
         if isinstance(error, dask().KilledWorker):
             return self.after_death(index)
-        if isinstance(error, ImportError):
+        if cannot_import(error):
             return Outcome('stop', f'a worker cannot load what it should run ({error}); install '
                            'this version of sar_imaging and its extra `archive` on all of them')
         return Outcome('again', f'{type(error).__name__}: {" ".join(str(error).split())}')

@@ -98,12 +98,16 @@ class Summary:
         if self.peak_bytes:
             lines.append(f'largest memory of a worker: {self.peak_bytes / 1e9:.2f} GB '
                          f'({self.peak_key})')
-        lines += [f'lost: {loss.key}: {loss.reason}' for loss in self.losses]
+        return '\n'.join([*lines, *self.troubles()])
+
+    def troubles(self) -> list[str]:
+        """Every loss with its reason, and what stopped the job, a line each."""
+        lines = [f'lost: {loss.key}: {loss.reason}' for loss in self.losses]
         if self.interrupted:
             lines.append('interrupted; the same command goes on where it stopped')
         elif self.stopped:
             lines.append(f'stopped: {self.stopped}')
-        return '\n'.join(lines)
+        return lines
 
 
 def duration(seconds: float) -> str:

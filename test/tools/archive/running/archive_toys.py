@@ -58,7 +58,7 @@ def misbehave(piece, output):
     if piece.does == 'hog':
         np.ones(piece.memory_bytes // 8)
     if piece.does == 'write':
-        (output / f'large-{name_of(piece.key)}').write_bytes(bytes(piece.memory_bytes))
+        (output / f'{name_of(piece.key)}.large').write_bytes(bytes(piece.memory_bytes))
 
 
 def first_call(piece, output):

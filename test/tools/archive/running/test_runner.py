@@ -230,3 +230,30 @@ def run_and_kill(run, toys, pieces, output, client, rng):
 
     summary = run(pieces, output, on_result=kill, retries=3)
     assert summary.exit_status == 0, summary.told(output)
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 4 MB, and what makes it larger."""
+    import subprocess
+
+    from dask_processes import can
+    folder = tmp_path / 'disk'
+    folder.mkdir()
+    if not can('mount', '-t', 'tmpfs', '-o', 'size=4m', 'none', str(folder)):
+        pytest.skip('no file system can be mounted here: needs root')
+    yield folder, lambda: subprocess.run(
+        ['mount', '-o', 'remount,size=64m', str(folder)], check=True)
+    subprocess.run(['umount', '-l', str(folder)], check=True)
+
+
+def test_a_disk_that_is_full_indeed(run, toys, small_disk):
+    folder, enlarge = small_disk
+    pieces = [toys.Toy(key=f'image {i}', value=i, does='write', memory_bytes=1_000_000)
+              for i in range(12)]
+    summary = run(pieces, folder)
+    assert summary.exit_status == 1 and summary.losses == ()
+    assert summary.stopped.startswith('no space is left') and '\n' not in summary.stopped
+    enlarge()
+    later = run(pieces, folder)
+    assert later.exit_status == 0 and later.n_found >= 1 and len(toys.bits(folder)) == 12
