@@ -1,9 +1,7 @@
-"""Small Fourier transforms of vectors, written in the language of Numba's compiler (LLVM).
+"""Small Fourier transforms of vectors, written as instructions.
 
-Numba has no vectors. Each function here is a few lines that write LLVM instructions on vectors of
-`LANES` numbers, real and imaginary parts apart; LLVM divides them where a processor's are shorter.
-All take addresses as int64, and samples in memory are complex64. Numba's cache only notices
-changes of the file of a function that it compiled: empty it after a change of this one.
+Vectors hold `LANES` numbers, real and imaginary parts apart. All functions take addresses as
+int64, and samples in memory are complex64.
 """
 
 from __future__ import annotations
@@ -11,175 +9,115 @@ from __future__ import annotations
 import cmath
 import functools
 import math
+import operator
 
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.extending import intrinsic
 
 from ....planning.afbp.row_length import RADICES
+from ..instructions import (
+    DOUBLE,
+    FLOAT,
+    INT,
+    LINE_BYTES,
+    Vector,
+    element,
+    fetch_line,
+    in_turn,
+    instructions,
+    parts_of,
+    pointer,
+    spread,
+    transposed,
+)
 from .processor import float_lanes
 
 LANES = float_lanes()  # transformed together: a vector of the processor
-SAMPLE_BYTES, VECTOR_BYTES, LINE_BYTES = 8, 4 * LANES, 64
+SAMPLE_BYTES, VECTOR_BYTES = 8, 4 * LANES
 GROUP_BYTES = LANES * SAMPLE_BYTES
 BLOCK = LANES // 2  # rows and columns of a transposition: samples of a vector
 
-_INT, _FLOAT = ir.IntType(64), ir.FloatType()
-_VECTOR, _PAIRS = ir.VectorType(_FLOAT, LANES), ir.VectorType(_FLOAT, 2 * LANES)
-_SAMPLES = ir.VectorType(ir.DoubleType(), BLOCK)  # complex64 that are only moved
+_VECTOR, _PAIRS = ir.VectorType(FLOAT, LANES), ir.VectorType(FLOAT, 2 * LANES)
+_SAMPLES = ir.VectorType(DOUBLE, BLOCK)  # complex64 that are only moved
+_i = types.int64
 
 
-@intrinsic
-def butterfly(typing_context, radix, source, sources, target, targets, turns):
+@instructions(*[_i] * 6)
+def butterfly(b, radix, source, sources, target, targets, turns):
     """Transform as many groups of `LANES` as the radix says, each turned by one number before.
 
     Groups are read where `source` plus an entry of the int64 table `sources` says, and written
     likewise; `turns` are complex64.
     """
-    return _for_each_radix(_write_turned_alike)
+    _for_each_radix(b, radix, source, sources, target, targets, lambda i: [
+        spread(b, b.load(_entry(b, turns, FLOAT, 2 * i + part)), LANES) for part in (0, 1)])
 
 
-@intrinsic
-def butterfly_of_turned(typing_context, radix, source, sources, target, targets, turns):
+@instructions(*[_i] * 6)
+def butterfly_of_turned(b, radix, source, sources, target, targets, turns):
     """As `butterfly`, each lane turned by its own number: LANES real, LANES imaginary parts."""
-    return _for_each_radix(_write_turned_apart)
+    _for_each_radix(b, radix, source, sources, target, targets, lambda i: [
+        Vector(b, b.load(_entry(b, turns, _VECTOR, 2 * i + part), align=4)) for part in (0, 1)])
 
 
-@intrinsic
-def transpose(typing_context, source, source_step, target, target_step):
+@instructions(*[_i] * 4)
+def transpose(b, source, source_step, target, target_step):
     """Transpose `BLOCK` x `BLOCK` samples; steps are the bytes from a row to the next."""
-    def generate(context, b, signature, args):
-        source, source_step, target, target_step = args
+    def row(place, step, i):
+        return pointer(b, b.add(place, b.mul(step, INT(i))), _SAMPLES)
 
-        def row(place, step, i):
-            return b.inttoptr(b.add(place, b.mul(step, _INT(i))), _SAMPLES.as_pointer())
-
-        rows = [b.load(row(source, source_step, i), align=4) for i in range(BLOCK)]
-        for i, samples in enumerate(transposed(b, rows)):
-            b.store(samples, row(target, target_step, i), align=4)
-        return context.get_dummy_value()
-
-    return types.void(*[types.int64] * 4), generate
+    rows = [b.load(row(source, source_step, i), align=4) for i in range(BLOCK)]
+    for i, samples in enumerate(transposed(b, rows)):
+        b.store(samples, row(target, target_step, i), align=4)
 
 
-@intrinsic
-def fetch(typing_context, place, places, number):
+@instructions(*[_i] * 3)
+def fetch(b, place, places, number):
     """Bring groups into the cache: `place` plus some entries of the int64 table `places`."""
-    def generate(context, b, signature, args):
-        place, places, number = args
-        with cgutils.for_range(b, number) as loop:
-            group = b.bitcast(_group(b, place, places, loop.index), ir.IntType(8).as_pointer())
-            for at in range(0, GROUP_BYTES, LINE_BYTES):
-                fetch_line(b, b.gep(group, [_INT(at)]))
-        return context.get_dummy_value()
-
-    return types.void(*[types.int64] * 3), generate
+    with cgutils.for_range(b, number) as loop:
+        group = _group(b, place, places, loop.index)
+        for at in range(0, GROUP_BYTES, LINE_BYTES):
+            fetch_line(b, pointer(b, group, ir.IntType(8), at))
 
 
-@intrinsic
-def integer_at(typing_context, address):
+@instructions(_i, returns=_i)
+def integer_at(b, address):
     """The int64 at an address."""
-    def generate(context, b, signature, args):
-        return b.load(b.inttoptr(args[0], _INT.as_pointer()))
-
-    return types.int64(types.int64), generate
+    return b.load(pointer(b, address, INT))
 
 
-@intrinsic
-def call(typing_context, function, arguments):
+@instructions(_i, None, returns=_i)
+def call(b, function, arguments):
     """Call the C function at an address with a tuple of int64; it returns another."""
-    def generate(context, b, signature, args):
-        values = [b.extract_value(args[1], i) for i in range(len(arguments))]
-        kind = ir.FunctionType(_INT, [_INT] * len(values))
-        return b.call(b.inttoptr(args[0], kind.as_pointer()), values)
-
-    return types.int64(types.int64, arguments), generate
+    values = [b.extract_value(arguments, i) for i in range(arguments.type.count)]
+    return b.call(pointer(b, function, ir.FunctionType(INT, [INT] * len(values))), values)
 
 
-def fetch_line(b, pointer, locality=3):
-    """Bring a line of the cache into the first cache (locality 3), or the second one (2)."""
-    kind, flag = ir.IntType(8).as_pointer(), ir.IntType(32)
-    prefetch = b.module.declare_intrinsic('llvm.prefetch', [kind], ir.FunctionType(
-        ir.VoidType(), [kind, flag, flag, flag]))
-    b.call(prefetch, [b.bitcast(pointer, kind), flag(0), flag(locality), flag(1)])
+def _for_each_radix(b, radix, source, sources, target, targets, turn_of):
+    end = b.append_basic_block()
+    switch = b.switch(radix, end)
+    for r in RADICES:
+        block = b.append_basic_block()
+        switch.add_case(INT(r), block)
+        b.position_at_end(block)
+        groups = [_product(parts_of(b, b.load(pointer(b, _group(b, source, sources, i), _PAIRS),
+                                              align=4)), turn_of(i)) for i in range(r)]
+        for i, pair in _dft(groups):
+            b.store(in_turn(b, *pair), pointer(b, _group(b, target, targets, i), _PAIRS), align=4)
+        b.branch(end)
+    b.position_at_end(end)
 
 
-def transposed(b, rows):
-    """Vectors in which the elements of as many vectors lie transposed."""
-    rows, n = list(rows), len(rows)
-    step = 1
-    while step < n:  # exchange blocks of 1, 2, 4 and so on beside the diagonal
-        for i in (i for i in range(n) if not i & step):
-            pair = rows[i], rows[i + step]
-            rows[i] = b.shuffle_vector(*pair, _order(
-                n + j - step if j & step else j for j in range(n)))
-            rows[i + step] = b.shuffle_vector(*pair, _order(
-                n + j if j & step else j + step for j in range(n)))
-        step *= 2
-    return rows
-
-
-def _for_each_radix(write):
-    def generate(context, b, signature, args):
-        radix, *addresses = args
-        end = b.append_basic_block()
-        switch = b.switch(radix, end)
-        for r in RADICES:
-            block = b.append_basic_block()
-            switch.add_case(_INT(r), block)
-            b.position_at_end(block)
-            write(b, r, *addresses)
-            b.branch(end)
-        b.position_at_end(end)
-        return context.get_dummy_value()
-
-    return types.void(*[types.int64] * 6), generate
-
-
-def _write_turned_alike(b, radix, source, sources, target, targets, turns):
-    def spread(i):
-        turn = _entry(b, turns, _FLOAT, i)
-        one = b.insert_element(_VECTOR(ir.Undefined), turn, ir.IntType(32)(0))
-        return b.shuffle_vector(one, one, _order([0] * LANES))
-
-    groups = [_product(b, _load(b, _group(b, source, sources, i)),
-                       (spread(2 * i), spread(2 * i + 1))) for i in range(radix)]
-    _write_stores(b, _dft(b, groups), target, targets)
-
-
-def _write_turned_apart(b, radix, source, sources, target, targets, turns):
-    groups = [_product(b, _load(b, _group(b, source, sources, i)),
-                       [_entry(b, turns, _VECTOR, 2 * i + part, 4) for part in (0, 1)])
-              for i in range(radix)]
-    _write_stores(b, _dft(b, groups), target, targets)
-
-
-def _write_stores(b, groups, target, targets):
-    together = _order(n // 2 + n % 2 * LANES for n in range(2 * LANES))
-    for i, (re, im) in groups:
-        b.store(b.shuffle_vector(re, im, together), _group(b, target, targets, i), align=4)
-
-
-def _entry(b, table, kind, i, align=None):
-    i = _INT(i) if isinstance(i, int) else i
-    return b.load(b.gep(b.inttoptr(table, kind.as_pointer()), [i]), align=align)
+def _entry(b, table, kind, i):
+    return element(b, pointer(b, table, kind), INT(i) if isinstance(i, int) else i, kind)
 
 
 def _group(b, place, table, i):
-    return b.inttoptr(b.add(place, _entry(b, table, _INT, i)), _PAIRS.as_pointer())
+    """Address of a group."""
+    return b.add(place, b.load(_entry(b, table, INT, i)))
 
 
-def _load(b, group):
-    pairs = b.load(group, align=4)
-    return [b.shuffle_vector(pairs, pairs, _order(range(part, 2 * LANES, 2))) for part in (0, 1)]
-
-
-def _order(lanes):
-    lanes = list(lanes)
-    return ir.VectorType(ir.IntType(32), len(lanes))(lanes)
-
-
-def _dft(b, z):
+def _dft(z):
     """Fourier transform of pairs of vectors: by factors near the root, or of a prime length.
 
     Yields each frequency's number and pair as soon as it is known, so that registers are free.
@@ -187,63 +125,56 @@ def _dft(b, z):
     n = len(z)
     near = max(f for f in range(1, n) if n % f == 0 and f * f <= n)
     if near == 1:
-        yield from _dft_prime(b, z)
+        yield from _dft_prime(z)
         return
     far = n // near
-    inner = [dict(_dft(b, z[i::far])) for i in range(far)]
+    inner = [dict(_dft(z[i::far])) for i in range(far)]
     for k in range(near):
-        turned = [_turned(b, inner[i][k], i * k / n) for i in range(far)]
-        for m, pair in _dft(b, turned):
+        for m, pair in _dft([_turned(inner[i][k], i * k / n) for i in range(far)]):
             yield k + near * m, pair
 
 
-def _dft_prime(b, z):
+def _dft_prime(z):
     """Frequencies k and n - k share the sums and the differences of elements j and n - j."""
     n = len(z)
     if n == 2:
-        yield 0, _sum(b, *z)
-        yield 1, _difference(b, *z)
+        yield 0, _sum(*z)
+        yield 1, _difference(*z)
         return
-    pairs = [(j, _sum(b, z[j], z[-j]), _difference(b, z[j], z[-j])) for j in range(1, n // 2 + 1)]
-    yield 0, functools.reduce(functools.partial(_sum, b), [even for _, even, _ in pairs], z[0])
+    pairs = [(j, _sum(z[j], z[-j]), _difference(z[j], z[-j])) for j in range(1, n // 2 + 1)]
+    yield 0, functools.reduce(_sum, [even for _, even, _ in pairs], z[0])
     for k in range(1, n // 2 + 1):
         x, u = z[0], None
         for j, even, odd in pairs:
             w = cmath.exp(2j * math.pi * (j * k % n) / n)
-            x = _sum(b, x, _scaled(b, even, w.real))
-            v = _scaled(b, odd, w.imag)
-            u = v if u is None else _sum(b, u, v)
-        u = u[1], b.fneg(u[0])  # times -j
-        yield k, _sum(b, x, u)
-        yield n - k, _difference(b, x, u)
+            x, v = _sum(x, _scaled(even, w.real)), _scaled(odd, w.imag)
+            u = v if u is None else _sum(u, v)
+        u = u[1], -u[0]  # times -j
+        yield k, _sum(x, u)
+        yield n - k, _difference(x, u)
 
 
-def _turned(b, z, cycles):
+def _turned(z, cycles):
     """Times ``exp(-j 2 pi cycles)``."""
     for _ in range(int(4 * cycles)):
-        z = z[1], b.fneg(z[0])
+        z = z[1], -z[0]
     if not (rest := 4 * cycles % 1):
         return z
     w = cmath.exp(-0.5j * math.pi * rest)
-    return _product(b, z, (_constant(w.real), _constant(w.imag)))
+    return _product(z, (w.real, w.imag))
 
 
-def _product(b, z, w):
-    return (b.fsub(b.fmul(z[0], w[0]), b.fmul(z[1], w[1])),
-            b.fadd(b.fmul(z[0], w[1]), b.fmul(z[1], w[0])))
+def _product(z, w):
+    return z[0] * w[0] - z[1] * w[1], z[0] * w[1] + z[1] * w[0]
 
 
-def _scaled(b, z, factor):
-    return tuple(b.fmul(_constant(factor), part) for part in z)
+def _scaled(z, factor):
+    return tuple(part * factor for part in z)
 
 
-def _constant(value):
-    return _VECTOR([value] * LANES)
+def _sum(u, v):
+    return tuple(map(operator.add, u, v))
 
 
-def _sum(b, u, v):
-    return tuple(map(b.fadd, u, v))
-
-
-def _difference(b, u, v):
-    return tuple(map(b.fsub, u, v))
+def _difference(u, v):
+    return tuple(map(operator.sub, u, v))

@@ -1,0 +1,146 @@
+"""Functions of kernels that write their instructions themselves, in the language of LLVM.
+
+Numba, whose compiler LLVM is, has no vectors, prefetches or atomic additions. LLVM translates
+these functions for any processor, and divides vectors where a processor's are shorter. Numba's
+cache only notices changes of the file of a function that it compiled: empty it after a change of
+what such a function writes.
+"""
+
+from __future__ import annotations
+
+import functools
+
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
+
+INT, INT32, FLOAT, DOUBLE = ir.IntType(64), ir.IntType(32), ir.FloatType(), ir.DoubleType()
+LINE_BYTES = 64  # of the cache
+
+
+def instructions(*kinds, returns=types.void):
+    """Make ``write(b, *values)``, which writes instructions with LLVM's builder, a function.
+
+    Kernels call it with as many arguments. `kinds` are Numba's types of the arguments, None for
+    any; arrays are given to `write` as pointers to their first element. What `write` returns is
+    the value of the function.
+    """
+    def decorate(write):
+        @functools.wraps(write)
+        def typed(typing_context, *given):
+            def generate(context, b, signature, args):
+                value = write(b, *(
+                    context.make_array(kind)(context, b, arg).data
+                    if isinstance(kind, types.Array) else arg
+                    for kind, arg in zip(signature.args, args, strict=True)))
+                return context.get_dummy_value() if value is None else value
+
+            wanted = (kind or own for kind, own in zip(kinds, given, strict=True))
+            return returns(*wanted), generate
+
+        return intrinsic(typed)
+
+    return decorate
+
+
+class Vector:
+    """Vector whose operators write instructions; other operands may be numbers."""
+
+    def __init__(self, b, value):
+        self.b, self.value = b, value
+
+    def _with(self, write, other) -> Vector:
+        return Vector(self.b, write(self.value, self._of(other)))
+
+    def _of(self, other):
+        if isinstance(other, Vector):
+            return other.value
+        return self.value.type([float(other)] * self.value.type.count)
+
+    def __add__(self, other):
+        return self._with(self.b.fadd, other)
+
+    def __sub__(self, other):
+        return self._with(self.b.fsub, other)
+
+    def __mul__(self, other):
+        return self._with(self.b.fmul, other)
+
+    def __neg__(self):
+        return Vector(self.b, self.b.fneg(self.value))
+
+    def where(self, relation, other, a, b) -> Vector:
+        """``a`` where the relation holds, else ``b``."""
+        chosen = self.b.fcmp_ordered(relation, self.value, self._of(other))
+        return Vector(self.b, self.b.select(chosen, self._of(a), self._of(b)))
+
+    def call(self, name) -> Vector:
+        """Of an intrinsic function of LLVM."""
+        kind = self.value.type
+        suffix = f'v{kind.count}{"f64" if kind.element == DOUBLE else "f32"}'
+        function = self.b.module.declare_intrinsic(f'llvm.{name}.{suffix}', (),
+                                                   ir.FunctionType(kind, [kind]))
+        return Vector(self.b, self.b.call(function, [self.value]))
+
+    def rounded(self) -> Vector:
+        """As float32."""
+        kind = ir.VectorType(FLOAT, self.value.type.count)
+        return Vector(self.b, self.b.fptrunc(self.value, kind))
+
+
+def order(lanes):
+    """Constant that shuffles take."""
+    lanes = list(lanes)
+    return ir.VectorType(INT32, len(lanes))(lanes)
+
+
+def spread(b, number, lanes: int) -> Vector:
+    """The same number in all lanes."""
+    kind = ir.VectorType(number.type, lanes)
+    one = b.insert_element(kind(ir.Undefined), number, INT32(0))
+    return Vector(b, b.shuffle_vector(one, one, order([0] * lanes)))
+
+
+def parts_of(b, samples) -> list[Vector]:
+    """Real and imaginary parts of complex numbers that lie in a vector in turn."""
+    return [Vector(b, b.shuffle_vector(samples, samples, order(range(
+        part, samples.type.count, 2)))) for part in (0, 1)]
+
+
+def in_turn(b, re: Vector, im: Vector):
+    """The opposite of `parts_of`."""
+    n = re.value.type.count
+    return b.shuffle_vector(re.value, im.value, order(i // 2 + i % 2 * n for i in range(2 * n)))
+
+
+def transposed(b, rows):
+    """Vectors in which the elements of as many vectors lie transposed."""
+    rows, n = list(rows), len(rows)
+    step = 1
+    while step < n:  # exchange blocks of 1, 2, 4 and so on beside the diagonal
+        for i in (i for i in range(n) if not i & step):
+            pair = rows[i], rows[i + step]
+            rows[i] = b.shuffle_vector(*pair, order(
+                n + j - step if j & step else j for j in range(n)))
+            rows[i + step] = b.shuffle_vector(*pair, order(
+                n + j if j & step else j + step for j in range(n)))
+        step *= 2
+    return rows
+
+
+def pointer(b, address, kind, shift=0):
+    """What lies so many bytes from an address."""
+    return b.inttoptr(b.add(address, INT(shift)), kind.as_pointer())
+
+
+def element(b, data, place, kind, shift=0):
+    """Pointer to a vector, or number, from an element of an array on."""
+    return b.bitcast(b.gep(data, [b.add(place, place.type(shift))]), kind.as_pointer())
+
+
+def fetch_line(b, place, locality=3):
+    """Bring a line of the cache into the first cache (locality 3), or the second one (2)."""
+    kind = ir.IntType(8).as_pointer()
+    prefetch = b.module.declare_intrinsic('llvm.prefetch', [kind], ir.FunctionType(
+        ir.VoidType(), [kind, INT32, INT32, INT32]))
+    b.call(prefetch, [b.bitcast(place, kind), INT32(0), INT32(locality), INT32(1)])
