@@ -132,7 +132,7 @@ class SpectrumFusion(Protocol):
         """
 
     def polar_image(self, centre_m: float = 0.0) -> np.ndarray:
-        """Image of the sub-apertures that were added so far.
+        """Image of the sub-apertures that were added so far, real and imaginary part.
 
         Parameters
         ----------
@@ -142,25 +142,15 @@ class SpectrumFusion(Protocol):
 
         Returns
         -------
-        (n_alpha, n_range) complex64
+        (2, n_alpha, n_range) float32
             On ``grid.polar``, at range baseband: times ``exp(-j 4 pi (r - r_0) / lambda)`` and
             ``exp(-j 4 pi centre_m (alpha - alpha_0) / lambda)``, r_0 and alpha_0 the first range
             and direction of ``grid.polar``. Where the grid is for a map, frequencies along
             direction are multiplied by the gain of ``grid.between``.
         """
 
-    def take_polar_image(self, *, planes: bool = False) -> np.ndarray:
-        """As `polar_image`, in less memory: nothing is included any more.
-
-        Parameters
-        ----------
-        planes : bool
-            Real and imaginary part apart, as `form_map` works on them.
-
-        Returns
-        -------
-        (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
-        """
+    def take_polar_image(self) -> np.ndarray:
+        """As `polar_image`, in less memory: nothing is included any more."""
 
     def clear(self) -> None:
         """Begin another aperture on the same grid: nothing is included any more."""
@@ -200,8 +190,8 @@ class Backend(Protocol):
 
         Parameters
         ----------
-        polar_image : (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
-            From `SpectrumFusion`, complex or as real and imaginary part.
+        polar_image : (2, n_alpha, n_range) float32
+            From `SpectrumFusion`.
         fusion : UnifiedPolarGrids
             Its grid, oversampled as it says.
         grid : MapGrid

@@ -70,8 +70,7 @@ class Afbp(Method):
                                 None if weights is None else weights[some], parts)
             brightness.add(parts)
             fusion.add(number, parts, s.centre[number])
-        samples = image_of_polar(self._plan, fusion.take_polar_image(planes=True), backend,
-                                 overwrite=True)
+        samples = image_of_polar(self._plan, fusion.take_polar_image(), backend, overwrite=True)
         if onto is not None:
             onto += samples
             samples = onto
@@ -86,8 +85,8 @@ def image_of_polar(plan: AfbpPlan, polar_image: np.ndarray, backend: Backend, *,
     ----------
     plan : AfbpPlan
         By which it was fused.
-    polar_image : (n_alpha, n_range) complex64 or (2, n_alpha, n_range) float32
-        At range baseband, complex or as real and imaginary part, see `backends.protocol`.
+    polar_image : (2, n_alpha, n_range) float32
+        From `backends.protocol.SpectrumFusion`.
     backend : Backend
         That fused it.
     overwrite : bool
@@ -103,9 +102,8 @@ def image_of_polar(plan: AfbpPlan, polar_image: np.ndarray, backend: Backend, *,
     polar = plan.subapertures.polar
     cycles = np.fmod(2 * (polar.range_m - polar.range_start_m)
                      / plan.subapertures.radar.wavelength_m, 1.0)
-    if not np.iscomplexobj(polar_image):
-        polar_image = polar_image[0] + np.complex64(1j) * polar_image[1]
-    return polar_image * np.exp(2j * np.pi * cycles).astype(np.complex64)
+    samples = polar_image[0] + np.complex64(1j) * polar_image[1]
+    return samples * np.exp(2j * np.pi * cycles).astype(np.complex64)
 
 
 def _judged(report: Report, uneven_db: float) -> Report:

@@ -172,7 +172,8 @@ class _Fusing:
                  else self.fusion.polar_image(centre_m))
         self.imaged, told = True, None
         if focus is not None and not self.sliding:
-            polar, told = focus(polar, self.fusion.grid, self._ends_m())
+            focused, told = focus(polar[0] + 1j * polar[1], self.fusion.grid, self._ends_m())
+            polar = np.stack([focused.real, focused.imag])
         return FusedImage(
             backend().form_map(polar, self.fusion.grid, self.grid, centre_m), self.grid,
             self.stamp_ns(final=final), self.aperture, n_pulses, n_missing, len(self.headers),

@@ -105,7 +105,7 @@ def _merge(images, shape, start, weights, phasor, fine_shape, total):
     """
     n_parts, n_coarse, width = shape
     n_lines, n_range = fine_shape
-    n_pairs, n = len(start), np.uint64(width)
+    n_pairs, n, one = len(start), np.uint64(width), np.uint64(1)
     n_chunks = (n_pairs + _TILE_PAIRS - 1) // _TILE_PAIRS
     beyond, imag = np.uint64(n_lines * n_range), np.uint64(n_coarse * width)
     for tile in numba.prange(n_chunks * ((n_range + _TILE_RANGES - 1) // _TILE_RANGES)):
@@ -114,47 +114,37 @@ def _merge(images, shape, start, weights, phasor, fine_shape, total):
         first_pair = (tile % n_chunks) * _TILE_PAIRS
         for pair in range(first_pair, min(first_pair + _TILE_PAIRS, n_pairs)):
             w = np.uint64(2 * (TAPS + 1) * pair)
-            a0, a1, a2 = weights[w], weights[w + np.uint64(1)], weights[w + np.uint64(2)]
-            a3, a4 = weights[w + np.uint64(3)], weights[w + np.uint64(4)]
-            a5, a6 = weights[w + np.uint64(5)], weights[w + np.uint64(6)]
-            a7, a8 = weights[w + np.uint64(7)], weights[w + np.uint64(8)]
-            a9, a10 = weights[w + np.uint64(9)], weights[w + np.uint64(10)]
-            b0, b1 = weights[w + np.uint64(11)], weights[w + np.uint64(12)]
-            b2, b3 = weights[w + np.uint64(13)], weights[w + np.uint64(14)]
-            b4, b5 = weights[w + np.uint64(15)], weights[w + np.uint64(16)]
-            b6, b7 = weights[w + np.uint64(17)], weights[w + np.uint64(18)]
-            b8, b9, b10 = (weights[w + np.uint64(19)], weights[w + np.uint64(20)],
-                           weights[w + np.uint64(21)])
+            a, b = _taps(weights, w, one), _taps(weights, w + np.uint64(TAPS + 1), one)
             other = min(2 * pair + 1, n_lines - 1)
             to, to2 = np.uint64(2 * pair * n_range + left), np.uint64(other * n_range + left)
             also, also2 = to + beyond, to2 + beyond
             for part in range(n_parts):
                 z, z2 = phasor[part * n_lines + 2 * pair], phasor[part * n_lines + other]
                 c, s, c2, s2 = z.real, z.imag, z2.real, z2.imag
-                p0 = np.uint64((part * 2 * n_coarse + start[pair]) * width + left)
-                p1, p2, p3 = p0 + n, p0 + np.uint64(2) * n, p0 + np.uint64(3) * n
-                p4, p5, p6 = p1 + np.uint64(3) * n, p2 + np.uint64(3) * n, p3 + np.uint64(3) * n
-                p7, p8, p9 = p4 + np.uint64(3) * n, p5 + np.uint64(3) * n, p6 + np.uint64(3) * n
-                p10 = p9 + n
-                q0, q1, q2, q3, q4 = p0 + imag, p1 + imag, p2 + imag, p3 + imag, p4 + imag
-                q5, q6, q7, q8, q9 = p5 + imag, p6 + imag, p7 + imag, p8 + imag, p9 + imag
-                q10 = p10 + imag
+                p = np.uint64((part * 2 * n_coarse + start[pair]) * width + left)
                 for i in range(count):
-                    v0, v1, v2, v3 = images[p0 + i], images[p1 + i], images[p2 + i], images[p3 + i]
-                    v4, v5, v6, v7 = images[p4 + i], images[p5 + i], images[p6 + i], images[p7 + i]
-                    v8, v9, v10 = images[p8 + i], images[p9 + i], images[p10 + i]
-                    re = (a0 * v0 + a1 * v1 + a2 * v2 + a3 * v3 + a4 * v4 + a5 * v5 + a6 * v6
-                          + a7 * v7 + a8 * v8 + a9 * v9 + a10 * v10)
-                    re2 = (b0 * v0 + b1 * v1 + b2 * v2 + b3 * v3 + b4 * v4 + b5 * v5 + b6 * v6
-                           + b7 * v7 + b8 * v8 + b9 * v9 + b10 * v10)
-                    v0, v1, v2, v3 = images[q0 + i], images[q1 + i], images[q2 + i], images[q3 + i]
-                    v4, v5, v6, v7 = images[q4 + i], images[q5 + i], images[q6 + i], images[q7 + i]
-                    v8, v9, v10 = images[q8 + i], images[q9 + i], images[q10 + i]
-                    im = (a0 * v0 + a1 * v1 + a2 * v2 + a3 * v3 + a4 * v4 + a5 * v5 + a6 * v6
-                          + a7 * v7 + a8 * v8 + a9 * v9 + a10 * v10)
-                    im2 = (b0 * v0 + b1 * v1 + b2 * v2 + b3 * v3 + b4 * v4 + b5 * v5 + b6 * v6
-                           + b7 * v7 + b8 * v8 + b9 * v9 + b10 * v10)
+                    v = _taps(images, p + i, n)
+                    re, re2 = _weighted(a, v), _weighted(b, v)
+                    v = _taps(images, p + imag + i, n)
+                    im, im2 = _weighted(a, v), _weighted(b, v)
                     total[to + i] += re * c - im * s
                     total[also + i] += re * s + im * c
                     total[to2 + i] += re2 * c2 - im2 * s2
                     total[also2 + i] += re2 * s2 + im2 * c2
+
+
+@njit(inline='always')
+def _taps(data, place, apart):
+    """TAPS + 1 numbers, so far apart."""
+    two, three = apart + apart, np.uint64(3) * apart
+    six, nine = three + three, np.uint64(9) * apart
+    return (data[place], data[place + apart], data[place + two], data[place + three],
+            data[place + three + apart], data[place + three + two], data[place + six],
+            data[place + six + apart], data[place + six + two], data[place + nine],
+            data[place + nine + apart])
+
+
+@njit(inline='always')
+def _weighted(w, v):
+    return (w[0] * v[0] + w[1] * v[1] + w[2] * v[2] + w[3] * v[3] + w[4] * v[4] + w[5] * v[5]
+            + w[6] * v[6] + w[7] * v[7] + w[8] * v[8] + w[9] * v[9] + w[10] * v[10])

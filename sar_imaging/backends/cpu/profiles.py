@@ -96,8 +96,8 @@ class Profiles:
         _split_phases(dense.reshape(-1).view(np.float32), lattice.n_cells, first, *inside, *parts)
         planes = self._buffer('planes', (n_rows, lattice.n_phases, lattice.interpolator.n_planes,
                                          self._count), np.float32)
-        farrow_coefficients(*parts, lattice.interpolator.weights, lattice.interpolator.first,
-                          self._pad, planes)
+        farrow_coefficients(parts, lattice.interpolator.weights, lattice.interpolator.first,
+                            self._pad, planes)
         return planes
 
 

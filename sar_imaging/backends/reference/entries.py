@@ -114,13 +114,14 @@ class SpectrumFusion:
     def polar_image(self, centre_m: float = 0.0) -> np.ndarray:
         """Image of the sub-apertures that were added so far."""
         spectrum = fuse_bands(self.grid, self._contributions.values())
-        return fused_image(self.grid, spectrum, centre_m).astype(np.complex64)
+        image = fused_image(self.grid, spectrum, centre_m)
+        return np.stack([image.real, image.imag]).astype(np.float32)
 
-    def take_polar_image(self, *, planes: bool = False) -> np.ndarray:
+    def take_polar_image(self) -> np.ndarray:
         """As `polar_image`; nothing is included any more."""
         image = self.polar_image()
         self.clear()
-        return np.stack([image.real, image.imag]) if planes else image
+        return image
 
     def clear(self) -> None:
         """Begin another aperture on the same grid: nothing is included any more."""

@@ -207,7 +207,7 @@ def _fusion(plan: AfbpPlan) -> Experiment:
         for number, centre in enumerate(sampling.centre):
             brightness.add(image)
             fusion.add(number, image, centre)
-        fusion.take_polar_image(planes=True)
+        fusion.take_polar_image()
 
     return Experiment('fusion', counts, run)
 

@@ -44,8 +44,7 @@ def fold_lines(image, along_alpha, along_range, rows, out) -> None:
         transform_rows(out[:, :len(along_range)])
 
 
-def finish_lines(spectrum, n_bins: int, n_range: int, first: int, scale, turn, planes: bool,
-                 out) -> None:
+def finish_lines(spectrum, n_bins: int, n_range: int, first: int, scale, turn, out) -> None:
     """Transform rows of the fused spectrum to lines of the image.
 
     Parameters
@@ -60,10 +59,8 @@ def finish_lines(spectrum, n_bins: int, n_range: int, first: int, scale, turn, p
         Factor of each line.
     turn : (N,) complex64
         Factor of each wanted range.
-    planes : bool
-        Real and imaginary parts apart instead of in turn.
     out : (L * 2 * N,) float32
-        Written to; none of the rows lie in it.
+        Real, then imaginary parts of each line; none of the rows lie in it.
     """
     plan = plan_row(n_range, True)
     if plan is None:
@@ -71,14 +68,13 @@ def finish_lines(spectrum, n_bins: int, n_range: int, first: int, scale, turn, p
         lines[:, :n_bins] = spectrum[:, :n_bins]
         transform_rows(lines, inverse=True)
         lines = lines[:, first:first + len(turn)] * (scale[:, None] * turn)
-        out[:] = (np.stack([lines.real, lines.imag], axis=1).ravel() if planes
-                  else lines.view(np.float32).ravel())
+        out[:] = np.stack([lines.real, lines.imag], axis=1).ravel()
         return
     n_tasks, jobs = numba.get_num_threads(), job_counter()
     # rows apart by no multiple of 4 KiB
     work = aligned_empty((n_tasks, n_range + 8 + plan.work_samples), np.complex64)
     _finish_lines(spectrum.view(np.float32).reshape(-1), spectrum.shape[1], n_bins, n_range,
-                  first, scale.view(np.float32), turn.view(np.float32), int(planes), out,
+                  first, scale.view(np.float32), turn.view(np.float32), out,
                   work.view(np.float32).reshape(-1), work.ctypes.data, work.strides[0], n_tasks,
                   jobs.ctypes.data, plan.arguments)
 
@@ -95,18 +91,10 @@ def _fold_lines(image, planes, along_alpha, along_range, rows, out, width, addre
             w, row = along_alpha[line], rows[line]
             first, to = np.uint64(line) * n, np.uint64(2 * row * width)
             if planes:
-                for i in range(n):
-                    even, odd = np.uint64(2) * i, np.uint64(2) * i + np.uint64(1)
-                    x, y = w * image[first + i], w * image[apart + first + i]
-                    out[to + even] = along_range[even] * x - along_range[odd] * y
-                    out[to + odd] = along_range[even] * y + along_range[odd] * x
+                _taper(image, first, np.uint64(1), apart, w, along_range, n, out, to)
             else:
-                for i in range(n):
-                    even, odd = np.uint64(2) * i, np.uint64(2) * i + np.uint64(1)
-                    source = np.uint64(2) * first
-                    x, y = w * image[source + even], w * image[source + odd]
-                    out[to + even] = along_range[even] * x - along_range[odd] * y
-                    out[to + odd] = along_range[even] * y + along_range[odd] * x
+                _taper(image, np.uint64(2) * first, np.uint64(2), np.uint64(1), w, along_range, n,
+                       out, to)
             for i in range(to + np.uint64(2) * n, to + np.uint64(2 * width)):
                 out[i] = 0.0
             if plan[0]:
@@ -114,8 +102,17 @@ def _fold_lines(image, planes, along_alpha, along_range, rows, out, width, addre
             line = take_job(jobs)
 
 
+@njit(inline='always')
+def _taper(image, place, step, imag, w, along_range, n, out, to):
+    for i in range(n):
+        even, odd = np.uint64(2) * i, np.uint64(2) * i + np.uint64(1)
+        x, y = w * image[place + step * i], w * image[place + step * i + imag]
+        out[to + even] = along_range[even] * x - along_range[odd] * y
+        out[to + odd] = along_range[even] * y + along_range[odd] * x
+
+
 @njit(parallel=True)
-def _finish_lines(spectrum, row, n_bins, n_range, first, scale, turn, planes, out, lines, address,
+def _finish_lines(spectrum, row, n_bins, n_range, first, scale, turn, out, lines, address,
                   work_bytes, n_tasks, jobs, plan):
     """All arrays are flat float32, for the compiler; a task's line comes before its work space."""
     n, n_lines = np.uint64(len(turn) // 2), len(scale) // 2
@@ -132,18 +129,10 @@ def _finish_lines(spectrum, row, n_bins, n_range, first, scale, turn, planes, ou
             transform_row(place, place + (n_range + 7) // 8 * 8 * SAMPLE_BYTES, plan)
             a, b = scale[2 * number], scale[2 * number + 1]
             begin, to = line + np.uint64(2 * first), np.uint64(2 * number) * n
-            if planes:
-                for i in range(n):
-                    even, odd = np.uint64(2) * i, np.uint64(2) * i + np.uint64(1)
-                    c, d = a * turn[even] - b * turn[odd], a * turn[odd] + b * turn[even]
-                    x, y = lines[begin + even], lines[begin + odd]
-                    out[to + i] = c * x - d * y
-                    out[to + n + i] = c * y + d * x
-            else:
-                for i in range(n):
-                    even, odd = np.uint64(2) * i, np.uint64(2) * i + np.uint64(1)
-                    c, d = a * turn[even] - b * turn[odd], a * turn[odd] + b * turn[even]
-                    x, y = lines[begin + even], lines[begin + odd]
-                    out[to + even] = c * x - d * y
-                    out[to + odd] = c * y + d * x
+            for i in range(n):
+                even, odd = np.uint64(2) * i, np.uint64(2) * i + np.uint64(1)
+                c, d = a * turn[even] - b * turn[odd], a * turn[odd] + b * turn[even]
+                x, y = lines[begin + even], lines[begin + odd]
+                out[to + i] = c * x - d * y
+                out[to + n + i] = c * y + d * x
             number = take_job(jobs)

@@ -96,10 +96,10 @@ class SpectrumFusion:
         self._spectrum(memory)[:] = fused
         return self._to_image(memory, centre_m)
 
-    def take_polar_image(self, *, planes: bool = False) -> np.ndarray:
+    def take_polar_image(self) -> np.ndarray:
         """As `polar_image`, in less memory: the fused spectrum is used up."""
         self._fused()
-        image = self._to_image(self._memory, planes=planes)
+        image = self._to_image(self._memory)
         self.clear()
         return image
 
@@ -165,7 +165,7 @@ class SpectrumFusion:
             begin, end = n_bins - end, n_bins - begin
         return Band(int(row[0]), begin, end)
 
-    def _to_image(self, memory, centre_m=0.0, *, planes: bool = False) -> np.ndarray:
+    def _to_image(self, memory, centre_m=0.0) -> np.ndarray:
         """Image of a spectrum, over which it is written line by line."""
         grid, n_bins = self.grid, len(self._wavenumber)
         polar = grid.polar
@@ -187,10 +187,8 @@ class SpectrumFusion:
             stop = min(start + _LINES_PER_CALL, polar.n_alpha)
             finish_lines(spectrum[grid.fine_guard + start:grid.fine_guard + stop], n_bins,
                          grid.n_fine_range, grid.fine_range_guard, scale[start:stop],
-                         self._turn_back, planes, image[start * width:stop * width])
-        if planes:
-            return image.reshape(polar.n_alpha, 2, polar.n_range).swapaxes(0, 1)
-        return image.view(np.complex64).reshape(polar.n_alpha, polar.n_range)
+                         self._turn_back, image[start * width:stop * width])
+        return image.reshape(polar.n_alpha, 2, polar.n_range).swapaxes(0, 1)
 
 
 def _padded(n: int) -> int:

@@ -17,14 +17,11 @@ def form_map(polar_image: np.ndarray, fusion: UnifiedPolarGrids, grid: MapGrid,
              centre_m: float = 0.0, *, overwrite: bool = False) -> np.ndarray:
     """Interpolate a fused image to a map, see `backends.protocol.Backend`.
 
-    With `overwrite` a polar image as real and imaginary part becomes the memory of the map, where
-    range follows x and the map is not much finer than the polar image; otherwise the map gets
-    memory of its own.
+    With `overwrite` the polar image becomes the memory of the map, where range follows x and the
+    map is not much finer than the polar image; otherwise the map gets memory of its own.
     """
     fusion.check_for_map()
     along = design_interpolator(fusion.range_oversampling, taps=TAPS, degree=DEGREE)
-    if np.iscomplexobj(polar_image):
-        polar_image = np.stack((polar_image.real, polar_image.imag))
     image = polar_to_map(polar_image, fusion.polar, grid, axis=range_axis(fusion.polar, grid),
                          wavelength_m=fusion.wavelength_m, between=fusion.between, along=along,
                          overwrite=overwrite)
