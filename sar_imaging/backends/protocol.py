@@ -98,10 +98,6 @@ class SpectrumFusion(Protocol):
     def included(self) -> frozenset[int]:
         """Sub-apertures in the image."""
 
-    @property
-    def spectrum_shape(self) -> tuple[int, int]:
-        """Angular and range wavenumbers of the fused spectrum."""
-
     def add(self, number: int, image: np.ndarray, centre_m: float) -> None:
         """Add a sub-aperture, or replace it where contributions are kept.
 

@@ -62,14 +62,14 @@ class Afbp(Method):
                             backend.SpectrumFusion(plan.fusion_grid))
         stage, fusion = self._stages
         fusion.clear()
-        weights, parts = self.weights(block), None
+        weights, image = self.weights(block), None
         brightness = EdgeBrightness(plan.fusion_grid, s.coverage)
         for number, some in enumerate(tqdm(s.pulses, desc='sub-apertures', unit='sub-aperture',
                                            disable=not self.options.progress)):
-            parts = stage.image(number, block.select(some),
-                                None if weights is None else weights[some], parts)
-            brightness.add(parts)
-            fusion.add(number, parts, s.centre[number])
+            image = stage.image(number, block.select(some),
+                                None if weights is None else weights[some], image)
+            brightness.add(image)
+            fusion.add(number, image, s.centre[number])
         samples = image_of_polar(self._plan, fusion.take_polar_image(), backend, overwrite=True)
         if onto is not None:
             onto += samples

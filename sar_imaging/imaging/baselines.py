@@ -103,6 +103,6 @@ class Correlation(Method):
 
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""
-        points = self.positions()
+        points = self.grid.points()
         image, _ = correlate_profiles(block, points.reshape(-1, 3), backend=self.options.backend)
         return image.astype(np.complex64).reshape(points.shape[:-1])

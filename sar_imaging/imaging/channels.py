@@ -34,18 +34,6 @@ class Channels:
             raise ValueError(f'weights={weights}; expected one finite complex number per channel')
         self.per_channel, self.midpoint = per_channel, midpoint
 
-    def check(self, n_channels: int) -> None:
-        """Check that there is a weight for each channel.
-
-        Raises
-        ------
-        ValueError
-            There are more or fewer.
-        """
-        if self._weights is not None and len(self._weights) != n_channels:
-            raise ValueError(f'the block has {n_channels} channels, weights are for '
-                             f'{len(self._weights)}; pass one weight per channel')
-
     def shape(self, shape: tuple[int, ...], n_channels: int) -> tuple[int, ...]:
         """Of the image: that of one channel, or of all, one after the other."""
         return (n_channels, *shape) if self.per_channel else shape
@@ -59,9 +47,17 @@ class Channels:
         return ([slice(n, n + 1) for n in range(n_channels)] if self.per_channel
                 else [slice(None)])
 
-    def parts(self, block: PulseBlock) -> list[PulseBlock]:
-        """Blocks of which each makes an image by itself."""
-        self.check(block.n_channels)
+    def blocks(self, block: PulseBlock) -> list[PulseBlock]:
+        """Blocks of which each makes an image by itself.
+
+        Raises
+        ------
+        ValueError
+            There are more or fewer channels than weights.
+        """
+        if self._weights is not None and len(self._weights) != block.n_channels:
+            raise ValueError(f'the block has {block.n_channels} channels, weights are for '
+                             f'{len(self._weights)}; pass one weight per channel')
         samples, (tx, rx) = block.samples, self.centres(block.tx_m, block.rx_m)
         if self._weights is None and not (self.per_channel or self.midpoint):
             return [block]

@@ -166,7 +166,7 @@ class Imager:
         if self._channels.per_channel or not block.n_pulses:
             self.accumulate(block, image)
         else:  # without a sum with zeros
-            [block] = self._channels.parts(block)
+            [block] = self._channels.blocks(block)
             image.samples, image.report = self._formed(0, block)
             self._count(block, image)
         for warning in set(image.report.warnings) - self._told:
@@ -197,7 +197,7 @@ class Imager:
         ValueError
             As a call, or the image is not one that this imager formed.
         """
-        parts = self._channels.parts(block)
+        blocks = self._channels.blocks(block)
         samples = image.samples
         wanted = self._channels.shape(self.grid.shape, block.n_channels)
         if (samples.shape != wanted or samples.dtype != np.complex64
@@ -208,8 +208,8 @@ class Imager:
         if not block.n_pulses:
             return
         images = samples if self._channels.per_channel else [samples]
-        for number, (part, own) in enumerate(zip(parts, images, strict=True)):
-            _, report = self._formed(number, part, own)
+        for number, (some, own) in enumerate(zip(blocks, images, strict=True)):
+            _, report = self._formed(number, some, own)
             image.report = _worse(image.report, report,
                                   first=not image.n_pulses and number == 0)
         self._count(block, image)

@@ -166,10 +166,6 @@ class Method:
             'seconds': getattr(plan, 'seconds', None), 'n_bytes': plan.n_bytes,
             'warnings': plan.warnings, 'plan': plan, **known})
 
-    def positions(self) -> np.ndarray:
-        """(..., 3) float64 positions of the pixels, metres."""
-        return self.grid.points()
-
 
 def method_class(method: str | type[Method]) -> type[Method]:
     """Class of a method, by its name or as somebody else wrote it.

@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 from hypothesis import assume, given, settings, strategies as st
 
-from sar_imaging.backends.cpu.lines import PolarLines, add_to_lines, line_middles
+from sar_imaging.backends.cpu import line_kernels
+from sar_imaging.backends.cpu.lines import PolarLines, line_middles
 from sar_imaging.backends.cpu.profiles import Profiles
 from sar_imaging.backends.reference.project_lines import project_lines
 from sar_imaging.geometry.polar import PolarGrid
@@ -118,8 +119,8 @@ def test_sums_of_given_polynomials(seed, n_rows, n_lines, n_pixels, segment, n_p
         'reversed': (image[:, ::-1].copy().view(np.float32).ravel(),
                      [2 * n_pixels - 2, 2 * n_pixels, -2, 1])}[layout]
     lines = line_middles(locate, n_lines, n_pixels, segment)
-    add_to_lines(profiles, np.arange(n_rows), tx, rx, [(lines, np.array([n_lines, *numbers]))],
-                 ramp, memory)
+    layers = [(lines, np.array([n_lines, *numbers]))]
+    line_kernels.project_lines(profiles, np.arange(n_rows), tx, rx, layers, ramp, memory)
     added = {'planes': lambda: (memory[:image.size] + 1j * memory[image.size:]
                                 ).reshape(image.shape),
              'rows': lambda: memory.view(np.complex64).reshape(image.shape),

@@ -187,7 +187,7 @@ def compiled():
 
 compile_beforehand('SubapertureImager')
 first_stage = compiled()
-assert all(first_stage[name] for name in ('project_lines', '_form_beams', 'interpolate_beams'))
+assert all(first_stage[name] for name in ('_project_lines', '_form_beams', 'interpolate_beams'))
 assert not first_stage['_fold_lines']
 compile_beforehand('SpectrumFusion')
 before = compiled()

@@ -9,9 +9,10 @@ from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
 from ...planning.exact.points import PointPlan, image_layers
 from ...planning.exact.polar_image import PolarPlan
 from .azimuth_upsampling import AzimuthUpsampling
-from .lines import PolarLines, add_to_lines, line_middles, shared_phase
+from .line_kernels import project_lines
+from .lines import PolarLines, line_middles, shared_phase
 from .memory import WorkSpace
-from .points.images import add_to_points
+from .points.kernels import project_points
 from .polar_to_map import add_polar_to_map
 from .profiles import Profiles
 
@@ -68,8 +69,8 @@ class _Lines:
         self._phase = shared_phase(self._profiles, lines.n_pixels)
 
     def add(self, samples, tx_m, rx_m, image) -> None:
-        add_to_lines(self._profiles, samples, tx_m, rx_m, self._layers, self._phase,
-                     image.reshape(-1).view(np.float32))
+        project_lines(self._profiles, samples, tx_m, rx_m, self._layers, self._phase,
+                      image.reshape(-1).view(np.float32))
 
 
 class _Points:
@@ -80,5 +81,5 @@ class _Points:
         self._layers = image_layers(plan.grid)
 
     def add(self, samples, tx_m, rx_m, image) -> None:
-        add_to_points(self._plan, self._layers, samples, tx_m, rx_m,
-                      image.reshape(-1).view(np.float32), self._memory)
+        project_points(self._plan, self._layers, samples, tx_m, rx_m,
+                       image.reshape(-1).view(np.float32), self._memory)

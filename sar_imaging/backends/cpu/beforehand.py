@@ -7,18 +7,20 @@ one after that.
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...geometry.grids import MapGrid
-from ...geometry.polar import PolarGrid
 from ...planning.exact.azimuth_upsampling import DEGREE, TAPS, AzimuthParts
 from ...planning.exact.backprojection import plan_backprojection
 from ...planning.exact.polar_image import plan_polar
 from ...planning.interpolators import design_interpolator
-from ...planning.profiles.range_gate import RangeGate
-from ...planning.profiles.range_resampling import plan_resampling, sample_paths
+from ...signal.pulses import PulseBlock
 from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
+
+if TYPE_CHECKING:
+    from ...planning.afbp.plan import AfbpPlan
 
 _N_PULSES, _CUT, _N_SAMPLES, _RANGE_M = 64, 8, 128, 1000.0
 _LENGTH = 256  # of a transform; shorter ones are SciPy's
@@ -59,30 +61,23 @@ def _backprojection() -> None:
 
 
 def _subapertures() -> None:
-    """From beams, and directly."""
+    """Directly, and from beams."""
     from ...planning.afbp.beams import plan_beams
-    from .beams.subaperture import BeamformedSubaperture
     from .fft.rows import transform_rows
-    from .lines import PolarLines
-    from .profiles import Profiles
+    from .subapertures import SubapertureImager
 
     transform_rows(np.zeros((1, _LENGTH), np.complex64))
-    polar = PolarGrid((-_RANGE_M, 0.0, 0.0), (0.0, 1.0), -1, 0.0, _RANGE_M, 0.25, 32, 0.0, 1e-3, 4)
-    radar, centres = _aperture(_CUT)
-    rows = centres.reshape(-1, 3), centres.reshape(-1, 3)
-    paths = sample_paths(*rows, polar.lines(polar.range_m[[0, -1]], 0.0))
-    lattice = plan_resampling(paths, 0.25, 32, radar, _N_SAMPLES, _TARGET_DB)
-    beams = plan_beams(polar, radar, lattice, [rows], _TARGET_DB, 8.0)
-    window, range_m = RangeGate.whole(radar, _N_SAMPLES), (_RANGE_M, _RANGE_M + 8.0)
-    for lines in (BeamformedSubaperture(polar, window, lattice, beams, range_m),
-                  PolarLines(polar, Profiles(window, lattice, range_m))):
-        lines.fill(np.zeros((_CUT, _N_SAMPLES), np.complex64), *rows,
-                   np.zeros((2, 4, 32), np.float32))
+    plan, block = _aperture()
+    plan = plan.subapertures
+    first = block.select(plan.sampling.pulses[0])
+    beams = plan_beams(plan.coarse, plan.radar, plan.lattice,
+                       [(first.tx_m[:, 0], first.rx_m[:, 0])], _TARGET_DB, 8.0)
+    for way in (None, beams):
+        SubapertureImager(dataclasses.replace(plan, beams=way)).image(0, first)
 
 
 def _fusion() -> None:
     """Of a whole aperture, and of one that slides on: to a map."""
-    from ...planning.afbp.plan import plan_afbp
     from .fft.columns import LANES, transform_columns
     from .fft.rows import transform_rows
     from .fusion.spectra import SpectrumFusion
@@ -90,9 +85,7 @@ def _fusion() -> None:
 
     transform_rows(np.zeros((1, _LENGTH), np.complex64))
     transform_columns(np.zeros((_LENGTH, LANES), np.complex64), LANES)
-    radar, centres = _aperture(_N_PULSES)
-    plan = plan_afbp(MapGrid((0.0, 0.0, 0.0), 32, 32, 0.25), radar, _N_SAMPLES, centres, centres,
-                     target_db=_TARGET_DB, pulses_per_subaperture=_CUT)
+    plan, _ = _aperture()
     grid, centre = plan.subapertures.fusion_grid, plan.subapertures.sampling.centre
     for keep in (False, True):
         fusion = SpectrumFusion(grid, keep=keep)
@@ -106,9 +99,14 @@ def _fusion() -> None:
         form_map(fusion.polar_image() if keep else fusion.take_polar_image(), grid, plan.grid)
 
 
-def _aperture(n_pulses: int) -> tuple[RadarParameters, np.ndarray]:
-    """Radar, and phase centres (P, 1, 3) of a monostatic track beside the origin, metres."""
+def _aperture() -> tuple[AfbpPlan, PulseBlock]:
+    """Silent pulses of a monostatic track beside the origin, and the plan of their image."""
+    from ...planning.afbp.plan import plan_afbp
+
     radar = RadarParameters(10e9, 300e6, 600e6, 2 * (_RANGE_M - 16.0) / SPEED_OF_LIGHT)
-    centres = np.zeros((n_pulses, 1, 3))
-    centres[:, 0, 0], centres[:, 0, 1] = -_RANGE_M, np.arange(n_pulses) - n_pulses / 2
-    return radar, centres
+    number, centres = np.arange(_N_PULSES), np.zeros((_N_PULSES, 1, 3))
+    centres[:, 0, 0], centres[:, 0, 1] = -_RANGE_M, number - _N_PULSES / 2
+    samples = np.zeros((_N_PULSES, 1, _N_SAMPLES), np.complex64)
+    return (plan_afbp(MapGrid((0.0, 0.0, 0.0), 32, 32, 0.25), radar, _N_SAMPLES, centres, centres,
+                      target_db=_TARGET_DB, pulses_per_subaperture=_CUT),
+            PulseBlock(radar, True, number, number, samples, centres, centres))

@@ -1,11 +1,11 @@
-"""Compiled inner loop of backprojection along image lines.
+"""Backprojection along image lines: its compiled loop.
 
-It sums, for every pixel, ``s_mn(D) exp(+j k_c D)`` over the rows of a block (a row is
-one channel of one pulse; D is half the two-way path). Geometry is float64, samples and
-accumulators float32. The range profile arrives as a polynomial of degree 4 per lattice interval
-(`interpolation`); a position on the lattice is ``v = (D - R0) / step = n + t`` with an integer n,
-and the carrier phase there is ``cycles_per_step * v`` plus a constant, of which only the fraction
-of a cycle is kept, in float64, before it becomes float32.
+It sums, for every pixel, ``s_mn(D) exp(+j k_c D)`` over echoes, one of each pulse and channel;
+D is half the two-way path. Geometry is float64, samples and sums float32. A range profile arrives
+as a polynomial of degree 4 in each interval of its resampled positions (`farrow`); a position is
+``v = (D - R0) / step = n + t`` with an integer n, and the carrier phase there is
+``cycles_per_step * v`` plus a constant, of which only the fraction of a cycle is kept, in float64,
+before it becomes float32.
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ import numpy as np
 
 from ...compilation import njit, numba
 from ...planning.interpolators import LINE_DEGREE
+from .profiles import Profiles
 
 LINES = 32  # image lines whose geometry is computed together
 _PLANES = 2 * (LINE_DEGREE + 1)
+_TASKS_PER_THREAD = 8
 
 # exp(j 2 pi c) for |c| <= 1/2 as minimax polynomials in c^2; rms error 4e-6 (sine), 6e-7 (cosine)
 _S1, _S3, _S5, _S7, _S9 = (np.float32(v) for v in (
@@ -39,6 +41,55 @@ def _sin_cycles(c, x):
 @njit(inline='always')
 def _cos_cycles(x):
     return _C0 + x * (_C2 + x * (_C4 + x * (_C6 + x * (_C8 + x * _C10))))
+
+
+def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image) -> None:
+    """Add echoes to an image whose lines follow range.
+
+    Neighbouring pixels of a line lie one cell of the resampled profiles apart (up to a small
+    drift), so that a segment of a line reads contiguous polynomials.
+
+    Parameters
+    ----------
+    profiles : Profiles
+        How profiles are resampled; with segments.
+    samples : (R, N) complex64
+        Profiles of the echoes.
+    tx_m, rx_m : (R, 3) float64
+        Their phase centres, metres.
+    layers : sequence of ((G, S, 12, LINES) float64, (5,) int64)
+        Position in the middle of each of the S segments of each line (G groups of them), then its
+        first to third derivative by the pixel number, metres; and where the lines lie in the
+        image: their number; the first pixel's real part; the steps to the next line, to the next
+        pixel of a line, and to the imaginary part. All layers are of one size.
+    ramp : (n_pixels,) complex64
+        Factor of each pixel of a line. The sum leaves ``exp(j 2 pi cycles_per_step U i)`` out,
+        with U positions in a cell: the carrier phase that all lines share.
+    image : (K,) float32
+        Real and imaginary parts of the image to add to.
+    """
+    lattice = profiles.lattice
+    segment = lattice.segment
+    groups, segments = layers[0][0].shape[:2]
+    tasks = min(groups * segments, _TASKS_PER_THREAD * numba.get_num_threads())
+    work = np.empty((2, tasks * LINES * segment), np.float32)
+    paths = np.empty((tasks, 8, LINES))
+    coefficients = np.empty((tasks, 14, LINES), np.float32)
+    base = np.empty((tasks, LINES), np.int64)
+    index = np.arange(segment, dtype=np.float32) - segment // 2
+    ramp = np.concatenate([ramp.real, ramp.imag])
+    for rows in profiles.chunks(len(samples)):
+        tx, rx = tx_m[rows], rx_m[rows]
+        repeats = np.zeros((len(tx), 2), np.uint8)
+        repeats[1:, 0] = (tx[1:] == tx[:-1]).all(axis=1)
+        repeats[:, 1] = (tx == rx).all(axis=1)
+        planes = profiles.planes(samples[rows])
+        shape = (planes.shape[0], planes.shape[1], planes.shape[3])
+        for lines, layout in layers:
+            _project_lines(planes.reshape(-1), shape, tx, rx, repeats, lines,
+                           profiles.range_at(segment), lattice.step_m, profiles.cycles_per_step,
+                           profiles.cycles_at(segment), ramp, image, layout, index, work[0],
+                           work[1], paths, coefficients, base)
 
 
 @njit(inline='always')
@@ -69,54 +120,15 @@ def _line_paths(lines, group, number, centres, row, paths, task, first):
 
 
 @njit(parallel=True)
-def project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycles_per_step,
-                  cycles_zero, ramp, image, layout, index, work_re, work_im, paths, coefficients,
-                  base):
-    """Add rows to an image whose lines follow the range direction.
+def _project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycles_per_step,
+                   cycles_zero, ramp, image, layout, index, work_re, work_im, paths, coefficients,
+                   base):
+    """Tasks take segments of `LINES` lines.
 
-    Neighbouring pixels of a line lie one lattice cell apart (up to a small drift), so that a
-    segment of a line reads contiguous polynomials.
+    `repeats` is 1 where an echo's transmitter is that of the echo before, and where its receiver
+    is its transmitter. Half path and carrier phase are told at the first position of `planes`
+    after a segment of zeros. `index` counts the pixels of a segment from its middle.
 
-    Parameters
-    ----------
-    planes : (R * U * 10 * n,) float32
-        `interpolation.farrow_coefficients`; the first and last `segment` cells are zero.
-    shape : tuple of int
-        ``(R, U, n)``: rows, lattice positions per cell, cells.
-    tx, rx : (R, 3) float64
-        Phase centres of the rows, metres.
-    repeats : (R, 2) uint8
-        1 where the transmitter is that of the row before (0 in the first row), and where the
-        receiver is the transmitter.
-    lines : (G, S, 12, LINES) float64
-        Position in the middle of each of the S segments of each line (G groups of them), then
-        its first to third derivative by the pixel number, metres.
-    range_zero, step : float
-        Half path at the first lattice position that is not padding, and between lattice
-        positions, metres.
-    cycles_per_step, cycles_zero : float
-        Carrier phase per lattice step and at `range_zero`, cycles.
-    ramp : (2 * n_pixels,) float32
-        Factor of each pixel of a line, real parts first. The sum leaves
-        ``exp(j 2 pi cycles_per_step U i)`` out, the carrier phase that all lines share.
-    image : (N,) float32
-        Real and imaginary parts of the image to add to.
-    layout : (5,) int64
-        Number of lines; index of the first pixel's real part in `image`; the steps of the index
-        to the next line, to the next pixel of a line, and to the imaginary part.
-    index : (segment,) float32
-        Pixel numbers of a segment, counted from its middle; their number is even.
-    work_re, work_im : (T * LINES * segment,) float32
-        Work space; T tasks share the image.
-    paths : (T, 8, LINES) float64
-        Work space.
-    coefficients : (T, 14, LINES) float32
-        Work space.
-    base : (T, LINES) int64
-        Work space.
-
-    Notes
-    -----
     Numba tells the compiler that the arrays of a parallel loop do not overlap only while the loop
     takes no view of one and has no boolean variable (which it counts as a view); without that,
     tests for overlap before each short loop double the time. `numba.config.DEBUG_ARRAY_OPT`

@@ -1,4 +1,4 @@
-"""Memory that calls share, and transforms that stay in it.
+"""Memory that calls share, and how it lies.
 
 Fresh memory for every few profiles or images costs as much as filling it.
 """
@@ -6,7 +6,6 @@ Fresh memory for every few profiles or images costs as much as filling it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -52,11 +51,3 @@ def _aligned(allocate, shape, dtype) -> np.ndarray:
 def _touch(zeros):
     for page in numba.prange(len(zeros) // _PAGE):
         zeros[page * _PAGE] = 0
-
-
-def transform_in_place(transform: Callable[..., np.ndarray], lines: np.ndarray,
-                       **options) -> None:
-    """Replace lines, (n_lines, n) complex64, by their `scipy.fft.fft` or `scipy.fft.ifft`."""
-    result = transform(lines, axis=1, workers=numba.get_num_threads(), overwrite_x=True, **options)
-    if not np.may_share_memory(result, lines):  # SciPy may, but need not
-        lines[:] = result

@@ -1,9 +1,7 @@
 """Polar image to map, in two passes of one-dimensional interpolation.
 
-A part of a strip of map rows at a time: first along direction, to where each polar range meets a
-row, then along range, to the pixels of the row. Both passes work on the image at range baseband
-and use the least-squares interpolators of `interpolation`, so that the error is known; the
-carrier ``exp(j k_c r)`` is put back from float64 at the end. What is between them stays in cache.
+`backends.reference.polar_to_map` has the formulas. Some pixels of `LANES` map rows are done at a
+time: what is between the two passes stays in cache. The carrier is put back from float64.
 Positions are found for many vectors before the first of them is interpolated, which keeps a
 processor from waiting for one result after the other.
 """
@@ -59,8 +57,7 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
     Parameters
     ----------
     real, imag : (n_alpha, n_range) float32
-        Image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0 the first range. Lines are contiguous
-        and equally far apart in both.
+        The image. Lines are contiguous and equally far apart in both.
     polar : PolarGrid
         Its grid; it must reach `margin` pixels beyond the map on all sides and have `LANES` ranges
         or more.
@@ -68,12 +65,8 @@ def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis
         Where the pixels of the map are.
     image : (n_y, n_x) complex64
         Map to add to, contiguous in C order.
-    axis : int
-        Map axis that follows range: 0 when rows of the second pass follow x, 1 for y.
-    wavelength_m : float
-        At the carrier, metres.
-    between, along : Interpolator
-        Between lines and along them, of degree `DEGREE`.
+    axis, wavelength_m, between, along :
+        As for `backends.reference.polar_to_map`; interpolators are of degree `DEGREE`.
     """
     _interpolate(real, imag, polar, grid, image, [0, image.shape[axis]], True, axis, wavelength_m,
                  between, along)
@@ -91,9 +84,9 @@ def polar_to_map(lines, polar: PolarGrid, grid: MapGrid, *, axis: int, wavelengt
     polar, grid, axis, wavelength_m, between, along :
         As for `add_polar_to_map`.
     overwrite : bool
-        The polar image is not needed any more: write the map over it, from its first line on,
-        where `overwriting_rounds` finds few rounds and each line's imaginary part follows its real
-        part in memory and the next line follows them. Elsewhere the map gets memory of its own.
+        The map may be written over the polar image, from its first line on, and is where
+        `overwriting_rounds` finds few rounds and a line's imaginary part lies behind its real
+        part, the next line behind that. Elsewhere it gets memory of its own.
 
     Returns
     -------
@@ -213,37 +206,17 @@ def _interpolate(real, imag, polar, grid, image, rounds, add, axis, wavelength_m
 
 @njit(parallel=True, fastmath=DETERMINISTIC)
 def _resample(polar, grid, reach, between, along, target, tables, memory, share):
-    """Strip by strip of `LANES` rows, part by part of their pixels, in both passes.
+    """Strip by strip of `LANES` rows, some of their pixels at a time, in both passes.
 
-    A row of the map at distance q beside the origin and h below it meets range r at
-    ``p = sqrt(r^2 - q^2 - h^2)`` ahead, in direction cosine ``alpha = (p u_p + q u_q) / r`` with
-    the track direction u. First pass: ``g_q(r) = sum_k c_k(alpha) f(alpha_k, r)``. Second pass, at
-    pixel p of the row, ``r = sqrt(p^2 + q^2 + h^2)``:
-    ``f(p, q) = exp(j 4 pi (r - r_0) / lambda) sum_l c_l(r) g_q(r_l)``. The weights c are
-    polynomials of the place between neighbours (Farrow 1988).
-
-    Parameters
-    ----------
-    polar : tuple
-        Addresses of its real and imaginary part, bytes between lines, ranges, last line to
-        interpolate from.
-    grid : tuple
-        Rows q and pixels p, float64, metres; of `_positions`, how directions are told; h^2.
-    reach : tuple
-        Addresses of r^2 and 1/r by range, from `LANES` before the first one on; first range, 1
-        over their spacing, metres, and cycles of the carrier per metre.
-    between, along : tuple
-        Address of the centred weights, (DEGREE + 1, taps / 2) float32, and a tuple as long as the
-        taps; along range also the first neighbour.
-    target : tuple
-        Address of the first row, its steps from row to row and from pixel to pixel, bytes, and 1
-        to add instead of storing.
-    tables : (T, 3, LANES) float64
-        Work space of the tasks.
-    memory : tuple
-        Address of more, bytes of a task, and of the real part of a strip.
-    share : tuple
-        Strips, how many are a job, and the address of a `job_counter`.
+    `polar` is the addresses of real and imaginary part, bytes between lines, ranges, and the last
+    line to interpolate from; `grid` the rows q and pixels p, metres, how directions are told
+    (`_positions`), and the square of the height; `reach` the addresses of r^2 and 1/r by range,
+    from `LANES` before the first one on, the first range, 1 over their spacing, and cycles of the
+    carrier per metre. `between` and `along` are the address of the centred weights and a tuple as
+    long as the taps, `along` also the first neighbour. `target` is the address of the first row,
+    its steps from row to row and from pixel to pixel, bytes, and 1 to add instead of storing;
+    `memory` the address of work space, bytes of a task, and of the real part of a strip; `share`
+    the strips, how many are a job, and the address of a `job_counter`.
     """
     real, imag, apart, n_range, last = polar
     rows, line, direction, height2 = grid

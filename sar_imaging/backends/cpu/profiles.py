@@ -90,13 +90,14 @@ class Profiles:
                                overwrite_x=True, norm='forward')
         length = self._count - 2 * self._pad + 2 * TAPS
         first = self._first + self._pad - TAPS
-        parts = self._buffer('parts', (2, n_rows, lattice.n_phases, length), np.float32)
+        split = self._buffer('split', (2, n_rows, lattice.n_phases, length), np.float32)
         inside = (0, length) if self._source.periodic else (
             min(max(-first, 0), length), max(min(lattice.n_cells - first, length), 0))
-        _split_phases(dense.reshape(-1).view(np.float32), lattice.n_cells, first, *inside, *parts)
+        _split_phases(dense.reshape(-1).view(np.float32), lattice.n_cells, first, *inside,
+                      *split)
         planes = self._buffer('planes', (n_rows, lattice.n_phases, lattice.interpolator.n_planes,
                                          self._count), np.float32)
-        farrow_coefficients(parts, lattice.interpolator.weights, lattice.interpolator.first,
+        farrow_coefficients(split, lattice.interpolator.weights, lattice.interpolator.first,
                             self._pad, planes)
         return planes
 

@@ -27,9 +27,9 @@ class SubapertureImager:
         plan = self.plan
         plan.check_block(number, block)
         shape = (2, plan.coarse.n_alpha, plan.coarse.n_range)
-        parts = aligned_empty(shape, np.float32) if out is None else out
+        image = aligned_empty(shape, np.float32) if out is None else out
         if weights is not None:
             weights = np.repeat(weights, plan.n_channels)
         self._lines.fill(block.samples.reshape(-1, plan.n_samples), block.tx_m.reshape(-1, 3),
-                         block.rx_m.reshape(-1, 3), parts, weights)
-        return parts
+                         block.rx_m.reshape(-1, 3), image, weights)
+        return image

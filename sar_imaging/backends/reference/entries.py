@@ -91,11 +91,6 @@ class SpectrumFusion:
         """Sub-apertures in the image."""
         return frozenset(self._contributions)
 
-    @property
-    def spectrum_shape(self) -> tuple[int, int]:
-        """Angular and range wavenumbers of the fused spectrum."""
-        return self.grid.n_fine, len(self.grid.range_wavenumbers)
-
     def add(self, number: int, image, centre_m: float) -> None:
         """Add a sub-aperture, or replace it where contributions are kept."""
         self.grid.check_contribution(image, centre_m)

@@ -12,8 +12,7 @@ from ....planning.baselines.ffbp_tree import Node
 from ....planning.baselines.neighbour_weights import TAPS, kernel_weights
 from ....planning.profiles.range_gate import RangeGate
 from ....signal.pulses import PulseBlock
-from ..line_kernels import LINES
-from ..lines import add_to_lines
+from ..line_kernels import LINES, project_lines
 from ..profiles import Profiles
 from . import ffbp_kernels as loops
 
@@ -74,7 +73,7 @@ class FactorisedImager:
         rows = [a[node.pulses].reshape(-1, a.shape[-1])
                 for a in (block.samples, block.tx_m, block.rx_m)]
         layout = np.array([n_alpha, 0, n_range, 1, size])
-        add_to_lines(self._profiles, *rows, [(lines, layout)], self._ramp[:n_range], image)
+        project_lines(self._profiles, *rows, [(lines, layout)], self._ramp[:n_range], image)
 
     @property
     def _groups(self) -> int:

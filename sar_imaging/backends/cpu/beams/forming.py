@@ -1,7 +1,6 @@
-"""Compiled loop that forms the beams of a sub-aperture from the spectra of its rows.
+"""Compiled loop that forms the beams of a sub-aperture from the spectra of its echoes.
 
-Like `kernels.project_lines` it takes flat arrays and unsigned indices, without views, for the
-compiler's sake.
+Free of views for the compiler, see `line_kernels`.
 """
 
 from __future__ import annotations
@@ -61,13 +60,11 @@ class SpectrumBins(NamedTuple):
 
 def form_beams(spectra, path_m, bins: SpectrumBins, between: BeamGain, weights, group: int,
                paired: bool, beams, buffer) -> None:
-    """Sum of the rows' spectra with the delays of each direction.
+    """Sum of the echoes' spectra with the delays of each direction.
 
-    ``B_m[n] = a[n] sum_i w_i g_i[n] S_i[n] exp(j 2 pi c_n L_mi)``, with a factor a of each bin.
-    The gain g is deapodisation (Jackson et al. 1991; Fessler and Sutton 2003): a row's frequency
-    from beam to beam is ``f = c_n dL/dm``, and ``1 / g(f)`` is what interpolation between beams
-    leaves of it. It is that of the group's middle, and its logarithm a straight line over each run
-    of bins. What lies between the bins of positive and those of negative number is set to zero.
+    That of `backends.reference.form_beams`, with a factor a of each bin and w of each echo. The
+    gain is that of the middle of a group of beams, its logarithm a straight line over each run of
+    bins. What lies between the bins of positive and those of negative number is set to zero.
 
     Parameters
     ----------
@@ -84,7 +81,7 @@ def form_beams(spectra, path_m, bins: SpectrumBins, between: BeamGain, weights, 
     group : int
         Beams of a group, see `phasors`: even, or one.
     paired : bool
-        Rows on opposite sides share phasors.
+        Echoes on opposite sides share phasors.
     beams : (M, at least n_cells) complex64
         Written to; contiguous.
     buffer : callable
@@ -110,37 +107,12 @@ def form_beams(spectra, path_m, bins: SpectrumBins, between: BeamGain, weights, 
 
 @njit(parallel=True, fastmath=DETERMINISTIC)
 def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, work):
-    """Run by run of bins; `form_beams` says what, `phasors` how beams and rows share phases.
+    """Run by run of bins; `phasors` says how beams and rows share phases.
 
     What a pair's cosines and sines count is summed apart: one beam is their sum, the other their
-    difference. The growth of phases from bin to bin is held over a vector of bins.
-
-    Parameters
-    ----------
-    samples : (2 * R * N,) float32
-        Spectra of R rows; real and imaginary parts in turn.
-    shape : tuple of int
-        ``(N, M, n)``: bins, beams, and bins from one beam to the next.
-    bins : tuple
-        Of `SpectrumBins`.
-    weight : (R,) float32
-        Factor of each row.
-    phasors : tuple
-        Of `RowPhasors`.
-    gain : tuple
-        Natural logarithm by the magnitude of the frequency, from 0, (K,) float64; its step, cycles
-        per beam.
-    group : int
-        Beams of a group, of H pairs; the middle one of an odd number is a pair's both.
-    out : (2 * M * n,) float32
-        Written to.
-    jobs : int
-        Address of a `job_counter`.
-    work : tuple of (n,) float32
-        Of T tasks: rows' samples, real and imaginary parts, BINS * len(order) a task; phasors of
-        the groups' middles over a vector, G * len(order) * LANES each; their steps,
-        2 * G * len(order); a block of rows, ROWS * 4 * LANES; phasors of pairs, G * Q * H each;
-        sums, 4 * H * BINS.
+    difference. The growth of phases from bin to bin is held over a vector of bins. Complex arrays
+    are flat, real and imaginary parts in turn; `shape` is bins, beams, and bins from one beam to
+    the next. The middle one of an odd group is a pair's both.
     """
     runs, common, cycles_per_bin, n_cells = bins
     order, shift, carrier, slope, beside, turn_step, phasor_step = phasors

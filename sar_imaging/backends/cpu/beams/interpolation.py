@@ -1,7 +1,6 @@
 """Compiled loop that interpolates the lines of a polar image from the beams of a sub-aperture.
 
-Like `kernels.project_lines` it takes flat arrays and unsigned indices, without views, for the
-compiler's sake. The sums over beams and over cells are those of `beam_mixing`.
+Free of views for the compiler, see `line_kernels`; sums over beams and cells are `accumulation`'s.
 """
 
 from __future__ import annotations
@@ -37,13 +36,12 @@ def interpolate_beams(beams, shape, lines, centre, track, range_m, direction, cy
                       zero_cycles, curvature, between, along, index, image, work, jobs):
     """Interpolate beams to the lines of a polar image at range baseband.
 
-    Between beams first, then along range; within a segment of a line both positions, and the
-    phase that the line has beyond its range baseband, are polynomials of the pixel number, and
-    the weights are expanded to second order around the middle. The orders of the direction are
-    kept apart until a pixel's own place between beams is known: its cells, mixed each for a place
-    of its own, would have other frequencies than those that their spectrum is corrected for.
-    Beams have the curvature of one distance; a second derivative by direction, weighted by the
-    difference, gives that of others.
+    `backends.reference.interpolate_beams` has the formula. Within a segment of a line the places
+    between beams and cells, and the phase that the line has beyond its range baseband, are
+    polynomials of the pixel number, and weights are expanded to second order around the middle.
+    The orders of the direction are kept apart until a pixel's own place between beams is known:
+    its cells, mixed each for a place of its own, would have other frequencies than those that
+    their spectrum is corrected for.
 
     Parameters
     ----------
@@ -75,7 +73,7 @@ def interpolate_beams(beams, shape, lines, centre, track, range_m, direction, cy
     work : (T * work_size(segment),) float32
         Work space of T tasks.
     jobs : int
-        Address of a `work_sharing.job_counter`.
+        Address of a `job_counter`.
     """
     n_beams, n_cells, n_lines, n_pixels, segment = shape
     n_mixed = len(index)

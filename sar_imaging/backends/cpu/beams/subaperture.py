@@ -1,6 +1,6 @@
 """Sub-aperture images by way of beams, where direct backprojection would read each pulse per line.
 
-Seen from its own middle the rows of a short sub-aperture differ by little more than a delay that
+Seen from its own middle the echoes of a short sub-aperture differ by little more than a delay that
 depends on direction alone: a beam is their sum with the delays of one direction, taken exactly,
 bin by bin of the spectrum. A few beams, no more than the sub-aperture can resolve, hold the image;
 the lines of the unified polar grid, whose coordinates bend away from the sub-aperture's own, are
@@ -78,8 +78,8 @@ class BeamformedSubaperture:
         derivatives = polar.lines(polar.range_start_m + step * pixel[:, None], polar.alpha)[:4]
         return np.concatenate([d * step ** order for order, d in enumerate(derivatives)], axis=-1)
 
-    def fill(self, samples, tx_m, rx_m, parts, weights=None) -> None:
-        """Image of some rows at range baseband; parts and weights as of `PolarLines.fill`.
+    def fill(self, samples, tx_m, rx_m, image, weights=None) -> None:
+        """Image of some echoes at range baseband; image and weights as of `PolarLines.fill`.
 
         Raises
         ------
@@ -95,7 +95,7 @@ class BeamformedSubaperture:
         directions = start + spacing * np.arange(n_beams)
         paired = geometry.uneven(tx_m, rx_m) < self._sampling.uneven_m
         beams = self._beams(samples, geometry.beam_path(tx_m, rx_m, directions), paired, weights)
-        self._read(beams, geometry, start, spacing, parts)
+        self._read(beams, geometry, start, spacing, image)
 
     def _beams(self, samples, path, paired, weights) -> np.ndarray:
         """(M, n_cells) complex64 beams at range baseband, valid until the next call."""
@@ -111,7 +111,7 @@ class BeamformedSubaperture:
         beams[:, self._known[1]:] = 0.0
         return beams
 
-    def _read(self, beams, geometry, start, spacing, parts) -> None:
+    def _read(self, beams, geometry, start, spacing, image) -> None:
         polar, sampling, source = self._polar, self._sampling, self._source
         segment = sampling.segment
         cycles_per_m = self._per_metre
@@ -121,12 +121,12 @@ class BeamformedSubaperture:
         size = numba.get_num_threads() * reading.work_size(segment)
         work, jobs = self._buffer('read', (size,), np.float32), job_counter()
         reading.interpolate_beams(
-            beams.reshape(-1).view(np.float32), (*beams.shape, *parts.shape[1:], segment),
+            beams.reshape(-1).view(np.float32), (*beams.shape, *image.shape[1:], segment),
             self._lines, geometry.centre_m, np.array(polar.track),
             np.array([self._range_start_m, self._lattice.cell_m, polar.range_spacing_m]),
             np.array([start, spacing]), cycles_per_m, -cycles_per_m * source.phase_range_m,
             np.array([1 / geometry.range_m, bend]), _table(sampling.between.interpolator),
-            _table(sampling.along), index, parts.reshape(-1), work,
+            _table(sampling.along), index, image.reshape(-1), work,
             jobs.ctypes.data)
 
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-import scipy.fft
 
 from ....compilation import DETERMINISTIC, njit, numba
 from ....planning.afbp.row_length import radices_of
@@ -20,7 +19,7 @@ from ..memory import aligned_empty
 from ..threads import job_counter, take_job
 from . import vector_passes as passes
 from .butterflies import GROUP_BYTES, LANES, SAMPLE_BYTES
-from .choice import own_transforms
+from .choice import own_transforms, transform_by_scipy
 
 _LONGEST = 512  # rows that stay in a core's cache
 _MOST_BYTES = 1024  # of a row together: longer runs of memory
@@ -73,11 +72,9 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
                          f'{data.dtype}, shape {data.shape}, strides {data.strides}')
     n, width = data.shape
     if not _is_own(n):
-        transform = scipy.fft.ifft if inverse else scipy.fft.fft
-        factor = 1.0 if gain is None else gain.astype(np.float32)[:, None]
-        data[:, :n_columns] = transform(
-            data[:, :n_columns] * factor, axis=0, overwrite_x=True,
-            workers=numba.get_num_threads(), norm='forward' if inverse else 'backward')
+        if gain is not None:
+            data[:, :n_columns] *= gain.astype(np.float32)[:, None]
+        transform_by_scipy(data[:, :n_columns], 0, inverse=inverse)
         return
     near, row_bytes = _near_factor(n), width * SAMPLE_BYTES
     far, n_groups = n // near, -(-n_columns // LANES)

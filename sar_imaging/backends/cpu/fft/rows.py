@@ -16,15 +16,14 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-import scipy.fft
 
 from ....compilation import DETERMINISTIC, njit, numba
 from ....planning.afbp.row_length import row_shape
-from ..memory import aligned_empty, transform_in_place
+from ..memory import aligned_empty
 from ..threads import job_counter, take_job
 from . import vector_passes as passes
 from .butterflies import BLOCK, GROUP_BYTES, LANES, SAMPLE_BYTES, VECTOR_BYTES, transpose
-from .choice import own_transforms
+from .choice import own_transforms, transform_by_scipy
 
 _GROUPS = 1024 // GROUP_BYTES  # of columns together: longer runs of memory
 
@@ -79,10 +78,7 @@ def transform_rows(data: np.ndarray, *, inverse: bool = False) -> None:
     n_rows, n = data.shape
     plan = plan_row(n, inverse)
     if plan is None:
-        if inverse:
-            transform_in_place(scipy.fft.ifft, data, norm='forward')
-        else:
-            transform_in_place(scipy.fft.fft, data)
+        transform_by_scipy(data, 1, inverse=inverse)
         return
     n_tasks = min(numba.get_num_threads(), n_rows)
     work, jobs = aligned_empty((n_tasks, plan.work_samples), np.complex64), job_counter()

@@ -34,6 +34,7 @@ class SpectrumFusion:
         self.grid, self._keep = grid, keep
         n_coarse, n_fine = grid.n_coarse_range, grid.n_fine_range
         self._wavenumber = grid.range_wavenumbers
+        self._shape = grid.n_fine, len(self._wavenumber)
         most = len(self._wavenumber) // 2
         # Turned by this along range, images have the lowest wavenumber at zero.
         turn = np.exp(2j * np.pi * (most * np.arange(n_coarse) % n_coarse) / n_coarse)
@@ -57,11 +58,6 @@ class SpectrumFusion:
     def included(self) -> frozenset[int]:
         """Sub-apertures in the image."""
         return frozenset(self._included)
-
-    @property
-    def spectrum_shape(self) -> tuple[int, int]:
-        """Angular and range wavenumbers of the fused spectrum."""
-        return self.grid.n_fine, len(self._wavenumber)
 
     def add(self, number: int, image: np.ndarray, centre_m: float) -> None:
         """Add a sub-aperture, or replace it; see `backends.protocol.SpectrumFusion`."""
@@ -117,7 +113,7 @@ class SpectrumFusion:
         ``ahead >= n_alpha n_range - (guard + n_alpha) n_padded + lines n_range``.
         """
         if self._memory is None:
-            polar, (n_fine, n_bins) = self.grid.polar, self.spectrum_shape
+            polar, (n_fine, n_bins) = self.grid.polar, self._shape
             # Lines of the image may be longer than those of the spectrum that they replace, and
             # those of a call replace none that the call has still to read.
             ahead = _padded(max(0, polar.n_alpha * polar.n_range
@@ -128,7 +124,7 @@ class SpectrumFusion:
 
     def _spectrum(self, memory: np.ndarray) -> np.ndarray:
         """(n_fine, range wavenumbers, padded) at the end, rows in the order of their transform."""
-        n_fine, n_bins = self.spectrum_shape
+        n_fine, n_bins = self._shape
         return memory[-n_fine * _padded(n_bins):].reshape(n_fine, -1)
 
     def _fused(self) -> np.ndarray:
@@ -136,7 +132,7 @@ class SpectrumFusion:
         if not self._keep:
             return spectrum
         if n_coarse > n_fine or len(self._changed) * n_coarse > n_fine:
-            self._changed = [Band.whole(*self.spectrum_shape)]
+            self._changed = [Band.whole(*self._shape)]
         for band in self._changed:
             clear_band(*band, self._fine_rows, spectrum)
             # in the order of a sum of all

@@ -1,4 +1,4 @@
-"""Exact backprojection onto arbitrary points: `images` prepares, `kernels` adds the pulses.
+"""Exact backprojection onto arbitrary points: `kernels` adds the pulses.
 
 `transposed_loads` reads the profiles of neighbouring points into whole vectors.
 """

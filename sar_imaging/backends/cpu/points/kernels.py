@@ -1,4 +1,4 @@
-"""Compiled inner loop of backprojection onto arbitrary points.
+"""Backprojection onto arbitrary points, a map, a terrain or any positions: its compiled loop.
 
 Points are taken in tiles of neighbours. The path to the centre of a tile is computed in float64,
 and for each point only what its offset from there adds, in float32 and without cancellation: with
@@ -6,16 +6,21 @@ w the vector from the phase centre to the tile's centre, d its length and o the 
 
 ``|w + o| - d = q / (1 + sqrt(1 + s)),  q = 2 (w/d) o + |o|^2 / d,  s = q / d,``
 
-which rounds the offset, not the range. Tiles too large for that, and rows whose phase centre is
+which rounds the offset, not the range. Tiles too large for that, and echoes whose phase centre is
 too near to a tile, are computed in float64 point by point.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ....compilation import njit, numba
+from ....planning.exact.points import ImagePoints, PointPlan
 from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
+from ..memory import WorkSpace
+from ..profiles import Profiles
 from .transposed_loads import PIXELS, RUN, load_columns
 
 TILE = 256  # largest number of points in a tile
@@ -27,47 +32,54 @@ _B0, _B1, _B2, _B3, _B4, _B5 = (np.float32(v) for v in (
     1 / 2, -1 / 8, 1 / 16, -5 / 128, 7 / 256, -21 / 1024))
 
 
-def work_space() -> tuple[np.ndarray, ...]:
-    """Arrays that `project_points` works in, for the threads in use."""
+def project_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m, rx_m, image,
+                   memory: WorkSpace | None = None) -> None:
+    """Add echoes to the points of an image.
+
+    Parameters
+    ----------
+    plan : PointPlan
+        For these echoes.
+    layers : sequence of ImagePoints
+        Where the pixels are, one part of the image after the other.
+    samples : (R, N) complex64
+        Profiles of the echoes.
+    tx_m, rx_m : (R, 3) float64
+        Their phase centres, metres.
+    image : (K,) float32
+        Real and imaginary parts to add to, in turn; changed in place.
+    memory : WorkSpace, optional
+        For the profiles.
+    """
+    profiles = Profiles(plan.window, plan.lattice, plan.range_m, memory)
+    work = _work_space()
+    for rows in profiles.chunks(len(samples)):
+        planes = profiles.planes(samples[rows])
+        coefficients = np.ascontiguousarray(planes[:, 0].transpose(0, 2, 1))
+        for points, part in zip(layers, np.split(image, len(layers)), strict=True):
+            _project_points(
+                coefficients.reshape(-1), coefficients.shape[:2], tx_m[rows], rx_m[rows],
+                *points.coordinates, points.strides, points.size, plan.tile,
+                profiles.range_at(0), plan.lattice.step_m, profiles.cycles_per_step,
+                profiles.cycles_at(0), plan.reach_m, part, *work)
+
+
+def _work_space() -> tuple[np.ndarray, ...]:
+    """Arrays that `_project_points` works in, for the threads in use."""
     n = numba.get_num_threads() * _GROUPS_PER_THREAD * TILE
     return (np.empty(3 * n), np.empty(4 * n, np.float32), np.empty(n, np.int32),
             *(np.empty(k * n, np.float32) for k in (1, 1, 1, 1, RUN)))
 
 
 @njit(parallel=True)
-def project_points(coefficients, shape, tx, rx, xs, ys, zs, strides, size, tile, range_zero, step,
-                   cycles_per_step, cycles_zero, reach, image, places, offsets, index, part,
-                   cycles, real, imag, columns):
-    """Add rows to the points of an array with two dimensions.
+def _project_points(coefficients, shape, tx, rx, xs, ys, zs, strides, size, tile, range_zero, step,
+                    cycles_per_step, cycles_zero, reach, image, places, offsets, index, part,
+                    cycles, real, imag, columns):
+    """Tile by tile of the points of `ImagePoints`; free of views, see `line_kernels`.
 
-    Parameters
-    ----------
-    coefficients : (R * n * 8,) float32
-        Coefficients of each lattice interval side by side; the first and last are zero.
-    shape : (R, n)
-        Rows and lattice intervals.
-    tx, rx : (R, 3) float64
-        Phase centres of the rows, metres.
-    xs, ys, zs : (K,) float64
-        Coordinates, metres; points with a NaN are left as they are.
-    strides : (3, 2) int64
-        Steps of the index in each of the coordinates from row to row and from column to column.
-    size : (n_y, n_x)
-        Of the array of points.
-    tile : (rows, columns)
-        Of a tile; at most `TILE` points, a multiple of 16.
-    range_zero, step, cycles_per_step, cycles_zero : float
-        As for `kernels.project_lines`; position 0 is the first interval.
-    reach : float
-        Largest radius of a tile that is computed in float32, metres.
-    image : (2 * n_y * n_x,) float32
-        Real and imaginary parts to add to, in turn.
-    places, offsets, index, part, cycles, real, imag, columns :
-        `work_space`.
-
-    Notes
-    -----
-    What `kernels.project_lines` says about views, booleans and unsigned indices holds here, too.
+    `coefficients` are those of each interval side by side, the first and the last ones zero; half
+    path and carrier phase are told at the first. Tiles have a multiple of 16 points, at most
+    `TILE`, and are computed in float32 up to a radius of `reach`, metres.
     """
     n_rows, n_cells = shape
     n_y, n_x = size
