@@ -182,7 +182,8 @@ def _try(work: pathlib.Path, entries: list[dict], results: dict,
             continue  # another process that writes to the same results was quicker
         mutation = Mutation(**{f.name: entry[f.name] for f in dataclasses.fields(Mutation)})
         begun = time.monotonic()
-        line = mutation.place((work / 'tree' / mutation.file).read_text())
+        source = work / 'tree' / mutation.file
+        line = mutation.place(source.read_text()) if source.exists() else None
         if line is None:
             print(f'{mutation.key}: these lines are gone', flush=True)
             continue
@@ -235,7 +236,8 @@ def table(mutations: list[dict]) -> str:
             state = m['status']
             if state == SURVIVED and m.get('verdict') == EQUIVALENT:
                 state = EQUIVALENT
-            for name in (m['file'].removeprefix('sar_imaging/').partition('/')[0], 'all'):
+            drawn = m.get('was', m['file'])  # where the line stood then
+            for name in (drawn.removeprefix('sar_imaging/').partition('/')[0], 'all'):
                 rows[name][state if state in (SURVIVED, EQUIVALENT) else 'killed'] += 1
     lines = ['| folder | mutations | killed | equivalent | survived | killed of the others |',
              '|---|---|---|---|---|---|']
