@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats archive help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign format-campaign cphd-memory
+.PHONY: installed formats archive help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign format-campaign cphd-memory
 .DEFAULT_GOAL := help
 
 help:
@@ -42,6 +42,8 @@ help:
 	@echo '             an hour; FLIGHTS=20 for few, DATA=folder of the rail recordings'
 	@echo 'make mistakes'
 	@echo '             twenty mistakes injected into right recordings: which are named; some minutes'
+	@echo 'make doctor-campaign'
+	@echo '             twenty faults injected into 100 random recordings each: which are named; an hour, CASES=10 for few'
 	@echo 'make prediction-campaign'
 	@echo '             images of 2,000 random geometries beside their predicted errors, 15 minutes of a core;'
 	@echo '             goes on where it was stopped, CASES=100 for few'
@@ -114,6 +116,10 @@ autofocus-campaign: environment
 
 mistakes: environment
 	@$(RUN) -m benchmarks.mistakes
+
+# Results go to benchmarks/results.
+doctor-campaign: environment
+	@$(RUN) -m benchmarks.doctor --cases $${CASES:-100}
 
 # Every case follows from its seed; what is measured lies in out/prediction_campaign.jsonl.
 prediction-campaign: environment

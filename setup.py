@@ -73,6 +73,7 @@ arguments = dict(
             'layouts = sar_imaging.tools.layouts:main',
             'image = sar_imaging.tools.products.image:main',
             'change = sar_imaging.tools.products.change:main',
+            'doctor = sar_imaging.tools.products.doctor:main',
             'convert = sar_imaging.tools.exchange.convert:main',
             'info = sar_imaging.tools.exchange.info:main',
             'calibrate = sar_imaging.tools.calibrate:main',

@@ -1,6 +1,7 @@
-"""Diagnose images out of focus: name the mistake in samples, positions or clocks."""
+"""Diagnose pulses and images: name the fault of samples, channels, positions or clocks."""
 
 from .diagnose import Diagnosis, diagnose
+from .doctor import Examination, examine
 from .track import track_doubts
 
-__all__ = ['Diagnosis', 'diagnose', 'track_doubts']
+__all__ = ['Diagnosis', 'Examination', 'diagnose', 'examine', 'track_doubts']

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.range_compression import RangeCompressor
 from .coherence import OVERSAMPLING, Coherence, CoherenceProbe
-from .hypotheses import HYPOTHESES, Hypothesis, clock_offsets, with_offset
+from .hypotheses import HYPOTHESES, Hypothesis, clock_offsets, with_offset, with_slope
 from .track import track_doubts
 
 _logger = logging.getLogger(__name__)
@@ -34,6 +34,9 @@ _LARGEST_OFFSET_S = 2.0
 _MOST_OFFSETS = 40  # on each side
 _OFFSET_BUDGET = 1_500_000
 _FEWEST_PULSES = 16
+_RATES = np.linspace(0.78, 1.22, 37)
+_SLOPES = np.linspace(0.7, 1.33, 37)
+_Found = tuple[Hypothesis, Coherence]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,7 +77,8 @@ class Diagnosis:
         return f'{figure}, no mistake found'
 
 
-def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none') -> Diagnosis:
+def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none',
+             thorough: bool = False) -> Diagnosis:
     """Look for the mistake that keeps an aperture from focusing.
 
     Tries, on the brightest part of the image alone: conjugated samples (or Q and I exchanged),
@@ -94,6 +98,9 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none') -> Diagn
         Where they are imaged.
     window : str
         Of the range compression of raw pulses.
+    thorough : bool
+        Also tries a slope of the ramp that is some per cent off, and clocks that drift apart;
+        takes several times as long.
 
     Returns
     -------
@@ -117,8 +124,11 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none') -> Diagn
     doubts = track_doubts(block)
     if found is not None and doubts and found[1].contrast < _CLEARLY:
         found = None  # what is odd about the track explains more
-    if found is None and not doubts:
-        found = _best(attempt.offsets(block), first)
+    if not doubts and (found is None or thorough):
+        others = [attempt.offsets(block)]
+        if thorough:
+            others += [attempt.rates(block), attempt.slopes(block)]
+        found = _likelier(found, [_best(results, first) for results in others])
     if found is not None:
         hypothesis, coherence = found
         return Diagnosis(first.contrast, first.coverage, hypothesis.name, hypothesis.advice,
@@ -128,6 +138,15 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none') -> Diagn
                          first.contrast)
     return Diagnosis(first.contrast, first.coverage, corrected=first.contrast,
                      advice='' if first.contrast >= _NOTHING else _nothing_helps(first))
+
+
+def _likelier(found: _Found | None, others: list[_Found | None]) -> _Found | None:
+    """What focuses best; what was searched for among many values has to focus clearly better."""
+    others = [other for other in others if other is not None]
+    best = max(others, key=lambda other: other[1].contrast, default=None)
+    if found is None or best is None:
+        return found or best
+    return best if best[1].contrast > _BETTER * found[1].contrast else found
 
 
 def _nothing_helps(first: Coherence) -> str:
@@ -178,20 +197,57 @@ class _Attempts:
         if not len(offsets):
             return
         probe = CoherenceProbe(self._grid, _OFFSET_BUDGET)
-        contrasts = [probe(with_offset(profiles, offset)).contrast for offset in offsets]
-        best, step = float(offsets[np.argmax(contrasts)]), float(offsets[1] - offsets[0])
-        for finer in (3, 9):
-            tries = best + step / finer * np.arange(-2, 3)
-            results = [probe(with_offset(profiles, offset)) for offset in tries]
-            contrasts = [r.contrast for r in results]
-            best = float(tries[np.argmax(contrasts)])
-        _logger.debug('clock offset %s: %s', best, max(contrasts))
+        best, result = _searched(lambda offset: probe(with_offset(profiles, offset)), offsets)
         sign = '+' if best > 0 else '-'
         yield Hypothesis(
             'clock offset', f'the clocks of pulses and positions are probably {abs(best):.2g} s '
             'apart: a pulse stamped t was sent where the platform is said to be at t '
             f'{sign} {abs(best):.2g} s; correct the stamps, set pose.time_offset_s, or use '
-            'autofocus', lambda b: [b]), results[int(np.argmax(contrasts))]
+            'autofocus', lambda b: [b]), result
+
+    def rates(self, block: PulseBlock) -> Iterator[tuple[Hypothesis, Coherence]]:
+        """Coherence where the clocks of pulses and positions run at different rates."""
+        if np.any(np.diff(block.stamp_ns) <= 0):
+            return
+        profiles = self._compressed(block)
+        probe = CoherenceProbe(self._grid, _OFFSET_BUDGET)
+        rate, result = _searched(lambda rate: probe(with_offset(profiles, 0.0, rate)), _RATES)
+        yield Hypothesis(
+            'clock drift', 'the clocks of pulses and positions probably run at different rates: '
+            f'positions fit where the times of the pulses are stretched {rate:.3g} times; check '
+            'the pulse repetition frequency with which pulses were stamped', lambda b: [b]), result
+
+    def slopes(self, block: PulseBlock) -> Iterator[tuple[Hypothesis, Coherence]]:
+        """Coherence where the slope of the ramp is another one."""
+        if block.compressed or not block.radar.chirp_rate_hz_per_s:
+            return
+        probe = CoherenceProbe(self._grid, _OFFSET_BUDGET)
+
+        def coherence(factor: float) -> Coherence:
+            try:
+                return probe(self._compressed(with_slope(block, factor)))
+            except ValueError:  # no such ramp
+                return Coherence(0.0, 0.0, 0.0, 0.0)
+
+        factor, result = _searched(coherence, _SLOPES)
+        right = factor * block.radar.chirp_rate_hz_per_s
+        yield Hypothesis(
+            'wrong slope', f'the slope of the ramp (chirp_rate_hz_per_s) is probably {right:.4g} '
+            f'Hz/s, {factor:.3g} times what is given', lambda b: [b], of_samples=True), result
+
+
+def _searched(coherence: Callable[[float], Coherence], values: np.ndarray
+              ) -> tuple[float, Coherence]:
+    """The value of the largest contrast: searched among evenly spaced ones, then refined."""
+    contrasts = [coherence(value).contrast for value in values]
+    best, step = float(values[np.argmax(contrasts)]), float(values[1] - values[0])
+    for finer in (3, 9):
+        tries = best + step / finer * np.arange(-2, 3)
+        results = [coherence(value) for value in tries]
+        at = int(np.argmax([result.contrast for result in results]))
+        best = float(tries[at])
+    _logger.debug('%s: %s', best, results[at])
+    return best, results[at]
 
 
 def _best(results: Iterable[tuple[Hypothesis, Coherence]], first: Coherence

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..signal import magnitudes
 from ..signal.pulses import PulseBlock
-from .profile_changes import PHASE_HISTORIES, conjugations, reversed_slopes
+from .profile_changes import PHASE_HISTORIES, RAMPS, conjugations, reversed_slopes
 
 _FEWEST_PULSES = 16  # for offsets of the clock
 _LEAST_CELLS = 4.0  # that a wrong delay shifts profiles by
@@ -157,13 +157,15 @@ def clock_offsets(block: PulseBlock, towards_m, most_s: float, n_most: int) -> n
     return step * np.arange(-n, n + 1)
 
 
-def with_offset(block: PulseBlock, offset_s: float) -> PulseBlock:
-    """Pulses at the positions that the track has `offset_s` later, those that have one.
+def with_offset(block: PulseBlock, offset_s: float, rate: float = 1.0) -> PulseBlock:
+    """Pulses at the positions that the track has at other times, those that have one.
 
-    The mean displacement is taken out: it moves the image and focuses nothing.
+    The times are `offset_s` later, and run `rate` times as fast from the middle on. The mean
+    displacement is taken out: it moves the image and focuses nothing.
     """
     time_s = _times(block)
-    wanted_s = time_s + offset_s
+    middle_s = 0.5 * (time_s[0] + time_s[-1])
+    wanted_s = middle_s + rate * (time_s - middle_s) + offset_s
     inside = (wanted_s >= time_s[0]) & (wanted_s <= time_s[-1])
     some = block.select(inside)
     if not some.n_pulses:
@@ -171,6 +173,17 @@ def with_offset(block: PulseBlock, offset_s: float) -> PulseBlock:
     centres = [_at(time_s, a, wanted_s[inside]) for a in (block.tx_m, block.rx_m)]
     back = np.mean(some.tx_m - centres[0], axis=(0, 1))
     return dataclasses.replace(some, tx_m=centres[0] + back, rx_m=centres[1] + back)
+
+
+def with_slope(block: PulseBlock, factor: float) -> PulseBlock:
+    """Raw pulses whose ramp is said to be `factor` times as steep, from the same start."""
+    radar = block.radar
+    changes = {'chirp_rate_hz_per_s': factor * radar.chirp_rate_hz_per_s,
+               'bandwidth_hz': abs(factor) * radar.bandwidth_hz}
+    if radar.waveform in RAMPS:
+        half_swept_hz = radar.chirp_rate_hz_per_s * radar.pulse_length_s / 2
+        changes['carrier_hz'] = radar.carrier_hz + (factor - 1) * half_swept_hz
+    return dataclasses.replace(block, radar=dataclasses.replace(radar, **changes))
 
 
 def _times(block: PulseBlock) -> np.ndarray:

@@ -26,6 +26,7 @@ COMMANDS = {
     ('load',): 'loading.load',
     ('image',): 'products.image',
     ('change',): 'products.change',
+    ('doctor',): 'products.doctor',
     ('image', 'arcsar'): 'measured.image_arcsar',
     ('image', 'mimo-60ghz'): 'measured.image_mimo_60ghz',
     ('reproduce', 'multichannel'): 'reproduction.reproduce_multichannel',

@@ -34,6 +34,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='a map on the ground, or the slant plane (default: %(default)s)')
     parser.add_argument('--target-db', type=float, default=-60.0, metavar='DB',
                         help='wanted error against correlation (default: %(default)g)')
+    parser.add_argument('--datum', type=float, nargs='+', metavar='NUMBER',
+                        help='latitude and longitude in degrees, ellipsoidal height in metres '
+                             'and, optionally, heading of the frame in degrees: where its origin '
+                             'stands, instead of what the file tells')
+    add_scene_arguments(parser)
+
+
+def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments that say which pulses and which scene are looked at."""
     parser.add_argument('--size', type=float, nargs='+', metavar='M',
                         help='of the image: along x and y of a map, range and track of the slant '
                              'plane, or one number for both, metres')
@@ -41,10 +50,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--centre', type=float, nargs='+', metavar='X',
                         help='middle of the image in the frame of the phase centres (x, y) and '
                              'height of the ground (z, 0 by default), metres')
-    parser.add_argument('--datum', type=float, nargs='+', metavar='NUMBER',
-                        help='latitude and longitude in degrees, ellipsoidal height in metres '
-                             'and, optionally, heading of the frame in degrees: where its origin '
-                             'stands, instead of what the file tells')
     parser.add_argument('--memory', type=float, metavar='GB',
                         help='most memory to take (default: half of what is free)')
     parser.add_argument('--aperture', type=int, metavar='N',

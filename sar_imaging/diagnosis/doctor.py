@@ -1,0 +1,98 @@
+"""Tell what is wrong with a recording: faults of signals, and mistakes that spoil the image."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from ..geometry.grids import MapGrid
+from ..signal.pulses import PulseBlock
+from ..signal.range_compression import RangeCompressor
+from .diagnose import Diagnosis, diagnose
+from .reach import distances, reach_advice
+from .signals import (
+    Finding,
+    channel_findings,
+    coupling_findings,
+    sample_findings,
+    timing_findings,
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Examination:
+    """What was found in the pulses of an aperture.
+
+    Parameters
+    ----------
+    findings : tuple of Finding
+        Faults, those of the samples first; empty where none was found.
+    diagnosis : Diagnosis or None
+        How the image focuses; None without positions or grid, or where no pulse reaches it.
+    """
+
+    findings: tuple[Finding, ...]
+    diagnosis: Diagnosis | None = None
+
+
+def examine(block: PulseBlock, grid: MapGrid | None = None, *,
+            window: str = 'none') -> Examination:
+    """Look for faults of samples, times, channels and, where it can be imaged, of the geometry.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        Pulses of one aperture in the order sent, raw where they are to be had.
+    grid : MapGrid, optional
+        Where the scene is; without it, or without positions, the image is not looked at.
+    window : str
+        Of the range compression of raw pulses.
+
+    Returns
+    -------
+    Examination
+    """
+    found = [*sample_findings(block), *timing_findings(block), *channel_findings(block)]
+    if any(finding.fault == 'no signal' for finding in found):
+        return Examination(tuple(found))
+    found += coupling_findings(block)
+    if grid is None or not block.has_positions:
+        return Examination(tuple(found))
+    outside = _outside(block, grid)
+    if outside is not None:
+        found.append(outside)
+    # what is heard all the time hides what is to be focused
+    clean = _without_static(block) if any(f.fault == 'coupling' for f in found) else block
+    diagnosis = diagnose(clean, grid, window=window, thorough=True)
+    if diagnosis.mistake:
+        found.append(Finding(diagnosis.mistake, (
+            f'the focus figure {diagnosis.coherence:.2f} becomes {diagnosis.corrected:.2f} '
+            'without this mistake' if diagnosis.corrected > diagnosis.coherence else
+            f'the focus figure is {diagnosis.coherence:.2f}'), diagnosis.advice))
+    return Examination(tuple(found), diagnosis)
+
+
+def _without_static(block: PulseBlock) -> PulseBlock:
+    return dataclasses.replace(block, samples=block.samples - block.samples.mean(axis=0))
+
+
+def _outside(block: PulseBlock, grid: MapGrid) -> Finding | None:
+    """Corners of the scene that no profile reaches."""
+    first = block.select(slice(0, 1))
+    compressor = RangeCompressor.for_block(first)
+    radar = compressor.output_radar
+    start = radar.range_start_m
+    stop = start + compressor.n_output * radar.sample_spacing_m
+    near, far = distances(block, grid)
+    if start <= near and far <= stop:
+        return None
+    seen = np.clip((min(far, stop) - max(near, start)) / max(far - near, 1e-9), 0.0, 1.0)
+    profiles = dataclasses.replace(
+        block, radar=radar, compressed=True,
+        samples=np.zeros((*block.samples.shape[:2], compressor.n_output), np.complex64))
+    return Finding('scene outside the window', (
+        f'profiles hold {start:.4g} to {stop:.4g} m, the scene lies {near:.4g} to {far:.4g} m '
+        f'from the radar: {seen:.0%} of that is inside'),
+        reach_advice(profiles, grid) or 'check the places of scene and radar, the delay of the '
+        'first sample, and the frame of the positions; or record a longer window')

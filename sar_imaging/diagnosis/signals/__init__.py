@@ -1,0 +1,16 @@
+"""Look for faults in raw pulses themselves: samples, times and channels, before any image.
+
+- `samples`: clipping, missing or unequal I and Q, the order of I and Q, pulses cut short, bursts;
+- `timing`: lost pulses, stamps of receipt, stamps of whole frames;
+- `channels`: dead, equal and unbalanced channels;
+- `coupling`: an echo that does not move with the platform.
+"""
+
+from .channels import channel_findings
+from .coupling import coupling_findings
+from .finding import Finding
+from .samples import sample_findings
+from .timing import timing_findings
+
+__all__ = ['Finding', 'channel_findings', 'coupling_findings', 'sample_findings',
+           'timing_findings']

@@ -1,0 +1,233 @@
+"""Faults of raw samples: clipping, I and Q, their order, pulses cut short, bursts."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from scipy import fft
+
+from ...signal.pulses import PulseBlock
+from ...signal.radar import Waveform
+from ...signal.range_compression import RangeCompressor
+from .finding import Finding
+
+_REAL = (Waveform.FMCW_REAL, Waveform.PASSBAND)
+# Clipping piles samples up at the largest value. Of a sinusoid 2.9 % lie within 0.1 % of its
+# amplitude and 6.2 % in the next 0.9 %; of Gaussian samples, fewer and fewer.
+_TOP, _NEXT = 0.999, 0.99
+_PILED = 2.0
+_FEWEST_CLIPPED = 20
+_NONE = 1e-3  # of I in Q, or the other way round
+_ALIKE = 0.98  # correlation of I and Q from which they are one signal
+_IMAGE = 0.03  # amplitude of the mirrored spectrum from which it shows in images, -30 dB
+_SIGNIFICANT = 6.0  # standard deviations
+_MOST_PULSES = 256
+_CUT = 1 / 32  # of a pulse that is zero at its end
+_FEWEST_MOVING = 32  # pulses that tell what stays
+_BURST = 10.0  # power of a pulse over the median
+_UNDONE = 3.0  # times by which the right order lowers the mirrored spectrum
+_MORE_FOCUSED = 1.6  # concentration of the profiles in another order of samples
+
+
+def sample_findings(block: PulseBlock) -> list[Finding]:
+    """Faults of raw samples.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        Raw pulses; positions are not needed. Of range profiles nothing is told.
+
+    Returns
+    -------
+    list of Finding
+    """
+    if block.compressed or not block.n_pulses:
+        return []
+    found = [_clipping(block), _components(block), _cut_short(block), _bursts(block)]
+    if block.radar.waveform not in _REAL and found[1] is None:
+        found.append(_order(block) or _imbalance(block))
+    return [finding for finding in found if finding is not None]
+
+
+def _some(block: PulseBlock) -> PulseBlock:
+    """Pulses spread over the block, as many as the statistics need."""
+    step = -(-block.n_pulses // _MOST_PULSES)
+    return block.select(slice(None, None, step)) if step > 1 else block
+
+
+def _components_of(block: PulseBlock) -> Iterator[tuple[int, str, np.ndarray]]:
+    real = block.radar.waveform in _REAL
+    for channel in range(block.n_channels):
+        samples = block.samples[:, channel]
+        yield channel, 'I' if not real else 'real', samples.real
+        if not real:
+            yield channel, 'Q', samples.imag
+
+
+def clipped_share(values: np.ndarray) -> float:
+    """Share of values that lie at the largest magnitude, 0 where they do not pile up there."""
+    magnitude = np.abs(values)
+    top = float(magnitude.max(initial=0.0))
+    if top == 0:
+        return 0.0
+    piled = int(np.count_nonzero(magnitude >= _TOP * top))
+    below = int(np.count_nonzero(magnitude >= _NEXT * top)) - piled
+    return piled / values.size if piled >= max(_FEWEST_CLIPPED, _PILED * below) else 0.0
+
+
+def _clipping(block: PulseBlock) -> Finding | None:
+    shares = [(clipped_share(values), float(np.abs(values).max()), channel, name)
+              for channel, name, values in _components_of(block)]
+    share, level, channel, name = max(shares)
+    if not share:
+        return None
+    n = len({channel for share, _, channel, _ in shares if share})
+    return Finding('clipping', (
+        f'{share:.2%} of the {name} samples of channel {channel} lie at the largest value, '
+        f'{level:g}' + (f'; {n} of {block.n_channels} channels clip' if n > 1 else '')),
+        'lower the gain of the receiver, or attenuate the coupling between its antennas: clipped '
+        'echoes of strong reflectors raise the floor of the whole profile')
+
+
+def _components(block: PulseBlock) -> Finding | None:
+    """I or Q missing, or both the same."""
+    if block.radar.waveform in _REAL:
+        return None
+    samples = _some(block).samples
+    i, q = (float(np.sqrt(np.mean(np.square(part, dtype=float))))
+            for part in (samples.real, samples.imag))
+    if max(i, q) == 0:
+        return Finding('no signal', 'all samples are zero',
+                       'check the connection of the receiver and the variable that was loaded')
+    if min(i, q) < _NONE * max(i, q):
+        return Finding('real samples', (
+            f'{"Q" if q < i else "I"} is {min(i, q) / max(i, q):.1g} times the other component: '
+            'these are real samples'),
+            'give the waveform FMCW_REAL (dechirped) or PASSBAND (pulses), or load both '
+            'components')
+    correlation = float(np.mean(samples.real * samples.imag, dtype=float)) / (i * q)
+    if abs(correlation) > _ALIKE:
+        return Finding('I and Q alike', f'the correlation of I and Q is {correlation:.3f}',
+                       'load the second component from its own variable or words')
+    return None
+
+
+def _cut_short(block: PulseBlock) -> Finding | None:
+    """Some pulses end in zeros, as frames that lost packets do."""
+    n_end = max(4, int(_CUT * block.n_samples))
+    dead = ~block.samples[..., -n_end:].any(axis=-1)
+    cut = (dead & block.samples.any(axis=-1)).any(axis=-1)
+    empty = ~block.samples.any(axis=(1, 2))
+    n = int(np.count_nonzero(cut | empty))
+    if not n or cut.all() or empty.all():
+        return None
+    return Finding('incomplete pulses', (
+        f'{n} of {block.n_pulses} pulses are empty or end in zeros'),
+        'drop them or send them again: packets were lost between radar and computer; enlarge its '
+        'network buffers')
+
+
+def _bursts(block: PulseBlock) -> Finding | None:
+    power = np.mean(np.square(np.abs(block.samples), dtype=float), axis=(1, 2))
+    median = float(np.median(power))
+    odd = power > _BURST * median if median > 0 else np.zeros(len(power), bool)
+    # a reflector that the beam sweeps over is in many pulses in a row
+    alone = odd & ~(np.roll(odd, 2) | np.roll(odd, -2))
+    if not alone.any():
+        return None
+    return Finding('interference', (
+        f'{np.count_nonzero(alone)} of {block.n_pulses} pulses have '
+        f'{10 * math.log10(power[alone].max() / median):.0f} dB more power than the others'),
+        'leave these pulses out, and look for another radar or transmitter in the band')
+
+
+def _concentration(block: PulseBlock) -> float:
+    """How much of the energy of the profiles lies in few range bins; 1 where in all alike."""
+    profiles = RangeCompressor.for_block(block)(block).samples
+    power = np.mean(np.square(np.abs(profiles), dtype=float), axis=(0, 1))
+    return float(np.mean(np.square(power)) / np.mean(power)**2)
+
+
+def with_words_exchanged(samples: np.ndarray) -> np.ndarray:
+    """Samples whose words came as I0 I1 Q0 Q1 and were read as I0 Q0 I1 Q1, or the reverse.
+
+    Both mistakes exchange the two words in the middle of four.
+    """
+    pairs = samples.reshape(*samples.shape[:-1], -1, 2)
+    first, second = pairs[..., 0], pairs[..., 1]
+    return np.stack([first.real + 1j * second.real, first.imag + 1j * second.imag],
+                    axis=-1).reshape(samples.shape)
+
+
+def _order(block: PulseBlock) -> Finding | None:
+    if block.n_samples % 2:
+        return None
+    some = _some(block)
+    exchanged = dataclasses.replace(some, samples=with_words_exchanged(some.samples))
+    better = _concentration(exchanged) / _concentration(some)
+    # exchanged words mirror a part of the spectrum, which the exchange undoes
+    image, _ = _image(some)
+    mirrored = image and better > 1 and abs(_image(exchanged)[0]) < abs(image) / _UNDONE
+    if better < _MORE_FOCUSED and not mirrored:
+        return None
+    return Finding('order of I and Q', (
+        f'with the second and third of every four words exchanged the profiles are {better:.2f} '
+        f'times as concentrated' + (
+            f', and the mirrored spectrum of {20 * math.log10(abs(image)):.0f} dB goes'
+            if mirrored else '')),
+        'read the words as I0 I1 Q0 Q1 where I0 Q0 I1 Q1 was read, or the other way round')
+
+
+def image_amplitude(samples: np.ndarray) -> tuple[complex, float]:
+    """Amplitude of the mirrored spectrum in samples (P, N), and its standard deviation.
+
+    Unequal gains ``1 + e`` and phases ``p`` of I and Q add ``(e + j p) / 2`` times the conjugated
+    signal, whose spectrum is mirrored at zero frequency. It is estimated by least squares from
+    bins of opposite frequency.
+    """
+    spectrum = fft.fft(samples - samples.mean(axis=-1, keepdims=True), axis=-1)
+    n = samples.shape[-1]
+    k = np.arange(2, n - 1)  # without zero frequency and its neighbours
+    k = k[k != n // 2]
+    one, mirrored = spectrum[..., k], spectrum[..., -k].conj()
+    # of each pair the stronger one is the signal
+    strong = np.sum(np.square(np.abs(one)), axis=0) > np.sum(np.square(np.abs(mirrored)), axis=0)
+    signal, image = mirrored[..., ~strong], one[..., ~strong]
+    power = float(np.sum(np.square(np.abs(signal)), dtype=float))
+    if power == 0:
+        return 0j, math.inf
+    amplitude = complex(np.sum(image * signal.conj(), dtype=complex)) / power
+    rest = np.sum(np.square(np.abs(image - amplitude * signal)) * np.square(np.abs(signal)),
+                  dtype=float)
+    return amplitude, math.sqrt(rest) / power
+
+
+def _moving(block: PulseBlock) -> np.ndarray:
+    """Samples without what stays from pulse to pulse, such as coupling and offsets."""
+    few = block.n_pulses < _FEWEST_MOVING
+    return block.samples if few else block.samples - block.samples.mean(axis=0)
+
+
+def _image(block: PulseBlock) -> tuple[complex, int]:
+    """Largest significant amplitude of a mirrored spectrum, 0 for none, and its channel."""
+    samples = _moving(block)
+    worst, at = 0j, 0
+    for channel in range(block.n_channels):
+        amplitude, deviation = image_amplitude(samples[:, channel])
+        if abs(amplitude) > max(abs(worst), _IMAGE, _SIGNIFICANT * deviation):
+            worst, at = amplitude, channel
+    return worst, at
+
+
+def _imbalance(block: PulseBlock) -> Finding | None:
+    worst, at = _image(_some(block))
+    if not worst:
+        return None
+    gain_db = 20 * math.log10(abs(1 + 2 * worst.real))
+    return Finding('unequal I and Q', (
+        f'channel {at} holds its mirrored spectrum at {20 * math.log10(abs(worst)):.0f} dB: I and '
+        f'Q differ by {abs(gain_db):.1f} dB and {abs(math.degrees(2 * worst.imag)):.0f} degrees '
+        'from a right angle'), 'equalise I and Q (gain and phase) before the pulses are sent on')

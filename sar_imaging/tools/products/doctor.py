@@ -1,0 +1,155 @@
+"""Look at raw pulses and say what is wrong with them: samples, times, channels, geometry.
+
+Run: sar-imaging doctor bags/countryside --output out/doctor
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from sar_imaging.diagnosis.doctor import Examination, examine
+from sar_imaging.diagnosis.signals import Finding
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.signal.pulses import PulseBlock, concatenate
+
+from ..exchange.kinds import RECORDING, kind_of
+from ..recordings.bag_io import BagError, read_blocks, read_truth
+from . import forming
+from .image import ERRORS
+from .signal_figure import save_signal_png
+from .sources import SourceError, open_source
+
+_MOST_BYTES = 512e6  # of samples that are looked at
+_FAULTY = 3  # exit status
+
+_EPILOG = """\
+Writes signals.png and doctor.json. Exit status: 0 nothing wrong was found, 3 something was, 1 the
+file could not be looked at.
+
+  sar-imaging doctor my_recording --output out/doctor
+  sar-imaging doctor scene.cphd --output out/doctor --centre 0 7 0 --size 6
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command-line parser."""
+    p = argparse.ArgumentParser(
+        prog='sar-imaging doctor', description='Say what is wrong with a recording of pulses.',
+        epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument('file', type=Path, help='folder of a recording (rosbag2), or CPHD file')
+    p.add_argument('--output', type=Path, metavar='FOLDER',
+                   help='folder for picture and findings, made when missing (default: none)')
+    forming.add_scene_arguments(p)
+    p.set_defaults(plane='ground')
+    return p
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the program; returns its exit status."""
+    arguments = parser().parse_args(argv)
+    logging.basicConfig(level=logging.ERROR)
+    try:
+        return run(arguments)
+    except ERRORS as error:
+        print(f'error: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print('interrupted', file=sys.stderr)
+        return 130
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Examine the file, print and write what was found; returns the exit status."""
+    block, grid, notes = read_pulses(arguments)
+    examination = examine(block, grid, window=_window(arguments.file))
+    findings = (*notes, *examination.findings)
+    print(describe(block, findings, examination, grid))
+    if arguments.output is not None:
+        arguments.output.mkdir(parents=True, exist_ok=True)
+        save_signal_png(arguments.output / 'signals.png', block,
+                        title=f'{arguments.file.name}: '
+                              + (', '.join(f.fault for f in findings) or 'nothing wrong found'))
+        (arguments.output / 'doctor.json').write_text(json.dumps({
+            'file': str(arguments.file), 'pulses': block.n_pulses, 'channels': block.n_channels,
+            'samples': block.n_samples, 'raw': not block.compressed,
+            'findings': [vars(finding) for finding in findings],
+            'focus': None if examination.diagnosis is None else
+            round(examination.diagnosis.coherence, 3)}, indent=2) + '\n')
+        print(f'written to {arguments.output}: signals.png, doctor.json')
+    return _FAULTY if findings else 0
+
+
+def read_pulses(arguments: argparse.Namespace
+                ) -> tuple[PulseBlock, MapGrid | None, tuple[Finding, ...]]:
+    """Pulses of an aperture, the scene where it is known, and what prevents an image."""
+    try:
+        source = open_source(arguments.file, aperture=arguments.aperture)
+    except (BagError, SourceError) as error:
+        if not arguments.file.exists() or kind_of(arguments.file) != RECORDING:
+            raise
+        return (_joined(read_blocks(arguments.file), arguments), None,
+                (Finding('no positions', str(error), 'record odometry with the pulses, or the '
+                         'phase centres in them; without them nothing can be imaged'),))
+    block = _joined(source.read(_bytes(arguments)), arguments)
+    asked = arguments.centre is not None or arguments.size is not None
+    if source.grid is not None and not asked:
+        return block, source.grid, ()
+    try:
+        return block, forming.choose(source, arguments).grid, ()
+    except (SourceError, ValueError) as error:
+        print(f'the image is not looked at: {error}', file=sys.stderr)
+        return block, None, ()
+
+
+def _bytes(arguments: argparse.Namespace) -> float:
+    # profiles are made of them several times, more finely sampled
+    return min(_MOST_BYTES, forming.memory_bytes(arguments) / 16)
+
+
+def _joined(blocks, arguments: argparse.Namespace) -> PulseBlock:
+    """The first blocks, as many as memory allows."""
+    kept, n_bytes = [], 0
+    for block in blocks:
+        if kept and (n_bytes + block.samples.nbytes > _bytes(arguments)
+                     or not block.matches(kept[0])):
+            break
+        kept.append(block)
+        n_bytes += block.samples.nbytes
+    return concatenate(kept)
+
+
+def _window(path: Path) -> str:
+    """Range window of the images, where a recording tells it."""
+    if path.is_dir():
+        return (read_truth(path) or {}).get('window', 'none')
+    return 'none'
+
+
+def describe(block: PulseBlock, findings: Sequence[Finding], examination: Examination,
+             grid: MapGrid | None) -> str:
+    """What a person reads."""
+    looked = ['times and channels' if block.compressed else 'samples, times and channels']
+    if examination.diagnosis is not None:
+        looked.append(f'focus of the image (figure {examination.diagnosis.coherence:.2f})')
+    lines = [f'{block.n_pulses} pulses, {block.n_channels} channels, {block.n_samples} samples: '
+             f'looked at {" and ".join(looked)}']
+    if block.compressed:
+        lines.append('these are range profiles: clipping and errors of I and Q show in raw '
+                     'samples alone')
+    if not block.has_positions:
+        lines.append('without positions the image is not looked at')
+    elif grid is None:
+        lines.append('without a scene the image is not looked at: give --centre X Y Z and --size')
+    if examination.diagnosis is not None and not findings and examination.diagnosis.advice:
+        lines.append(examination.diagnosis.advice)
+    return '\n'.join([*lines, *(f'- {finding}' for finding in findings)]
+                     if findings else [*lines, 'nothing wrong was found'])
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,93 @@
+"""Faults injected into random recordings are named; right recordings have none."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from benchmarks.support.doctor_cases import FAULTS, NotApplicable, right_case
+from sar_imaging.diagnosis.doctor import examine
+from sar_imaging.diagnosis.signals import sample_findings, timing_findings
+from sar_imaging.diagnosis.signals.samples import clipped_share, image_amplitude
+
+OF_SIGNALS = [name for name in FAULTS if name not in (
+    'I and Q exchanged', 'spectrum inverted', 'wrong slope', 'clocks drift apart',
+    'x and y exchanged', 'clock offset', 'scene outside the window')]
+SEEDS = range(4)  # one of each kind of radar
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_right_recordings_have_no_fault(seed):
+    case = right_case(seed)
+    assert examine(case.block).findings == ()
+
+
+@pytest.mark.parametrize('name', OF_SIGNALS)
+def test_fault_is_named_and_no_other_one(name):
+    inject, wanted = FAULTS[name]
+    n = 0
+    for seed in (*SEEDS, 4, 6, 9):  # the last ones have several channels
+        try:
+            case = inject(right_case(seed), np.random.default_rng([seed, 7]))
+        except NotApplicable:
+            continue
+        n += 1
+        found = [finding.fault for finding in examine(case.block).findings]
+        assert found and set(found) <= set(wanted), f'seed {seed}'
+    assert n >= 2
+
+
+@pytest.mark.parametrize(('name', 'seed'), [
+    ('clocks drift apart', 1), ('wrong slope', 5), ('scene outside the window', 3),
+    ('I and Q exchanged', 1)])
+def test_geometry_is_examined_in_the_image(name, seed):
+    inject, wanted = FAULTS[name]
+    case = inject(right_case(seed), np.random.default_rng([seed, 7]))
+    examination = examine(case.block, case.grid)
+    assert {finding.fault for finding in examination.findings} & set(wanted)
+
+
+def test_every_finding_says_what_was_measured_and_what_to_do():
+    case = FAULTS['clipping'][0](right_case(0), np.random.default_rng(0))
+    [finding] = sample_findings(case.block)
+    assert 'channel' in finding.evidence and '%' in finding.evidence
+    assert str(finding).startswith('clipping: ') and 'gain' in finding.advice
+
+
+@pytest.mark.parametrize('values', [
+    np.cos(np.linspace(0, 1000, 100_000)), np.random.default_rng(1).standard_normal(100_000)],
+    ids=['sinusoid', 'noise'])
+def test_clipped_share_is_what_was_clipped(values):
+    # a sinusoid and noise pile up less at their largest values than the limit demands
+    assert clipped_share(values) == 0
+    limit = 0.6 * np.abs(values).max()
+    clipped = values.clip(-limit, limit)
+    assert clipped_share(clipped) == pytest.approx(np.mean(np.abs(values) >= limit), rel=0.05)
+
+
+@pytest.mark.parametrize(('gain', 'phase_rad'), [(1.2, 0.0), (1.0, 0.15), (0.85, -0.1)])
+def test_image_amplitude_is_that_of_the_errors(gain, phase_rad):
+    # noise of positive frequencies alone, as the beat of a scene ahead of the reference
+    rng = np.random.default_rng(2)
+    spectrum = np.zeros((64, 256), complex)
+    spectrum[:, 5:100] = rng.standard_normal((64, 95)) + 1j * rng.standard_normal((64, 95))
+    z = np.fft.ifft(spectrum)
+    q = gain * (z.imag * np.cos(phase_rad) + z.real * np.sin(phase_rad))
+    amplitude, deviation = image_amplitude(z.real + 1j * q)
+    # closed form: x = a z + b conj(z)
+    a = (1 + gain * np.exp(-1j * phase_rad)) / 2
+    b = (1 - gain * np.exp(1j * phase_rad)) / 2
+    assert abs(amplitude) == pytest.approx(abs(b) / abs(a), rel=1e-3)
+    assert deviation < 0.01
+    assert abs(image_amplitude(z)[0]) < 1e-12
+
+
+def test_stamps_of_receipt_are_measured():
+    block = right_case(1).block
+    interval = np.median(np.diff(block.stamp_ns))
+    late = np.random.default_rng(3).exponential(0.3, block.n_pulses) * interval
+    stamps = np.maximum.accumulate(block.stamp_ns + late.astype(np.int64))
+    [finding] = timing_findings(dataclasses.replace(block, stamp_ns=stamps))
+    assert finding.fault == 'stamps of receipt'
