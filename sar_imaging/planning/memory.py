@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import contextvars
 import functools
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 try:
@@ -15,6 +18,7 @@ except ImportError:  # not a Unix system
 IMAGE_BYTES = 8  # of a pixel, complex64
 PUBLISHED_BYTES = 3 * IMAGE_BYTES  # image, its message, the message serialised
 
+_granted: contextvars.ContextVar[int] = contextvars.ContextVar('granted', default=0)
 _MEMINFO = Path('/proc/meminfo')
 _STATM = Path('/proc/self/statm')
 # Limit, use and reclaimable part of a control group, of version 2 and of version 1.
@@ -27,9 +31,19 @@ def available_bytes() -> int:
     """Memory that this process can have without swapping, bytes.
 
     The least that the machine, the control groups of the process (those of a container, say) and
-    its own limit (``ulimit -v``) leave; `sys.maxsize` where the system tells nothing.
+    its own limit (``ulimit -v``) leave, or what `granting` grants; `sys.maxsize` if nobody tells.
     """
-    return max(0, min(_machine_bytes(), container_bytes(), _process_bytes()))
+    return _granted.get() or max(0, min(_machine_bytes(), container_bytes(), _process_bytes()))
+
+
+@contextlib.contextmanager
+def granting(n_bytes: float) -> Iterator[None]:
+    """Make plans within a ``with`` block as if so many bytes were available, whatever machine."""
+    token = _granted.set(max(1, int(n_bytes)))
+    try:
+        yield
+    finally:
+        _granted.reset(token)
 
 
 def check_memory(n_bytes: int, what: str, remedy: str) -> None:

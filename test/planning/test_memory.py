@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from sar_imaging.planning import memory
-from sar_imaging.planning.memory import available_bytes, check_memory, container_bytes
+from sar_imaging.planning.memory import available_bytes, check_memory, container_bytes, granting
 
 MOST = sys.maxsize
 
@@ -76,3 +76,15 @@ def test_what_is_refused_says_the_sizes():
                                           r'available; choose a smaller one'):
         check_memory(10**18, 'the moon', 'choose a smaller one')
     assert available_bytes() < 10**18
+
+
+def test_plans_are_made_for_the_memory_that_is_granted():
+    before = available_bytes()
+    with granting(1e6):
+        assert available_bytes() == 10**6
+        with pytest.raises(MemoryError, match='needs 2 MB, 1 MB are available; buy more'):
+            check_memory(2 * 10**6, 'it', 'buy more')
+        with granting(1e18):  # of another machine
+            check_memory(10**17, 'it', 'buy more')
+        assert available_bytes() == 10**6
+    assert available_bytes() > 10**6 and before > 10**6

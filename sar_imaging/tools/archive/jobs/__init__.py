@@ -1,12 +1,17 @@
 """A job read, its recordings found and scanned, and the work divided into pieces.
 
 - `job`, `reading`: what is to be made, from a YAML file;
-- `windows`: whole pixels of the map's lattice, and its tiles;
-- `scans`: what a recording tells: its apertures, or why it is lost;
+- `finding`: folders, globs, lists and STAC catalogues of recordings;
+- `scanning`, `footprint`, `scans`: what a recording tells: its apertures, or why it is lost;
+- `apertures`, `prediction`: how one image is divided, and what its pieces take;
+- `division`, `stacks`, `plan`: all pieces of a job, and what they take together;
 - `pieces`: what one task computes, and what it tells when it is done;
+- `windows`: whole pixels of the map's lattice, and its tiles;
 - `stored`: jobs and scans in the output folder.
 """
 
+from .division import divide
+from .finding import find_recordings, with_datum
 from .job import IMAGE_FORMATS, SURFACES, Job, JobError, Products
 from .pieces import (
     ArchiveDataError,
@@ -20,14 +25,18 @@ from .pieces import (
     StripPiece,
     SumPiece,
 )
+from .plan import ArchivePlan, ArchiveTooLargeError
 from .reading import changed, read_job
-from .scans import ApertureScan, Division, Loss
-from .stored import load_job, load_scans, write_job, write_scans
+from .scanning import scan_piece, scan_recording
+from .scans import ApertureScan, Division, Loss, RecordingScan
+from .stored import load_job, load_scan, load_scans, write_job, write_scan
 from .windows import Window, union
 
 __all__ = [
-    'IMAGE_FORMATS', 'SURFACES', 'ApertureScan', 'ArchiveDataError', 'CoherencePiece', 'Division',
-    'ImagePiece', 'Job', 'JobError', 'Loss', 'MosaicPiece', 'Piece', 'PieceResult',
-    'ProductPiece', 'Products', 'ScanPiece', 'StripPiece', 'SumPiece', 'Window', 'changed',
-    'load_job', 'load_scans', 'read_job', 'union', 'write_job', 'write_scans',
+    'IMAGE_FORMATS', 'SURFACES', 'ApertureScan', 'ArchiveDataError', 'ArchivePlan',
+    'ArchiveTooLargeError', 'CoherencePiece', 'Division', 'ImagePiece', 'Job', 'JobError', 'Loss',
+    'MosaicPiece', 'Piece', 'PieceResult', 'ProductPiece', 'Products', 'RecordingScan',
+    'ScanPiece', 'StripPiece', 'SumPiece', 'Window', 'changed', 'divide', 'find_recordings',
+    'load_job', 'load_scan', 'load_scans', 'read_job', 'scan_piece', 'scan_recording', 'union',
+    'with_datum', 'write_job', 'write_scan',
 ]

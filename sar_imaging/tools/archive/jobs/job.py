@@ -12,7 +12,7 @@ from sar_imaging.geometry.earth import Datum
 IMAGE_FORMATS = ('geotiff', 'sicd')
 SURFACES = ('plane', 'ellipsoid')
 #: Fields that say how and where a job is done, and change no bit of what it makes.
-_NOT_IN_BITS = ('output', 'recordings', 'retries')
+_NOT_IN_BITS = ('output', 'recordings', 'retries', 'datum_from')
 
 
 class JobError(ValueError):
@@ -82,6 +82,8 @@ class Job:
         Of each aperture image, compared with correlation; 0 for none.
     retries : int
         How often a piece is tried again after its worker died.
+    datum_from : str
+        Name of the recording that told the datum; empty where the job did, or none did.
     """
 
     recordings: tuple[str, ...]
@@ -100,6 +102,7 @@ class Job:
     longest_piece_s: float = 600.0
     checked_pixels: int = 20
     retries: int = 3
+    datum_from: str = ''
 
     def deciding(self) -> dict:
         """What decides the bits of the results, as JSON holds it."""

@@ -80,6 +80,8 @@ class ImagePiece(Piece):
         Pixels.
     pulses : (int, int)
         Index of the first pulse, by counter, and of the one after the last.
+    method : str
+        Of `plan_image`, chosen by the scan: pulses of ``'exact'`` are streamed.
     partial : str
         Name of the partial image; empty where it is the image itself on these pixels.
     """
@@ -89,6 +91,7 @@ class ImagePiece(Piece):
     scan: ApertureScan
     window: Window
     pulses: tuple[int, int]
+    method: str = 'exact'
     partial: str = ''
 
 

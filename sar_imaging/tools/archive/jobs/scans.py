@@ -33,6 +33,25 @@ class Loss:
 
 
 @dataclasses.dataclass(frozen=True)
+class RecordingScan:
+    """What the scan of a recording told.
+
+    Attributes
+    ----------
+    name : str
+        Of the recording.
+    apertures : tuple of ApertureScan
+        Those that can be imaged.
+    losses : tuple of Loss
+        Those that cannot, or the recording itself.
+    """
+
+    name: str
+    apertures: tuple[ApertureScan, ...] = ()
+    losses: tuple[Loss, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True)
 class Division:
     """How the image of an aperture is divided into pieces.
 
@@ -49,6 +68,8 @@ class Division:
         Predicted, of all its pieces, on one core.
     memory_bytes : int
         Predicted, of the largest piece: image, what forms it, and blocks of pulses.
+    method : str
+        By which the pieces are imaged.
     """
 
     windows: tuple[Window, ...]
@@ -56,6 +77,7 @@ class Division:
     seconds: float
     total_seconds: float
     memory_bytes: int
+    method: str = ''
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,6 +112,8 @@ class ApertureScan:
         Corners of what it tells something about, in the map's frame, metres.
     window : Window
         Pixels of its image, on the map's lattice.
+    centre_m : (3,) floats
+        Mean phase centre in the map's frame, metres.
     range_m : float
         Median distance of the window's middle from the phase centres, metres.
     reads_bytes : int
@@ -118,11 +142,17 @@ class ApertureScan:
     datum: Datum | None
     footprint_m: tuple[tuple[float, float], ...]
     window: Window
+    centre_m: tuple[float, float, float]
     range_m: float
     reads_bytes: int
     division: Division
     centres: str
     warnings: tuple[str, ...] = ()
+
+    def message_times(self, output: Path) -> np.ndarray:
+        """(P,) int64 times at which messages with the pulses were recorded; none of CPHD."""
+        with np.load(output / self.centres) as file:
+            return file['message_ns']
 
     def phase_centres(self, output: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Counters (P,), times (P,) ns, and phase centres tx and rx (P, C, 3) in the map's frame.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-from collections.abc import Iterable
 from pathlib import Path
 
 import sar_imaging
@@ -13,7 +12,7 @@ from sar_imaging.geometry.earth import Datum
 from sar_imaging.signal.radar import RadarParameters, Waveform
 
 from .job import Job, JobError, Products
-from .scans import ApertureScan, Division, Loss
+from .scans import ApertureScan, Division, Loss, RecordingScan
 from .windows import Window
 
 JOB_FILE = 'job.json'
@@ -67,16 +66,13 @@ def scan_file(recording: str) -> str:
     return f'{SCANS}/{recording}.json'
 
 
-def write_scans(output: Path, recording: str, scans: Iterable[ApertureScan] | Loss) -> None:
+def write_scan(output: Path, scan: RecordingScan) -> None:
     """Write what the scan of a recording told."""
-    if isinstance(scans, Loss):
-        told = {'loss': dataclasses.asdict(scans)}
-    else:
-        told = {'apertures': [dataclasses.asdict(scan) for scan in scans]}
-    write_text(output / scan_file(recording), json.dumps(told, default=str, indent=1) + '\n')
+    text = json.dumps(dataclasses.asdict(scan), default=str, indent=1)
+    write_text(output / scan_file(scan.name), text + '\n')
 
 
-def load_scans(output: Path, recording: str) -> list[ApertureScan] | Loss:
+def load_scan(output: Path, recording: str) -> RecordingScan:
     """What the scan of a recording told.
 
     Raises
@@ -84,11 +80,16 @@ def load_scans(output: Path, recording: str) -> list[ApertureScan] | Loss:
     FileNotFoundError
         It was not scanned.
     """
-    told = json.loads((output / scan_file(recording)).read_text())
-    if 'loss' in told:
-        loss = told['loss']
-        return Loss(loss['name'], loss['path'] and Path(loss['path']), loss['reason'])
-    return [_aperture(fields) for fields in told['apertures']]
+    told = json.loads((Path(output) / scan_file(recording)).read_text())
+    losses = (Loss(loss['name'], loss['path'] and Path(loss['path']), loss['reason'])
+              for loss in told['losses'])
+    return RecordingScan(told['name'], tuple(map(_aperture, told['apertures'])), tuple(losses))
+
+
+def load_scans(output: Path) -> list[RecordingScan]:
+    """What all scans of an output folder told, by the names of the recordings."""
+    names = sorted(path.stem for path in (Path(output) / SCANS).glob('*.json'))
+    return [load_scan(output, name) for name in names]
 
 
 def _aperture(fields: dict) -> ApertureScan:
@@ -97,6 +98,7 @@ def _aperture(fields: dict) -> ApertureScan:
         'path': Path(fields['path']),
         'radar': RadarParameters(**radar | {'waveform': Waveform(radar['waveform'])}),
         'datum': None if datum is None else Datum(**datum),
+        'centre_m': tuple(fields['centre_m']),
         'footprint_m': tuple(map(tuple, fields['footprint_m'])),
         'window': Window(**fields['window']), 'warnings': tuple(fields['warnings']),
         'division': Division(**division | {

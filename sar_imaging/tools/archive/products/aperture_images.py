@@ -20,19 +20,19 @@ from numba import get_num_threads, set_num_threads
 
 from sar_imaging.imaging.correlation import correlate_profiles
 from sar_imaging.imaging.image import Image, Report
-from sar_imaging.imaging.imager import Imager, plan_image
-from sar_imaging.imaging.methods import AFBP, EXACT
+from sar_imaging.imaging.imager import plan_image
+from sar_imaging.imaging.methods import EXACT
 from sar_imaging.planning.costs import DEFAULT, using
+from sar_imaging.planning.memory import granting
 from sar_imaging.signal.pulses import PulseBlock
 
 from ..jobs import ImagePiece, Job, PieceResult, SumPiece, Window
+from ..jobs.prediction import BLOCK_SHARE, room_bytes
 from ..jobs.stored import write_text
 from .pulses import AperturePulses
 from .storage import TiledArray, image_array, partial_array
 from .surface import window_grid
 
-PROCESS_BYTES = 4e8  # of Python, its libraries and compiled kernels
-BLOCK_SHARE = 0.1  # of a worker's memory, for the samples of a block
 _FIGURES, _APERTURE = 'figures', 'aperture.json'
 _AT_ONCE = 1 << 22  # pixels whose energy is summed at a time
 
@@ -108,15 +108,16 @@ def _energy(samples: np.ndarray) -> tuple[float, int]:
 def form_image(piece: ImagePiece, job: Job, output: Path) -> PieceResult:
     """Form the image of a piece and write it.
 
-    Exact backprojection streams the pulses. AFBP, where it is quicker, meets the target and has
-    room, holds them all. Plans are made with the costs that are the same everywhere, on one
-    thread, so that a piece gives the same bits wherever it runs.
+    Exact backprojection streams the pulses; any other method, which the division has found
+    quicker and to have room, holds them all. Plans are made with the costs that are the same
+    everywhere, on one thread, so that a piece gives the same bits wherever it runs.
     """
     start = time.perf_counter()
     pulses = AperturePulses(piece.scan, output, piece.pulses)
     checked = Checked.of(piece.window, job.checked_pixels, piece.scan.name)
     with using(DEFAULT), one_thread():
-        image = _streamed(pulses, job, piece.window, checked)
+        image = _formed(pulses, job, piece.window, piece.scan.division.method or EXACT,
+                        checked)
     figures = checked.figures(image.samples) | _told(image.report)
     _store(piece, job, output, image.samples, checked, figures)
     return _result(piece, figures, time.perf_counter() - start)
@@ -133,34 +134,24 @@ class one_thread:
         set_num_threads(self._before)
 
 
-def _streamed(pulses: AperturePulses, job: Job, window: Window, checked: Checked) -> Image:
+def _formed(pulses: AperturePulses, job: Job, window: Window, method: str,
+            checked: Checked) -> Image:
     """Image of pulses on a window, compared with correlation on the way."""
     grid = window_grid(window, job)
     points = np.ascontiguousarray(grid.positions(*np.unravel_index(checked.index, window.shape)))
-    room = job.memory_bytes - PROCESS_BYTES
-    imager = _imager(pulses, job, grid, room)
-    if imager.method == EXACT:
-        image = imager.new_image()
-        for block in pulses.profiles(BLOCK_SHARE * room):
-            imager.accumulate(block, image)
-            checked.add(block, points)
-        return image
-    [block] = pulses.profiles(pulses.profile_bytes)
-    checked.add(block, points)
-    return imager(block)
-
-
-def _imager(pulses: AperturePulses, job: Job, grid, room: float) -> Imager:
-    """Imager by a method that is named: what ``'auto'`` takes, where it has room."""
-    options = dict(target_db=job.target_db)
-    if job.method != 'auto':
-        return plan_image(grid, pulses.radar, pulses.n_samples, method=job.method, **options)
-    if 2 * pulses.profile_bytes < room:
-        tried = plan_image(grid, pulses.radar, pulses.n_samples, **options)
-        report = tried.plan(pulses.tx_m, pulses.rx_m)
-        if report.method == AFBP and report.n_bytes + 2 * pulses.profile_bytes <= room:
-            return plan_image(grid, pulses.radar, pulses.n_samples, method=AFBP, **options)
-    return plan_image(grid, pulses.radar, pulses.n_samples, method=EXACT, **options)
+    room = room_bytes(job) - (0 if method == EXACT else 2 * pulses.profile_bytes)
+    with granting(max(room, 0)):
+        imager = plan_image(grid, pulses.radar, pulses.n_samples, method=method,
+                            target_db=job.target_db)
+        if method == EXACT:
+            image = imager.new_image()
+            for block in pulses.profiles(BLOCK_SHARE * room):
+                imager.accumulate(block, image)
+                checked.add(block, points)
+            return image
+        [block] = pulses.profiles(pulses.profile_bytes)
+        checked.add(block, points)
+        return imager(block)
 
 
 def _told(report: Report) -> dict:

@@ -27,8 +27,8 @@ from sar_imaging.formats.stac import (
     projection,
 )
 
-from ..jobs import ApertureScan, Job, Loss, PieceResult, ProductPiece, load_scans
-from ..jobs.stored import SCANS, write_text
+from ..jobs import ApertureScan, Job, PieceResult, ProductPiece, load_scans
+from ..jobs.stored import write_text
 from .aperture_images import StoredImage, error_db
 from .storage import COHERENCE, IMAGES, MOSAIC, STRIPS
 from .surface import surface_z
@@ -45,7 +45,7 @@ def write_catalogue(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
     if job.datum is None:
         return PieceResult(piece.key, 0.0, warnings=(
             'no STAC catalogue: neither the job nor a recording tells where on the Earth the map '
-            'is; give map: datum',))
+            'is; give datum',))
     scans = all_scans(output)
     makers = _Items(job, output)
     names, boxes, times = [], [], []
@@ -69,11 +69,7 @@ def write_catalogue(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
 
 def all_scans(output: Path) -> list[ApertureScan]:
     """Scans of all apertures of a job, in the order of their names."""
-    found = []
-    for path in sorted((output / SCANS).glob('*.json')):
-        scans = load_scans(output, path.stem)
-        if not isinstance(scans, Loss):
-            found += scans
+    found = (scan for recording in load_scans(output) for scan in recording.apertures)
     return sorted(found, key=lambda scan: scan.name)
 
 

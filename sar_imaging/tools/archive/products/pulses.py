@@ -47,6 +47,7 @@ class AperturePulses:
         found = scan.phase_centres(output)
         self.scan, self._first = scan, cut.start
         self.counter, self.stamp_ns, self.tx_m, self.rx_m = (part[cut] for part in found)
+        self._times_ns = _message_times(output / scan.centres, cut)
         self._compressor = None if scan.compressed else RangeCompressor(scan.radar,
                                                                         scan.n_samples)
         self.radar, self.n_samples = (
@@ -110,7 +111,7 @@ class AperturePulses:
     def _recorded(self) -> Iterator[tuple[np.ndarray, PulseBlock]]:
         """The same of a recording, whose messages may come twice or out of order."""
         scan, missing = self.scan, np.ones(self.n_pulses, bool)
-        for _, cdr in raw_messages(scan.path):
+        for _, cdr in raw_messages(scan.path, *self._times_ns):
             try:
                 block = deserialise(cdr)
             except Exception:  # damaged bytes fail in many ways; the scan has counted them
@@ -124,6 +125,13 @@ class AperturePulses:
             if new.any():
                 missing[index[new]] = False
                 yield index[new], block if new.all() else block.select(new)
+
+
+def _message_times(path: Path, pulses: slice) -> tuple[int, int] | tuple[()]:
+    """When the first message with some pulses was recorded, and after the last; or nothing."""
+    with np.load(path) as file:
+        times = file['message_ns'][pulses] if 'message_ns' in file else ()
+    return (int(np.min(times)), int(np.max(times)) + 1) if len(times) else ()
 
 
 def _first_of_each(index: np.ndarray) -> np.ndarray:

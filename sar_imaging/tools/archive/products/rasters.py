@@ -22,7 +22,7 @@ from .surface import lattice_grid
 
 _LARGEST_MISS_PX = 0.25  # of a pixel's place by the affine transform
 _NO_DATUM = ('no GeoTIFF: neither the job nor a recording tells where on the Earth the map is; '
-             'give map: datum')
+             'give datum')
 
 
 def write_rasters(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
@@ -60,8 +60,8 @@ def place_of(window: Window, job: Job) -> Georeference:
         raise ArchiveDataError(
             f'{window.shape[1]} by {window.shape[0]} pixels of {job.spacing_m:g} m would lie up '
             f'to {place.error_m:.3g} m from their places in {place.crs.name}; '
-            f'{_LARGEST_MISS_PX * job.spacing_m:.3g} m are allowed: divide the map by map: area, '
-            'or leave out map: crs; the Zarr arrays are complete')
+            f'{_LARGEST_MISS_PX * job.spacing_m:.3g} m are allowed: divide the map by area_m, '
+            'or leave out crs; the Zarr arrays are complete')
     return place
 
 

@@ -13,7 +13,6 @@ from sar_imaging.formats.decibels import limits_db
 
 from ...products.report import Section, write_report
 from ..jobs import ApertureScan, Job, Loss, Window, load_scans, union
-from ..jobs.stored import SCANS
 from .aperture_images import StoredImage, error_db
 from .catalogue import all_scans
 from .looks import stored_looks
@@ -37,7 +36,7 @@ def write_archive_report(output: Path, job: Job, losses: Sequence[Loss] = ()) ->
         What is lost, with its reason, beside recordings that the scan could not read.
     """
     scans = all_scans(output)
-    told = [*_lost_recordings(output), *losses]
+    told = [*(loss for scan in load_scans(output) for loss in scan.losses), *losses]
     known = {loss.name for loss in told}
     incomplete = [scan for scan in scans if not _is_complete(output, scan)]
     told += [Loss(scan.name, scan.path, 'its image is not complete; summary.json tells why')
@@ -57,11 +56,6 @@ def write_archive_report(output: Path, job: Job, losses: Sequence[Loss] = ()) ->
     warnings = [f'{len(told)} recordings, apertures or pieces are lost, see below'] if told else []
     write_report(output / REPORT, f'Archive {output.name}', sections, warnings)
     return (*files, REPORT)
-
-
-def _lost_recordings(output: Path) -> list[Loss]:
-    found = (load_scans(output, path.stem) for path in sorted((output / SCANS).glob('*.json')))
-    return [loss for loss in found if isinstance(loss, Loss)]
 
 
 def _is_complete(output: Path, scan: ApertureScan) -> bool:

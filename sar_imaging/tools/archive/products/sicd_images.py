@@ -16,9 +16,10 @@ from sar_imaging.planning.costs import DEFAULT, using
 
 from ...products.sources import Source, open_source
 from ..jobs import ApertureScan, ArchiveDataError, Job, PieceResult, ProductPiece
-from .aperture_images import BLOCK_SHARE, PROCESS_BYTES, one_thread
+from ..jobs.prediction import BLOCK_SHARE, room_bytes
+from .aperture_images import one_thread
 
-_PIXEL_BYTES = 48  # image, and what writing it takes (measured: 40)
+PIXEL_BYTES = 48  # image, and what writing it takes (measured: 40)
 
 
 def write_sicd_image(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
@@ -29,15 +30,15 @@ def write_sicd_image(piece: ProductPiece, job: Job, output: Path) -> PieceResult
     if datum is None:
         return PieceResult(piece.key, 0.0, warnings=(
             'no SICD: neither the job nor the recording tells where on the Earth it is; give '
-            'map: datum',))
+            'datum',))
     source = open_source(scan.path, aperture=scan.aperture, datum=scan.datum)
     acquisition = source.acquisition()
     grid = _grid(scan, job, acquisition, datum)
-    room = job.memory_bytes - PROCESS_BYTES
-    if _PIXEL_BYTES * np.prod(grid.shape) > room:
+    room = room_bytes(job)
+    if PIXEL_BYTES * np.prod(grid.shape) > room:
         raise ArchiveDataError(
             f'SICD of {scan.name} has {grid.shape[1]} by {grid.shape[0]} pixels, which take '
-            f'{_PIXEL_BYTES * np.prod(grid.shape) / 1e9:.2g} GB; a worker has {room / 1e9:.2g} GB '
+            f'{PIXEL_BYTES * np.prod(grid.shape) / 1e9:.2g} GB; a worker has {room / 1e9:.2g} GB '
             'for it: allow more memory, or leave sicd out of products: images')
     with using(DEFAULT), one_thread():
         image = _image(source, grid, job.target_db, BLOCK_SHARE * room)

@@ -19,12 +19,13 @@ from sar_imaging.tools.archive.jobs import (
     ImagePiece,
     Job,
     MosaicPiece,
+    RecordingScan,
     StripPiece,
     SumPiece,
     Window,
     union,
     write_job,
-    write_scans,
+    write_scan,
 )
 from sar_imaging.tools.archive.products import compute
 from sar_imaging.tools.recordings.bag_io import make_truth, read_blocks, write_bag
@@ -146,7 +147,8 @@ def make_archive(folder, flights, *, datum=DATUM, **job):
             scans.append(scan)
             blocks[scan.name] = block
     for name in flights:
-        write_scans(output, name, [scan for scan in scans if scan.recording == name])
+        write_scan(output, RecordingScan(
+            name, tuple(scan for scan in scans if scan.recording == name)))
     options = dict(datum=datum, tile=TILE, target_db=-50.0, checked_pixels=20) | job
     return Archive(Job(tuple(str(folder / name) for name in flights), output, SPACING_M,
                        **options), tuple(scans), blocks)
@@ -160,9 +162,10 @@ def _scan(recording, path, number, block, middle, datum):
         f'{recording}_aperture-{number:03d}', path, recording, number, 'print', 'recording',
         block.radar, block.n_pulses, 1, block.n_samples, True, int(block.stamp_ns[0]),
         int(block.stamp_ns[-1]), datum, corners, window,
+        tuple(block.tx_m.mean(axis=(0, 1))),
         float(np.median(np.linalg.norm(block.tx_m[:, 0] - centre, axis=1))),
         block.samples.nbytes,
-        Division((window,), ((0, block.n_pulses),), 1.0, 1.0, 10**8),
+        Division((window,), ((0, block.n_pulses),), 1.0, 1.0, 10**8, 'exact'),
         f'scans/{recording}_aperture-{number:03d}.npz')
 
 

@@ -8,7 +8,13 @@ import json
 import numpy as np
 import pytest
 
-from sar_imaging.tools.archive.jobs import ArchiveDataError, Loss, ProductPiece, write_scans
+from sar_imaging.tools.archive.jobs import (
+    ArchiveDataError,
+    Loss,
+    ProductPiece,
+    RecordingScan,
+    write_scan,
+)
 from sar_imaging.tools.archive.products import check_mosaic, write_archive_report
 from sar_imaging.tools.archive.products.looks import stored_looks
 from sar_imaging.tools.archive.products.report import reduced
@@ -83,7 +89,7 @@ def test_without_datum_there_is_one_line(imaged):
     for name in ('mosaic geotiff', 'catalogue'):
         piece = ProductPiece(key='g', product=name, extent=imaged.mosaic)
         [text] = imaged.compute(piece, job).warnings
-        assert 'where on the Earth the map is; give map: datum' in text
+        assert 'where on the Earth the map is; give datum' in text
     assert not list(imaged.output.glob('*.tif'))
 
 
@@ -162,7 +168,8 @@ def test_report_shows_what_is_lost(two_strips):
         two_strips.image(scan)
     for piece in two_strips.mosaic_tiles():
         two_strips.compute(piece)
-    write_scans(two_strips.output, 'flight-3', Loss('flight-3', None, 'it is empty <b>'))
+    write_scan(two_strips.output, RecordingScan(
+        'flight-3', losses=(Loss('flight-3', None, 'it is empty <b>'),)))
     files = write_archive_report(two_strips.output, two_strips.job)
     assert files == ('mosaic.png', 'report.html')
     text = (two_strips.output / 'report.html').read_text()

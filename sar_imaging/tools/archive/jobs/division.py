@@ -1,0 +1,262 @@
+"""All pieces of a job, from the scans of its recordings: `divide`."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+
+from sar_imaging.planning.memory import IMAGE_BYTES
+
+from .job import Job
+from .pieces import (
+    CoherencePiece,
+    ImagePiece,
+    MosaicPiece,
+    Piece,
+    ProductPiece,
+    StripPiece,
+    SumPiece,
+)
+from .plan import ArchivePlan, check_fits
+from .prediction import PIECE_S, PROCESS_BYTES, READ_S_PER_BYTE, WRITE_S_PER_BYTE
+from .scans import ApertureScan
+from .stacks import find_pairs
+from .windows import Window, union
+
+LOOKS_BYTES = 6  # of a pixel of a mosaic or a strip: mean power and number of looks
+LOOKS_S_PER_PIXEL = 2e-8  # of a pixel of each image
+COHERENCE_BYTES = 8  # of a pixel: coherence and phase
+COHERENCE_S_PER_PIXEL = 2e-6
+PRODUCT_S_PER_PIXEL = 2e-7
+PRODUCT_BYTES_PER_PIXEL = 6
+SICD_BYTES = 48  # of a pixel: image, and what writing it takes
+_TILES_AT_ONCE = 12  # times a tile of complex pixels, that sums and means take
+
+
+def divide(job: Job, scans: Sequence[ApertureScan], *, free_bytes: float | None = None
+           ) -> ArchivePlan:
+    """Divide a job into pieces.
+
+    Parameters
+    ----------
+    job : Job
+        With the datum of the map's frame.
+    scans : sequence of ApertureScan
+        All apertures.
+    free_bytes : float, optional
+        Free on the disk of the output; looked up if left out.
+
+    Returns
+    -------
+    ArchivePlan
+        It depends on the job and the scans alone.
+
+    Raises
+    ------
+    ArchiveTooLargeError
+        A piece does not fit a worker, or the results do not fit the disk.
+    """
+    scans = sorted(scans, key=lambda scan: scan.name)
+    images = _Images(job)
+    for scan in scans:
+        images.add(scan)
+    pieces: list[Piece] = [*images.pieces]
+    if scans:
+        if job.products.strips:
+            pieces += _strips(job, scans, images)
+        if job.products.mosaic:
+            pieces += _mosaic(job, scans, images)
+        if job.products.coherence_window:
+            pieces += _coherence(job, scans, images)
+        pieces += _products(job, scans, images, pieces)
+    plan = ArchivePlan(job, tuple(pieces), len(scans), images.window)
+    check_fits(plan, free_bytes)
+    return plan
+
+
+class _Images:
+    """Pieces that make the aperture images, and which of them make which pixels."""
+
+    def __init__(self, job: Job):
+        self.job, self.pieces = job, []
+        self._final: dict[str, list[tuple[Window, str]]] = {}
+        self._windows: list[Window] = []
+
+    @property
+    def window(self) -> Window | None:
+        """Whole tiles around all images; None without any."""
+        return union(self._windows).on_tiles(self.job.tile) if self._windows else None
+
+    def add(self, scan: ApertureScan) -> None:
+        """Divide one image as its scan found best."""
+        self._windows.append(scan.window)
+        final = self._final[scan.name] = []
+        for window in scan.division.windows:
+            place = '' if len(scan.division.windows) == 1 else f' {_place(window, self.job.tile)}'
+            final.append((window, self._window(scan, window, place)))
+
+    def keys(self, name: str, window: Window) -> tuple[str, ...]:
+        """Pieces that make the pixels of an image within a window."""
+        return tuple(key for own, key in self._final[name] if own.intersection(window))
+
+    def _window(self, scan: ApertureScan, window: Window, place: str) -> str:
+        """Pieces of one window; returns the key of the last."""
+        division = scan.division
+        written = IMAGE_BYTES * window.n_pixels
+        share = window.n_pixels / max(w.n_pixels for w in division.windows)
+        waiting = []
+        for number, (start, stop) in enumerate(division.pulses):
+            alone = len(division.pulses) == 1
+            key = f'image {scan.name}{place}' + ('' if alone else f' pulses {start}-{stop - 1}')
+            partial = '' if alone else f'p{number}'
+            self.pieces.append(ImagePiece(
+                key=key, seconds=division.seconds * share, memory_bytes=division.memory_bytes,
+                reads_bytes=scan.reads_bytes * (stop - start) // scan.n_pulses,
+                writes_bytes=written, scan=scan, window=window, pulses=(start, stop),
+                method=division.method, partial=partial))
+            waiting.append((number, number, key, partial))
+        while len(waiting) > 1:  # a tree whose shape follows from the number of leaves alone
+            pairs = [waiting[i:i + 2] for i in range(0, len(waiting), 2)]
+            last = len(pairs) == 1
+            waiting = [pair[0] if len(pair) == 1 else self._sum(scan, window, place, *pair, last)
+                       for pair in pairs]
+        return waiting[0][2]
+
+    def _sum(self, scan: ApertureScan, window: Window, place: str, one, other, last: bool):
+        first, final = one[0], other[1]
+        partial = '' if last else f'p{first}-{final}'
+        key = f'sum {scan.name}{place} parts {first}-{final}'
+        moved = IMAGE_BYTES * window.n_pixels
+        self.pieces.append(SumPiece(
+            key=key, needs=(one[2], other[2]),
+            seconds=PIECE_S + moved * (2 * READ_S_PER_BYTE + WRITE_S_PER_BYTE),
+            memory_bytes=_tiles_bytes(self.job), reads_bytes=2 * moved, writes_bytes=moved,
+            scan=scan, window=window, parts=(one[3], other[3]), partial=partial))
+        return first, final, key, partial
+
+
+def _place(window: Window, tile: int) -> str:
+    """Tiles of a window in words: those of its first row and column, and of its last."""
+    rows = window.row0 // tile, (window.row1 - 1) // tile
+    columns = window.column0 // tile, (window.column1 - 1) // tile
+    names = [f'{a}' if a == b else f'{a}..{b}' for a, b in (rows, columns)]
+    return f'tile {names[0]},{names[1]}'
+
+
+def _tiles_bytes(job: Job, margin: int = 0) -> int:
+    return int(PROCESS_BYTES + _TILES_AT_ONCE * IMAGE_BYTES * (job.tile + 2 * margin)**2)
+
+
+def _by_tile(job: Job, scans: Sequence[ApertureScan]) -> Iterator[
+        tuple[Window, tuple[ApertureScan, ...]]]:
+    """Tiles with pixels of at least one aperture, and those apertures, row by row."""
+    found: dict[Window, list[ApertureScan]] = defaultdict(list)
+    for scan in scans:
+        for tile in scan.window.tiles(job.tile):
+            found[tile].append(scan)
+    for tile in sorted(found):
+        yield tile, tuple(found[tile])
+
+
+def _looks(job: Job, images: _Images, tile: Window, scans: tuple[ApertureScan, ...]) -> dict:
+    """What pieces of means of power have in common."""
+    n_pixels = sum(tile.intersection(scan.window).n_pixels for scan in scans)
+    read = IMAGE_BYTES * n_pixels
+    return dict(
+        tile=tile, images=tuple((scan.name, scan.window) for scan in scans),
+        needs=tuple(key for scan in scans for key in images.keys(scan.name, tile)),
+        seconds=PIECE_S + LOOKS_S_PER_PIXEL * n_pixels + READ_S_PER_BYTE * read,
+        memory_bytes=_tiles_bytes(job), reads_bytes=read,
+        writes_bytes=LOOKS_BYTES * tile.n_pixels)
+
+
+def _strips(job: Job, scans: Sequence[ApertureScan], images: _Images) -> Iterator[Piece]:
+    of_recording: dict[str, list[ApertureScan]] = defaultdict(list)
+    for scan in scans:
+        of_recording[scan.recording].append(scan)
+    for name, some in of_recording.items():
+        extent = union(scan.window for scan in some).on_tiles(job.tile)
+        for tile, own in _by_tile(job, some):
+            yield StripPiece(key=f'strip {name} {_place(tile, job.tile)}', recording=name,
+                             strip=extent, **_looks(job, images, tile, own))
+
+
+def _mosaic(job: Job, scans: Sequence[ApertureScan], images: _Images) -> Iterator[Piece]:
+    for tile, own in _by_tile(job, scans):
+        yield MosaicPiece(key=f'mosaic {_place(tile, job.tile)}', mosaic=images.window,
+                          **_looks(job, images, tile, own))
+
+
+def _coherence(job: Job, scans: Sequence[ApertureScan], images: _Images) -> Iterator[Piece]:
+    margin = job.products.coherence_window
+    for pair in find_pairs(scans, job.tile, job.spacing_m):
+        extent = pair.window.on_tiles(job.tile)
+        for tile in extent.tiles(job.tile):
+            n_pixels = tile.intersection(pair.window).n_pixels
+            needs = (key for scan in (pair.first, pair.second)
+                     for key in images.keys(scan.name, tile.grown(margin)))
+            yield CoherencePiece(
+                key=f'coherence {pair.name} {_place(tile, job.tile)}', needs=tuple(needs),
+                seconds=PIECE_S + COHERENCE_S_PER_PIXEL * n_pixels,
+                memory_bytes=2 * _tiles_bytes(job, margin) - int(PROCESS_BYTES),
+                reads_bytes=2 * IMAGE_BYTES * n_pixels,
+                writes_bytes=COHERENCE_BYTES * n_pixels, pair=pair.name, first=pair.first,
+                second=pair.second, tile=tile, extent=extent)
+
+
+def _products(job: Job, scans: Sequence[ApertureScan], images: _Images,
+              pieces: Sequence[Piece]) -> list[Piece]:
+    """Files for other programs, and the catalogue of everything."""
+    out: list[ProductPiece] = []
+    if job.datum is not None:
+        out += _image_files(job, scans, images)
+        out += _tiled_files(job, scans, pieces)
+    last = tuple(p.key for p in (*pieces, *out) if not isinstance(p, ImagePiece | SumPiece))
+    finals = tuple(key for scan in scans for key in images.keys(scan.name, scan.window))
+    out.append(ProductPiece(key='catalogue and report', product='catalogue', needs=finals + last,
+                            seconds=PIECE_S * (1 + len(scans)), memory_bytes=_tiles_bytes(job),
+                            extent=images.window))
+    return out
+
+
+def _image_files(job: Job, scans: Sequence[ApertureScan], images: _Images
+                 ) -> Iterator[ProductPiece]:
+    for scan in scans:
+        for name in job.products.images:
+            n = scan.window.n_pixels
+            # SICD is imaged anew, on a grid of its own, and written as a whole
+            memory = PROCESS_BYTES + SICD_BYTES * n if name == 'sicd' else _tiles_bytes(job)
+            imaged = scan.division.total_seconds if name == 'sicd' else 0.0
+            yield ProductPiece(
+                key=f'{name} {scan.name}', product=f'image {name}', subject=scan.name,
+                scans=(scan,), extent=scan.window.on_tiles(job.tile),
+                needs=images.keys(scan.name, scan.window),
+                seconds=PIECE_S + PRODUCT_S_PER_PIXEL * n + imaged, memory_bytes=int(memory),
+                reads_bytes=scan.reads_bytes if name == 'sicd' else IMAGE_BYTES * n,
+                writes_bytes=(IMAGE_BYTES if name == 'sicd' else PRODUCT_BYTES_PER_PIXEL) * n)
+
+
+def _tiled_files(job: Job, scans: Sequence[ApertureScan], pieces: Sequence[Piece]
+                 ) -> Iterator[ProductPiece]:
+    """GeoTIFF files of strips, mosaic and coherence."""
+    by_name = {scan.name: scan for scan in scans}
+    groups: dict[tuple[str, str], list[Piece]] = defaultdict(list)
+    for piece in pieces:
+        if isinstance(piece, StripPiece | MosaicPiece | CoherencePiece):
+            subject = getattr(piece, 'recording', '') or getattr(piece, 'pair', '')
+            groups[piece.KIND, subject].append(piece)
+    for (kind, subject), own in groups.items():
+        first = own[0]
+        if isinstance(first, CoherencePiece):
+            used, extent = (first.first, first.second), first.extent
+        elif isinstance(first, StripPiece):
+            names = dict.fromkeys(name for piece in own for name, _ in piece.images)
+            used, extent = tuple(by_name[name] for name in names), first.strip
+        else:
+            used, extent = (), first.mosaic
+        n = sum(piece.tile.n_pixels for piece in own)
+        yield ProductPiece(
+            key=f'geotiff of the {kind} {subject}'.rstrip(), product=f'{kind} geotiff',
+            subject=subject, scans=used, extent=extent, needs=tuple(piece.key for piece in own),
+            seconds=PIECE_S + PRODUCT_S_PER_PIXEL * n, memory_bytes=_tiles_bytes(job),
+            reads_bytes=LOOKS_BYTES * n, writes_bytes=PRODUCT_BYTES_PER_PIXEL * n)
