@@ -16,7 +16,7 @@ from .. import backends
 from ..geometry.polar import PolarGrid
 from ..planning.afbp.edge_brightness import EdgeBrightness
 from ..planning.afbp.plan import AfbpPlan, plan_afbp
-from ..planning.error_budget import AFBP_SHARES, ErrorBudget
+from ..planning.error_budget import AFBP_SHARES, error_budget
 from ..signal.pulses import PulseBlock
 from .image import Report
 from .methods import AFBP, Method
@@ -43,7 +43,7 @@ class Afbp(Method):
             compressed=options.compressed, weighting=options.weighting, **self.own)
         self._stages = None
         return self.planned(
-            plan, shares_db=ErrorBudget(options.target_db, AFBP_SHARES).shares_db)
+            plan, shares_db=error_budget(options.target_db, AFBP_SHARES))
 
     def image(self, block: PulseBlock, onto=None) -> tuple[np.ndarray, Report]:
         """See `Method`.

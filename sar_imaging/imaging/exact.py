@@ -17,7 +17,7 @@ import numpy as np
 
 from .. import backends
 from ..geometry.grids import EvenGrid, MapGrid
-from ..planning.error_budget import EXACT_SHARES, ErrorBudget
+from ..planning.error_budget import EXACT_SHARES, error_budget
 from ..planning.exact.backprojection import LEAST_TARGET_DB, plan_backprojection
 from ..planning.exact.points import ImagePoints
 from ..planning.memory import IMAGE_BYTES
@@ -64,7 +64,7 @@ class Exact(Method):
         before = self._sum or self.like and self.like._sum
         self._sum = self._backend.Backprojection(plan, before and before.memory)
         return self.planned(
-            plan, shares_db=ErrorBudget(self.options.target_db, EXACT_SHARES).shares_db,
+            plan, shares_db=error_budget(self.options.target_db, EXACT_SHARES),
             n_bytes=plan.n_bytes + IMAGE_BYTES * math.prod(self.grid.shape))
 
     def image(self, block: PulseBlock, onto=None) -> tuple[np.ndarray, Report]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import contextvars
 import dataclasses
+import json
 import math
 import os
 from collections.abc import Iterator, Mapping
@@ -79,6 +80,25 @@ class CostModel:
         """Time of operations on one thread, from how often each of them is done."""
         return 1e-9 * self.nanoseconds(operations)
 
+    @classmethod
+    def read(cls, path: Path) -> CostModel:
+        """Costs from a file that `write` wrote.
+
+        Raises
+        ------
+        ValueError
+            The file holds something else.
+        """
+        try:
+            return cls(**json.loads(path.read_text()))
+        except (OSError, TypeError, ValueError) as error:
+            raise ValueError(f'{path} holds no costs ({error}); write it with `sar-imaging '
+                             'measure-costs`') from error
+
+    def write(self, path: Path) -> None:
+        """Write costs as JSON."""
+        path.write_text(json.dumps(dataclasses.asdict(self), indent=2) + '\n')
+
     def nanoseconds(self, operations: Mapping[str, float]) -> float:
         """As `seconds`; of arrays of numbers arrays of times."""
         return sum(getattr(self, name) * n for name, n in operations.items())
@@ -93,9 +113,7 @@ def costs() -> CostModel:
     model = _used.get()
     if model is None:
         path = os.environ.get(VARIABLE)
-        if path:
-            from .cost_files import read_costs
-        model = read_costs(Path(path)) if path else DEFAULT
+        model = CostModel.read(Path(path)) if path else DEFAULT
         _used.set(model)
     return model
 

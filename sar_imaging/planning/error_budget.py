@@ -6,14 +6,13 @@ independent: they add as powers.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
 SINCOS_ERROR_DB = -108.0  # phasors of the carrier from polynomials, float32 (measured)
 ACCUMULATION_ERROR_DB = -112.0  # sums of pulses in float32 (measured)
-_PASSES_DB = 3.0  # by which one of two passes errs less than both
+PASSES_DB = 3.0  # by which one of two passes to a map errs less than both
 
 
 def total_db(*parts_db: float) -> float:
@@ -27,32 +26,9 @@ def remaining_db(target_db: float, *parts_db: float) -> float:
     return 10 * math.log10(10 ** (target_db / 10) - sum(10 ** (p / 10) for p in parts_db))
 
 
-@dataclasses.dataclass(frozen=True)
-class ErrorBudget:
-    """What each cause may contribute to the error of an image.
-
-    Attributes
-    ----------
-    shares : mapping of str to float
-        By how much less each cause may err, dB, as plans name causes.
-    """
-
-    target_db: float
-    shares: Mapping[str, float]
-
-    def __getitem__(self, cause: str) -> float:
-        """Largest error of a cause, dB."""
-        return self.target_db - self.shares[cause]
-
-    @property
-    def pass_db(self) -> float:
-        """Largest error of each of the two passes from a polar image to a map, dB."""
-        return self['polar to map'] - _PASSES_DB
-
-    @property
-    def shares_db(self) -> dict[str, float]:
-        """Largest error by cause, dB."""
-        return {cause: self[cause] for cause in self.shares}
+def error_budget(target_db: float, shares: Mapping[str, float]) -> dict[str, float]:
+    """Largest error of each cause, dB: `shares` tell by how much less than all it may err, dB."""
+    return {cause: target_db - share for cause, share in shares.items()}
 
 
 #: Of exact backprojection: half of the target goes to reading the profiles, which takes the time.

@@ -11,7 +11,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from sar_imaging.planning.cost_files import write_costs
 from sar_imaging.planning.costs import DEFAULT, VARIABLE, CostModel
 
 _DESCRIPTION = """\
@@ -39,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     try:
         model, predicted = solve(measure(progress=True))
-        write_costs(model, path)
+        model.write(path)
     except OSError as error:
         print(f'error: {error}', file=sys.stderr)
         return 1

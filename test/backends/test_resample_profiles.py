@@ -64,7 +64,7 @@ def test_polynomials_are_the_profile(seed, n_samples, n_rows, history, n_phases,
     step_m = period_m / n_cells / n_phases
     interpolator = design_interpolator(resolution_m / step_m, degree=LINE_DEGREE)
     lattice = RangeResampling(n_padded, n_cells, n_phases, 0, step_m, step_m * n_phases,
-                              interpolator, interpolator.error_db, 1.0)
+                              interpolator, interpolator.error_db)
     limits = source.range_start_m + lo_m, source.range_start_m + hi_m
     profiles = Profiles(source, lattice, limits)
     planes = profiles.planes(samples).astype(float)

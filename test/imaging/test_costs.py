@@ -7,8 +7,7 @@ import dataclasses
 import pytest
 
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.planning.cost_files import read_costs, write_costs
-from sar_imaging.planning.costs import DEFAULT, VARIABLE, costs, using
+from sar_imaging.planning.costs import DEFAULT, VARIABLE, CostModel, costs, using
 
 
 def test_the_quickest_way_follows_the_costs(make_case):
@@ -28,8 +27,8 @@ def test_the_quickest_way_follows_the_costs(make_case):
 
 def test_a_file_holds_costs_and_the_environment_names_it(tmp_path, monkeypatch):
     model = dataclasses.replace(DEFAULT, line_pixel=0.4, subaperture=3e5)
-    write_costs(model, tmp_path / 'costs.json')
-    assert read_costs(tmp_path / 'costs.json') == model
+    model.write(tmp_path / 'costs.json')
+    assert CostModel.read(tmp_path / 'costs.json') == model
     monkeypatch.setenv(VARIABLE, str(tmp_path / 'costs.json'))
     with using(None):  # as at the start of a process
         assert costs() == model
@@ -43,6 +42,6 @@ def test_a_file_holds_costs_and_the_environment_names_it(tmp_path, monkeypatch):
 def test_files_without_costs_are_refused(tmp_path, text):
     (tmp_path / 'costs.json').write_text(text)
     with pytest.raises(ValueError, match='measure-costs'):
-        read_costs(tmp_path / 'costs.json')
+        CostModel.read(tmp_path / 'costs.json')
     with pytest.raises(ValueError, match='costs.json'):
-        read_costs(tmp_path / 'absent' / 'costs.json')
+        CostModel.read(tmp_path / 'absent' / 'costs.json')

@@ -16,7 +16,6 @@ from sar_imaging.backends.cpu.subapertures import SubapertureImager
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.afbp.beams import BeamSampling
 from sar_imaging.planning.afbp.plan import plan_afbp
-from sar_imaging.planning.cost_files import read_costs, write_costs
 from sar_imaging.planning.costs import DEFAULT, VARIABLE, CostModel, using
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 from sar_imaging.planning.exact.polar_image import plan_polar
@@ -77,7 +76,7 @@ def test_the_command_writes_costs_that_plans_take(timings, tmp_path, monkeypatch
     assert command.main(['measure-costs', '--output', str(path)]) == 0
     told = capsys.readouterr().out
     assert f'export {VARIABLE}={path}' in told and 'differ' in told
-    model = read_costs(path)
+    model = CostModel.read(path)
     for name, usual in dataclasses.asdict(DEFAULT).items():
         assert 0.01 < getattr(model, name) / usual < 100.0
         assert name in told
@@ -100,7 +99,7 @@ def test_a_file_that_cannot_be_written_is_told_before_measuring(tmp_path, capsys
 
 def test_a_process_plans_with_the_file_of_its_environment(tmp_path):
     path = tmp_path / 'costs.json'
-    write_costs(dataclasses.replace(DEFAULT, image=12345.0), path)
+    dataclasses.replace(DEFAULT, image=12345.0).write(path)
     code = 'from sar_imaging.planning.costs import costs; print(costs().image)'
     done = subprocess.run([sys.executable, '-c', code], cwd=ROOT, text=True, capture_output=True,
                           env={**os.environ, VARIABLE: str(path)}, check=True)

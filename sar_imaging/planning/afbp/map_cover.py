@@ -12,7 +12,7 @@ from ...geometry.map_edges import edge_positions
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
 from ..aliasing_error import TONES, PixelDensity
-from ..error_budget import AFBP_SHARES, ErrorBudget, remaining_db
+from ..error_budget import AFBP_SHARES, PASSES_DB, error_budget, remaining_db
 from ..polar_cover import PolarCover, cover_map
 from ..polar_to_map import DEAPODISED_TAPS, NOT_READ, TAPS, margin, range_axis
 from ..profiles.phase_history import PhaseHistory
@@ -37,7 +37,7 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     target_db : float
         Wanted error of the map against time-domain correlation, dB.
     shares : mapping
-        Of the target, see `ErrorBudget`: the less ``'polar to map'``, the finer the polar grid.
+        Of the target, see `error_budget`: the less ``'polar to map'``, the finer the polar grid.
 
     Returns
     -------
@@ -53,8 +53,8 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     step = max(1, len(tx_m) // _ROWS)
     rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
     cover = cover_map(grid, *rows, radar if band is None else band.radar, n_samples,
-                      ErrorBudget(target_db, shares).pass_db, min(target_db - 10.0, -50.0), band,
-                      fused=True)
+                      error_budget(target_db, shares)['polar to map'] - PASSES_DB,
+                      min(target_db - 10.0, -50.0), band, fused=True)
     if cover is None:
         raise ValueError('the map is too small, too near, around or beside the aperture for a '
                          'polar image; use exact backprojection')

@@ -17,7 +17,7 @@ from ...geometry.polar import PolarGrid
 from ...signal.pulses import PulseBlock, check_profiles
 from ...signal.radar import RadarParameters
 from ..aliasing_error import EVERYTHING, PixelDensity
-from ..error_budget import AFBP_SHARES, ErrorBudget, remaining_db, total_db
+from ..error_budget import AFBP_SHARES, error_budget, remaining_db, total_db
 from ..local_spectrum import TAPERS_NEEDED, LocalSpectrum, local_spectrum, used_share
 from ..polar_cover import PolarCover
 from ..profiles.phase_history import PhaseHistory
@@ -305,7 +305,7 @@ class _Planner:
 
     @property
     def _lattice_db(self) -> float:
-        return min(ErrorBudget(self.target_db, AFBP_SHARES)['sub-aperture images'], -50.0)
+        return min(error_budget(self.target_db, AFBP_SHARES)['sub-aperture images'], -50.0)
 
     def _sampling(self, bands, paths, length, ratio) -> Sampling:
         polar = self.polar

@@ -33,16 +33,20 @@ class GridLines:
     """
 
     def __init__(self, grid: EvenGrid, tx_m, rx_m):
-        steps, shape = grid.steps_m, grid.shape
-        n = _SAMPLES_PER_SIDE[len(shape)]
+        n_axes = len(grid.shape)
+        n = _SAMPLES_PER_SIDE[n_axes]
         points = even_positions(grid, *(i.ravel() for i in np.meshgrid(
-            *(np.linspace(0, size - 1, n) for size in shape), indexing='ij')))
-        axes = range(len(shape))
-        paths = [sample_paths(tx_m, rx_m, (points, np.broadcast_to(step, points.shape)))
-                 for step in steps]
-        slopes = [p.derivatives[0] for p in paths]
-        least = [np.abs(s).min() if s.min() > 0 or s.max() < 0 else -1.0 for s in slopes]
-        axis = max(reversed(axes), key=lambda a: least[a])  # the last one, where they are alike
+            *(np.linspace(0, size - 1, n) for size in grid.shape), indexing='ij')))
+        # a map or plane is a volume of one layer
+        shape = (1,) * (3 - n_axes) + grid.shape
+        steps = np.concatenate([np.zeros((3 - n_axes, 3)), grid.steps_m])
+        axes = range(3 - n_axes, 3)
+        paths = {a: sample_paths(tx_m, rx_m, (points, np.broadcast_to(steps[a], points.shape)))
+                 for a in axes}
+        slopes = {a: p.derivatives[0] for a, p in paths.items()}
+        least = {a: np.abs(s).min() if s.min() > 0 or s.max() < 0 else -1.0
+                 for a, s in slopes.items()}
+        axis = max(reversed(axes), key=least.get)  # the last one, where they are alike
         forward = bool(slopes[axis].mean() >= 0)
         self.n_pixels = shape[axis]
         self.paths = paths[axis] if forward else paths[axis].reversed()
@@ -51,29 +55,18 @@ class GridLines:
                      for a in axes if a != axis or least[axis] < 0)
         self.range_m = (float(self.paths.length.min() - beside),
                         float(self.paths.length.max() + beside))
-        self._lay_out(steps, shape, axis, forward)
-        self._start = np.array(grid.origin_m)
+        layer, line = (a for a in range(3) if a != axis)
+        floats = [2 * math.prod(shape[a + 1:]) for a in range(3)]
+        self._along, self._across, self._layer = steps[axis], steps[line], steps[layer]
+        self._start, first, pixel = np.array(grid.origin_m), 0, floats[axis]
         if not forward:
-            self._start = self._start + (self.n_pixels - 1) * steps[axis]
-
-    def _lay_out(self, steps, shape, axis: int, forward: bool) -> None:
-        """Layers of lines: the axes across are one where their pixels lie evenly in the image."""
-        floats = [2 * math.prod(shape[a + 1:]) for a in range(len(shape))]
-        layer, line = ([a for a in range(len(shape)) if a != axis][-2:] if len(shape) > 2
-                       else (None, 1 - axis))
-        self._along = steps[axis] if forward else -steps[axis]
-        self._across = steps[line]
-        self._layer, n_layers, layer_floats = np.zeros(3), 1, 0
-        if layer is not None:
-            self._layer, n_layers, layer_floats = steps[layer], shape[layer], floats[layer]
-        self._lines_per_layer = shape[line]
-        self.n_lines = shape[line]
-        if layer_floats == shape[line] * floats[line]:
+            self._start = self._start + (self.n_pixels - 1) * self._along
+            self._along, first, pixel = -self._along, (self.n_pixels - 1) * pixel, -pixel
+        self.n_lines = self._lines_per_layer = shape[line]
+        n_layers = shape[layer]
+        if floats[layer] == shape[line] * floats[line]:  # all lines lie evenly in the image
             self.n_lines, n_layers = n_layers * shape[line], 1
-        first, pixel = 0, floats[axis]
-        if not forward:
-            first, pixel = (self.n_pixels - 1) * pixel, -pixel
-        self.layouts = np.array([[self.n_lines, first + i * layer_floats, floats[line], pixel, 1]
+        self.layouts = np.array([[self.n_lines, first + i * floats[layer], floats[line], pixel, 1]
                                  for i in range(n_layers)])
 
     def locate(self, layer: int):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 from collections.abc import Mapping
 
@@ -11,9 +10,9 @@ import numpy as np
 
 from ...geometry.even_grids import PlaneGrid, VolumeGrid
 from ...geometry.grids import EvenGrid, Grid, MapGrid
-from ...geometry.point_grids import TerrainGrid
+from ...geometry.point_grids import PointGrid, TerrainGrid
 from ...signal.radar import RadarParameters
-from ..error_budget import EXACT_SHARES, ErrorBudget
+from ..error_budget import EXACT_SHARES, error_budget
 from ..plan import Plan
 from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import RangeResampling, half_paths, plan_point_resampling
@@ -44,27 +43,18 @@ class ImagePoints:
     ----------
     size : (int, int)
         Rows and columns: the last axis of the image, and all others.
-
-    Raises
-    ------
-    ValueError
-        A coordinate is infinite.
     """
 
     def __init__(self, xs, ys, zs, strides, shape: tuple[int, ...]):
         self.shape = shape
         self.size = (math.prod(shape[:-1]), shape[-1]) if shape else (1, 1)
         self.coordinates, self.strides = (xs, ys, zs), np.array(strides)
-        low, high = [], []
-        for name, values, stride in zip('xyz', self.coordinates, strides, strict=True):
-            values = values[::max(stride[1], 1)]
-            low.append(np.fmin.reduce(values))  # without the NaNs
-            high.append(np.fmax.reduce(values))
-            if math.isinf(low[-1]) or math.isinf(high[-1]):
-                raise ValueError(f'{name} of {np.count_nonzero(np.isinf(values))} points is '
-                                 'infinite; write NaN where there is no position')
-        self._centre = 0.5 * (np.array(low) + np.array(high))
-        self._radius = 0.5 * math.dist(low, high)
+        some = [values[::max(stride[1], 1)]
+                for values, stride in zip(self.coordinates, strides, strict=True)]
+        # of extremes without the NaNs
+        low, high = (np.array([reduce(v) for v in some])
+                     for reduce in (np.fmin.reduce, np.fmax.reduce))
+        self._centre, self._radius = 0.5 * (low + high), 0.5 * math.dist(low, high)
 
     @classmethod
     def of_grid(cls, grid: Grid) -> ImagePoints:
@@ -78,7 +68,7 @@ class ImagePoints:
                        [(0, 1), (1, 0), (ground.n_x, 1)], grid.shape)
         if isinstance(grid, PlaneGrid):
             return cls._of_plane(grid)
-        points = np.require(grid.points(), np.float64, ['C', 'W'])
+        points = (grid if isinstance(grid, PointGrid) else PointGrid(grid.points())).points_m
         n_x = points.shape[-2] if points.ndim > 1 else 1
         flat = points.reshape(-1)
         return cls(flat, flat[1:], flat[2:], [(3 * n_x, 3)] * 3, points.shape[:-1])
@@ -99,18 +89,18 @@ class ImagePoints:
         """True when no pixel has a position."""
         return not math.isfinite(self._radius)
 
-    def points(self) -> np.ndarray:
-        """(..., 3) float64 positions of all pixels, metres."""
-        row, column = (v.reshape(self.shape) for v in np.indices(self.size))
+    def positions(self, row, column) -> np.ndarray:
+        """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
         return np.stack([values[row * stride[0] + column * stride[1]] for values, stride in
                          zip(self.coordinates, self.strides, strict=True)], axis=-1)
 
+    def points(self) -> np.ndarray:
+        """(..., 3) float64 positions of all pixels, metres."""
+        return self.positions(*(v.reshape(self.shape) for v in np.indices(self.size)))
+
     def some(self) -> np.ndarray:
         """(S, 3) float64 positions of pixels all over the image, metres."""
-        rng = np.random.default_rng(0)
-        row, column = (rng.integers(0, n, _SAMPLED_PIXELS) for n in self.size)
-        points = np.stack([values[row * stride[0] + column * stride[1]] for values, stride in
-                           zip(self.coordinates, self.strides, strict=True)], axis=-1)
+        points = self.positions(*_draw(self.size, _SAMPLED_PIXELS))
         return points[np.isfinite(points).all(axis=1)]
 
     def bounds(self, tx_m, rx_m) -> tuple[float, float]:
@@ -118,18 +108,16 @@ class ImagePoints:
         path = 0.5 * sum(np.linalg.norm(self._centre - c, axis=-1) for c in (tx_m, rx_m))
         return float(path.min()) - self._radius, float(path.max()) + self._radius
 
-    def tile(self, reach_m: float) -> tuple[int, int]:
-        """Rows and columns of the largest tile within a radius, judged by some neighbours."""
+    def tile(self, reach_m: float) -> tuple[tuple[int, int], float]:
+        """Rows and columns of the largest tile within a radius, and its radius, metres.
+
+        Judged by the distances of some neighbours.
+        """
+        distances = [self._neighbour_distance(axis) for axis in (0, 1)]
         sides = ((1, 256), (1, 64), (1, 16)) if self.size[0] == 1 else ((16, 16), (8, 8), (4, 4))
-        return next((s for s in sides if self.tile_radius(s) < reach_m), sides[0])
-
-    def tile_radius(self, sides: tuple[int, int]) -> float:
-        """Radius of a tile of so many rows and columns, metres."""
-        return 0.5 * math.hypot(*(n * self._distances[axis] for axis, n in enumerate(sides)))
-
-    @functools.cached_property
-    def _distances(self) -> tuple[float, float]:
-        return self._neighbour_distance(0), self._neighbour_distance(1)
+        tiles = [(s, 0.5 * math.hypot(*(n * d for n, d in zip(s, distances, strict=True))))
+                 for s in sides]
+        return next((tile for tile in tiles if tile[1] < reach_m), tiles[0])
 
     def _neighbour_distance(self, axis: int) -> float:
         """Median distance of neighbouring pixels along an axis, metres; 0 where there is none."""
@@ -139,12 +127,16 @@ class ImagePoints:
         rng = np.random.default_rng(0)
         place = [rng.integers(0, n, _SAMPLED_STEPS) for n in self.size]
         place[axis] = rng.integers(0, steps, _SAMPLED_STEPS)
-        square = 0.0
-        for values, stride in zip(self.coordinates, self.strides, strict=True):
-            here = place[0] * stride[0] + place[1] * stride[1]
-            square = square + (values[here + stride[axis]] - values[here]) ** 2
+        there = [p + (n == axis) for n, p in enumerate(place)]
+        square = sum(((self.positions(*there) - self.positions(*place)) ** 2).T)
         known = square[np.isfinite(square)]
         return math.sqrt(np.median(known)) if known.size else 0.0
+
+
+def _draw(shape, n: int) -> list[np.ndarray]:
+    """Numbers of pixels all over an image along each of its axes, (n,) int64 each."""
+    rng = np.random.default_rng(0)
+    return [rng.integers(0, size, n) for size in shape]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -192,9 +184,8 @@ def plan_even_points(grid: EvenGrid, *planned) -> PointPlan:
     layer = grid.slice(0) if isinstance(grid, VolumeGrid) else grid
     corner = dataclasses.replace(layer, n_u=min(layer.n_u, TILE_SIDE),
                                  n_v=min(layer.n_v, TILE_SIDE))
-    rng = np.random.default_rng(0)
-    some_m = grid.positions(*(rng.integers(0, n, _SAMPLED_PIXELS) for n in grid.shape))
-    return plan_points(ImagePoints.of_grid(corner), *planned, some_m=some_m)
+    return plan_points(ImagePoints.of_grid(corner), *planned,
+                       some_m=grid.positions(*_draw(grid.shape, _SAMPLED_PIXELS)))
 
 
 def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_m, rx_m,
@@ -205,42 +196,25 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
     ----------
     points : ImagePoints
         Where the pixels are, or some neighbours among them.
-    radar : RadarParameters
-        Of the profiles.
-    n_samples : int
-        Samples of each profile.
-    tx_m, rx_m : (R, 3) float64
-        Phase centres of the rows, metres.
+    radar, n_samples, tx_m, rx_m, target_db :
+        As for `plan_backprojection`.
     range_m : (float, float)
         Least and largest half path that is read, metres.
-    target_db : float
-        Wanted error against time-domain correlation, dB.
     some_m : (S, 3) float64, optional
         Positions all over the image, metres; those of `points` unless told.
     """
     window = RangeGate.around(radar, n_samples, range_m)
     lattice = plan_point_resampling(radar, window.n_samples, target_db)
-    rounded_db = ErrorBudget(target_db, EXACT_SHARES)['rounded paths']
-    reach_m = largest_radius(radar.wavelength_m, rounded_db)
-    tile = points.tile(reach_m)
+    # Rounding a tile's paths in float32 errs the more the larger it is.
+    rounded_db = error_budget(target_db, EXACT_SHARES)['rounded paths']
+    rounding_per_m = radar.wavenumber_rad_per_m * _ROUNDING
+    reach_m = 10 ** (rounded_db / 20) / rounding_per_m
+    tile, radius_m = points.tile(reach_m)
     some = np.linspace(0, len(tx_m) - 1, min(len(tx_m), _SAMPLED_ROWS)).round().astype(int)
     length = half_paths(tx_m[some], rx_m[some], points.some() if some_m is None else some_m)[0]
     errors = {
         'range profiles': lattice.predicted_error_db,
-        'rounded paths': rounding_db(radar.wavelength_m, min(reach_m, points.tile_radius(tile))),
+        'rounded paths': 20 * math.log10(rounding_per_m * min(reach_m, radius_m) + 1e-12),
         'ends of profiles': 10 * math.log10(float(window.end_error(
             length, lattice.oversampling(radar)).mean()) + 1e-16)}
     return PointPlan(window, lattice, range_m, tile, reach_m, errors, lattice.cost * len(tx_m))
-
-
-def largest_radius(wavelength_m: float, error_db: float) -> float:
-    """Radius of a tile, metres, at which rounding in float32 causes this error of the image, dB.
-
-    The phase error is ``4 pi / lambda`` times the error of the path.
-    """
-    return 10 ** (error_db / 20) * wavelength_m / (4 * math.pi * _ROUNDING)
-
-
-def rounding_db(wavelength_m: float, radius_m: float) -> float:
-    """Error of the image by which tiles of a radius, metres, are rounded in float32, dB."""
-    return 20 * math.log10(4 * math.pi * _ROUNDING * radius_m / wavelength_m + 1e-12)

@@ -13,7 +13,7 @@ from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
 from ..costs import costs
-from ..error_budget import EXACT_SHARES, ErrorBudget
+from ..error_budget import EXACT_SHARES, PASSES_DB, error_budget
 from ..interpolators import Interpolator
 from ..plan import Plan
 from ..polar_cover import PolarCover, cover_map
@@ -71,9 +71,10 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     PolarPlan or None
         None where the map is tiny, too near, all around, or not ahead of the aperture.
     """
-    budget = ErrorBudget(target_db, EXACT_SHARES)
+    budget = error_budget(target_db, EXACT_SHARES)
     profiles_db = budget['range profiles']
-    cover = cover_map(grid, tx_m, rx_m, radar, n_samples, budget.pass_db, profiles_db)
+    cover = cover_map(grid, tx_m, rx_m, radar, n_samples, budget['polar to map'] - PASSES_DB,
+                      profiles_db)
     if cover is None:
         return None
     polar, n_pixels = cover.polar, grid.n_x * grid.n_y

@@ -134,9 +134,9 @@ class RangeResampling:
     n_padded : int
         Length to which a profile is zero-padded before its Fourier transform.
     n_cells : int
-        RangeResampling cells over the padded profile; a cell is one pixel of an image line.
+        Cells of the lattice over the padded profile; a cell is one pixel of an image line.
     n_phases : int
-        RangeResampling positions per cell.
+        Positions of the lattice in a cell.
     segment : int
         Pixels that share one geometry expansion; 0 for the routine for arbitrary points.
     step_m : float
@@ -147,8 +147,6 @@ class RangeResampling:
         Weights for this oversampling and drift.
     predicted_error_db : float
         Predicted error of the image against time-domain correlation, dB.
-    cost : float
-        Nanoseconds per pixel and row.
     """
 
     n_padded: int
@@ -159,7 +157,13 @@ class RangeResampling:
     spacing: float
     interpolator: Interpolator
     predicted_error_db: float
-    cost: float
+
+    @property
+    def cost(self) -> float:
+        """Nanoseconds per pixel and row."""
+        model = costs()
+        return (model.line_pixel + model.line_segment / self.segment if self.segment
+                else model.point_pixel)
 
     def oversampling(self, radar: RadarParameters) -> float:
         """Lattice positions to a range resolution cell, 1 / bandwidth, of a radar."""
@@ -179,8 +183,8 @@ class RangeResampling:
 
 
 def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParameters,
-                 n_samples: int, target_db: float, *, fit_spacing: bool = False,
-                 periodic: bool = False) -> RangeResampling | None:
+                    n_samples: int, target_db: float, *, fit_spacing: bool = False,
+                    periodic: bool = False) -> RangeResampling | None:
     """Choose lattice, segment and interpolator for an error target.
 
     Parameters
@@ -211,44 +215,39 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
     if slope.min() <= 0:
         return None
     middle = 0.5 * float(slope.min() + slope.max())
-    pitch = spacing * middle
-    errors = _expansion_errors(paths, radar)
+    pitch, errors = spacing * middle, _expansion_errors(paths, radar)
     slope = slope[_some_rows(len(slope))]
     longest = next((s for s in reversed(_SEGMENTS) if s >= n_line), _SEGMENTS[0])
-    found = []
     for phases in range(1, _MAX_PHASES + 1):
         n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, phases,
                                           finer=fit_spacing, periodic=periodic)
         cell = n_padded * radar.sample_spacing_m / n_cells
         if fit_spacing:
             spacing = cell / middle
-        for segment in (s for s in _SEGMENTS if s <= longest):
-            found += _candidates(slope, errors, spacing, radar, n_padded, n_cells, cell, phases,
-                                 segment, target_db)
+        lattices = (_fitted(RangeResampling(n_padded, n_cells, phases, segment, cell / phases,
+                                            spacing, None, math.inf),
+                            slope, errors, radar, target_db)
+                    for segment in _SEGMENTS if segment <= longest)
+        found = [lattice for lattice in lattices if lattice is not None]
         if found:  # more phases only cost memory
             return min(found, key=lambda lattice: lattice.cost)
     return None
 
 
-def _candidates(slope, errors, spacing, radar, n_padded, n_cells, cell, phases, segment,
-                target_db):
-    step, half = cell / phases, segment / 2
-    oversampling = radar.range_resolution_m / step
-    drift = np.abs(slope * spacing - cell) * (half / step)
+def _fitted(lattice, slope, errors, radar, target_db) -> RangeResampling | None:
+    """A lattice with the interpolator that it needs; None where the target is missed."""
+    drift, oversampling = _drift(lattice, slope), lattice.oversampling(radar)
     furthest = float(drift.max())
     if oversampling <= 1.25 or furthest > 2:
-        return
-    interpolator = design_interpolator(oversampling, max(furthest, LEAST_MARGIN),
-                                       degree=LINE_DEGREE)
+        return None
+    lattice = dataclasses.replace(lattice, interpolator=design_interpolator(
+        oversampling, max(furthest, LEAST_MARGIN), degree=LINE_DEGREE))
     # With the worst drift everywhere first: most candidates need no closer look.
-    lattice = RangeResampling(n_padded, n_cells, phases, segment, step, spacing, interpolator, 0.0,
-                      costs().line_pixel + costs().line_segment / segment)
-    predicted = _predicted_db(lattice, interpolator.error_db, errors)
-    if predicted > target_db + _CLOSER_DB:
-        return
+    if _predicted_db(lattice, lattice.interpolator.error_db, errors) > target_db + _CLOSER_DB:
+        return None
     predicted = _predicted_db(lattice, _drifting_db(lattice, drift), errors)
-    if predicted <= target_db:
-        yield dataclasses.replace(lattice, predicted_error_db=predicted)
+    return (dataclasses.replace(lattice, predicted_error_db=predicted) if predicted <= target_db
+            else None)
 
 
 def resampling_error_db(lattice: RangeResampling, paths: Paths, radar: RadarParameters) -> float:
@@ -257,11 +256,16 @@ def resampling_error_db(lattice: RangeResampling, paths: Paths, radar: RadarPara
     It is inf where pixels drift further than the lattice was made for.
     """
     slope = paths.derivatives[0]
-    drift = (np.abs(slope[_some_rows(len(slope))] * lattice.spacing - lattice.cell_m)
-             * (lattice.segment / 2 / lattice.step_m))
+    drift = _drift(lattice, slope[_some_rows(len(slope))])
     if drift.max() > lattice.interpolator.margin + _DRIFT_SLACK:
         return math.inf
     return _predicted_db(lattice, _drifting_db(lattice, drift), _expansion_errors(paths, radar))
+
+
+def _drift(lattice, slope) -> np.ndarray:
+    """How far the pixels of some rows drift over half a segment, lattice steps."""
+    return (np.abs(slope * lattice.spacing - lattice.cell_m)
+            * (lattice.segment / 2 / lattice.step_m))
 
 
 def _drifting_db(lattice, drift) -> float:
@@ -301,7 +305,7 @@ def plan_point_resampling(radar: RadarParameters, n_samples: int, target_db: flo
     step = n_padded * radar.sample_spacing_m / n_cells
     interpolator = design_interpolator(radar.range_resolution_m / step, LEAST_MARGIN)
     return RangeResampling(n_padded, n_cells, 1, 0, step, pitch, interpolator,
-                   total_db(interpolator.error_db), costs().point_pixel)
+                           total_db(interpolator.error_db))
 
 
 def _rms(values) -> float:
