@@ -22,10 +22,10 @@ from .interpolators import Interpolator, design_interpolator
 
 _STEPS_PER_BIN = 4
 _FINER = 2  # samples of the taper in a cell: its spectrum is wanted beyond the cells' own
-_LEAST_ROWS = 8  # of a table; one in each cell where that is more
+_LEAST_PLACES = 8  # of a table; one in each cell where that is more
 _CELLS_BETWEEN = 128  # the guards, in a table: errors are those of the edges
 TONES = 16  # cycles per line, 0 to 0.5, of a table of errors
-_PLACES = 4  # between two lines
+_BETWEEN = 4  # places between two lines
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,7 +59,7 @@ EVERYTHING = PixelDensity()
 
 
 def aliasing_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, place=None,
-               density=(1.0,)) -> float:
+                   density=(1.0,)) -> float:
     """Mean squared error of interpolated exponentials, relative to their power.
 
     The coarse grid holds n bins, those between ``-(n // 2)`` and ``n - n // 2 - 1``. With the
@@ -95,9 +95,8 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, p
         return 2.0
     cells = min(n, math.ceil(2 * n_guard) + _CELLS_BETWEEN)
     cells -= (n - cells) % 2  # even bands lack the highest bin
-    row = _rows(cells, n_guard)
     edge = (cells - 2 * n_guard) / (n - 2 * n_guard)
-    where = _on_grid(row, edge)
+    where = _on_grid(_places(cells, n_guard), edge)
     share = density_at(where, density)
     if not share.any():
         return 0.0
@@ -106,7 +105,7 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, p
     places, group = np.unique(np.zeros(n_samples) if place is None else place,
                               return_inverse=True)
     nearest = np.abs(np.subtract.outer(places, where)).argmin(axis=0)
-    by_place = edge / len(row) * np.stack([
+    by_place = edge / len(where) * np.stack([
         (share * (nearest == number)) @ table for number in range(len(places))])
     weight = np.broadcast_to(weight, frequency.shape).reshape(-1, n_samples)
     error = np.zeros_like(frequency)
@@ -118,52 +117,36 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, p
 
 
 def density_at(where, density, beyond: float | None = None) -> np.ndarray:
-    """Density of what is wanted at places of a grid.
+    """(...) density of what is wanted at places (...), 0 to 1 from guard to guard.
 
-    Parameters
-    ----------
-    where : (...) float64
-        Places, 0 to 1 from guard to guard.
-    density : (B,) array_like
-        In equal parts from guard to guard.
-    beyond : float, optional
-        Value before the middle of the first part and after that of the last; theirs if left out.
-
-    Returns
-    -------
-    (...) float64
+    `density`, (B,), tells it for equal shares of that; `beyond` is the value before the middle of
+    the first and after that of the last, theirs if left out.
     """
     middle = (np.arange(len(density)) + 0.5) / len(density)
     return np.interp(where, middle, density, beyond, beyond)
 
 
-def _on_grid(row, edge: float) -> np.ndarray:
+def _on_grid(place, edge: float) -> np.ndarray:
     """Places of a table, 0 to 1, on a grid whose edges it stands for: `edge` is its share."""
-    return np.where(row < 0.5, row * edge, 1 - (1 - row) * edge)
+    return np.where(place < 0.5, place * edge, 1 - (1 - place) * edge)
 
 
-def _rows(n: int, n_guard: float) -> np.ndarray:
-    """Positions of a table of errors, evenly from one guard, 0, to the other, 1."""
-    n_rows = max(math.ceil(n - 2 * n_guard), _LEAST_ROWS)
-    return (np.arange(n_rows) + 0.5) / n_rows
+def _places(n: int, n_guard: float) -> np.ndarray:
+    """Places of a table of errors, evenly from one guard, 0, to the other, 1."""
+    n_places = max(math.ceil(n - 2 * n_guard), _LEAST_PLACES)
+    return (np.arange(n_places) + 0.5) / n_places
 
 
 @functools.lru_cache(maxsize=16)
 def _error_table(n: int, n_guard: float, beta: float) -> np.ndarray:
-    """Squared error that an exponential causes by its tapered spectrum beyond an end of the band.
+    """(places, distances) squared error of an exponential by its spectrum beyond a band's end.
 
-    That part, summed, is missing there and appears n bins away: an error of twice its power on
-    average over the positions between two cells.
-
-    Returns
-    -------
-    (rows, distances) float64
-        Positions as `_rows` has them; distances from the frequency to the first bin beyond the
-        band, 0 to n in steps of 1 / `_STEPS_PER_BIN`.
+    See `aliasing_error`; distances are those from the frequency to the first bin beyond the band,
+    0 to n in steps of 1 / `_STEPS_PER_BIN`.
     """
     spectrum = np.fft.fft(guard_taper(_FINER * n, _FINER * n_guard, beta),
                           _FINER * n * _STEPS_PER_BIN)[:n * _STEPS_PER_BIN] / (_FINER * n)
-    position = n_guard + _rows(n, n_guard) * (n - 2 * n_guard)
+    position = n_guard + _places(n, n_guard) * (n - 2 * n_guard)
     turn = np.exp(2j * np.pi / n * np.outer(position, np.arange(n)))
     terms = turn[:, :, None] * spectrum.reshape(n, _STEPS_PER_BIN)
     beyond = np.cumsum(terms[:, ::-1], axis=1)[:, ::-1].reshape(len(position), -1)
@@ -173,21 +156,9 @@ def _error_table(n: int, n_guard: float, beta: float) -> np.ndarray:
 def correction_error(coverage: PixelDensity, n: int, n_guard: float, beta: float) -> float:
     """Mean squared error on a map because its correction mixes tapered lines with wanted ones.
 
-    Parameters
-    ----------
-    coverage : PixelDensity
-        Which lines are wanted, how they are read, and the frequencies of the image.
-    n : int
-        Lines of the fused grid.
-    n_guard : float
-        Of these, lines of each guard.
-    beta : float
-        Shape of the taper.
-
-    Returns
-    -------
-    float
-        Relative to the power of the image; 0 where no map is read.
+    Relative to the power of the image; 0 where no map is read. `coverage` tells which lines are
+    wanted, how they are read, and the frequencies of the image; the others are those of
+    `aliasing_error`, for the lines of the fused grid.
     """
     if coverage.between is None:
         return 0.0
@@ -196,8 +167,8 @@ def correction_error(coverage: PixelDensity, n: int, n_guard: float, beta: float
     table = _correction_table(between.oversampling, between.n_taps, len(between.weights) - 1,
                               lines, n_guard, beta)
     edge = (lines - 2 * n_guard) / (n - 2 * n_guard)
-    row = (np.arange(lines) - n_guard) / (lines - 2 * n_guard)
-    share = density_at(_on_grid(row, edge), coverage.along_alpha, beyond=0.0)
+    place = (np.arange(lines) - n_guard) / (lines - 2 * n_guard)
+    share = density_at(_on_grid(place, edge), coverage.along_alpha, beyond=0.0)
     return float(coverage.tones @ table @ share) / (n - 2 * n_guard)
 
 
@@ -212,13 +183,13 @@ def _correction_table(oversampling: float, taps: int, degree: int, n: int, n_gua
     # what is read less what would be if all lines were right
     mixed = np.fft.ifft(between.gain(np.fft.fftfreq(n)) * np.fft.fft(taper * tones))
     mixed -= between.gain(cycles)[:, None] * tones
-    powers = ((np.arange(_PLACES) + 0.5) / _PLACES)[:, None] ** np.arange(len(between.weights))
+    powers = ((np.arange(_BETWEEN) + 0.5) / _BETWEEN)[:, None] ** np.arange(len(between.weights))
     error = np.zeros((TONES, n))
     for weights in powers @ between.weights:
         kernel = np.zeros(n)
         np.add.at(kernel, -(between.first + np.arange(between.n_taps)) % n, weights)
         read = np.fft.ifft(np.fft.fft(mixed) * np.fft.fft(kernel))
-        error += (read.real ** 2 + read.imag ** 2) / _PLACES
+        error += (read.real ** 2 + read.imag ** 2) / _BETWEEN
     return error
 
 

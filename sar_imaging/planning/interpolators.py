@@ -16,6 +16,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -95,7 +96,10 @@ class Interpolator:
         return np.interp(np.abs(frequency), _frequencies()[::_COARSER], self._errors, right=2.0)
 
     def mean_error_db(self, frequency, weight) -> float:
-        """Mean of `error_at` over (K, R, S) frequencies of R rows, by their weight (R,), dB."""
+        """Mean error of K wavenumbers, R rows and S places, dB.
+
+        Frequencies are (K, R, S), cycles per sample, weights of the rows (R,).
+        """
         error = self.error_at(frequency).mean(axis=(0, 2))
         return 10 * math.log10(float(error @ weight / weight.sum()) + 1e-16)
 
@@ -161,7 +165,7 @@ class Interpolator:
         for _ in range(self.n_taps // 2 - 1):
             taps.append(taps[-1] * step)
         taps = np.stack([*np.conj(taps[::-1]), *taps], axis=-1)
-        return _parts(taps) @ by_position, _parts(wanted)
+        return _real_imag(taps) @ by_position, _real_imag(wanted)
 
 
 def design_interpolator(oversampling: float, margin: float = 0.0, *, taps: int = TAPS,
@@ -206,7 +210,7 @@ def _design(oversampling, margin, taps, degree, deapodised):
     place = np.arange(taps) + first
     samples, wanted = (np.exp(2j * np.pi * np.outer(f, v)) for v in (place, t))
     gain = _first_gain(samples, place, t, oversampling) if deapodised else np.ones(_NODES)
-    samples, wanted = _parts(samples), _parts(wanted)
+    samples, wanted = _real_imag(samples), _real_imag(wanted)
     weighted = (wanted * weight[:, None]).reshape(2 * _NODES, -1)
     to_powers = np.linalg.pinv(powers * weight[:, None], rcond=1e-13) * weight
     for _ in range(_ROUNDS if deapodised else 1):
@@ -236,7 +240,7 @@ def _nodes():
     return np.polynomial.legendre.leggauss(_NODES)
 
 
-def _parts(values) -> np.ndarray:
+def _real_imag(values) -> np.ndarray:
     """Real and imaginary parts, (2, ...)."""
     return np.stack([values.real, values.imag])
 
@@ -251,7 +255,7 @@ def _first_gain(samples, place, t, oversampling) -> np.ndarray:
 
 
 def _best_gain(read, wanted, weight) -> np.ndarray:
-    """Real gains, by frequency, with which values read are nearest to those wanted, in parts."""
+    """Real gains, by frequency, with which values read are nearest to those wanted."""
     along, squared = (np.einsum('pft,pft,t->f', read, v, weight) for v in (wanted, read))
     return along / squared
 
@@ -265,50 +269,27 @@ def _shifted(weights, shift: float) -> np.ndarray:
     return result
 
 
+def sufficient_interpolators(error_db: float, **kind) -> Iterator[Interpolator]:
+    """Interpolators that reach an error, dB, from that for the coarsest sampling on.
+
+    `kind` is as of `design_interpolator`.
+    """
+    for oversampling in np.arange(1.1, _MOST_OVERSAMPLING, _OVERSAMPLING_STEP):
+        found = design_interpolator(oversampling, **kind)
+        if found.error_db <= error_db:
+            yield found
+
+
 def fitting_interpolator(frequency, weight, wanted_db: float, **kind
                          ) -> tuple[Interpolator | None, float]:
     """Interpolator for the coarsest sampling that reads frequencies well, and its mean error, dB.
 
-    None where no oversampling below 4 does. Samples lie ``pi / oversampling`` over the highest
-    frequency apart.
-
-    Parameters
-    ----------
-    frequency : (K, R, S) float64
-        Of K wavenumbers, R rows and S places, radians per unit of place.
-    weight : (R,) float64
-        Share of each row in the power of the image.
-    wanted_db : float
-        Mean error over all, dB.
-    **kind
-        As of `coarsest_interpolator`.
+    `frequency` and `weight` as of `Interpolator.mean_error_db`, but radians per unit of place:
+    samples lie ``pi / oversampling`` over the highest apart. None where no sampling will do.
     """
-    found = coarsest_interpolator(wanted_db, **kind)
     half = max(float(np.abs(frequency).max()), 1e-12)
-    while found is not None:
+    for found in sufficient_interpolators(wanted_db, **kind):
         error_db = found.mean_error_db(frequency / (2 * half * found.oversampling), weight)
-        if error_db <= wanted_db:
+        if error_db <= wanted_db:  # much of the power may lie where the band ends
             return found, error_db
-        found = finer_interpolator(found)  # much of the power lies where the band ends
     return None, math.inf
-
-
-def coarsest_interpolator(error_db: float, *, taps: int, degree: int,
-                          deapodised: bool = False) -> Interpolator | None:
-    """Interpolator for the coarsest sampling with which it reaches an error, dB.
-
-    Other arguments as of `design_interpolator`; None where no oversampling below 4 does.
-    """
-    for oversampling in np.arange(1.1, _MOST_OVERSAMPLING, _OVERSAMPLING_STEP):
-        found = design_interpolator(oversampling, taps=taps, degree=degree, deapodised=deapodised)
-        if found.error_db <= error_db:
-            return found
-    return None
-
-
-def finer_interpolator(found: Interpolator) -> Interpolator | None:
-    """The next one for finer sampling, of the same kind; None at an oversampling of 4."""
-    if found.oversampling > _MOST_OVERSAMPLING:
-        return None
-    return design_interpolator(found.oversampling + _OVERSAMPLING_STEP, taps=found.n_taps,
-                               degree=len(found.weights) - 1, deapodised=found.deapodised)

@@ -53,29 +53,21 @@ class LocalSpectrum:
 def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> LocalSpectrum:
     """Local frequencies of backprojected images at samples of a polar grid and its guards.
 
-    Parameters
-    ----------
-    polar : PolarGrid
-        Of the image.
-    tx_m, rx_m : (P, C, 3) float64
-        Phase centres, metres.
-    radar : RadarParameters
-        Its carrier and band.
+    Phase centres are (P, C, 3) float64, metres; the radar gives carrier and band.
 
     Raises
     ------
     ValueError
         Range does not grow along the lines of the grid.
     """
-    n = SAMPLES_PER_SIDE
-    where = np.linspace(0, 1, n)
     # Frequencies in the guards count, too: the nearer, the more they change with direction.
     guard = usual_guard(polar.n_range)
     before = min(guard, max(0, ranges_before(polar, 0.0)) // 2)
-    r, share = (v.ravel() for v in np.meshgrid(
-        np.linspace(polar.range_m[0] - before * polar.range_spacing_m,
-                    polar.range_m[-1] + guard * polar.range_spacing_m, n), where))
-    alpha = polar.alpha[0] + share * (polar.alpha[-1] - polar.alpha[0])
+    wider = dataclasses.replace(
+        polar, range_start_m=polar.range_start_m - before * polar.range_spacing_m,
+        n_range=before + polar.n_range + guard)
+    r, alpha = wider.sampled(SAMPLES_PER_SIDE, SAMPLES_PER_SIDE)
+    share = np.repeat(np.linspace(0, 1, SAMPLES_PER_SIDE), SAMPLES_PER_SIDE)
     position, along_range = polar.lines(r, alpha)[:2]
     along_alpha = polar.by_direction(r, alpha)
     tx_m, rx_m = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
@@ -85,15 +77,14 @@ def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Loca
         raise ValueError('range does not grow along the lines of the polar grid; it lies beside '
                          'or behind the track, use exact backprojection')
     slope /= by_range
-    half = radar.half_band_rad_per_m
-    k = radar.wavenumber_rad_per_m
-    half_range = half * extremes[1] + (k + half) * max(1 - extremes[0], extremes[1] - 1)
+    half_range = (radar.half_band_rad_per_m * extremes[1] + radar.wavenumbers_rad_per_m[1]
+                  * max(1 - extremes[0], extremes[1] - 1))
     middle = len(position) // 2
     sides = (polar.n_range * polar.range_spacing_m * along_range[middle],
              polar.n_alpha * polar.alpha_spacing * along_alpha[middle])
-    return LocalSpectrum(slope, share, (k - half, k + half), half_range,
-                 (float(length.min()), float(length.max())), extremes,
-                 echo_power(tx_m, rx_m, position[middle], sides, radar))
+    return LocalSpectrum(slope, share, radar.wavenumbers_rad_per_m, half_range,
+                         (float(length.min()), float(length.max())), extremes,
+                         echo_power(tx_m, rx_m, position[middle], sides, radar))
 
 
 def usual_guard(n_range: int) -> int:
@@ -104,21 +95,8 @@ def usual_guard(n_range: int) -> int:
 def used_share(half_range: float, spacing_m: float, n_range: int, tapers: float = 1.0) -> float:
     """Share of a sampling along range that a sub-aperture image needs.
 
-    Parameters
-    ----------
-    half_range : float
-        Largest frequency along range, relative to the carrier's, rad/m.
-    spacing_m : float
-        Of the ranges, metres.
-    n_range : int
-        Number of ranges, guards not included.
-    tapers : float
-        How much of what tapers over usual guards add is wanted, too.
-
-    Returns
-    -------
-    float
-        Above 1 where the ranges do not hold the band.
+    Above 1 where the ranges do not hold the band: frequencies up to `half_range`, rad/m relative
+    to the carrier's, and `tapers` times what tapers over usual guards of `n_range` ranges add.
     """
     band = half_range + tapers * taper_band(usual_guard(n_range) * spacing_m)
     return spacing_m / math.pi * band

@@ -8,8 +8,8 @@ from sar_imaging.planning.interpolators import (
     LINE_DEGREE,
     POINT_DEGREE,
     TAPS,
-    coarsest_interpolator,
     design_interpolator,
+    sufficient_interpolators,
 )
 
 
@@ -61,11 +61,12 @@ def test_corrected_spectra_need_few_taps(taps, oversampling):
 
 
 def test_the_coarsest_interpolator_reaches_its_error_just_so():
-    found = coarsest_interpolator(-63.0, taps=6, degree=5, deapodised=True)
+    found = next(sufficient_interpolators(-63.0, taps=6, degree=5, deapodised=True))
     coarser = design_interpolator(found.oversampling - 0.02, taps=6, degree=5, deapodised=True)
     assert found.error_db <= -63.0 < coarser.error_db
-    assert coarsest_interpolator(-63.0, taps=14, degree=5).oversampling > found.oversampling
-    assert coarsest_interpolator(-150.0, taps=2, degree=1) is None
+    plain = next(sufficient_interpolators(-63.0, taps=14, degree=5))
+    assert plain.oversampling > found.oversampling
+    assert not list(sufficient_interpolators(-150.0, taps=2, degree=1))
 
 
 def test_more_oversampling_means_less_error():

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...geometry.polar import PolarGrid
 from ..costs import costs
-from ..interpolators import Interpolator, coarsest_interpolator, finer_interpolator
+from ..interpolators import Interpolator, sufficient_interpolators
 from ..polar_cover import PolarCover
 
 TAPS, DEGREE = 10, 5
@@ -57,16 +57,14 @@ def plan_parts(cover: PolarCover, wanted_db: float) -> AzimuthParts | None:
 
     `wanted_db` is the error of the interpolation from the lines of the parts to those of the sum.
     """
-    interpolator = coarsest_interpolator(wanted_db, taps=TAPS, degree=DEGREE)
-    while interpolator is not None:
+    for interpolator in sufficient_interpolators(wanted_db, taps=TAPS, degree=DEGREE):
         best = _quickest_parts(cover, interpolator)
         if best is None:
             return None
         error_db = _interpolation_db(best, cover)
+        # Much of the power may lie where bands end: parts have few rows, or the platform stopped.
         if error_db <= wanted_db:
             return dataclasses.replace(best, error_db=error_db)
-        # Much of the power lies where bands end: parts have few rows, or the platform stopped.
-        interpolator = finer_interpolator(interpolator)
     return None
 
 
