@@ -25,7 +25,7 @@ _RUN_SHARE = 0.02  # of the carrier frequency, over which gains are taken to gro
 _LEAST_RUNS = 16  # of bins; not by the number of threads, so that results do not depend on it
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class BeamGain:
     """Gain of rows by their frequency from beam to beam.
 
@@ -48,10 +48,11 @@ class BeamGain:
 
     def at(self, frequency, table) -> np.ndarray:
         """Values for some frequencies from a table that goes with that of the gain."""
-        return np.interp(np.abs(frequency), self._frequencies, table)
+        return np.interp(np.abs(frequency), self.frequencies, table)
 
     @functools.cached_property
-    def _frequencies(self) -> np.ndarray:
+    def frequencies(self) -> np.ndarray:
+        """(N,) float64 frequencies of the tables, cycles per beam."""
         return self.step * np.arange(_POINTS)
 
     @functools.cached_property
@@ -60,27 +61,20 @@ class BeamGain:
         first = np.gradient(self.log_gain, self.step)
         return first, np.gradient(first, self.step)
 
-    @functools.cached_property
-    def _repeated(self) -> dict[int, np.ndarray]:
-        return {}
 
-    def repeated(self, group: int) -> np.ndarray:
-        """Table of how much errors grow that rise over groups of so many beams and start again.
+@functools.lru_cache(maxsize=512)
+def _repeated(between: BeamGain, group: int) -> np.ndarray:
+    """Table of how much errors grow that rise over groups of so many beams and start again.
 
-        They come in at other frequencies, from which interpolation takes less.
-        """
-        if group not in self._repeated:
-            self._repeated[group] = self._find_repeated(group)
-        return self._repeated[group]
-
-    def _find_repeated(self, group: int) -> np.ndarray:
-        if group == 1:
-            return np.zeros(_POINTS)
-        harmonic = np.arange(1, group)
-        share = 1 / np.sin(np.pi * harmonic / group) ** 2
-        place = (self._frequencies[:, None] + harmonic / group) * _POINTS
-        power = self.power[place.round().astype(int) % _POINTS]
-        return np.exp(self.log_gain) * np.sqrt(power @ share / share.sum())
+    They come in at other frequencies, from which interpolation takes less.
+    """
+    if group == 1:
+        return np.zeros(_POINTS)
+    harmonic = np.arange(1, group)
+    share = 1 / np.sin(np.pi * harmonic / group) ** 2
+    place = (between.frequencies[:, None] + harmonic / group) * _POINTS
+    power = between.power[place.round().astype(int) % _POINTS]
+    return np.exp(between.log_gain) * np.sqrt(power @ share / share.sum())
 
 
 def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, groups):
@@ -99,8 +93,7 @@ def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, gr
       ``sqrt((G^2 - 1) (G^2 - 4) / 180)`` beside a pair's common part;
     - rows that share phasors are off by `uneven` times m.
 
-    Errors of a group start again with the next one: `BeamGain.repeated` says how much of them
-    interpolation lets through.
+    Errors of a group start again with the next one: interpolation lets a part of them through.
 
     Parameters
     ----------
@@ -131,7 +124,7 @@ def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, gr
     always = rms_of_rows(np.stack([(second + first ** 2) * chirp / (8 * math.pi ** 2),
                                    second * (frequency * relative[0]) ** 2 / 2 / math.sqrt(180)]))
     rising = np.hypot(first * chirp / (2 * math.pi), radians * relative[1] / math.sqrt(12))
-    grown = np.stack([between.at(frequency, between.repeated(group)) for group in groups])
+    grown = np.stack([between.at(frequency, _repeated(between, group)) for group in groups])
     squared = np.square(groups)
     beside = np.sqrt((squared - 1) / 12)  # rms distance from the middle of a group
     squares = np.sqrt((squared - 1) * np.maximum(squared - 4, 0) / 180)
@@ -168,14 +161,9 @@ def _power(interpolator: Interpolator) -> np.ndarray:
 
 
 def bins_per_run(n_bins: int, relative_bandwidth: float) -> int:
-    """Bins over which gains grow alike, in whole vectors.
+    """Of all bins of a spectrum, those over which gains grow alike, in whole vectors.
 
-    Parameters
-    ----------
-    n_bins : int
-        Bins of the spectrum.
-    relative_bandwidth : float
-        Of all bins, relative to the carrier.
+    `relative_bandwidth` is that of all bins over the carrier frequency.
     """
     n_runs = max(_LEAST_RUNS, math.ceil(relative_bandwidth / _RUN_SHARE))
     return max(-(-n_bins // n_runs // STEP_BINS), 1) * STEP_BINS

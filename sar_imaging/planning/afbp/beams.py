@@ -102,6 +102,10 @@ class BeamSampling:
     def range_gain(self, gain, number, n_cells: int) -> np.ndarray:
         """By what the bins of a profile's spectrum are multiplied on the way to cells.
 
+        What interpolation along range takes from each frequency is made good. Where cells do not
+        hold all bins, a taper follows: beyond the band lies what the cut ends of profiles leave,
+        which would ring far inside if it ended at once.
+
         Parameters
         ----------
         gain : (N,) float32
@@ -114,14 +118,12 @@ class BeamSampling:
         Returns
         -------
         (N,) float64
-            Times what interpolation along range takes from each frequency, and a taper where
-            cells do not hold all bins: beyond the band lies what the cut ends of profiles leave,
-            which would ring far inside if it ended at once.
         """
         magnitudes = np.arange(np.abs(number).max() + 1)  # gains are the same on both sides
         gain = gain * self.along.gain(magnitudes / n_cells)[np.abs(number)]
         if n_cells < len(gain):
-            gain *= _taper(number / n_cells, 0.5 / self.along.oversampling)
+            edge = 0.5 / self.along.oversampling
+            gain *= cosine_fall((np.abs(number) / n_cells - edge) / (0.5 - edge))
         return gain
 
     def group_of(self, n_beams: int) -> int:
@@ -132,18 +134,8 @@ class BeamSampling:
                    n_images: int = 1) -> dict[str, float]:
         """How often images do the operations of `CostModel` with beams.
 
-        Parameters
-        ----------
-        n_rows : int
-            Of all images together.
-        lattice : RangeResampling
-            Of the profiles.
-        n_pixels : int
-            Of each image.
-        span : float
-            Of the image in direction cosine.
-        n_images : int
-            How many images.
+        The rows are those of all images together, pixels and `span`, in direction cosine, those
+        of each; the lattice is that of the profiles.
         """
         return _operations(self.n_beams(span), self.group, self.paired, self.segment, n_rows,
                            lattice, n_pixels, n_images)
@@ -174,11 +166,6 @@ def _operations(n_beams, most, paired, segment, n_rows, lattice, n_pixels, n_ima
             'beam_group': n_groups * n,
             'beam_cell': n_images * n_beams * lattice.n_cells, 'beam_pixel': n_images * n_pixels,
             'beam_segment': n_images * n_pixels / segment}
-
-
-def _taper(frequency, edge: float) -> np.ndarray:
-    """Falls from 1 at the edge of the band to 0 at the highest frequency that cells hold."""
-    return cosine_fall((np.abs(frequency) - edge) / (0.5 - edge))
 
 
 def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResampling, subapertures,
@@ -227,14 +214,13 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
         return None
     along = design_interpolator(over_range, taps=CELL_TAPS, degree=DEGREE, deapodised=True)
     k, wavelength_m = radar.wavenumber_rad_per_m, radar.wavelength_m
-    views, geometry = [], 0.0
-    for view in _views(polar, subapertures):
-        if view is None:
-            return None
-        geometry = max(geometry, view.phase_error(k, radar.bandwidth_hz / radar.carrier_hz))
-        if 20 * math.log10(geometry + 1e-12) > target_db:
+    views = []
+    for view in _views(polar, subapertures, radar):
+        if view.phase_error ** 2 > 10 ** (target_db / 10):
             return None
         views.append(view)
+    if not views:
+        return None
     # Beams beside the grid count, too; there are fewer the wider the spread.
     finest = math.pi / (radar.wavenumbers_rad_per_m[1] * _OVERSAMPLING[0])
     spread = max(view.beams.spread(*view.centres) for view in views)
@@ -272,7 +258,8 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
         expansion = np.max([view.expansion_errors(
             segments * polar.range_spacing_m / 2, lattice.cell_m, polar.range_spacing_m, spacing,
             over_range, _OVERSAMPLING[i], k) for view in views], axis=0)
-        return (10 ** (between.interpolator.error_db / 10) + geometry ** 2 + always @ always
+        return (10 ** (between.interpolator.error_db / 10) + always @ always
+                + max(view.phase_error for view in views) ** 2
                 + (grouped ** 2).sum(axis=1)[:, None, None]
                 + np.array([[1.0], [0.0]]) * shared[:, None, None] ** 2
                 + (expansion ** 2).sum(axis=0))
@@ -298,21 +285,13 @@ class _View:
 
     beams: BeamGeometry
     centres: tuple[np.ndarray, np.ndarray]  # phase centres of some rows, metres
+    phase_error: float  # rms over the rows of the largest one anywhere, rad
     uneven_m: float  # by which rows on opposite sides of the centre are not opposite, rms
     slope: np.ndarray  # (R, D) first derivative of the rows' paths by direction, metres
     curvature: np.ndarray  # (R, D) second derivative
-    difference: np.ndarray  # (R, S) of half paths from what beams assume, metres
-    bend: np.ndarray  # (R, S) what interpolation between beams makes good to first order, metres
     # along lines: extremes of the distance's first derivative, magnitudes of its second and fourth
     # and of the direction cosine's first and second
     by_range: tuple[tuple[float, float], float, float, float, float]
-
-    def phase_error(self, k: float, relative_bandwidth: float) -> float:
-        """Rms over the rows of the largest phase error anywhere, rad."""
-        error = (k * np.abs(self.difference - self.bend)
-                 + np.abs(k * self.bend) * (relative_bandwidth / math.sqrt(12))
-                 + (k * self.bend) ** 2 / 2)
-        return float(rms_of_rows(error[None]))
 
     def expansion_errors(self, half_m, cell_m, pixel_m, spacing, over_range, over_beams, k):
         """(3, S) rms errors of expanding places between cells, between beams, and phases.
@@ -328,31 +307,36 @@ class _View:
                          k * d4 * half_m ** 4 / 24 / 3])
 
 
-def _views(polar: PolarGrid, subapertures) -> Iterator[_View | None]:
-    """Of each sub-aperture; None where the plane is too steep below one."""
+def _views(polar: PolarGrid, subapertures, radar: RadarParameters) -> Iterator[_View]:
+    """Of each sub-aperture; none where the plane is too steep below one."""
     lines, edges = polar.lines(*polar.sampled(*2 * (_SAMPLES_PER_SIDE,))), grid_edges(polar)
     geometries = [BeamGeometry.of(polar, edges, *centres) for centres in subapertures]
     if None in geometries:
-        yield None
         return
     middles = np.stack([beams.centre_m for beams in geometries])
     middle = sample_paths(middles, middles, lines)
-    derivatives = np.stack(middle.derivatives, axis=1)
-    along = np.array([*polar.track, 0.0])
-    for beams, centres, length, by_range in zip(geometries, subapertures, middle.length,
-                                                derivatives, strict=True):
-        direction = (lines[0] - beams.centre_m) @ along / length
-        first = (lines[1] @ along - direction * by_range[0]) / length
-        second = (lines[2] @ along - 2 * first * by_range[0] - direction * by_range[1]) / length
-        rows = np.linspace(0, len(centres[0]) - 1, _ROWS).round().astype(int)
-        rows = np.concatenate([rows, len(centres[0]) - 1 - rows])  # opposite ones, too
-        some = centres[0][rows], centres[1][rows]
-        path, slope, _ = beams.expansion(*some, direction)
-        bend = slope.T ** 2 * (1 - direction ** 2) * (1 / length - 1 / beams.range_m) / 2
-        places = np.linspace(*beams.direction, 3)
-        paths = half_paths(*some, lines[0])[0]
-        _, slopes, curvature = beams.expansion(*some, places)
-        yield _View(beams, some, unevenness(slopes[[0, -1]]), slopes.T, curvature.T,
-                    paths - length - path.T, bend,
-                    ((by_range[0].min(), by_range[0].max()), *(
-                        float(np.abs(d).max()) for d in (*by_range[[1, 3]], first, second))))
+    for one in zip(geometries, subapertures, middle.length, np.stack(middle.derivatives, axis=1),
+                   strict=True):
+        yield _view(*one, lines, radar)
+
+
+def _view(beams: BeamGeometry, centres, length, by_range, lines, radar) -> _View:
+    along = np.array([*beams.polar.track, 0.0])
+    direction = (lines[0] - beams.centre_m) @ along / length
+    first = (lines[1] @ along - direction * by_range[0]) / length
+    second = (lines[2] @ along - 2 * first * by_range[0] - direction * by_range[1]) / length
+    rows = np.linspace(0, len(centres[0]) - 1, _ROWS).round().astype(int)
+    rows = np.concatenate([rows, len(centres[0]) - 1 - rows])  # opposite ones, too
+    some = centres[0][rows], centres[1][rows]
+    path, slope, _ = beams.expansion(*some, direction)
+    # What paths by direction alone miss; interpolation between beams makes good, to first order,
+    # that they bend.
+    k, bend = radar.wavenumber_rad_per_m, slope.T ** 2 * (1 - direction ** 2) * (
+        1 / length - 1 / beams.range_m) / 2
+    missed = half_paths(*some, lines[0])[0] - length - path.T - bend
+    error = (k * np.abs(missed) + (k * bend) ** 2 / 2
+             + k * np.abs(bend) * (radar.bandwidth_hz / radar.carrier_hz / math.sqrt(12)))
+    _, slopes, curvature = beams.expansion(*some, np.linspace(*beams.direction, 3))
+    return _View(beams, some, float(rms_of_rows(error[None])), unevenness(slopes[[0, -1]]),
+                 slopes.T, curvature.T, ((by_range[0].min(), by_range[0].max()), *(
+                     float(np.abs(d).max()) for d in (*by_range[[1, 3]], first, second))))

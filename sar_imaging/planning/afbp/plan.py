@@ -59,20 +59,10 @@ class AfbpPlan(Plan):
     @classmethod
     def of(cls, grid: MapGrid | PolarGrid, tx_m: np.ndarray, rx_m: np.ndarray,
            plan: SubaperturePlan, cover: PolarCover | None, **more) -> AfbpPlan:
-        """Plan of an image on a grid from that of its sub-apertures.
+        """Plan of an image from that of the sub-apertures of its polar image.
 
-        Parameters
-        ----------
-        grid : MapGrid or PolarGrid
-            Where the pixels are.
-        tx_m, rx_m : (P, C, 3) float64
-            Phase centres that it is for, metres.
-        plan : SubaperturePlan
-            Of the polar image that a map is made from, or of the image itself.
-        cover : PolarCover or None
-            How a map is made from it; None for a polar grid.
-        **more
-            Attributes of a subclass.
+        `cover` tells how a map is made from that; None for a polar grid. The other arguments are
+        attributes, `more` those of a subclass.
         """
         errors = dict(zip(POLAR_CAUSES, (plan.stage_error_db, plan.sampling.error_db),
                           strict=True))

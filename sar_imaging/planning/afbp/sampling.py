@@ -107,12 +107,10 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
 
     Parameters
     ----------
-    polar : PolarGrid
-        Of the fused image.
+    polar, tx_m, rx_m :
+        As for `plan_subapertures`.
     bands : LocalSpectrum
-        Its local frequencies.
-    tx_m, rx_m : (P, C, 3) float64
-        Phase centres, metres.
+        Of `polar`.
     lengths : sequence of int
         Pulses of a sub-aperture to try.
     first_stage : SubapertureCost
@@ -246,6 +244,8 @@ def _rows_by_slope(slope, weight) -> tuple[np.ndarray, np.ndarray]:
 def fusion_error(sampling: Sampling, bands: LocalSpectrum, rows, weight, centre_m) -> float:
     """Mean squared error of fusing some rows, relative to their power.
 
+    It is 2 or more, as if nothing fitted, where a frequency lies beyond the coarse grid's.
+
     Parameters
     ----------
     sampling : Sampling
@@ -254,15 +254,8 @@ def fusion_error(sampling: Sampling, bands: LocalSpectrum, rows, weight, centre_
         Local frequencies.
     rows : (R,) int array or slice
         Rows of `bands` to look at.
-    weight : (R,) or () array_like
-        Share of each.
-    centre_m : (R,) or () array_like
-        Middle of the slopes of the sub-aperture that each belongs to, metres.
-
-    Returns
-    -------
-    float
-        2 or more, as if nothing fitted, where a frequency lies beyond the coarse grid's.
+    weight, centre_m : (R,) or () array_like
+        Share of each, and middle of the slopes of the sub-aperture that it belongs to, metres.
     """
     s, coverage = sampling.sizes, sampling.coverage
     guard = s.n_guard / (s.n_coarse - 2 * s.n_guard)
