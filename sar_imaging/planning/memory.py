@@ -21,7 +21,7 @@ PUBLISHED_BYTES = 3 * IMAGE_BYTES  # image, its message, the message serialised
 _granted: contextvars.ContextVar[int] = contextvars.ContextVar('granted', default=0)
 _MEMINFO = Path('/proc/meminfo')
 _STATM = Path('/proc/self/statm')
-# Limit, use and reclaimable part of a control group, of version 2 and of version 1.
+# Limit, use and reclaimable memory (of the page cache) of a control group, of version 2 and 1.
 _GROUP_FILES = {'': ('memory.max', 'memory.current', 'inactive_file'),
                 'memory': ('memory.limit_in_bytes', 'memory.usage_in_bytes',
                            'total_inactive_file')}
@@ -87,46 +87,45 @@ def container_bytes(membership: Path = Path('/proc/self/cgroup'),
 
 
 @functools.lru_cache(maxsize=8)
-def _groups(membership: Path, mount: Path) -> tuple[tuple[Path, Path, Path, str], ...]:
-    """Files of the groups that may limit memory, and of those that they are in."""
+def _groups(membership: Path, mount: Path) -> list[tuple[Path, str, str, str]]:
+    """Groups that may limit memory, those that they are in, and the names of `_GROUP_FILES`."""
     try:
         lines = membership.read_text().splitlines()
     except OSError:
-        return ()
+        return []
     groups = []
     for line in lines:
         _, controllers, path = line.split(':', 2)
-        for controller, files in _GROUP_FILES.items():
+        for controller, names in _GROUP_FILES.items():
             if controller in controllers.split(','):
                 # A container sees its own group at the mount, whatever the path says.
-                parts = Path(path.lstrip('/')).parts
-                for n in range(len(parts) + 1):
-                    group = mount.joinpath(controller, *parts[:n])
-                    if (group / files[0]).exists():
-                        groups.append((group / files[0], group / files[1], group / 'memory.stat',
-                                       files[2]))
-    return tuple(groups)
+                above = Path(path.lstrip('/')).parts
+                for n in range(len(above) + 1):
+                    group = mount.joinpath(controller, *above[:n])
+                    if (group / names[0]).exists():
+                        groups.append((group, *names))
+    return groups
 
 
-def _group_bytes(limit: Path, use: Path, statistics_file: Path, reclaimable: str) -> int:
+def _group_bytes(group: Path, limit: str, use: str, reclaimable: str) -> int:
     try:
-        most, used = int(limit.read_text()), int(use.read_text())
-        statistics = statistics_file.read_text()
-    except (OSError, ValueError):  # no such group, or 'max'
+        used = int((group / use).read_text()) - _numbers(group / 'memory.stat')[reclaimable]
+        return int((group / limit).read_text()) - used
+    except (OSError, ValueError, KeyError):  # no such group, or 'max'
         return sys.maxsize
-    for line in statistics.splitlines():
-        name, _, value = line.partition(' ')
-        if name == reclaimable:  # of the page cache
-            used -= int(value)
-    return most - used
+
+
+def _numbers(path: Path) -> dict[str, int]:
+    """Numbers of a file that names one in each line."""
+    words = [line.split() for line in path.read_text().splitlines()]
+    return {name.rstrip(':'): int(number) for name, number, *_ in words}
 
 
 def _machine_bytes() -> int:
-    if _MEMINFO.exists():
-        for line in _MEMINFO.read_text().splitlines():
-            name, _, rest = line.partition(':')
-            if name == 'MemAvailable':
-                return 1024 * int(rest.split()[0])
+    try:
+        return 1024 * _numbers(_MEMINFO)['MemAvailable']
+    except (OSError, ValueError, KeyError):  # another system
+        pass
     try:
         return os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')
     except (AttributeError, ValueError, OSError):

@@ -12,7 +12,7 @@ from sar_imaging.backends.cpu.fusion.spectra import SpectrumFusion
 from sar_imaging.backends.cpu.subapertures import SubapertureImager
 from sar_imaging.imaging.afbp import image_of_polar
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.planning.afbp.aperture_cut import cut_pulses, pieces_between_gaps
+from sar_imaging.planning.afbp.sampling import cut_pulses, pieces_between_gaps
 from sar_imaging.planning.aliasing_error import aliasing_error
 from sar_imaging.planning.guard_taper import guard_taper
 

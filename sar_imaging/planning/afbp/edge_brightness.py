@@ -35,12 +35,12 @@ class EdgeBrightness:
             (coverage.along_alpha, grid.n_coarse, line, inside[0]),
             (coverage.along_range, grid.n_coarse_range, cell, inside[1]))]
 
-    def add(self, parts: np.ndarray) -> None:
-        """Look at a sub-aperture image, (2, n_alpha, n_range) float32."""
-        self._power[:4] += [_mean_square(parts[:, rows, columns]) for rows, columns in self._edges]
-        inside, (lines, cells) = parts[(slice(None), *self._inside)], self._wanted
-        self._power[4] += float(np.einsum('ijk,ijk,k->j', inside, inside, cells) @ lines) / max(
-            len(parts) * lines.sum() * cells.sum(), 1e-30)
+    def add(self, image: np.ndarray) -> None:
+        """Look at a sub-aperture image, (2, n_alpha, n_range) float32, real and imaginary part."""
+        self._power[:4] += [_mean_square(image[:, lines, ranges]) for lines, ranges in self._edges]
+        inside, (lines, ranges) = image[(slice(None), *self._inside)], self._wanted
+        self._power[4] += float(np.einsum('ijk,ijk,k->j', inside, inside, ranges) @ lines) / max(
+            len(image) * lines.sum() * ranges.sum(), 1e-30)
 
     @property
     def excess_db(self) -> float:

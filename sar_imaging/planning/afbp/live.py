@@ -48,20 +48,11 @@ class LivePlan(AfbpPlan):
                 f'{fusion.polar.n_range}')
 
     def check(self, tx_m, rx_m) -> tuple[float, float] | None:
-        """Band of a sub-aperture and its error on the map, from its real phase centres.
+        """Middle of the band of a sub-aperture, metres, and its error on the map, dB.
 
-        Parameters
-        ----------
-        tx_m, rx_m : (P, C, 3) float64
-            Phase centres, metres.
-
-        Returns
-        -------
-        centre_m, predicted_error_db : float
-            Middle of the band, metres, and error against time-domain correlation, dB.
-
-        None where the track differs so much that the error may exceed the target; never where
-        the track had been known.
+        As `SubaperturePlan.check`, from its real phase centres, (P, C, 3) float64, metres. None
+        where the track differs so much that the error may exceed the target; never where the
+        track had been known.
         """
         try:
             centre_m, error_db, within = self.subapertures.check(tx_m, rx_m)
@@ -76,14 +67,7 @@ class LivePlan(AfbpPlan):
 def extension(n_pulses: int, length: int, slack: float) -> tuple[int, int]:
     """Pulses by which to extend an aperture at its start and end, to whole sub-apertures.
 
-    Parameters
-    ----------
-    n_pulses : int
-        Of the aperture.
-    length : int
-        Of a sub-aperture.
-    slack : float
-        Times the usual extension.
+    The aperture has `n_pulses`, a sub-aperture `length`; `slack` is times the usual extension.
     """
     least = math.ceil(slack * _EXTENSION * n_pulses)
     extra = math.ceil((n_pulses + 2 * least) / length) * length - n_pulses
@@ -162,16 +146,16 @@ def _windows_db(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window: 
                 between: Interpolator) -> float:
     """Error of the interpolation between lines in the worst of some windows, dB."""
     bands, width = _bands_of_some(polar, radar, tx_m, rx_m, n_window)
-    n_channels, worst = rx_m.shape[1], 0.0
+    n_channels, worst_db = rx_m.shape[1], -math.inf
     k = np.linspace(*bands.wavenumber, _WAVENUMBERS)[:, None, None]
     for first in np.unique(np.linspace(0, len(bands.slope) // n_channels - width,
                                        _WINDOWS).astype(int)):
         rows = slice(first * n_channels, (first + width) * n_channels)
         slope, weight = bands.slope[rows], bands.weight[rows]
         middle = 0.5 * (slope.min() + slope.max()) * radar.wavenumber_rad_per_m
-        error = between.error_at((k * slope - middle) * (polar.alpha_spacing / (2 * math.pi)))
-        worst = max(worst, float(error.mean(axis=(0, 2)) @ weight / weight.sum()))
-    return 10 * math.log10(worst + 1e-16)
+        worst_db = max(worst_db, between.mean_error_db(
+            (k * slope - middle) * (polar.alpha_spacing / (2 * math.pi)), weight))
+    return worst_db
 
 
 def _bands_of_some(polar, radar, tx_m, rx_m, n_window) -> tuple[LocalSpectrum, int]:

@@ -28,11 +28,11 @@ from ..aliasing_error import (
 from ..costs import costs
 from ..local_spectrum import SAMPLES_PER_SIDE, LocalSpectrum, ranges_before, usual_guard
 from ..profiles.transform_length import quick_length
-from .aperture_cut import cut_pulses, pieces_between_gaps
 from .polar_grids import FusionSizes
 from .row_length import row_length
 from .subaperture_cost import SubapertureCost
 
+_GAP = 4.0  # times the usual distance between pulses
 _OVERSAMPLING = (1.1, 1.15, 1.2, 1.25, 1.3, 1.4, 1.6, 1.8, 2.0, 2.3, 2.7, 3.2)
 _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 _AHEAD = (4, 2, 1, 0)  # choices to look ahead in both
@@ -44,6 +44,30 @@ _NEARER = (0.7, 0.9)  # shares of the furthest distance from the centre, which a
 _CHANCE = 1.2
 # At which errors are looked up: sub-apertures, rows of each, wavenumbers of each row
 _CUTS_FOR_ERROR, _ROWS_FOR_ERROR, _WAVENUMBERS = 16, 24, 6
+
+
+def pieces_between_gaps(middles) -> list[tuple[int, int]]:
+    """First pulse, and the one after the last, of what lies between gaps of a track.
+
+    `middles` are the mean phase centres of the pulses, (P, 3) float64, metres.
+    """
+    steps = np.linalg.norm(np.diff(middles, axis=0), axis=1)
+    usual = np.median(steps) if len(steps) else 0.0
+    gaps = (np.flatnonzero(steps > _GAP * usual) + 1).tolist() if usual > 0 else []
+    return list(zip([0, *gaps], [*gaps, len(middles)], strict=True))
+
+
+def cut_pulses(pieces, length: int) -> list[slice]:
+    """Sub-apertures of about equal length, `length` pulses at most, within the pieces of a track.
+
+    `pieces` are those of `pieces_between_gaps`.
+    """
+    cuts = []
+    for start, stop in pieces:
+        edges = np.linspace(start, stop, math.ceil((stop - start) / length) + 1)
+        edges = edges.round().astype(int).tolist()
+        cuts += map(slice, edges[:-1], edges[1:])
+    return cuts
 
 
 @dataclasses.dataclass(frozen=True)
@@ -218,27 +242,21 @@ def _on_plane(sizes: FusionSizes) -> bool:
 
 
 def _rows_for_error(s: Sampling, bands: LocalSpectrum, n_channels: int) -> tuple[np.ndarray, ...]:
-    """Some rows of some sub-apertures, the power of each, and the middle of its band, metres."""
-    cuts = np.linspace(0, len(s.pulses) - 1, _CUTS_FOR_ERROR).round().astype(int)
-    rows, weight, centre = [], [], []
-    for cut in np.unique(cuts):
-        first, last = (n * n_channels for n in (s.pulses[cut].start, s.pulses[cut].stop))
-        some, power = _rows_by_slope(bands.slope[first:last], bands.weight[first:last])
-        rows.append(first + some)
-        weight.append(power)
-        centre.append(np.full(len(some), s.centre[cut]))
-    return tuple(map(np.concatenate, (rows, weight, centre)))
+    """Some rows of some sub-apertures, the power of each, and the middle of its band, metres.
 
-
-def _rows_by_slope(slope, weight) -> tuple[np.ndarray, np.ndarray]:
-    """Some rows of a sub-aperture and the power that each stands for.
-
-    They lie densest where the band ends: the error of the others is far less.
+    They lie densest where bands end: the error of the others is far less.
     """
-    order = np.argsort(slope.mean(axis=1))
-    edges = 0.5 * len(order) * (1 - np.cos(np.linspace(0, np.pi, _ROWS_FOR_ERROR + 1)))
-    power = np.interp(edges, np.arange(len(order) + 1), np.append(0, np.cumsum(weight[order])))
-    return order[(0.5 * (edges[1:] + edges[:-1])).astype(int)], np.diff(power)
+    cuts = np.linspace(0, len(s.pulses) - 1, _CUTS_FOR_ERROR).round().astype(int)
+    found = []
+    for cut in np.unique(cuts):
+        rows = slice(*(n * n_channels for n in (s.pulses[cut].start, s.pulses[cut].stop)))
+        order = np.argsort(bands.slope[rows].mean(axis=1))
+        edges = 0.5 * len(order) * (1 - np.cos(np.linspace(0, np.pi, _ROWS_FOR_ERROR + 1)))
+        power = np.append(0, np.cumsum(bands.weight[rows][order]))
+        found.append((rows.start + order[(0.5 * (edges[1:] + edges[:-1])).astype(int)],
+                      np.diff(np.interp(edges, np.arange(len(order) + 1), power)),
+                      np.full(_ROWS_FOR_ERROR, s.centre[cut])))
+    return tuple(map(np.concatenate, zip(*found, strict=True)))
 
 
 def fusion_error(sampling: Sampling, bands: LocalSpectrum, rows, weight, centre_m) -> float:

@@ -44,14 +44,9 @@ class SubapertureCost:
     padding_m: float
 
     def cost(self, pulses, n_pixels) -> np.ndarray:
-        """(K,) nanoseconds of all images of a cut into sub-apertures.
+        """(K,) nanoseconds of all images of a cut into sub-apertures of about equally many pulses.
 
-        Parameters
-        ----------
-        pulses : sequence of slice
-            Of the sub-apertures, which are about equally long.
-        n_pixels : (K,) int
-            Of each image.
+        `pulses` are their slices, `n_pixels`, (K,), the pixels of each image.
         """
         length = pulses[0].stop - pulses[0].start
         return len(pulses) * np.minimum(*self._costs(self._beams(pulses), length, n_pixels))

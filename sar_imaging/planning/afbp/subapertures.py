@@ -241,16 +241,8 @@ def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, 
     ----------
     polar : PolarGrid
         Where the fused image is wanted.
-    radar : RadarParameters
-        Of the profiles, or of the phase histories that are imaged as they come.
-    n_samples : int
-        Samples of each profile, or frequencies.
-    tx_m, rx_m : (P, C, 3) float64
-        Phase centres in the order of the pulses, metres.
-    target_db : float
-        Wanted error of the fused image, dB.
-    pulses_per_subaperture : int, optional
-        Length of the sub-apertures; the quickest if left out.
+    radar, n_samples, tx_m, rx_m, target_db, pulses_per_subaperture :
+        As for `plan_afbp`; the error is that of the fused image.
     cover : PolarCover, optional
         Of the map that the fused image is read for; `polar` is its own, or has fewer lines.
     band : PhaseHistory, optional

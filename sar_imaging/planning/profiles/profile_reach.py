@@ -42,20 +42,10 @@ def check_reach(range_m: tuple[float, float], radar: RadarParameters, n_samples:
 
 def reach_warnings(points_m, tx_m, rx_m, radar: RadarParameters, n_samples: int
                    ) -> tuple[str, ...]:
-    """Say which share of pixels lies beyond the profiles for some of the pulses.
+    """Say which share of the pixels lies beyond the profiles for some of the pulses.
 
-    Nothing where all lie within the profiles for all pulses.
-
-    Parameters
-    ----------
-    points_m : (S, 3) float64
-        Pixels all over the image, metres.
-    tx_m, rx_m : (..., 3) float64
-        Phase centres, metres.
-    radar : RadarParameters
-        Of the profiles.
-    n_samples : int
-        Samples of each.
+    Nothing where all of them, (S, 3) all over the image, lie within the `n_samples` of the
+    profiles for all phase centres, (..., 3), metres.
     """
     start, stop = covered_ranges(radar, n_samples)
     centres = [c.reshape(-1, 3) for c in (tx_m, rx_m)]

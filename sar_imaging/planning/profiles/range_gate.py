@@ -66,21 +66,10 @@ class RangeGate:
         return cls(radar, 0, n_samples, radar.range_start_m, 0, 0)
 
     def end_error(self, range_m, oversampling: float = math.inf) -> np.ndarray:
-        """Mean squared error at half paths of what is read, because the window ends.
+        """(...) mean squared error at half paths (...), metres, because the window ends.
 
-        Relative to the power of the profile, which is taken to go on beyond its ends.
-
-        Parameters
-        ----------
-        range_m : (...) array_like
-            Half paths, metres.
-        oversampling : float
-            Of the lattice that is read, see `gain`.
-
-        Returns
-        -------
-        (...) float64
-            1 where nothing is read.
+        Relative to the power of the profile, which is taken to go on beyond its ends: 1 where
+        nothing is read. The oversampling is that of the lattice that is read, see `gain`.
         """
         given = round(self.radar.sample_rate_hz / self.radar.bandwidth_hz, 2)
         after = (np.asarray(range_m) - self.range_start_m) / self.radar.sample_spacing_m
@@ -101,7 +90,7 @@ class RangeGate:
         n_axes : int
             2 of a square, 3 of a cube.
         oversampling : float
-            Of the lattice that is read, see `gain`.
+            As for `end_error`.
         """
         error = np.mean(self.end_error(range_m, oversampling), axis=0)
         side = np.ones(round(len(error) ** (1 / n_axes)))
