@@ -84,6 +84,17 @@ class Recording:
         return 20 * np.log10(np.linalg.norm(flat[chosen] - exact) / np.linalg.norm(exact))
 
 
+@pytest.fixture(scope='session', autouse=True)
+def kept_bytecode():
+    """Node processes keep bytecode beside the compiled kernels, even if the shell wants none.
+
+    Hundreds are started, and each would compile the package again.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv('PYTHONDONTWRITEBYTECODE', raising=False)
+        yield
+
+
 @pytest.fixture(scope='session', params=['psf', 'spotlight'])
 def any_recording(request):
     return Recording(request.param)

@@ -4,6 +4,7 @@ Each runs tests of this suite in a process of its own. `make processors` takes a
 all pinned images, which compile everything for each processor; the suite takes a part.
 """
 
+import concurrent.futures
 import json
 import os
 import platform
@@ -43,9 +44,20 @@ def test_vectors_are_as_long_as_those_of_the_processor(processor, lanes, tmp_pat
     assert int(_run(processor, tmp_path, '-c', code)) == lanes
 
 
+@pytest.fixture(name='parts', scope='module')
+def parts_fixture(tmp_path_factory):
+    """The part of the suite on each processor, at the same time: compiling takes one thread."""
+    def start(processor):
+        return pool.submit(_run, processor, tmp_path_factory.mktemp(processor), '-m', 'pytest',
+                           '-p', 'no:cacheprovider', *PART)
+
+    with concurrent.futures.ThreadPoolExecutor() as pool:
+        yield {processor: start(processor) for processor in PROCESSORS}
+
+
 @pytest.mark.parametrize('processor', PROCESSORS)
-def test_kernels_of_another_processor(processor, tmp_path):
-    assert '[100%]' in _run(processor, tmp_path, '-m', 'pytest', '-p', 'no:cacheprovider', *PART)
+def test_kernels_of_another_processor(parts, processor):
+    assert '[100%]' in parts[processor].result()
 
 
 @pytest.mark.campaign

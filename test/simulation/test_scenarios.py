@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import pathlib
 
 import numpy as np
 import pytest
@@ -12,10 +13,15 @@ from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.signal.spectra import band_spectrum
 from sar_imaging.simulation.scenarios import SCENARIOS
+from sar_imaging.tools.recordings.bag_io import read_blocks
+
+BAGS = pathlib.Path(__file__).parents[2] / 'bags'
 
 
-def _recording(name, pulses_per_block=25):
-    return concatenate(list(SCENARIOS[name]().blocks(pulses_per_block)))
+def _recording(name):
+    # What lies in bags/ is bit for bit what the scenario gives (test/tools/test_simulate.py).
+    path = BAGS / name
+    return concatenate(list(read_blocks(path) if path.is_dir() else SCENARIOS[name]().blocks(25)))
 
 
 @pytest.mark.parametrize('name', SCENARIOS)
