@@ -6,10 +6,11 @@ import dataclasses
 import logging
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ..backends import AUTO
 from ..geometry.grids import MapGrid
 from ..imaging.imager import plan_image
 from ..quality.measures import contrast, entropy
@@ -22,9 +23,11 @@ from .residual import Residual, absorb, along_sight, estimate_residual
 from .search import search
 from .tiles.points import bright_points
 
+if TYPE_CHECKING:
+    from ..backends.protocol import Backend
+
 __all__ = ['Autofocus', 'AutofocusReport', 'AutofocusResult']
 _logger = logging.getLogger(__name__)
-_TARGET_DB = -80.0  # of the images that are compared
 OFFSET = 'time_offset_s'  # parameter that is searched for over a wide range
 _FEWEST_TO_CLAIM = 4  # bright points without which success is not claimed
 _FEWEST_TO_ABSORB = 12
@@ -69,6 +72,10 @@ class Autofocus:
         `scale_m` if left out.
     imager : callable, optional
         From a PulseBlock to its image on the grid; exact backprojection if left out.
+    target_db : float
+        Largest error of images by exact backprojection against correlation to plan for, dB.
+    backend : str or Backend
+        What computes images and those of trials, as for `plan_image`.
     scale_m : float
         Expected size of the track error, metres, for the default model.
     offset_reach_s : float
@@ -101,6 +108,7 @@ class Autofocus:
     def __init__(self, grid: MapGrid, *,
                  model: Callable[[PulseBlock], GeometryModel] | None = None,
                  imager: Callable[[PulseBlock], np.ndarray] | None = None,
+                 target_db: float = -80.0, backend: str | Backend = AUTO,
                  scale_m: float = 0.05, offset_reach_s: float = 0.0, n_phases: int = N_PHASES,
                  least_coherence: float = LEAST_COHERENCE, n_points: int = 48,
                  margin: float = 0.005, claim_db: float = -22.0):
@@ -114,6 +122,7 @@ class Autofocus:
         self.grid, self.scale_m, self._offset_reach_s = grid, scale_m, offset_reach_s
         self._model = model or self._default_model
         self._imager = imager or self._backproject
+        self._target_db, self._backend = target_db, backend
         self._n_phases, self._n_points = n_phases, n_points
         self._least_coherence = least_coherence
         self._margin, self._claim_db = margin, claim_db
@@ -196,7 +205,8 @@ class Autofocus:
             raise ValueError(f'offset_reach_s={self._offset_reach_s:g} needs a model with the '
                              f'parameter {OFFSET}; this one has '
                              f'{", ".join(model.names) or "none"}')
-        curve = OffsetSearch(block, _by_offset(model), self.grid, self._offset_reach_s).run()
+        curve = OffsetSearch(block, _by_offset(model), self.grid, self._offset_reach_s,
+                             self._backend).run()
         model = _within(model, *curve.offset_s[[0, -1]])
         alone = model.names == (OFFSET,)
         if curve.visible_range_rad < _LEAST_VISIBLE_RAD and alone:
@@ -342,7 +352,7 @@ class Autofocus:
 
     def _backproject(self, block: PulseBlock) -> np.ndarray:
         return plan_image(self.grid, block.radar, block.n_samples, method='exact',
-                          target_db=_TARGET_DB)(block).samples
+                          target_db=self._target_db, backend=self._backend)(block).samples
 
 
 def _by_offset(model: GeometryModel) -> Callable[[float], Geometry]:

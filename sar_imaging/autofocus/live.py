@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry.grids import MapGrid
-from ..imaging.imager import plan_image
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .autofocus import Autofocus
@@ -18,7 +17,7 @@ BEYOND = 1.25  # what is searched for a clock offset, over its expected size
 
 def live_autofocus(grid: MapGrid, *, track_error_m: float = 0.0, time_offset_s: float = 0.0,
                    range_bias_m: float = 0.0, track: PhaseCentreTrack | None = None,
-                   target_db: float = -80.0, **options) -> Autofocus:
+                   **options) -> Autofocus:
     """Autofocus of apertures whose track, clock or range is not known well.
 
     An offset of the clocks is searched for from -1.25 to 1.25 times its expected size, as far as
@@ -38,10 +37,8 @@ def live_autofocus(grid: MapGrid, *, track_error_m: float = 0.0, time_offset_s: 
     track : PhaseCentreTrack, optional
         Where the phase centres were before, during and after the aperture. Left out, it is that
         of the pulses, and offsets of more than a tenth of their duration cannot be tried.
-    target_db : float
-        Largest error of the images against exact correlation to plan for, dB.
     options
-        Of `Autofocus`, such as `n_phases`.
+        Of `Autofocus`, such as `n_phases` and `target_db`.
 
     Returns
     -------
@@ -63,12 +60,7 @@ def live_autofocus(grid: MapGrid, *, track_error_m: float = 0.0, time_offset_s: 
             out = with_range_bias(out, scale_m=range_bias_m)
         return out
 
-    def image(block: PulseBlock) -> np.ndarray:
-        return plan_image(grid, block.radar, block.n_samples, method='exact',
-                          target_db=target_db)(block).samples
-
-    return Autofocus(grid, model=model, imager=image, offset_reach_s=BEYOND * time_offset_s,
-                     **options)
+    return Autofocus(grid, model=model, offset_reach_s=BEYOND * time_offset_s, **options)
 
 
 def compile_autofocus() -> None:

@@ -12,15 +12,19 @@ import dataclasses
 import logging
 import math
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..backends import AUTO, optional_entry
 from ..geometry.grids import MapGrid
 from ..geometry.track_frame import mean_centres
 from ..quality.measures import contrast
 from ..signal.pulses import PulseBlock
 from .models import Geometry
-from .scout_kernels import LENGTH, scout
+
+if TYPE_CHECKING:
+    from ..backends.protocol import Backend
 
 _logger = logging.getLogger(__name__)
 STEP_RAD = 1.2  # rms change of the visible phases from trial to trial
@@ -128,6 +132,8 @@ class OffsetSearch:
         Of the image.
     reach_s : float
         Largest offset to try to both sides, seconds.
+    backend : str or Backend
+        What computes the trial images, as for `plan_image`.
 
     Raises
     ------
@@ -136,12 +142,13 @@ class OffsetSearch:
     """
 
     def __init__(self, block: PulseBlock, geometry: Callable[[float], Geometry], grid: MapGrid,
-                 reach_s: float):
+                 reach_s: float, backend: str | Backend = AUTO):
         self._geometry, self._reach_s = geometry, reach_s
         every = -(-block.n_pulses // _MOST_PULSES)
         self._pulses = slice(None, None, every)
         self._radar = block.radar
-        self._real, self._imag = _planes(block.samples[self._pulses])
+        self._trials = optional_entry(backend, 'TrialImages')(
+            block.radar, block.samples[self._pulses])
         self._known = self._sample(np.linspace(-reach_s, reach_s, _SAMPLES))
         if not self._known:
             raise ValueError('no position is known for these pulses')
@@ -169,21 +176,22 @@ class OffsetSearch:
         along = np.array([*nominal[:2], 0.0]) / max(ground, 1e-9)
         across = np.array([-along[1], along[0], 0.0])
         spread = max(np.ptp(np.arctan2(look @ across, look @ along)) for look in looks)
+        length = self._trials.length
         u_step = _PIXEL * self._radar.range_resolution_m * np.linalg.norm(nominal) / ground
         v_step = _PIXEL * self._radar.wavelength_m / 2 / max(spread, 1e-3)
         half = 0.5 * grid.spacing_m * np.array([grid.n_x, grid.n_y])
         u_half, v_half = (np.abs(axis[:2]) @ half for axis in (along, across))
-        n_u, n_v = max(1, round(2 * u_half / u_step / LENGTH)), max(1, round(2 * v_half / v_step))
-        u = (np.arange(n_u) - (n_u - 1) / 2) * LENGTH * u_step
+        n_u, n_v = max(1, round(2 * u_half / u_step / length)), max(1, round(2 * v_half / v_step))
+        u = (np.arange(n_u) - (n_u - 1) / 2) * length * u_step
         v = (np.arange(n_v) - (n_v - 1) / 2) * v_step
         middle = (u[:, None, None] * along + v[:, None] * across).reshape(-1, 3)
-        inside = (np.abs(middle[:, :2]) <= half + 0.5 * LENGTH * u_step * np.abs(along[:2])
+        inside = (np.abs(middle[:, :2]) <= half + 0.5 * length * u_step * np.abs(along[:2])
                   ).all(axis=1)
         part = (np.arange(n_u)[:, None] * _BLOCKS // n_u + np.arange(n_v) * _BLOCKS // n_v) % 2
         if n_u < _BLOCKS:
             part = (np.arange(n_u)[:, None] + np.arange(n_v) * _BLOCKS // n_v) % 2
         self._direction = u_step * along
-        self._starts = centre + middle[inside] - 0.5 * LENGTH * self._direction
+        self._starts = centre + middle[inside] - 0.5 * length * self._direction
         self._part = part.ravel()[inside]
         if len(self._starts) > _MOST_PIECES:
             power = self._image(self._nearest()).sum(axis=1)
@@ -194,14 +202,10 @@ class OffsetSearch:
         return self._known[min(self._known, key=abs)]
 
     def _image(self, geometry: Geometry) -> np.ndarray:
-        """(K, LENGTH) intensity."""
-        out = np.zeros((2, len(self._starts) * LENGTH), np.float32)
-        tx, rx = (np.ascontiguousarray(c[self._pulses]).reshape(-1, 3) for c in geometry[:2])
-        radar = self._radar
-        scout(self._real, self._imag, tx, rx, self._starts, self._direction,
-              radar.range_start_m - radar.sample_spacing_m - geometry.range_bias_m,
-              radar.sample_spacing_m, radar.wavelength_m, *out)
-        return (np.square(out[0]) + np.square(out[1])).reshape(-1, LENGTH)
+        """(K, L) intensity of the pieces."""
+        image = self._trials.image(geometry.tx_m[self._pulses], geometry.rx_m[self._pulses],
+                                   self._starts, self._direction, geometry.range_bias_m)
+        return np.square(image[0]) + np.square(image[1])
 
     def _measure(self, offset: float) -> tuple[float, float, float]:
         """Contrast of the trial at an offset, and of the two halves of the scene."""
@@ -251,14 +255,6 @@ class OffsetSearch:
             prominence_of_halves=min(_prominence(c, visible, best) for c in found[:, 1:].T),
             at_edge=bool(min(visible[best] - visible[0], visible[-1] - visible[best])
                          < STEP_RAD))
-
-
-def _planes(samples) -> tuple[np.ndarray, np.ndarray]:
-    """Profiles with zeros around, one row for each pulse and channel."""
-    rows = samples.reshape(-1, samples.shape[-1])
-    out = np.zeros((2, len(rows), rows.shape[1] + 3), np.float32)
-    out[0, :, 1:-2], out[1, :, 1:-2] = rows.real, rows.imag
-    return out[0].ravel(), out[1].ravel()
 
 
 def _maxima(values: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ every other backend is tested against and written from.
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -40,6 +41,27 @@ def backend(name: str | Backend = AUTO) -> Backend:
         raise ValueError(f'backend={name!r}; expected {", ".join((AUTO, *BACKENDS))}, or an '
                          f'object that has {", ".join(missing)}, too')
     return name
+
+
+def optional_entry(name: str | Backend, entry: str) -> Callable:
+    """Entry that a backend may lack: those of `baselines.Baselines`, and ``'TrialImages'``.
+
+    Parameters
+    ----------
+    name : str or Backend
+        As for `backend`.
+    entry : str
+        Name of the entry.
+
+    Raises
+    ------
+    ValueError
+        The backend does not offer it.
+    """
+    found = getattr(backend(name), entry, None)
+    if not callable(found):
+        raise ValueError(f'backend={name!r} offers no {entry}; use backend={BACKENDS[0]!r}')
+    return found
 
 
 def compile_beforehand(*entries: str, name: str | Backend = AUTO) -> None:

@@ -5,10 +5,7 @@ Signatures and formulas are those of `backends.reference`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
-
-from . import BACKENDS, backend
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,7 +15,6 @@ if TYPE_CHECKING:
     from ..planning.baselines.zero_padding import ZeroPaddingPlan
     from ..signal.pulses import PulseBlock
     from ..signal.radar import RadarParameters
-    from .protocol import Backend
 
 
 class FactorisedImager(Protocol):
@@ -56,24 +52,3 @@ class Baselines(Protocol):
 
     def image_wavenumber(self, plan: WavenumberPlan, block: PulseBlock) -> np.ndarray:
         """Image of the pulses of the planned aperture in the wavenumber domain, complex64."""
-
-
-def baseline(name: str | Backend, entry: str) -> Callable:
-    """Entry of a method for comparison.
-
-    Parameters
-    ----------
-    name : str or Backend
-        As for `backends.backend`.
-    entry : str
-        Name of the entry, see `Baselines`.
-
-    Raises
-    ------
-    ValueError
-        The backend does not offer it.
-    """
-    found = getattr(backend(name), entry, None)
-    if not callable(found):
-        raise ValueError(f'backend={name!r} offers no {entry}; use backend={BACKENDS[0]!r}')
-    return found

@@ -152,6 +152,42 @@ class SpectrumFusion(Protocol):
         """Begin another aperture on the same grid: nothing is included any more."""
 
 
+class TrialImages(Protocol):
+    """Quick images of few pixels of one aperture, for the many geometries that a search tries.
+
+    Good to a tenth of the amplitude or so, which tells a focused image from others. A backend may
+    lack it.
+
+    Attributes
+    ----------
+    length : int
+        Pixels of a piece of a line.
+    """
+
+    length: int
+
+    def image(self, tx_m: np.ndarray, rx_m: np.ndarray, starts_m: np.ndarray,
+              step_m: np.ndarray, range_bias_m: float = 0.0) -> np.ndarray:
+        """Backproject the profiles from some phase centres onto short pieces of lines.
+
+        Parameters
+        ----------
+        tx_m, rx_m : (..., 3) float64
+            Phase centres of the profiles, metres.
+        starts_m : (K, 3) float64
+            First pixel of each piece, metres.
+        step_m : (3,) float64
+            From pixel to pixel, metres.
+        range_bias_m : float
+            By how much the ranges of the profiles are too large, metres.
+
+        Returns
+        -------
+        (2, K, length) float32
+            Real and imaginary part.
+        """
+
+
 class Backend(Protocol):
     """What a backend's package must offer to the imagers."""
 

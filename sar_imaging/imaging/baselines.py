@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..backends.baselines import baseline
+from ..backends import optional_entry
 from ..planning.baselines.ffbp_choice import plan_ffbp
 from ..planning.baselines.wavenumber import plan_wavenumber
 from ..planning.baselines.zero_padding import plan_zero_padding
@@ -34,7 +34,7 @@ class Ffbp(Method):
 
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""
-        stage = baseline(self.options.backend, 'FactorisedImager')
+        stage = optional_entry(self.options.backend, 'FactorisedImager')
         plan = plan_ffbp(self.grid, self.radar, self.n_samples, tx_m, rx_m,
                          target_db=self.options.target_db, **self.own)
         report = self.planned(plan)
@@ -60,7 +60,7 @@ class Wavenumber(Method):
 
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""
-        self._image = baseline(self.options.backend, 'image_wavenumber')
+        self._image = optional_entry(self.options.backend, 'image_wavenumber')
         return self.planned(plan_wavenumber(self.grid, self.radar, self.n_samples, tx_m, rx_m,
                                             target_db=self.options.target_db, **self.own))
 
@@ -82,7 +82,7 @@ class ZeroPadding(Method):
 
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""
-        self._image = baseline(self.options.backend, 'image_zero_padded')
+        self._image = optional_entry(self.options.backend, 'image_zero_padded')
         return self.planned(plan_zero_padding(self.grid, self.radar, self.n_samples, tx_m, rx_m,
                                               target_db=self.options.target_db, **self.own))
 

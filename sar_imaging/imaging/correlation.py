@@ -13,8 +13,7 @@ import math
 import numpy as np
 from tqdm import tqdm
 
-from ..backends import AUTO
-from ..backends.baselines import baseline
+from ..backends import AUTO, optional_entry
 from ..backends.protocol import Backend
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT
@@ -69,7 +68,7 @@ def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *,
     cycles_per_m = (frequencies[0] / propagation_speed_m_per_s, step / propagation_speed_m_per_s)
     flat = np.ascontiguousarray(points.reshape(-1, 3))
     out = np.empty(len(flat), np.complex128)
-    sums = baseline(backend, 'correlate_spectra')
+    sums = optional_entry(backend, 'correlate_spectra')
     with tqdm(total=len(flat), desc='correlation', unit='pixel', disable=not progress) as bar:
         for start in range(0, len(flat), _POINTS_PER_CALL):
             part = slice(start, min(start + _POINTS_PER_CALL, len(flat)))
@@ -133,7 +132,7 @@ def correlate_profiles(block: PulseBlock, points, *, backend: str | Backend = AU
                          f'{1 / (1 - _LEAST_SPARE):.2f} times the bandwidth or more')
     sharpness = math.asinh(10 ** (-_SERIES_ERROR_DB / 20))
     pulses = (np.ascontiguousarray(a) for a in (block.samples, block.tx_m, block.rx_m))
-    return baseline(backend, 'correlate_profiles')(
+    return optional_entry(backend, 'correlate_profiles')(
         radar, *pulses, points, math.ceil(sharpness / np.pi / spare), sharpness)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import pathlib
+import types
 
 import numpy as np
 import pytest
@@ -12,8 +13,8 @@ from benchmarks.support.references import exact_image
 from sar_imaging.autofocus import Geometry
 from sar_imaging.autofocus.live import live_autofocus
 from sar_imaging.autofocus.offset_search import OffsetSearch, visible_phase
-from sar_imaging.autofocus.scout_kernels import LENGTH, scout
 from sar_imaging.autofocus.track import PhaseCentreTrack
+from sar_imaging.backends import backend, optional_entry
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.loading import load
 from sar_imaging.quality import contrast
@@ -52,20 +53,33 @@ def focus(flight, offset_s, expected_s, **options):
 def test_trial_images_are_those_of_exact_backprojection():
     flight = drone_flight(1, motion='turn', radar_kind='uwb', **SMALL)
     profiles, _ = profiles_of(flight.block, flight.track(), flight.alignment, 0.0)
-    rows = np.pad(profiles.samples[:, 0], ((0, 0), (1, 2)))
     starts = np.array([[0.2 * k, -0.4, 0.0] for k in range(-3, 4)])
     step = np.array([0.0, 0.06, 0.0])
-    out = np.zeros((2, len(starts) * LENGTH), np.float32)
-    radar = profiles.radar
-    scout(rows.real.astype(np.float32).ravel(), rows.imag.astype(np.float32).ravel(),
-          profiles.tx_m[:, 0], profiles.rx_m[:, 0], starts, step,
-          radar.range_start_m - radar.sample_spacing_m, radar.sample_spacing_m,
-          radar.wavelength_m, *out)
-    pixels = starts[:, None] + np.arange(LENGTH)[:, None] * step
-    exact = exact_image(pixels, profiles)
-    error = np.linalg.norm((out[0] + 1j * out[1]).reshape(exact.shape) - exact)
+    compiled, formula = (optional_entry(name, 'TrialImages')(profiles.radar, profiles.samples)
+                         for name in ('cpu', 'reference'))
+    assert compiled.length == formula.length
+    pixels = starts[:, None] + np.arange(compiled.length)[:, None] * step
+
+    def relative_error(one, other):
+        return np.linalg.norm(one - other) / np.linalg.norm(other)
+
+    for bias_m in (0.5, 0.0):
+        image, by_formula = (trials.image(profiles.tx_m, profiles.rx_m, starts, step, bias_m)
+                             for trials in (compiled, formula))
+        # Paths are quadratic along a piece, 0.96 m at some metres: a degree of phase.
+        assert relative_error(image, by_formula) < 0.02
     # Linear interpolation of profiles at twice their rate: 9 % of the amplitude measured.
-    assert error < 0.15 * np.linalg.norm(exact)
+    assert relative_error(image[0] + 1j * image[1], exact_image(pixels, profiles)) < 0.15
+
+
+def test_offsets_are_searched_for_with_the_backend_that_was_chosen():
+    flight = drone_flight(1, motion='turn', radar_kind='uwb', **SMALL)
+    profiles, track = profiles_of(flight.block, flight.track(), flight.misaligned(0.8), 1.25)
+    four = types.SimpleNamespace(**{name: getattr(backend('cpu'), name) for name in (
+        'Backprojection', 'SubapertureImager', 'SpectrumFusion', 'form_map')})
+    with pytest.raises(ValueError, match='offers no TrialImages'):
+        live_autofocus(flight.grid, time_offset_s=1.0, track=track,
+                       backend=four).process(profiles)
 
 
 @pytest.mark.parametrize(('seed', 'motion', 'radar_kind', 'offset_s'), [

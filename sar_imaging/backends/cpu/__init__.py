@@ -13,7 +13,8 @@ _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'subapertur
             'correlate_spectra': 'baselines.correlation',
             'correlate_profiles': 'baselines.correlation',
             'image_zero_padded': 'baselines.zero_padding',
-            'image_wavenumber': 'baselines.wavenumber'}
+            'image_wavenumber': 'baselines.wavenumber',
+            'TrialImages': 'points.trial_images'}
 
 
 def __getattr__(name):

@@ -11,7 +11,9 @@ each pixel, and nothing is rounded to float32 but the images. Small images take 
 from .correlation import correlate_profiles, correlate_spectra
 from .entries import Backprojection, SpectrumFusion, SubapertureImager, form_map
 from .factorised import FactorisedImager
+from .project_points import TrialImages
 from .zero_padding import image_zero_padded
 
 __all__ = ['Backprojection', 'FactorisedImager', 'SpectrumFusion', 'SubapertureImager',
-           'correlate_profiles', 'correlate_spectra', 'form_map', 'image_zero_padded']
+           'TrialImages', 'correlate_profiles', 'correlate_spectra', 'form_map',
+           'image_zero_padded']

@@ -1,4 +1,4 @@
-"""Operation 3: backprojection onto arbitrary points."""
+"""Operation 3: backprojection onto arbitrary points, and onto few for a search."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from ...planning.profiles.phase_history import PhaseHistory
 from ...planning.profiles.range_gate import RangeGate
+from ...signal.radar import RadarParameters
 from .resample_profiles import profile_spectra, resample_profiles
 
 
@@ -58,3 +59,26 @@ def project_points(source: RangeGate | PhaseHistory, samples, n_padded: int, tx_
         image[known] += (resample_profiles(source, spectrum[None], path[None])[0]
                          * np.exp(2j * np.pi * np.fmod(cycles, 1.0)))
     return image
+
+
+class TrialImages:
+    """See `backends.protocol.TrialImages`: profiles are linear between their samples."""
+
+    length = 16
+
+    def __init__(self, radar: RadarParameters, samples: np.ndarray):
+        self._radar, self._profiles = radar, samples.reshape(-1, samples.shape[-1])
+
+    def image(self, tx_m, rx_m, starts_m, step_m, range_bias_m: float = 0.0) -> np.ndarray:
+        """``f(x) = sum_r s_r(D_r(x)) exp(+j 4 pi D_r(x) / lambda)``, s_r linear and 0 outside."""
+        radar, n = self._radar, self._profiles.shape[-1]
+        points = starts_m[:, None] + np.arange(self.length)[:, None] * step_m
+        start_m = radar.range_start_m - range_bias_m
+        sampled_m = start_m + np.arange(-1, n + 1) * radar.sample_spacing_m
+        image = np.zeros(points.shape[:-1], np.complex128)
+        for profile, tx, rx in zip(self._profiles, tx_m.reshape(-1, 3), rx_m.reshape(-1, 3),
+                                   strict=True):
+            path = half_paths(tx, rx, points)
+            cycles = np.fmod(2 * path / radar.wavelength_m, 1.0)
+            image += np.interp(path, sampled_m, np.pad(profile, 1)) * np.exp(2j * np.pi * cycles)
+        return np.stack([image.real, image.imag]).astype(np.float32)

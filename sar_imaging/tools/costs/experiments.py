@@ -12,11 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from sar_imaging.backends.cpu.backprojection import Backprojection
-from sar_imaging.backends.cpu.baselines.ffbp import FactorisedImager
-from sar_imaging.backends.cpu.fusion.spectra import SpectrumFusion
-from sar_imaging.backends.cpu.fusion.to_map import form_map
-from sar_imaging.backends.cpu.subapertures import SubapertureImager
+from sar_imaging.backends import backend
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.planning.afbp.beams import BeamSampling
 from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
@@ -35,6 +31,7 @@ IMAGE_OVERHEAD, FUSION_OVERHEAD = 'subaperture, its image', 'subaperture, its fu
 _CARRIER_HZ, _OVERSAMPLING, _BEYOND = 10e9, 1.4, 160
 _NEVER, _ALWAYS = 1e9, 1e-6  # costs that choose ways
 _SAMPLE_BYTES = 8
+_CPU = backend('cpu')  # whose costs they are
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,7 +110,7 @@ def experiments() -> Iterator[Experiment]:
 
 def _exact(name: str, plan: BackprojectionPlan, block: PulseBlock) -> Experiment:
     """An image of its own, as imagers make it."""
-    entry, shape = Backprojection(plan), plan.grid.shape
+    entry, shape = _CPU.Backprojection(plan), plan.grid.shape
     rows = block.samples[:, 0], plan.tx_m, plan.rx_m
 
     def run():
@@ -188,7 +185,7 @@ def _images(plan: AfbpPlan, block: PulseBlock) -> Iterator[Experiment]:
 
 def _image(beams: BeamSampling, plan: AfbpPlan, some: PulseBlock) -> Experiment:
     stage = dataclasses.replace(plan.subapertures, beams=beams)
-    image = SubapertureImager(stage)
+    image = _CPU.SubapertureImager(stage)
     out = image.image(0, some)
     counts = {**stage.image_operations(some.n_pulses * some.n_channels), IMAGE_OVERHEAD: 1}
     return Experiment('beams', counts, lambda: image.image(0, some, None, out))
@@ -197,7 +194,7 @@ def _image(beams: BeamSampling, plan: AfbpPlan, some: PulseBlock) -> Experiment:
 def _fusion(plan: AfbpPlan) -> Experiment:
     stage = plan.subapertures
     grid, sampling = stage.fusion_grid, stage.sampling
-    fusion, image = SpectrumFusion(grid), _noise(grid.n_coarse, grid.n_coarse_range)
+    fusion, image = _CPU.SpectrumFusion(grid), _noise(grid.n_coarse, grid.n_coarse_range)
     counts = stage.fusion_operations
     counts[FUSION_OVERHEAD] = counts.pop('subaperture')
 
@@ -216,7 +213,7 @@ def _map(plan: AfbpPlan) -> Experiment:
     grid, fused = plan.grid, plan.subapertures.fusion_grid
     polar_image = _noise(fused.polar.n_alpha, fused.polar.n_range)
     return Experiment('polar image to map', {'map_pixel': grid.n_x * grid.n_y},
-                      lambda: form_map(polar_image, fused, grid))
+                      lambda: _CPU.form_map(polar_image, fused, grid))
 
 
 def _by_ffbp() -> Iterator[Experiment]:
@@ -227,7 +224,7 @@ def _by_ffbp() -> Iterator[Experiment]:
             plan = plan_ffbp(scene.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
                              kernel=kernel, merge_factor=4)
             yield Experiment(f'FFBP, {kernel}', plan.operations,
-                             functools.partial(FactorisedImager(plan).image, block))
+                             functools.partial(_CPU.FactorisedImager(plan).image, block))
 
 
 def _noise(n_lines: int, n_pixels: int) -> np.ndarray:

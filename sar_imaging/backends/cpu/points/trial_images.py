@@ -1,22 +1,47 @@
-"""Compiled loop of the clock offset search: quick images of few pixels."""
+"""Quick images of few pixels, for the many trial geometries of a search."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..backends.cpu.line_kernels import _cos_cycles, _fraction, _sin_cycles
-from ..compilation import njit, numba
+from ....compilation import njit, numba
+from ....signal.radar import RadarParameters
+from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
 
 LENGTH = 16  # pixels of a piece of a line
 
 
-@njit(parallel=True)
-def scout(real, imag, tx, rx, starts, direction, range_start, spacing, wavelength, out_re,
-          out_im):
-    """Backproject profiles onto short pieces of lines.
+class TrialImages:
+    """See `backends.protocol.TrialImages`.
 
     Paths are quadratic along a piece and profiles linear between samples: good to a tenth or so,
     which is enough to tell a focused image from others.
+    """
+
+    length = LENGTH
+
+    def __init__(self, radar: RadarParameters, samples: np.ndarray):
+        self._radar = radar
+        rows = samples.reshape(-1, samples.shape[-1])
+        planes = np.zeros((2, len(rows), rows.shape[1] + 3), np.float32)  # with zeros around
+        planes[0, :, 1:-2], planes[1, :, 1:-2] = rows.real, rows.imag
+        self._planes = planes.reshape(2, -1)
+
+    def image(self, tx_m: np.ndarray, rx_m: np.ndarray, starts_m: np.ndarray,
+              step_m: np.ndarray, range_bias_m: float = 0.0) -> np.ndarray:
+        """See `backends.protocol.TrialImages.image`."""
+        out, radar = np.zeros((2, len(starts_m) * LENGTH), np.float32), self._radar
+        tx_m, rx_m = (np.ascontiguousarray(c).reshape(-1, 3) for c in (tx_m, rx_m))
+        add_pieces(*self._planes, tx_m, rx_m, starts_m, step_m,
+                   radar.range_start_m - radar.sample_spacing_m - range_bias_m,
+                   radar.sample_spacing_m, radar.wavelength_m, *out)
+        return out.reshape(2, -1, LENGTH)
+
+
+@njit(parallel=True)
+def add_pieces(real, imag, tx, rx, starts, direction, range_start, spacing, wavelength, out_re,
+               out_im):
+    """Backproject profiles onto short pieces of lines, see `TrialImages`.
 
     Parameters
     ----------
