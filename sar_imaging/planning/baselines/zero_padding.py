@@ -37,6 +37,7 @@ _POSITION_BYTES, _SUM_BYTES, _SAMPLE_BYTES = 24, 16, 8  # float64 x 3, complex12
 _COPIES = 3  # of the profiles that are padded at a time
 _RATIOS = (2, 4, 8, 16)  # to choose from
 _POINTS = 4096  # whose ranges are looked at closely
+_NODES, _BY_NODE = np.polynomial.legendre.leggauss(64)  # over the band, and between two samples
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -223,14 +224,13 @@ def predicted_error_db(interpolator: str, ratio: int, radar: RadarParameters) ->
     if radar.sample_rate_hz < radar.bandwidth_hz:
         raise ValueError(f'profiles sampled at {radar.sample_rate_hz:g} Hz for a bandwidth of '
                          f'{radar.bandwidth_hz:g} Hz; sample them at the bandwidth or faster')
-    nodes, weight = np.polynomial.legendre.leggauss(64)
-    weight = weight / 2
-    baseband = nodes * _band_edge(ratio, radar)  # cycles per sample
+    weight = _BY_NODE / 2
+    baseband = _NODES * _band_edge(ratio, radar)  # cycles per sample
     if interpolator == 'nearest':
         absolute = radar.carrier_hz / (ratio * radar.sample_rate_hz) + baseband
         error = float(2 - 2 * weight @ np.sinc(absolute))
     else:
-        position = (nodes + 1) / 2
+        position = (_NODES + 1) / 2
         taps = _weights(interpolator, position, ratio, radar)
         offset = np.arange(taps.shape[1]) - taps.shape[1] // 2 + 1 - position[:, None]
         # Relative to the wanted value, so that the phase of the position drops out.

@@ -17,6 +17,7 @@ from ....geometry.straight_track import StraightTrack
 
 _TAPS = 6  # of the kernel that reads the image between the samples of the FFT
 _SHAPE = 2.3 * _TAPS
+_NODES, _BY_NODE = np.polynomial.legendre.leggauss(64)  # of the integral over the kernel
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,9 +93,8 @@ class SlantImage:
 
 def _kernel_response(frequency) -> np.ndarray:
     """Fourier transform of the kernel of `SlantImage.read` at cycles per sample."""
-    z, weights = np.polynomial.legendre.leggauss(64)
-    kernel = weights * _TAPS / 2 * np.exp(_SHAPE * (np.sqrt(1 - z * z) - 1))
-    return np.cos(np.pi * _TAPS * np.multiply.outer(frequency, z)) @ kernel
+    kernel = _BY_NODE * _TAPS / 2 * np.exp(_SHAPE * (np.sqrt(1 - _NODES ** 2) - 1))
+    return np.cos(np.pi * _TAPS * np.multiply.outer(frequency, _NODES)) @ kernel
 
 
 @njit(parallel=True)
