@@ -13,11 +13,13 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from scipy import fft
 
 from ..geometry.earth import Datum
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .echoes import quantise
 from .noise import complex_gaussian
 from .scenarios import Scenario, receive_array
 from .scene import Clutter, Scatterer
@@ -29,7 +31,7 @@ PIXELS_PER_RESOLUTION = 2
 BASELINE_M = (0.3, 0.0, 1.4)  # from one pass to the next, of sides of 200 m; less of shorter ones
 _RANGE_SIDES = 5.0  # slant range, sides of the square
 _SPEED_M_PER_S = 25.0
-_NOISE_STD = 0.2  # of a sample; the echo of a reflector is 1
+_NOISE_STD = 0.2  # of a sample before the filter of the receiver; the echo of a reflector is 1
 _CLUTTER_AMPLITUDE = 0.05
 _MARGIN_SAMPLES = 12  # of the profiles on both sides of the square
 _BETWEEN_RECORDINGS_NS = 60 * 10**9
@@ -271,8 +273,10 @@ class SurveyRecording:
         for number, scenario in enumerate(self.scenarios()):
             late = start_ns + round(number * survey.advance_m / _SPEED_M_PER_S * 1e9)
             for block in scenario.blocks(pulses_per_block):
-                yield dataclasses.replace(block, stamp_ns=block.stamp_ns + late,
-                                          counter=block.counter + number * count)
+                yield dataclasses.replace(
+                    block, stamp_ns=block.stamp_ns + late, counter=block.counter + number * count,
+                    samples=quantise(block.samples + _noise(block, scenario.seed),
+                                     scenario.resolution_bits, scenario.full_scale))
 
     def _middles_m(self) -> np.ndarray:
         """(A, 2) middles of its squares in the survey's frame, metres."""
@@ -323,13 +327,24 @@ class SurveyRecording:
             pulses_per_aperture=count, trajectory=track, tx_offsets_m=((0.0, 0.0, 0.0),) * n,
             rx_offsets_m=receive_array(n, radar.wavelength_m / 2), scatterers=tuple(scatterers),
             clutter=clutter, grid=self.grid, cut_half_width_m=(8 * survey.spacing_m,) * 2,
-            noise_std=_NOISE_STD, seed=survey.seed * 2**20 + self.number * 2**6 + number,
+            seed=survey.seed * 2**20 + self.number * 2**6 + number,
             resolution_bits=16, notes='Invented; looks along +x, flies along +y')
 
 
 def _number(row: int, column: int) -> int:
     """A number of its own for each cell, not negative."""
     return (row + 2**19) * 2**20 + column + 2**19
+
+
+def _noise(block: PulseBlock, seed: int) -> np.ndarray:
+    """(P, C, N) complex128 noise as a receiver's filter leaves it: within the band alone."""
+    shape, radar = block.samples.shape[1:], block.radar
+    white = np.stack([complex_gaussian(seed, int(c), math.prod(shape)).reshape(shape)
+                      for c in block.counter])
+    spectrum = fft.fft(white, axis=-1)
+    baseband_hz = fft.fftfreq(shape[-1], 1 / radar.sample_rate_hz)
+    spectrum[..., np.abs(baseband_hz) > radar.bandwidth_hz / 2] = 0
+    return _NOISE_STD * fft.ifft(spectrum, axis=-1)
 
 
 def _uniform(seed: int, stream: int, n: int) -> np.ndarray:
