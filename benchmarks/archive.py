@@ -1,0 +1,173 @@
+"""A mosaic of a gigapixel from an archive larger than the memory of a worker.
+
+Run from the repository root: ``python -m benchmarks.archive``. It simulates an archive of 4 GB of
+samples, images it to a mosaic of 1.1 Gpixel with two workers of 2 GB (`sar-imaging archive`), and
+compares random pixels of the mosaic with correlation from the recordings. Then it images the same
+recordings one after the other in one process and, where FastSAR is installed, with FastSAR in a
+plain ``dask.bag``. Half an hour on two cores; ``--recordings 4 --lines 2 --pixels 1024`` for a
+minute.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import pathlib
+import re
+import resource
+import shutil
+import subprocess
+import sys
+import time
+
+import numpy as np
+
+from sar_imaging.configuration.scene_grid import GridChoice
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.simulation.survey import Survey
+from sar_imaging.tools.archive.jobs import load_scans
+from sar_imaging.tools.archive.products import check_mosaic
+from sar_imaging.tools.products import forming
+from sar_imaging.tools.products.sources import open_source
+from sar_imaging.tools.simulate_archive import TRUTH_FILE, write_archive
+
+from .support import fastsar_archive
+from .support.machine import machine
+
+RESULTS = pathlib.Path(__file__).parent / 'results' / 'archive.json'
+TARGET_DB = -50.0
+
+
+def simulate(folder: pathlib.Path, survey: Survey) -> dict:
+    """Write the recordings, unless they are there already."""
+    start = time.perf_counter()
+    if not (folder / TRUTH_FILE).exists():
+        write_archive(survey, folder, progress=True)
+    size = sum(path.stat().st_size for path in folder.rglob('*') if path.is_file())
+    return {'recordings': survey.n_recordings, 'samples_bytes': survey.n_bytes,
+            'files_bytes': size, 'pulses': survey.pulses_per_aperture * survey.n_recordings,
+            'pixels_of_an_image': survey.pixels**2,
+            'simulated_s': round(time.perf_counter() - start, 1)}
+
+
+def image_archive(folder: pathlib.Path, output: pathlib.Path, spacing_m: float, *,
+                  memory_gb: float, workers: int, tile: int) -> dict:
+    """Run `sar-imaging archive`, and what its summary says."""
+    job = output.with_suffix('.yaml')
+    job.write_text(f'recordings: {folder.resolve()}\noutput: {output.resolve()}\n'
+                   f'spacing_m: {spacing_m}\ntarget_db: {TARGET_DB}\ntile: {tile}\n'
+                   f'memory_gb: {memory_gb}\nproducts:\n  mosaic: true\n')
+    shutil.rmtree(output, ignore_errors=True)
+    start = time.perf_counter()
+    subprocess.run([sys.executable, '-m', 'sar_imaging.tools.command', 'archive', str(job),
+                    '--workers', str(workers)], check=True)
+    seconds = time.perf_counter() - start
+    summary = json.loads((output / 'summary.json').read_text())
+    kinds: dict[str, list[float]] = {}
+    for path in (output / 'records').rglob('*.json'):
+        record = json.loads(path.read_text())
+        kind = re.match(r'\w+', record['key']).group()
+        kinds.setdefault(kind, []).append(record['seconds'])
+    return {'seconds': round(seconds, 1), 'workers': workers, 'memory_bytes': memory_gb * 1e9,
+            'pieces': summary['n_pieces'], 'lost': len(summary['losses']),
+            'computing_s': round(summary['computing_seconds'], 1),
+            'peak_bytes': summary['peak_bytes'], 'peak_piece': summary['peak_key'],
+            'pieces_s': {kind: {'n': len(values), 'total': round(sum(values), 1),
+                                'longest': round(max(values), 2)}
+                         for kind, values in sorted(kinds.items())}}
+
+
+def check(output: pathlib.Path, n_pixels: int) -> dict:
+    """Random pixels of the mosaic against correlation."""
+    start = time.perf_counter()
+    found = check_mosaic(output, n_pixels)
+    scans = [scan for recording in load_scans(output) for scan in recording.apertures]
+    with np.load(output / scans[0].centres) as file:
+        pulses = len(file['counter'])
+    return {'pixels': len(found.row), 'error_db': round(found.error_db, 2),
+            'looks_agree': bool((found.looks == found.reference_looks).all()),
+            'wanted_db': TARGET_DB, 'pulses_of_an_aperture': pulses,
+            'seconds': round(time.perf_counter() - start, 1)}
+
+
+def image_in_turn(folder: pathlib.Path, output: pathlib.Path, spacing_m: float) -> dict:
+    """Image the same windows one after the other in one process, images kept in files.
+
+    As `sar-imaging image` does it, with all cores; without mosaic, catalogue and measured error.
+    """
+    output.mkdir(parents=True, exist_ok=True)
+    start, n_pixels = time.perf_counter(), 0
+    for path in sorted(p for p in folder.iterdir() if p.is_dir()):
+        source = open_source(path)
+        size = np.ptp(source.area_m, axis=0)
+        grid = MapGrid.from_size(tuple(source.area_m.mean(axis=0)), size[0], size[1], spacing_m)
+        image, _ = forming.form(source, GridChoice(grid, 'ground', 0, 0, ()), TARGET_DB, 2e9)
+        np.save(output / 'image.npy', image.samples)
+        n_pixels += image.samples.size
+    return {'seconds': round(time.perf_counter() - start, 1), 'pixels': n_pixels,
+            'peak_bytes': 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss}
+
+
+def in_own_process(function: str, *arguments) -> dict:
+    """A function of this module in a fresh process, whose memory is its own."""
+    run = subprocess.run([sys.executable, '-m', 'benchmarks.archive', '--call', function,
+                          json.dumps([str(a) for a in arguments])], check=True,
+                         stdout=subprocess.PIPE)
+    return json.loads(run.stdout.splitlines()[-1])
+
+
+def _call(function: str, arguments: list[str]) -> None:
+    folder, output, spacing = arguments
+    print(json.dumps(globals()[function](pathlib.Path(folder), pathlib.Path(output),
+                                         float(spacing))))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser.add_argument('--recordings', type=int, default=64)
+    parser.add_argument('--lines', type=int, default=8)
+    parser.add_argument('--pixels', type=int, default=4608)
+    parser.add_argument('--memory', type=float, default=2.0, help='of a worker, GB')
+    parser.add_argument('--workers', type=int, default=2)
+    parser.add_argument('--tile', type=int, default=2048)
+    parser.add_argument('--checked', type=int, default=100, help='pixels of the mosaic')
+    parser.add_argument('--fastsar-recordings', type=int, default=4)
+    parser.add_argument('--folder', type=pathlib.Path, default=pathlib.Path('out/archive'))
+    parser.add_argument('--results', type=pathlib.Path, default=RESULTS)
+    parser.add_argument('--only-simulate', action='store_true')
+    parser.add_argument('--call', nargs=2, help=argparse.SUPPRESS)
+    a = parser.parse_args()
+    if a.call:
+        _call(a.call[0], json.loads(a.call[1]))
+        return
+    survey = Survey(n_recordings=a.recordings, lines=a.lines, pixels=a.pixels, overlap=0.1,
+                    reflectors=20, clutter=0)
+    a.folder.mkdir(parents=True, exist_ok=True)
+    recordings, output = a.folder / 'recordings', a.folder / 'results'
+    found = {'machine': machine(), 'archive': simulate(recordings, survey)}
+    if a.only_simulate:
+        return
+    spacing = survey.spacing_m
+    found['archive_run'] = run = image_archive(recordings, output, spacing, memory_gb=a.memory,
+                                               workers=a.workers, tile=a.tile)
+    with open(output / 'plan.txt') as file:
+        found['plan'] = file.read().splitlines()
+    found['mosaic'] = check(output, a.checked)
+    found['in_turn'] = turn = in_own_process('image_in_turn', recordings, a.folder / 'in_turn',
+                                             spacing)
+    if importlib.util.find_spec('fastsar'):
+        found['fastsar'] = fastsar_archive.image_in_bag(recordings, a.fastsar_recordings,
+                                                        spacing, a.workers)
+    n_work = survey.n_recordings * survey.pixels**2 * survey.pulses_per_aperture
+    found['gigapixel_pulses_per_s'] = {
+        'archive, mosaic and files included': round(n_work / run['seconds'] / 1e9, 1),
+        'in turn, images alone': round(n_work / turn['seconds'] / 1e9, 1),
+        **({'fastsar in dask.bag, images alone': found['fastsar']['gigapixel_pulses_per_s']}
+           if 'fastsar' in found else {})}
+    a.results.write_text(json.dumps(found, indent=1) + '\n')
+    print(json.dumps(found, indent=1))
+
+
+if __name__ == '__main__':
+    main()
