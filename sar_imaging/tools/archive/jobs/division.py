@@ -30,6 +30,7 @@ COHERENCE_S_PER_PIXEL = 2e-6
 PRODUCT_S_PER_PIXEL = 2e-7
 PRODUCT_BYTES_PER_PIXEL = 6
 SICD_BYTES = 48  # of a pixel: image, and what writing it takes
+SICD_BYTES = 48  # of a pixel: the image, and what writing it takes (measured: 40)
 _TILES_AT_ONCE = 12  # times a tile of complex pixels, that sums and means take
 
 
@@ -194,7 +195,8 @@ def _coherence(job: Job, scans: Sequence[ApertureScan], images: _Images) -> Iter
         for tile in extent.tiles(job.tile):
             n_pixels = tile.intersection(pair.window).n_pixels
             needs = (key for scan in (pair.first, pair.second)
-                     for key in images.keys(scan.name, tile.grown(margin)))
+                     # looks and phase of the whole pair are measured before its first tile
+                     for key in images.keys(scan.name, pair.window))
             yield CoherencePiece(
                 key=f'coherence {pair.name} {_place(tile, job.tile)}', needs=tuple(needs),
                 seconds=PIECE_S + COHERENCE_S_PER_PIXEL * n_pixels,

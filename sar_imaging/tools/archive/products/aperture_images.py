@@ -116,8 +116,7 @@ def form_image(piece: ImagePiece, job: Job, output: Path) -> PieceResult:
     pulses = AperturePulses(piece.scan, output, piece.pulses)
     checked = Checked.of(piece.window, job.checked_pixels, piece.scan.name)
     with using(DEFAULT), one_thread():
-        image = _formed(pulses, job, piece.window, piece.scan.division.method or EXACT,
-                        checked)
+        image = _formed(pulses, job, piece.window, piece.method, checked)
     figures = checked.figures(image.samples) | _told(image.report)
     _store(piece, job, output, image.samples, checked, figures)
     return _result(piece, figures, time.perf_counter() - start)

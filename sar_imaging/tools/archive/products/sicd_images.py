@@ -16,10 +16,9 @@ from sar_imaging.planning.costs import DEFAULT, using
 
 from ...products.sources import Source, open_source
 from ..jobs import ApertureScan, ArchiveDataError, Job, PieceResult, ProductPiece
+from ..jobs.division import SICD_BYTES
 from ..jobs.prediction import BLOCK_SHARE, room_bytes
 from .aperture_images import one_thread
-
-PIXEL_BYTES = 48  # image, and what writing it takes (measured: 40)
 
 
 def write_sicd_image(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
@@ -35,10 +34,10 @@ def write_sicd_image(piece: ProductPiece, job: Job, output: Path) -> PieceResult
     acquisition = source.acquisition()
     grid = _grid(scan, job, acquisition, datum)
     room = room_bytes(job)
-    if PIXEL_BYTES * np.prod(grid.shape) > room:
+    if SICD_BYTES * np.prod(grid.shape) > room:
         raise ArchiveDataError(
             f'SICD of {scan.name} has {grid.shape[1]} by {grid.shape[0]} pixels, which take '
-            f'{PIXEL_BYTES * np.prod(grid.shape) / 1e9:.2g} GB; a worker has {room / 1e9:.2g} GB '
+            f'{SICD_BYTES * np.prod(grid.shape) / 1e9:.2g} GB; a worker has {room / 1e9:.2g} GB '
             'for it: allow more memory, or leave sicd out of products: images')
     with using(DEFAULT), one_thread():
         image = _image(source, grid, job.target_db, BLOCK_SHARE * room)
