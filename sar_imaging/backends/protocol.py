@@ -15,29 +15,21 @@ if TYPE_CHECKING:
 
 
 class Backprojection(Protocol):
-    """Adds range profiles to images by one plan.
-
-    Attributes
-    ----------
-    plan : BackprojectionPlan
-        As given.
-    memory : object or None
-        What plans whose rows are added in turn may share.
-    """
+    """Adds range profiles to images by one plan."""
 
     plan: BackprojectionPlan
-    memory: object
+    memory: object  # what plans whose echoes are added in turn may share
 
     def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray,
             image: np.ndarray) -> None:
-        """Add rows to an image.
+        """Add echoes to an image, one of each pulse and channel.
 
         Parameters
         ----------
         samples : (R, N) complex64
-            Profiles of the rows: one of each pulse and channel.
+            Their profiles.
         tx_m, rx_m : (R, 3) float64
-            Phase centres of the rows, metres; those of the plan.
+            Their phase centres, metres; those of the plan.
         image : (...) complex64
             Of the shape of the plan's grid. ``sum_r s_r(D_r(x)) exp(+j k_c D_r(x))`` is added to
             every pixel x that has a position; contiguous in C order.
@@ -45,13 +37,7 @@ class Backprojection(Protocol):
 
 
 class SubapertureImager(Protocol):
-    """Forms images of the sub-apertures of one plan.
-
-    Attributes
-    ----------
-    plan : SubaperturePlan
-        As given.
-    """
+    """Forms images of the sub-apertures of one plan."""
 
     plan: SubaperturePlan
 
@@ -84,13 +70,7 @@ class SubapertureImager(Protocol):
 
 
 class SpectrumFusion(Protocol):
-    """Fuses sub-aperture images of one grid, in any order, any subset (Zhang et al., II.B).
-
-    Attributes
-    ----------
-    grid : UnifiedPolarGrids
-        As given.
-    """
+    """Fuses sub-aperture images of one grid, in any order, any subset (Zhang et al., II.B)."""
 
     grid: UnifiedPolarGrids
 
@@ -199,7 +179,7 @@ class Backend(Protocol):
         plan : BackprojectionPlan
             What is computed, and how.
         memory : object, optional
-            The backend's work space, shared with other plans whose rows are added in turn.
+            The backend's work space, shared with other plans whose echoes are added in turn.
         """
 
     def SubapertureImager(self, plan: SubaperturePlan) -> SubapertureImager:

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import example, given, reject, settings, strategies as st
 
 from sar_imaging.backends.cpu.polar_to_map import (
-    add_polar_to_map,
     overwriting_rounds,
     polar_to_map,
 )
@@ -66,8 +65,8 @@ def test_a_wave_arrives_with_its_carrier(distance_m, height_m, axis, sign, turn,
         for n in (1, threads):
             numba.set_num_threads(n)
             images.append(np.ones(grid.shape, np.complex64))
-            add_polar_to_map(*lines, polar, grid, images[-1], axis=axis,
-                             wavelength_m=WAVELENGTH_M, between=between, along=along)
+            polar_to_map(lines, polar, grid, axis=axis, wavelength_m=WAVELENGTH_M,
+                         between=between, along=along, onto=images[-1])
     finally:
         numba.set_num_threads(threads)
     assert np.array_equal(*images)  # whatever the number of threads
@@ -112,7 +111,7 @@ def _overwrites(lines, polar, grid, axis, interpolators):
     expected = polar_to_map(lines, polar, grid, **options)
     assert np.array_equal(lines, before) and not np.shares_memory(expected, lines)
     added = np.zeros(grid.shape, np.complex64)
-    add_polar_to_map(*lines, polar, grid, added, **options)
+    polar_to_map(lines, polar, grid, **options, onto=added)
     np.testing.assert_array_equal(added, expected)
     image = polar_to_map(lines, polar, grid, **options, overwrite=True)
     np.testing.assert_array_equal(image, expected)

@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cpu.polar_to_map import add_polar_to_map, polar_to_map
+from sar_imaging.backends.cpu.polar_to_map import polar_to_map
 from sar_imaging.backends.reference.polar_to_map import polar_to_map as map_of
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.map_edges import edge_positions
@@ -46,7 +46,7 @@ def test_any_image(seed, n_x, n_y, axis, ahead, deapodised, added):
     if added:
         start = rng.standard_normal((*grid.shape, 2)).astype(np.float32).view(np.complex64)[..., 0]
         image = start.copy()
-        add_polar_to_map(*lines, polar, grid, image, **options)
+        polar_to_map(lines, polar, grid, **options, onto=image)
         wanted += start
     else:
         image = polar_to_map(lines, polar, grid, **options)

@@ -99,7 +99,7 @@ def _in_pairs(weights, start, common) -> np.ndarray:
 
 @njit(parallel=True)
 def _merge(images, shape, start, weights, phasor, fine_shape, total):
-    """Tiles of the sum take all parts in turn; free of views for the compiler, see `kernels`.
+    """Tiles of the sum take all parts in turn; free of views for the compiler, see `line_kernels`.
 
     Two lines at a time, since reading the parts takes longer than the arithmetic.
     """

@@ -13,7 +13,7 @@ from .line_kernels import project_lines
 from .lines import PolarLines, line_middles, shared_phase
 from .memory import WorkSpace
 from .points.kernels import project_points
-from .polar_to_map import add_polar_to_map
+from .polar_to_map import polar_to_map
 from .profiles import Profiles
 
 
@@ -53,8 +53,8 @@ class _Polar:
         else:
             self._merging.add_all(lambda number, part: self._lines.add(
                 *(a[way.parts.rows[number]] for a in rows), part), total)
-        add_polar_to_map(*total, way.polar, self._grid, image, axis=way.axis,
-                         wavelength_m=way.wavelength_m, between=way.between, along=way.along)
+        polar_to_map(total, way.polar, self._grid, axis=way.axis, wavelength_m=way.wavelength_m,
+                     between=way.between, along=way.along, onto=image)
 
 
 class _Lines:

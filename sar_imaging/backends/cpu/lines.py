@@ -26,12 +26,26 @@ def line_middles(locate, n_lines: int, n_pixels: int, segment: int) -> np.ndarra
     -------
     (G, S, 12, LINES) float64
     """
-    groups = -(-n_lines // LINES)
-    line = np.minimum(np.arange(groups * LINES), n_lines - 1)
+    line = np.minimum(np.arange(-(-n_lines // LINES) * LINES), n_lines - 1)
+    middles = segment_middles(locate, line, n_pixels, segment)
+    middles = middles.reshape(len(middles), -1, LINES, 12)
+    return np.ascontiguousarray(middles.transpose(1, 0, 3, 2))
+
+
+def segment_middles(locate, line, n_pixels: int, segment: int) -> np.ndarray:
+    """(S, n, 12) float64 positions and derivatives in the middle of the segments of n lines."""
     middle = np.arange(-(-n_pixels // segment)) * segment + segment // 2
-    derivatives = np.concatenate(locate(middle[:, None], line), axis=-1)  # (S, G * LINES, 12)
-    derivatives = derivatives.reshape(len(middle), groups, LINES, 12)
-    return np.ascontiguousarray(derivatives.transpose(1, 0, 3, 2))
+    return np.concatenate(locate(middle[:, None], line), axis=-1)
+
+
+def polar_positions(polar: PolarGrid):
+    """Function that gives positions and derivatives as `line_middles` wants them."""
+    def locate(pixel, line):
+        derivatives = polar.lines(polar.range_start_m + polar.range_spacing_m * pixel,
+                                  polar.alpha_start + polar.alpha_spacing * line)
+        return [d * polar.range_spacing_m ** order for order, d in enumerate(derivatives[:4])]
+
+    return locate
 
 
 class PolarLines:
@@ -43,16 +57,11 @@ class PolarLines:
     def __init__(self, polar: PolarGrid, profiles: Profiles):
         lattice = profiles.lattice
         self._polar, self._profiles = polar, profiles
-        self._lines = line_middles(self._locate, polar.n_alpha, polar.n_range, lattice.segment)
+        self._lines = line_middles(polar_positions(polar), polar.n_alpha, polar.n_range,
+                                   lattice.segment)
         # from the phase that the kernel leaves to range baseband
         cycles = 2 * (lattice.cell_m - polar.range_spacing_m) / profiles.radar.wavelength_m
         self._ramp = _phasor(cycles * np.arange(polar.n_range))
-
-    def _locate(self, pixel, line):
-        polar = self._polar
-        derivatives = polar.lines(polar.range_start_m + polar.range_spacing_m * pixel,
-                                  polar.alpha_start + polar.alpha_spacing * line)
-        return [d * polar.range_spacing_m ** order for order, d in enumerate(derivatives[:4])]
 
     def add(self, samples, tx_m, rx_m, image) -> None:
         """Add echoes to an image at range baseband.

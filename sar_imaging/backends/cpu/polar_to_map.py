@@ -50,39 +50,24 @@ _ROUND_ROWS = 16  # or a multiple: whole vectors on all processors
 _ROUND_BYTES = 8 << 20  # written by a round on average: tasks wait for each other at its end
 
 
-def add_polar_to_map(real, imag, polar: PolarGrid, grid: MapGrid, image, *, axis: int,
-                     wavelength_m: float, between: Interpolator, along: Interpolator) -> None:
-    """Interpolate a polar image at range baseband and add it to a map image.
-
-    Parameters
-    ----------
-    real, imag : (n_alpha, n_range) float32
-        The image. Lines are contiguous and equally far apart in both.
-    polar : PolarGrid
-        Its grid; it must reach `margin` pixels beyond the map on all sides and have `LANES` ranges
-        or more.
-    grid : MapGrid
-        Where the pixels of the map are.
-    image : (n_y, n_x) complex64
-        Map to add to, contiguous in C order.
-    axis, wavelength_m, between, along :
-        As for `backends.reference.polar_to_map`; interpolators are of degree `DEGREE`.
-    """
-    _interpolate(real, imag, polar, grid, image, [0, image.shape[axis]], True, axis, wavelength_m,
-                 between, along)
-
-
 def polar_to_map(lines, polar: PolarGrid, grid: MapGrid, *, axis: int, wavelength_m: float,
-                 between: Interpolator, along: Interpolator,
+                 between: Interpolator, along: Interpolator, onto: np.ndarray | None = None,
                  overwrite: bool = False) -> np.ndarray:
     """Interpolate a polar image at range baseband to a map image.
 
     Parameters
     ----------
     lines : (2, n_alpha, n_range) float32
-        Real and imaginary part, as `add_polar_to_map` takes them.
-    polar, grid, axis, wavelength_m, between, along :
-        As for `add_polar_to_map`.
+        Real and imaginary part. Lines are contiguous and equally far apart in both.
+    polar : PolarGrid
+        Its grid; it must reach `margin` pixels beyond the map on all sides and have `LANES` ranges
+        or more.
+    grid : MapGrid
+        Where the pixels of the map are.
+    axis, wavelength_m, between, along :
+        As for `backends.reference.polar_to_map`; interpolators are of degree `DEGREE`.
+    onto : (n_y, n_x) complex64, optional
+        Map to add to, contiguous in C order.
     overwrite : bool
         The map may be written over the polar image, from its first line on, and is where
         `overwriting_rounds` finds few rounds and a line's imaginary part lies behind its real
@@ -97,11 +82,13 @@ def polar_to_map(lines, polar: PolarGrid, grid: MapGrid, *, axis: int, wavelengt
         rounds = overwriting_rounds(polar, grid, axis=axis, between=between, along=along)
     most = 1 + grid.n_y * grid.n_x * SAMPLE_BYTES // _ROUND_BYTES
     if rounds is None or len(rounds) - 1 > most:
-        image, rounds = np.empty(grid.shape, np.complex64), [0, grid.shape[axis]]
+        image = np.empty(grid.shape, np.complex64) if onto is None else onto
+        rounds = [0, grid.shape[axis]]
     else:
         whole = whole.reshape(-1).view(np.complex64)
         image = whole[:grid.n_y * grid.n_x].reshape(grid.shape)
-    _interpolate(*lines, polar, grid, image, rounds, False, axis, wavelength_m, between, along)
+    _interpolate(*lines, polar, grid, image, rounds, onto is not None, axis, wavelength_m, between,
+                 along)
     return image
 
 
@@ -116,7 +103,7 @@ def overwriting_rounds(polar: PolarGrid, grid: MapGrid, *, axis: int, between: I
     Parameters
     ----------
     polar, grid, axis, between, along :
-        As for `add_polar_to_map`.
+        As for `polar_to_map`.
 
     Returns
     -------

@@ -93,8 +93,7 @@ class Profiles:
         split = self._buffer('split', (2, n_rows, lattice.n_phases, length), np.float32)
         inside = (0, length) if self._source.periodic else (
             min(max(-first, 0), length), max(min(lattice.n_cells - first, length), 0))
-        _split_phases(dense.reshape(-1).view(np.float32), lattice.n_cells, first, *inside,
-                      *split)
+        _split_phases(dense.reshape(-1).view(np.float32), lattice.n_cells, first, *inside, split)
         planes = self._buffer('planes', (n_rows, lattice.n_phases, lattice.interpolator.n_planes,
                                          self._count), np.float32)
         farrow_coefficients(split, lattice.interpolator.weights, lattice.interpolator.first,
@@ -107,7 +106,7 @@ def _pad_band(spectrum, shape, zero, gain, out, n_out):
     """Spectra times the gain, with zeros between positive and negative frequencies or cropped.
 
     Real and imaginary parts come in turn. Positive frequencies start at bin `zero` of the
-    spectra, negative ones end before it. Written for the compiler, see `kernels`.
+    spectra, negative ones end before it. Written for the compiler, see `line_kernels`.
     """
     n_rows, n = shape
     keep = min(n, n_out)
@@ -127,28 +126,23 @@ def _pad_band(spectrum, shape, zero, gain, out, n_out):
 
 
 @njit(parallel=True)
-def _split_phases(dense, n_cells, first, start, stop, real, imag):
+def _split_phases(dense, n_cells, first, start, stop, out):
     """Real and imaginary part of cells, phase by phase; 0 before `start` and from `stop` on.
 
     Cells are counted from `first` of the dense profile, which repeats.
     """
-    n_rows, n_phases, length = real.shape
+    _, n_rows, n_phases, length = out.shape
     step = np.uint64(2 * n_phases)
     for row in numba.prange(n_rows):
         for phase in range(n_phases):
-            for i in range(start):
-                real[row, phase, i] = 0.0
-                imag[row, phase, i] = 0.0
-            done = start
-            while done < stop:
-                cell = (first + done) % n_cells
-                source = np.uint64(2 * ((row * n_cells + cell) * n_phases + phase))
-                some = min(stop - done, n_cells - cell)
-                for i in range(some):
-                    real[row, phase, done + i] = dense[source + np.uint64(i) * step]
-                    imag[row, phase, done + i] = dense[source + np.uint64(i) * step
-                                                       + np.uint64(1)]
-                done += some
-            for i in range(max(start, stop), length):
-                real[row, phase, i] = 0.0
-                imag[row, phase, i] = 0.0
+            for part in range(2):
+                for i in range(length):
+                    out[part, row, phase, i] = 0.0
+                done = start
+                while done < stop:
+                    cell = (first + done) % n_cells
+                    source = np.uint64(2 * ((row * n_cells + cell) * n_phases + phase) + part)
+                    some = min(stop - done, n_cells - cell)
+                    for i in range(some):
+                        out[part, row, phase, done + i] = dense[source + np.uint64(i) * step]
+                    done += some

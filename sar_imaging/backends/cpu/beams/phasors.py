@@ -38,7 +38,7 @@ class RowPhasors(NamedTuple):
     carrier : (G * len(order),) float64
         Phase of that at the carrier, cycles.
     slope : (G * len(order),) float64
-        What a row's path grows from beam to beam, metres, in that order.
+        What a row's path grows from beam to beam, metres.
     beside : (G * Q * H,) float64
         B, metres: groups, blocks, pairs from the outermost inwards, phasors of the block.
     middle_step : (2 * G * len(order),) float32
@@ -61,15 +61,10 @@ def row_phasors(path_m, group: int, paired: bool, cycles) -> RowPhasors:
 
     Parameters
     ----------
-    path_m : (M, R) float64
-        What the half path of each row is longer than the reference's in the direction of each
-        beam, metres.
-    group : int
-        Beams of a group: even, or one.
-    paired : bool
-        Rows on opposite sides of the middle share phasors.
+    path_m, group, paired :
+        As for `form_beams`.
     cycles : (2,) float64
-        Cycles per metre of half path at the carrier, and what they grow from bin to bin.
+        Of `SpectrumBins`.
     """
     upper, lower, before, after = _pairs_of_beams(len(path_m), group)
     n_groups, half = upper.shape

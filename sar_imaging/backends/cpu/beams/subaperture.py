@@ -22,6 +22,7 @@ from ....planning.profiles.phase_history import PhaseHistory
 from ....planning.profiles.range_gate import RangeGate
 from ....planning.profiles.range_resampling import RangeResampling
 from ..fft.rows import transform_rows
+from ..lines import polar_positions, segment_middles
 from ..memory import WorkSpace
 from ..profile_spectra import spectra
 from ..threads import job_counter
@@ -68,15 +69,9 @@ class BeamformedSubaperture:
         self._bins = SpectrumBins.of(
             gain * np.exp(2j * np.pi * shift), np.array([self._per_metre, per_bin]), source.zero,
             lattice.n_cells, bins_per_run(n_bins, n_bins * per_bin / self._per_metre))
-        self._lines, self._edges = self._positions(), grid_edges(polar)
-
-    def _positions(self) -> np.ndarray:
-        """(S, n_alpha, 12) float64 as `reading.interpolate_beams` wants them."""
-        polar, segment = self._polar, self._sampling.segment
-        pixel = np.arange(-(-polar.n_range // segment)) * segment + segment // 2
-        step = polar.range_spacing_m
-        derivatives = polar.lines(polar.range_start_m + step * pixel[:, None], polar.alpha)[:4]
-        return np.concatenate([d * step ** order for order, d in enumerate(derivatives)], axis=-1)
+        self._lines = segment_middles(polar_positions(polar), np.arange(polar.n_alpha),
+                                      polar.n_range, sampling.segment)
+        self._edges = grid_edges(polar)
 
     def fill(self, samples, tx_m, rx_m, image, weights=None) -> None:
         """Image of some echoes at range baseband; image and weights as of `PolarLines.fill`.

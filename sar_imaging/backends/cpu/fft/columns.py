@@ -57,8 +57,7 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
     n_columns : int
         How many to transform.
     inverse : bool
-        Transform with ``exp(+j 2 pi k m / n)`` instead of ``exp(-j 2 pi k m / n)``; neither
-        divides by n.
+        As for `transform_rows`.
     gain : (n,) float64, optional
         By what the elements of a column are multiplied before; takes no time.
 

@@ -6,8 +6,8 @@ its lines at a time, transposed on their way into a panel so that they lie side 
 frequency k of the columns and frequency l of the lines make frequency k + height l of the row,
 `LANES` lines leave their frequencies side by side where they belong. Between the two parts element
 m of line k is turned by k m / n cycles: the four-step transform (Gentleman and Sande 1966; Bailey
-1990). Where lines or columns are not a multiple of `LANES`, the
-last group begins earlier and transforms some of them once more.
+1990). Where lines or columns are not a multiple of `LANES`, the last group begins earlier and
+transforms some of them once more.
 """
 
 from __future__ import annotations
@@ -131,10 +131,8 @@ def transform_row(row, panel, plan):
 
     Parameters
     ----------
-    row : int
-        Address of its samples.
-    panel : int
-        Address of work space for as many as `RowPlan.work_samples`.
+    row, panel : int
+        Addresses of its samples, and of work space for `RowPlan.work_samples`.
     plan : tuple
         `RowPlan.arguments`; flat, since loops in parallel take no other tuples.
     """

@@ -111,17 +111,14 @@ def run(code, source, work, target, n_groups, table, turns, turns_apart):
 
     Parameters
     ----------
-    code : int
-        From `compiled`.
+    code, table, turns : int
+        From `compiled`, and `Plan.addresses`; turns those of the set.
     source, work, target : int
         Where elements are read, kept between passes, and left.
     n_groups : int
         How many times LANES columns.
-    table, turns : int
-        Addresses of a `Plan`, turns those of the set.
     turns_apart : int
-        Turns of the first pass where they differ between columns, for `butterfly_of_turned` and
-        one group; else 0.
+        Turns of the first pass where they differ between columns of one group; else 0.
     """
     vectors.call(code, (source, work, target, n_groups, table, turns, turns_apart))
 

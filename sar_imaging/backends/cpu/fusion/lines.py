@@ -21,8 +21,8 @@ def fold_lines(image, along_alpha, along_range, rows, out) -> None:
 
     Parameters
     ----------
-    image : (n_coarse, n_range) complex64 or (2, n_coarse, n_range) float32
-        Complex or as real and imaginary part.
+    image :
+        As for `backends.protocol.SpectrumFusion.add`.
     along_alpha : (n_coarse,) float32
         Taper of each line.
     along_range : (n_range,) complex64

@@ -1,9 +1,8 @@
 """Second stage of AFBP: sub-aperture images fused by their spectra.
 
-Zhang et al., section II.B: in unified polar coordinates the spectrum of a sub-aperture image is a
-band whose place along the angular wavenumber is proportional to the sub-aperture's position and to
-the range wavenumber (equation 16). The coarse image holds the band folded; unfolding it into the
-spectrum of the full aperture and adding the bands interpolates and sums all images at once.
+Zhang et al., section II.B; `backends.reference.fuse_bands` has the formulas. Unfolding the bands
+that coarse images hold folded, and adding them in the spectrum of the full aperture, interpolates
+and sums all images at once.
 """
 
 from __future__ import annotations
@@ -143,13 +142,10 @@ class SpectrumFusion:
         return spectrum
 
     def _band(self, centre_m: float) -> Band:
-        """Where a band lies (Zhang et al., equations 16 and 17).
+        """Where a band lies, as `backends.reference.fuse_bands` says.
 
-        Its middle is ``K_alpha = K_r x_u``. In bins of ``2 pi / A`` over the extent A, range
-        wavenumber K_r has those from ``c - n_coarse // 2`` on, n_coarse of them, with
-        ``c = rint(K_r x_u A / (2 pi))``. As c only grows with K_r, or only falls where x_u is
-        negative, an angular bin n has the range wavenumbers without gap for which
-        ``c - n_coarse // 2 <= n < c - n_coarse // 2 + n_coarse``.
+        As its middle only grows with the range wavenumber, or only falls where x_u is negative,
+        an angular bin has range wavenumbers without gap.
         """
         n_coarse, n_bins = self.grid.n_coarse, len(self._wavenumber)
         middle = np.rint(self._wavenumber * (centre_m * self.grid.extent / (2 * math.pi)))
