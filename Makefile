@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats archive help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign format-campaign cphd-memory
+.PHONY: installed formats archive help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign format-campaign cphd-memory archive-campaign
 .DEFAULT_GOAL := help
 
 help:
@@ -51,6 +51,8 @@ help:
 	@echo '             obstacle maps of 300 random scenes beside the truth, 15 minutes of a core; SCENES=10 for few'
 	@echo 'make format-campaign'
 	@echo '             10,000 damaged files for each reader of formats, some minutes'
+	@echo 'make archive-campaign'
+	@echo '             archives whose workers, or all processes, are killed at random moments, 20 times each; 15 minutes'
 	@echo 'make cphd-memory'
 	@echo '             a CPHD file of 4 GB, written and imaged within 2 GB of memory, ten minutes; BYTES=1e9 for a small one'
 	@echo 'make bags    write the recordings in bags/ again'
@@ -132,6 +134,9 @@ obstacle-campaign: environment
 
 format-campaign: formats
 	@$(RUN) -m pytest -m campaign test/formats
+
+archive-campaign: archive
+	@$(RUN) -m pytest -m campaign test/tools/archive
 
 # Results go to benchmarks/results; the file lies in out/ meanwhile, and samples that wait beside it.
 cphd-memory: formats

@@ -71,6 +71,7 @@ arguments = dict(
             'check_config = sar_imaging.tools.check_config:main',
             'evaluate = sar_imaging.tools.evaluate:main',
             'layouts = sar_imaging.tools.layouts:main',
+            'archive = sar_imaging.tools.archive.archive:main',
             'image = sar_imaging.tools.products.image:main',
             'change = sar_imaging.tools.products.change:main',
             'doctor = sar_imaging.tools.products.doctor:main',

@@ -24,6 +24,7 @@ COMMANDS = {
     ('compile',): 'compile_kernels',
     ('measure-costs',): 'measure_costs',
     ('load',): 'loading.load',
+    ('archive',): 'archive.archive',
     ('image',): 'products.image',
     ('change',): 'products.change',
     ('doctor',): 'products.doctor',

@@ -2,4 +2,8 @@
 
 - `jobs`: what is to be made, and how the work is divided.
 - `products`: what pieces compute on a worker, and what they write.
+- `running`: pieces on Dask: order, records, retries, losses; on this machine or a cluster.
+- `tasks`: what a worker runs for each kind of piece.
+- `workflow`: all of it, from Python: `run_archive` and `plan_archive`.
+- `archive`: the command.
 """

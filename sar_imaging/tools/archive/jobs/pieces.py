@@ -60,12 +60,15 @@ class ScanPiece(Piece):
         Recording.
     recording : str
         Its name in the archive.
+    files : tuple of (str, int, int)
+        Name, size and time of change (ns) of its files: others are scanned anew.
     """
 
     KIND = 'scan'
 
     path: Path
     recording: str
+    files: tuple[tuple[str, int, int], ...] = ()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
