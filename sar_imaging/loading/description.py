@@ -17,7 +17,7 @@ from ..files import check_file
 MOST_BYTES = 1_000_000
 # All sections and their keys; docs/loading.md explains each.
 SECTIONS = ('name', 'description', 'notes', 'samples', 'radar', 'times', 'positions', 'poses',
-            'alignment', 'array', 'calibration', 'scene')
+            'alignment', 'array', 'calibration', 'frames', 'scene')
 _REQUIRED = object()
 
 
@@ -70,6 +70,11 @@ class Section:
     def with_variables(self, variable: Callable[[str], np.ndarray]) -> Section:
         """The same keys, whose texts may name variables."""
         return Section(self._values, self._name, tuple(self._values), self._origin, variable)
+
+    def with_defaults(self, values: Mapping[str, object]) -> Section:
+        """The same with values for keys that are not given."""
+        merged = {**values, **self._values}
+        return Section(merged, self._name, tuple(merged), self._origin, self._variable)
 
     def raw(self, key: str, default=_REQUIRED):
         """Value as YAML has it."""

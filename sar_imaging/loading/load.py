@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -26,12 +26,12 @@ from . import (
 )
 from .data_files import DataFiles, find_files
 from .description import DescriptionError, Section, read_description
+from .frames import ALIGNMENT_KEYS, FrameConverter, convert_all
 from .poses import PoseTable, read_poses
 from .scene import Scene, read_scene
 from .shipped import find_description
 from .virtual_array import VirtualArray, calibration_weights, read_array
 
-ALIGNMENT_KEYS = ('time_offset_s', 'range_bias_m', 'lever_arm_m')
 POSES_AROUND_NS = 3_000_000_000  # kept before the first and after the last pulse
 _LOCATED = 1024  # pulses whose phase centres are computed at once
 _REAL = (Waveform.PASSBAND, Waveform.FMCW_REAL)
@@ -72,7 +72,8 @@ class Loaded:
 
 def load(description: Path | str, data: Path | str | None = None, *,
          changes: Mapping[str, object] | None = None,
-         read_bag: Callable[[Path, str | None], PoseTable] | None = None) -> Loaded:
+         read_bag: Callable[[Path, str | None], PoseTable] | None = None,
+         read_frames: Callable[..., Iterable[tuple[object, int]]] | None = None) -> Loaded:
     """Load measured data.
 
     Parameters
@@ -86,6 +87,9 @@ def load(description: Path | str, data: Path | str | None = None, *,
         Values in place of those of the file, by path such as ``'alignment.time_offset_s'``.
     read_bag : callable, optional
         Reads the poses of ROS bags, see `sar_imaging.loading.poses.read_poses`.
+    read_frames : callable, optional
+        Reads raw messages of a bag from its path, the name of a topic, sizes and axes; see
+        `sar_imaging.loading.frames.convert_all`.
 
     Raises
     ------
@@ -97,9 +101,15 @@ def load(description: Path | str, data: Path | str | None = None, *,
     description = find_description(description)
     top = read_description(description, changes)
     section, folder, files = _find(top, description, data)
-    every = DataFiles(files)
-    top = top.with_variables(every.same)
-    pulses, array, shape = _read_pulses(top, section, every)
+    warnings: tuple[str, ...] = ()
+    if 'topic' in section:
+        every = DataFiles([])
+        pulses, array, warnings = _read_messages(top, section, folder, files, read_frames)
+        shape = (pulses.n_pulses,)
+    else:
+        every = DataFiles(files)
+        top = top.with_variables(every.same)
+        pulses, array, shape = _read_pulses(top, section, every)
     poses, position_m = None, None
     if ('poses' in top) == ('positions' in top):
         raise top.error('positions', 'either positions or poses, to say where the radar was')
@@ -120,9 +130,9 @@ def load(description: Path | str, data: Path | str | None = None, *,
     told = names[0] or description.stem, *names[1:]
     if poses is None:
         block = _at_positions(pulses, position_m[used], alignment, array)
-        return Loaded(*told, _dated(block), None, None, scene)
+        return Loaded(*told, _dated(block), None, None, scene, warnings)
     poses = _around(poses, pulses, alignment)
-    warnings = _motion(pulses, poses, alignment)
+    warnings += _motion(pulses, poses, alignment)
     if times.is_relative(pulses.stamp_ns, poses.time_ns):
         pulses = _dated(pulses)
         poses = dataclasses.replace(poses, time_ns=poses.time_ns + times.EPOCH_NS)
@@ -137,8 +147,10 @@ def _find(top: Section, description: Path, data: Path | str | None
     """Part ``samples``, folder of the data, and files of the samples."""
     section = top.section('samples', samples.KEYS)
     place = description.parent if data is None else Path(data)
-    if place.is_file():
+    if place.is_file() or (place / 'metadata.yaml').is_file():
         return section, place.parent, [place]
+    if 'topic' in section and (place / section.text('file')).is_dir():
+        return section, place, [place / section.text('file')]
     if not place.is_dir():
         raise DescriptionError(f'{place} does not exist; expected the folder with the data')
     return section, place, find_files(place, section.text('file'), 'samples.file')
@@ -161,6 +173,20 @@ def _read_pulses(top: Section, section: Section, data: DataFiles
     return PulseBlock(radar, compressed, time_ns, counter, values), array, shape
 
 
+def _read_messages(top: Section, section: Section, folder: Path, files: list[Path], read_frames
+                   ) -> tuple[PulseBlock, VirtualArray, tuple[str, ...]]:
+    """Pulses of raw messages in a bag, and what a person should know."""
+    if read_frames is None:
+        raise section.error('topic', 'files without messages here', 'sar-imaging load reads bags')
+    converter = FrameConverter(top, folder)
+    sizes = section.section('sizes', samples.AXES)
+    pulses, warnings = convert_all(converter, read_frames(
+        files[0], section.text('topic'),
+        {key: sizes.integer(key) for key in ('channel', 'sample') if key in sizes},
+        section.raw('axes', None)))
+    return pulses, converter.array, warnings
+
+
 def _read_positions(top: Section, folder: Path, data: DataFiles, shape: tuple[int, ...],
                     pulses: PulseBlock) -> tuple[np.ndarray, PulseBlock]:
     """(P, 3) positions, and the pulses referenced to one range."""
@@ -180,9 +206,10 @@ def _choose(top: Section, pulses: PulseBlock) -> tuple[np.ndarray, PulseBlock]:
     used = times.used_pulses(section, pulses.stamp_ns)
     if not used.all():
         pulses = pulses.select(used)
-    if 'counter' not in section:
-        pulses = dataclasses.replace(pulses, counter=np.arange(pulses.n_pulses))
-    return used, pulses
+    counter = np.arange(pulses.n_pulses)
+    if 'counter' in section or 'topic' in top.section('samples', samples.KEYS):
+        counter = pulses.counter - pulses.counter[0]  # gaps show lost pulses
+    return used, dataclasses.replace(pulses, counter=counter)
 
 
 def _alignment(section: Section, array: VirtualArray, has_poses: bool) -> Alignment:

@@ -14,7 +14,7 @@ from .description import DescriptionError, Section
 KEYS = ('file', 'variable', 'axes', 'iq', 'conjugate', 'scale', 'remove_background', 'dtype',
         'sizes', 'header_bytes', 'sha256', 'topic')
 AXES = ('pulse', 'tx', 'rx', 'channel', 'sample', 'iq')
-IQ = ('complex', 'pairs', 'iiqq', 'real')
+IQ = ('complex', 'pairs', 'iiqq', 'qqii', 'real')
 DTYPES = ('int16', 'int32', 'uint16', 'float32', 'float64', 'complex64', 'complex128')
 _BLOCK = 2**22  # samples converted at once: double precision for a part only
 
@@ -114,7 +114,7 @@ def _raw(section: Section, path: Path, axes: list[str]) -> np.ndarray:
 
 
 def _paired(section: Section) -> bool:
-    return section.choice('iq', IQ, 'complex') in ('pairs', 'iiqq')
+    return section.choice('iq', IQ, 'complex') in ('pairs', 'iiqq', 'qqii')
 
 
 def _complex(section: Section, numbers: np.ndarray, own_axis: bool) -> np.ndarray:
@@ -125,8 +125,8 @@ def _complex(section: Section, numbers: np.ndarray, own_axis: bool) -> np.ndarra
     is_complex = numbers.dtype.kind == 'c'
     if is_complex != (convention == 'complex'):
         raise section.error('iq', 'complex for complex numbers' if is_complex else
-                            f'pairs, iiqq or real for {numbers.dtype} numbers')
-    group = {'pairs': 2, 'iiqq': 4}.get(convention, 1)
+                            f'pairs, iiqq, qqii or real for {numbers.dtype} numbers')
+    group = {'pairs': 2, 'iiqq': 4, 'qqii': 4}.get(convention, 1)
     if numbers.shape[-1] % group:
         raise section.error('iq', f'a multiple of {group} numbers for each ramp, not '
                             f'{numbers.shape[-1]}')
@@ -153,8 +153,8 @@ def decode_iq(numbers: np.ndarray, convention: str) -> np.ndarray:
     numbers : (..., n) array
         Complex, or numbers in the order of the convention along the last axis.
     convention : str
-        ``'complex'``; ``'pairs'``: I, Q of each sample; ``'iiqq'``: I, I, Q, Q of two samples;
-        ``'real'``.
+        ``'complex'``; ``'pairs'``: I, Q of each sample; ``'iiqq'``: I, I, Q, Q of two samples,
+        ``'qqii'``: Q, Q, I, I; ``'real'``.
 
     Returns
     -------
@@ -169,5 +169,5 @@ def decode_iq(numbers: np.ndarray, convention: str) -> np.ndarray:
     else:
         fours = numbers.reshape(*numbers.shape[:-1], -1, 2, 2)
         in_phase, quadrature = (fours[..., i, :].reshape(*numbers.shape[:-1], -1)
-                                for i in (0, 1))
+                                for i in ((0, 1) if convention == 'iiqq' else (1, 0)))
     return in_phase + 1j * quadrature.astype(np.float64)

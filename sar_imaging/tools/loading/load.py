@@ -15,10 +15,12 @@ import yaml
 from sar_imaging.formats.extras import MissingExtraError
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.loading import DescriptionError, Loaded, PoseTable, load, shipped_names
+from sar_imaging.loading.frames import FrameError
 
 from ..recordings.bag_io import check_target, make_truth, write_bag
 from ..recordings.recorded_poses import RecordedPoses
 from ..recordings.writing import run_writing, split, with_progress
+from .bag_frames import read_bag_frames
 from .bag_poses import read_bag_poses
 from .estimate import describe, estimate_alignment
 
@@ -41,7 +43,7 @@ def truth_of(loaded: Loaded, alignment: Alignment | None) -> dict:
     return make_truth(
         scenario=loaded.name, description=loaded.description, notes=loaded.notes,
         scatterers=scene.scatterers, grid=scene.grid,
-        pulses_per_aperture=scene.pulses_per_aperture or block.n_pulses,
+        pulses_per_aperture=scene.pulses_per_aperture or int(block.counter[-1]) + 1,
         n_pulses=block.n_pulses, n_channels=block.n_channels, cut_half_width_m=scene.cut_m,
         radar=block.radar, compressed=block.compressed, window=scene.window,
         alignment=alignment, frame=scene.frame, datum=scene.datum)
@@ -85,7 +87,7 @@ def _write(arguments: argparse.Namespace) -> str:
     if arguments.output is not None:
         check_target(arguments.output, overwrite=arguments.force)
     loaded = load(arguments.description, arguments.data, changes=_changes(arguments.changes),
-                  read_bag=read_bag_poses)
+                  read_bag=read_bag_poses, read_frames=read_bag_frames)
     output = arguments.output or Path('out/bags') / loaded.name
     check_target(output, overwrite=arguments.force)
     for text in loaded.warnings:
@@ -109,7 +111,8 @@ def _write(arguments: argparse.Namespace) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    return run_writing(lambda: _write(arguments), errors=(DescriptionError, MissingExtraError))
+    return run_writing(lambda: _write(arguments),
+                       errors=(DescriptionError, FrameError, MissingExtraError))
 
 
 if __name__ == '__main__':

@@ -1,0 +1,326 @@
+"""A simulated scene as each driver publishes it, with its traps, comes out where it belongs."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from benchmarks.support import driver_messages as drivers
+from benchmarks.support.references import exact_image
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.loading import DescriptionError, load
+from sar_imaging.signal.dechirp import fmcw_parameters
+from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.simulation.echoes import EchoSimulator
+from sar_imaging.tools.loading.bag_frames import read_bag_frames
+from sar_imaging.tools.loading.load import main
+from sar_imaging.tools.recordings.bag_io import read_truth
+
+rosbags = pytest.importorskip('rosbags', reason='recordings need rosbags')
+
+RAMP = drivers.Ramp(77e9, 40e12, 5e6, 4e-6, 100e-6, 20e-3)
+N, LOOPS, FRAMES = 64, 4, 60
+TX_M = np.array([[0.0, 0, 0], [0.02, 0, 0]])
+RX_M = np.array([[0.0, 0, 0.01], [0.002, 0, 0.01], [0.004, 0, 0.01]])
+POINT = (0.4, 5.0, 0.0)
+START_NS = 1_763_000_000_000_000_000
+LATE_S = 3e-3  # from the end of a frame to its receipt, at least
+RADAR = fmcw_parameters(n_samples=N, start_frequency_hz=RAMP.start_frequency_hz,
+                        slope_hz_per_s=RAMP.slope_hz_per_s, sample_rate_hz=RAMP.sample_rate_hz,
+                        adc_start_s=RAMP.adc_start_s)
+REAL = dataclasses.replace(RADAR, waveform=Waveform.FMCW_REAL)
+SCANS = RadarParameters(3.95e9, 1.5e9, 16e9, 2 * 3.5 / SPEED_OF_LIGHT, waveform=Waveform.PASSBAND)
+FRAME_NS = START_NS + np.rint(np.arange(FRAMES) * RAMP.period_s * 1e9).astype(np.int64)
+GENERATOR = np.random.default_rng(11)
+# Receipt: the end of the frame, the latency, and a random wait that is now and then small.
+JITTER_NS = np.rint(2e6 * GENERATOR.exponential(1.0, FRAMES)).astype(np.int64)
+FACTORS = np.exp(1j * np.linspace(-2, 2, 6)) * np.linspace(0.8, 1.2, 6)
+
+
+def flight(time_s):
+    """Platform in metres and its attitude; it accelerates and turns."""
+    t = np.asarray(time_s) - 0.6
+    position = np.stack([1.5 * t + 0.3 * t**2, 0.02 * np.sin(3 * t), 1 + 0.02 * t], axis=-1)
+    return position, Rotation.from_rotvec(np.multiply.outer(0.1 * t, [0, 0, 1]))
+
+
+def centres(chirp_s, n_tx, frame_ns=FRAME_NS, loops=LOOPS):
+    """(P, C, 3) true phase centres: every channel where the platform is when it is sent."""
+    start = (frame_ns - START_NS)[:, None] * 1e-9 + chirp_s * n_tx * np.arange(loops)
+    tx, rx = [], []
+    for k in range(n_tx):
+        position, turn = flight(start.reshape(-1) + k * chirp_s)
+        for arm in RX_M:
+            tx.append(position + turn.apply(TX_M[k]))
+            rx.append(position + turn.apply(arm))
+    return np.stack(tx, axis=1), np.stack(rx, axis=1)
+
+
+def cubes(radar, tx_m, rx_m, n, loops=LOOPS):
+    """Echoes of one reflector with the sign of the board: (frames, loops, turns, rx, n)."""
+    echoes = EchoSimulator(radar, n, compressed=False, points_m=[POINT],
+                           amplitudes=[8000.0])(tx_m, rx_m)
+    n_tx = tx_m.shape[1] // len(RX_M)
+    return echoes.conj().reshape(-1, loops, n_tx, len(RX_M), n), echoes
+
+
+@dataclasses.dataclass
+class Sent:
+    """What a driver recorded, and what must come out."""
+
+    kind: str
+    messages: list  # (type, topic, recorded_ns, fields)
+    description: dict
+    samples: np.ndarray
+    centres: tuple
+    radar: RadarParameters
+    frame_ns: np.ndarray
+    late_s: float = 0.0
+
+
+TRUE_M = {n: centres(RAMP.chirp_s, n) for n in (1, 2)}
+FMCW_KEYS = {'waveform': 'fmcw', 'start_frequency_hz': 77e9, 'adc_start_s': 4e-6}
+ARRAY = {'tx_m': TX_M.tolist(), 'rx_m': RX_M.tolist()}
+RECEIVED_NS = (FRAME_NS + round(1e9 * (2 * LOOPS * RAMP.chirp_s + LATE_S)) + JITTER_NS)
+
+
+def xwr():
+    """xwr_ros: stamps of the first chirp, the parameters in ChirpInfo."""
+    cube, samples = cubes(RADAR, *TRUE_M[2], N)
+    messages = [('xwr_msgs/msg/ChirpInfo', '/xwr/info', int(FRAME_NS[2]),
+                 drivers.chirp_info(RAMP, N, LOOPS))]
+    messages += [('xwr_msgs/msg/IQ', '/xwr/iq', int(ns) + 10**7, drivers.iq(c, int(ns)))
+                 for c, ns in zip(cube, FRAME_NS, strict=True)]
+    return Sent('xwr', messages, {'samples': {'topic': '/xwr/iq', 'conjugate': True},
+                                  'array': ARRAY, 'frames': {'period_s': RAMP.period_s}},
+                samples, TRUE_M[2], RADAR, FRAME_NS)
+
+
+def cpsl():
+    """CPSL: stamps at receipt, parameters nowhere."""
+    cube, samples = cubes(RADAR, *TRUE_M[2], N)
+    messages = [('raw_radar_msgs/msg/ADCDataCube', '/radar/adc', int(ns),
+                 drivers.adc_data_cube(c, int(ns)))
+                for c, ns in zip(cube, RECEIVED_NS, strict=True)]
+    radar = FMCW_KEYS | {'slope_hz_per_s': 40e12, 'sample_rate_hz': 5e6}
+    return Sent('cpsl', messages, {
+        'samples': {'topic': '/radar/adc', 'conjugate': True}, 'array': ARRAY, 'radar': radar,
+        'frames': {'period_s': RAMP.period_s, 'chirp_s': RAMP.chirp_s, 'latency_s': LATE_S}},
+        samples, TRUE_M[2], RADAR, FRAME_NS, late_s=1e-3)
+
+
+def xwr_raw():
+    """xwr_raw_ros: no stamps, Q before I, factors that calibrate, a bias of range."""
+    cube, samples = cubes(RADAR, *TRUE_M[2], N)
+    # The driver wants the factors multiplied; recorded is what they correct.
+    cube = cube / FACTORS.reshape(2, 3)[:, :, None]
+    messages = [('xwr_raw_ros/msg/RadarFrameFull', '/radar_data', int(ns),
+                 drivers.radar_frame_full(c, RAMP, factors=FACTORS, range_bias_m=0.07))
+                for c, ns in zip(cube, RECEIVED_NS, strict=True)]
+    radar = dataclasses.replace(RADAR, first_sample_delay_s=-2 * 0.07 / SPEED_OF_LIGHT)
+    return Sent('xwr_raw', messages, {
+        'samples': {'topic': '/radar_data', 'conjugate': True}, 'array': ARRAY,
+        'radar': FMCW_KEYS, 'frames': {'latency_s': LATE_S}},
+        samples, TRUE_M[2], radar, FRAME_NS, late_s=1e-3)
+
+
+def infineon():
+    """BGT60: real samples, one transmitter, stamps at receipt."""
+    cube, samples = cubes(REAL, *TRUE_M[1], N)
+    received = FRAME_NS + round(1e9 * (LOOPS * RAMP.chirp_s + LATE_S)) + JITTER_NS
+    messages = [('bgt60tr13c_msgs/msg/DeviceConfig', '/bgt/device_config', START_NS,
+                 drivers.device_config(RAMP, N, LOOPS))]
+    messages += [('bgt60tr13c_msgs/msg/RawFrame', '/bgt/raw_frame', int(ns),
+                  drivers.bgt60(c, int(ns))) for c, ns in zip(cube, received, strict=True)]
+    return Sent('infineon', messages, {
+        'samples': {'topic': '/bgt/raw_frame'}, 'array': {'rx_m': RX_M.tolist()},
+        'radar': {'adc_start_s': 4e-6}, 'frames': {'latency_s': LATE_S}},
+        samples, TRUE_M[1], REAL, FRAME_NS, late_s=1e-3)
+
+
+def p440():
+    """P440: a scan of three channels a message, without any time."""
+    tx_m, rx_m = centres(0.0, 1, loops=1)
+    cube, samples = cubes(SCANS, tx_m, rx_m, 512, loops=1)
+    messages = [('std_msgs/msg/Float32MultiArray', '/uwb/scan',
+                 int(ns) + round(1e9 * LATE_S) + int(wait), drivers.scan(c))
+                for c, ns, wait in zip(cube, FRAME_NS, JITTER_NS, strict=True)]
+    return Sent('p440', messages, {
+        'samples': {'topic': '/uwb/scan', 'sizes': {'channel': 3}},
+        'array': {'rx_m': RX_M.tolist()},
+        'radar': {'waveform': 'passband', 'carrier_hz': 3.95e9, 'bandwidth_hz': 1.5e9,
+                  'sample_rate_hz': 16e9, 'range_start_m': 3.5},
+        'frames': {'period_s': RAMP.period_s, 'latency_s': LATE_S}},
+        samples, (tx_m, rx_m), SCANS, FRAME_NS, late_s=1e-3)
+
+
+def record(path, messages, ros1=False):
+    """A bag with the definitions of the messages in it."""
+    from rosbags.interfaces import Nodetype
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
+    for name, text in drivers.DEFINITIONS.items():
+        store.register(get_types_from_msg(text, name))
+
+    def fields_of(name):
+        for field, (kind, detail) in store.fielddefs[name][1]:
+            many = kind in (Nodetype.ARRAY, Nodetype.SEQUENCE)
+            inner = detail[0] if many else (kind, detail)
+            yield field, inner[1] if inner[0] == Nodetype.NAME else None, many
+
+    if ros1:
+        from rosbags.rosbag1 import Writer
+        writer = Writer(path)
+    else:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
+    with writer:
+        connections = {}
+        for name, topic, ns, fields in messages:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, name, typestore=store)
+            message = drivers.fill(store.types.__getitem__, fields, name, fields_of)
+            serialise = store.serialize_ros1 if ros1 else store.serialize_cdr
+            writer.write(connections[topic], ns, serialise(message, name))
+
+
+def prepare(folder, sent, ros1=False, messages=None, **changes):
+    """Bag, poses and description of a recording in a folder."""
+    record(folder / ('radar.bag' if ros1 else 'radar'), messages or sent.messages, ros1)
+    pose_s = np.arange(-0.5, 2.0, 0.005)
+    position, attitude = flight(pose_s)
+    stamp = [f'{(START_NS + round(s * 1e9)) // 10**9}.{(START_NS + round(s * 1e9)) % 10**9:09d}'
+             for s in pose_s]
+    lines = [' '.join([t, *(f'{v:.9f}' for v in row)]) for t, row in zip(
+        stamp, np.column_stack([position, attitude.as_quat()]), strict=True)]
+    (folder / 'poses.tum').write_text('\n'.join(lines))
+    tree = {**sent.description, 'poses': {'file': 'poses.tum'},
+            'scene': {'centre_m': [0.4, 5, 0], 'size_m': [0.6, 0.6], 'spacing_m': 0.01}}
+    tree['samples'] = {'file': 'radar.bag' if ros1 else 'radar', **tree['samples']}
+    for key, value in changes.items():
+        tree[key] = {**tree.get(key, {}), **value}
+    (folder / 'd.yaml').write_text(yaml.safe_dump(tree))
+    return folder / 'd.yaml'
+
+
+def loaded(path, **options):
+    from sar_imaging.tools.loading.bag_poses import read_bag_poses
+    return load(path, read_bag=read_bag_poses, read_frames=read_bag_frames, **options)
+
+
+def located(result):
+    """Pulses with phase centres, wherever they come from."""
+    from sar_imaging.signal.positioning import locate
+    from sar_imaging.tools.loading.load import recorded
+    if result.poses is None:
+        return result.block
+    return locate(result.block, recorded(result.poses).track(), result.alignment)
+
+
+def peak(block):
+    """Where the image is brightest."""
+    profiles = RangeCompressor.for_block(block)(block)
+    grid = MapGrid.from_size(POINT, 0.6, 0.6, 0.01)
+    image = np.abs(exact_image(grid, profiles))
+    row, column = np.unravel_index(image.argmax(), image.shape)
+    return np.array([grid.x_m[column], grid.y_m[row]]), image.max()
+
+
+DRIVERS = {'xwr': xwr, 'cpsl': cpsl, 'xwr_raw': xwr_raw, 'infineon': infineon, 'p440': p440}
+
+
+@pytest.mark.parametrize('name', [*DRIVERS, 'xwr_raw ros1'])
+def test_the_reflector_is_where_it_belongs(tmp_path, name):
+    sent = DRIVERS[name.split()[0]]()
+    result = loaded(prepare(tmp_path, sent, ros1=name.endswith('ros1')))
+    block = located(result)
+    assert result.warnings == ()
+    # Float32 fields of messages carry seven digits.
+    for field in ('carrier_hz', 'chirp_rate_hz_per_s', 'first_sample_delay_s'):
+        expected = getattr(sent.radar, field)
+        assert getattr(block.radar, field) == pytest.approx(expected, rel=1e-6, abs=1e-18)
+    assert block.radar.waveform == sent.radar.waveform
+    # Whole numbers: half a step in each part; the factors of a driver magnify it by 1.2.
+    np.testing.assert_allclose(block.samples, sent.samples, rtol=0, atol=0.9)
+    loops = len(block.counter) // FRAMES
+    away_s = (block.stamp_ns[::loops] - sent.frame_ns) * 1e-9
+    assert np.abs(away_s).max() <= sent.late_s
+    if not sent.late_s:
+        np.testing.assert_array_equal(away_s, 0.0)
+        np.testing.assert_allclose(block.tx_m, sent.centres[0], atol=2e-6)
+        np.testing.assert_allclose(block.rx_m, sent.centres[1], atol=2e-6)
+    found, level = peak(block)
+    assert np.abs(found - POINT[:2]).max() <= 0.011 + (
+        0.07 if sent.radar.first_sample_delay_s < 0 else 0.0)
+    # All pulses of all channels in phase, less what a window that is not there would cost.
+    assert level > 0.9 * 8000 * block.samples.shape[0] * block.samples.shape[1] * (
+        0.5 if block.radar.waveform == Waveform.FMCW_REAL else 0.02
+        if block.radar.waveform == Waveform.PASSBAND else 1.0)
+
+
+@pytest.mark.parametrize(('name', 'changes'), [
+    ('xwr', {'samples': {'conjugate': False}}), ('xwr', {'samples': {'iq': 'pairs'}}),
+    ('xwr_raw', {'samples': {'iq': 'iiqq', 'conjugate': True}}),
+    ('xwr', {'array': {'turn_interval_s': 0.02}})])
+def test_wrong_descriptions_do_not_focus(tmp_path, name, changes):
+    sent = DRIVERS[name]()
+    found, level = peak(located(loaded(prepare(tmp_path, sent, **changes))))
+    assert level < 0.6 * 8000 * FRAMES * LOOPS * 6
+
+
+def test_transmitters_may_send_in_another_order(tmp_path):
+    sent = xwr()
+    swapped = {'tx_m': TX_M[::-1].tolist(), 'turn_order': [1, 0]}
+    block = located(loaded(prepare(tmp_path, sent, array=swapped)))
+    order = [3, 4, 5, 0, 1, 2]
+    np.testing.assert_allclose(block.tx_m, sent.centres[0][:, order], atol=2e-6)
+    np.testing.assert_allclose(block.samples, sent.samples[:, order], atol=0.75)
+
+
+def test_incomplete_missing_and_broken_frames_are_counted_and_named(tmp_path, capsys):
+    sent = xwr()
+    messages = list(sent.messages)
+    messages[5][3]['complete'] = False
+    broken = messages[9][3]['iq']
+    broken['data'] = broken['data'][:-4]
+    del messages[20:23]
+    path = prepare(tmp_path, sent, messages=messages)
+    assert main([str(path), '--output', str(tmp_path / 'bag')]) == 0
+    err = capsys.readouterr().err
+    assert '1 of 57 frames are incomplete and were left out: the driver lost packets' in err
+    assert ('1 of 57 messages were refused; the last one: iq holds 3068 numbers; expected '
+            '4 x 2 x 3 x 128') in err
+    # Those three, and the one whose message was broken, by the period of the frames.
+    assert '4 frames never came' in err
+    block = located(loaded(path))
+    gone = {4, 8, 19, 20, 21}
+    kept = [f for f in range(FRAMES) if f not in gone]
+    expected = np.concatenate([LOOPS * f + np.arange(LOOPS) for f in kept])
+    np.testing.assert_array_equal(block.counter, expected)
+    assert read_truth(tmp_path / 'bag')['pulses_per_aperture'] == FRAMES * LOOPS
+
+
+@pytest.mark.parametrize(('changes', 'message'), [
+    ({'samples': {'topic': '/other'}}, r'samples.topic: radar has no topic /other of a type IQ'),
+    ({'array': {'tx_m': [[0, 0, 0]] * 3}}, 'a frame of 8 chirps; expected a multiple of 3'),
+    ({'frames': {'stamps': 'end'}}, 'unknown key frames.stamps; did you mean stamp'),
+    ({'frames': {'stamp': 'middle'}}, 'frames.stamp: expected one of start, end, receipt'),
+    ({'radar': {'waveform': 'fmcw_real'}}, 'the messages hold complex samples; use fmcw')])
+def test_what_does_not_fit_is_told(tmp_path, changes, message):
+    with pytest.raises(DescriptionError, match=message):
+        loaded(prepare(tmp_path, xwr(), **changes))
+
+
+def test_numbers_that_nobody_tells_are_named(tmp_path):
+    sent = xwr()
+    with pytest.raises(DescriptionError, match=r'radar\.waveform is missing'):
+        loaded(prepare(tmp_path, sent, messages=sent.messages[1:]))
+    with pytest.raises(DescriptionError, match=r'frames\.chirp_s is missing'):
+        loaded(prepare(tmp_path / 'x', sent, messages=sent.messages[1:], radar=FMCW_KEYS | {
+            'slope_hz_per_s': 40e12, 'sample_rate_hz': 5e6}) if (tmp_path / 'x').mkdir() is None
+            else None)
