@@ -57,6 +57,7 @@ arguments = dict(
                     'test': ['pytest>=7.4,<10', 'hypothesis>=6.80,<7']},
     entry_points={
         'console_scripts': [
+            'radar_driver = sar_imaging.nodes.radar_driver:main',
             'pulse_buffer = sar_imaging.nodes.pulse_buffer:main',
             'range_compression = sar_imaging.nodes.range_compression:main',
             'backprojection = sar_imaging.nodes.backprojection:main',

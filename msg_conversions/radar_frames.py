@@ -223,4 +223,5 @@ FRAME_TYPES = {
     'RawFrame': FrameType(_bgt60, ('stamp', 'num_rx', 'num_samples_per_chirp',
                                    'num_chirps_per_frame', 'data'), reliable=False),
     'Float32MultiArray': FrameType(_scans, ('layout', 'data'))}
+LATCHED_INFO = ('DeviceConfig',)  # kept for who subscribes later
 INFO_TYPES = {'ChirpInfo': _chirp_info, 'DeviceConfig': _device_config}

@@ -103,6 +103,8 @@ def check_datum(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:
     """What is wrong with the datum of a configuration; see `parameters.Configuration`."""
     told: dict[tuple, list[str]] = {}
     for name, values in nodes.items():
+        if 'datum.source' not in values:
+            continue
         key = tuple(values[f'datum.{n}'] for n in ('source', *_NUMBERS))
         told.setdefault(key, []).append(name)
     if len(told) > 1:

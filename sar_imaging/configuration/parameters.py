@@ -24,6 +24,8 @@ CHECKER = 'check_config'  # the section that only the checker reads
 COMMON = '**'
 PIPELINE = 'sar_pipeline'  # has the parameters of all nodes
 OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')  # rclpy's; `ros2 param dump`
+# Nodes with few of the parameters that the others have in common.
+_FEW_COMMON = {'radar_driver': ('queue_depth', 'autostart')}
 # Those of the checker's section: default and, where there is none, its type.
 CHECKER_PARAMETERS = {
     'radar.waveform': 'lfm', 'radar.compressed': False, 'radar.carrier_hz': float,
@@ -146,7 +148,7 @@ def interpret(tree, defaults) -> Configuration:
     for node, values in _sections(defaults):
         known.setdefault(node, {}).update(values)
     common = known.pop(COMMON, {}) | known.pop(PIPELINE, {})
-    nodes = {node: {**common, **values} for node, values in known.items()}
+    nodes = {node: {**_common_of(node, common), **values} for node, values in known.items()}
     nodes.setdefault(CHECKER, dict(CHECKER_PARAMETERS))
     findings: list[Finding] = []
     described = False
@@ -162,6 +164,12 @@ def interpret(tree, defaults) -> Configuration:
             findings += _set(targets, node, name, value)
     checker = nodes.pop(CHECKER)
     return Configuration(nodes, checker if described else {}, tuple(findings))
+
+
+def _common_of(node: str, common: Mapping[str, object]) -> dict:
+    """Those of the common parameters that a node has."""
+    names = _FEW_COMMON.get(node, common)
+    return {name: value for name, value in common.items() if name in names}
 
 
 def imaging_from_parameters(values: Mapping) -> Imaging:

@@ -59,7 +59,8 @@ def position_rows(nodes: Mapping[str, Mapping],
 def _check_frames(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:
     frames: dict[str, list[str]] = {}
     for name, values in nodes.items():
-        frames.setdefault(values['frame_id'].lstrip('/'), []).append(name)
+        if 'frame_id' in values:
+            frames.setdefault(values['frame_id'].lstrip('/'), []).append(name)
     if len(frames) > 1:
         words = '; '.join(f'{frame or "empty"} in {", ".join(names)}'
                           for frame, names in frames.items())

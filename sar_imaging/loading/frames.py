@@ -119,6 +119,11 @@ class FrameConverter:
         self.array: VirtualArray | None = None
         self.placed = (0, 0)
 
+    def restart(self) -> None:
+        """Count frames from 0 again, from the next one on; what was told stays."""
+        self._setup = self._clock = None
+        self.statistics = FrameStatistics()
+
     def tell(self, told: Mapping[str, float]) -> None:
         """Take numbers that another message of the driver told."""
         if dict(told) != {key: self._told.get(key) for key in told}:

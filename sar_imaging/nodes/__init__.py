@@ -1,16 +1,17 @@
 """ROS 2 nodes that turn pulses into images; they hold no mathematics.
 
-`pulse_buffer`, `range_compression`, `backprojection`, `afbp_fusion` and `moving_targets` are the
-programs, `sar_pipeline` all stages in one process. What they share is in `runtime` (life cycle,
-queues, parameters, diagnostics), `poses` (odometry and tf) and `images` (grid, focus, topics).
+`radar_driver`, `pulse_buffer`, `range_compression`, `backprojection`, `afbp_fusion` and
+`moving_targets` are the programs, `sar_pipeline` all stages in one process. What they share is in
+`runtime` (life cycle, queues, parameters, diagnostics), `poses` (odometry and tf) and `images`
+(grid, focus, topics).
 """
 
 import os
 import signal
 import sys
 
-EXECUTABLES = ('pulse_buffer', 'range_compression', 'backprojection', 'afbp_fusion',
-               'sar_pipeline', 'moving_targets')
+EXECUTABLES = ('radar_driver', 'pulse_buffer', 'range_compression', 'backprojection',
+               'afbp_fusion', 'sar_pipeline', 'moving_targets')
 
 
 def _end_quietly(*_) -> None:

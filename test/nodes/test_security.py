@@ -146,7 +146,8 @@ def test_only_those_who_should_may(policy):
 
 def test_the_operator_may_ask_for_every_service_and_the_viewer_see_every_product(policy):
     nodes = [kind.NAME for kind in NODES]
-    assert policy['operator']['request'] == set().union(*(policy[n]['reply'] for n in nodes))
+    assert policy['operator']['request'] == set().union(
+        *(policy[n]['reply'] for n in [*nodes, 'radar_driver']))
     inner = {'/pulse_blocks', '/range_profiles', '/subaperture_images', '/parameter_events'}
     products = {name for node in nodes for name in policy[node]['publish']
                 if not name.startswith(f'/{node}/')} - inner

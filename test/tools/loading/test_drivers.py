@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import pathlib
+import re
 
 import numpy as np
 import pytest
@@ -12,7 +14,9 @@ from scipy.spatial.transform import Rotation
 from benchmarks.support import driver_messages as drivers
 from benchmarks.support.references import exact_image
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.loading import DescriptionError, load
+from sar_imaging.loading import DescriptionError, find_description, load, read_description
+from sar_imaging.loading.frames import FrameConverter
+from sar_imaging.loading.samples import KEYS
 from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
@@ -324,3 +328,20 @@ def test_numbers_that_nobody_tells_are_named(tmp_path):
         loaded(prepare(tmp_path / 'x', sent, messages=sent.messages[1:], radar=FMCW_KEYS | {
             'slope_hz_per_s': 40e12, 'sample_rate_hz': 5e6}) if (tmp_path / 'x').mkdir() is None
             else None)
+
+
+PAGES = pathlib.Path(__file__).parents[3] / 'docs'
+EXAMPLES = [(page, text) for page in ('drivers.md', 'loading.md') for text in re.findall(
+    r'^```yaml\n(.*?)^```', (PAGES / page).read_text(), re.DOTALL | re.MULTILINE)]
+
+
+@pytest.mark.parametrize(('page', 'text'), EXAMPLES, ids=lambda v: v[:30].split('\n')[0])
+def test_descriptions_of_the_documentation_are_read(tmp_path, page, text):
+    (tmp_path / 'd.yaml').write_text(text)
+    top = read_description(tmp_path / 'd.yaml')
+    if page == 'loading.md':
+        assert text == find_description('team5_rail').read_text()
+        return
+    converter = FrameConverter(top, tmp_path)
+    assert top.section('samples', KEYS).text('topic').startswith('/')
+    assert converter.statistics.received == 0
