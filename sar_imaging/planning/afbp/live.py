@@ -16,7 +16,7 @@ from ..interpolators import Interpolator
 from ..local_spectrum import LocalSpectrum, local_spectrum
 from ..polar_to_map import DEAPODISED_TAPS, margin
 from .map_cover import cover_for_fusion
-from .plan import POLAR_CAUSES, AfbpPlan, check_arguments
+from .plan import AfbpPlan, check_arguments
 from .subapertures import plan_subapertures
 
 _ROWS_FOR_COVER = 256
@@ -61,7 +61,7 @@ class LivePlan(AfbpPlan):
         if error_db > self.limit_db or not (within or math.isinf(self.limit_db)):
             return None
         return centre_m, total_db(error_db, *(error for cause, error in self.errors_db.items()
-                                              if cause not in POLAR_CAUSES))
+                                              if cause not in self.subapertures.errors_db))
 
 
 def extension(n_pulses: int, length: int, slack: float) -> tuple[int, int]:

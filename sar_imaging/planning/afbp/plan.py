@@ -12,6 +12,7 @@ from ...geometry.polar import PolarGrid
 from ...geometry.track_frame import mean_centres
 from ...signal.radar import RadarParameters
 from ..costs import costs
+from ..memory import IMAGE_BYTES
 from ..plan import Plan
 from ..polar_cover import PolarCover
 from ..profiles.phase_history import PhaseHistory
@@ -19,10 +20,7 @@ from ..profiles.profile_reach import reach_warnings, some_pixels
 from .map_cover import cover_for_fusion
 from .subapertures import SubaperturePlan, plan_subapertures
 
-_SAMPLE_BYTES = 8  # complex64
 _LEAST_DB, _MOST_DB = -90.0, -20.0  # targets
-#: Causes of errors of the polar image, by which they are named.
-POLAR_CAUSES = 'sub-aperture images', 'fusion'
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -64,13 +62,12 @@ class AfbpPlan(Plan):
         `cover` tells how a map is made from that; None for a polar grid. The other arguments are
         attributes, `more` those of a subclass.
         """
-        errors = dict(zip(POLAR_CAUSES, (plan.stage_error_db, plan.sampling.error_db),
-                          strict=True))
+        errors = plan.errors_db
         if cover is not None:
             errors |= {'polar to map': cover.resampling_db, 'ends of profiles': cover.profile_db}
         # phase histories repeat
         beyond = reach_warnings(some_pixels(grid), tx_m, rx_m, plan.given,
-                                plan.n_samples) if plan.compressed else ()
+                                plan.n_samples) if not plan.source.periodic else ()
         warnings = (*plan.warnings, *beyond,
                     *_sampling_warnings(plan.polar, plan.radar, tx_m, rx_m))
         return cls(grid, tx_m.copy(), rx_m.copy(), plan, errors, _seconds(grid, plan),
@@ -130,7 +127,7 @@ def _n_bytes(grid, plan: SubaperturePlan) -> int:
     fused, coarse = plan.fusion_grid, plan.coarse
     spectrum = fused.n_fine * len(fused.range_wavenumbers)
     pixels = grid.n_x * grid.n_y if isinstance(grid, MapGrid) else grid.n_alpha * grid.n_range
-    return _SAMPLE_BYTES * (spectrum + 2 * coarse.n_alpha * coarse.n_range + pixels)
+    return IMAGE_BYTES * (spectrum + 2 * coarse.n_alpha * coarse.n_range + pixels)
 
 
 def _sampling_warnings(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m) -> Iterator[str]:

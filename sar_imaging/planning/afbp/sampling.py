@@ -86,8 +86,6 @@ class Sampling:
         What of the wanted grid must be right.
     error_db : float
         Predicted error of the fusion, dB.
-    cost : float
-        Nanoseconds of both stages.
     """
 
     pulses: tuple[slice, ...]
@@ -95,7 +93,6 @@ class Sampling:
     sizes: FusionSizes
     coverage: PixelDensity
     error_db: float = math.nan
-    cost: float = math.nan
 
 
 class _Cut:
@@ -175,7 +172,7 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
 
     n_i, n_j = len(_OVERSAMPLING), len(_GUARDS)
     fine, failed = np.zeros((2, len(cuts), n_i, n_j), bool)
-    for cost, cut, place in _by_cost(cuts, first_stage):
+    for cut, place in _by_cost(cuts, first_stage):
         (i, j), found = divmod(place, n_j), cuts[cut].samplings[place]
         if not _on_plane(found.sizes):
             continue
@@ -192,19 +189,19 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
             else:
                 failed[cut, :a + 1, :b + 1] = True
         if not failed[cut, i, j]:
-            return dataclasses.replace(found, error_db=error_db(cut, i, j), cost=cost)
+            return dataclasses.replace(found, error_db=error_db(cut, i, j))
     return None
 
 
-def _by_cost(cuts: list[_Cut], first_stage: SubapertureCost) -> Iterator[tuple[float, int, int]]:
-    """Costs, cuts and their choices from the quickest; beams are planned for few of the cuts."""
+def _by_cost(cuts: list[_Cut], first_stage: SubapertureCost) -> Iterator[tuple[int, int]]:
+    """Cuts and their choices from the quickest on; beams are planned for few of the cuts."""
     queue = [(cut.fusion_cost.min() + first_stage.least_cost(cut.pulses, cut.n_pixels.min()),
               number, -1) for number, cut in enumerate(cuts)]
     heapq.heapify(queue)
     while queue:
-        cost, number, place = heapq.heappop(queue)
+        _, number, place = heapq.heappop(queue)
         if place >= 0:
-            yield float(cost), number, place
+            yield number, place
             continue
         cut = cuts[number]
         whole = cut.fusion_cost + first_stage.cost(cut.pulses, cut.n_pixels)

@@ -19,6 +19,7 @@ from ...signal.radar import RadarParameters
 from ..aliasing_error import EVERYTHING, PixelDensity
 from ..error_budget import AFBP_SHARES, error_budget, remaining_db, total_db
 from ..local_spectrum import TAPERS_NEEDED, LocalSpectrum, local_spectrum, used_share
+from ..plan import Plan
 from ..polar_cover import PolarCover
 from ..profiles.phase_history import PhaseHistory
 from ..profiles.range_gate import RangeGate
@@ -87,8 +88,8 @@ class Limits:
                 and within((0.0, other.half_range), (0.0, self.half_range)))
 
 
-@dataclasses.dataclass(frozen=True)
-class SubaperturePlan:
+@dataclasses.dataclass(frozen=True, eq=False)
+class SubaperturePlan(Plan):
     """Cut of an aperture and polar grid of its sub-aperture images.
 
     Attributes
@@ -122,11 +123,6 @@ class SubaperturePlan:
     warnings: tuple[str, ...]
 
     @property
-    def compressed(self) -> bool:
-        """Whether blocks are range profiles."""
-        return not self.source.periodic
-
-    @property
     def radar(self) -> RadarParameters:
         """Of the profiles."""
         return self.source.radar
@@ -142,14 +138,10 @@ class SubaperturePlan:
         return len(self.sampling.pulses)
 
     @property
-    def stage_error_db(self) -> float:
-        """Predicted error of the sub-aperture images, dB."""
-        return (self.beams or self.lattice).predicted_error_db
-
-    @property
-    def predicted_error_db(self) -> float:
-        """Predicted error of the fused polar image against time-domain correlation, dB."""
-        return total_db(self.stage_error_db, self.sampling.error_db)
+    def errors_db(self) -> dict[str, float]:
+        """Predicted error of the fused polar image by cause, dB."""
+        return {'sub-aperture images': (self.beams or self.lattice).predicted_error_db,
+                'fusion': self.sampling.error_db}
 
     def __str__(self) -> str:
         s, lengths = self.fusion_grid, [p.stop - p.start for p in self.sampling.pulses]
@@ -193,7 +185,7 @@ class SubaperturePlan:
         ValueError
             The block does not match the plan, or there is no such sub-aperture.
         """
-        check_profiles(block, self.given, self.n_samples, compressed=self.compressed)
+        check_profiles(block, self.given, self.n_samples, compressed=not self.source.periodic)
         if not 0 <= number < self.n_subapertures:
             raise ValueError(f'number={number}; the plan has sub-apertures 0 to '
                              f'{self.n_subapertures - 1}')
@@ -227,7 +219,7 @@ class SubaperturePlan:
         within = self.limits.contain(Limits.of(bands), slack)
         centre = 0.5 * float(bands.slope.min() + bands.slope.max())
         error = fusion_error(self.sampling, bands, slice(None), bands.weight, centre)
-        error_db = total_db(self.stage_error_db, 10 * math.log10(error + 1e-16))
+        error_db = total_db(self.errors_db['sub-aperture images'], 10 * math.log10(error + 1e-16))
         return centre, error_db, within
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from ...geometry.grids import EvenGrid, MapGrid
 from ...signal.radar import RadarParameters
 from ..costs import costs
+from ..memory import IMAGE_BYTES
 from ..plan import Plan
 from ..profiles.profile_reach import check_reach, covered_ranges, reach_warnings, some_pixels
 from ..profiles.range_gate import RangeGate
@@ -28,7 +29,6 @@ from .polar_image import PolarPlan, plan_polar
 # darker than their pulses.
 _CHANCE_DB = 0.5
 LEAST_TARGET_DB = -100.0  # that float32 reaches
-_SAMPLE_BYTES = 8  # complex64
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ class BackprojectionPlan(Plan):
     def n_bytes(self) -> int:
         """Memory that adding the rows takes besides the image, bytes."""
         if isinstance(self.way, PolarPlan):
-            return _SAMPLE_BYTES * self.way.polar.n_alpha * self.way.polar.n_range
+            return IMAGE_BYTES * self.way.polar.n_alpha * self.way.polar.n_range
         return coordinate_bytes(self.grid) if isinstance(self.way, PointPlan) else 0
 
     def __str__(self) -> str:
