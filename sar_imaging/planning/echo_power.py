@@ -30,11 +30,11 @@ def echo_power(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndar
     place = np.stack([cycles @ [-along[1], along[0]], cycles @ along / band])
     # Rows are shared out to the four neighbouring cells, and read from there as they were put in.
     cell = np.floor(place)
-    part = place - cell
+    within = place - cell
     cell = (cell - cell.min(axis=1, keepdims=True)).astype(np.int64)
     width = cell[1].max() + 2
     keys = [(cell[0] + i) * width + cell[1] + j for i in (0, 1) for j in (0, 1)]
-    shares = np.concatenate([np.abs(1 - i - part[0]) * np.abs(1 - j - part[1])
+    shares = np.concatenate([np.abs(1 - i - within[0]) * np.abs(1 - j - within[1])
                              for i in (0, 1) for j in (0, 1)])
     _, number = np.unique(np.concatenate(keys), return_inverse=True)
     count = np.bincount(number, shares)[number] * shares

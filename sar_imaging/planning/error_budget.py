@@ -15,15 +15,15 @@ ACCUMULATION_ERROR_DB = -112.0  # sums of pulses in float32 (measured)
 PASSES_DB = 3.0  # by which one of two passes to a map errs less than both
 
 
-def total_db(*parts_db: float) -> float:
+def total_db(*errors_db: float) -> float:
     """Sum of independent errors and of what float32 arithmetic adds, dB."""
-    parts = (*parts_db, SINCOS_ERROR_DB, ACCUMULATION_ERROR_DB)
-    return 10 * math.log10(sum(10 ** (p / 10) for p in parts))
+    errors_db = (*errors_db, SINCOS_ERROR_DB, ACCUMULATION_ERROR_DB)
+    return 10 * math.log10(sum(10 ** (error / 10) for error in errors_db))
 
 
-def remaining_db(target_db: float, *parts_db: float) -> float:
+def remaining_db(target_db: float, *errors_db: float) -> float:
     """What independent errors leave of a target, dB."""
-    return 10 * math.log10(10 ** (target_db / 10) - sum(10 ** (p / 10) for p in parts_db))
+    return 10 * math.log10(10 ** (target_db / 10) - sum(10 ** (error / 10) for error in errors_db))
 
 
 def error_budget(target_db: float, shares: Mapping[str, float]) -> dict[str, float]:

@@ -123,7 +123,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     if slope.min() <= 0:
         return None
     slope_alpha = half_paths(tx_m, rx_m, lines[0], frame.by_direction(r, alpha))[1]
-    # along a row of the map the direction changes with range, too
+    # along a line of the map the direction changes with range, too
     step = (lines[0][:, axis] - frame.origin_m[axis]) / r
     alpha_by_range = (frame.track[axis] / step - alpha) / r
     # of wavenumbers, rows and samples of the map
@@ -174,7 +174,7 @@ def _frame(grid: MapGrid, centres) -> tuple[PolarGrid, int] | None:
         return None
     track, side = track_beside(centres, grid.centre_m)
     axis = int(abs(look[1]) > abs(look[0]))
-    if axis == 0 and track[1] > 0:  # lines in the order of the rows of the map, north first
+    if axis == 0 and track[1] > 0:  # in the order of the lines of the map, north first
         track, side = -track, side_of(-track, look)
     along = (centres[:, :2] - middle[:2]) @ track
     origin = middle.copy()
@@ -193,8 +193,8 @@ def _ranges_for_fusion(spacing: float, extent: float, radar: RadarParameters, sl
                        ) -> tuple[float, tuple[int, int]]:
     """Spacing of the ranges of the fused image, and the fewest ranges of a sub-aperture image.
 
-    The band of a line, which may be wider than that of a row of the map, must fit; it follows from
-    the slopes of the half paths by range.
+    The band of a polar line, which may be wider than that of a line of the map, must fit; it
+    follows from the slopes of the half paths by range.
     """
     band, highest = radar.half_band_rad_per_m, radar.wavenumbers_rad_per_m[1]
     half_range = _SLACK * float(band * slope.max() + highest * np.abs(slope - 1).max())
@@ -206,7 +206,7 @@ def _ranges_for_fusion(spacing: float, extent: float, radar: RadarParameters, sl
 
 
 def _cover(grid, frame, axis, spacing, half_alpha, between) -> PolarGrid | None:
-    """Polar grid that reaches `margin` pixels beyond the map, and beyond what its rows read."""
+    """Polar grid that reaches `margin` pixels beyond the map, and beyond what its lines read."""
     before, beside = margin(TAPS), margin(between.n_taps)
     r, alpha = edge_positions(grid, frame.origin_m, frame.track, axis, before * spacing)
     # between two edge samples

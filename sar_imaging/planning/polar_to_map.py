@@ -6,7 +6,7 @@ from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 
 # Taps of the interpolation, and of that along direction where the spectrum is deapodised. Along
-# range it cannot be: along a row of the map direction changes, too, and with it the gain of range.
+# range it cannot be: along a line of the map direction changes, too, and so does range's gain.
 TAPS, DEAPODISED_TAPS = 14, 6
 NOT_READ = 3  # pixels of the margin
 DEGREE = 5  # of the polynomials
