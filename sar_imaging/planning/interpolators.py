@@ -84,7 +84,7 @@ class Interpolator:
         """(F,) by what spectra of samples are to be multiplied for the least error in the band.
 
         Of frequencies (F,) from -0.5 to 0.5 cycles per sample. Nearly 1 unless the interpolator
-        was designed with ``corrected=True``. Smooth, also beyond the band.
+        was designed with ``deapodised=True``. Smooth, also beyond the band.
         """
         return np.exp(np.interp(np.abs(frequency), _frequencies(), self._log_gain))
 

@@ -31,9 +31,11 @@ class EdgeBrightness:
         self._edges = [(slice(0, line), inside[1]), (slice(-line, None), inside[1]),
                        (inside[0], slice(0, cell)), (inside[0], slice(-cell, None))]
         self._inside, self._power = inside, np.zeros(5)
-        self._wanted = [_densities(density, n, guard)[some] for density, n, guard, some in (
-            (coverage.along_alpha, grid.n_coarse, line, inside[0]),
-            (coverage.along_range, grid.n_coarse_range, cell, inside[1]))]
+        self._wanted = [density_at(
+            (np.arange(n)[some] - guard + 0.5) / max(n - 2 * guard, 1), density)
+            for density, n, guard, some in (
+                (coverage.along_alpha, grid.n_coarse, line, inside[0]),
+                (coverage.along_range, grid.n_coarse_range, cell, inside[1]))]
 
     def add(self, image: np.ndarray) -> None:
         """Look at a sub-aperture image, (2, n_alpha, n_range) float32, real and imaginary part."""
@@ -54,11 +56,6 @@ class EdgeBrightness:
     def uneven_db(self) -> float:
         """By how much the error exceeds that of an evenly bright scene, dB; 0 where it is one."""
         return min(self.excess_db, _MOST_DB) if self.excess_db > _UNEVEN_DB else 0.0
-
-
-def _densities(density, n: int, guard: int) -> np.ndarray:
-    """(n,) float64 density of what is wanted at the lines, or ranges, of an image."""
-    return density_at((np.arange(n) - guard + 0.5) / max(n - 2 * guard, 1), density)
 
 
 def _mean_square(values) -> float:
