@@ -1,5 +1,6 @@
 """What tapers do to the lines that a map is read from, against lines that were tapered."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -86,6 +87,19 @@ def test_bright_guards_are_noticed_on_each_side(where):
 def test_an_empty_image_beside_a_bright_edge_has_a_finite_figure():
     brightness = _brightness(-400.0, lambda g: (slice(math.ceil(g.n_guard), None),))
     assert 20.0 < brightness.uneven_db <= 100.0
+
+
+@pytest.mark.parametrize('n_coarse', [9, 10, 11])
+def test_images_of_hardly_more_lines_than_guards_are_judged_by_what_is_between(n_coarse):
+    """As of a subscene from short sub-apertures: ten lines between two guards of 4.5."""
+    case = random_case(7)
+    p = case.profiles
+    plan = plan_afbp(case.grid, p.radar, p.n_samples, p.tx_m, p.rx_m, target_db=-50.0)
+    fusion = dataclasses.replace(plan.subapertures.fusion_grid, n_coarse=n_coarse,
+                                 n_guard=n_coarse / 2 - 0.5, n_fine=2048)
+    brightness = EdgeBrightness(fusion, plan.subapertures.sampling.coverage)
+    brightness.add(np.ones((2, n_coarse, fusion.n_coarse_range), np.float32))
+    assert brightness.uneven_db == 0.0
 
 
 def test_a_bright_map_is_not_uneven():

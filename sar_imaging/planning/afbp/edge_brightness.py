@@ -26,7 +26,9 @@ class EdgeBrightness:
     """
 
     def __init__(self, grid: UnifiedPolarGrids, coverage: PixelDensity = EVERYTHING):
-        line, cell = (max(1, math.ceil(n)) for n in (grid.n_guard, grid.range_guard))
+        line, cell = (  # a line between two guards belongs to the image, be it in part
+            max(1, min(math.ceil(guard), (n - 1) // 2)) for guard, n in (
+                (grid.n_guard, grid.n_coarse), (grid.range_guard, grid.n_coarse_range)))
         inside = slice(line, -line, _STEP), slice(cell, -cell, _STEP)
         self._edges = [(slice(0, line), inside[1]), (slice(-line, None), inside[1]),
                        (inside[0], slice(0, cell)), (inside[0], slice(-cell, None))]
