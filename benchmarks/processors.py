@@ -3,10 +3,13 @@
 Run from the repository root::
 
     python -m benchmarks.processors
+    python -m benchmarks.processors --rounding
 
-One thread, time of the process, from the phase history to the map; 10 GHz, 600 MHz, 10 km, as many
-pulses as the side of the map has pixels. Code for another processor runs on this one, whose caches
-and pipelines it has: read what vectors and registers do, not how quick that processor is.
+With ``--rounding`` images by either transforms are compared with the same image by transforms in
+float64. One thread, time of the process, from the phase history to the map; 10 GHz, 600 MHz,
+10 km, as many pulses as the side of the map has pixels. Code for another processor runs on this
+one, whose caches and pipelines it has: read what vectors and registers do, not how quick that
+processor is.
 """
 
 from __future__ import annotations
@@ -21,11 +24,14 @@ import tempfile
 import time
 
 import numpy as np
+import scipy.fft
 from tqdm import tqdm
 
+from sar_imaging.backends.cpu.fft import columns, rows as fft_rows
 from sar_imaging.backends.cpu.fft.butterflies import LANES
 from sar_imaging.backends.cpu.fft.choice import OWN, SCIPY, VARIABLE
-from sar_imaging.imaging.imager import plan_image
+from sar_imaging.imaging.imager import Imager, plan_image
+from sar_imaging.signal.pulses import PulseBlock
 
 from .goldens import difference_db
 from .support.machine import machine
@@ -40,12 +46,40 @@ PROCESSORS = {'this': {}, 'haswell': {'NUMBA_CPU_NAME': 'haswell', 'NUMBA_CPU_FE
               'generic': {'NUMBA_CPU_NAME': 'generic', 'NUMBA_CPU_FEATURES': ''}}
 
 
-def measure(side: int, image: str) -> None:
-    """Form an image in this process, keep it, and print its time as JSON."""
+def planned(side: int) -> tuple[Imager, PulseBlock]:
+    """Imager of the case, and its phase history."""
     case = Case(10e3, side, side, 1, 0.125)
     block = phase_history(case)
-    plan = plan_image(case.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
-                      method='afbp', compressed=False, target_db=TARGET_DB)
+    return plan_image(case.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+                      method='afbp', compressed=False, target_db=TARGET_DB), block
+
+
+def transform_in_float64(data: np.ndarray, axis: int, *, inverse: bool) -> None:
+    """As `fft.choice.transform_by_scipy`, rounded once."""
+    transform, norm = (scipy.fft.ifft, 'forward') if inverse else (scipy.fft.fft, 'backward')
+    for some in np.array_split(np.moveaxis(data, axis, 0), 16, axis=1):  # views of the data
+        some[:] = transform(some.astype(np.complex128), axis=0, norm=norm)
+
+
+def measure_rounding() -> None:
+    """Print how far images by either transforms are from one by transforms in float64."""
+    float32 = fft_rows.transform_by_scipy
+    for side in SIDES:
+        images = {}
+        for name in (OWN, SCIPY, 'float64'):
+            os.environ[VARIABLE] = OWN if name == OWN else SCIPY
+            transform = transform_in_float64 if name == 'float64' else float32
+            fft_rows.transform_by_scipy = columns.transform_by_scipy = transform
+            imager, block = planned(side)
+            images[name] = imager(block).samples
+        print(side, {name: round(difference_db(images[name], images['float64']), 1)
+                     for name in (OWN, SCIPY)},
+              'apart', round(difference_db(images[SCIPY], images[OWN]), 1))
+
+
+def measure(side: int, image: str) -> None:
+    """Form an image in this process, keep it, and print its time as JSON."""
+    plan, block = planned(side)
     np.save(image, plan(block).samples)  # compiles
     seconds = []
     for _ in range(ROUNDS):
@@ -60,7 +94,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--output', type=pathlib.Path, default=RESULTS)
     parser.add_argument('--measure', nargs=2, metavar=('SIDE', 'IMAGE'), help=argparse.SUPPRESS)
+    parser.add_argument('--rounding', action='store_true')
     arguments = parser.parse_args()
+    if arguments.rounding:
+        measure_rounding()
+        return
     if arguments.measure:
         measure(int(arguments.measure[0]), arguments.measure[1])
         return
