@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import logging
 import math
 from collections.abc import Mapping
@@ -136,7 +137,6 @@ class Imager:
         self.method = AUTO if self._asked is None else self._asked.NAME
         self.report, self._told = None, set()
         self._options, self._channels, self._own = options, channels, own
-        self._compressor: RangeCompressor | None = None
         self._check_memory(grid.shape)
         # Of each channel, or of all at 0; made now, to refuse what it cannot do.
         self._latest: dict[int, Method] = {}
@@ -298,22 +298,19 @@ class Imager:
     def _make(self, method: type[Method]) -> Method:
         radar, n_samples, options = self.radar, self.n_samples, self._options
         if not options.compressed and not method.takes_raw(radar):
-            compressor = self._compressor_of_raw()
-            radar, n_samples = compressor.output_radar, compressor.n_output
+            radar, n_samples = self._compressor.output_radar, self._compressor.n_output
             options = dataclasses.replace(options, compressed=True, weighting='none')
         like = next((m for m in self._latest.values() if type(m) is method), None)
         return method(self.grid, radar, n_samples, options, self._own, like)
 
-    def _compressor_of_raw(self) -> RangeCompressor:
-        if self._compressor is None:
-            self._compressor = RangeCompressor(self.radar, self.n_samples,
-                                               window=self._options.weighting)
-        return self._compressor
+    @functools.cached_property
+    def _compressor(self) -> RangeCompressor:
+        return RangeCompressor(self.radar, self.n_samples, window=self._options.weighting)
 
     def _prepared(self, planned: Method, block: PulseBlock) -> PulseBlock:
         """The block as the method takes it."""
         if planned.options.compressed and not self._options.compressed:
-            return self._compressor_of_raw()(block)
+            return self._compressor(block)
         return block
 
     @staticmethod

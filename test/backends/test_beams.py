@@ -1,6 +1,7 @@
 """Sub-aperture images by way of beams, against exact backprojection to the same pixels."""
 
 import dataclasses
+import types
 
 import numba
 import numpy as np
@@ -51,7 +52,8 @@ def _stage(grid, block, pulses, target_db):
                        range_m[1] - range_m[0], _PADDING * radar.sample_spacing_m)
     if beams is None:
         return None
-    lines = BeamformedSubaperture(plan.polar, window, lattice, beams, range_m)
+    lines = BeamformedSubaperture(types.SimpleNamespace(
+        coarse=plan.polar, source=window, lattice=lattice, beams=beams, range_m=range_m))
     return _Stage(part, plan.polar, lines, beams.predicted_error_db)
 
 

@@ -19,7 +19,7 @@ LINE_BYTES = 64  # of the cache
 
 
 def instructions(*kinds, returns=types.void):
-    """Make ``write(b, *values)``, which writes instructions with LLVM's builder, a function.
+    """Make ``write(b, *values)``, which writes instructions with a `Writer`, a function.
 
     Kernels call it with as many arguments. `kinds` are Numba's types of the arguments, None for
     any; arrays are given to `write` as pointers to their first element. What `write` returns is
@@ -29,7 +29,7 @@ def instructions(*kinds, returns=types.void):
         @functools.wraps(write)
         def typed(typing_context, *given):
             def generate(context, b, signature, args):
-                value = write(b, *(
+                value = write(Writer(b), *(
                     context.make_array(kind)(context, b, arg).data
                     if isinstance(kind, types.Array) else arg
                     for kind, arg in zip(signature.args, args, strict=True)))
@@ -94,53 +94,58 @@ def order(lanes):
     return ir.VectorType(INT32, len(lanes))(lanes)
 
 
-def spread(b, number, lanes: int) -> Vector:
-    """The same number in all lanes."""
-    kind = ir.VectorType(number.type, lanes)
-    one = b.insert_element(kind(ir.Undefined), number, INT32(0))
-    return Vector(b, b.shuffle_vector(one, one, order([0] * lanes)))
+class Writer:
+    """LLVM's builder, with what it lacks."""
 
+    def __init__(self, builder):
+        self._builder = builder
 
-def parts_of(b, samples) -> list[Vector]:
-    """Real and imaginary parts of complex numbers that lie in a vector in turn."""
-    return [Vector(b, b.shuffle_vector(samples, samples, order(range(
-        part, samples.type.count, 2)))) for part in (0, 1)]
+    def __getattr__(self, name):
+        return getattr(self._builder, name)
 
+    def spread(self, number, lanes: int) -> Vector:
+        """The same number in all lanes."""
+        kind = ir.VectorType(number.type, lanes)
+        one = self.insert_element(kind(ir.Undefined), number, INT32(0))
+        return Vector(self, self.shuffle_vector(one, one, order([0] * lanes)))
 
-def in_turn(b, re: Vector, im: Vector):
-    """The opposite of `parts_of`."""
-    n = re.value.type.count
-    return b.shuffle_vector(re.value, im.value, order(i // 2 + i % 2 * n for i in range(2 * n)))
+    def parts_of(self, samples) -> list[Vector]:
+        """Real and imaginary parts of complex numbers that lie in a vector in turn."""
+        return [Vector(self, self.shuffle_vector(samples, samples, order(range(
+            part, samples.type.count, 2)))) for part in (0, 1)]
 
+    def in_turn(self, re: Vector, im: Vector):
+        """The opposite of `parts_of`."""
+        n = re.value.type.count
+        return self.shuffle_vector(re.value, im.value, order(
+            i // 2 + i % 2 * n for i in range(2 * n)))
 
-def transposed(b, rows):
-    """Vectors in which the elements of as many vectors lie transposed."""
-    rows, n = list(rows), len(rows)
-    step = 1
-    while step < n:  # exchange blocks of 1, 2, 4 and so on beside the diagonal
-        for i in (i for i in range(n) if not i & step):
-            pair = rows[i], rows[i + step]
-            rows[i] = b.shuffle_vector(*pair, order(
-                n + j - step if j & step else j for j in range(n)))
-            rows[i + step] = b.shuffle_vector(*pair, order(
-                n + j if j & step else j + step for j in range(n)))
-        step *= 2
-    return rows
+    def transposed(self, rows):
+        """Vectors in which the elements of as many vectors lie transposed."""
+        rows, n = list(rows), len(rows)
+        step = 1
+        while step < n:  # exchange blocks of 1, 2, 4 and so on beside the diagonal
+            for i in (i for i in range(n) if not i & step):
+                pair = rows[i], rows[i + step]
+                rows[i] = self.shuffle_vector(*pair, order(
+                    n + j - step if j & step else j for j in range(n)))
+                rows[i + step] = self.shuffle_vector(*pair, order(
+                    n + j if j & step else j + step for j in range(n)))
+            step *= 2
+        return rows
 
+    def pointer(self, address, kind, shift=0):
+        """What lies so many bytes from an address."""
+        return self.inttoptr(self.add(address, INT(shift)), kind.as_pointer())
 
-def pointer(b, address, kind, shift=0):
-    """What lies so many bytes from an address."""
-    return b.inttoptr(b.add(address, INT(shift)), kind.as_pointer())
+    def element(self, data, place, kind, shift=0):
+        """Pointer to a vector, or number, from an element of an array on."""
+        place = self.gep(data, [self.add(place, place.type(shift))])
+        return self.bitcast(place, kind.as_pointer())
 
-
-def element(b, data, place, kind, shift=0):
-    """Pointer to a vector, or number, from an element of an array on."""
-    return b.bitcast(b.gep(data, [b.add(place, place.type(shift))]), kind.as_pointer())
-
-
-def fetch_line(b, place, locality=3):
-    """Bring a line of the cache into the first cache (locality 3), or the second one (2)."""
-    kind = ir.IntType(8).as_pointer()
-    prefetch = b.module.declare_intrinsic('llvm.prefetch', [kind], ir.FunctionType(
-        ir.VoidType(), [kind, INT32, INT32, INT32]))
-    b.call(prefetch, [b.bitcast(place, kind), INT32(0), INT32(locality), INT32(1)])
+    def fetch_line(self, place, locality=3):
+        """Bring a line of the cache into the first cache (locality 3), or the second one (2)."""
+        kind = ir.IntType(8).as_pointer()
+        prefetch = self.module.declare_intrinsic('llvm.prefetch', [kind], ir.FunctionType(
+            ir.VoidType(), [kind, INT32, INT32, INT32]))
+        self.call(prefetch, [self.bitcast(place, kind), INT32(0), INT32(locality), INT32(1)])

@@ -13,20 +13,7 @@ from numba.core import cgutils, types
 
 from . import line_kernels
 from .fft.butterflies import LANES, VECTOR_BYTES
-from .instructions import (
-    DOUBLE,
-    FLOAT,
-    INT,
-    INT32,
-    Vector,
-    fetch_line as fetch_one,
-    in_turn,
-    instructions,
-    order,
-    pointer,
-    spread,
-    transposed,
-)
+from .instructions import DOUBLE, FLOAT, INT, INT32, Vector, instructions, order
 
 POSITION_BYTES = 5 * VECTOR_BYTES
 # of a position: the first of the starts, and of each lane what it is from the middle between two
@@ -47,7 +34,7 @@ def locate_directions(b, squares, inverses, beside2, scale, along, zero, last, t
     Positions are stored at `to` for `interpolate`; ``r^2`` and ``1 / r`` are float64 at
     addresses, and starts lie between 1 and `last`.
     """
-    beside2, scale, along, zero, last = (spread(b, v, LANES) for v in (
+    beside2, scale, along, zero, last = (b.spread(v, LANES) for v in (
         beside2, scale, along, zero, last))
     ahead2 = _load(b, squares, _DOUBLES) - beside2
     ahead = ahead2.where('>', 0.0, ahead2, 0.0).call('sqrt')
@@ -62,7 +49,7 @@ def locate_ranges(b, ahead2, beside2, shifts, start, inverse, cycles_per_m, last
     Positions and the phasors of the carrier are stored at `to` for `interpolate`; `beside2` and
     `shifts` are float64 at addresses, and starts lie between 0 and `last`.
     """
-    ahead2, start, inverse, cycles_per_m, last = (spread(b, v, LANES) for v in (
+    ahead2, start, inverse, cycles_per_m, last = (b.spread(v, LANES) for v in (
         ahead2, start, inverse, cycles_per_m, last))
     r = (_load(b, beside2, _DOUBLES) + ahead2).call('sqrt') - start
     _store_positions(b, r * inverse + _load(b, shifts, _DOUBLES), 0.0, last, to)
@@ -88,15 +75,15 @@ def interpolate_carrier(b, real, imag, step, weights, taps, positions, to):
     parts = to, b.add(to, INT(VECTOR_BYTES))
     _interpolate(b, (real, imag), step, weights, taps.type.count, positions, parts)
     re, im = (_load(b, part, _FLOATS) for part in parts)
-    samples = in_turn(b, re * cosine - im * sine, re * sine + im * cosine)
-    b.store(samples, pointer(b, to, _SAMPLES), align=4)
+    samples = b.in_turn(re * cosine - im * sine, re * sine + im * cosine)
+    b.store(samples, b.pointer(to, _SAMPLES), align=4)
 
 
 @instructions(_i, _i)
 def transpose_floats(b, source, target):
     """Transpose LANES x LANES float32 that lie side by side."""
     rows = [_load(b, source, _FLOATS, i * VECTOR_BYTES).value for i in range(LANES)]
-    for i, row in enumerate(transposed(b, rows)):
+    for i, row in enumerate(b.transposed(rows)):
         _store(b, Vector(b, row), target, i * VECTOR_BYTES)
 
 
@@ -105,7 +92,7 @@ def fetch_lines(b, place, step, number):
     """Bring a line of the cache from each of some lines of an image into the second cache."""
     with cgutils.for_range(b, number) as loop:
         line = b.add(place, b.mul(step, loop.index))
-        fetch_one(b, pointer(b, line, ir.IntType(8)), locality=2)
+        b.fetch_line(b.pointer(line, ir.IntType(8)), locality=2)
 
 
 @instructions(_i, _i, _i, _i)
@@ -114,7 +101,7 @@ def put_samples(b, source, target, number, add):
     add = b.icmp_signed('!=', add, INT(0))
 
     def put(kind, shift):
-        places = [pointer(b, b.add(place, shift), kind) for place in (source, target)]
+        places = [b.pointer(b.add(place, shift), kind) for place in (source, target)]
         sample = b.load(places[0], align=4)
         with b.if_else(add) as (added, stored):
             with added:
@@ -146,7 +133,7 @@ def _store_positions(b, v, least, last, to):
     _store(b, v - start - 0.5, to, _T)
     _store(b, start, to, _START)
     b.store(b.fptosi(b.extract_element(low.value, INT32(0)), INT),
-            pointer(b, to, INT, FIRST))
+            b.pointer(to, INT, FIRST))
 
 
 def _interpolate(b, sources, step, weights, taps, positions, targets):
@@ -164,7 +151,7 @@ def _interpolate(b, sources, step, weights, taps, positions, targets):
         reached = b.bitcast(b.fcmp_ordered('>=', start.value, turn.value), ir.IntType(LANES))
         b.cbranch(b.icmp_unsigned('!=', reached, ir.IntType(LANES)(0)), where_any, where_none)
 
-    first = b.mul(b.load(pointer(b, positions, INT, FIRST)), step)
+    first = b.mul(b.load(b.pointer(positions, INT, FIRST)), step)
     start = _load(b, positions, _FLOATS, _START)
     before, (alike, loop, end) = b.block, (b.append_basic_block() for _ in range(3))
     branch(Vector(b, _FLOATS([1.0] * LANES)), loop, alike)
@@ -196,7 +183,7 @@ def _weighted_sums(b, places, step, weights, taps, t, later):
         return Vector(b, b.select(later, following.value, here.value))
 
     def weight(k, power):
-        return spread(b, b.load(pointer(b, weights, FLOAT, 4 * (power * half + k))), LANES)
+        return b.spread(b.load(b.pointer(weights, FLOAT, 4 * (power * half + k))), LANES)
 
     t2, half, sums = t * t, taps // 2, [None] * len(places)
     for k in range(half):
@@ -218,8 +205,8 @@ def _polynomial(coefficients, x):
 
 
 def _load(b, address, kind, shift=0):
-    return Vector(b, b.load(pointer(b, address, kind, shift), align=4))
+    return Vector(b, b.load(b.pointer(address, kind, shift), align=4))
 
 
 def _store(b, vector, address, shift=0):
-    b.store(vector.value, pointer(b, address, vector.value.type, shift), align=4)
+    b.store(vector.value, b.pointer(address, vector.value.type, shift), align=4)

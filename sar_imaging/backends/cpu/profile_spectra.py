@@ -16,12 +16,8 @@ def spectra(source: RangeGate | PhaseHistory, samples: np.ndarray, n_padded: int
 
     Parameters
     ----------
-    source : RangeGate or PhaseHistory
-        Part of the profiles that is needed, or the phase histories in their place.
-    samples : (R, N) complex64
-        Profiles, or phase histories: these are spectra already.
-    n_padded : int
-        Length of the transform.
+    source, samples, n_padded :
+        As for `backends.reference.resample_profiles.profile_spectra`.
     buffer : callable
         ``buffer(name, shape, dtype)`` gives the memory.
 

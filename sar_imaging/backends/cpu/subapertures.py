@@ -17,10 +17,8 @@ class SubapertureImager:
 
     def __init__(self, plan: SubaperturePlan):
         self.plan = plan
-        args = plan.source, plan.lattice
-        self._lines = (PolarLines(plan.coarse, Profiles(*args, plan.range_m))
-                       if plan.beams is None else
-                       BeamformedSubaperture(plan.coarse, *args, plan.beams, plan.range_m))
+        self._lines = BeamformedSubaperture(plan) if plan.beams else PolarLines(
+            plan.coarse, Profiles(plan.source, plan.lattice, plan.range_m))
 
     def image(self, number: int, block: PulseBlock, weights=None, out=None) -> np.ndarray:
         """Backproject one sub-aperture, see `backends.protocol.SubapertureImager`."""

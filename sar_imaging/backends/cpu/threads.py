@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba.core import types
 
-from .instructions import INT, instructions, pointer
+from .instructions import INT, instructions
 
 
 def job_counter() -> np.ndarray:
@@ -20,4 +20,4 @@ def job_counter() -> np.ndarray:
 @instructions(types.int64, returns=types.int64)
 def take_job(b, counter):
     """Number of the next job, from 0, by the address of a `job_counter`; also beyond the last."""
-    return b.atomic_rmw('add', pointer(b, counter, INT), INT(1), 'monotonic')
+    return b.atomic_rmw('add', b.pointer(counter, INT), INT(1), 'monotonic')

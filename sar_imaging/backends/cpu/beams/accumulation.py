@@ -12,17 +12,7 @@ from numba.core import cgutils, types
 from ....planning.afbp.beam_gain import BEAM_TAPS, STEP_BINS
 from ....planning.afbp.beams import CELL_TAPS
 from ..fft.processor import float_lanes
-from ..instructions import (
-    FLOAT,
-    INT,
-    LINE_BYTES,
-    Vector,
-    element,
-    fetch_line,
-    instructions,
-    order,
-    spread,
-)
+from ..instructions import FLOAT, INT, LINE_BYTES, Vector, instructions, order
 
 LANES = STEP_BINS  # float32 that lie together
 ROWS = 4  # phasors multiplied at once
@@ -68,8 +58,8 @@ def sum_cells(b, index, size, along, across, work, weights, source, target, apar
     as a polynomial of the index; `across` first the two of the drift between beams, then, from
     degree 0, the two of that by how much of the second order the sum is turned.
     """
-    v1, v2, v3 = (spread(b, b.extract_value(along, i), _WIDTH) for i in range(3))
-    u1, u2, bend, bend1 = (spread(b, b.extract_value(across, i), _WIDTH) for i in range(4))
+    v1, v2, v3 = (b.spread(b.extract_value(along, i), _WIDTH) for i in range(3))
+    u1, u2, bend, bend1 = (b.spread(b.extract_value(across, i), _WIDTH) for i in range(4))
     with cgutils.for_range_slice(b, INT(0), size, INT(2 * _WIDTH), inc=True) as (pixel, _):
         numbers = [_load(b, index, pixel, at) for at in _VECTORS]
         drifts = [f * (v1 + f * (v2 + f * v3)) for f in numbers]
@@ -115,21 +105,21 @@ def add_rows(b, rows, row, phasor_re, phasor_im, phasor, half, sums, total):
 def fetch(b, data, place, size):
     """Bring some numbers into the cache."""
     with cgutils.for_range_slice(b, INT(0), size, INT(LINE_BYTES // 4), inc=True) as (i, _):
-        fetch_line(b, b.gep(data, [b.add(place, i)]))
+        b.fetch_line(b.gep(data, [b.add(place, i)]))
 
 
 def _load(b, data, place, shift):
-    return Vector(b, b.load(element(b, data, place, _VECTOR, shift), align=4))
+    return Vector(b, b.load(b.element(data, place, _VECTOR, shift), align=4))
 
 
 def _store(b, data, place, apart, parts):
     for part in parts:
-        b.store(part.value, element(b, data, place, _VECTOR), align=4)
+        b.store(part.value, b.element(data, place, _VECTOR), align=4)
         place = b.add(place, apart)
 
 
 def _load_spread(b, data, place):
-    return spread(b, b.load(b.gep(data, [place]), align=4), _WIDTH)
+    return b.spread(b.load(b.gep(data, [place]), align=4), _WIDTH)
 
 
 def _weights(b, data, weights, tap):

@@ -51,14 +51,12 @@ def interpolate_beams(beams, shape, lines, centre, track, range_m, direction, cy
         ``(M, n, n_lines, n_pixels, segment)``: beams, their cells, lines of the image, their
         pixels and those of a segment. `TILE` cells are to spare.
     lines : (S, n_lines, 12) float64
-        Position in the middle of each segment of each line, then its first to third derivative
-        by the pixel number, metres.
+        From `lines.segment_middles`.
     centre, track : (3,), (2,) float64
         Phase centre that the beams start from, metres, and the direction of the axis.
-    range_m : (3,) float64
-        Of the first cell, then the spacing of cells and of pixels, metres.
-    direction : (2,) float64
-        Direction cosine of the first beam, and spacing of beams.
+    range_m, direction : (3,), (2,) float64
+        Range of the first cell, spacing of cells and of pixels, metres; direction cosine of the
+        first beam, spacing of beams.
     cycles_per_m, zero_cycles : float
         Carrier phase per metre of half path, and that of no half path, cycles.
     curvature : (2,) float64

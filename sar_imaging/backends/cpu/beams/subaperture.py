@@ -14,13 +14,9 @@ import math
 import numpy as np
 
 from ....compilation import numba
-from ....geometry.polar import PolarGrid
 from ....planning.afbp.beam_gain import DEGREE, bins_per_run
 from ....planning.afbp.beam_geometry import grid_edges
-from ....planning.afbp.beams import BeamSampling
-from ....planning.profiles.phase_history import PhaseHistory
-from ....planning.profiles.range_gate import RangeGate
-from ....planning.profiles.range_resampling import RangeResampling
+from ....planning.afbp.subapertures import SubaperturePlan
 from ..fft.rows import transform_rows
 from ..lines import polar_positions, segment_middles
 from ..memory import WorkSpace
@@ -35,40 +31,28 @@ _PAGE, _STRIDE = 512, 40  # complex samples
 
 
 class BeamformedSubaperture:
-    """Lines of a polar grid, filled from the beams of a sub-aperture.
+    """Lines of the coarse grid of a plan, filled from the beams of a sub-aperture."""
 
-    Parameters
-    ----------
-    source : RangeGate or PhaseHistory
-        What the profiles are made of.
-    lattice : RangeResampling
-        Its cells are those of the beams.
-    sampling : BeamSampling
-        From `plan_beams`.
-    """
-
-    def __init__(self, polar: PolarGrid, source: RangeGate | PhaseHistory,
-                 lattice: RangeResampling, sampling: BeamSampling, range_m: tuple[float, float]):
-        self._polar, self._source, self._lattice = polar, source, lattice
-        self._sampling = sampling
+    def __init__(self, plan: SubaperturePlan):
+        polar, source, lattice, sampling = plan.coarse, plan.source, plan.lattice, plan.beams
+        self._polar, self._source, self._lattice, self._sampling = polar, source, lattice, sampling
         self._buffer = WorkSpace()
-        cells = math.floor((range_m[0] - source.range_start_m) / lattice.cell_m)
-        first = cells - CELL_TAPS
+        first = math.floor((plan.range_m[0] - source.range_start_m) / lattice.cell_m) - CELL_TAPS
         self._range_start_m = source.range_start_m + first * lattice.cell_m
         # Beyond the profile's ends a period repeats, what was recorded does not.
-        self._known = (0, lattice.n_cells) if source.periodic else (
-            min(max(-first, 0), lattice.n_cells), min(max(lattice.n_cells - first, 0),
-                                                      lattice.n_cells))
+        n_cells = lattice.n_cells
+        self._known = (0, n_cells) if source.periodic else tuple(
+            min(max(end, 0), n_cells) for end in (-first, n_cells - first))
         gain = source.gain(lattice.n_padded)
-        n_bins, per_bin = len(gain), 1 / (lattice.n_cells * lattice.cell_m)
+        n_bins, per_bin = len(gain), 1 / (n_cells * lattice.cell_m)
         self._per_metre = 2 / source.radar.wavelength_m
         number = (np.arange(n_bins) - source.zero + n_bins // 2) % n_bins - n_bins // 2
         # Each bin's share is changed beforehand by what reading the cells takes from it.
-        gain = sampling.range_gain(gain, number, lattice.n_cells)
-        shift = np.fmod(number * (first / lattice.n_cells), 1.0)
+        gain = sampling.range_gain(gain, number, n_cells)
+        shift = np.fmod(number * (first / n_cells), 1.0)
         self._bins = SpectrumBins.of(
             gain * np.exp(2j * np.pi * shift), np.array([self._per_metre, per_bin]), source.zero,
-            lattice.n_cells, bins_per_run(n_bins, n_bins * per_bin / self._per_metre))
+            n_cells, bins_per_run(n_bins, n_bins * per_bin / self._per_metre))
         self._lines = segment_middles(polar_positions(polar), np.arange(polar.n_alpha),
                                       polar.n_range, sampling.segment)
         self._edges = grid_edges(polar)

@@ -15,21 +15,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 
 from ....planning.afbp.row_length import RADICES
-from ..instructions import (
-    DOUBLE,
-    FLOAT,
-    INT,
-    LINE_BYTES,
-    Vector,
-    element,
-    fetch_line,
-    in_turn,
-    instructions,
-    parts_of,
-    pointer,
-    spread,
-    transposed,
-)
+from ..instructions import DOUBLE, FLOAT, INT, LINE_BYTES, Vector, instructions
 from .processor import float_lanes
 
 LANES = float_lanes()  # transformed together: a vector of the processor
@@ -50,7 +36,7 @@ def butterfly(b, radix, source, sources, target, targets, turns):
     likewise; `turns` are complex64.
     """
     _for_each_radix(b, radix, source, sources, target, targets, lambda i: [
-        spread(b, b.load(_entry(b, turns, FLOAT, 2 * i + part)), LANES) for part in (0, 1)])
+        b.spread(b.load(_entry(b, turns, FLOAT, 2 * i + part)), LANES) for part in (0, 1)])
 
 
 @instructions(*[_i] * 6)
@@ -64,10 +50,10 @@ def butterfly_of_turned(b, radix, source, sources, target, targets, turns):
 def transpose(b, source, source_step, target, target_step):
     """Transpose `BLOCK` x `BLOCK` samples; steps are the bytes from a row to the next."""
     def row(place, step, i):
-        return pointer(b, b.add(place, b.mul(step, INT(i))), _SAMPLES)
+        return b.pointer(b.add(place, b.mul(step, INT(i))), _SAMPLES)
 
     rows = [b.load(row(source, source_step, i), align=4) for i in range(BLOCK)]
-    for i, samples in enumerate(transposed(b, rows)):
+    for i, samples in enumerate(b.transposed(rows)):
         b.store(samples, row(target, target_step, i), align=4)
 
 
@@ -77,20 +63,20 @@ def fetch(b, place, places, number):
     with cgutils.for_range(b, number) as loop:
         group = _group(b, place, places, loop.index)
         for at in range(0, GROUP_BYTES, LINE_BYTES):
-            fetch_line(b, pointer(b, group, ir.IntType(8), at))
+            b.fetch_line(b.pointer(group, ir.IntType(8), at))
 
 
 @instructions(_i, returns=_i)
 def integer_at(b, address):
     """The int64 at an address."""
-    return b.load(pointer(b, address, INT))
+    return b.load(b.pointer(address, INT))
 
 
 @instructions(_i, None, returns=_i)
 def call(b, function, arguments):
     """Call the C function at an address with a tuple of int64; it returns another."""
     values = [b.extract_value(arguments, i) for i in range(arguments.type.count)]
-    return b.call(pointer(b, function, ir.FunctionType(INT, [INT] * len(values))), values)
+    return b.call(b.pointer(function, ir.FunctionType(INT, [INT] * len(values))), values)
 
 
 def _for_each_radix(b, radix, source, sources, target, targets, turn_of):
@@ -100,16 +86,17 @@ def _for_each_radix(b, radix, source, sources, target, targets, turn_of):
         block = b.append_basic_block()
         switch.add_case(INT(r), block)
         b.position_at_end(block)
-        groups = [_product(parts_of(b, b.load(pointer(b, _group(b, source, sources, i), _PAIRS),
-                                              align=4)), turn_of(i)) for i in range(r)]
+        places = (b.pointer(_group(b, source, sources, i), _PAIRS) for i in range(r))
+        groups = [_product(b.parts_of(b.load(place, align=4)), turn_of(i))
+                  for i, place in enumerate(places)]
         for i, pair in _dft(groups):
-            b.store(in_turn(b, *pair), pointer(b, _group(b, target, targets, i), _PAIRS), align=4)
+            b.store(b.in_turn(*pair), b.pointer(_group(b, target, targets, i), _PAIRS), align=4)
         b.branch(end)
     b.position_at_end(end)
 
 
 def _entry(b, table, kind, i):
-    return element(b, pointer(b, table, kind), INT(i) if isinstance(i, int) else i, kind)
+    return b.element(b.pointer(table, kind), INT(i) if isinstance(i, int) else i, kind)
 
 
 def _group(b, place, table, i):

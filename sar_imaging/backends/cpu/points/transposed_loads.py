@@ -11,7 +11,7 @@ from __future__ import annotations
 from llvmlite import ir
 from numba import types
 
-from ..instructions import FLOAT, INT, INT32, element, instructions, order
+from ..instructions import FLOAT, INT, INT32, instructions, order
 
 RUN = 8  # floats per pixel
 PIXELS = 16  # pixels read together
@@ -27,13 +27,13 @@ def load_columns(b, table, offset, index, first, out, to, stride):
     `table` and `out`, float32, and `index`, int32, are contiguous. Starts are not checked against
     the size of the table.
     """
-    runs = [b.add(offset, b.sext(b.load(element(b, index, first, INT32, pixel)), INT))
+    runs = [b.add(offset, b.sext(b.load(b.element(index, first, INT32, pixel)), INT))
             for pixel in range(PIXELS)]
     for half in (0, 4):
-        quads = [b.load(element(b, table, run, _QUAD, half), align=4) for run in runs]
+        quads = [b.load(b.element(table, run, _QUAD, half), align=4) for run in runs]
         for column, values in enumerate(_transposed(b, quads)):
             place = b.add(to, b.mul(stride, INT(half + column)))
-            b.store(values, element(b, out, place, _COLUMN), align=4)
+            b.store(values, b.element(out, place, _COLUMN), align=4)
 
 
 def _transposed(b, quads):
