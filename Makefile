@@ -44,6 +44,8 @@ help:
 	@echo '             twenty mistakes injected into right recordings: which are named; some minutes'
 	@echo 'make doctor-campaign'
 	@echo '             twenty faults injected into 100 random recordings each: which are named; an hour, CASES=10 for few'
+	@echo 'make drivers radar_driver with the messages of five drivers over DDS; builds these with a C++'
+	@echo '             compiler, a minute or two'
 	@echo 'make prediction-campaign'
 	@echo '             images of 2,000 random geometries beside their predicted errors, 15 minutes of a core;'
 	@echo '             goes on where it was stopped, CASES=100 for few'
@@ -122,6 +124,10 @@ mistakes: environment
 # Results go to benchmarks/results.
 doctor-campaign: environment
 	@$(RUN) -m benchmarks.doctor --cases $${CASES:-100}
+
+# The generators come with the ROS wheels.
+drivers: environment
+	@$(RUN) -m pytest -m compiler test/nodes
 
 # Every case follows from its seed; what is measured lies in out/prediction_campaign.jsonl.
 prediction-campaign: environment

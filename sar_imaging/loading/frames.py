@@ -124,11 +124,13 @@ class FrameConverter:
         self._setup = self._clock = None
         self.statistics = FrameStatistics()
 
-    def tell(self, told: Mapping[str, float]) -> None:
-        """Take numbers that another message of the driver told."""
-        if dict(told) != {key: self._told.get(key) for key in told}:
+    def tell(self, told: Mapping[str, float]) -> bool:
+        """Take numbers that a message of the driver told; True when one of them is new."""
+        new = dict(told) != {key: self._told.get(key) for key in told}
+        if new:
             self._told |= told
             self._setup = None
+        return new
 
     def convert(self, frame: RawFrame, received_ns: int) -> PulseBlock | None:
         """Pulses of a frame.

@@ -111,10 +111,13 @@ class RadarDriverNode(ManagedNode):
 
     def _receive_info(self, message) -> None:
         try:
-            self._converter.tell(read_info(message, self.parameters['info_type']))
+            told = read_info(message, self.parameters['info_type'])
         except FrameError as error:
             self.health.count('frames_rejected')
             self.health.warning(f'a message of radar_info is of no use: {error}')
+            return
+        if self._converter.tell(told):
+            self.health.info('radar_info: ' + ', '.join(f'{k}={v}' for k, v in told.items()))
 
     def _receive(self, message) -> None:
         received_ns = self.get_clock().now().nanoseconds
