@@ -85,8 +85,8 @@ class _Images:
 
     @property
     def window(self) -> Window | None:
-        """Whole tiles around all images; None without any."""
-        return union(self._windows).on_tiles(self.job.tile) if self._windows else None
+        """Pixels around all images; None without any."""
+        return union(self._windows) if self._windows else None
 
     def add(self, scan: ApertureScan) -> None:
         """Divide one image as its scan found best."""
@@ -183,8 +183,9 @@ def _strips(job: Job, scans: Sequence[ApertureScan], images: _Images) -> Iterato
 
 
 def _mosaic(job: Job, scans: Sequence[ApertureScan], images: _Images) -> Iterator[Piece]:
+    extent = images.window.on_tiles(job.tile)
     for tile, own in _by_tile(job, scans):
-        yield MosaicPiece(key=f'mosaic {_place(tile, job.tile)}', mosaic=images.window,
+        yield MosaicPiece(key=f'mosaic {_place(tile, job.tile)}', mosaic=extent,
                           **_looks(job, images, tile, own))
 
 
@@ -231,7 +232,7 @@ def _image_files(job: Job, scans: Sequence[ApertureScan], images: _Images
             imaged = scan.division.total_seconds if name == 'sicd' else 0.0
             yield ProductPiece(
                 key=f'{name} {scan.name}', product=f'image {name}', subject=scan.name,
-                scans=(scan,), extent=scan.window.on_tiles(job.tile),
+                scans=(scan,), extent=scan.window,
                 needs=images.keys(scan.name, scan.window),
                 seconds=PIECE_S + PRODUCT_S_PER_PIXEL * n + imaged, memory_bytes=int(memory),
                 reads_bytes=scan.reads_bytes if name == 'sicd' else IMAGE_BYTES * n,
@@ -250,12 +251,14 @@ def _tiled_files(job: Job, scans: Sequence[ApertureScan], pieces: Sequence[Piece
     for (kind, subject), own in groups.items():
         first = own[0]
         if isinstance(first, CoherencePiece):
-            used, extent = (first.first, first.second), first.extent
+            used = (first.first, first.second)
+            extent = first.first.window.intersection(first.second.window)
         elif isinstance(first, StripPiece):
             names = dict.fromkeys(name for piece in own for name, _ in piece.images)
-            used, extent = tuple(by_name[name] for name in names), first.strip
+            used = tuple(by_name[name] for name in names)
+            extent = union(scan.window for scan in used)
         else:
-            used, extent = (), first.mosaic
+            used, extent = (), union(scan.window for scan in scans)
         n = sum(piece.tile.n_pixels for piece in own)
         yield ProductPiece(
             key=f'geotiff of the {kind} {subject}'.rstrip(), product=f'{kind} geotiff',

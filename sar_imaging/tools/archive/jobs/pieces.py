@@ -207,7 +207,8 @@ class ProductPiece(Piece):
         Apertures of an image, a strip or a pair; none for the mosaic and the catalogue, which
         has them all (`scans.load_scans`).
     extent : Window or None
-        Of the arrays that it is made of.
+        Pixels of the file: those that belong to an aperture, within the whole tiles of the
+        arrays.
     """
 
     KIND = 'product'

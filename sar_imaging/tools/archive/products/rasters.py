@@ -31,7 +31,7 @@ def write_rasters(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
     if job.datum is None:
         return PieceResult(piece.key, 0.0, warnings=(_NO_DATUM,))
     layers = _LAYERS[piece.product](piece, job, output)
-    window = layers[0][1].extent if piece.product != 'image geotiff' else piece.scans[0].window
+    window = piece.scans[0].window if piece.product == 'image geotiff' else piece.extent
     place = place_of(window, job)
     files = []
     for name, array, options, values in layers:
@@ -85,7 +85,7 @@ def _image(piece: ProductPiece, job: Job, output: Path) -> list[tuple]:
 
 
 def _looks(piece: ProductPiece, job: Job, output: Path) -> list[tuple]:
-    power, looks = stored_looks(output, piece.subject, piece.extent, job.tile)
+    power, looks = stored_looks(output, piece.subject, piece.extent.on_tiles(job.tile), job.tile)
     name = f'strips/{piece.subject}' if piece.subject else 'mosaic'
     return [(f'{name}.tif', power, {'dtype': np.float32, 'name': 'mean power',
                                     'nodata': float('nan')}, np.asarray),
@@ -93,7 +93,8 @@ def _looks(piece: ProductPiece, job: Job, output: Path) -> list[tuple]:
 
 
 def _coherence(piece: ProductPiece, job: Job, output: Path) -> list[tuple]:
-    values, phase = stored_coherence(output, piece.subject, piece.extent, job.tile)
+    values, phase = stored_coherence(output, piece.subject, piece.extent.on_tiles(job.tile),
+                                     job.tile)
     name = f'coherence/{piece.subject}'
     return [(f'{name}.tif', values, {'dtype': np.float32, 'name': 'coherence',
                                      'nodata': float('nan')}, np.asarray),

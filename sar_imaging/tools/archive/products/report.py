@@ -42,8 +42,8 @@ def write_archive_report(output: Path, job: Job, losses: Sequence[Loss] = ()) ->
     told += [Loss(scan.name, scan.path, 'its image is not complete; summary.json tells why')
              for scan in incomplete if scan.name not in known]
     files, pictures = [], {}
-    mosaic = union(s.window for s in scans).on_tiles(job.tile) if scans else None
-    if mosaic is not None and stored_looks(output, '', mosaic, job.tile)[0].exists:
+    mosaic = union(s.window for s in scans) if scans else None
+    if mosaic is not None and _power(output, mosaic, job).exists:
         draw_mosaic(output, mosaic, job, incomplete)
         files, pictures = [PICTURE], {output / PICTURE: 'Mosaic, mean power in decibels; '
                                       'hatched: apertures that are lost'}
@@ -106,7 +106,7 @@ def draw_mosaic(output: Path, mosaic: Window, job: Job,
     from matplotlib.figure import Figure
     from matplotlib.patches import Polygon
 
-    power = reduced(stored_looks(output, '', mosaic, job.tile)[0], _PICTURE_PX)
+    power = reduced(_power(output, mosaic, job), mosaic, _PICTURE_PX)
     with np.errstate(divide='ignore', invalid='ignore'):
         level = 10 * np.log10(power)
     level[~np.isfinite(level)] = np.nan
@@ -130,19 +130,23 @@ def draw_mosaic(output: Path, mosaic: Window, job: Job,
         part.unlink(missing_ok=True)
 
 
-def reduced(array: TiledArray, most: int) -> np.ndarray:
-    """(rows, columns) float64 means over squares of known values, `most` along an axis at most.
+def _power(output: Path, mosaic: Window, job: Job) -> TiledArray:
+    return stored_looks(output, '', mosaic.on_tiles(job.tile), job.tile)[0]
+
+
+def reduced(array: TiledArray, window: Window, most: int) -> np.ndarray:
+    """(rows, columns) float64 means over squares of a window, `most` along an axis at most.
 
     NaN where nothing is known. One tile is in memory at a time.
     """
-    extent = array.extent
-    factor = -(-max(extent.shape) // most)
-    total, count = np.zeros((2, *(-(-n // factor) for n in extent.shape)))
-    for tile in array.tiles():
+    factor = -(-max(window.shape) // most)
+    total, count = np.zeros((2, *(-(-n // factor) for n in window.shape)))
+    for tile in window.tiles(array.tile):
         if not array.has(tile):
             continue
-        values = array.read(tile).astype(np.float64)
-        cut = tile.within(extent)
+        inside = tile.intersection(window)
+        values = array.read(inside).astype(np.float64)
+        cut = inside.within(window)
         starts = [_starts(part, factor) for part in cut]
         index = np.ix_(*((part.start + start) // factor
                          for part, start in zip(cut, starts, strict=True)))

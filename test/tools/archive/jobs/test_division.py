@@ -182,13 +182,13 @@ def test_tiles_of_the_mosaic_need_the_images_that_have_pixels_there():
     scans = [_scan('one', Window(0, 128, 0, 128), windows=halves),
              _scan('two', Window(100, 200, 70, 130))]
     plan = _divide(JOB, scans)
-    assert plan.window == Window(0, 256, 0, 192)
+    assert plan.window == Window(0, 200, 0, 130)
     tiles = {p.tile: p for p in plan.pieces if isinstance(p, MosaicPiece)}
     assert len(tiles) == 4 + 6 - 1  # of both, one of them common
     assert tiles[Window(0, 64, 0, 64)].needs == ('image one tile 0,0..1',)
     assert set(tiles[Window(64, 128, 64, 128)].needs) == {'image one tile 1,0..1', 'image two'}
     assert [name for name, _ in tiles[Window(64, 128, 64, 128)].images] == ['one', 'two']
-    assert all(p.mosaic == plan.window for p in tiles.values())
+    assert all(p.mosaic == Window(0, 256, 0, 192) for p in tiles.values())
 
 
 def test_strips_are_those_of_recordings():
@@ -203,7 +203,7 @@ def test_strips_are_those_of_recordings():
     assert not [p for p in pieces if isinstance(p, MosaicPiece)]
     files = {p.subject: p for p in pieces if isinstance(p, ProductPiece) and p.subject}
     assert [s.name for s in files['a'].scans] == ['a1', 'a2']
-    assert files['a'].extent == Window(0, 128, 0, 64)
+    assert files['a'].extent == Window(0, 120, 0, 64)
 
 
 def test_stacks_compare_the_first_pass_with_every_other_one():
@@ -270,7 +270,7 @@ def test_the_table_tells_what_a_person_asks(capsys):
              for i in range(20)]
     plan = _divide(JOB, scans)
     text = str(plan)
-    assert '20 apertures on a map of 3,072 by 256 pixels of 0.5 m (0.7864 Mpixel)' in text
+    assert '20 apertures on a map of 3,050 by 200 pixels of 0.5 m (0.61 Mpixel)' in text
     assert 'frame at 47.00000, 8.00000' in text
     assert re.search('^image +20 +33 min', text, re.MULTILINE)
     assert 'time on 1, 2, 4, 16, 64 workers of one core: 34 min, 17 min' in text

@@ -180,7 +180,7 @@ def test_report_shows_what_is_lost(two_strips):
 def test_picture_is_the_mean_of_squares(imaged):
     power = stored_looks(imaged.output, '', imaged.mosaic, 64)[0]
     whole = power.read(imaged.mosaic).astype(float)
-    found = reduced(power, 50)
+    found = reduced(power, power.extent, 50)
     factor = -(-max(whole.shape) // 50)
     assert max(found.shape) <= 50
     for row in range(0, found.shape[0], 7):
