@@ -273,13 +273,18 @@ def _of_recording(recording: Recording, wanted: tuple[int, int], datum: Datum | 
 
     tx_m, rx_m = (centres[index] for centres in recording.centres_m)
     grid = recording.grid
-    area = None if grid is None else grid.points()[::max(1, grid.n_y - 1),
-                                                   ::max(1, grid.n_x - 1)].reshape(-1, 3)
+    area = None if grid is None else _corners(grid)
     return Source(path, RECORDING, _geometric(recording), recording.n_samples,
                   recording.compressed, counter, recording.stamp_ns[index], tx_m, rx_m,
                   datum or recording.datum, area, grid, tuple(truth.get('scatterers', ())), read,
                   tuple(warnings), _half_widths(truth), _collection(path, truth), number,
                   message_ns)
+
+
+def _corners(grid: MapGrid) -> np.ndarray:
+    """(N, 3) corners of a map, metres."""
+    row, column = (np.unique([0, n - 1]) for n in grid.shape)
+    return grid.positions(row[:, None], column).reshape(-1, 3)
 
 
 def _geometric(recording: Recording) -> RadarParameters:
