@@ -24,7 +24,7 @@ from . import (
     tracks,
     virtual_array,
 )
-from .data_files import DataFiles, find_files
+from .data_files import DataFiles, check_memory, find_files
 from .description import DescriptionError, Section, read_description
 from .frames import ALIGNMENT_KEYS, FrameConverter, convert_all
 from .poses import PoseTable, read_poses
@@ -33,6 +33,7 @@ from .shipped import find_description
 from .virtual_array import VirtualArray, calibration_weights, read_array
 
 POSES_AROUND_NS = 3_000_000_000  # kept before the first and after the last pulse
+_OF_MESSAGES = 4  # bytes of samples for each byte of messages: complex64 of int16 and a copy
 _LOCATED = 1024  # pulses whose phase centres are computed at once
 _REAL = (Waveform.PASSBAND, Waveform.FMCW_REAL)
 _AT_REST_M_PER_S = 0.02
@@ -178,6 +179,8 @@ def _read_messages(top: Section, section: Section, folder: Path, files: list[Pat
     """Pulses of raw messages in a bag, and what a person should know."""
     if read_frames is None:
         raise section.error('topic', 'files without messages here', 'sar-imaging load reads bags')
+    parts = files[0].rglob('*') if files[0].is_dir() else files
+    check_memory(files[0].name, _OF_MESSAGES * sum(p.stat().st_size for p in parts))
     converter = FrameConverter(top, folder)
     sizes = section.section('sizes', samples.AXES)
     pulses, warnings = convert_all(converter, read_frames(

@@ -23,7 +23,13 @@ from benchmarks.support.driver_recordings import (
 )
 from benchmarks.support.references import exact_image
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.loading import DescriptionError, find_description, load, read_description
+from sar_imaging.loading import (
+    DescriptionError,
+    data_files,
+    find_description,
+    load,
+    read_description,
+)
 from sar_imaging.loading.frames import FrameConverter
 from sar_imaging.loading.samples import KEYS
 from sar_imaging.signal.radar import Waveform
@@ -186,6 +192,17 @@ def test_incomplete_missing_and_broken_frames_are_counted_and_named(tmp_path, ca
 def test_what_does_not_fit_is_told(tmp_path, changes, message):
     with pytest.raises(DescriptionError, match=message):
         loaded(prepare(tmp_path, xwr(), **changes))
+
+
+def test_a_bag_that_does_not_fit_into_memory_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    path = prepare(tmp_path, xwr())
+    monkeypatch.setattr(data_files, 'available_bytes', lambda: 1_000_000)
+
+    def fail(*arguments):
+        raise AssertionError('read before its size was checked')
+
+    with pytest.raises(DescriptionError, match='radar takes .* of memory are free'):
+        load(path, read_frames=fail)
 
 
 def test_numbers_that_nobody_tells_are_named(tmp_path):
