@@ -21,11 +21,6 @@ class AzimuthUpsampling:
 
     Several parts are merged at a time, since reading and writing the sum takes longer than the
     arithmetic of one part.
-
-    Parameters
-    ----------
-    parts : AzimuthParts
-        Plan.
     """
 
     def __init__(self, parts: AzimuthParts):

@@ -48,20 +48,19 @@ class SpectrumFusion:
         # kept from one sub-aperture to the next: fresh memory takes as long as the work
         self._lines = aligned_empty((grid.n_coarse, _padded(n_coarse)), np.complex64)
         self._memory: np.ndarray | None  # of the spectrum and, in its place, the image
-        self._contributions: dict[int, tuple[np.ndarray, Band]]
+        self._contributions: dict[int, tuple[np.ndarray, Band] | None]  # None if not kept
         self._changed: list[Band]  # that came or went
-        self._included: set[int]
         self.clear()
 
     @property
     def included(self) -> frozenset[int]:
         """Sub-apertures in the image."""
-        return frozenset(self._included)
+        return frozenset(self._contributions)
 
     def add(self, number: int, image: np.ndarray, centre_m: float) -> None:
         """Add a sub-aperture, or replace it; see `backends.protocol.SpectrumFusion`."""
         self.grid.check_contribution(image, centre_m)
-        if number in self._included and not self._keep:
+        if number in self._contributions and not self._keep:
             raise ValueError(f'sub-aperture {number} is in the image already; fuse with keep=True '
                              'to replace contributions')
         fold_lines(image, *self._taper, self._coarse_rows, self._lines)
@@ -74,15 +73,14 @@ class SpectrumFusion:
             self._changed.append(band)
         else:
             add_transformed(self._lines, n_bins, band, self._fine_rows, self._whole())
-        self._included.add(number)
+            self._contributions[number] = None
 
     def remove(self, number: int) -> None:
         """Take a sub-aperture out of the image; see `backends.protocol.SpectrumFusion`."""
-        if number not in self._contributions:
+        if not self._keep or number not in self._contributions:
             raise ValueError(f'sub-aperture {number} cannot be removed: ' + (
                 'it is not in the image' if self._keep else 'contributions are not kept'))
         self._changed.append(self._contributions.pop(number)[1])
-        self._included.discard(number)
 
     def polar_image(self, centre_m: float = 0.0) -> np.ndarray:
         """Image of what was added so far; see `backends.protocol.SpectrumFusion`."""
@@ -100,8 +98,7 @@ class SpectrumFusion:
 
     def clear(self) -> None:
         """Begin another aperture on the same grid: nothing is included any more."""
-        self._memory, self._contributions, self._included = None, {}, set()
-        self._changed = []
+        self._memory, self._contributions, self._changed = None, {}, []
 
     def _whole(self) -> np.ndarray:
         """Spectrum, with memory before it for the image.
