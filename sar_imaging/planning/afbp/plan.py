@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -126,8 +127,7 @@ def _n_bytes(grid, plan: SubaperturePlan) -> int:
     """Fused spectrum, two sub-aperture images, and the image: a map may take the spectrum's."""
     fused, coarse = plan.fusion_grid, plan.coarse
     spectrum = fused.n_fine * len(fused.range_wavenumbers)
-    pixels = grid.n_x * grid.n_y if isinstance(grid, MapGrid) else grid.n_alpha * grid.n_range
-    return IMAGE_BYTES * (spectrum + 2 * coarse.n_alpha * coarse.n_range + pixels)
+    return IMAGE_BYTES * (spectrum + 2 * coarse.n_alpha * coarse.n_range + math.prod(grid.shape))
 
 
 def _sampling_warnings(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m) -> Iterator[str]:

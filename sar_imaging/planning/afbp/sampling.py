@@ -195,7 +195,7 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
 
 def _by_cost(cuts: list[_Cut], first_stage: SubapertureCost) -> Iterator[tuple[int, int]]:
     """Cuts and their choices from the quickest on; beams are planned for few of the cuts."""
-    queue = [(cut.fusion_cost.min() + first_stage.least_cost(cut.pulses, cut.n_pixels.min()),
+    queue = [((cut.fusion_cost + first_stage.least_cost(cut.pulses, cut.n_pixels)).min(),
               number, -1) for number, cut in enumerate(cuts)]
     heapq.heapify(queue)
     while queue:

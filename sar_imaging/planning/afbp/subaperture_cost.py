@@ -51,11 +51,11 @@ class SubapertureCost:
         length = pulses[0].stop - pulses[0].start
         return len(pulses) * np.minimum(*self._costs(self._beams(pulses), length, n_pixels))
 
-    def least_cost(self, pulses, n_pixels: int) -> float:
+    def least_cost(self, pulses, n_pixels) -> np.ndarray:
         """What `cost` is not below, whatever the beams; found much more quickly."""
         n_rows = (pulses[0].stop - pulses[0].start) * self.tx_m.shape[1]
-        return len(pulses) * min(n_rows * self.lattice.cost * n_pixels, costs().nanoseconds(
-            least_operations(n_rows, self.lattice, n_pixels)))
+        from_beams = costs().nanoseconds(least_operations(n_rows, self.lattice, n_pixels))
+        return len(pulses) * np.minimum(n_rows * self.lattice.cost * n_pixels, from_beams)
 
     def choose_beams(self, pulses) -> BeamSampling | None:
         """Beams for images on `grid`; None where adding each pulse directly is quicker."""
