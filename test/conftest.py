@@ -155,11 +155,20 @@ def make_case(range_m, *, channels=1, height_m=0.0, heading_rad=0.0, n=96, spaci
     spacing = SPEED_OF_LIGHT / 2 / rate
     n_samples = 2 * int(0.75 * n * spacing_m / spacing) + 64
     start = 2 * (range_m - n_samples / 2 * spacing) / SPEED_OF_LIGHT
-    baseband = np.fft.fftfreq(n_samples, 1 / rate)
+    step_hz = rate / n_samples
     spectrum = np.zeros((pulses, channels, n_samples), complex)
-    for k in np.flatnonzero(np.abs(baseband) <= bandwidth / 2):
-        cycles = (carrier + baseband[k]) * tau - baseband[k] * start
-        spectrum[..., k] = np.exp(-2j * np.pi * np.mod(cycles, 1.0)).sum(axis=-1)
+    highest = int(bandwidth / 2 / step_hz)
+
+    def turns(cycles):
+        return np.exp(-2j * np.pi * np.mod(cycles, 1.0))
+
+    # Phases grow evenly with frequency: hundreds of products, whose rounding errors stay below
+    # -250 dB, take a tenth of the time of as many exponentials.
+    echo = turns(carrier * tau - highest * step_hz * (tau - start))
+    onwards = turns(step_hz * (tau - start))
+    for k in range(-highest, highest + 1):
+        spectrum[..., k] = echo.sum(axis=-1)
+        echo *= onwards
     samples = np.fft.ifft(spectrum, axis=-1, norm='forward')
     radar = RadarParameters(carrier, bandwidth, rate, start)
     return Case(grid, PulseBlock(radar, True, np.arange(pulses), np.arange(pulses), samples,

@@ -242,8 +242,8 @@ IMPOSSIBLE = [
 
 
 def test_an_impossible_datum_ends_the_node_with_one_clear_line(start_node):
-    for parameters, message in IMPOSSIBLE:
-        node = start_node('pulse_buffer', parameters)
+    nodes = [start_node('pulse_buffer', parameters) for parameters, _ in IMPOSSIBLE]
+    for node, (_, message) in zip(nodes, IMPOSSIBLE, strict=True):
         assert node.exit_code('pulse_buffer') == 1
         [line] = node.log('pulse_buffer').splitlines()
         assert message in line
