@@ -27,7 +27,8 @@ class Upkeep:
         """Replace workers that have had no process for some looks; call it every second."""
         if self._cluster is None:
             return
-        dead = [name for name, nanny in list(self._cluster.workers.items()) if nanny.pid is None]
+        nannies = list(self._cluster.workers.items())  # workers of this process have no pid
+        dead = [name for name, nanny in nannies if getattr(nanny, 'pid', 0) is None]
         self._dead = Counter({name: self._dead[name] + 1 for name in dead})
         gone = [name for name, looks in self._dead.items() if looks >= _LOOKS]
         if gone:
