@@ -7,15 +7,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sar_imaging.planning.memory import IMAGE_BYTES
-
 from .job import Job
-from .prediction import PROCESS_BYTES, WRITE_S_PER_BYTE, Prediction, Pulses, predict
+from .prediction import PROCESS_BYTES, WRITE_S_PER_BYTE, Prediction, Pulses, predict, written_bytes
 from .scans import Division
 from .windows import Window
 
 _MOST_PARTS = 4096  # of pulses or of windows
 _FEWEST_PULSES = 8  # of a sub-aperture
+_DEAR = 2.0  # times the least work
 _SUM_TRAFFIC = 3  # of a sum: two partial images are read, one is written
 
 
@@ -26,9 +25,9 @@ class UndividableError(ValueError):
 def divide_aperture(job: Job, pulses: Pulses, window: Window) -> Division:
     """The division that takes the least time, within the memory of a worker.
 
-    Pieces shall take `Job.longest_piece_s` at most, where that is possible. An aperture that can
-    be imaged as a whole is. Otherwise it is divided into 1, 2, 4, ... sub-apertures, each on so
-    few windows as fit; the cheapest of these is taken.
+    Pieces shall take `Job.longest_piece_s` at most, where that does not double the work. An
+    aperture that can be imaged as a whole is. Otherwise it is divided into 1, 2, 4, ...
+    sub-apertures, each on so few windows as fit; the cheapest of these is taken.
 
     Parameters
     ----------
@@ -51,31 +50,32 @@ def divide_aperture(job: Job, pulses: Pulses, window: Window) -> Division:
     ValueError
         The geometry does not allow the method or the target.
     """
-    candidates: list[Division] = []
-    slow: list[Division] = []
+    found: list[Division] = []
     for parts in _doubling(max(1, pulses.n_pulses // _FEWEST_PULSES)):
+        own = []
         for windows in _windows(window, job.tile):
             division = _division(job, pulses, windows, parts)
             if division is None:
                 continue
-            if division.seconds <= job.longest_piece_s:
-                candidates.append(division)
-                break
-            slow.append(division)
-        if candidates and (len(candidates[-1].windows) == 1
-                           or _rises(candidates) or parts >= _MOST_PARTS):
+            own.append(division)
+            if division.seconds <= job.longest_piece_s or _is_dear(division, [*found, *own]):
+                break  # finer ones take longer together
+        found += own
+        if own and (own[0].seconds <= job.longest_piece_s and len(own[0].windows) == 1
+                    or all(_is_dear(division, found) for division in own)):
             break
-    if candidates:
-        return min(candidates, key=lambda division: division.total_seconds)
-    if slow:  # a tile and a few pulses take longer than wanted
-        return min(slow, key=lambda division: division.seconds)
-    raise UndividableError(_too_large(job, pulses, window))
+    if not found:
+        raise UndividableError(_too_large(job, pulses, window))
+    found = [division for division in found if not _is_dear(division, found)]
+    short = [division for division in found if division.seconds <= job.longest_piece_s]
+    if short:
+        return min(short, key=lambda division: division.total_seconds)
+    return min(found, key=lambda division: division.seconds)
 
 
-def _rises(candidates: list[Division]) -> bool:
-    """Whether more sub-apertures took longer twice."""
-    seconds = [division.total_seconds for division in candidates[-3:]]
-    return len(seconds) == 3 and seconds[0] < seconds[1] < seconds[2]
+def _is_dear(division: Division, found: list[Division]) -> bool:
+    """Whether a division takes much longer, all in all, than another one that fits."""
+    return division.total_seconds > _DEAR * min(other.total_seconds for other in found)
 
 
 def _doubling(most: int) -> Iterator[int]:
@@ -120,15 +120,15 @@ def _division(job: Job, pulses: Pulses, windows: tuple[Window, ...], parts: int
     piece = predict(job, pulses.part(cuts[middle], cuts[middle + 1]), largest)
     if piece is None:
         return None
-    sums = (parts - 1) * sum(_sum_seconds(w) for w in windows)
+    sums = (parts - 1) * sum(_sum_seconds(job, w) for w in windows)
     share = sum(w.n_pixels for w in windows) / largest.n_pixels  # of equal pieces
     return Division(windows, tuple(zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True)),
                     piece.seconds, share * parts * piece.seconds + sums, piece.memory_bytes,
                     piece.method)
 
 
-def _sum_seconds(window: Window) -> float:
-    return _SUM_TRAFFIC * IMAGE_BYTES * window.n_pixels * WRITE_S_PER_BYTE
+def _sum_seconds(job: Job, window: Window) -> float:
+    return _SUM_TRAFFIC * written_bytes(window, job.tile) * WRITE_S_PER_BYTE
 
 
 def _too_large(job: Job, pulses: Pulses, window: Window) -> str:

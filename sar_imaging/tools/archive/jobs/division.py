@@ -18,7 +18,13 @@ from .pieces import (
     SumPiece,
 )
 from .plan import ArchivePlan, check_fits
-from .prediction import PIECE_S, PROCESS_BYTES, READ_S_PER_BYTE, WRITE_S_PER_BYTE
+from .prediction import (
+    PIECE_S,
+    PROCESS_BYTES,
+    READ_S_PER_BYTE,
+    WRITE_S_PER_BYTE,
+    written_bytes,
+)
 from .scans import ApertureScan
 from .stacks import find_pairs
 from .windows import Window, union
@@ -103,7 +109,7 @@ class _Images:
     def _window(self, scan: ApertureScan, window: Window, place: str) -> str:
         """Pieces of one window; returns the key of the last."""
         division = scan.division
-        written = IMAGE_BYTES * window.n_pixels
+        written = written_bytes(window, self.job.tile)
         share = window.n_pixels / max(w.n_pixels for w in division.windows)
         waiting = []
         for number, (start, stop) in enumerate(division.pulses):
@@ -127,7 +133,7 @@ class _Images:
         first, final = one[0], other[1]
         partial = '' if last else f'p{first}-{final}'
         key = f'sum {scan.name}{place} parts {first}-{final}'
-        moved = IMAGE_BYTES * window.n_pixels
+        moved = written_bytes(window, self.job.tile)
         self.pieces.append(SumPiece(
             key=key, needs=(one[2], other[2]),
             seconds=PIECE_S + moved * (2 * READ_S_PER_BYTE + WRITE_S_PER_BYTE),

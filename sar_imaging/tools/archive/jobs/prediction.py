@@ -29,7 +29,7 @@ WRITE_S_PER_BYTE = 1 / 500e6
 COMPRESSION_S_PER_BYTE = 1 / 40e6  # of raw samples, to range profiles
 CORRELATION_S = 8e-8  # of a pixel that is checked, a pulse and a channel
 WORTH_PLANNING_S = 10.0  # of exact backprojection: less is spent while AFBP is planned, up to 3 s
-PIECE_S = 0.05  # of any piece: its files, its plan, its record
+PIECE_S = 0.1  # of any piece: its files, its plan, its record
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,6 +91,11 @@ class Pulses:
     def part(self, start: int, stop: int) -> Pulses:
         """Some of the pulses."""
         return dataclasses.replace(self, tx_m=self.tx_m[start:stop], rx_m=self.rx_m[start:stop])
+
+
+def written_bytes(window: Window, tile: int) -> int:
+    """Bytes that an image of a window takes on the disk: its chunks are whole tiles."""
+    return IMAGE_BYTES * window.on_tiles(tile).n_pixels
 
 
 def room_bytes(job: Job) -> float:
@@ -156,7 +161,7 @@ def predict(job: Job, pulses: Pulses, window: Window) -> Prediction | None:
     if n_bytes > room:
         return None
     seconds += PIECE_S + READ_S_PER_BYTE * pulses.recorded_bytes
-    seconds += WRITE_S_PER_BYTE * IMAGE_BYTES * n_pixels
+    seconds += WRITE_S_PER_BYTE * written_bytes(window, job.tile)
     if pulses.raw_samples:
         seconds += COMPRESSION_S_PER_BYTE * pulses.recorded_bytes
     checked = min(job.checked_pixels, n_pixels) * pulses.n_pulses * pulses.tx_m.shape[1]

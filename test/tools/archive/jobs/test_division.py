@@ -26,7 +26,9 @@ from sar_imaging.tools.archive.jobs import (
     StripPiece,
     SumPiece,
     Window,
+    apertures,
     divide,
+    prediction,
 )
 from sar_imaging.tools.archive.jobs.apertures import UndividableError, divide_aperture
 from sar_imaging.tools.archive.jobs.plan import duration, size
@@ -73,10 +75,18 @@ def test_what_fits_is_imaged_as_a_whole():
 
 
 @pytest.mark.parametrize(('memory', 'longest', 'tile', 'several'), [
-    (0.46e9, 600, 256, 'windows'), (2e9, 0.15, 256, 'either'), (0.46e9, 0.12, 256, 'either'),
-    (2e9, 0.2, 4096, 'pulses')])
-def test_divisions_cover_every_pixel_and_pulse_once(memory, longest, tile, several):
+    (0.46e9, 600, 256, 'either'), (2e9, 0.15, 256, 'either'), (0.46e9, 0.12, 256, 'either'),
+    (2e9, 0.15, 4096, 'pulses')])
+def test_divisions_cover_every_pixel_and_pulse_once(memory, longest, tile, several, monkeypatch):
+    monkeypatch.setattr(prediction, 'PIECE_S', 0.0)  # imaging alone
+    monkeypatch.setattr(prediction, 'WRITE_S_PER_BYTE', 0.0)
+    monkeypatch.setattr(apertures, 'WRITE_S_PER_BYTE', 0.0)
     pulses, window = _pulses(2048)
+    if several == 'pulses':  # all of it in one tile
+        window = Window(0, 2048, 0, 2048)
+        middle = (512.0, -512.0, 0.0)
+        pulses = dataclasses.replace(pulses, tx_m=pulses.tx_m + middle,
+                                     rx_m=pulses.rx_m + middle)
     job = dataclasses.replace(JOB, memory_bytes=memory, longest_piece_s=longest, tile=tile)
     division = divide_aperture(job, pulses, window)
     image = np.zeros(window.shape, int)
@@ -92,9 +102,16 @@ def test_divisions_cover_every_pixel_and_pulse_once(memory, longest, tile, sever
     np.testing.assert_array_equal(counts, 1)
     assert division.memory_bytes <= memory
     assert division.seconds <= longest
-    found = {'windows': len(division.windows), 'pulses': len(division.pulses),
+    found = {'pulses': len(division.pulses),
              'either': len(division.windows) * len(division.pulses)}
     assert found[several] > 1
+
+
+def test_short_pieces_are_not_worth_double_the_work():
+    pulses, window = _pulses(1024)
+    whole = divide_aperture(JOB, pulses, window)
+    hasty = dataclasses.replace(JOB, longest_piece_s=0.01)
+    assert divide_aperture(hasty, pulses, window).total_seconds <= 2 * whole.total_seconds
 
 
 def test_the_same_division_however_little_memory_is_free(monkeypatch):

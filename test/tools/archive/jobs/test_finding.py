@@ -3,6 +3,7 @@
 import datetime
 import json
 import os
+import sys
 
 import pytest
 
@@ -115,6 +116,14 @@ def test_damaged_catalogues_are_explained(tmp_path, damage):
     path = _catalogue(tmp_path / 'stac', ['flight.cphd'])
     damage(path)
     with pytest.raises(JobError, match='no STAC catalogue that can be read') as caught:
+        find_recordings(Job((str(path),), tmp_path / 'out', 1.0))
+    assert '\n' not in str(caught.value)
+
+
+def test_a_catalogue_without_the_library_is_one_line(tmp_path, monkeypatch):
+    path = _catalogue(tmp_path / 'stac', ['flight.cphd'])
+    monkeypatch.setitem(sys.modules, 'pystac', None)
+    with pytest.raises(JobError, match=r'pip install sar_imaging\[archive\]') as caught:
         find_recordings(Job((str(path),), tmp_path / 'out', 1.0))
     assert '\n' not in str(caught.value)
 
