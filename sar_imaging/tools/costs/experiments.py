@@ -220,9 +220,10 @@ def _by_ffbp() -> Iterator[Experiment]:
     """With few neighbours and many; many pulses are merged, many pixels looked up."""
     for scene in (_Scene(1e3, 256, 256, 512), _Scene(1e3, 768, 768, 32)):
         block = scene.block()
-        for kernel in ('linear', 'knab8'):
+        for kernel, oversampling in (('linear', 4.0), ('knab8', 1.8)):
             plan = plan_ffbp(scene.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
-                             kernel=kernel, merge_factor=4)
+                             kernel=kernel, merge_factor=4, range_oversampling=oversampling,
+                             angle_oversampling=oversampling)
             yield Experiment(f'FFBP, {kernel}', plan.operations,
                              functools.partial(_CPU.FactorisedImager(plan).image, block))
 
