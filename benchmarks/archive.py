@@ -3,15 +3,13 @@
 Run from the repository root: ``python -m benchmarks.archive``. It simulates an archive of 4 GB of
 samples, images it to a mosaic of 1.1 Gpixel with two workers of 2 GB (`sar-imaging archive`), and
 compares random pixels of the mosaic with correlation from the recordings. Then it images some of
-the same recordings one after the other in one process and, where FastSAR is installed, with
-FastSAR in a plain ``dask.bag``. Fifteen minutes on two cores; ``--recordings 4 --lines 2 --pixels
-1024`` for a minute.
+the same recordings one after the other in one process. Fifteen minutes on two cores;
+``--recordings 4 --lines 2 --pixels 1024`` for a minute.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import json
 import pathlib
 import re
@@ -32,7 +30,6 @@ from sar_imaging.tools.products import forming
 from sar_imaging.tools.products.sources import open_source
 from sar_imaging.tools.simulate_archive import TRUTH_FILE, write_archive
 
-from .support import fastsar_archive
 from .support.machine import machine
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'archive.json'
@@ -137,8 +134,6 @@ def main() -> None:
     parser.add_argument('--checked', type=int, default=100, help='pixels of the mosaic')
     parser.add_argument('--in-turn', type=int, default=8, metavar='N',
                         help='recordings that one process images')
-    parser.add_argument('--fastsar', type=int, default=2, metavar='N',
-                        help='recordings that FastSAR images')
     parser.add_argument('--folder', type=pathlib.Path, default=pathlib.Path('out/archive'))
     parser.add_argument('--results', type=pathlib.Path, default=RESULTS)
     parser.add_argument('--only-simulate', action='store_true')
@@ -166,9 +161,6 @@ def main() -> None:
     found['in_turn'] = in_own_process('image_in_turn', recordings, a.folder / 'in_turn', spacing,
                                       a.in_turn)
     _write(a.results, found)
-    if importlib.util.find_spec('fastsar'):
-        found['fastsar'] = fastsar_archive.image_in_bag(recordings, a.fastsar, spacing, a.workers)
-        _write(a.results, found)
     print(json.dumps(found, indent=1))
 
 
