@@ -87,8 +87,8 @@ def container_bytes(membership: Path = Path('/proc/self/cgroup'),
 
 
 @functools.lru_cache(maxsize=8)
-def _groups(membership: Path, mount: Path) -> list[tuple[Path, str, str, str]]:
-    """Groups that may limit memory, those that they are in, and the names of `_GROUP_FILES`."""
+def _groups(membership: Path, mount: Path) -> list[tuple[Path, Path, Path, str]]:
+    """Files of the groups that may limit memory, and of those that they are in."""
     try:
         lines = membership.read_text().splitlines()
     except OSError:
@@ -103,28 +103,32 @@ def _groups(membership: Path, mount: Path) -> list[tuple[Path, str, str, str]]:
                 for n in range(len(above) + 1):
                     group = mount.joinpath(controller, *above[:n])
                     if (group / names[0]).exists():
-                        groups.append((group, *names))
+                        groups.append((group / names[0], group / names[1],
+                                       group / 'memory.stat', names[2]))
     return groups
 
 
-def _group_bytes(group: Path, limit: str, use: str, reclaimable: str) -> int:
+def _group_bytes(limit: Path, use: Path, statistics: Path, reclaimable: str) -> int:
     try:
-        used = int((group / use).read_text()) - _numbers(group / 'memory.stat')[reclaimable]
-        return int((group / limit).read_text()) - used
-    except (OSError, ValueError, KeyError):  # no such group, or 'max'
+        return (int(limit.read_text()) - int(use.read_text())
+                + _number(statistics, reclaimable))
+    except (OSError, ValueError):  # no such group, or 'max'
         return sys.maxsize
 
 
-def _numbers(path: Path) -> dict[str, int]:
-    """Numbers of a file that names one in each line."""
-    words = [line.split() for line in path.read_text().splitlines()]
-    return {name.rstrip(':'): int(number) for name, number, *_ in words}
+def _number(path: Path, name: str) -> int:
+    """Number of a file that names one in each line."""
+    with open(path) as file:
+        for line in file:
+            if line.startswith(name):
+                return int(line[len(name):].strip(': ').split()[0])
+    raise ValueError(f'{path} names no {name}')
 
 
 def _machine_bytes() -> int:
     try:
-        return 1024 * _numbers(_MEMINFO)['MemAvailable']
-    except (OSError, ValueError, KeyError):  # another system
+        return 1024 * _number(_MEMINFO, 'MemAvailable')
+    except (OSError, ValueError):  # another system
         pass
     try:
         return os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')
