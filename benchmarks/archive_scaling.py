@@ -57,12 +57,14 @@ def sleep(piece: Piece, output: pathlib.Path) -> dict:
     return {}
 
 
-def simulated_archive(folder: pathlib.Path, recordings: int, pixels: int) -> pathlib.Path:
+def simulated_archive(folder: pathlib.Path, recordings: int, pixels: int, *, passes: int = 1,
+                      channels: int = 1) -> pathlib.Path:
     """Folder of recordings, simulated unless it is there."""
     if not folder.exists():
         simulate_archive.main([
             '--output', str(folder), '--recordings', str(recordings), '--pixels', str(pixels),
-            '--broken', '0', '--clutter', '0', '--reflectors', '2'])
+            '--passes', str(passes), '--channels', str(channels), '--broken', '0',
+            '--clutter', '0', '--reflectors', '2'])
     return folder
 
 
@@ -126,13 +128,17 @@ def simulated(pieces: list[Sleeper], workers: int, folder: pathlib.Path) -> dict
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--folder', type=pathlib.Path, default=pathlib.Path('out/archive_scaling'))
-    parser.add_argument('--recordings', type=int, default=12)
-    parser.add_argument('--pixels', type=int, default=2400)
-    parser.add_argument('--copies', type=int, default=6)
+    parser.add_argument('--recordings', type=int, default=48, help='of all passes')
+    parser.add_argument('--pixels', type=int, default=1600)
+    # several channels and passes: the file of the mosaic, one piece, is then a small part
+    parser.add_argument('--passes', type=int, default=8)
+    parser.add_argument('--channels', type=int, default=8)
+    parser.add_argument('--copies', type=int, default=3)
     arguments = parser.parse_args()
     folder = arguments.folder.absolute()
     folder.mkdir(exist_ok=True, parents=True)
-    flights = simulated_archive(folder / 'flights', arguments.recordings, arguments.pixels)
+    flights = simulated_archive(folder / 'flights', arguments.recordings, arguments.pixels,
+                                passes=arguments.passes, channels=arguments.channels)
     few = simulated_archive(folder / 'few', 4, 400)
     results = {'machine': machine(), 'load_before': os.getloadavg()[0]}
     results['overhead'] = overhead(folder)
