@@ -43,7 +43,7 @@ def imaged(folder, recordings, surface):
 
 def peaks(job, plan, places_m):
     """How far from some places, x and y in metres, the mosaic is brightest, within 3 m."""
-    array = stored_looks(job.output, '', plan.window, job.tile)[0]
+    array = stored_looks(job.output, '', plan.window.on_tiles(job.tile), job.tile)[0]
     power = np.nan_to_num(array.read(plan.window))
     grid = plan.window.grid(job.spacing_m)
     x, y = grid.x_m, grid.y_m

@@ -114,8 +114,8 @@ def test_a_worker_that_is_gone_for_good_is_replaced(toys, tmp_path):
     def remove(piece, result):
         if not removed:
             [nanny] = client.cluster.workers.values()
-            client.cluster.sync(nanny.kill)
             nanny.instantiate = None  # it cannot start another
+            client.cluster.sync(nanny.kill)
             removed.append(nanny)
 
     with open_cluster(tmp_path, workers=1) as client:
