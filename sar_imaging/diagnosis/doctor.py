@@ -9,6 +9,7 @@ import numpy as np
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
+from ..signal.uwb import subtract_background
 from .diagnose import Diagnosis, diagnose
 from .reach import distances, reach_advice
 from .signals import (
@@ -63,7 +64,8 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *,
     if outside is not None:
         found.append(outside)
     # what is heard all the time hides what is to be focused
-    clean = _without_static(block) if any(f.fault == 'coupling' for f in found) else block
+    coupled = any(finding.fault == 'coupling' for finding in found)
+    clean = subtract_background(block) if coupled else block
     diagnosis = diagnose(clean, grid, window=window, thorough=True)
     if diagnosis.mistake:
         found.append(Finding(diagnosis.mistake, (
@@ -71,10 +73,6 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *,
             'without this mistake' if diagnosis.corrected > diagnosis.coherence else
             f'the focus figure is {diagnosis.coherence:.2f}'), diagnosis.advice))
     return Examination(tuple(found), diagnosis)
-
-
-def _without_static(block: PulseBlock) -> PulseBlock:
-    return dataclasses.replace(block, samples=block.samples - block.samples.mean(axis=0))
 
 
 def _outside(block: PulseBlock, grid: MapGrid) -> Finding | None:

@@ -81,7 +81,7 @@ def _left_out(block: PulseBlock) -> str:
     distance, seconds = _steps(block)
     if block.n_pulses < _FEWEST or np.ptp(seconds) > 0.3 * np.median(seconds):
         return ''
-    around = _median_around(distance)
+    around = median_around(distance)
     ratio = distance / np.where(around > 0, around, 1.0)
     still = distance == 0
     still[0] = still[-1] = False
@@ -99,6 +99,7 @@ def _left_out(block: PulseBlock) -> str:
     return ''
 
 
-def _median_around(values: np.ndarray, half: int = 4) -> np.ndarray:
+def median_around(values: np.ndarray, half: int = 4) -> np.ndarray:
+    """(N,) medians of values (N,) and of `half` neighbours on each side, ends repeated."""
     padded = np.pad(values, half, mode='edge')
     return np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=-1)

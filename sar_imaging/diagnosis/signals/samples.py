@@ -12,6 +12,7 @@ from scipy import fft
 from ...signal.pulses import PulseBlock
 from ...signal.radar import Waveform
 from ...signal.range_compression import RangeCompressor
+from ...signal.uwb import subtract_background
 from .finding import Finding
 
 _REAL = (Waveform.FMCW_REAL, Waveform.PASSBAND)
@@ -208,7 +209,7 @@ def image_amplitude(samples: np.ndarray) -> tuple[complex, float]:
 def _moving(block: PulseBlock) -> np.ndarray:
     """Samples without what stays from pulse to pulse, such as coupling and offsets."""
     few = block.n_pulses < _FEWEST_MOVING
-    return block.samples if few else block.samples - block.samples.mean(axis=0)
+    return (block if few else subtract_background(block)).samples
 
 
 def _image(block: PulseBlock) -> tuple[complex, int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...signal.pulses import PulseBlock
+from ..track import median_around
 from .finding import Finding
 
 _FEWEST = 16  # pulses that tell a pattern
@@ -57,7 +58,7 @@ def _gaps(counter: np.ndarray, time_s: np.ndarray) -> Finding | None:
     """Pauses between pulses whose numbers follow each other."""
     steps = np.diff(time_s)
     following = np.diff(counter) == 1
-    around = _median_around(steps)
+    around = median_around(steps, _HALF)
     odd = following & (steps > _GAP * around) & (around > 0)
     if not odd.any() or np.count_nonzero(odd) > 0.1 * len(steps):
         return None  # none, or the rhythm of the radar
@@ -119,7 +120,3 @@ def _backward(time_s: np.ndarray) -> Finding | None:
                    'before by number', "order the pulses by the radar's numbers, and stamp them "
                    'by one clock that is never set back')
 
-
-def _median_around(values: np.ndarray, half: int = 8) -> np.ndarray:
-    padded = np.pad(values, half, mode='edge')
-    return np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=-1)

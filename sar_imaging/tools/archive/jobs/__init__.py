@@ -4,7 +4,7 @@
 - `finding`: folders, globs, lists and STAC catalogues of recordings;
 - `scanning`, `footprint`, `scans`: what a recording tells: its apertures, or why it is lost;
 - `apertures`, `prediction`: how one image is divided, and what its pieces take;
-- `division`, `stacks`, `plan`: all pieces of a job, and what they take together;
+- `division`, `plan`: all pieces of a job, and what they take together;
 - `pieces`: what one task computes, and what it tells when it is done;
 - `windows`: whole pixels of the map's lattice, and its tiles;
 - `stored`: jobs and scans in the output folder.
@@ -17,6 +17,7 @@ from .pieces import (
     ArchiveDataError,
     CoherencePiece,
     ImagePiece,
+    LooksPiece,
     MosaicPiece,
     Piece,
     PieceResult,
@@ -34,9 +35,9 @@ from .windows import Window, union
 
 __all__ = [
     'IMAGE_FORMATS', 'SURFACES', 'ApertureScan', 'ArchiveDataError', 'ArchivePlan',
-    'ArchiveTooLargeError', 'CoherencePiece', 'Division', 'ImagePiece', 'Job', 'JobError', 'Loss',
-    'MosaicPiece', 'Piece', 'PieceResult', 'ProductPiece', 'Products', 'RecordingScan',
-    'ScanPiece', 'StripPiece', 'SumPiece', 'Window', 'changed', 'divide', 'find_recordings',
-    'load_job', 'load_scan', 'load_scans', 'read_job', 'scan_piece', 'scan_recording', 'union',
-    'with_datum', 'write_job', 'write_scan',
+    'ArchiveTooLargeError', 'CoherencePiece', 'Division', 'ImagePiece', 'Job', 'JobError',
+    'LooksPiece', 'Loss', 'MosaicPiece', 'Piece', 'PieceResult', 'ProductPiece', 'Products',
+    'RecordingScan', 'ScanPiece', 'StripPiece', 'SumPiece', 'Window', 'changed', 'divide',
+    'find_recordings', 'load_job', 'load_scan', 'load_scans', 'read_job', 'scan_piece',
+    'scan_recording', 'union', 'with_datum', 'write_job', 'write_scan',
 ]

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from sar_imaging.planning.memory import IMAGE_BYTES
 
@@ -26,7 +29,6 @@ from .prediction import (
     written_bytes,
 )
 from .scans import ApertureScan
-from .stacks import find_pairs
 from .windows import Window, union
 
 LOOKS_BYTES = 6  # of a pixel of a mosaic or a strip: mean power and number of looks
@@ -37,6 +39,8 @@ PRODUCT_S_PER_PIXEL = 2e-7
 PRODUCT_BYTES_PER_PIXEL = 6
 SICD_BYTES = 48  # of a pixel: image, and what writing it takes
 SICD_BYTES = 48  # of a pixel: the image, and what writing it takes (measured: 40)
+_SHARED = 0.5  # of the pixels of both windows of a pair together
+_LARGEST_ANGLE_RAD = 0.05  # between lines of sight of a pair; images decorrelate before
 _TILES_AT_ONCE = 12  # times a tile of complex pixels, that sums and means take
 
 
@@ -271,3 +275,64 @@ def _tiled_files(job: Job, scans: Sequence[ApertureScan], pieces: Sequence[Piece
             subject=subject, scans=used, extent=extent, needs=tuple(piece.key for piece in own),
             seconds=PIECE_S + PRODUCT_S_PER_PIXEL * n, memory_bytes=_tiles_bytes(job),
             reads_bytes=LOOKS_BYTES * n, writes_bytes=PRODUCT_BYTES_PER_PIXEL * n)
+
+
+@dataclasses.dataclass(frozen=True)
+class Pair:
+    """Two apertures to compare.
+
+    Attributes
+    ----------
+    first, second : ApertureScan
+        The first of its stack, and another one.
+    window : Window
+        Pixels that both have.
+    """
+
+    first: ApertureScan
+    second: ApertureScan
+    window: Window
+
+    @property
+    def name(self) -> str:
+        """Unique within the archive."""
+        return f'{self.first.name}__{self.second.name}'
+
+
+def find_pairs(scans: Sequence[ApertureScan], tile: int, spacing_m: float) -> list[Pair]:
+    """First of each stack with each other one, in the order of their times.
+
+    An aperture belongs to the stack of the earliest aperture of another recording, of the same
+    carrier, that shares half of the pixels with it and saw their middle from the same direction,
+    to within 0.05 rad. Otherwise it begins a stack.
+    """
+    begun: dict[tuple[int, int], list[ApertureScan]] = defaultdict(list)
+    pairs = []
+    for scan in sorted(scans, key=lambda s: (s.first_ns, s.name)):
+        row, column = _middle(scan.window)
+        for first in begun[row // tile, column // tile]:
+            common = first.window.intersection(scan.window)
+            if common is not None and _together(first, scan, common, spacing_m):
+                pairs.append(Pair(first, scan, common))
+                break
+        else:
+            for part in scan.window.tiles(tile):
+                begun[part.row0 // tile, part.column0 // tile].append(scan)
+    return pairs
+
+
+def _middle(window: Window) -> tuple[int, int]:
+    return (window.row0 + window.row1) // 2, (window.column0 + window.column1) // 2
+
+
+def _together(first: ApertureScan, second: ApertureScan, common: Window, spacing_m: float) -> bool:
+    if first.recording == second.recording or first.radar.carrier_hz != second.radar.carrier_hz:
+        return False
+    both = first.window.n_pixels + second.window.n_pixels - common.n_pixels
+    if common.n_pixels < _SHARED * both:
+        return False
+    row, column = _middle(common)
+    place = np.array([column * spacing_m, -row * spacing_m, 0.0])
+    sights = [np.array(scan.centre_m) - place for scan in (first, second)]
+    one, other = (sight / np.linalg.norm(sight) for sight in sights)
+    return float(np.linalg.norm(one - other)) <= _LARGEST_ANGLE_RAD

@@ -123,48 +123,52 @@ class SumPiece(Piece):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class StripPiece(Piece):
-    """One tile of a strip: mean power of a recording's apertures, and their number.
+class LooksPiece(Piece):
+    """One tile of means: mean power of some apertures, and their number at each pixel.
+
+    Attributes
+    ----------
+    tile : Window
+        Whole tile.
+    images : tuple of (str, Window)
+        Names and windows of the aperture images with pixels in the tile, in order.
+    """
+
+    tile: Window
+    images: tuple[tuple[str, Window], ...]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class StripPiece(LooksPiece):
+    """One tile of a strip, the means of a recording's apertures.
 
     Attributes
     ----------
     recording : str
         Name of the strip.
-    tile : Window
-        Whole tile.
     strip : Window
         Whole tiles of the strip, the extent of its arrays.
-    images : tuple of (str, Window)
-        Names and windows of the aperture images with pixels in the tile, in order.
     """
 
     KIND = 'strip'
 
     recording: str
-    tile: Window
     strip: Window
-    images: tuple[tuple[str, Window], ...]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class MosaicPiece(Piece):
-    """One tile of the mosaic: mean power of all apertures, and their number.
+class MosaicPiece(LooksPiece):
+    """One tile of the mosaic, the means of all apertures.
 
     Attributes
     ----------
-    tile : Window
-        Whole tile.
     mosaic : Window
         Whole tiles of the mosaic, the extent of its arrays.
-    images : tuple of (str, Window)
-        Names and windows of the aperture images with pixels in the tile, in order.
     """
 
     KIND = 'mosaic'
 
-    tile: Window
     mosaic: Window
-    images: tuple[tuple[str, Window], ...]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

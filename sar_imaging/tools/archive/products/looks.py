@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..jobs import Job, MosaicPiece, PieceResult, StripPiece, Window
+from ..jobs import Job, LooksPiece, MosaicPiece, PieceResult, Window
 from .aperture_images import StoredImage
 from .storage import MOSAIC, STRIPS, TiledArray, image_array
 
@@ -21,7 +21,7 @@ POWER, LOOKS = 'power', 'looks'
 _ROWS_AT_ONCE = 256
 
 
-def looks_tile(piece: StripPiece | MosaicPiece, job: Job, output: Path) -> PieceResult:
+def looks_tile(piece: LooksPiece, job: Job, output: Path) -> PieceResult:
     """Mean power and number of looks of a tile, of the apertures whose images are complete."""
     start = time.perf_counter()
     power, looks, missing = mean_power([name for name, _ in piece.images], piece.tile, job, output)
@@ -32,7 +32,7 @@ def looks_tile(piece: StripPiece | MosaicPiece, job: Job, output: Path) -> Piece
         'looks': int(looks.sum(dtype=np.int64))})
 
 
-def looks_arrays(piece: StripPiece | MosaicPiece, job: Job,
+def looks_arrays(piece: LooksPiece, job: Job,
                  output: Path) -> tuple[TiledArray, TiledArray]:
     """Arrays of power and looks that a piece writes into, made where there are none."""
     if isinstance(piece, MosaicPiece):
