@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from ..planning.memory import PUBLISHED_BYTES
+from ..memory import PUBLISHED_BYTES
 from .derived import Derived, pulse_duration_s
 from .settings import Acquisition, Imaging, Machine
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from ..planning.memory import IMAGE_BYTES
+from ..memory import IMAGE_BYTES
 from .settings import Imaging
 
 # Interpreter, libraries and compiled kernels (measured; see docs/configuration.md).

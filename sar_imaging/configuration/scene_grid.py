@@ -16,7 +16,7 @@ import numpy as np
 
 from ..geometry.even_grids import PlaneGrid
 from ..geometry.grids import MapGrid
-from ..planning.memory import IMAGE_BYTES
+from ..memory import IMAGE_BYTES
 from ..signal.radar import RadarParameters
 
 PLANES = ('ground', 'slant')

@@ -9,7 +9,7 @@ import os
 import numpy as np
 
 from ..geometry.grids import MapGrid
-from ..planning.memory import available_bytes
+from ..memory import available_bytes
 from ..signal.radar import RadarParameters
 
 MODES = ('image', 'subapertures')

@@ -3,7 +3,8 @@
 - `grids`, `polar`, `terrain`: pixels on a map, around an aperture, on the heights of the ground;
 - `poses`, `pose_interpolation`, `alignment`: from the platform's odometry to phase centres;
 - `earth`, `navigation`: where on the Earth the imaging frame stands, and satellite navigation;
-- `straight_track`, `track_prediction`, `map_edges`: what imagers need of a track and a map.
+- `half_paths`, `straight_track`, `track_prediction`, `map_edges`: what imagers need of a track and
+  a map.
 """
 
 from .earth import Datum

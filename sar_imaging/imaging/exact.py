@@ -17,10 +17,10 @@ import numpy as np
 
 from .. import backends
 from ..geometry.grids import EvenGrid, MapGrid
+from ..memory import IMAGE_BYTES
 from ..planning.error_budget import EXACT_SHARES, error_budget
 from ..planning.exact.backprojection import LEAST_TARGET_DB, plan_backprojection
 from ..planning.exact.points import ImagePoints
-from ..planning.memory import IMAGE_BYTES
 from ..signal.pulses import PulseBlock, check_profiles
 from .image import Report
 from .methods import EXACT, Method

@@ -15,7 +15,7 @@ from ..backends import AUTO
 from ..geometry.grids import Grid, MapGrid
 from ..geometry.point_grids import as_grid
 from ..geometry.polar import PolarGrid
-from ..planning.memory import IMAGE_BYTES, check_memory
+from ..memory import IMAGE_BYTES, check_memory
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from ..signal.range_compression import RangeCompressor

@@ -16,7 +16,7 @@ import numpy as np
 from ..backends import AUTO
 from ..geometry.grids import Grid
 from ..geometry.point_grids import TerrainGrid
-from ..planning.memory import IMAGE_BYTES, check_memory
+from ..memory import IMAGE_BYTES, check_memory
 from ..planning.plan import Plan
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters, Waveform

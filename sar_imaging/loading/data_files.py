@@ -15,7 +15,7 @@ from scipy.io import loadmat, whosmat
 from scipy.io.matlab import MatReadError
 
 from ..formats.extras import require
-from ..planning.memory import available_bytes
+from ..memory import available_bytes
 from .description import DescriptionError
 
 _HDF5_MAGIC = b'\x89HDF\r\n\x1a\n'

@@ -8,7 +8,7 @@ Plans are float64 NumPy and know no processor; `sar_imaging.backends` computes t
 - `profiles`: the part of the range profiles that an image needs, and how finely it is resampled;
 - `polar_cover`, `polar_to_map`: the polar grid that covers a map, and how the map is read from it;
 - `interpolators`, `aliasing_error`, `local_spectrum`, `echo_power`, `error_budget`: the error;
-- `costs`, `memory`: nanoseconds and bytes.
+- `costs`: nanoseconds.
 
 Names that mean the same in all modules, here and in the backends, are described once:
 

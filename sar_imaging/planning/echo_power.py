@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..geometry.half_paths import half_paths
 from ..signal.radar import RadarParameters
-from .profiles.range_resampling import half_paths
 
 
 def echo_power(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndarray:

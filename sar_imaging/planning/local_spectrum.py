@@ -10,10 +10,10 @@ import math
 
 import numpy as np
 
+from ..geometry.half_paths import half_paths
 from ..geometry.polar import PolarGrid
 from ..signal.radar import RadarParameters
 from .echo_power import echo_power
-from .profiles.range_resampling import half_paths
 
 SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 TAPERS_NEEDED = 0.5  # of what tapers add to a band, what is beyond is faint enough to fold

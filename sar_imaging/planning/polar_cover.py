@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..geometry.grids import MapGrid
+from ..geometry.half_paths import half_paths, sample_paths
 from ..geometry.map_edges import EDGE_SAMPLES, edge_positions
 from ..geometry.polar import PolarGrid
 from ..geometry.track_frame import side_of, track_beside
@@ -23,7 +24,7 @@ from .interpolators import Interpolator, fitting_interpolator
 from .local_spectrum import TAPERS_NEEDED, used_share
 from .polar_to_map import DEAPODISED_TAPS, DEGREE, LEAST_RANGES, TAPS, margin
 from .profiles.range_gate import RangeGate
-from .profiles.range_resampling import RangeResampling, half_paths, plan_resampling, sample_paths
+from .profiles.range_resampling import RangeResampling, plan_resampling
 
 if TYPE_CHECKING:
     from .profiles.phase_history import PhaseHistory

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..backends import backend
 from ..geometry.grids import MapGrid
+from ..memory import IMAGE_BYTES, PUBLISHED_BYTES, check_memory
 from ..planning.afbp.map_cover import covers
 from ..planning.afbp.polar_grids import UnifiedPolarGrids
-from ..planning.memory import IMAGE_BYTES, PUBLISHED_BYTES, check_memory
 from ..signal.pulses.sequence import EventSource, counter_distance
 from .subaperture_image import SubapertureImage
 

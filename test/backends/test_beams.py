@@ -10,10 +10,11 @@ import pytest
 from benchmarks.support.references import exact_image
 from sar_imaging.backends.cpu.beams.forming import ROWS
 from sar_imaging.backends.cpu.beams.subaperture import BeamformedSubaperture
+from sar_imaging.geometry.half_paths import sample_paths
 from sar_imaging.planning.afbp.beams import plan_beams
 from sar_imaging.planning.afbp.plan import plan_afbp
 from sar_imaging.planning.profiles.range_gate import RangeGate
-from sar_imaging.planning.profiles.range_resampling import plan_resampling, sample_paths
+from sar_imaging.planning.profiles.range_resampling import plan_resampling
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock
 
 _PADDING = 64  # samples; rows lie further apart than they would in practice

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from benchmarks.support.references import exact_image
+from sar_imaging import memory
 from sar_imaging.geometry import MapGrid, PlaneGrid, PointGrid, TerrainGrid, VolumeGrid
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.planning import memory
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 from sar_imaging.planning.exact.points import ImagePoints
 from sar_imaging.quality.verification import measure_error

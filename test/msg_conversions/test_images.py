@@ -14,7 +14,7 @@ from std_msgs.msg import Header
 
 from msg_conversions import WireFormatError, images
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.planning.memory import IMAGE_BYTES, PUBLISHED_BYTES
+from sar_imaging.memory import IMAGE_BYTES, PUBLISHED_BYTES
 
 SHAPES = hnp.array_shapes(min_dims=2, max_dims=2, max_side=5)
 FLOATS = st.floats(width=32, allow_nan=False, allow_infinity=False)

@@ -8,8 +8,8 @@ import pickle
 import numpy as np
 import pytest
 
+from sar_imaging import memory
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.planning import memory
 from sar_imaging.planning.afbp.live import plan_live
 from sar_imaging.planning.afbp.plan import plan_afbp
 from sar_imaging.planning.baselines.ffbp_choice import plan_ffbp

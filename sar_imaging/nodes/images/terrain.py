@@ -11,7 +11,7 @@ import numpy as np
 from sar_imaging.files import check_file
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.terrain import Terrain
-from sar_imaging.planning.memory import available_bytes
+from sar_imaging.memory import available_bytes
 
 from ..runtime.parameters import ConfigurationError, Parameter
 

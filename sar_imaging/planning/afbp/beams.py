@@ -9,13 +9,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ...geometry.half_paths import half_paths, sample_paths
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
 from ..costs import costs
 from ..error_budget import total_db
 from ..guard_taper import cosine_fall
 from ..interpolators import Interpolator, design_interpolator
-from ..profiles.range_resampling import RangeResampling, half_paths, sample_paths
+from ..profiles.range_resampling import RangeResampling
 from .beam_gain import (
     BEAM_TAPS,
     DEGREE,

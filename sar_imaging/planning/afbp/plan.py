@@ -11,9 +11,9 @@ import numpy as np
 from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...geometry.track_frame import mean_centres
+from ...memory import IMAGE_BYTES
 from ...signal.radar import RadarParameters
 from ..costs import costs
-from ..memory import IMAGE_BYTES
 from ..plan import Plan
 from ..polar_cover import PolarCover
 from ..profiles.phase_history import PhaseHistory

@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from ...geometry.half_paths import half_paths, sample_paths
 from ...geometry.polar import PolarGrid
 from ...signal.pulses import PulseBlock, check_profiles
 from ...signal.radar import RadarParameters
@@ -23,7 +24,7 @@ from ..plan import Plan
 from ..polar_cover import PolarCover
 from ..profiles.phase_history import PhaseHistory
 from ..profiles.range_gate import RangeGate
-from ..profiles.range_resampling import RangeResampling, half_paths, plan_resampling, sample_paths
+from ..profiles.range_resampling import RangeResampling, plan_resampling
 from .beam_gain import bins_per_run
 from .beams import BeamSampling
 from .map_cover import map_density

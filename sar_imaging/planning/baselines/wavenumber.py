@@ -21,9 +21,9 @@ from ...geometry.straight_track import (
     fit_straight_track,
     path_errors,
 )
+from ...memory import IMAGE_BYTES
 from ...signal.radar import RadarParameters
 from ...signal.spectra import band_frequencies
-from ..memory import IMAGE_BYTES
 from ..plan import Plan
 from .doppler_band import LARGEST_SINE, DopplerBand, Scene, choose_band
 

@@ -17,8 +17,8 @@ import numpy as np
 from ...geometry.grids import Grid
 from ...geometry.point_grids import PointGrid
 from ...geometry.track_frame import mean_centres
+from ...memory import IMAGE_BYTES
 from ...signal.radar import RadarParameters
-from ..memory import IMAGE_BYTES
 from ..plan import Plan
 from ..profiles.profile_reach import check_reach, reach_warnings, some_pixels
 

@@ -14,9 +14,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...geometry.grids import EvenGrid, MapGrid
+from ...memory import IMAGE_BYTES
 from ...signal.radar import RadarParameters
 from ..costs import costs
-from ..memory import IMAGE_BYTES
 from ..plan import Plan
 from ..profiles.profile_reach import check_reach, covered_ranges, reach_warnings, some_pixels
 from ..profiles.range_gate import RangeGate

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ...geometry.grids import EvenGrid, even_positions
-from ..profiles.range_resampling import sample_paths
+from ...geometry.half_paths import sample_paths
 
 _SAMPLES_PER_SIDE = {2: 5, 3: 3}  # grid positions at which the geometry is bounded, by axes
 

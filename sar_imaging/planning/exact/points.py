@@ -10,12 +10,13 @@ import numpy as np
 
 from ...geometry.even_grids import PlaneGrid, VolumeGrid
 from ...geometry.grids import EvenGrid, Grid, MapGrid
+from ...geometry.half_paths import half_paths
 from ...geometry.point_grids import PointGrid, TerrainGrid
 from ...signal.radar import RadarParameters
 from ..error_budget import EXACT_SHARES, error_budget
 from ..plan import Plan
 from ..profiles.range_gate import RangeGate
-from ..profiles.range_resampling import RangeResampling, half_paths, plan_point_resampling
+from ..profiles.range_resampling import RangeResampling, plan_point_resampling
 
 # Rms error of a path in float32 over the radius of its tile; 1.4e-8 to 1.7e-8 were measured
 _ROUNDING = 3e-8

@@ -10,6 +10,7 @@ import dataclasses
 from collections.abc import Mapping
 
 from ...geometry.grids import MapGrid
+from ...geometry.half_paths import sample_paths
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
 from ..costs import costs
@@ -18,12 +19,7 @@ from ..interpolators import Interpolator
 from ..plan import Plan
 from ..polar_cover import PolarCover, cover_map
 from ..profiles.range_gate import RangeGate
-from ..profiles.range_resampling import (
-    RangeResampling,
-    plan_resampling,
-    resampling_error_db,
-    sample_paths,
-)
+from ..profiles.range_resampling import RangeResampling, plan_resampling, resampling_error_db
 from .azimuth_upsampling import AzimuthParts, plan_parts
 
 _SAMPLES_PER_SIDE = 5  # positions at which the geometry is bounded

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...geometry.grids import Grid
+from ...geometry.half_paths import half_paths
 from ...signal.radar import RadarParameters
-from .range_resampling import half_paths
 
 _PIXELS_PER_SIDE, _ROWS = {2: 24, 3: 8}, 65  # at which ranges are looked at, by axes
 

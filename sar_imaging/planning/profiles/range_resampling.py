@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from ...geometry.half_paths import Paths
 from ...signal.radar import RadarParameters
 from ..costs import costs
 from ..error_budget import total_db
@@ -23,106 +24,10 @@ ROWS_PER_PASS = 32  # rows that share the reference for the phase along a segmen
 _SEGMENTS = (256, 128, 64, 32, 16, 8)
 _MAX_PHASES = 8
 _ROWS_FOR_ERRORS = 256  # enough for averages over the rows, of which few have most of the error
-_ROWS_IN_CACHE = 512  # of paths at once
-_NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
 _DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
 _CLOSER_DB = 10.0  # by which the worst drift may be worse than the mean one
 _LONGER, _FINER, _FEW = 1.1, 1.03, 3  # padded length, cells, and cells around the best
 _COST_TRANSFORM = 0.012  # of a pass of the transform, in shares of the whole
-
-
-@dataclasses.dataclass(frozen=True)
-class Paths:
-    """Half path from rows of phase centres to sampled points of image lines.
-
-    Attributes
-    ----------
-    length : (R, S) float64
-        Half path, metres.
-    derivatives : tuple of four (R, S) float64
-        Its first to fourth derivative along the line.
-    parts : tuple of int
-        First row of each part of the rows that is added by itself.
-    """
-
-    length: np.ndarray
-    derivatives: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-    parts: tuple[int, ...] = (0,)
-
-    def reversed(self) -> Paths:
-        """The same points on lines that run the other way."""
-        first, second, third, fourth = self.derivatives
-        return Paths(self.length, (-first, second, -third, fourth))
-
-    def from_shared(self) -> Paths:
-        """Some rows, less the middle row of the `ROWS_PER_PASS` that each is added with."""
-        n = len(self.length)
-        rows = _some_rows(n)
-        part = np.searchsorted(self.parts, rows, 'right')
-        first, stop = np.take(self.parts, part - 1), np.append(self.parts, n)[part]
-        start = first + (rows - first) // ROWS_PER_PASS * ROWS_PER_PASS
-        middle = start + np.minimum(stop - start, ROWS_PER_PASS) // 2
-        return Paths(self.length[rows] - self.length[middle],
-                     tuple(d[rows] - d[middle] for d in self.derivatives))
-
-
-def _some_rows(n: int) -> np.ndarray:
-    return np.linspace(0, n - 1, min(n, _ROWS_FOR_ERRORS)).round().astype(int)
-
-
-def sample_paths(tx_m, rx_m, line) -> Paths:
-    """Half paths and their derivatives at points of image lines.
-
-    `line` holds points (S, 3), metres, and their first to at most fourth derivative along the
-    line; the others are zero.
-    """
-    position, first, *higher = line
-    second, third, fourth = (*higher, *[np.zeros_like(position)] * (3 - len(higher)))
-
-    def dot(a, b):
-        return np.einsum('sk,sk->s', a, b)
-
-    total = 0.0
-    centres = _distinct(tx_m, rx_m)
-    for centre in centres:
-        offset = position - np.asarray(centre)[:, None, :]
-        d = np.maximum(np.sqrt(np.einsum('rsk,rsk->rs', offset, offset)), _NEAREST_M)
-        p1, p2, p3, p4 = (np.einsum('rsk,sk->rs', offset, v)
-                          for v in (first, second, third, fourth))
-        # Leibniz' rule for d^2 = |offset|^2
-        d1 = p1 / d
-        d2 = (dot(first, first) + p2 - d1 ** 2) / d
-        d3 = (3 * dot(first, second) + p3 - 3 * d1 * d2) / d
-        d4 = (3 * dot(second, second) + 4 * dot(first, third) + p4 - 4 * d1 * d3
-              - 3 * d2 ** 2) / d
-        total = total + np.stack([d, d1, d2, d3, d4]) / len(centres)
-    return Paths(total[0], tuple(total[1:]))
-
-
-def _distinct(tx_m, rx_m) -> list:
-    """Ends of paths: both, or one if they are in the same places."""
-    return [tx_m] if np.array_equal(tx_m, rx_m) else [tx_m, rx_m]
-
-
-def half_paths(tx_m, rx_m, position, *directions) -> np.ndarray:
-    """(1 + D, R, S) half paths to points (S, 3), metres, and their derivatives along D directions.
-
-    `directions` are derivatives of the positions by some parameters, (S, 3) each.
-    """
-    centres = _distinct(tx_m, rx_m)
-    found = np.zeros((1 + len(directions), len(position), len(tx_m)))
-    for start in range(0, len(tx_m), _ROWS_IN_CACHE):
-        some = slice(start, start + _ROWS_IN_CACHE)
-        for centre in centres:
-            offset = [position[:, axis, None] - centre[some, axis] for axis in range(3)]
-            length = np.maximum(np.sqrt(sum(o ** 2 for o in offset)), _NEAREST_M)
-            found[0, :, some] += length
-            for total, direction in zip(found[1:, :, some], directions, strict=True):
-                total += sum(o * d for o, d in zip(
-                    offset, direction.T[:, :, None], strict=True)) / length
-    if len(centres) > 1:
-        found /= len(centres)
-    return found.swapaxes(1, 2)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -278,6 +183,21 @@ def _predicted_db(lattice, interpolation_db, errors) -> float:
                                         for power, error in errors))
 
 
+def _some_rows(n: int) -> np.ndarray:
+    return np.linspace(0, n - 1, min(n, _ROWS_FOR_ERRORS)).round().astype(int)
+
+
+def _from_shared(paths: Paths) -> list[np.ndarray]:
+    """Derivatives of some rows, less those of the middle one of the `ROWS_PER_PASS` around."""
+    n = len(paths.length)
+    rows = _some_rows(n)
+    part = np.searchsorted(paths.parts, rows, 'right')
+    first, stop = np.take(paths.parts, part - 1), np.append(paths.parts, n)[part]
+    start = first + (rows - first) // ROWS_PER_PASS * ROWS_PER_PASS
+    middle = start + np.minimum(stop - start, ROWS_PER_PASS) // 2
+    return [d[rows] - d[middle] for d in paths.derivatives]
+
+
 def _expansion_errors(paths, radar):
     """Rms errors over a segment of half length 1, and the powers of it that they grow with.
 
@@ -288,7 +208,7 @@ def _expansion_errors(paths, radar):
     k = radar.wavenumber_rad_per_m
     band = radar.half_band_rad_per_m / math.sqrt(3)
     a, b, c = (k * d / math.factorial(n + 1)
-               for n, d in enumerate(paths.from_shared().derivatives[:3]))
+               for n, d in enumerate(_from_shared(paths)[:3]))
     quartic = np.hypot(a ** 4 / 24 - b ** 2 / 2 - a * c, a ** 2 * b / 2) / 8 / math.sqrt(2)
     quintic = np.hypot(a ** 3 * b / 6, a ** 5 / 120 - a * b ** 2 / 2 - a ** 2 * c / 2) / 4
     return ((3, band / math.sqrt(7) / 6 * _rms(paths.derivatives[2])),

@@ -14,6 +14,7 @@ import numpy as np
 
 from sar_imaging.backends import backend
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.memory import check_memory
 from sar_imaging.planning.afbp.beams import BeamSampling
 from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
 from sar_imaging.planning.afbp.plan import AfbpPlan, plan_afbp
@@ -21,7 +22,6 @@ from sar_imaging.planning.baselines.ffbp_choice import plan_ffbp
 from sar_imaging.planning.costs import DEFAULT, using
 from sar_imaging.planning.exact.backprojection import BackprojectionPlan, plan_backprojection
 from sar_imaging.planning.exact.polar_image import plan_polar
-from sar_imaging.planning.memory import check_memory
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 

@@ -15,7 +15,7 @@ from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.image import Image
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.planning.memory import available_bytes
+from sar_imaging.memory import available_bytes
 from sar_imaging.quality.verification import Verification, measure_error
 from sar_imaging.signal.radar import Waveform
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from sar_imaging.planning.memory import IMAGE_BYTES
+from sar_imaging.memory import IMAGE_BYTES
 
 from .job import Job
 from .pieces import (

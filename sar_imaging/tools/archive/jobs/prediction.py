@@ -13,8 +13,8 @@ from sar_imaging.geometry.point_grids import TerrainGrid
 from sar_imaging.imaging.image import Report
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.imaging.methods import AFBP, EXACT
+from sar_imaging.memory import IMAGE_BYTES, granting
 from sar_imaging.planning.costs import DEFAULT, using
-from sar_imaging.planning.memory import IMAGE_BYTES, granting
 from sar_imaging.signal.radar import RadarParameters
 
 from .job import Job

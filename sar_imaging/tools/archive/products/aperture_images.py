@@ -22,8 +22,8 @@ from sar_imaging.imaging.correlation import correlate_profiles
 from sar_imaging.imaging.image import Image, Report
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.imaging.methods import EXACT
+from sar_imaging.memory import granting
 from sar_imaging.planning.costs import DEFAULT, using
-from sar_imaging.planning.memory import granting
 from sar_imaging.signal.pulses import PulseBlock
 
 from ..jobs import ImagePiece, Job, PieceResult, SumPiece, Window

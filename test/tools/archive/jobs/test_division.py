@@ -117,7 +117,7 @@ def test_short_pieces_are_not_worth_double_the_work():
 def test_the_same_division_however_little_memory_is_free(monkeypatch):
     pulses, window = _pulses(1024)
     before = divide_aperture(JOB, pulses, window)
-    monkeypatch.setattr('sar_imaging.planning.memory._machine_bytes', lambda: 1000)
+    monkeypatch.setattr('sar_imaging.memory._machine_bytes', lambda: 1000)
     assert divide_aperture(JOB, pulses, window) == before
 
 

@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-from sar_imaging.planning import memory
-from sar_imaging.planning.memory import available_bytes, check_memory, container_bytes, granting
+from sar_imaging import memory
+from sar_imaging.memory import available_bytes, check_memory, container_bytes, granting
 
 MOST = sys.maxsize
 
@@ -54,7 +54,7 @@ def test_without_groups_nothing_limits(tmp_path):
 def test_the_limit_of_the_process_counts(pytestconfig):
     pytest.importorskip('resource', reason='a limit of Unix systems')
     code = ('import resource\n'
-            'from sar_imaging.planning.memory import available_bytes\n'
+            'from sar_imaging.memory import available_bytes\n'
             'resource.setrlimit(resource.RLIMIT_AS, (10**11, 10**11))\n'
             'before = available_bytes()\n'
             'size = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()\n'

@@ -1,0 +1,89 @@
+"""Half path from phase centres to points: half the way there and back, and its derivatives."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+_ROWS_IN_CACHE = 512  # of paths at once
+_NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
+
+
+@dataclasses.dataclass(frozen=True)
+class Paths:
+    """Half path from rows of phase centres to sampled points of image lines.
+
+    Attributes
+    ----------
+    length : (R, S) float64
+        Half path, metres.
+    derivatives : tuple of four (R, S) float64
+        Its first to fourth derivative along the line.
+    parts : tuple of int
+        First row of each part of the rows that is added by itself.
+    """
+
+    length: np.ndarray
+    derivatives: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+    parts: tuple[int, ...] = (0,)
+
+    def reversed(self) -> Paths:
+        """The same points on lines that run the other way."""
+        first, second, third, fourth = self.derivatives
+        return Paths(self.length, (-first, second, -third, fourth))
+
+
+def sample_paths(tx_m, rx_m, line) -> Paths:
+    """Half paths and their derivatives at points of image lines.
+
+    `line` holds points (S, 3), metres, and their first to at most fourth derivative along the
+    line; the others are zero.
+    """
+    position, first, *higher = line
+    second, third, fourth = (*higher, *[np.zeros_like(position)] * (3 - len(higher)))
+
+    def dot(a, b):
+        return np.einsum('sk,sk->s', a, b)
+
+    total = 0.0
+    centres = _distinct(tx_m, rx_m)
+    for centre in centres:
+        offset = position - np.asarray(centre)[:, None, :]
+        d = np.maximum(np.sqrt(np.einsum('rsk,rsk->rs', offset, offset)), _NEAREST_M)
+        p1, p2, p3, p4 = (np.einsum('rsk,sk->rs', offset, v)
+                          for v in (first, second, third, fourth))
+        # Leibniz' rule for d^2 = |offset|^2
+        d1 = p1 / d
+        d2 = (dot(first, first) + p2 - d1 ** 2) / d
+        d3 = (3 * dot(first, second) + p3 - 3 * d1 * d2) / d
+        d4 = (3 * dot(second, second) + 4 * dot(first, third) + p4 - 4 * d1 * d3
+              - 3 * d2 ** 2) / d
+        total = total + np.stack([d, d1, d2, d3, d4]) / len(centres)
+    return Paths(total[0], tuple(total[1:]))
+
+
+def _distinct(tx_m, rx_m) -> list:
+    """Ends of paths: both, or one if they are in the same places."""
+    return [tx_m] if np.array_equal(tx_m, rx_m) else [tx_m, rx_m]
+
+
+def half_paths(tx_m, rx_m, position, *directions) -> np.ndarray:
+    """(1 + D, R, S) half paths to points (S, 3), metres, and their derivatives along D directions.
+
+    `directions` are derivatives of the positions by some parameters, (S, 3) each.
+    """
+    centres = _distinct(tx_m, rx_m)
+    found = np.zeros((1 + len(directions), len(position), len(tx_m)))
+    for start in range(0, len(tx_m), _ROWS_IN_CACHE):
+        some = slice(start, start + _ROWS_IN_CACHE)
+        for centre in centres:
+            offset = [position[:, axis, None] - centre[some, axis] for axis in range(3)]
+            length = np.maximum(np.sqrt(sum(o ** 2 for o in offset)), _NEAREST_M)
+            found[0, :, some] += length
+            for total, direction in zip(found[1:, :, some], directions, strict=True):
+                total += sum(o * d for o, d in zip(
+                    offset, direction.T[:, :, None], strict=True)) / length
+    if len(centres) > 1:
+        found /= len(centres)
+    return found.swapaxes(1, 2)
