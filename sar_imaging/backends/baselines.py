@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     import numpy as np
 
+    from ..geometry.illumination import Illumination
     from ..planning.baselines.ffbp import FfbpPlan
     from ..planning.baselines.wavenumber import WavenumberPlan
     from ..planning.baselines.zero_padding import ZeroPaddingPlan
@@ -39,11 +40,13 @@ class Baselines(Protocol):
         """Fast factorised backprojection by a plan."""
 
     def correlate_spectra(self, cycles_per_m: tuple[float, float], spectra: np.ndarray,
-                          tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray) -> np.ndarray:
+                          tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray,
+                          illumination: Illumination | None = None) -> np.ndarray:
         """Time-domain correlation of spectra, (N,) complex128 at points (N, 3)."""
 
     def correlate_profiles(self, radar: RadarParameters, samples: np.ndarray, tx_m: np.ndarray,
-                           rx_m: np.ndarray, points_m: np.ndarray, half: int, sharpness: float
+                           rx_m: np.ndarray, points_m: np.ndarray, half: int, sharpness: float,
+                           illumination: Illumination | None = None
                            ) -> tuple[np.ndarray, np.ndarray]:
         """Time-domain correlation of profiles at points, and which of these they cover."""
 

@@ -95,7 +95,7 @@ class ZeroPadding(Method):
 class Correlation(Method):
     """Time-domain correlation, float64: the reference; hours for large images."""
 
-    NAME = 'correlation'
+    NAME, ILLUMINATION = 'correlation', True
 
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""
@@ -104,5 +104,6 @@ class Correlation(Method):
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""
         points = self.grid.points()
-        image, _ = correlate_profiles(block, points.reshape(-1, 3), backend=self.options.backend)
+        image, _ = correlate_profiles(block, points.reshape(-1, 3), backend=self.options.backend,
+                                      illumination=self.options.illumination)
         return image.astype(np.complex64).reshape(points.shape[:-1])

@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 from ..backends import AUTO, optional_entry
 from ..backends.protocol import Backend
+from ..geometry.illumination import AntennaPattern, Illumination
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT
 
@@ -25,11 +26,13 @@ _LEAST_SPARE = 0.05  # share of the sample rate without signal; less makes Knab'
 
 def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *,
               propagation_speed_m_per_s: float = SPEED_OF_LIGHT,
+              illumination: Illumination | None = None,
               backend: str | Backend = AUTO, progress: bool = False):
     """Correlate the spectra with the exact reference of every point.
 
     ``f(x) = sum_m sum_n sum_f S_mn(f) exp(+j 2 pi f tau_mn(x))`` with the two-way delay
-    ``tau_mn(x) = (|tx_mn - x| + |rx_mn - x|) / c``.
+    ``tau_mn(x) = (|tx_mn - x| + |rx_mn - x|) / c``; with illumination each term is multiplied by
+    the two-way amplitude w_mn(x).
 
     Parameters
     ----------
@@ -43,6 +46,8 @@ def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *,
         Positions to image, in the frame of the phase centres, metres.
     propagation_speed_m_per_s : float
         Speed of the waves, metres per second: c above.
+    illumination : Illumination, optional
+        Of the P C echoes, channel by channel of each pulse.
     backend : str or Backend
         What computes it, see `sar_imaging.backends`.
     progress : bool
@@ -69,16 +74,17 @@ def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *,
     flat = np.ascontiguousarray(points.reshape(-1, 3))
     out = np.empty(len(flat), np.complex128)
     sums = optional_entry(backend, 'correlate_spectra')
+    lit = () if illumination is None else (illumination,)
     with tqdm(total=len(flat), desc='correlation', unit='pixel', disable=not progress) as bar:
         for start in range(0, len(flat), _POINTS_PER_CALL):
             part = slice(start, min(start + _POINTS_PER_CALL, len(flat)))
-            out[part] = sums(cycles_per_m, spectra, tx, rx, flat[part])
+            out[part] = sums(cycles_per_m, spectra, tx, rx, flat[part], *lit)
             bar.update(part.stop - part.start)
     return out.reshape(points.shape[:-1])
 
 
-def correlate_profiles(block: PulseBlock, points, *, backend: str | Backend = AUTO
-                       ) -> tuple[np.ndarray, np.ndarray]:
+def correlate_profiles(block: PulseBlock, points, *, illumination: AntennaPattern | None = None,
+                       backend: str | Backend = AUTO) -> tuple[np.ndarray, np.ndarray]:
     """Correlate range profiles with the exact reference of every point.
 
     ``f(x) = sum_m sum_n s_mn(tau_mn(x)) exp(+j 2 pi f_c tau_mn(x))``. The profile s is read at the
@@ -94,6 +100,8 @@ def correlate_profiles(block: PulseBlock, points, *, backend: str | Backend = AU
         Range profiles with phase centres, sampled faster than the bandwidth.
     points : (K, 3) array_like
         Positions to image, in the frame of the phase centres, metres.
+    illumination : AntennaPattern, optional
+        Two-way amplitude w_mn(x) by which each term is multiplied; the block tells its pointing.
     backend : str or Backend
         What computes it, see `sar_imaging.backends`.
 
@@ -102,14 +110,15 @@ def correlate_profiles(block: PulseBlock, points, *, backend: str | Backend = AU
     image : (K,) complex128
         Image at the points. A delay outside a profile contributes nothing.
     covered : (K,) bool
-        False where a delay comes within h samples of the end of a profile. The value there
-        depends on samples that nobody has; they were taken as zero.
+        False where a delay of a lit point comes within h samples of the end of a profile. The
+        value there depends on samples that nobody has; they were taken as zero.
 
     Raises
     ------
     ValueError
-        The pulses are raw, have no phase centres or are sampled too slowly, a point or a sample
-        is not finite, or the backend offers no correlation.
+        The pulses are raw, have no phase centres or are sampled too slowly, there is an
+        illumination and nobody tells their pointing, a point or a sample is not finite, or the
+        backend offers no correlation.
 
     References
     ----------
@@ -131,9 +140,15 @@ def correlate_profiles(block: PulseBlock, points, *, backend: str | Backend = AU
                          f'{radar.bandwidth_hz:g} Hz; sample them at '
                          f'{1 / (1 - _LEAST_SPARE):.2f} times the bandwidth or more')
     sharpness = math.asinh(10 ** (-_SERIES_ERROR_DB / 20))
+    lit = ()
+    if illumination is not None:
+        if block.pointing is None:
+            raise ValueError('illumination needs to know where the antenna looked; set pointing '
+                             'of the block')
+        lit = Illumination.of_pulses(illumination, block.pointing, block.tx_m, block.rx_m),
     pulses = (np.ascontiguousarray(a) for a in (block.samples, block.tx_m, block.rx_m))
     return optional_entry(backend, 'correlate_profiles')(
-        radar, *pulses, points, math.ceil(sharpness / np.pi / spare), sharpness)
+        radar, *pulses, points, math.ceil(sharpness / np.pi / spare), sharpness, *lit)
 
 
 def _check(frequencies, spectra, tx, rx, points):

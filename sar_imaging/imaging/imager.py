@@ -13,6 +13,7 @@ import numpy as np
 
 from ..backends import AUTO
 from ..geometry.grids import Grid, MapGrid
+from ..geometry.illumination import AntennaPattern, Pointing
 from ..geometry.point_grids import as_grid
 from ..geometry.polar import PolarGrid
 from ..memory import IMAGE_BYTES, check_memory
@@ -34,8 +35,9 @@ def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
                tx_m=None, rx_m=None, *, method: str | type[Method] = AUTO,
                target_db: float = -60.0, height_m=None, weights=None, per_channel: bool = False,
                midpoint: bool = False, compressed: bool = True, weighting: str = 'none',
-               pulse_weights=None, backend: str | Backend = AUTO, progress: bool = False,
-               **own) -> Imager:
+               pulse_weights=None, illumination: AntennaPattern | None = None,
+               pointing: Pointing | None = None, backend: str | Backend = AUTO,
+               progress: bool = False, **own) -> Imager:
     """Plan an image, or as many as come of the same radar.
 
     Parameters
@@ -74,6 +76,12 @@ def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
         Spectral window of raw pulses, see `sar_imaging.signal.windows`.
     pulse_weights : (P,) array_like, optional
         Window over the pulses of a block.
+    illumination : AntennaPattern, optional
+        Two-way amplitude of the antenna by direction, with which each pulse adds to each pixel;
+        pixels that it does not light take no part. Blocks then tell where the antenna looked,
+        see `PulseBlock.pointing`.
+    pointing : Pointing, optional
+        Where the antenna looks at the pulses to come, with `tx_m` and `rx_m`.
     backend : str or Backend
         What computes it, see `sar_imaging.backends`: ``'cpu'``, ``'reference'``; ``'auto'`` takes
         the quickest there is. An object with the four entries of a backend is used likewise.
@@ -101,11 +109,12 @@ def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
     >>> image = imager(profiles)                                          # doctest: +SKIP
     >>> print(image.report)                                               # doctest: +SKIP
     """
-    options = Options(float(target_db), compressed, weighting, pulse_weights, backend, progress)
+    options = Options(float(target_db), compressed, weighting, pulse_weights, backend, progress,
+                      illumination)
     imager = Imager(as_grid(grid, height_m), radar, n_samples, method, options,
                     Channels(weights, per_channel, midpoint), own)
     if tx_m is not None:
-        imager.plan(tx_m, rx_m)
+        imager.plan(tx_m, rx_m, pointing)
     return imager
 
 
@@ -214,8 +223,10 @@ class Imager:
                                   first=not image.n_pulses and number == 0)
         self._count(block, image)
 
-    def plan(self, tx_m, rx_m) -> Report:
+    def plan(self, tx_m, rx_m, pointing: Pointing | None = None) -> Report:
         """Choose the method and plan for pulses from some phase centres, (P, C, 3), metres.
+
+        `pointing` tells where the antenna looks at them, for images with illumination.
 
         Raises
         ------
@@ -226,7 +237,7 @@ class Imager:
         """
         tx_m, rx_m = self._channels.centres(np.asarray(tx_m, np.float64),
                                             np.asarray(rx_m, np.float64))
-        reports = [self._planned(number, tx_m[:, cut], rx_m[:, cut]).report
+        reports = [self._planned(number, tx_m[:, cut], rx_m[:, cut], pointing).report
                    for number, cut in enumerate(self._channels.cuts(tx_m.shape[1]))]
         self.report = reports[0]
         return self.report
@@ -245,31 +256,32 @@ class Imager:
         if not block.has_positions:
             raise ValueError('the block has no phase centres; imaging needs the transmit and '
                              'receive position of every pulse and channel')
-        planned = self._planned(number, block.tx_m, block.rx_m)
+        where = block.tx_m, block.rx_m, block.pointing
+        planned = self._planned(number, *where)
         if self._asked is None and planned.NAME != EXACT:
             samples, report = planned.image(self._prepared(planned, block))
             missed_db = report.predicted_error_db - self._options.target_db
             if missed_db <= 0:
                 return (samples if onto is None else np.add(onto, samples, out=onto)), report
             planned = self._plan_anew(
-                number, method_class(EXACT), block.tx_m, block.rx_m, f'{planned.NAME} would miss '
-                f'the target by {missed_db:.1f} dB: the surroundings are bright')
+                number, method_class(EXACT), where, f'{planned.NAME} would miss the target by '
+                f'{missed_db:.1f} dB: the surroundings are bright')
         return planned.image(self._prepared(planned, block), onto)
 
-    def _planned(self, number: int, tx_m, rx_m) -> Method:
-        """The method for these phase centres; that of the latest ones is kept."""
+    def _planned(self, number: int, *where) -> Method:
+        """The method for some phase centres and directions; that of the latest ones is kept."""
         latest = self._latest.get(number)
-        if latest is not None and latest.is_for(tx_m, rx_m):
+        if latest is not None and latest.is_for(*where):
             return latest
         if self._asked is not None:
-            return self._plan_anew(number, self._asked, tx_m, rx_m, 'asked for')
-        exact = self._plan_anew(number, method_class(EXACT), tx_m, rx_m, '')
-        quicker, reason = self._quicker(exact, tx_m, rx_m)
+            return self._plan_anew(number, self._asked, where, 'asked for')
+        exact = self._plan_anew(number, method_class(EXACT), where, '')
+        quicker, reason = self._quicker(exact, where)
         chosen = self._latest[number] = quicker or exact
         chosen.report = dataclasses.replace(chosen.report, reason=reason)
         return chosen
 
-    def _quicker(self, exact: Method, tx_m, rx_m) -> tuple[Method | None, str]:
+    def _quicker(self, exact: Method, where) -> tuple[Method | None, str]:
         """AFBP, where it meets the target in less time than exact backprojection, or why not."""
         seconds = exact.report.seconds
         if not isinstance(self.grid, MapGrid | PolarGrid):
@@ -278,7 +290,8 @@ class Imager:
             return None, 'as quick as planning another'
         try:
             afbp = self._make(method_class(AFBP))
-            afbp.replan(tx_m, rx_m, '')
+            tx_m, rx_m, pointing = where
+            afbp.replan(tx_m, rx_m, '', pointing)
         except (ValueError, MemoryError) as error:
             return None, f'AFBP is not possible: {error}'
         if doubts := afbp.report.plan.subapertures.warnings:
@@ -288,11 +301,12 @@ class Imager:
         return afbp, (f'meets the target in {afbp.report.seconds:.2g} s, exact backprojection '
                       f'takes {seconds:.2g} s')
 
-    def _plan_anew(self, number: int, method: type[Method], tx_m, rx_m, reason: str) -> Method:
+    def _plan_anew(self, number: int, method: type[Method], where, reason: str) -> Method:
         latest = self._latest.get(number)
         if latest is None or type(latest) is not method:
             latest = self._latest[number] = self._make(method)
-        latest.replan(tx_m, rx_m, reason)
+        tx_m, rx_m, pointing = where
+        latest.replan(tx_m, rx_m, reason, pointing)
         return latest
 
     def _make(self, method: type[Method]) -> Method:

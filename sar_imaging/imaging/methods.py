@@ -15,6 +15,7 @@ import numpy as np
 
 from ..backends import AUTO
 from ..geometry.grids import Grid
+from ..geometry.illumination import AntennaPattern, Illumination, Pointing
 from ..geometry.point_grids import TerrainGrid
 from ..memory import IMAGE_BYTES, check_memory
 from ..planning.plan import Plan
@@ -43,6 +44,7 @@ class Options:
     pulse_weights: np.ndarray | None = None
     backend: str | Backend = AUTO
     progress: bool = False
+    illumination: AntennaPattern | None = None
 
 
 class Method:
@@ -69,10 +71,13 @@ class Method:
         Options of this method alone, those that were not given as in `OWN`.
     report : Report
         Of the plan.
+    illumination : Illumination or None
+        Of the echoes that are planned for; None where all light all pixels alike.
     """
 
     NAME: str
     TERRAIN = False  # images maps on heights
+    ILLUMINATION = False  # weighs pixels by the antenna's pattern
     PHASE_HISTORIES = False  # images stepped-frequency pulses as they come
     OWN: Mapping[str, object] = {}  # names of options of its own, and what they are if left out
 
@@ -80,12 +85,15 @@ class Method:
                  own: Mapping[str, object] | None = None, like: Method | None = None):
         if isinstance(grid, TerrainGrid) and not self.TERRAIN:
             raise ValueError(f'method {self.NAME!r} images planes; use {EXACT!r} on terrain')
+        if options.illumination is not None and not self.ILLUMINATION:
+            raise ValueError(f'method {self.NAME!r} knows no illumination; use {EXACT!r} or '
+                             f'{AFBP!r}')
         if unknown := set(own or ()) - set(self.OWN):
             raise ValueError(f'method {self.NAME!r} has no option {", ".join(sorted(unknown))}; '
                              f'it has {", ".join(self.OWN) or "none of its own"}')
         self.grid, self.radar, self.n_samples = grid, radar, n_samples
         self.options, self.own, self.like = options, {**self.OWN, **(own or {})}, like
-        self._centres = None
+        self._centres = self._pointing = self.illumination = None
         # The imager has seen to the image itself.
         self._fitting_bytes = (IMAGE_BYTES * math.prod(grid.shape) if like is None
                                else like._fitting_bytes)
@@ -107,14 +115,32 @@ class Method:
         onto += samples
         return onto, self.report
 
-    def replan(self, tx_m: np.ndarray, rx_m: np.ndarray, reason: str) -> None:
-        """Plan for pulses from some places, for this reason."""
+    def replan(self, tx_m: np.ndarray, rx_m: np.ndarray, reason: str,
+               pointing: Pointing | None = None) -> None:
+        """Plan for pulses from some places, for this reason.
+
+        Raises
+        ------
+        ValueError
+            Pixels are lit by a pattern, and nobody tells where the antenna looked.
+        """
+        pattern, self.illumination = self.options.illumination, None
+        if pattern is not None:
+            if pointing is None:
+                raise ValueError('illumination needs to know where the antenna looked at each '
+                                 'pulse; set pointing of the PulseBlock, for instance to '
+                                 'Pointing.beside_track(block.phase_centre_m, side)')
+            self.illumination = Illumination.of_pulses(pattern, pointing, tx_m, rx_m)
+        self._pointing = pointing
         self._centres = tx_m.copy(), rx_m.copy()
         self.report = dataclasses.replace(self.plan(tx_m, rx_m), reason=reason)
 
-    def is_for(self, tx_m: np.ndarray, rx_m: np.ndarray) -> bool:
-        """Whether it was planned for these phase centres."""
-        return self._centres is not None and all(map(np.array_equal, self._centres, (tx_m, rx_m)))
+    def is_for(self, tx_m: np.ndarray, rx_m: np.ndarray,
+               pointing: Pointing | None = None) -> bool:
+        """Whether it was planned for these phase centres and directions."""
+        return (self._centres is not None
+                and all(map(np.array_equal, self._centres, (tx_m, rx_m)))
+                and (self.illumination is None or self._pointing.same_as(pointing)))
 
     @classmethod
     def takes_raw(cls, radar: RadarParameters) -> bool:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...geometry.illumination import Illumination
 from ...signal.radar import RadarParameters
 from .project_points import half_paths
 
 
-def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m) -> np.ndarray:
-    """``f(x) = sum_r sum_k S_rk exp(+j 2 pi (first + k step) path_r(x))``.
+def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m,
+                      illumination: Illumination | None = None) -> np.ndarray:
+    """``f(x) = sum_r w_r(x) sum_k S_rk exp(+j 2 pi (first + k step) path_r(x))``.
 
     Parameters
     ----------
@@ -21,6 +23,8 @@ def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m) -> np.ndarray
         Phase centres, metres.
     points_m : (N, 3) float64
         Positions, metres.
+    illumination : Illumination, optional
+        Of the P C echoes: w; 1 without.
 
     Returns
     -------
@@ -29,15 +33,17 @@ def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m) -> np.ndarray
     first, step = cycles_per_m
     frequency = first + step * np.arange(spectra.shape[-1])
     image = np.zeros(len(points_m), np.complex128)
-    for index in np.ndindex(spectra.shape[:2]):
+    for row, index in enumerate(np.ndindex(spectra.shape[:2])):
         cycles = np.outer(2 * half_paths(tx_m[index], rx_m[index], points_m), frequency)
-        image += np.exp(2j * np.pi * np.fmod(cycles, 1.0)) @ spectra[index]
+        image += (np.exp(2j * np.pi * np.fmod(cycles, 1.0)) @ spectra[index]
+                  * amplitude(illumination, row, points_m))
     return image
 
 
 def correlate_profiles(radar: RadarParameters, samples, tx_m, rx_m, points_m, half: int,
-                       sharpness: float) -> tuple[np.ndarray, np.ndarray]:
-    """``f(x) = sum_r s_r(D_r(x)) exp(+j 4 pi D_r(x) / lambda)``, profiles read by Knab's series.
+                       sharpness: float, illumination: Illumination | None = None
+                       ) -> tuple[np.ndarray, np.ndarray]:
+    """``f(x) = sum_r w_r(x) s_r(D_r(x)) exp(+j 4 pi D_r(x) / lambda)``, read by Knab's series.
 
     At the place u, in samples, ``s(u) = sum_k s[k] sinc(u - k) cosh(a sqrt(1 - ((u - k) / h)^2))
     / cosh(a)`` (Knab 1979).
@@ -54,20 +60,24 @@ def correlate_profiles(radar: RadarParameters, samples, tx_m, rx_m, points_m, ha
         Positions, metres.
     half, sharpness : int, float
         h and a.
+    illumination : Illumination, optional
+        Of the P C echoes: w; 1 without.
 
     Returns
     -------
     image : (K,) complex128
         A place outside a profile adds nothing.
     covered : (K,) bool
-        Whether all places are h samples or more from the ends of the profiles.
+        Whether all lit places are h samples or more from the ends of the profiles.
     """
     n, image = samples.shape[-1], np.zeros(len(points_m), np.complex128)
     covered = np.ones(len(points_m), bool)
-    for index in np.ndindex(samples.shape[:2]):
+    for row, index in enumerate(np.ndindex(samples.shape[:2])):
+        weight_of_row = amplitude(illumination, row, points_m)
         path = half_paths(tx_m[index], rx_m[index], points_m)
         place = (path - radar.range_start_m) / radar.sample_spacing_m
-        covered &= (abs(place) >= half) & (abs(place - (n - 1)) >= half)
+        covered &= ((abs(place) >= half) & (abs(place - (n - 1)) >= half)
+                    | (weight_of_row == 0))
         number = np.rint(place).astype(int)[:, None] + np.arange(-half, half + 1)
         away = place[:, None] - number
         root = np.sqrt(np.maximum(1 - (away / half) ** 2, 0.0))
@@ -75,5 +85,11 @@ def correlate_profiles(radar: RadarParameters, samples, tx_m, rx_m, points_m, ha
         known = (number >= 0) & (number < n) & (abs(away) < half)
         value = (np.where(known, weight, 0.0) * samples[index][np.clip(number, 0, n - 1)]).sum(1)
         inside = (place >= 0) & (place <= n - 1)
-        image += inside * value * np.exp(2j * np.pi * np.fmod(2 * path / radar.wavelength_m, 1.0))
+        image += (weight_of_row * inside * value
+                  * np.exp(2j * np.pi * np.fmod(2 * path / radar.wavelength_m, 1.0)))
     return image, covered
+
+
+def amplitude(illumination: Illumination | None, row: int, points_m):
+    """Two-way amplitude of one echo at points (..., 3), metres; 1 without illumination."""
+    return 1.0 if illumination is None else illumination.select([row]).amplitude(points_m)[0]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...geometry.illumination import Pointing
 from ...geometry.track_frame import mean_centres
 from ..radar import RadarParameters
 from .checks import (
@@ -43,13 +44,15 @@ class PulseBlock:
         metres; None when positions come from elsewhere.
     frame : str
         Name of the imaging frame; empty where the sender does not tell.
+    pointing : Pointing or None
+        Where the antenna looked at each pulse, in the imaging frame; None where nobody tells.
 
     Raises
     ------
     ValueError
         Shapes disagree, only one of the position arrays is given, a position is not finite, times
-        are no integers, or all pulses have the same number. The text names what was probably
-        meant: seconds, transposed samples, positions left out.
+        are no integers, all pulses have the same number, or the pointing is for other pulses. The
+        text names what was probably meant: seconds, transposed samples, positions left out.
     """
 
     radar: RadarParameters
@@ -60,6 +63,7 @@ class PulseBlock:
     tx_m: np.ndarray | None = None
     rx_m: np.ndarray | None = None
     frame: str = ''
+    pointing: Pointing | None = None
 
     def __post_init__(self):
         if (self.tx_m is None) != (self.rx_m is None):
@@ -76,6 +80,9 @@ class PulseBlock:
         check_shapes(self.samples, len(self.stamp_ns), self.tx_m, self.rx_m)
         if self.has_positions:
             check_positions(self.tx_m, self.rx_m)
+        if self.pointing is not None and len(self.pointing) != self.n_pulses:
+            raise ValueError(f'pointing is for {len(self.pointing)} pulses, the block has '
+                             f'{self.n_pulses}; give every pulse its boresight')
 
     @property
     def n_pulses(self) -> int:
@@ -109,14 +116,16 @@ class PulseBlock:
 
         return dataclasses.replace(
             self, stamp_ns=self.stamp_ns[index], counter=self.counter[index],
-            samples=self.samples[index], tx_m=pick(self.tx_m), rx_m=pick(self.rx_m))
+            samples=self.samples[index], tx_m=pick(self.tx_m), rx_m=pick(self.rx_m),
+            pointing=None if self.pointing is None else self.pointing.select(index))
 
     def matches(self, other: PulseBlock) -> bool:
         """True when `other` is of the same radar, frame, channels and samples."""
         return (self.radar == other.radar and self.compressed == other.compressed
                 and self.frame == other.frame
                 and self.samples.shape[1:] == other.samples.shape[1:]
-                and self.has_positions == other.has_positions)
+                and self.has_positions == other.has_positions
+                and (self.pointing is None) == (other.pointing is None))
 
 
 def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
@@ -140,6 +149,8 @@ def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
         return np.concatenate([getattr(b, name) for b in blocks])
 
     positions = {'tx_m': join('tx_m'), 'rx_m': join('rx_m')} if first.has_positions else {}
+    if first.pointing is not None:
+        positions['pointing'] = Pointing.join([b.pointing for b in blocks])
     return dataclasses.replace(first, stamp_ns=join('stamp_ns'), counter=join('counter'),
                                samples=join('samples'), **positions)
 

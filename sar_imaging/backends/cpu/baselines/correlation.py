@@ -5,27 +5,41 @@ from __future__ import annotations
 import numpy as np
 
 from ....compilation import njit, numba
+from ..illumination import LitEchoes, two_way_amplitude
 
 _LANES = 16  # points advanced together: enough independent sums to hide the latency of one
 
 
-def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m) -> np.ndarray:
+def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m, illumination=None
+                      ) -> np.ndarray:
     """See `backends.baselines.Baselines`."""
     out = np.empty(len(points_m), np.complex128)
     _correlate(*cycles_per_m, np.ascontiguousarray(spectra.real),
-               np.ascontiguousarray(spectra.imag), tx_m, rx_m, points_m, out)
+               np.ascontiguousarray(spectra.imag), tx_m, rx_m, points_m, _lit(illumination), out)
     return out
 
 
-def correlate_profiles(radar, samples, tx_m, rx_m, points_m, half: int, sharpness: float
-                       ) -> tuple[np.ndarray, np.ndarray]:
+def correlate_profiles(radar, samples, tx_m, rx_m, points_m, half: int, sharpness: float,
+                       illumination=None) -> tuple[np.ndarray, np.ndarray]:
     """See `backends.baselines.Baselines`."""
     image = np.zeros(len(points_m), np.complex128)
     covered = np.ones(len(points_m), np.bool_)
     _correlate_profiles(samples, tx_m, rx_m, points_m, radar.range_start_m,
-                        radar.sample_spacing_m, 1 / radar.wavelength_m, half, sharpness, image,
-                        covered)
+                        radar.sample_spacing_m, 1 / radar.wavelength_m, half, sharpness,
+                        _lit(illumination), image, covered)
     return image, covered
+
+
+def _lit(illumination) -> LitEchoes:
+    return LitEchoes.everything() if illumination is None else LitEchoes.of(illumination)
+
+
+@njit(inline='always')
+def _weight(lit, row, point):
+    """Two-way amplitude of an echo; 1 where all light all points alike."""
+    if len(lit.centre) == 0:
+        return 1.0
+    return two_way_amplitude(lit, row, point[0], point[1], point[2])
 
 
 @njit(inline='always')
@@ -42,7 +56,7 @@ def phasor(cycles):
 
 
 @njit(parallel=True)
-def _correlate(first, step, re, im, tx, rx, points, out):
+def _correlate(first, step, re, im, tx, rx, points, lit, out):
     """Horner's rule in ``exp(j 2 pi step tau)``, `_LANES` points side by side.
 
     `first` and `step` are in cycles per metre of two-way path.
@@ -75,6 +89,8 @@ def _correlate(first, step, re, im, tx, rx, points, out):
                     cycles = first * path[i]
                     angle = 2 * np.pi * (cycles - np.floor(cycles))
                     w_re, w_im = np.cos(angle), np.sin(angle)
+                    weight = _weight(lit, m * n_channels + c, points[lo + i])
+                    w_re, w_im = weight * w_re, weight * w_im
                     total_re[i] += acc_re[i] * w_re - acc_im[i] * w_im
                     total_im[i] += acc_re[i] * w_im + acc_im[i] * w_re
         for i in range(n):
@@ -83,18 +99,21 @@ def _correlate(first, step, re, im, tx, rx, points, out):
 
 @njit(parallel=True)
 def _correlate_profiles(samples, tx, rx, points, start_m, spacing_m, cycles_per_m, half,
-                        sharpness, image, covered):
+                        sharpness, lit, image, covered):
     """Add all profiles at the delay of every point; `cycles_per_m` of two-way path."""
     n_pulses, n_channels, n_samples = samples.shape
     for i in numba.prange(len(points)):
         total = 0j
         for m in range(n_pulses):
             for c in range(n_channels):
+                weight = _weight(lit, m * n_channels + c, points[i])
+                if weight == 0.0:
+                    continue
                 path = distance(points[i], tx[m, c]) + distance(points[i], rx[m, c])
                 place = (0.5 * path - start_m) / spacing_m
                 if abs(place) < half or abs(place - (n_samples - 1)) < half:
                     covered[i] = False
-                total += (_series(samples[m, c], place, half, sharpness)
+                total += (weight * _series(samples[m, c], place, half, sharpness)
                           * phasor(cycles_per_m * path))
         image[i] = total
 
