@@ -75,8 +75,8 @@ demo: environment
 	@$(RUN) -m sar_imaging.tools.evaluate bags/countryside --output out/demo --launch-nodes
 
 test: lint archive
-	@echo 'pytest ...'
-	@$(RUN) -m pytest
+	@echo 'pytest, in two processes ...'
+	@$(RUN) -m pytest -n 2 --dist loadfile
 
 lint: environment
 	@echo 'ruff check ...'

@@ -54,7 +54,7 @@ arguments = dict(
                                 'zarr>=2.18,<3 ; python_version<"3.11"',
                                 'numcodecs>=0.11,<0.16 ; python_version<"3.11"'],
                     'hdf5': ['h5py>=3.8,<4'],  # MATLAB 7.3 and HDF5, see docs/loading.md
-                    'test': ['pytest>=7.4,<10', 'hypothesis>=6.80,<7']},
+                    'test': ['pytest>=7.4,<10', 'pytest-xdist>=3.3,<4', 'hypothesis>=6.80,<7']},
     entry_points={
         'console_scripts': [
             'radar_driver = sar_imaging.nodes.radar_driver:main',

@@ -26,6 +26,7 @@ PROFILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 STOP_TIMEOUT_S = 10.0
 SHARED_MEMORY = Path('/dev/shm')
 TAIL_LINES = 15
+_claims: list[socket.socket] = []  # names of the domains that this process has found
 NO_LOG_FILES = ('--ros-args', '--disable-external-lib-logs')  # stderr is kept instead
 
 
@@ -146,17 +147,24 @@ def isolated_environment(environment: Mapping[str, str] | None = None) -> dict[s
 
 
 def free_domain() -> int:
-    """A ROS domain in which no participant runs on this machine, chosen at random."""
+    """A ROS domain in which no participant runs on this machine, chosen at random.
+
+    This process keeps it until it ends: others that look for one at the same time get another.
+    """
     candidates = list(range(1, 101))
     random.SystemRandom().shuffle(candidates)
     for domain in candidates:
-        # the port of a domain's first participant (RTPS 9.6.1.1): 7400 + 250 domain + 10
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
+        claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            claim.bind(f'\0sar_imaging ROS domain {domain}')  # the kernel forgets it with us
+            # the port of a domain's first participant (RTPS 9.6.1.1): 7400 + 250 domain + 10
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
                 probe.bind(('', 7410 + 250 * domain))
-            except OSError:
-                continue
-            return domain
+        except OSError:
+            claim.close()
+            continue
+        _claims.append(claim)
+        return domain
     raise NodeProcessError('every ROS domain from 1 to 100 is in use on this machine; '
                            'set ROS_DOMAIN_ID')
 

@@ -1,6 +1,8 @@
 """Node processes that programs start: refused, stopped, killed and started again."""
 
 import re
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -11,6 +13,7 @@ pytest.importorskip('rclpy', reason='rclpy comes as wheels for Linux on x86-64 o
 from sar_imaging.tools.node_processes import (
     NodeProcessError,
     NodeProcesses,
+    free_domain,
     isolated_environment,
     parameters_from_truth,
 )
@@ -49,3 +52,13 @@ def test_processes_can_be_stopped_killed_and_started_again(tmp_path):
         processes.check()  # the caller ended it: nothing is wrong
         processes.start('pulse_buffer')
         processes.check()
+
+
+def test_nobody_else_gets_a_domain_that_was_found():
+    mine = {free_domain() for _ in range(3)}
+    code = ('from sar_imaging.tools.node_processes import free_domain\n'
+            f'print(*(free_domain() for _ in range({40 - len(mine)})))')
+    found = subprocess.run([sys.executable, '-c', code], check=True, text=True,
+                           capture_output=True).stdout.split()
+    assert len(mine) == 3
+    assert len(mine | set(map(int, found))) == 40

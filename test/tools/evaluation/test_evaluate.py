@@ -95,10 +95,7 @@ def runs(tmp_path_factory):
                          bag_io.read_truth(SPOTLIGHT))
     (folder / 'few pulses').mkdir()
     (folder / 'few pulses' / 'quality.json').write_text('{}')  # of an earlier run
-    domains = set()  # two that looked for a free one at once might find the same
-    while len(domains) < len(RUNS):
-        domains.add(free_domain())
-    domains = dict(zip(RUNS, domains, strict=True))
+    domains = {name: free_domain() for name in RUNS}
 
     def run(name):
         bag, *options = RUNS[name]

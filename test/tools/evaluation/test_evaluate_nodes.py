@@ -164,9 +164,7 @@ def runs(tmp_path_factory):
         'dropped': ['few', '-p', 'aperture_timeout_s:=0.5'],
         'silence': ['silence'],
         'bare': ['bare', '--config', 'sar_imaging', *GRID]}
-    domains = set()
-    while len(domains) < len(commands):
-        domains.add(free_domain())
+    domains = [free_domain() for _ in commands]
 
     def run(name, domain):
         bag, *options = commands[name]
