@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
 import os
@@ -103,6 +104,7 @@ def _local(workers: int, memory_bytes: int | None) -> Iterator:
 def _running(address: str) -> Iterator:
     distributed = dask()
     try:
+        asyncio.run(_reach(address))
         client = distributed.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except Exception as error:  # of sockets, of addresses, of what else answers there
         raise ClusterError(
@@ -117,6 +119,18 @@ def _running(address: str) -> Iterator:
                 f'the scheduler at {address} has no workers; start some: dask worker {address} '
                 '--nthreads 1 --memory-limit 2GB') from error
         yield client
+
+
+async def _reach(address: str) -> None:
+    """Connect to a scheduler and hang up.
+
+    A client that failed to connect stays until Python collects it, and may then wait for ever for
+    a lock of the client that is being made at that moment.
+    """
+    security = dask().Security().get_connection_args('client')
+    communication = await dask('distributed.comm').connect(address, timeout=CONNECT_SECONDS,
+                                                           **security)
+    await communication.close()
 
 
 def check_workers(client, output: Path, memory_bytes: int | None) -> None:
