@@ -1,10 +1,11 @@
-"""Convert moving targets and obstacles to sensor_msgs/PointCloud2 and back.
+"""Convert moving targets, obstacles and volumes to sensor_msgs/PointCloud2 and back.
 
 Fields, all FLOAT32, of moving targets: ``x``, ``y``, ``z`` (metres, frame of the header),
 ``radial_velocity`` (m/s, positive away from the radar), ``snr`` (dB) and ``radial_velocity_std``
 (m/s); of obstacles: ``x``, ``y``, ``z``, ``intensity`` (dB above the clutter around) and ``width``
-(metres). Viewers expect
-FLOAT32 places; farther than some 100 km from the origin of the frame these are coarser than 8 mm.
+(metres); of bright cells of a volume: ``x``, ``y``, ``z`` and ``intensity`` (dB above the volume's
+median). Viewers expect FLOAT32 places; farther than some 100 km from the origin of the frame these
+are coarser than 8 mm.
 Where the frame has a datum, FLOAT64 fields ``latitude``, ``longitude`` (degrees) and ``altitude``
 (metres above the WGS 84 ellipsoid, as in sensor_msgs/NavSatFix) follow; NaN while it is unknown.
 """
@@ -21,12 +22,13 @@ from .errors import WireFormatError
 
 FIELDS = ('x', 'y', 'z', 'radial_velocity', 'snr', 'radial_velocity_std')
 OBSTACLE_FIELDS = ('x', 'y', 'z', 'intensity', 'width')
+CELL_FIELDS = ('x', 'y', 'z', 'intensity')
 GEOGRAPHIC_FIELDS = ('latitude', 'longitude', 'altitude')
 
 
 def to_message(points: np.ndarray, header: Header, fields: tuple[str, ...] = FIELDS,
                geographic: np.ndarray | None = None) -> PointCloud2:
-    """Point cloud of moving targets or obstacles.
+    """Point cloud of moving targets, obstacles or cells.
 
     Parameters
     ----------
@@ -36,7 +38,7 @@ def to_message(points: np.ndarray, header: Header, fields: tuple[str, ...] = FIE
     header : std_msgs.msg.Header
         Time and frame of the places.
     fields : tuple of str
-        `FIELDS` or `OBSTACLE_FIELDS`.
+        `FIELDS`, `OBSTACLE_FIELDS` or `CELL_FIELDS`.
     geographic : (n, 3) array_like, optional
         Latitudes, longitudes and ellipsoidal heights of the same places, for frames with a datum.
 

@@ -67,8 +67,12 @@ def test_scale_and_phase_are_as_the_theory_says():
     assert np.abs(turned).max() < 0.02
 
 
-def test_grids_show_reflectors_where_they_are():
-    names = _run_python(ROOT / 'docs' / 'grids.md')
+def test_grids_show_reflectors_where_they_are(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    names = _run_page(ROOT / 'docs' / 'grids.md')
+    told = re.search(r'(\d+) points, .* 30 dB or more above the median', capsys.readouterr().out)
+    cloud = (tmp_path / 'out' / 'raster_scan' / 'cloud.ply').read_bytes()
+    assert f'element vertex {told[1]}\n'.encode() in cloud and int(told[1]) > 100
     for grid, image, reflectors in (('wall', 'wall_image', 'window'),
                                     ('volume', 'volume_image', 'houses'),
                                     ('section', 'section_image', 'pipes'),

@@ -73,20 +73,31 @@ def check_settings(imaging: Imaging, machine: Machine) -> list[Finding]:
     list of Finding
     """
     grid = imaging.grid
-    n_pixels = grid.n_x * grid.n_y
+    volume = imaging.mode == 'volume'
+    size = ' x '.join(map(str, reversed((imaging.volume or grid).shape)))
+    size += ' cells' if volume else ' pixels'
+    raised = f'grid.spacing={grid.spacing_m:g}' + (
+        f' or volume.spacing={imaging.volume_spacing:g}' if volume else '')
     findings = []
-    if n_pixels > imaging.max_image_pixels:
+    if imaging.n_pixels > imaging.max_image_pixels:
         findings.append(Finding(
-            'error', f'the grid has {grid.n_x} x {grid.n_y} pixels, more than max_image_pixels='
-            f'{imaging.max_image_pixels}; raise grid.spacing={grid.spacing_m:g}, or '
-            'max_image_pixels if memory allows'))
-    n_bytes = PUBLISHED_BYTES * n_pixels
+            'error', f'the grid has {size}, more than max_image_pixels='
+            f'{imaging.max_image_pixels}; raise {raised}, or max_image_pixels if memory allows'))
+    n_bytes = PUBLISHED_BYTES * imaging.n_pixels
     if n_bytes > machine.memory_bytes:
         findings.append(Finding(
-            'error', f'an image of {grid.n_x} x {grid.n_y} pixels and its message need '
+            'error', f'{"a volume" if volume else "an image"} of {size} and its message need '
             f'{n_bytes / 1e6:.0f} MB, {machine.memory_bytes / 1e6:.0f} MB are available; raise '
-            f'grid.spacing={grid.spacing_m:g} or choose a smaller grid'))
-    if imaging.autofocus and imaging.mode != 'image':
+            f'{raised} or choose a smaller grid'))
+    if volume and imaging.method == 'afbp':
+        findings.append(Finding('error', 'method: afbp images maps, not volumes; set method: '
+                                'exact in mode: volume'))
+    if volume and imaging.autofocus:
+        findings.append(Finding(
+            'error', f'autofocus.track_error={imaging.autofocus_track_error:g} and '
+            f'autofocus.time_offset={imaging.autofocus_time_offset:g} are of no use in mode: '
+            'volume, which has no autofocus; set both to 0.0, or use mode: image'))
+    if imaging.autofocus and imaging.mode == 'subapertures':
         findings.append(Finding(
             'error', f'autofocus.track_error={imaging.autofocus_track_error:g} and '
             f'autofocus.time_offset={imaging.autofocus_time_offset:g} are of no use in mode: '
@@ -220,7 +231,7 @@ def _check_blocks(a: Acquisition, imaging: Imaging, d: Derived):
 
 
 def _check_load(imaging: Imaging, machine: Machine, d: Derived):
-    if imaging.mode == 'image' and d.imaging_s > d.aperture_s:
+    if imaging.mode != 'subapertures' and d.imaging_s > d.aperture_s:
         yield Finding('warning', f'an image takes about {d.imaging_s:.3g} s of work, the next '
                       f'aperture comes after {d.aperture_s:.3g} s: blocks will be dropped when '
                       'this runs live; raise grid.spacing, make the grid smaller, or use '

@@ -68,7 +68,7 @@ class Derived:
     aperture_bytes : int
         Profiles of an aperture.
     n_pixels : int
-        Of the image.
+        Of the image or volume.
     imaging_s : float
         Expected work on one image.
     memory : tuple of NodeMemory
@@ -143,7 +143,7 @@ def derive(acquisition: Acquisition, imaging: Imaging, machine: Machine) -> Deri
         needed = min(needed, 2 * math.sin(a.beamwidth_rad / 2))
     pulse = a.n_channels * SAMPLE_BYTES
     blocks = imaging.pulses_per_block * pulse
-    n_pixels = imaging.grid.n_x * imaging.grid.n_y
+    n_pixels = imaging.n_pixels
     rows = imaging.pulses_per_aperture * a.n_channels
     return Derived(
         scene=scene, profile_radar=profile_radar, n_profile=n_profile,

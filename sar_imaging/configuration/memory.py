@@ -13,6 +13,7 @@ BASE_BYTES = {'pulse_buffer': 170e6, 'range_compression': 340e6, 'backprojection
 PRODUCT_BYTES = 13  # of a pixel in the messages: complex, amplitude and quicklook
 PRODUCTS_KEPT = 6  # by the middleware (depth 5), and the one being serialised
 POLAR_IMAGES = 2.5  # polar image and its interpolation, relative to the image
+VOLUME_IMAGES = 3  # the volume, its magnitudes and what is sorted of them
 SPECTRUM_IMAGES = 2.6  # fused spectrum and transforms, relative to the image (docs/benchmarks.md)
 
 
@@ -44,7 +45,7 @@ def node_memory(imaging: Imaging, n_pixels: int, *, block_bytes: int, profile_bl
     imaging : Imaging
         Settings of the nodes.
     n_pixels : int
-        Pixels of the image.
+        Pixels of the image or volume.
     block_bytes, profile_block_bytes : int
         Blocks of samples and of range profiles.
     pulse_bytes : int
@@ -73,7 +74,11 @@ def node_memory(imaging: Imaging, n_pixels: int, *, block_bytes: int, profile_bl
         'range_compression': ((q + w) * block_bytes + q * profile_block_bytes,
                               f'({q} + {w}) blocks + {q} blocks of profiles'),
     }
-    if imaging.mode == 'image':
+    if imaging.mode == 'volume':
+        sizes['backprojection'] = (
+            (q + w_profiles) * profile_block_bytes + VOLUME_IMAGES * image,
+            f'({q} + {w_profiles}) blocks of profiles + {VOLUME_IMAGES} x 8 B/cell')
+    elif imaging.mode == 'image':
         kept = aperture_bytes if imaging.keeps_pulses else 0
         images = 1 + POLAR_IMAGES + (2 if imaging.autofocus else 0)
         images += SPECTRUM_IMAGES if imaging.method != 'exact' else 0

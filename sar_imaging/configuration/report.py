@@ -80,12 +80,13 @@ def _pulse_rows(a: Acquisition, d: Derived):
 
 
 def _load_rows(imaging: Imaging, machine: Machine, d: Derived):
-    grid = imaging.grid
+    shape = (imaging.volume or imaging.grid).shape
     yield ('input', f'{d.input_rate / 1e6:.3g} MB/s',
            f'into the nodes, in messages of {d.block_bytes / 1e6:.2g} MB; after '
            f'range_compression {d.profile_rate / 1e6:.3g} MB/s, in messages of '
            f'{d.profile_block_bytes / 1e6:.2g} MB')
-    yield 'image', f'{grid.n_x} x {grid.n_y}', f'pixels, {d.n_pixels / 1e6:.3g} million'
+    yield ('image', ' x '.join(map(str, reversed(shape))),
+           f'{"pixels" if imaging.volume is None else "cells"}, {d.n_pixels / 1e6:.3g} million')
     yield ('exact imaging', f'{d.imaging_s:.3g} s',
            f'of work for an image; a new one is due every {d.aperture_s:.3g} s (at '
            f'{machine.rate_per_s / 1e9:.3g}e9 pixels x pulses x channels per second, '

@@ -63,25 +63,28 @@ def see_scene(acquisition: Acquisition, imaging: Imaging) -> Scene:
     -------
     Scene
     """
-    grid = imaging.grid
+    grid, top_m = imaging.grid, imaging.top_m
     centre = np.asarray(acquisition.centre_m)
     velocity = np.asarray(acquisition.velocity_m_per_s)
     along = velocity / np.linalg.norm(velocity)
     half_s = 0.5 * (imaging.pulses_per_aperture - 1) / acquisition.prf_hz
     track = centre + np.linspace(-half_s, half_s, _TRACK_POINTS)[:, None] * velocity
     edge = _boundary(grid)
+    if top_m != grid.z_m:  # a volume: around its highest layer, too
+        edge = np.concatenate([edge[:-1], _boundary(dataclasses.replace(
+            grid, centre_m=(*grid.centre_m[:2], top_m)))])
     corners = edge[:: _TRACK_POINTS - 1]
-    # The nearest pixel of a rectangle below a point: the point's coordinates, clipped.
+    # The nearest pixel of a rectangle or box to a point: the point's coordinates, clipped.
     nearest = np.stack([np.clip(track[:, 0], grid.x_m[0], grid.x_m[-1]),
                         np.clip(track[:, 1], grid.y_m[-1], grid.y_m[0]),
-                        np.full(len(track), grid.z_m)], axis=1)
+                        np.clip(track[:, 2], grid.z_m, top_m)], axis=1)
     far = np.linalg.norm(track[:, None] - corners, axis=-1).max()
     from_middle = np.concatenate([edge, _straight_ahead(grid, centre, along)]) - centre
     # On the platform itself every direction is as good as another.
     distance = np.maximum(np.linalg.norm(from_middle, axis=1), 1e-9)
     cosines = from_middle @ along / distance
     beside = from_middle[:, 1] * along[0] - from_middle[:, 0] * along[1]
-    to_grid = np.asarray(grid.centre_m) - centre
+    to_grid = np.asarray(imaging.middle_grid.centre_m) - centre
     range_m = float(np.linalg.norm(to_grid))
     sight = to_grid / max(range_m, 1e-9)
     cross = along - (along @ sight) * sight

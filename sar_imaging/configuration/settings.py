@@ -8,11 +8,12 @@ import os
 
 import numpy as np
 
+from ..geometry.even_grids import VolumeGrid
 from ..geometry.grids import MapGrid
 from ..memory import available_bytes
 from ..signal.radar import RadarParameters
 
-MODES = ('image', 'subapertures')
+MODES = ('image', 'subapertures', 'volume')
 # Pixel-pulses per second and core, below what docs/benchmarks.md shows for any geometry.
 ASSUMED_RATE_PER_CORE = 0.5e9
 
@@ -98,7 +99,7 @@ class Imaging:
     Parameters
     ----------
     grid : MapGrid
-        Pixels of the image.
+        Pixels of the image; the lowest layer of a volume.
     pulses_per_aperture, pulses_per_block, reorder_window_pulses : int
         As the parameters of these names.
     window, range_filter : str
@@ -110,13 +111,16 @@ class Imaging:
     worker_queue_megabytes : float
         Limit, too.
     mode : str
-        ``'image'`` or ``'subapertures'``.
+        ``'image'``, ``'subapertures'`` or ``'volume'``.
     method : str
-        Imager of mode ``'image'``: ``'exact'``, ``'afbp'`` or ``'auto'``.
+        Imager of modes ``'image'`` and ``'volume'``: ``'exact'``, ``'afbp'`` or ``'auto'``.
     subaperture_target_db, subaperture_pulses, subaperture_sliding, subaperture_follow
         Of mode ``'subapertures'``; a length of 0 is the quickest.
     autofocus_track_error, autofocus_time_offset : float
         What autofocus of mode ``'image'`` looks for, metres and seconds; 0 for none.
+    volume_height, volume_spacing : float
+        Of mode ``'volume'``: extent above the grid and distance of its layers, metres; a distance
+        of 0 is that of the pixels.
 
     Raises
     ------
@@ -147,6 +151,8 @@ class Imaging:
     subaperture_follow: bool = False
     autofocus_track_error: float = 0.0
     autofocus_time_offset: float = 0.0
+    volume_height: float = 0.0
+    volume_spacing: float = 0.0
 
     def __post_init__(self):
         if self.mode not in MODES:
@@ -158,7 +164,38 @@ class Imaging:
                      'worker_queue_size'):
             if getattr(self, name) < 1:
                 raise ValueError(f'{name}={getattr(self, name)}; expected at least 1')
+        if self.mode == 'volume' and not 0 < self.volume_height < math.inf:
+            raise ValueError(f'volume.height={self.volume_height:g} in mode volume; expected the '
+                             'positive height of the volume above grid.centre_z, metres')
+        if not 0 <= self.volume_spacing < math.inf:
+            raise ValueError(f'volume.spacing={self.volume_spacing:g}; expected a positive '
+                             'distance of the layers in metres, or 0.0 for that of the pixels')
 
+    @property
+    def volume(self) -> VolumeGrid | None:
+        """Cells of mode ``'volume'``; None in the others."""
+        if self.mode != 'volume':
+            return None
+        return VolumeGrid.above(self.grid, self.volume_height, self.volume_spacing or None)
+
+    @property
+    def n_pixels(self) -> int:
+        """Of an image, or cells of a volume."""
+        return math.prod((self.volume or self.grid).shape)
+
+    @property
+    def top_m(self) -> float:
+        """Height of the highest layer, metres."""
+        volume = self.volume
+        if volume is None:
+            return self.grid.z_m
+        return float(volume.positions(volume.n_z - 1, 0, 0)[2])
+
+    @property
+    def middle_grid(self) -> MapGrid:
+        """Map halfway up the volume; the grid itself where there is none."""
+        x, y, z = self.grid.centre_m
+        return dataclasses.replace(self.grid, centre_m=(x, y, (z + self.top_m) / 2))
 
     @property
     def keeps_pulses(self) -> bool:

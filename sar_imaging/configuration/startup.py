@@ -94,6 +94,17 @@ class TrackWarnings:
         return True if count.max() + 1 >= self._enough else None
 
 
+def settings_of(parameters: Parameters) -> Imaging:
+    """Settings that the parameters of a node tell; defaults where it has none.
+
+    Raises
+    ------
+    ValueError
+        A value makes no sense.
+    """
+    return imaging_from_parameters(_known(parameters))
+
+
 def report_parameters(parameters: Parameters) -> StartupReport:
     """Check what needs no radar.
 
@@ -108,7 +119,7 @@ def report_parameters(parameters: Parameters) -> StartupReport:
         Without lines.
     """
     try:
-        imaging = imaging_from_parameters(_known(parameters))
+        imaging = settings_of(parameters)
         findings = check_settings(imaging, Machine.this_one())
     except ValueError as error:
         return StartupReport(errors=(str(error),))
@@ -149,7 +160,7 @@ def report_block(parameters: Parameters, block: PulseBlock) -> StartupReport:
     except ValueError as error:
         return StartupReport(errors=(str(error),))
     findings = check(acquisition, imaging, machine, derived)
-    if advice := reach_advice(block, imaging.grid):
+    if advice := reach_advice(block, imaging.middle_grid):
         # What follows from the track is not worth reading then.
         findings = [Finding('warning', f'none of the grid lies within the profiles; {advice}'),
                     *(f for f in findings if not f.from_track)]

@@ -5,6 +5,7 @@
 - `quicklook`: PNG with a world file, and an overlay for globes;
 - `stac`: items of catalogues;
 - `points`: detections as GeoJSON and CSV;
+- `ply`: point clouds;
 - `acquisition`: radar and track of an image, without its samples.
 
 The libraries that read and write them are an extra, ``pip install sar_imaging[formats]``. They
@@ -14,6 +15,7 @@ load when a file is written or read, not before, and nothing else in the package
 from .acquisition import Acquisition
 from .extras import MissingExtraError, require
 from .geotiff import read_geotiff, write_geotiff
+from .ply import write_ply
 from .points import write_points
 from .product import ImageProduct
 from .quicklook import write_quicklook
@@ -21,5 +23,5 @@ from .sicd import read_sicd, sicd_grid, write_sicd
 from .stac import write_stac_item
 
 __all__ = ['Acquisition', 'ImageProduct', 'MissingExtraError', 'read_geotiff', 'read_sicd',
-           'require', 'sicd_grid', 'write_geotiff', 'write_points', 'write_quicklook',
-           'write_sicd', 'write_stac_item']
+           'require', 'sicd_grid', 'write_geotiff', 'write_ply', 'write_points',
+           'write_quicklook', 'write_sicd', 'write_stac_item']

@@ -5,20 +5,21 @@ from __future__ import annotations
 from sar_imaging.backends import AUTO
 from sar_imaging.imaging.methods import AFBP, EXACT
 
-from .images import autofocus, image_files, image_products, obstacle_products
+from .images import autofocus, image_files, image_products, obstacle_products, volume_cloud
 from .images.image_grid import GRID_PARAMETERS
 from .images.terrain import TERRAIN_FILE
 from .poses import pose_input
 from .runtime.parameters import ANY_TIME, Parameter, one_of
 
-IMAGE, SUBAPERTURES = 'image', 'subapertures'
+IMAGE, SUBAPERTURES, VOLUME = 'image', 'subapertures', 'volume'
 MIN_PULSE_FRACTION = Parameter(
     'min_pulse_fraction', 0.5, 'Least share of its pulses that an aperture needs to be imaged.',
     '', 0.0, 1.0, changes=ANY_TIME)
 
 PARAMETERS = (
     Parameter('mode', IMAGE, f'{IMAGE}: exact images of whole apertures; {SUBAPERTURES}: '
-              'sub-aperture images for afbp_fusion.', check=one_of(IMAGE, SUBAPERTURES)),
+              f'sub-aperture images for afbp_fusion; {VOLUME}: exact volumes as point clouds.',
+              check=one_of(IMAGE, SUBAPERTURES, VOLUME)),
     *GRID_PARAMETERS,
     TERRAIN_FILE,
     Parameter('aperture_timeout_s', 5.0, 'An aperture is closed when no input came for this long, '
@@ -28,7 +29,7 @@ PARAMETERS = (
               f'{AFBP} of whole apertures; {AUTO}: of these the quicker one that meets target_db.',
               check=one_of(AUTO, EXACT, AFBP)),
     Parameter('target_db', -80.0, 'Largest predicted error against time-domain correlation in '
-              f'mode {IMAGE}.', 'dB', -100.0, -20.0),
+              f'modes {IMAGE} and {VOLUME}.', 'dB', -100.0, -20.0),
     Parameter('subapertures.target_db', -60.0, 'Largest predicted error in mode '
               f'{SUBAPERTURES}.', 'dB', -85.0, -20.0),
     Parameter('subapertures.pulses', 0, 'Length of a sub-aperture; 0 for the quickest.', 'pulses',
@@ -46,4 +47,5 @@ PARAMETERS = (
     *image_products.PARAMETERS,
     *image_files.PARAMETERS,
     *obstacle_products.PARAMETERS,
+    *volume_cloud.PARAMETERS,
 )

@@ -1,4 +1,4 @@
-"""Steps of backprojection: form images, or sub-aperture images of AFBP, from range profiles."""
+"""Steps of backprojection: what all have in common, and the one that forms images."""
 
 from __future__ import annotations
 
@@ -6,26 +6,21 @@ import time
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from std_msgs.msg import Float32MultiArray
 
-from msg_conversions.subaperture_image import to_message
-from msg_conversions.subaperture_wire import as_received
 from sar_imaging.backends import compile_beforehand
-from sar_imaging.configuration.startup import TrackWarnings, report_block
+from sar_imaging.configuration.startup import TrackWarnings, report_block, settings_of
 from sar_imaging.exploitation.obstacles.aperture_view import PulseTracks
 from sar_imaging.formats.recent_pulses import RecentPulses
 from sar_imaging.geometry.point_grids import TerrainGrid
 from sar_imaging.imaging.image import Image, Report
 from sar_imaging.imaging.methods import EXACT
 from sar_imaging.signal.pulses import PulseBlock, check_frame
-from sar_imaging.signal.pulses.sequence import describe_counters, describe_range
+from sar_imaging.signal.pulses.sequence import describe_counters
 from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
 from sar_imaging.streaming.aperture_sequence import ApertureSequence
-from sar_imaging.streaming.subaperture_image import SubapertureImage
-from sar_imaging.streaming.subapertures import LiveSubapertures
 
-from .backprojection_parameters import IMAGE, PARAMETERS
-from .images import autofocus, focus_watch, obstacle_products
+from .backprojection_parameters import IMAGE, PARAMETERS, VOLUME
+from .images import autofocus, focus_watch, obstacle_products, volume_cloud
 from .images.autofocus import FocusedImage, ImageFocus
 from .images.focus_watch import FocusWatch, count_focus
 from .images.image_files import ImageFiles
@@ -36,8 +31,7 @@ from .images.terrain import TERRAIN_FILE, terrain_heights
 from .poses.frame_datum import DatumInput
 from .runtime.health import Health, Part
 from .runtime.managed import ManagedNode
-from .runtime.parameters import ConfigurationError
-from .runtime.step import Step, stream_qos
+from .runtime.step import Step
 
 _REMEMBERED = 4  # apertures whose phase centres are kept: images may wait for autofocus
 
@@ -52,7 +46,7 @@ class BackprojectionStep(Step):
                 'last_image_seconds', 'image_latency_seconds', 'last_plan_seconds',
                 'predicted_error_db', *focus_watch.COUNTERS,
                 *focus_watch.DIAGNOSIS_COUNTERS, *autofocus.COUNTERS,
-                *obstacle_products.COUNTERS)
+                *obstacle_products.COUNTERS, *volume_cloud.COUNTERS)
     FAULTS = ('pulses_missing', 'pulses_late', 'pulses_duplicate', 'apertures_dropped',
               'restarts', *obstacle_products.FAULTS)
     IDLE_PARAMETER = 'aperture_timeout_s'
@@ -64,8 +58,11 @@ class BackprojectionStep(Step):
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
         self._grid = make_grid(parameters)
-        self._watch = FocusWatch(self._grid, parameters['pulses_per_aperture'], health,
-                                 watching=not parameters[TERRAIN_FILE.name])
+        imaging = settings_of(parameters)
+        self._pixels = imaging.volume or self._grid
+        self._watch = FocusWatch(imaging.middle_grid, parameters['pulses_per_aperture'], health,
+                                 watching=not (parameters[TERRAIN_FILE.name]
+                                               or parameters['mode'] == VOLUME))
         self._seconds = 0.0  # of work since the last product
         self._dropped = False  # by the latest flush
         self._reported_for: tuple | None = None  # radar and shape of the blocks
@@ -76,7 +73,12 @@ class BackprojectionStep(Step):
     def create(cls, parameters: Mapping[str, object],
                health: Health | Part) -> BackprojectionStep:
         """Step of the mode that the parameters ask for."""
-        kind = ImageStep if parameters['mode'] == IMAGE else SubapertureStep
+        if parameters['mode'] == IMAGE:
+            return ImageStep(parameters, health)
+        from .subaperture_step import SubapertureStep  # these are built on this module
+        from .volume_step import VolumeStep
+
+        kind = VolumeStep if parameters['mode'] == VOLUME else SubapertureStep
         return kind(parameters, health)
 
     def process(self, block: PulseBlock) -> list:
@@ -181,7 +183,7 @@ class ImageStep(BackprojectionStep):
         self._positions = None if self._focus is None else self._focus.positions
         self._heights_m = terrain_heights(parameters, self._grid)
         self._imager = ApertureImager(
-            self._grid, pulses_per_aperture=parameters['pulses_per_aperture'],
+            self._pixels, pulses_per_aperture=parameters['pulses_per_aperture'],
             min_pulse_fraction=parameters['min_pulse_fraction'],
             target_db=parameters['target_db'],
             height_m=self._heights_m,
@@ -238,18 +240,14 @@ class ImageStep(BackprojectionStep):
 
     def summary(self) -> str:
         """Settings for the log line at the start."""
-        return (f' -> {self._products.topic}, {describe_grid(self._grid)} in frame '
+        return (f' -> {self._topic}, {describe_grid(self._pixels)} in frame '
                 f'{self.parameters["frame_id"]}, '
                 f'{self.parameters["pulses_per_aperture"]} pulses per aperture'
                 + ('' if self._focus is None else f', {self._focus.summary()}'))
 
     def publish(self, product: ApertureImage) -> None:
         """Publish an image on all its topics."""
-        self._products.publish(product.image, product.grid, product.stamp_ns)
-        if self._obstacles is not None:
-            self._obstacles.publish(product.image, product.grid, product.stamp_ns,
-                                    lambda: self._tracks.view(product.counters))
-        self._keep(product)
+        self._send(product)
         seconds = self._count_product(product.n_missing, product.predicted_error_db)
         self.health.count('images_published')
         self.health.set('pulses_missing_in_last_aperture', product.n_missing)
@@ -271,8 +269,17 @@ class ImageStep(BackprojectionStep):
         """Function that writes the last image; see `Step`."""
         return self._files.saving()
 
-    def _keep(self, product: ApertureImage) -> None:
-        """Keep an image for whoever wants it as a file."""
+    @property
+    def _topic(self) -> str:
+        """What the log names."""
+        return self._products.topic
+
+    def _send(self, product: ApertureImage) -> None:
+        """Publish an image, and keep it for whoever wants it as a file."""
+        self._products.publish(product.image, product.grid, product.stamp_ns)
+        if self._obstacles is not None:
+            self._obstacles.publish(product.image, product.grid, product.stamp_ns,
+                                    lambda: self._tracks.view(product.counters))
         if self._files.wanted:
             grid = (product.grid if self._heights_m is None
                     else TerrainGrid(product.grid, self._heights_m))
@@ -301,80 +308,3 @@ class ImageStep(BackprojectionStep):
                  ) -> list[ApertureImage]:
         """Those images that autofocus is through with; its time is work on them."""
         return super()._follow(lambda: self._focus.take(images, final=final))
-
-
-class SubapertureStep(BackprojectionStep):
-    """Range profiles to sub-aperture images; see `LiveSubapertures`."""
-
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
-        super().__init__(parameters, health)
-        p = parameters
-        if p[TERRAIN_FILE.name]:
-            raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: sub-apertures are fused on '
-                                     f'a plane; use mode {IMAGE} on terrain')
-        follow_m = ((p['subapertures.follow_ahead'], p['subapertures.follow_left'])
-                    if p['subapertures.follow'] else None)
-        try:
-            self._imager = LiveSubapertures(
-                self._grid, pulses_per_aperture=p['pulses_per_aperture'],
-                pulses_per_subaperture=p['subapertures.pulses'],
-                target_db=p['subapertures.target_db'], sliding=p['subapertures.sliding'],
-                follow_m=follow_m)
-        except ValueError as error:
-            raise ConfigurationError(f'subapertures: {error}') from error
-        compile_beforehand('SubapertureImager')  # the first sub-aperture must not wait for it
-
-    def create_outputs(self, node: ManagedNode) -> None:
-        """Create the publisher of the sub-aperture images; see `Step`."""
-        self._output = node.create_output(Float32MultiArray, 'subaperture_images',
-                                          stream_qos(self.parameters))
-
-    def summary(self) -> str:
-        """Settings for the log line at the start."""
-        p = self.parameters
-        slide = ', sliding' if p['subapertures.sliding'] else ''
-        follow = (f', following the antenna {p["subapertures.follow_ahead"]:g} m ahead, '
-                  f'{p["subapertures.follow_left"]:g} m to the left'
-                  if p['subapertures.follow'] else '')
-        return (f' -> {self._output.topic_name} for {describe_grid(self._grid)}{follow}, '
-                f'{p["pulses_per_aperture"]} pulses per aperture{slide}')
-
-    def prepare(self) -> list[SubapertureImage]:
-        """What could wait; then plan the next aperture before its pulses come; see `Step`."""
-        images = self._follow(self._imager.catch_up)
-        self._imager.plan_ahead()
-        self.report(self._imager.take_events())
-        return images
-
-    def publish(self, product: SubapertureImage) -> None:
-        """Publish a sub-aperture image when somebody subscribes."""
-        if self._output.get_subscription_count():
-            self._output.publish(to_message(product))
-        self._count_product(product.n_missing, product.predicted_error_db)
-        self.health.count('subapertures_published')
-        length = self.parameters['pulses_per_aperture']
-        if product.first_counter + product.length >= (product.aperture + 1) * length:
-            self._watch.judge(product.aperture)
-
-    def describe(self, product: SubapertureImage) -> str:
-        """A sub-aperture image in words."""
-        last = product.first_counter + product.length - 1
-        return (f'sub-aperture {product.number} of aperture {product.aperture}: pulses '
-                f'{describe_range(product.first_counter, last)}, {product.n_missing} missing')
-
-    def saving(self) -> Callable[[], str]:
-        """Refuse: images are formed by the next node."""
-        raise ValueError('sub-aperture images are no images yet: ask afbp_fusion, which fuses '
-                         'them, for save_image')
-
-    def update_counters(self) -> None:
-        """Take the statistics over."""
-        super().update_counters()
-        s = self._imager.statistics
-        self.health.set('plans_made', s.plans)
-        self.health.set('plans_anew', s.plans_anew)
-        self.health.set('last_plan_seconds', s.plan_seconds)
-
-    def _follow(self, work, *arguments) -> list[SubapertureImage]:
-        # Rounded as messages round them, so that the pipeline's images are those of the nodes.
-        return [as_received(image) for image in super()._follow(work, *arguments)]

@@ -11,7 +11,7 @@ from .jammer import Jammer
 from .movers import Mover
 from .scenarios import SCENARIOS, Scenario
 from .scene import Scatterer
-from .trajectory import Trajectory, Vibration
+from .trajectory import RasterScan, Trajectory, Vibration
 
-__all__ = ['SCENARIOS', 'EchoSimulator', 'Jammer', 'Mover', 'Scatterer', 'Scenario',
-           'Trajectory', 'Vibration']
+__all__ = ['SCENARIOS', 'EchoSimulator', 'Jammer', 'Mover', 'RasterScan', 'Scatterer',
+           'Scenario', 'Trajectory', 'Vibration']

@@ -1,4 +1,4 @@
-"""Platform positions at the pulses: a straight track with known perturbations."""
+"""Platform positions at the pulses: a straight track with perturbations, or a raster."""
 
 from __future__ import annotations
 
@@ -85,4 +85,61 @@ class Trajectory:
         if any(self.broadband_m):
             noise = [gaussian(self.seed, axis, len(t)) for axis in range(3)]
             out = out + np.stack(noise, axis=1) * np.asarray(self.broadband_m, float)
+        return np.round(out / POSITION_STEP_M) * POSITION_STEP_M
+
+
+@dataclasses.dataclass(frozen=True)
+class RasterScan:
+    """Rows of places one above the other, as a scanner of two axes visits them: there and back.
+
+    Parameters
+    ----------
+    origin_m : (3,) floats
+        First place, metres.
+    step_m : (3,) floats
+        From place to place within a row, metres.
+    row_step_m : (3,) floats
+        From row to row, metres.
+    n_per_row : int
+        Places of a row.
+    rate_hz : float
+        Places per second.
+
+    Raises
+    ------
+    ValueError
+        A number of places or the rate is not positive.
+    """
+
+    origin_m: tuple[float, float, float]
+    step_m: tuple[float, float, float]
+    row_step_m: tuple[float, float, float]
+    n_per_row: int
+    rate_hz: float
+
+    def __post_init__(self):
+        if self.n_per_row < 1 or not self.rate_hz > 0:
+            raise ValueError(f'n_per_row={self.n_per_row}, rate_hz={self.rate_hz}; expected at '
+                             'least one place in a row and a positive rate')
+
+    def positions(self, time_s) -> np.ndarray:
+        """Positions at the times of all pulses.
+
+        Parameters
+        ----------
+        time_s : (P,) array_like, float64
+            Times of the whole recording, one for each place, seconds; the first is that of
+            `origin_m`.
+
+        Returns
+        -------
+        (P, 3) float64
+            Positions in the imaging frame, metres.
+        """
+        t = np.asarray(time_s, float)
+        number = np.rint((t - t[:1]) * self.rate_hz).astype(int)
+        row, place = np.divmod(number, self.n_per_row)
+        place = np.where(row % 2, self.n_per_row - 1 - place, place)
+        out = (np.asarray(self.origin_m, float) + place[:, None] * np.asarray(self.step_m, float)
+               + row[:, None] * np.asarray(self.row_step_m, float))
         return np.round(out / POSITION_STEP_M) * POSITION_STEP_M

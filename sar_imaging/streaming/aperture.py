@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from ..backends import AUTO
-from ..geometry.grids import MapGrid
+from ..geometry.grids import Grid
 from ..imaging.image import Image
 from ..imaging.imager import Imager, plan_image
 from ..imaging.methods import AFBP, EXACT, method_class
@@ -24,9 +24,10 @@ class ApertureImage:
 
     Parameters
     ----------
-    image : (n_y, n_x) complex64
-        ``f(x) = sum_m sum_n s_mn(tau(x)) exp(+j 2 pi f_c tau(x))``; row 0 is the largest y.
-    grid : MapGrid
+    image : complex64 array in the shape of the grid
+        ``f(x) = sum_m sum_n s_mn(tau(x)) exp(+j 2 pi f_c tau(x))``; row 0 of a map is the largest
+        y.
+    grid : Grid
         Where the pixels are.
     stamp_ns : int
         Time of the middle of the aperture, nanoseconds since the epoch of the pulses' clock.
@@ -45,7 +46,7 @@ class ApertureImage:
     """
 
     image: np.ndarray
-    grid: MapGrid
+    grid: Grid
     stamp_ns: int
     aperture: int
     counters: np.ndarray
@@ -106,7 +107,7 @@ class ApertureImager(ApertureSequence):
 
     Parameters
     ----------
-    grid : MapGrid
+    grid : Grid
         Pixels to image.
     pulses_per_aperture : int
         Length of an aperture in pulses.
@@ -134,7 +135,7 @@ class ApertureImager(ApertureSequence):
         A length or fraction is out of range.
     """
 
-    def __init__(self, grid: MapGrid, *, pulses_per_aperture: int,
+    def __init__(self, grid: Grid, *, pulses_per_aperture: int,
                  min_pulse_fraction: float = 0.5, target_db: float = -80.0,
                  height_m: np.ndarray | None = None, keep_pulses: bool = False,
                  method: str = EXACT):

@@ -12,8 +12,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from sar_imaging.configuration.parameters import parse
+from sar_imaging.configuration.settings import MODES
 
-from .node_processes import MODES, PROFILE, node_names
+from .node_processes import PROFILE, node_names
 
 CONFIG = Path(str(importlib.resources.files('sar_imaging') / 'config'))
 RECORDED_TOPICS = ('/pulses', '/odometry', '/pose', '/fix', '/imu')
@@ -21,7 +22,7 @@ RECORDED_TOPICS = ('/pulses', '/odometry', '/pose', '/fix', '/imu')
 ARGUMENTS = (
     ('config', 'sar_imaging', 'Parameter file, or name of a shipped one such as airborne_x_band'),
     ('namespace', '', 'Namespace of the nodes and their topics, such as radar1'),
-    ('mode', '', 'image or subapertures; as configured when left out'),
+    ('mode', '', 'image, subapertures or volume; as configured when left out'),
     ('autostart', '', 'false waits for a life cycle manager; as configured when left out'),
     ('use_sim_time', '', 'true takes the time from /clock; as configured when left out'),
     ('respawn', 'false', 'true starts a node again when it has died'),
@@ -64,7 +65,7 @@ def mode_of(config: Path, mode: str) -> str:
 def mode_of_words(mode: str) -> None:
     """Refuse a mode that does not exist; empty means as configured."""
     if mode not in ('', *MODES):
-        raise ValueError(f'mode:={mode} is unknown; use {" or ".join(MODES)}')
+        raise ValueError(f'mode:={mode} is unknown; use {", ".join(MODES[:-1])} or {MODES[-1]}')
 
 
 def configured_mode(config: Path) -> str:

@@ -38,7 +38,7 @@ def node_names(mode: str, *, pipeline: bool) -> tuple[str, ...]:
     """Nodes from pulses to images, in their order, for a mode of backprojection."""
     if pipeline:
         return PIPELINE
-    return NODES if mode == MODES[0] else AFBP_NODES
+    return AFBP_NODES if mode == 'subapertures' else NODES
 
 
 def parameters_from_truth(truth: Mapping, mode: str = 'image') -> dict[str, dict]:
@@ -49,7 +49,7 @@ def parameters_from_truth(truth: Mapping, mode: str = 'image') -> dict[str, dict
     truth : mapping
         Truth of the recording, see `bag_io.make_truth`.
     mode : str
-        Of backprojection, one of `MODES`.
+        Of backprojection, `MODES` or another that forms what is in the truth.
 
     Returns
     -------

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from sar_imaging.simulation.noise import complex_gaussian, gaussian
-from sar_imaging.simulation.trajectory import POSITION_STEP_M, Trajectory, Vibration
+from sar_imaging.simulation.trajectory import (
+    POSITION_STEP_M,
+    RasterScan,
+    Trajectory,
+    Vibration,
+)
 
 
 def test_noise_is_circular_with_variance_one():
@@ -57,3 +62,18 @@ def test_perturbations_add_up_as_documented():
     expected = -0.2 * time**2 + 0.05 * np.cos(np.pi * time)
     np.testing.assert_allclose(extra[:, 2], expected, rtol=0, atol=2 * POSITION_STEP_M)
     np.testing.assert_array_equal(bent.positions(time), bent.positions(time))
+
+
+def test_a_raster_goes_there_and_back():
+    scan = RasterScan((1.0, 2.0, 3.0), (0.25, 0.0, 0.0), (0.0, 0.0, 0.5), 3, 100.0)
+    places = scan.positions(np.arange(8) / 100.0 - 0.035)
+    assert places.tolist() == [
+        [1.0, 2.0, 3.0], [1.25, 2.0, 3.0], [1.5, 2.0, 3.0],
+        [1.5, 2.0, 3.5], [1.25, 2.0, 3.5], [1.0, 2.0, 3.5],
+        [1.0, 2.0, 4.0], [1.25, 2.0, 4.0]]
+
+
+@pytest.mark.parametrize(('n_per_row', 'rate_hz'), [(0, 1.0), (1, 0.0), (1, float('nan'))])
+def test_a_raster_without_places_is_refused(n_per_row, rate_hz):
+    with pytest.raises(ValueError, match='at least one place in a row and a positive rate'):
+        RasterScan((0.0,) * 3, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), n_per_row, rate_hz)

@@ -43,7 +43,7 @@ def test_scenario_is_consistent(name):
     for s in scenario.scatterers:
         row, column = grid.to_pixels(*s.position_m[:2])
         assert 0 <= row <= grid.n_y - 1 and 0 <= column <= grid.n_x - 1
-        assert s.position_m[2] == grid.z_m
+        assert grid.z_m <= s.position_m[2] <= grid.z_m + scenario.height_m
     compressor = RangeCompressor.for_block(block)
     first = compressor.output_radar.range_start_m
     last = first + compressor.output_radar.sample_spacing_m * (compressor.n_output - 1)

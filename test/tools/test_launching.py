@@ -110,7 +110,7 @@ def test_the_mode_decides_about_the_fusion_node(tmp_path, text, argument, expect
 
 
 def test_arguments_that_make_no_sense(tmp_path):
-    with pytest.raises(ValueError, match='mode:=fast is unknown; use image or subapertures'):
+    with pytest.raises(ValueError, match='mode:=fast is unknown; use image, subap.* or volume'):
         launching.mode_of(tmp_path, 'fast')
     good = {'use_sim_time': '', 'autostart': '', 'mode': ''}
     for name in ('autostart', 'use_sim_time'):

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from sar_imaging.configuration.startup import report_parameters
+from sar_imaging.geometry.even_grids import VolumeGrid
 from sar_imaging.geometry.grids import MapGrid
 
 from ..runtime.parameters import ConfigurationError, Parameter
@@ -41,8 +44,13 @@ def make_grid(parameters: Mapping[str, object]) -> MapGrid:
                              p['grid.size_x'], p['grid.size_y'], p['grid.spacing'])
 
 
-def describe_grid(grid: MapGrid) -> str:
+def describe_grid(grid: MapGrid | VolumeGrid) -> str:
     """Grid in words."""
+    if isinstance(grid, VolumeGrid):
+        steps = ' x '.join(f'{step:g}' for step in np.linalg.norm(grid.steps_m[::-1], axis=1))
+        x, y, z = grid.origin_m + (np.array(grid.shape) - 1) @ grid.steps_m / 2
+        return (f'{grid.n_x} x {grid.n_y} x {grid.n_z} cells of {steps} m around '
+                f'({x:g}, {y:g}, {z:g}) m')
     x, y, z = grid.centre_m
     return (f'{grid.n_x} x {grid.n_y} pixels of {grid.spacing_m:g} m around '
             f'({x:g}, {y:g}, {z:g}) m')

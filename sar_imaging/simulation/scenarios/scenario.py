@@ -16,7 +16,7 @@ from ..jammer import Jammer
 from ..movers import Mover, mover_echoes
 from ..noise import complex_gaussian
 from ..scene import Clutter, Scatterer, positions_and_amplitudes
-from ..trajectory import POSITION_STEP_M, Trajectory
+from ..trajectory import POSITION_STEP_M, RasterScan, Trajectory
 
 START_NS = 1_700_000_000_000_000_000  # of every recording: the clock of a simulation is its own
 
@@ -43,7 +43,7 @@ class Scenario:
         Pulses of the recording.
     pulses_per_aperture : int
         Pulses that make one image.
-    trajectory : Trajectory
+    trajectory : Trajectory or RasterScan
         Of the platform's reference point.
     tx_offsets_m, rx_offsets_m : tuple of (3,) floats
         Phase centres of each channel relative to the reference point, axes of the imaging frame,
@@ -51,7 +51,7 @@ class Scenario:
     scatterers : tuple of Scatterer
         The scene.
     grid : MapGrid
-        Where to image it.
+        Where to image it; the lowest layer of a volume.
     cut_half_width_m : (2,) floats
         Half widths of the cuts over which sidelobes are measured, in range and azimuth, metres.
     noise_std : float
@@ -68,6 +68,8 @@ class Scenario:
         Sources of noise.
     clutter : Clutter, optional
         Scatterers without names, of random phases.
+    height_m : float
+        Of the scene above the grid, metres; 0 for one that is flat.
     """
 
     name: str
@@ -78,7 +80,7 @@ class Scenario:
     prf_hz: float
     n_pulses: int
     pulses_per_aperture: int
-    trajectory: Trajectory
+    trajectory: Trajectory | RasterScan
     tx_offsets_m: tuple[tuple[float, float, float], ...]
     rx_offsets_m: tuple[tuple[float, float, float], ...]
     scatterers: tuple[Scatterer, ...]
@@ -91,6 +93,7 @@ class Scenario:
     movers: tuple[Mover, ...] = ()
     jammers: tuple[Jammer, ...] = ()
     clutter: Clutter | None = None
+    height_m: float = 0.0
 
     @property
     def n_channels(self) -> int:

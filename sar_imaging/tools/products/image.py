@@ -33,7 +33,7 @@ from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
 
 from ..plots import save_image_png
 from ..recordings.bag_io import BagError
-from . import forming
+from . import forming, volume
 from .acquisition_figure import save_acquisition_png
 from .report import Section, write_report
 from .sources import Source, SourceError, open_source
@@ -53,6 +53,11 @@ does not tell is chosen, and the report says what was chosen and how to change i
   sar-imaging image bags/countryside --output out/countryside
   sar-imaging image scene.cphd --output out/scene --format sicd,geotiff,png
   sar-imaging image scene.cphd --output out/part --centre 120 -40 --size 200 --spacing 0.25
+
+With --height it images a volume and writes cloud.ply (x, y, z, intensity in dB above the median),
+volume.png, volume.npy and quality.json:
+
+  sar-imaging image bags/scan --output out/scan --height 1.2 --threshold 30
 """
 
 
@@ -65,6 +70,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument('--format', type=_formats, default=('png',), metavar='NAME[,NAME]',
                    help=f'of the image: {", ".join(FORMATS)} (default: png)')
     forming.add_arguments(p)
+    volume.add_arguments(p)
     return p
 
 
@@ -100,6 +106,8 @@ def run(arguments: argparse.Namespace) -> str:
     """Image the file and write all products; returns a summary for people."""
     source = open_source(arguments.file, aperture=arguments.aperture,
                          datum=forming.datum_of(arguments))
+    if arguments.height is not None:
+        return volume.run(arguments, source)
     _check_formats(arguments, source)
     choice = forming.choose(source, arguments)
     for reason in choice.reasons:
