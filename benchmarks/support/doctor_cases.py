@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from sar_imaging.simulation.echoes import EchoSimulator, quantise
+
+from .mistake_recordings import DATA, MEASURED
 
 KINDS = ('slider', 'rail', 'drone', 'uwb')
 _START_NS = 1_700_000_000_000_000_000
@@ -28,16 +30,19 @@ class Case:
     Parameters
     ----------
     kind : str
-        One of `KINDS`.
+        One of `KINDS`, or the name of a measured recording.
     block : PulseBlock
         Raw pulses with phase centres.
     grid : MapGrid
         Its scene.
+    window : str
+        Of the range compression.
     """
 
     kind: str
     block: PulseBlock
     grid: MapGrid
+    window: str = 'none'
 
 
 def right_case(seed: int) -> Case:
@@ -45,7 +50,7 @@ def right_case(seed: int) -> Case:
     rng = np.random.default_rng([seed, 22])
     kind = KINDS[seed % len(KINDS)]
     radar, n_samples, range_m, track, rate_hz = _MAKERS[kind](rng)
-    half = 0.16 * range_m
+    half = (0.08 if kind == 'drone' else 0.16) * range_m  # what its antenna sees
     spacing = max(0.4 * radar.range_resolution_m, 2 * half / 160)
     grid = MapGrid.from_size((0.0, range_m, 0.0), 2 * half, 2 * half, spacing)
     n_scatterers = int(rng.integers(4, 25))
@@ -73,6 +78,14 @@ def right_case(seed: int) -> Case:
     block = PulseBlock(radar, False, stamps, np.arange(len(track)) + int(rng.integers(1000)),
                        samples, centres, centres)
     return Case(kind, block, grid)
+
+
+def measured_cases() -> Iterator[Case]:
+    """The measured recordings, loaded as `sar-imaging load` does; none where they are absent."""
+    if DATA.is_dir():
+        for make in MEASURED.values():
+            recording = make()
+            yield Case(recording.name, recording.block, recording.grid, recording.window)
 
 
 def _track(rng, n: int, length_m: float, height_m: float, wander: float) -> np.ndarray:
@@ -110,14 +123,16 @@ def _drone(rng):
     rate = 1.25 * bandwidth
     pulse_s = rng.uniform(0.4e-6, 0.8e-6)
     range_m = rng.uniform(250.0, 600.0)
-    half = 0.35 * range_m
+    half = 0.2 * range_m
     start = 2 * (range_m - half) / SPEED_OF_LIGHT
     n_samples = int(math.ceil((pulse_s + 4 * half / SPEED_OF_LIGHT) * rate / 2) * 2)
     sign = rng.choice([-1, 1])
     radar = RadarParameters(rng.choice([5.4e9, 9.6e9]), bandwidth, rate, start, pulse_s,
                             sign * bandwidth / pulse_s, Waveform.LFM)
     n = int(rng.integers(240, 360))
-    track = _track(rng, n, 0.12 * range_m, rng.uniform(30.0, 100.0), 0.5)
+    # pulses as close as the width of the scene demands
+    track = _track(rng, n, n * rng.uniform(1.5, 3.0) * radar.wavelength_m,
+                   rng.uniform(30.0, 100.0), 0.5)
     return radar, n_samples, range_m, track, rng.uniform(50, 200)
 
 
@@ -301,6 +316,20 @@ def without_q(case, rng):
     return _with(case, samples=case.block.samples.real + 0j)
 
 
+def magnitudes(case, rng):
+    """The driver published magnitudes, as that of the BGT60 does unless told otherwise."""
+    return _with(case, samples=np.abs(case.block.samples) + 0j)
+
+
+def phases(case, rng):
+    """Cables of one channel differ in length: its phase is 60 to 180 degrees off."""
+    n = _channels(case)
+    turn = np.ones(n, np.complex64)
+    turn[int(rng.integers(n))] = np.exp(1j * rng.choice([-1, 1]) * rng.uniform(np.pi / 3, np.pi))
+    _complex_only(case)
+    return _with(case, samples=case.block.samples * turn[:, None])
+
+
 def incomplete(case, rng):
     """Some pulses lost their last packets."""
     samples = case.block.samples.copy()
@@ -343,6 +372,12 @@ FAULTS: dict[str, tuple[Callable, tuple[str, ...]]] = {
     'words in another order': (words, ('order of I and Q',)),
     'unequal I and Q': (unequal, ('unequal I and Q',)),
     'Q missing': (without_q, ('real samples',)),
+    'magnitudes only': (magnitudes, ('magnitudes only',)),
+    'phase of a channel': (phases, ('phases of channels',)),
     'incomplete pulses': (incomplete, ('incomplete pulses',)),
     'interference': (interfered, ('interference',)),
 }
+# Faults that show in the image alone, or in where the scene is.
+OF_IMAGES = ('I and Q exchanged', 'spectrum inverted', 'wrong slope', 'clocks drift apart',
+             'x and y exchanged', 'clock offset', 'scene outside the window',
+             'phase of a channel')

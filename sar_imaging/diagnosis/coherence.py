@@ -28,8 +28,10 @@ _MOST_ROWS = 1024
 _STEPS = 4096  # of a cycle; good to -60 dB
 _TURNS = tuple(f(2 * np.pi * np.arange(_STEPS) / _STEPS).astype(np.float32)
                for f in (np.cos, np.sin))
-_TILE = 16  # pixels along each side
-_BUDGET = 6_000_000  # points times rows of one figure
+TILE = 16  # pixels along each side
+_MOST_PIXELS = 1500  # along a side of a finer grid
+_FEWEST_ROWS = 12  # that tell where power is
+BUDGET = 6_000_000  # points times rows of one figure
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,11 +72,14 @@ class CoherenceProbe:
         Of the image.
     budget : int
         Most points times rows of one figure; of larger images the brightest tiles are taken.
+    tile : int
+        Pixels along each side of a tile.
     """
 
-    def __init__(self, grid: MapGrid, budget: int = _BUDGET):
+    def __init__(self, grid: MapGrid, budget: int = BUDGET, tile: int = TILE):
         self.grid = grid
-        self._budget = budget
+        self._budget, self._tile = budget, tile
+        self._places: np.ndarray | None = None
 
     def __call__(self, profiles: PulseBlock) -> Coherence:
         """Coherence of range profiles that are sampled `OVERSAMPLING` times their bandwidth.
@@ -92,31 +97,50 @@ class CoherenceProbe:
         rows = _Rows.of(profiles)
         return _judge(*rows.sums(self._points(rows)))
 
+    def sums(self, profiles: PulseBlock) -> np.ndarray:
+        """(K,) complex64 sums of all pulses and channels at the pixels."""
+        rows = _Rows.of(profiles)
+        return rows.sums(self._points(rows))[0]
+
+    def fixed(self, profiles: PulseBlock) -> CoherenceProbe:
+        """A probe of the pixels that this one chooses for some profiles, whatever is asked."""
+        probe = CoherenceProbe(self.grid, self._budget, self._tile)
+        probe._places = self._points(_Rows.of(profiles))
+        return probe
+
     def _points(self, rows: _Rows) -> np.ndarray:
         """(K, 3) positions within the budget: all, or those of the tiles with most power."""
+        if self._places is not None:
+            return self._places
         grid, n_rows = self.grid, len(rows.tx_m)
-        n_points = max(_TILE * _TILE, self._budget // max(n_rows, 1))
+        n_points = max(TILE * TILE, self._budget // max(n_rows, 1))
         if grid.n_x * grid.n_y <= n_points:
             return grid.points().reshape(-1, 3)
         # Sums of a few pulses are wide: a few of their pixels tell where power is.
         step = max(1, math.ceil(n_rows / 128))
+        columns, n_tiles = -(-grid.n_x // self._tile), self._tiles()
+        if self._tile < TILE:  # a pixel of each tile, and fewer pulses
+            step = max(step, math.ceil(n_rows * n_tiles / self._budget / 2))
+            step = min(step, max(1, n_rows // _FEWEST_ROWS))
         few = rows.thinned(step)
         stride = max(2, math.ceil(math.sqrt(grid.n_x * grid.n_y * len(few.tx_m) / self._budget)))
+        stride = min(stride, self._tile) if self._tile < TILE else stride
         y, x = (np.arange(stride // 2, n, stride) for n in grid.shape)
         coarse = np.stack(np.broadcast_arrays(grid.x_m[x], grid.y_m[y][:, None], grid.z_m), -1)
         _, power, _ = few.sums(coarse.reshape(-1, 3))
-        columns = -(-grid.n_x // _TILE)
-        tile = (y[:, None] // _TILE * columns + x // _TILE).ravel()
-        n_tiles = columns * -(-grid.n_y // _TILE)
+        tile = (y[:, None] // self._tile * columns + x // self._tile).ravel()
         mean = (np.bincount(tile, np.square(power, dtype=float), n_tiles)
                 / np.maximum(np.bincount(tile, minlength=n_tiles), 1))
-        return self._of_tiles(np.argsort(-mean)[:max(1, n_points // _TILE**2)], columns)
+        return self._of_tiles(np.argsort(-mean)[:max(1, n_points // self._tile**2)], columns)
+
+    def _tiles(self) -> int:
+        return -(-self.grid.n_x // self._tile) * -(-self.grid.n_y // self._tile)
 
     def _of_tiles(self, tiles, columns: int) -> np.ndarray:
         grid = self.grid
-        side = np.arange(_TILE)
-        y = (tiles // columns * _TILE)[:, None, None] + side[:, None]
-        x = (tiles % columns * _TILE)[:, None, None] + side
+        side = np.arange(self._tile)
+        y = (tiles // columns * self._tile)[:, None, None] + side[:, None]
+        x = (tiles % columns * self._tile)[:, None, None] + side
         y, x = np.broadcast_arrays(y, x)
         inside = (y < grid.n_y) & (x < grid.n_x)
         x_m, y_m = grid.x_m[x[inside]], grid.y_m[y[inside]]
@@ -181,6 +205,32 @@ def _judge(total, power, covered) -> Coherence:
     spread = float(weight @ np.square(q - mean))
     return Coherence(math.sqrt(spread) / max(mean, 1e-12), mean,
                      float(intensity.std() / max(intensity.mean(), 1e-300)), coverage)
+
+
+def resolved(grid: MapGrid, block: PulseBlock) -> MapGrid:
+    """Grid of the same area, at least two pixels to a cell of resolution.
+
+    Parameters
+    ----------
+    grid : MapGrid
+        Whose pixels may lie farther apart than what they are to show.
+    block : PulseBlock
+        Pulses with phase centres.
+
+    Returns
+    -------
+    MapGrid
+        Of `_MOST_PIXELS` pixels at the most along each side.
+    """
+    sight = np.asarray(grid.centre_m) - block.phase_centre_m
+    sight /= np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-9)
+    angle = float(np.linalg.norm(np.ptp(sight, axis=0)))
+    cell = min(block.radar.range_resolution_m, block.radar.wavelength_m / max(2 * angle, 1e-9))
+    size_x, size_y = ((n - 1) * grid.spacing_m for n in (grid.n_x, grid.n_y))
+    spacing = max(cell / 2, max(size_x, size_y) / _MOST_PIXELS)
+    if spacing >= grid.spacing_m:
+        return grid
+    return MapGrid.from_size(grid.centre_m, size_x, size_y, spacing)
 
 
 def compile_kernels() -> None:

@@ -16,7 +16,7 @@ from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.range_compression import RangeCompressor
 from .coherence import OVERSAMPLING, Coherence, CoherenceProbe
-from .hypotheses import HYPOTHESES, Hypothesis, clock_offsets, with_offset, with_slope
+from .hypotheses import HYPOTHESES, Hypothesis, clock_offset, clock_offsets, with_offset
 from .track import track_doubts
 
 _logger = logging.getLogger(__name__)
@@ -24,7 +24,7 @@ _logger = logging.getLogger(__name__)
 # where a mistake spares a part of the focus. See docs/troubleshooting.md.
 FOCUSED = 3.0  # nothing is tried
 _CLEARLY = 2.0  # from it on a hypothesis counts for more than odd positions
-_NOTHING = 1.3  # below it nothing stands out
+NOTHING = 1.3  # below it nothing stands out
 _BETTER = 1.25  # times the contrast of the data as they are
 _SHARPER = 2.0  # times its sharpness, where only samples change
 _DARKER = 0.6  # times its agreement
@@ -33,10 +33,7 @@ _LEAST_COVERAGE = 0.25
 _LARGEST_OFFSET_S = 2.0
 _MOST_OFFSETS = 40  # on each side
 _OFFSET_BUDGET = 1_500_000
-_FEWEST_PULSES = 16
-_RATES = np.linspace(0.78, 1.22, 37)
-_SLOPES = np.linspace(0.7, 1.33, 37)
-_Found = tuple[Hypothesis, Coherence]
+FEWEST_PULSES = 16
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,7 +63,7 @@ class Diagnosis:
     @property
     def focused(self) -> bool:
         """True when scatterers stand out as they are."""
-        return self.coherence >= _NOTHING and not self.mistake
+        return self.coherence >= NOTHING and not self.mistake
 
     def __str__(self) -> str:
         figure = f'focus {self.coherence:.2f} (noise 1, focused scatterers 2 and more)'
@@ -77,8 +74,7 @@ class Diagnosis:
         return f'{figure}, no mistake found'
 
 
-def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none',
-             thorough: bool = False) -> Diagnosis:
+def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none') -> Diagnosis:
     """Look for the mistake that keeps an aperture from focusing.
 
     Tries, on the brightest part of the image alone: conjugated samples (or Q and I exchanged),
@@ -98,9 +94,6 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none',
         Where they are imaged.
     window : str
         Of the range compression of raw pulses.
-    thorough : bool
-        Also tries a slope of the ramp that is some per cent off, and clocks that drift apart;
-        takes several times as long.
 
     Returns
     -------
@@ -115,7 +108,7 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none',
     attempt = _Attempts(grid, window)
     first = attempt.coherence(block)
     _logger.debug('as is: %s', first)
-    if block.n_pulses * block.n_channels < _FEWEST_PULSES:
+    if block.n_pulses * block.n_channels < FEWEST_PULSES:
         return Diagnosis(first.contrast, first.coverage, corrected=first.contrast, advice=(
             f'{block.n_pulses} pulses are too few to judge the focus'))
     if first.contrast >= FOCUSED:
@@ -124,11 +117,8 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none',
     doubts = track_doubts(block)
     if found is not None and doubts and found[1].contrast < _CLEARLY:
         found = None  # what is odd about the track explains more
-    if not doubts and (found is None or thorough):
-        others = [attempt.offsets(block)]
-        if thorough:
-            others += [attempt.rates(block), attempt.slopes(block)]
-        found = _likelier(found, [_best(results, first) for results in others])
+    if not doubts and found is None:
+        found = _best(attempt.offsets(block), first)
     if found is not None:
         hypothesis, coherence = found
         return Diagnosis(first.contrast, first.coverage, hypothesis.name, hypothesis.advice,
@@ -137,19 +127,11 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none',
         return Diagnosis(first.contrast, first.coverage, 'odd positions', '; '.join(doubts),
                          first.contrast)
     return Diagnosis(first.contrast, first.coverage, corrected=first.contrast,
-                     advice='' if first.contrast >= _NOTHING else _nothing_helps(first))
+                     advice='' if first.contrast >= NOTHING else nothing_helps(first))
 
 
-def _likelier(found: _Found | None, others: list[_Found | None]) -> _Found | None:
-    """What focuses best; what was searched for among many values has to focus clearly better."""
-    others = [other for other in others if other is not None]
-    best = max(others, key=lambda other: other[1].contrast, default=None)
-    if found is None or best is None:
-        return found or best
-    return best if best[1].contrast > _BETTER * found[1].contrast else found
-
-
-def _nothing_helps(first: Coherence) -> str:
+def nothing_helps(first: Coherence) -> str:
+    """What is said of an image without focus that no hypothesis explains."""
     if not first.coverage:
         return ('the profiles do not reach the grid, and no hypothesis about units, axes or '
                 'delays explains it; check the positions of antenna and grid')
@@ -198,42 +180,7 @@ class _Attempts:
             return
         probe = CoherenceProbe(self._grid, _OFFSET_BUDGET)
         best, result = _searched(lambda offset: probe(with_offset(profiles, offset)), offsets)
-        sign = '+' if best > 0 else '-'
-        yield Hypothesis(
-            'clock offset', f'the clocks of pulses and positions are probably {abs(best):.2g} s '
-            'apart: a pulse stamped t was sent where the platform is said to be at t '
-            f'{sign} {abs(best):.2g} s; correct the stamps, set pose.time_offset_s, or use '
-            'autofocus', lambda b: [b]), result
-
-    def rates(self, block: PulseBlock) -> Iterator[tuple[Hypothesis, Coherence]]:
-        """Coherence where the clocks of pulses and positions run at different rates."""
-        if np.any(np.diff(block.stamp_ns) <= 0):
-            return
-        profiles = self._compressed(block)
-        probe = CoherenceProbe(self._grid, _OFFSET_BUDGET)
-        rate, result = _searched(lambda rate: probe(with_offset(profiles, 0.0, rate)), _RATES)
-        yield Hypothesis(
-            'clock drift', 'the clocks of pulses and positions probably run at different rates: '
-            f'positions fit where the times of the pulses are stretched {rate:.3g} times; check '
-            'the pulse repetition frequency with which pulses were stamped', lambda b: [b]), result
-
-    def slopes(self, block: PulseBlock) -> Iterator[tuple[Hypothesis, Coherence]]:
-        """Coherence where the slope of the ramp is another one."""
-        if block.compressed or not block.radar.chirp_rate_hz_per_s:
-            return
-        probe = CoherenceProbe(self._grid, _OFFSET_BUDGET)
-
-        def coherence(factor: float) -> Coherence:
-            try:
-                return probe(self._compressed(with_slope(block, factor)))
-            except ValueError:  # no such ramp
-                return Coherence(0.0, 0.0, 0.0, 0.0)
-
-        factor, result = _searched(coherence, _SLOPES)
-        right = factor * block.radar.chirp_rate_hz_per_s
-        yield Hypothesis(
-            'wrong slope', f'the slope of the ramp (chirp_rate_hz_per_s) is probably {right:.4g} '
-            f'Hz/s, {factor:.3g} times what is given', lambda b: [b], of_samples=True), result
+        yield clock_offset(best), result
 
 
 def _searched(coherence: Callable[[float], Coherence], values: np.ndarray

@@ -10,15 +10,21 @@ from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
 from ..signal.uwb import subtract_background
-from .diagnose import Diagnosis, diagnose
+from .channel_phases import phase_findings
+from .diagnose import Diagnosis
 from .reach import distances, reach_advice
 from .signals import (
     Finding,
     channel_findings,
     coupling_findings,
     sample_findings,
+    slope_findings,
     timing_findings,
 )
+from .thorough import diagnose_thoroughly
+
+# Faults with which nothing can focus, nor profiles be trusted.
+_WITHOUT_IMAGE = {'I and Q alike', 'magnitudes only', 'order of I and Q', 'real samples'}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,16 +63,21 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *,
     found = [*sample_findings(block), *timing_findings(block), *channel_findings(block)]
     if any(finding.fault == 'no signal' for finding in found):
         return Examination(tuple(found))
-    found += coupling_findings(block)
+    without_image = any(finding.fault in _WITHOUT_IMAGE for finding in found)
+    if not without_image:
+        found += slope_findings(block) + coupling_findings(block)
     if grid is None or not block.has_positions:
         return Examination(tuple(found))
-    outside = _outside(block, grid)
-    if outside is not None:
-        found.append(outside)
+    seen, outside = _outside(block, grid)
+    found += outside
+    if without_image or not seen:
+        return Examination(tuple(found))
     # what is heard all the time hides what is to be focused
     coupled = any(finding.fault == 'coupling' for finding in found)
     clean = subtract_background(block) if coupled else block
-    diagnosis = diagnose(clean, grid, window=window, thorough=True)
+    off, clean = phase_findings(clean, grid, window=window)
+    diagnosis = diagnose_thoroughly(clean, grid, window=window)
+    found += off
     if diagnosis.mistake:
         found.append(Finding(diagnosis.mistake, (
             f'the focus figure {diagnosis.coherence:.2f} becomes {diagnosis.corrected:.2f} '
@@ -75,8 +86,8 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *,
     return Examination(tuple(found), diagnosis)
 
 
-def _outside(block: PulseBlock, grid: MapGrid) -> Finding | None:
-    """Corners of the scene that no profile reaches."""
+def _outside(block: PulseBlock, grid: MapGrid) -> tuple[float, list[Finding]]:
+    """Share of the scene's ranges that profiles hold, and what is to be said of it."""
     first = block.select(slice(0, 1))
     compressor = RangeCompressor.for_block(first)
     radar = compressor.output_radar
@@ -84,13 +95,13 @@ def _outside(block: PulseBlock, grid: MapGrid) -> Finding | None:
     stop = start + compressor.n_output * radar.sample_spacing_m
     near, far = distances(block, grid)
     if start <= near and far <= stop:
-        return None
-    seen = np.clip((min(far, stop) - max(near, start)) / max(far - near, 1e-9), 0.0, 1.0)
+        return 1.0, []
+    seen = float(np.clip((min(far, stop) - max(near, start)) / max(far - near, 1e-9), 0.0, 1.0))
     profiles = dataclasses.replace(
         block, radar=radar, compressed=True,
         samples=np.zeros((*block.samples.shape[:2], compressor.n_output), np.complex64))
-    return Finding('scene outside the window', (
+    return seen, [Finding('scene outside the window', (
         f'profiles hold {start:.4g} to {stop:.4g} m, the scene lies {near:.4g} to {far:.4g} m '
         f'from the radar: {seen:.0%} of that is inside'),
         reach_advice(profiles, grid) or 'check the places of scene and radar, the delay of the '
-        'first sample, and the frame of the positions; or record a longer window')
+        'first sample, and the frame of the positions; or record a longer window')]

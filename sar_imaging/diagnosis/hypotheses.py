@@ -9,11 +9,14 @@ import numpy as np
 
 from ..signal import magnitudes
 from ..signal.pulses import PulseBlock
+from ..signal.radar import RadarParameters
 from .profile_changes import PHASE_HISTORIES, RAMPS, conjugations, reversed_slopes
 
 _FEWEST_PULSES = 16  # for offsets of the clock
 _LEAST_CELLS = 4.0  # that a wrong delay shifts profiles by
 _FELT_RAD = 1.0  # rms phase that an offset may leave
+_LARGEST_DRIFT = 0.26  # of the rate of a clock
+_FEWEST_RATES, _MOST_RATES = 12, 60  # on each side
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,7 +109,8 @@ SAMPLES = (
 HYPOTHESES = (*SAMPLES, *GEOMETRY, ORDER)
 
 
-def clock_offsets(block: PulseBlock, towards_m, most_s: float, n_most: int) -> np.ndarray:
+def clock_offsets(block: PulseBlock, towards_m, most_s: float, n_most: int, *,
+                  felt_rad: float = _FELT_RAD) -> np.ndarray:
     """Offsets of the clock worth trying: as close as focus asks for, as far as pulses tell.
 
     Parameters
@@ -119,6 +123,8 @@ def clock_offsets(block: PulseBlock, towards_m, most_s: float, n_most: int) -> n
         Largest offset, seconds.
     n_most : int
         Most offsets on each side.
+    felt_rad : float
+        Rms phase from one offset to the next.
 
     Returns
     -------
@@ -131,30 +137,81 @@ def clock_offsets(block: PulseBlock, towards_m, most_s: float, n_most: int) -> n
     reach = min(most_s, 0.5 * float(time_s[-1] - time_s[0]))
 
     def phase(offset_s: float) -> float:
-        """Largest phase that an offset leaves besides a line over the aperture, radians."""
-        left = 0.0
-        for offset in (-offset_s, offset_s):
-            moved = with_offset(block, offset)
-            if moved.n_pulses < _FEWEST_PULSES // 2:
-                continue
-            inside = np.isin(block.counter, moved.counter)
-            change = (np.linalg.norm(moved.phase_centre_m[:, None] - towards_m, axis=-1)
-                      - np.linalg.norm(block.phase_centre_m[inside][:, None] - towards_m,
-                                       axis=-1))
-            u = np.linspace(-1.0, 1.0, len(change))
-            line = np.polynomial.polynomial.polyfit(u, change, 1)
-            rest = change - np.polynomial.polynomial.polyval(u, line).T
-            left = max(left, float(rest.std(axis=0).max()))
-        return left * block.radar.wavenumber_rad_per_m
+        return max(_left_rad(block, with_offset(block, offset), towards_m)
+                   for offset in (-offset_s, offset_s))
 
     if phase(0.5 * reach) < 0.5 * _FELT_RAD:
         return np.empty(0)
     step = float(np.median(np.diff(time_s)))
-    while step < reach / 2 and phase(step) < _FELT_RAD:
+    while step < reach / 2 and phase(step) < felt_rad:
         step *= 1.2
     step = max(step, reach / n_most)
     n = max(1, int(reach / step))
     return step * np.arange(-n, n + 1)
+
+
+def clock_rates(block: PulseBlock, towards_m, *, felt_rad: float = _FELT_RAD) -> np.ndarray:
+    """Rates of the clock worth trying, as close as focus asks for.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        With positions.
+    towards_m : (K, 3) float64
+        Places that are to focus, metres.
+    felt_rad : float
+        Rms phase from one rate to the next.
+
+    Returns
+    -------
+    (K,) float64
+        Around 1, ascending; empty where the times do not tell any.
+    """
+    if block.n_pulses < _FEWEST_PULSES or np.any(np.diff(block.stamp_ns) <= 0):
+        return np.empty(0)
+    little = _LARGEST_DRIFT / 8
+    left = _left_rad(block, with_offset(block, 0.0, 1 - little), towards_m)
+    n = int(np.clip(_LARGEST_DRIFT / little * left / felt_rad, _FEWEST_RATES, _MOST_RATES))
+    return 1 + _LARGEST_DRIFT / n * np.arange(-n, n + 1)
+
+
+def _left_rad(block: PulseBlock, moved: PulseBlock, towards_m) -> float:
+    """Largest rms phase that other positions leave besides a line over the aperture, radians."""
+    if moved.n_pulses < _FEWEST_PULSES // 2:
+        return 0.0
+    inside = np.isin(block.counter, moved.counter)
+    change = (np.linalg.norm(moved.phase_centre_m[:, None] - towards_m, axis=-1)
+              - np.linalg.norm(block.phase_centre_m[inside][:, None] - towards_m, axis=-1))
+    u = np.linspace(-1.0, 1.0, len(change))
+    line = np.polynomial.polynomial.polyfit(u, change, 1)
+    rest = change - np.polynomial.polynomial.polyval(u, line).T
+    return float(rest.std(axis=0).max()) * block.radar.wavenumber_rad_per_m
+
+
+def clock_offset(offset_s: float) -> Hypothesis:
+    """The clocks of pulses and positions are apart."""
+    sign = '+' if offset_s > 0 else '-'
+    return Hypothesis(
+        'clock offset', f'the clocks of pulses and positions are probably {abs(offset_s):.2g} s '
+        'apart: a pulse stamped t was sent where the platform is said to be at t '
+        f'{sign} {abs(offset_s):.2g} s; correct the stamps, set pose.time_offset_s, or use '
+        'autofocus', lambda b: [b])
+
+
+def clock_drift(rate: float) -> Hypothesis:
+    """The clocks of pulses and positions run at different rates."""
+    return Hypothesis(
+        'clock drift', 'the clocks of pulses and positions probably run at different rates: '
+        f'positions fit where the times of the pulses are stretched {rate:.3g} times; check '
+        'the pulse repetition frequency with which pulses were stamped', lambda b: [b])
+
+
+def wrong_slope(factor: float, radar: RadarParameters) -> Hypothesis:
+    """The slope of the ramp is another one than `radar` says."""
+    right = factor * radar.chirp_rate_hz_per_s
+    return Hypothesis(
+        'wrong slope', f'the slope of the ramp (chirp_rate_hz_per_s) is probably {right:.4g} '
+        f'Hz/s, {factor:.3g} times what is given', lambda b: [b], of_samples=True)
 
 
 def with_offset(block: PulseBlock, offset_s: float, rate: float = 1.0) -> PulseBlock:

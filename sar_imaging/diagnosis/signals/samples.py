@@ -23,6 +23,7 @@ _PILED = 2.0
 _FEWEST_CLIPPED = 20
 _NONE = 1e-3  # of I in Q, or the other way round
 _ALIKE = 0.98  # correlation of I and Q from which they are one signal
+_NEAR_ZERO, _EVEN = 0.15, 0.3  # of the median: what magnitudes fall below; of offsets
 _IMAGE = 0.03  # amplitude of the mirrored spectrum from which it shows in images, -30 dB
 _SIGNIFICANT = 6.0  # standard deviations
 _MOST_PULSES = 256
@@ -39,15 +40,20 @@ def sample_findings(block: PulseBlock) -> list[Finding]:
     Parameters
     ----------
     block : PulseBlock
-        Raw pulses; positions are not needed. Of range profiles nothing is told.
+        Raw pulses; positions are not needed. Of range profiles it is only told whether they have
+        a phase.
 
     Returns
     -------
     list of Finding
     """
-    if block.compressed or not block.n_pulses:
+    if not block.n_pulses:
         return []
-    found = [_clipping(block), _components(block), _cut_short(block), _bursts(block)]
+    without_phase = _magnitudes(block)
+    if block.compressed:
+        return [without_phase] if without_phase else []
+    found = [_clipping(block), without_phase or _components(block), _cut_short(block),
+             _bursts(block)]
     if block.radar.waveform not in _REAL and found[1] is None:
         found.append(_order(block) or _imbalance(block))
     return [finding for finding in found if finding is not None]
@@ -91,6 +97,25 @@ def _clipping(block: PulseBlock) -> Finding | None:
         f'{level:g}' + (f'; {n} of {block.n_channels} channels clip' if n > 1 else '')),
         'lower the gain of the receiver, or attenuate the coupling between its antennas: clipped '
         'echoes of strong reflectors raise the floor of the whole profile')
+
+
+def _magnitudes(block: PulseBlock) -> Finding | None:
+    """Values that are never negative, and lie around no offset: their phase is lost.
+
+    Samples around the offset of a converter reach as far below its value as above it.
+    Magnitudes reach zero, and farther above their median than that.
+    """
+    samples = _some(block).samples
+    if samples.imag.any() or samples.real.min() < 0:
+        return None
+    low, median, high = np.percentile(samples.real, [0.1, 50.0, 99.9])
+    if median <= 0 or low > _NEAR_ZERO * median or abs(high + low - 2 * median) < _EVEN * median:
+        return None
+    return Finding('magnitudes only', (
+        f'no sample is negative, one in a thousand is below {low / median:.2g} and one above '
+        f'{high / median:.2g} times the median'),
+        'let the driver publish samples, not their magnitudes (publish_magnitude: false of '
+        'bgt60tr13c_ros2): without phase nothing can be focused')
 
 
 def _components(block: PulseBlock) -> Finding | None:

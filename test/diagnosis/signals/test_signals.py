@@ -7,14 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from benchmarks.support.doctor_cases import FAULTS, NotApplicable, right_case
+from benchmarks.support.doctor_cases import FAULTS, OF_IMAGES, NotApplicable, right_case
+from sar_imaging.diagnosis.channel_phases import channel_phases
 from sar_imaging.diagnosis.doctor import examine
 from sar_imaging.diagnosis.signals import sample_findings, timing_findings
 from sar_imaging.diagnosis.signals.samples import clipped_share, image_amplitude
 
-OF_SIGNALS = [name for name in FAULTS if name not in (
-    'I and Q exchanged', 'spectrum inverted', 'wrong slope', 'clocks drift apart',
-    'x and y exchanged', 'clock offset', 'scene outside the window')]
+OF_SIGNALS = [name for name in FAULTS if name not in OF_IMAGES]
 SEEDS = range(4)  # one of each kind of radar
 
 
@@ -41,7 +40,7 @@ def test_fault_is_named_and_no_other_one(name):
 
 @pytest.mark.parametrize(('name', 'seed'), [
     ('clocks drift apart', 1), ('wrong slope', 5), ('scene outside the window', 3),
-    ('I and Q exchanged', 1)])
+    ('I and Q exchanged', 1), ('phase of a channel', 4), ('clock offset', 7)])
 def test_geometry_is_examined_in_the_image(name, seed):
     inject, wanted = FAULTS[name]
     case = inject(right_case(seed), np.random.default_rng([seed, 7]))
@@ -65,6 +64,26 @@ def test_clipped_share_is_what_was_clipped(values):
     limit = 0.6 * np.abs(values).max()
     clipped = values.clip(-limit, limit)
     assert clipped_share(clipped) == pytest.approx(np.mean(np.abs(values) >= limit), rel=0.05)
+
+
+def test_offset_of_a_converter_is_not_taken_for_magnitudes():
+    # unsigned samples around mid-scale, as most converters give them, never negative either
+    block = right_case(5).block
+    samples = block.samples.real + 1.05 * np.abs(block.samples.real).max() + 0j
+    found = [f.fault for f in sample_findings(dataclasses.replace(block, samples=samples))]
+    assert 'magnitudes only' not in found
+    samples = np.abs(block.samples) + 0j
+    found = [f.fault for f in sample_findings(dataclasses.replace(block, samples=samples))]
+    assert 'magnitudes only' in found
+
+
+def test_phases_of_channels_are_measured():
+    case = right_case(4)
+    block = dataclasses.replace(
+        case.block, samples=case.block.samples * np.exp([[0], [1.2j]]).astype(np.complex64))
+    # noise of the images leaves some degrees
+    assert np.ptp(channel_phases(case.block, case.grid)) < 0.1
+    assert np.diff(channel_phases(block, case.grid)) == pytest.approx(1.2, abs=0.1)
 
 
 @pytest.mark.parametrize(('gain', 'phase_rad'), [(1.2, 0.0), (1.0, 0.15), (0.85, -0.1)])
