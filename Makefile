@@ -55,7 +55,8 @@ help:
 	@echo 'make format-campaign'
 	@echo '             10,000 damaged files for each reader of formats, some minutes'
 	@echo 'make archive-campaign'
-	@echo '             archives whose workers, or all processes, are killed at random moments, 20 times each; 15 minutes'
+	@echo '             archives by 1, 2 and 4 workers and in two network namespaces; their workers, or all'
+	@echo '             processes, killed at random moments, 20 times each; half an hour'
 	@echo 'make cphd-memory'
 	@echo '             a CPHD file of 4 GB, written and imaged within 2 GB of memory, ten minutes; BYTES=1e9 for a small one'
 	@echo 'make bags    write the recordings in bags/ again'
@@ -142,8 +143,10 @@ obstacle-campaign: environment
 format-campaign: formats
 	@$(RUN) -m pytest -m campaign test/formats
 
+# Results of real pieces go to benchmarks/results.
 archive-campaign: archive
-	@$(RUN) -m pytest -m campaign test/tools/archive
+	@ARCHIVE_RESULTS=benchmarks/results/archive_campaign.json \
+	    $(RUN) -m pytest -m campaign test/tools/archive
 
 # Results go to benchmarks/results; the file lies in out/ meanwhile, and samples that wait beside it.
 cphd-memory: formats

@@ -24,6 +24,7 @@ from .jobs import (
 )
 from .jobs.prediction import PROCESS_BYTES
 from .jobs.scans import Loss as ScanLoss
+from .jobs.stored import remove_parts
 from .running.claiming import claim
 from .running.cluster import open_cluster
 from .running.locking import OutputLock
@@ -33,7 +34,7 @@ from .running.summary import Loss, Summary
 from .tasks import compute, may_lack
 
 SUMMARY_FILE, PLAN_FILE = 'summary.json', 'plan.txt'
-SCAN_SECONDS_PER_BYTE = 2e-9
+SCAN_SECONDS, SCAN_SECONDS_PER_BYTE = 0.04, 2e-9
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,7 +82,10 @@ def run_archive(job: Job, *, workers: int | None = None, scheduler: str | None =
         if summary.exit_status not in (0, 3):
             return _written(job.output, summary)
         plan = _divide(opened.job, scans, tell)
-        return _written(job.output, summary + _run(opened, plan.pieces))
+        summary += _run(opened, plan.pieces)
+        if summary.exit_status in (0, 3):  # no piece is left at work
+            remove_parts(job.output)
+        return _written(job.output, summary)
 
 
 def plan_archive(job: Job, *, workers: int | None = None, scheduler: str | None = None,
@@ -151,7 +155,8 @@ def _scan_piece(key: str, name: str, path: Path) -> ScanPiece:
     return ScanPiece(
         key=key, path=path.absolute(), recording=name,
         files=tuple((file, stat.st_size, stat.st_mtime_ns) for file, stat in stats),
-        seconds=0.1 + SCAN_SECONDS_PER_BYTE * size, memory_bytes=PROCESS_BYTES, reads_bytes=size)
+        seconds=SCAN_SECONDS + SCAN_SECONDS_PER_BYTE * size, memory_bytes=int(PROCESS_BYTES),
+        reads_bytes=size)
 
 
 def _divide(job: Job, scans: list[RecordingScan], tell: Callable[[str], None]) -> ArchivePlan:

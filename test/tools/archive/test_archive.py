@@ -95,10 +95,17 @@ def test_kill_9_of_everything_and_a_restart_make_the_same_bits(folder, one_worke
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()
     assert process.returncode == -signal.SIGKILL
+    half_done = [output / 'mosaic.tif.plain.part', output / 'mosaic.zarr' / '0.a.partial',
+                 output / 'partials.zarr' / '.p0' / '0.0']
+    for path in half_done:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text('half')
     again = start(folder, output, 2)
     out, err = again.communicate()
     assert again.returncode == 3 and 'by an earlier run' in out, out + err
     assert bits(output) == one_worker[1]
+    assert not any(path.exists() or path.parent.name.startswith('.') and path.parent.exists()
+                   for path in half_done)
 
 
 def test_the_plan_alone(folder, tmp_path, capsys):

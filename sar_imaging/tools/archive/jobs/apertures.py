@@ -7,8 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from sar_imaging.memory import IMAGE_BYTES
+
 from .job import Job
-from .prediction import PROCESS_BYTES, WRITE_S_PER_BYTE, Prediction, Pulses, predict, written_bytes
+from .prediction import PROCESS_BYTES, WRITE_S_PER_BYTE, Prediction, Pulses, predict
 from .scans import Division
 from .windows import Window
 
@@ -120,15 +122,15 @@ def _division(job: Job, pulses: Pulses, windows: tuple[Window, ...], parts: int
     piece = predict(job, pulses.part(cuts[middle], cuts[middle + 1]), largest)
     if piece is None:
         return None
-    sums = (parts - 1) * sum(_sum_seconds(job, w) for w in windows)
+    sums = (parts - 1) * sum(_sum_seconds(w) for w in windows)
     share = sum(w.n_pixels for w in windows) / largest.n_pixels  # of equal pieces
     return Division(windows, tuple(zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True)),
                     piece.seconds, share * parts * piece.seconds + sums, piece.memory_bytes,
                     piece.method)
 
 
-def _sum_seconds(job: Job, window: Window) -> float:
-    return _SUM_TRAFFIC * written_bytes(window, job.tile) * WRITE_S_PER_BYTE
+def _sum_seconds(window: Window) -> float:
+    return _SUM_TRAFFIC * IMAGE_BYTES * window.n_pixels * WRITE_S_PER_BYTE
 
 
 def _too_large(job: Job, pulses: Pulses, window: Window) -> str:

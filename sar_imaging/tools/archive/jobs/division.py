@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from sar_imaging.memory import IMAGE_BYTES
+from sar_imaging.planning.costs import DEFAULT
 
 from .job import Job
 from .pieces import (
@@ -24,20 +25,24 @@ from .plan import ArchivePlan, check_fits
 from .prediction import (
     PIECE_S,
     PROCESS_BYTES,
-    READ_S_PER_BYTE,
     WRITE_S_PER_BYTE,
-    written_bytes,
+    machine_pace,
 )
 from .scans import ApertureScan
 from .windows import Window, union
 
-LOOKS_BYTES = 6  # of a pixel of a mosaic or a strip: mean power and number of looks
-LOOKS_S_PER_PIXEL = 2e-8  # of a pixel of each image
+# Times of pixels, measured on one core beside other programs, and divided by how much these
+# slowed down what `CostModel` knows.
+LOOKS_BYTES = 4  # of a pixel of a mosaic or a strip: mean power, and its numbers of looks are few
+LOOKS_S_PER_PIXEL = 3e-8  # of a pixel of each image
 COHERENCE_BYTES = 8  # of a pixel: coherence and phase
-COHERENCE_S_PER_PIXEL = 2e-6
-PRODUCT_S_PER_PIXEL = 2e-7
-PRODUCT_BYTES_PER_PIXEL = 6
-SICD_BYTES = 48  # of a pixel: image, and what writing it takes
+COHERENCE_S_PER_PIXEL = 1e-7
+GEOTIFF_BYTES = 5  # of a pixel: 32 bits, a third of it again for overviews, compressed
+GEOTIFF_S_PER_PIXEL = 7e-8
+GEOTIFF_MEMORY = 1e8  # bytes, of GDAL and its cache
+FILE_S = 0.04  # of a file, whatever its size: libraries, projection, transform
+REPORT_S, REPORT_S_PER_SCAN, REPORT_S_PER_PIXEL = 0.5, 0.005, 3e-8
+REPORT_BYTES = 2e8  # of a process that draws the mosaic
 SICD_BYTES = 48  # of a pixel: the image, and what writing it takes (measured: 40)
 _SHARED = 0.5  # of the pixels of both windows of a pair together
 _LARGEST_ANGLE_RAD = 0.05  # between lines of sight of a pair; images decorrelate before
@@ -60,7 +65,8 @@ def divide(job: Job, scans: Sequence[ApertureScan], *, free_bytes: float | None 
     Returns
     -------
     ArchivePlan
-        It depends on the job and the scans alone.
+        It depends on the job and the scans alone, but for the seconds of its pieces, which know
+        the costs that were measured on this machine.
 
     Raises
     ------
@@ -80,6 +86,8 @@ def divide(job: Job, scans: Sequence[ApertureScan], *, free_bytes: float | None 
         if job.products.coherence_window:
             pieces += _coherence(job, scans, images)
         pieces += _products(job, scans, images, pieces)
+    pace = machine_pace()
+    pieces = [dataclasses.replace(piece, seconds=pace * piece.seconds) for piece in pieces]
     plan = ArchivePlan(job, tuple(pieces), len(scans), images.window)
     check_fits(plan, free_bytes)
     return plan
@@ -113,7 +121,7 @@ class _Images:
     def _window(self, scan: ApertureScan, window: Window, place: str) -> str:
         """Pieces of one window; returns the key of the last."""
         division = scan.division
-        written = written_bytes(window, self.job.tile)
+        written = IMAGE_BYTES * window.n_pixels
         share = window.n_pixels / max(w.n_pixels for w in division.windows)
         waiting = []
         for number, (start, stop) in enumerate(division.pulses):
@@ -137,10 +145,10 @@ class _Images:
         first, final = one[0], other[1]
         partial = '' if last else f'p{first}-{final}'
         key = f'sum {scan.name}{place} parts {first}-{final}'
-        moved = written_bytes(window, self.job.tile)
+        moved = IMAGE_BYTES * window.n_pixels
         self.pieces.append(SumPiece(
             key=key, needs=(one[2], other[2]),
-            seconds=PIECE_S + moved * (2 * READ_S_PER_BYTE + WRITE_S_PER_BYTE),
+            seconds=PIECE_S + 3 * moved * WRITE_S_PER_BYTE,
             memory_bytes=_tiles_bytes(self.job), reads_bytes=2 * moved, writes_bytes=moved,
             scan=scan, window=window, parts=(one[3], other[3]), partial=partial))
         return first, final, key, partial
@@ -154,8 +162,9 @@ def _place(window: Window, tile: int) -> str:
     return f'tile {names[0]},{names[1]}'
 
 
-def _tiles_bytes(job: Job, margin: int = 0) -> int:
-    return int(PROCESS_BYTES + _TILES_AT_ONCE * IMAGE_BYTES * (job.tile + 2 * margin)**2)
+def _tiles_bytes(job: Job, margin: int = 0, least: float = 0.0) -> int:
+    tiles = _TILES_AT_ONCE * IMAGE_BYTES * (job.tile + 2 * margin)**2
+    return int(PROCESS_BYTES + max(tiles, least))
 
 
 def _by_tile(job: Job, scans: Sequence[ApertureScan]) -> Iterator[
@@ -176,9 +185,8 @@ def _looks(job: Job, images: _Images, tile: Window, scans: tuple[ApertureScan, .
     return dict(
         tile=tile, images=tuple((scan.name, scan.window) for scan in scans),
         needs=tuple(key for scan in scans for key in images.keys(scan.name, tile)),
-        seconds=PIECE_S + LOOKS_S_PER_PIXEL * n_pixels + READ_S_PER_BYTE * read,
-        memory_bytes=_tiles_bytes(job), reads_bytes=read,
-        writes_bytes=LOOKS_BYTES * tile.n_pixels)
+        seconds=PIECE_S + LOOKS_S_PER_PIXEL * n_pixels, memory_bytes=_tiles_bytes(job),
+        reads_bytes=read, writes_bytes=LOOKS_BYTES * min(n_pixels, tile.n_pixels))
 
 
 def _strips(job: Job, scans: Sequence[ApertureScan], images: _Images) -> Iterator[Piece]:
@@ -227,9 +235,17 @@ def _products(job: Job, scans: Sequence[ApertureScan], images: _Images,
     last = tuple(p.key for p in (*pieces, *out) if not isinstance(p, ImagePiece | SumPiece))
     finals = tuple(key for scan in scans for key in images.keys(scan.name, scan.window))
     out.append(ProductPiece(key='catalogue and report', product='catalogue', needs=finals + last,
-                            seconds=PIECE_S * (1 + len(scans)), memory_bytes=_tiles_bytes(job),
-                            extent=images.window))
+                            memory_bytes=_tiles_bytes(job, least=REPORT_BYTES),
+                            extent=images.window, **_report_traffic(scans, pieces)))
     return out
+
+
+def _report_traffic(scans: Sequence[ApertureScan], pieces: Sequence[Piece]) -> dict:
+    """Time and bytes of the catalogue and the report, which has a picture of the mosaic."""
+    mosaic = sum(p.writes_bytes for p in pieces if isinstance(p, MosaicPiece))
+    n_pixels = mosaic / LOOKS_BYTES
+    return dict(seconds=REPORT_S + REPORT_S_PER_SCAN * len(scans) + REPORT_S_PER_PIXEL * n_pixels,
+                reads_bytes=mosaic)
 
 
 def _image_files(job: Job, scans: Sequence[ApertureScan], images: _Images
@@ -238,15 +254,23 @@ def _image_files(job: Job, scans: Sequence[ApertureScan], images: _Images
         for name in job.products.images:
             n = scan.window.n_pixels
             # SICD is imaged anew, on a grid of its own, and written as a whole
-            memory = PROCESS_BYTES + SICD_BYTES * n if name == 'sicd' else _tiles_bytes(job)
-            imaged = scan.division.total_seconds if name == 'sicd' else 0.0
+            memory = PROCESS_BYTES + SICD_BYTES * n if name == 'sicd' else (
+                _tiles_bytes(job, least=GEOTIFF_MEMORY))
             yield ProductPiece(
                 key=f'{name} {scan.name}', product=f'image {name}', subject=scan.name,
                 scans=(scan,), extent=scan.window,
                 needs=images.keys(scan.name, scan.window),
-                seconds=PIECE_S + PRODUCT_S_PER_PIXEL * n + imaged, memory_bytes=int(memory),
+                seconds=_image_file_s(scan, name), memory_bytes=int(memory),
                 reads_bytes=scan.reads_bytes if name == 'sicd' else IMAGE_BYTES * n,
-                writes_bytes=(IMAGE_BYTES if name == 'sicd' else PRODUCT_BYTES_PER_PIXEL) * n)
+                writes_bytes=(IMAGE_BYTES if name == 'sicd' else GEOTIFF_BYTES) * n)
+
+
+def _image_file_s(scan: ApertureScan, name: str) -> float:
+    n = scan.window.n_pixels
+    if name == 'geotiff':
+        return FILE_S + GEOTIFF_S_PER_PIXEL * n
+    imaged = {'point_pixel': float(n) * scan.n_pulses * scan.n_channels}
+    return FILE_S + DEFAULT.seconds(imaged) + IMAGE_BYTES * n * WRITE_S_PER_BYTE
 
 
 def _tiled_files(job: Job, scans: Sequence[ApertureScan], pieces: Sequence[Piece]
@@ -269,12 +293,15 @@ def _tiled_files(job: Job, scans: Sequence[ApertureScan], pieces: Sequence[Piece
             extent = union(scan.window for scan in used)
         else:
             used, extent = (), union(scan.window for scan in scans)
-        n = sum(piece.tile.n_pixels for piece in own)
+        n = sum(common.n_pixels for piece in own
+                if (common := piece.tile.intersection(extent)) is not None)
+        files = 2 if isinstance(first, CoherencePiece) else 1  # numbers of looks are small
         yield ProductPiece(
             key=f'geotiff of the {kind} {subject}'.rstrip(), product=f'{kind} geotiff',
             subject=subject, scans=used, extent=extent, needs=tuple(piece.key for piece in own),
-            seconds=PIECE_S + PRODUCT_S_PER_PIXEL * n, memory_bytes=_tiles_bytes(job),
-            reads_bytes=LOOKS_BYTES * n, writes_bytes=PRODUCT_BYTES_PER_PIXEL * n)
+            seconds=FILE_S + files * GEOTIFF_S_PER_PIXEL * n,
+            memory_bytes=_tiles_bytes(job, least=GEOTIFF_MEMORY),
+            reads_bytes=files * LOOKS_BYTES * n, writes_bytes=files * GEOTIFF_BYTES * n)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,7 +9,7 @@ from collections import defaultdict
 from pathlib import Path
 
 from .job import Job
-from .pieces import Piece
+from .pieces import Piece, ProductPiece
 from .windows import Window
 
 _SPARE = 1.05  # times the predicted size of the results, for records and pictures
@@ -84,8 +84,13 @@ class ArchivePlan:
 
     @property
     def disk_bytes(self) -> float:
-        """That the output folder may take while the job runs, partial images among them."""
-        return _SPARE * self.writes_bytes
+        """That the output folder may take while the job runs.
+
+        Partial images are among it, and what stands beside the largest file while it is written.
+        """
+        beside = max((p.writes_bytes for p in self.pieces if isinstance(p, ProductPiece)),
+                     default=0)
+        return _SPARE * self.writes_bytes + beside
 
     def __str__(self) -> str:
         rows = defaultdict(list)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import statistics
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from sar_imaging.imaging.image import Report
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.imaging.methods import AFBP, EXACT
 from sar_imaging.memory import IMAGE_BYTES, granting
-from sar_imaging.planning.costs import DEFAULT, using
+from sar_imaging.planning.costs import DEFAULT, costs, using
 from sar_imaging.signal.radar import RadarParameters
 
 from .job import Job
@@ -25,11 +26,12 @@ BLOCK_SHARE = 0.1  # of the rest of a worker's memory, for the samples of a bloc
 BLOCK_COPIES = 3  # of a block: as it was recorded, joined, and compressed
 ROUNDED_BYTES = 56  # of a pixel on the ellipsoid: its height, its place and what sorts it
 READ_S_PER_BYTE = 1 / 300e6  # from a disk, through the conversion of messages
-WRITE_S_PER_BYTE = 1 / 500e6
+WRITE_S_PER_BYTE = 1 / 500e6  # with compression
 COMPRESSION_S_PER_BYTE = 1 / 40e6  # of raw samples, to range profiles
 CORRELATION_S = 8e-8  # of a pixel that is checked, a pulse and a channel
 WORTH_PLANNING_S = 10.0  # of exact backprojection: less is spent while AFBP is planned, up to 3 s
-PIECE_S = 0.1  # of any piece: its files, its plan, its record
+PIECE_S = 0.01  # of any piece: its files, its record, Dask
+PLAN_S = 0.02  # of an image: its plan, phase centres
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,9 +95,14 @@ class Pulses:
         return dataclasses.replace(self, tx_m=self.tx_m[start:stop], rx_m=self.rx_m[start:stop])
 
 
-def written_bytes(window: Window, tile: int) -> int:
-    """Bytes that an image of a window takes on the disk: its chunks are whole tiles."""
-    return IMAGE_BYTES * window.on_tiles(tile).n_pixels
+def machine_pace() -> float:
+    """How much longer this machine takes than the default costs say; 1 unless they were measured.
+
+    The middle of the ratios of all costs (`sar-imaging measure-costs`). Predicted times alone
+    know it: methods and divisions follow from the default costs on any machine.
+    """
+    usual, found = dataclasses.asdict(DEFAULT), dataclasses.asdict(costs())
+    return statistics.median(found[name] / usual[name] for name in usual)
 
 
 def room_bytes(job: Job) -> float:
@@ -160,8 +167,8 @@ def predict(job: Job, pulses: Pulses, window: Window) -> Prediction | None:
     n_bytes += rounded * ROUNDED_BYTES * n_pixels + 2 * IMAGE_BYTES * job.tile**2
     if n_bytes > room:
         return None
-    seconds += PIECE_S + READ_S_PER_BYTE * pulses.recorded_bytes
-    seconds += WRITE_S_PER_BYTE * written_bytes(window, job.tile)
+    seconds += PIECE_S + PLAN_S + READ_S_PER_BYTE * pulses.recorded_bytes
+    seconds += WRITE_S_PER_BYTE * IMAGE_BYTES * n_pixels
     if pulses.raw_samples:
         seconds += COMPRESSION_S_PER_BYTE * pulses.recorded_bytes
     checked = min(job.checked_pixels, n_pixels) * pulses.n_pulses * pulses.tx_m.shape[1]

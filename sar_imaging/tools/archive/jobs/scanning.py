@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import time
 from pathlib import Path
 
@@ -23,7 +22,7 @@ from .job import Job
 from .pieces import ArchiveDataError, PieceResult, ScanPiece
 from .prediction import Pulses
 from .scans import ApertureScan, Loss, RecordingScan
-from .stored import SCANS, scan_file, write_scan
+from .stored import SCANS, bring_to_disk, part_of, scan_file, write_scan
 
 _LEAST_SHARE = 0.5  # of the pulses of an aperture
 _SUMMED_BYTES = 2**16  # at either end of a file
@@ -191,12 +190,13 @@ def _drop_warning(job: Job, middle) -> list[str]:
 def _write_centres(path: Path, source: Source, tx_m: np.ndarray, rx_m: np.ndarray) -> None:
     """Write counters, times and phase centres in the map's frame, all or nothing."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f'.{path.name}.{os.getpid()}.part')
+    part = part_of(path)
     times = np.zeros(0, np.int64) if source.message_ns is None else source.message_ns
     try:
         with open(part, 'wb') as file:
             np.savez(file, counter=source.counter, stamp_ns=source.stamp_ns, tx_m=tx_m,
                      rx_m=rx_m, message_ns=times)
+        bring_to_disk(part)
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)

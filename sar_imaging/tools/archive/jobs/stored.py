@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import shutil
+import uuid
 from pathlib import Path
 
 import sar_imaging
@@ -22,12 +24,41 @@ SCANS = 'scans'
 def write_text(path: Path, text: str) -> None:
     """Write a file, all of it or nothing; the folder is made."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f'.{path.name}.{os.getpid()}.part')
+    part = part_of(path)
     try:
         part.write_text(text)
+        bring_to_disk(part)
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def part_of(path: Path) -> Path:
+    """Name for a file that is not complete yet, which no other process takes."""
+    return path.with_name(f'.{path.name}.{uuid.uuid4().hex}.part')
+
+
+def remove_parts(output: Path) -> None:
+    """Remove what killed processes left half done: parts of files, chunks and dropped arrays.
+
+    Nobody may be writing into the folder meanwhile.
+    """
+    for folder, names, files in os.walk(output):
+        for name in files:
+            if name.endswith(('.part', '.partial')):  # the latter of Zarr
+                Path(folder, name).unlink(missing_ok=True)
+        for name in names:
+            if name.startswith('.'):
+                shutil.rmtree(Path(folder, name))
+
+
+def bring_to_disk(path: Path) -> None:
+    """Wait until a file, or the names in a folder, would survive a failure of power."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def write_job(job: Job) -> None:

@@ -41,7 +41,7 @@ def looks_arrays(piece: LooksPiece, job: Job,
         arrays = stored_looks(output, piece.recording, piece.strip, job.tile)
     told = {'spacing_m': job.spacing_m}
     arrays[0].create(np.float32, float('nan'), attributes=told)
-    arrays[1].create(np.uint16, 0, compressed=True, attributes=told)
+    arrays[1].create(np.uint16, 0, attributes=told)
     return arrays
 
 

@@ -11,6 +11,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from ..jobs.stored import bring_to_disk
+
 
 def fingerprint(piece: Any, needs: Mapping[str, str | None]) -> str:
     """Digest of all that decides what a piece computes.
@@ -53,16 +55,7 @@ def write_whole(path: Path, text: str) -> None:
     except BaseException:
         Path(part).unlink(missing_ok=True)
         raise
-    sync_folder(path.parent)
-
-
-def sync_folder(folder: Path) -> None:
-    """Bring names of files to the disk: what was renamed stays renamed."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+    bring_to_disk(path.parent)
 
 
 def sync_files(paths: Iterable[Path]) -> None:
@@ -70,11 +63,10 @@ def sync_files(paths: Iterable[Path]) -> None:
     folders = set()
     for path in paths:
         if path.is_file():
-            with path.open('rb') as file:
-                os.fsync(file.fileno())
+            bring_to_disk(path)
             folders.add(path.parent)
     for folder in sorted(folders):
-        sync_folder(folder)
+        bring_to_disk(folder)
 
 
 @dataclasses.dataclass(frozen=True)

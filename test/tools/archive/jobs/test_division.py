@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry.earth import Datum
+from sar_imaging.planning.costs import DEFAULT, CostModel, using
 from sar_imaging.signal.radar import RadarParameters
 from sar_imaging.simulation.survey import Survey
 from sar_imaging.tools.archive.jobs import (
@@ -258,6 +259,26 @@ def test_the_order_of_the_scans_does_not_matter():
     assert _divide(JOB, scans) == _divide(JOB, scans[::-1])
 
 
+def test_measured_costs_change_predicted_times_and_nothing_else():
+    scans = [_scan('a', Window(0, 64, 0, 64), seconds=10.0)]
+    usual = _divide(JOB, scans)
+    slower = {name: 3 * value for name, value in dataclasses.asdict(DEFAULT).items()}
+    with using(CostModel(**slower)):
+        slow = _divide(JOB, scans)
+        division = divide_aperture(JOB, *_pulses(256))
+    assert division == divide_aperture(JOB, *_pulses(256))
+    assert slow.seconds == pytest.approx(3 * usual.seconds)
+    assert [p.fingerprint() for p in slow.pieces] == [p.fingerprint() for p in usual.pieces]
+
+
+def test_geotiff_is_as_large_as_the_pixels_that_it_has():
+    """Not as whole tiles, nor as the rectangle around apertures that lie far apart."""
+    scans = [_scan('a', Window(0, 70, 0, 70)), _scan('b', Window(6400, 6410, 6400, 6410))]
+    [file] = [p for p in _divide(JOB, scans).pieces if getattr(p, 'product', '')
+              == 'mosaic geotiff']
+    assert 4 * (70**2 + 10**2) < file.writes_bytes < 6 * (4 * 64**2 + 10**2)
+
+
 # ------------------------------------------------------------------ refusals and the table
 
 
@@ -290,7 +311,7 @@ def test_the_table_tells_what_a_person_asks(capsys):
     assert '20 apertures on a map of 3,050 by 200 pixels of 0.5 m (0.61 Mpixel)' in text
     assert 'frame at 47.00000, 8.00000' in text
     assert re.search('^image +20 +33 min', text, re.MULTILINE)
-    assert 'time on 1, 2, 4, 16, 64 workers of one core: 34 min, 17 min' in text
+    assert 'time on 1, 2, 4, 16, 64 workers of one core: 33 min, 17 min' in text
     assert 'memory of a worker: 600 MB of 2 GB, for image flight-000' in text
     assert all(len(line) <= 100 for line in text.splitlines())
 

@@ -6,7 +6,6 @@ import socket
 import subprocess
 import sys
 import threading
-import uuid
 from pathlib import Path
 
 import pytest
@@ -15,13 +14,6 @@ from sar_imaging.tools.archive.running.cluster import ClusterError, open_cluster
 from sar_imaging.tools.archive.running.runner import run_pieces
 
 NEXT_TO_THIS = Path(__file__).parent
-
-
-@pytest.fixture
-def dask(toys_are_importable):
-    from dask_processes import Processes
-    with Processes() as processes:
-        yield processes
 
 
 @pytest.fixture
@@ -127,40 +119,6 @@ def test_a_scheduler_that_dies_stops_the_job_which_goes_on_elsewhere(dask, toys,
     with open_cluster(tmp_path, scheduler=address) as client:
         later = run_pieces(toys.tree(4, rounds=500), toys.compute, client, tmp_path)
     assert later.exit_status == 0 and later.n_found >= 1
-
-
-@pytest.fixture
-def namespaces():
-    """Three namespaces: a scheduler's in the middle, one with workers on either side."""
-    from dask_processes import can
-    tag = uuid.uuid4().hex[:6]
-    names = {place: f'sar{tag}{place}' for place in ('m', 'a', 'b')}
-    if not can('ip', 'netns', 'add', names['m']):
-        pytest.skip('no network namespaces here: needs root and `ip`')
-    try:
-        middle = ['ip', '-n', names['m']]
-        commands = [['ip', 'netns', 'add', names['a']], ['ip', 'netns', 'add', names['b']],
-                    [*middle, 'link', 'set', 'lo', 'up']]
-        for number, place in enumerate('ab', 1):
-            far = ['ip', '-n', names[place]]
-            commands += [
-                [*middle, 'link', 'add', f'v{place}', 'type', 'veth', 'peer', 'name', 'v0',
-                 'netns', names[place]],
-                [*middle, 'addr', 'add', f'10.77.{number}.1/24', 'dev', f'v{place}'],
-                [*middle, 'link', 'set', f'v{place}', 'up'],
-                [*far, 'addr', 'add', f'10.77.{number}.2/24', 'dev', 'v0'],
-                [*far, 'link', 'set', 'v0', 'up'], [*far, 'link', 'set', 'lo', 'up'],
-                [*far, 'route', 'add', 'default', 'via', f'10.77.{number}.1']]
-        commands.append(['ip', 'netns', 'exec', names['m'], 'sysctl', '-qw',
-                         'net.ipv4.ip_forward=1'])
-        for command in commands:
-            done = subprocess.run(command, capture_output=True, text=True)
-            if done.returncode:
-                pytest.skip(f'{" ".join(command)}: {done.stderr.strip()}')
-        yield {place: ['ip', 'netns', 'exec', name] for place, name in names.items()}
-    finally:
-        for name in names.values():
-            subprocess.run(['ip', 'netns', 'del', name], capture_output=True)
 
 
 def test_the_same_bits_in_two_network_namespaces_with_a_scheduler_between(
