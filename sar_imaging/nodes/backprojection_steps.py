@@ -15,9 +15,9 @@ from sar_imaging.geometry.point_grids import TerrainGrid
 from sar_imaging.imaging.image import Image, Report
 from sar_imaging.imaging.methods import EXACT
 from sar_imaging.signal.pulses import PulseBlock, check_frame
+from sar_imaging.signal.pulses.apertures import ApertureSequence
 from sar_imaging.signal.pulses.sequence import describe_counters
 from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
-from sar_imaging.streaming.aperture_sequence import ApertureSequence
 
 from .backprojection_parameters import IMAGE, PARAMETERS, VOLUME
 from .images import autofocus, focus_watch, obstacle_products, volume_cloud
