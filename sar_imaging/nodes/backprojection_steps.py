@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from sar_imaging.backends import compile_beforehand
+from sar_imaging.backends import DeviceError, backend, compile_beforehand
 from sar_imaging.configuration.startup import TrackWarnings, report_block, settings_of
 from sar_imaging.exploitation.obstacles.aperture_view import PulseTracks
 from sar_imaging.formats.recent_pulses import RecentPulses
@@ -19,7 +19,7 @@ from sar_imaging.signal.pulses.apertures import ApertureSequence
 from sar_imaging.signal.pulses.sequence import describe_counters
 from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
 
-from .backprojection_parameters import IMAGE, PARAMETERS, VOLUME
+from .backprojection_parameters import BACKEND, IMAGE, PARAMETERS, VOLUME
 from .images import autofocus, focus_watch, obstacle_products, volume_cloud
 from .images.autofocus import FocusedImage, ImageFocus
 from .images.focus_watch import FocusWatch, count_focus
@@ -187,7 +187,8 @@ class ImageStep(BackprojectionStep):
             min_pulse_fraction=parameters['min_pulse_fraction'],
             target_db=parameters['target_db'],
             height_m=self._heights_m,
-            keep_pulses=self._focus is not None, method=parameters['method'])
+            keep_pulses=self._focus is not None, method=parameters['method'],
+            backend=_backend(parameters))
         self._tracks = PulseTracks(_REMEMBERED * parameters['pulses_per_aperture'])
         self._files = ImageFiles(parameters, self._datum)
         self._pulses = RecentPulses(_REMEMBERED * parameters['pulses_per_aperture'])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from ..signal.pulses.apertures import (
     ApertureStatistics,
 )
 from ..signal.pulses.sequence import describe_counters
+
+if TYPE_CHECKING:
+    from ..backends.protocol import Backend
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,6 +104,8 @@ class ApertureImager(ApertureSequence):
     method : str
         As for `plan_image`. With ``'auto'`` apertures are imaged at their end until exact
         backprojection is chosen, and as they come from then on.
+    backend : str or Backend
+        As for `plan_image`.
 
     Raises
     ------
@@ -110,7 +116,7 @@ class ApertureImager(ApertureSequence):
     def __init__(self, grid: Grid, *, pulses_per_aperture: int,
                  min_pulse_fraction: float = 0.5, target_db: float = -80.0,
                  height_m: np.ndarray | None = None, keep_pulses: bool = False,
-                 method: str = EXACT):
+                 method: str = EXACT, backend: str | Backend = AUTO):
         super().__init__(pulses_per_aperture, ApertureStatistics())
         if not 0.0 <= min_pulse_fraction <= 1.0:
             raise ValueError(f'min_pulse_fraction={min_pulse_fraction}; expected 0 to 1')
@@ -119,7 +125,7 @@ class ApertureImager(ApertureSequence):
         self._target_db = target_db
         self._height_m = height_m
         self._keep_pulses, self._warned = keep_pulses, False
-        self._method, self._grows = method, method == EXACT
+        self._method, self._grows, self._backend = method, method == EXACT, backend
         self._image: Image | None = None  # of the aperture being filled, where it grows
         for name in (EXACT, AFBP) if method == AUTO else (method,):
             method_class(name)  # known, and loaded before pulses come
@@ -127,7 +133,8 @@ class ApertureImager(ApertureSequence):
     def _configure(self, block: PulseBlock) -> Imager:
         self._grows = self._method == EXACT
         return plan_image(self.grid, block.radar, block.n_samples, method=self._method,
-                          target_db=self._target_db, height_m=self._height_m)
+                          target_db=self._target_db, height_m=self._height_m,
+                          backend=self._backend)
 
     def _begin(self, number: int) -> Aperture:
         self._image = self._plan.new_image() if self._grows else None

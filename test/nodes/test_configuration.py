@@ -84,6 +84,7 @@ def test_the_page_of_a_node_describes_every_parameter(pytestconfig, name):
                         'range_filter': 'equalised, matched', 'clutter': 'k, exponential',
                         'overload': 'drop_apertures, drop_blocks',
                         'mode': 'image, subapertures', 'method': 'auto, exact, afbp',
+                        'backend': 'auto, cpu, cuda',
                         'quicklook.anchor': 'clutter, peak',
                         'pose.source': 'block, odometry, pose, tf, fix, fix_imu',
                         'datum.source': 'none, parameters, fix',
