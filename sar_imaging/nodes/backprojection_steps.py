@@ -31,6 +31,7 @@ from .images.terrain import TERRAIN_FILE, terrain_heights
 from .poses.frame_datum import DatumInput
 from .runtime.health import Health, Part
 from .runtime.managed import ManagedNode
+from .runtime.parameters import ConfigurationError
 from .runtime.step import Step
 
 _REMEMBERED = 4  # apertures whose phase centres are kept: images may wait for autofocus
@@ -309,3 +310,13 @@ class ImageStep(BackprojectionStep):
                  ) -> list[ApertureImage]:
         """Those images that autofocus is through with; its time is work on them."""
         return super()._follow(lambda: self._focus.take(images, final=final))
+
+
+def _backend(parameters: Mapping[str, object]) -> str:
+    """Backend that the parameters name, if it is there."""
+    name = parameters[BACKEND.name]
+    try:
+        backend(name)
+    except DeviceError as error:
+        raise ConfigurationError(f'parameter {BACKEND.name}: {error}') from error
+    return name

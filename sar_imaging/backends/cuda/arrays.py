@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from numba import config
 
-from ...planning.memory import available_bytes
+from ...memory import available_bytes
 from ..device import DeviceError
 
 SIMULATED = bool(config.ENABLE_CUDASIM)

@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 
+from ...memory import IMAGE_BYTES
 from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
 from ...planning.exact.points import PointPlan, image_layers
 from ...planning.exact.polar_image import PolarPlan
-from ...planning.memory import IMAGE_BYTES
 from .arrays import check_memory, on_device, reports_failures, require_device, to_host, xp
 from .azimuth_upsampling import AzimuthUpsampling
 from .lines import Lines, polar_lines, ramp

@@ -11,9 +11,9 @@ import math
 import os
 from pathlib import Path
 
+from ...memory import IMAGE_BYTES
 from ...planning.costs import CostModel
 from ...planning.exact.backprojection import BackprojectionPlan
-from ...planning.memory import IMAGE_BYTES
 
 VARIABLE = 'SAR_IMAGING_DEVICE_COSTS'  # of the environment: file of measured costs
 _SAMPLE_BYTES = 8
