@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from std_msgs.msg import Float32MultiArray
 
+from sar_imaging.geometry.illumination import Pointing
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 
@@ -62,8 +63,9 @@ def from_message(msg: Float32MultiArray, *,
 def as_received(block: PulseBlock) -> PulseBlock:
     """The block as the reader of its message gets it, without making a message.
 
-    A message keeps 48 bits of the radar's parameters and of the phase centres. Whoever hands
-    blocks over directly rounds them likewise, and gets the same image to the last bit.
+    A message keeps 48 bits of the radar's parameters, the phase centres and the pointing.
+    Whoever hands blocks over directly rounds them likewise, and gets the same image to the last
+    bit.
     """
     def rounded(values):
         return None if values is None else float_pairs.join_double(
@@ -72,9 +74,11 @@ def as_received(block: PulseBlock) -> PulseBlock:
     numbers = {f.name: getattr(block.radar, f.name) for f in dataclasses.fields(block.radar)
                if f.name != 'waveform'}
     values = rounded(list(numbers.values())).tolist()
+    looks = None if block.pointing is None else Pointing.of_unit_vectors(
+        rounded(block.pointing.boresight), rounded(block.pointing.up))
     return dataclasses.replace(
         block, radar=dataclasses.replace(block.radar, **dict(zip(numbers, values, strict=True))),
-        tx_m=rounded(block.tx_m), rx_m=rounded(block.rx_m))
+        tx_m=rounded(block.tx_m), rx_m=rounded(block.rx_m), pointing=looks)
 
 
 def from_bare_cube(msg: Float32MultiArray, *, radar: RadarParameters, compressed: bool,

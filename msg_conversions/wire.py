@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from sar_imaging.geometry.illumination import Pointing
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 
@@ -32,20 +33,23 @@ RADAR_FIELDS = ('carrier_hz', 'sample_rate_hz', 'bandwidth_hz', 'chirp_rate_hz_p
 COMPRESSED = 20
 WAVEFORM = 21
 POSITIONS = 22
+POINTING = 23
 SPEED = slice(24, 26)
 
 # Row of the per-pulse table.
 COUNTER = slice(0, 2)
 TIME = slice(2, 4)
-PHASE_CENTRES = slice(4, None)
+PHASE_CENTRES = 4  # where they begin
 FLOATS_PER_CHANNEL = 12  # transmit and receive, x y z, high and low
+FLOATS_OF_POINTING = 12  # boresight and up, x y z, high and low: behind the phase centres
 
 SAMPLES_ADVICE = 'drop faulty pulses in the sender'
 
 
-def row_length(n_channels: int, has_positions: bool) -> int:
+def row_length(n_channels: int, has_positions: bool, has_pointing: bool = False) -> int:
     """Floats in one row of the per-pulse table."""
-    return PHASE_CENTRES.start + (FLOATS_PER_CHANNEL * n_channels if has_positions else 0)
+    return (PHASE_CENTRES + FLOATS_PER_CHANNEL * n_channels * has_positions
+            + FLOATS_OF_POINTING * has_pointing)
 
 
 def _header_length(radar: RadarParameters) -> int:
@@ -124,7 +128,7 @@ def to_array(block: PulseBlock) -> tuple[np.ndarray, list[tuple[str, int, int]],
 
 def preamble(block: PulseBlock) -> np.ndarray:
     """(H + P * M,) float32: everything of a block that precedes its samples; see `to_array`."""
-    row = row_length(block.n_channels, block.has_positions)
+    row = row_length(block.n_channels, block.has_positions, block.pointing is not None)
     n_header = _header_length(block.radar)
     length = n_header + block.n_pulses * row
     LAYOUT.check_size('samples', block.samples.shape, length)
@@ -142,7 +146,7 @@ def _write_header(block: PulseBlock, header: np.ndarray, row: int) -> None:
     header[COMPRESSED] = block.compressed
     header[WAVEFORM] = block.radar.waveform
     header[POSITIONS] = block.has_positions
-    header[POSITIONS + 1] = 0
+    header[POINTING] = block.pointing is not None
     if len(header) == LONGER_HEADER:
         header[SPEED] = float_pairs.split_double([block.radar.propagation_speed_m_per_s]).ravel()
 
@@ -158,7 +162,12 @@ def _write_table(block: PulseBlock, table: np.ndarray) -> None:
     table[:, TIME] = float_pairs.split_nanoseconds(block.stamp_ns - epoch)
     if block.has_positions:
         centres = np.stack([block.tx_m, block.rx_m], axis=2)
-        table[:, PHASE_CENTRES] = float_pairs.split_double(centres).reshape(block.n_pulses, -1)
+        table[:, PHASE_CENTRES:PHASE_CENTRES + FLOATS_PER_CHANNEL * block.n_channels] = (
+            float_pairs.split_double(centres).reshape(block.n_pulses, -1))
+    if block.pointing is not None:
+        looks = np.stack([block.pointing.boresight, block.pointing.up], axis=1)
+        table[:, -FLOATS_OF_POINTING:] = float_pairs.split_double(looks).reshape(block.n_pulses,
+                                                                                -1)
 
 
 # ------------------------------------------------------------------------------------- reading
@@ -215,7 +224,7 @@ def from_array(data, dims: Dims, data_offset: int, *,
             stamp_ns=_read_times(table, float_pairs.join_int64(header[EPOCH])),
             counter=_read_counters(table),
             samples=LAYOUT.read_content(values, shape, data_offset, SAMPLES_ADVICE), frame=frame,
-            **_read_positions(table, shape[1]))
+            pointing=_read_pointing(table, header), **_read_positions(table, shape[1], header))
     except WireFormatError:
         raise
     except ValueError as error:  # well formed, but no pulses of a radar
@@ -249,19 +258,21 @@ def _check_header(header: np.ndarray, shape: tuple[int, int, int], data_offset: 
     check_finite(header, 'block header', 'correct the radar parameters of the sender')
     for index, name, allowed in ((COMPRESSED, 'compressed', (0, 1)),
                                  (WAVEFORM, 'waveform', tuple(map(int, Waveform))),
-                                 (POSITIONS, 'position source', (0, 1))):
+                                 (POSITIONS, 'position source', (0, 1)),
+                                 (POINTING, 'pointing', (0, 1))):
         if values[index] not in allowed:
             raise WireFormatError(f'flag {name} (data[{index}]) is {values[index]:g}; expected '
                                   f'one of {allowed}; see docs/wire_format.md')
     if not float_pairs.are_limbs(header[EPOCH]):
         raise WireFormatError(f'epoch limbs (data[4:8]) are {values[EPOCH]}; expected '
                               'whole numbers of 0 to 65535; split the time into 16-bit limbs')
-    row = row_length(shape[1], bool(values[POSITIONS]))
+    row = row_length(shape[1], bool(values[POSITIONS]), bool(values[POINTING]))
     length = len(values)
     if (values[2], values[3]) != (length, row):
         raise WireFormatError(f'header and row length are {values[2]:g} and {values[3]:g} floats; '
                               f'expected {length} and {row} for {shape[1]} channels '
-                              f'{"with" if values[POSITIONS] else "without"} positions '
+                              f'{"with" if values[POSITIONS] else "without"} positions and '
+                              f'{"with" if values[POINTING] else "without"} pointing '
                               f'({LONGER_HEADER} with a speed of the waves); see '
                               'docs/wire_format.md')
     if data_offset != length + shape[0] * row:
@@ -305,10 +316,17 @@ def _read_counters(table: np.ndarray) -> np.ndarray:
     return low | high << 16
 
 
-def _read_positions(table: np.ndarray, n_channels: int) -> dict[str, np.ndarray]:
-    pairs = table[:, PHASE_CENTRES]
-    if not pairs.size:
+def _read_positions(table: np.ndarray, n_channels: int, header) -> dict[str, np.ndarray]:
+    if not header[POSITIONS]:
         return {}
+    pairs = table[:, PHASE_CENTRES:PHASE_CENTRES + FLOATS_PER_CHANNEL * n_channels]
     centres = float_pairs.join_double(pairs.reshape(-1, n_channels, 2, 3, 2))
     return {'tx_m': np.ascontiguousarray(centres[:, :, 0]),
             'rx_m': np.ascontiguousarray(centres[:, :, 1])}
+
+
+def _read_pointing(table: np.ndarray, header) -> Pointing | None:
+    if not header[POINTING]:
+        return None
+    looks = float_pairs.join_double(table[:, -FLOATS_OF_POINTING:].reshape(-1, 2, 3, 2))
+    return Pointing.of_unit_vectors(looks[:, 0], looks[:, 1])

@@ -17,6 +17,7 @@ import yaml
 
 from ..geometry.grids import MapGrid
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from .antenna import antenna_of
 from .constraints import Finding
 from .settings import Acquisition, Imaging, Machine
 
@@ -98,7 +99,10 @@ class Configuration:
         if missing or not self.checker:
             raise ValueError(f'section {CHECKER} lacks '
                              f'{", ".join(missing) or "the numbers of radar and platform"}')
-        return _acquisition(self.checker)
+        antenna = antenna_of(self.nodes['backprojection'])
+        known = self.checker['radar.beamwidth_deg']
+        width = math.degrees(antenna.amplitudes().azimuth.width_rad) if antenna else 0.0
+        return _acquisition({**self.checker, 'radar.beamwidth_deg': known or width})
 
     def machine(self) -> Machine:
         """Where the nodes run: as the file says, else this computer."""

@@ -1,9 +1,10 @@
-"""Check the source of positions: frames, lever arms and clock of a configuration."""
+"""Check the source of positions: frames, lever arms, clock and antenna of a configuration."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from .antenna import check_antenna
 from .constraints import Finding
 from .datum import check_datum, datum_rows
 from .settings import Acquisition
@@ -15,7 +16,7 @@ _ARMS = ('antenna.tx', 'antenna.rx')
 
 def check_positions(nodes: Mapping[str, Mapping],
                     acquisition: Acquisition | None) -> list[Finding]:
-    """What is wrong with frames and lever arms.
+    """What is wrong with frames, lever arms and the antenna.
 
     Parameters
     ----------
@@ -28,7 +29,7 @@ def check_positions(nodes: Mapping[str, Mapping],
     -------
     list of Finding
     """
-    found = [*_check_frames(nodes), *check_datum(nodes)]
+    found = [*_check_frames(nodes), *check_datum(nodes), *check_antenna(nodes)]
     buffer = nodes[_BUFFER]
     if buffer['pose.source'] != BLOCK:
         found += _check_pose_frame(buffer)

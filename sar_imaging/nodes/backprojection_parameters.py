@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from sar_imaging.backends import AUTO, CUDA
+from sar_imaging.backends import AUTO
 from sar_imaging.imaging.methods import AFBP, EXACT
 
-from .images import autofocus, image_files, image_products, obstacle_products, volume_cloud
+from .images import (
+    antenna_pattern,
+    autofocus,
+    image_files,
+    image_products,
+    obstacle_products,
+    volume_cloud,
+)
 from .images.image_grid import GRID_PARAMETERS
 from .images.terrain import TERRAIN_FILE
 from .poses import pose_input
@@ -15,9 +22,6 @@ IMAGE, SUBAPERTURES, VOLUME = 'image', 'subapertures', 'volume'
 MIN_PULSE_FRACTION = Parameter(
     'min_pulse_fraction', 0.5, 'Least share of its pulses that an aperture needs to be imaged.',
     '', 0.0, 1.0, changes=ANY_TIME)
-BACKEND = Parameter(
-    'backend', AUTO, f'What computes images: the processor, or a device by {CUDA}, which must be '
-    f'there; {AUTO}: whichever is quicker.', check=one_of(AUTO, 'cpu', CUDA))
 
 PARAMETERS = (
     Parameter('mode', IMAGE, f'{IMAGE}: exact images of whole apertures; {SUBAPERTURES}: '
@@ -31,7 +35,6 @@ PARAMETERS = (
     Parameter('method', EXACT, f'Imager in mode {IMAGE}: {EXACT} backprojection, as pulses come; '
               f'{AFBP} of whole apertures; {AUTO}: of these the quicker one that meets target_db.',
               check=one_of(AUTO, EXACT, AFBP)),
-    BACKEND,
     Parameter('target_db', -80.0, 'Largest predicted error against time-domain correlation in '
               f'modes {IMAGE} and {VOLUME}.', 'dB', -100.0, -20.0),
     Parameter('subapertures.target_db', -60.0, 'Largest predicted error in mode '
@@ -48,6 +51,7 @@ PARAMETERS = (
               'image, to the left of the direction of flight.', 'm', -1e6, 1e6),
     *autofocus.PARAMETERS,
     *pose_input.TRACK_PARAMETERS,
+    *antenna_pattern.PARAMETERS,
     *image_products.PARAMETERS,
     *image_files.PARAMETERS,
     *obstacle_products.PARAMETERS,

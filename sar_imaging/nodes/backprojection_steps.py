@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from sar_imaging.backends import DeviceError, backend, compile_beforehand
+from sar_imaging.backends import compile_beforehand
 from sar_imaging.configuration.startup import TrackWarnings, report_block, settings_of
 from sar_imaging.exploitation.obstacles.aperture_view import PulseTracks
 from sar_imaging.formats.recent_pulses import RecentPulses
@@ -15,12 +15,13 @@ from sar_imaging.geometry.point_grids import TerrainGrid
 from sar_imaging.imaging.image import Image, Report
 from sar_imaging.imaging.methods import EXACT
 from sar_imaging.signal.pulses import PulseBlock, check_frame
-from sar_imaging.signal.pulses.apertures import ApertureSequence
 from sar_imaging.signal.pulses.sequence import describe_counters
 from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
+from sar_imaging.streaming.aperture_sequence import ApertureSequence
 
-from .backprojection_parameters import BACKEND, IMAGE, PARAMETERS, VOLUME
+from .backprojection_parameters import IMAGE, PARAMETERS, VOLUME
 from .images import autofocus, focus_watch, obstacle_products, volume_cloud
+from .images.antenna_pattern import PATTERN, pattern_from
 from .images.autofocus import FocusedImage, ImageFocus
 from .images.focus_watch import FocusWatch, count_focus
 from .images.image_files import ImageFiles
@@ -59,6 +60,7 @@ class BackprojectionStep(Step):
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
         self._grid = make_grid(parameters)
+        self._pattern = pattern_from(parameters)
         imaging = settings_of(parameters)
         self._pixels = imaging.volume or self._grid
         self._watch = FocusWatch(imaging.middle_grid, parameters['pulses_per_aperture'], health,
@@ -86,6 +88,7 @@ class BackprojectionStep(Step):
         """Add profiles to their aperture; returns the products that became complete."""
         check_frame(block, self.parameters['frame_id'])
         self._check(block)
+        self._check_pointing(block)
         self._watch.see(block)
         try:
             return self._follow(self._imager.add, block)
@@ -112,6 +115,12 @@ class BackprojectionStep(Step):
         self._judge_track(block)
         if self._refusal:
             raise ValueError(self._refusal)
+
+    def _check_pointing(self, block: PulseBlock) -> None:
+        if self._pattern is not None and block.pointing is None:
+            raise ValueError(f'{PATTERN.name}={self.parameters[PATTERN.name]}: the pulses do not '
+                             'tell where the antenna looked; set antenna.pointing of '
+                             f'pulse_buffer, or {PATTERN.name}: none')
 
     def _judge_track(self, block: PulseBlock) -> None:
         """Give the warnings that hold for a straight track, once it has proved straight."""
@@ -183,13 +192,16 @@ class ImageStep(BackprojectionStep):
         self._focus = ImageFocus.wanted(parameters, self._grid, health, self._datum)
         self._positions = None if self._focus is None else self._focus.positions
         self._heights_m = terrain_heights(parameters, self._grid)
-        self._imager = ApertureImager(
-            self._pixels, pulses_per_aperture=parameters['pulses_per_aperture'],
-            min_pulse_fraction=parameters['min_pulse_fraction'],
-            target_db=parameters['target_db'],
-            height_m=self._heights_m,
-            keep_pulses=self._focus is not None, method=parameters['method'],
-            backend=_backend(parameters))
+        try:
+            self._imager = ApertureImager(
+                self._pixels, pulses_per_aperture=parameters['pulses_per_aperture'],
+                min_pulse_fraction=parameters['min_pulse_fraction'],
+                target_db=parameters['target_db'],
+                height_m=self._heights_m,
+                keep_pulses=self._focus is not None, method=parameters['method'],
+                illumination=self._pattern)
+        except ValueError as error:
+            raise ConfigurationError(f'parameters method and {PATTERN.name}: {error}') from error
         self._tracks = PulseTracks(_REMEMBERED * parameters['pulses_per_aperture'])
         self._files = ImageFiles(parameters, self._datum)
         self._pulses = RecentPulses(_REMEMBERED * parameters['pulses_per_aperture'])
@@ -280,8 +292,11 @@ class ImageStep(BackprojectionStep):
         """Publish an image, and keep it for whoever wants it as a file."""
         self._products.publish(product.image, product.grid, product.stamp_ns)
         if self._obstacles is not None:
+            counters = product.counters
+            lit = (None if self._pattern is None else
+                   lambda: self._tracks.lit(counters, product.grid, self._pattern))
             self._obstacles.publish(product.image, product.grid, product.stamp_ns,
-                                    lambda: self._tracks.view(product.counters))
+                                    lambda: self._tracks.view(counters), lit)
         if self._files.wanted:
             grid = (product.grid if self._heights_m is None
                     else TerrainGrid(product.grid, self._heights_m))
@@ -310,13 +325,3 @@ class ImageStep(BackprojectionStep):
                  ) -> list[ApertureImage]:
         """Those images that autofocus is through with; its time is work on them."""
         return super()._follow(lambda: self._focus.take(images, final=final))
-
-
-def _backend(parameters: Mapping[str, object]) -> str:
-    """Backend that the parameters name, if it is there."""
-    name = parameters[BACKEND.name]
-    try:
-        backend(name)
-    except DeviceError as error:
-        raise ConfigurationError(f'parameter {BACKEND.name}: {error}') from error
-    return name

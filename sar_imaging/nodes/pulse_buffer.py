@@ -11,10 +11,12 @@ from rclpy.clock import Clock, ClockType
 
 from msg_conversions.pulse_block import as_received
 from sar_imaging.configuration.datum import check_fixes
+from sar_imaging.signal.pointing import PointingFinder
 from sar_imaging.signal.positioning import Positioner
 from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.pulses.buffer import PulseBuffer
 
+from .poses.antenna_pointing import PARAMETERS as POINTING_PARAMETERS, mount_from
 from .poses.fix_input import HEADING_BASELINE, DatumFinder
 from .poses.frame_datum import DatumOutput
 from .poses.pose_input import (
@@ -40,6 +42,7 @@ PARAMETERS = (
     Parameter('flush_timeout_s', 0.5, 'Held pulses are published when no input came for this '
               'long, by the wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME),
     *POSE_PARAMETERS,
+    *POINTING_PARAMETERS,
     HEADING_BASELINE,
 )
 _WAIT_PERIOD_S = 0.05  # how often the end of a wait for poses is looked for
@@ -54,9 +57,9 @@ class PulseBufferStep(Step):
                 'configuration_changes', 'pulses_waiting_for_poses', 'poses_received',
                 'fixes_received')
     FAULTS = ('pulses_missing', 'pulses_duplicate', 'pulses_late', 'pulses_corrupt', 'restarts',
-              'pulses_without_pose', 'pulses_of_another_frame', 'poses_rejected', 'poses_late',
-              'pose_gaps', 'pose_jumps', 'pose_restarts', 'fixes_rejected', 'fixes_without_pose',
-              'attitudes_unused')
+              'pulses_without_pose', 'pulses_of_another_frame', 'pulses_without_pointing',
+              'poses_rejected', 'poses_late', 'pose_gaps', 'pose_jumps', 'pose_restarts',
+              'fixes_rejected', 'fixes_without_pose', 'attitudes_unused')
     IDLE_PARAMETER = 'flush_timeout_s'
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
@@ -69,6 +72,10 @@ class PulseBufferStep(Step):
         self._poses = self._positioner = self._timer = self._finder = None
         self._woken = False
         self._frame = plain_frame(parameters['frame_id'])
+        self._mount = mount_from(parameters)
+        self._pointing = (PointingFinder(self._mount)
+                          if self._mount is not None and not self._mount.needs_attitude else None)
+        self._unpointed = ''  # why the latest pulses got no pointing
         try:
             check_fixes(parameters)
         except ValueError as error:
@@ -90,7 +97,8 @@ class PulseBufferStep(Step):
                 track_from(p), alignment_from(p, node),
                 pulses_per_aperture=p['pulses_per_aperture'], wait_s=p['pose.wait_s'],
                 max_waiting_pulses=p['pose.max_waiting_pulses'],
-                channel_offset_s=p['antenna.offset_s'])
+                channel_offset_s=p['antenna.offset_s'],
+                mount=self._mount if self._pointing is None else None)
 
     def activate(self, node: Stage) -> None:
         """Tell the datum, subscribe to poses and fixes that are needed; see `Step`."""
@@ -149,6 +157,8 @@ class PulseBufferStep(Step):
 
     def discard(self) -> int:
         """Begin a new sequence with the next pulse; returns the number of pulses held so far."""
+        if self._pointing is not None:
+            self._pointing.reset()
         return self._buffer.reset() + (self._positioner.reset() if self._positioner else 0)
 
     def update_counters(self) -> None:
@@ -189,11 +199,30 @@ class PulseBufferStep(Step):
         self.report(self._buffer.take_events())
         if self._positioner is not None:
             blocks = self._located(blocks)
-        return [as_received(self._in_frame(block)) for block in blocks]
+        blocks = [self._in_frame(block) for block in blocks]
+        return [as_received(block) for block in self._pointed(blocks)]
 
     def _in_frame(self, block: PulseBlock) -> PulseBlock:
         """Positions from poses are in their frame; those of the pulses where the sender says."""
         return dataclasses.replace(block, frame=self._frame) if self._poses else block
+
+    def _pointed(self, blocks: list[PulseBlock]) -> list[PulseBlock]:
+        """The blocks with their pointing; those whose track has no direction are dropped."""
+        if self._pointing is None:
+            return blocks
+        out = []
+        for block in blocks:
+            try:
+                out.append(self._pointing(block))
+                self._unpointed = ''
+            except ValueError as error:
+                self.health.count('pulses_without_pointing', block.n_pulses)
+                if str(error) != self._unpointed:
+                    self._unpointed = str(error)
+                    self.health.warning('dropped pulses from '
+                                        f'{int(block.counter[0])}: antenna.pointing='
+                                        f'{self._mount.kind}: {error}')
+        return out
 
     def _located(self, blocks: list[PulseBlock]) -> list[PulseBlock]:
         """The blocks, and those that waited, as far as their poses are decided."""

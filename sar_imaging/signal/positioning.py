@@ -9,7 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..geometry.alignment import Alignment
+from ..geometry.illumination import Mount
 from ..geometry.poses import Poses, PoseStatus, PoseTrack, PoseVerdict
+from ..geometry.track_frame import mean_centres
 from .pulses import PulseBlock
 from .pulses.sequence import COUNTER_MASK, EventSource, counter_distance, describe_counters
 from .radar import RadarParameters
@@ -50,7 +52,8 @@ def without_range_bias(radar: RadarParameters, alignment: Alignment) -> RadarPar
     return dataclasses.replace(radar, first_sample_delay_s=delay_s)
 
 
-def with_positions(block: PulseBlock, poses: Poses, alignment: Alignment) -> PulseBlock:
+def with_positions(block: PulseBlock, poses: Poses, alignment: Alignment,
+                   mount: Mount | None = None) -> PulseBlock:
     """Block with the phase centres of its platform's poses.
 
     Parameters
@@ -61,6 +64,8 @@ def with_positions(block: PulseBlock, poses: Poses, alignment: Alignment) -> Pul
         The platform at the P pulses, all ready.
     alignment : Alignment
         Lever arms and range bias.
+    mount : Mount, optional
+        Of the antenna: the block then has its pointing.
 
     Returns
     -------
@@ -73,8 +78,10 @@ def with_positions(block: PulseBlock, poses: Poses, alignment: Alignment) -> Pul
         The lever arms do not fit the channels, or a pose is not ready.
     """
     tx_m, rx_m = alignment.phase_centres(poses.position_m, poses.attitude, block.n_channels)
+    pointing = block.pointing if mount is None else mount.pointing(
+        block.stamp_ns, mean_centres(tx_m, rx_m), poses.attitude)
     return dataclasses.replace(block, radar=without_range_bias(block.radar, alignment),
-                               tx_m=tx_m, rx_m=rx_m)
+                               tx_m=tx_m, rx_m=rx_m, pointing=pointing)
 
 
 def locate(block: PulseBlock, track: PoseTrack, alignment: Alignment) -> PulseBlock:
@@ -167,6 +174,8 @@ class Positioner(EventSource):
     channel_offset_s : (1 or C,) array_like
         When each channel is sent after the stamp of its pulse, seconds: of radars whose
         transmitters take turns. One stands for all channels.
+    mount : Mount, optional
+        Of an antenna whose pointing follows from the attitude.
 
     Attributes
     ----------
@@ -177,9 +186,10 @@ class Positioner(EventSource):
     """
 
     def __init__(self, track: PoseTrack, alignment: Alignment, *, pulses_per_aperture: int,
-                 wait_s: float = 1.0, max_waiting_pulses: int = 16_384, channel_offset_s=(0.0,)):
+                 wait_s: float = 1.0, max_waiting_pulses: int = 16_384, channel_offset_s=(0.0,),
+                 mount: Mount | None = None):
         super().__init__()
-        self.track, self._alignment = track, alignment
+        self.track, self._alignment, self._mount = track, alignment, mount
         offset_ns = np.rint(np.asarray(channel_offset_s, float) * 1e9).astype(np.int64)
         self._offsets_ns, self._turn = np.unique(offset_ns, return_inverse=True)
         self._pulses_per_aperture = pulses_per_aperture
@@ -299,7 +309,8 @@ class Positioner(EventSource):
         self.statistics.positioned += int(kept.sum())
         if not kept.all():
             block = block.select(kept)
-        located = [with_positions(block, turn.select(kept), self._alignment) for turn in turns]
+        located = [with_positions(block, turn.select(kept), self._alignment, self._mount)
+                   for turn in turns]
         return [join_turns(located, self._turn)]
 
     def _frame_of(self, block: PulseBlock, first_frame: int) -> int:

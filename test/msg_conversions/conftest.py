@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from msg_conversions.float_pairs import MAX_OFFSET_NS
+from sar_imaging.geometry.illumination import Pointing
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 
@@ -68,13 +69,17 @@ def _blocks(draw):
         centres = hnp.arrays(np.float64, (n_pulses, n_channels, 3),
                              elements=st.floats(-6.4e6, 6.4e6))
         fields |= {'tx_m': draw(centres), 'rx_m': draw(centres)}
+    if draw(st.booleans()):
+        angle = draw(hnp.arrays(np.float64, n_pulses, elements=st.floats(-7, 7)))
+        fields['pointing'] = Pointing(np.stack([np.cos(angle), np.sin(angle), -0.3 + 0 * angle],
+                                               axis=1))
     fields['frame'] = draw(st.sampled_from(['', 'odom', 'robot1/map']))
     return PulseBlock(**fields)
 
 
 @pytest.fixture(scope='session')
 def blocks():
-    """Strategy of valid blocks: any times within 78 h, counters, finite samples, positions."""
+    """Strategy of valid blocks: any times within 78 h, counters, samples, positions, pointing."""
     return _blocks()
 
 
@@ -98,5 +103,10 @@ def assert_same_block():
         if sent.has_positions:
             np.testing.assert_allclose(received.tx_m, sent.tx_m, rtol=0, atol=1e-8)
             np.testing.assert_allclose(received.rx_m, sent.rx_m, rtol=0, atol=1e-8)
+        assert (received.pointing is None) == (sent.pointing is None)
+        if sent.pointing is not None:
+            for name in ('boresight', 'up'):  # pairs keep 48 bits
+                np.testing.assert_allclose(getattr(received.pointing, name),
+                                           getattr(sent.pointing, name), rtol=0, atol=1e-14)
 
     return check

@@ -14,6 +14,7 @@ from hypothesis import given, settings, strategies as st
 
 from msg_conversions import WireFormatError, wire
 from msg_conversions.float_pairs import MAX_OFFSET_NS
+from sar_imaging.geometry.illumination import Pointing
 
 
 def replaced(sequence, index, value):
@@ -75,6 +76,30 @@ def test_layout_is_the_documented_one(make_block):
     assert data[24:40].tolist() == [1, 65535, 0, 0, 1, 0, 2, 0, 3, 0, 4, 0, 5, 0, 6, 2**-30]
     assert data[40:56].tolist() == [2, 65535, 1.5, 0, 7, 0, 8, 0, 9, 0, 10, 0, 11, 0, 12, 0]
     assert data[56:].tobytes() == block.samples.tobytes()
+
+
+def test_pointing_lengthens_the_rows(make_block, assert_same_block):
+    """Messages of before have 0 where the flag is; with it rows end with boresight and up."""
+    plain = make_block(n_pulses=2)
+    before, dims, offset = wire.to_array(plain)
+    assert before[23] == 0 and wire.from_array(before, dims, offset).pointing is None
+    looks = Pointing([[1.0, 0, 0], [0.6, 0.8, 0]])
+    for positions in (True, False):
+        block = make_block(n_pulses=2, positions=positions, pointing=looks)
+        data, dims, offset = wire.to_array(block)
+        row = 4 + 24 * positions + 12
+        assert data[3] == row and data[23] == 1 and offset == 24 + 2 * row
+        end = data[24 + 2 * row - 12:24 + 2 * row]
+        assert end[::2].tolist() == [np.float32(v) for v in (0.6, 0.8, 0, 0, 0, 1)]
+        assert_same_block(wire.from_array(data, dims, offset), block)
+        data[24 + 2 * row - 11] = data[24 + 2 * row - 12] = 0.5
+        with pytest.raises(WireFormatError, match='no perpendicular unit vectors'):
+            wire.from_array(data, dims, offset)
+    changed = before.copy()
+    changed[23] = 1
+    with pytest.raises(WireFormatError, match='expected 24 and 40 for 2 channels with positions '
+                                              'and with pointing'):
+        wire.from_array(changed, wire.dimensions(plain.samples.shape), 24 + 2 * 28)
 
 
 def test_the_speed_of_other_waves_lengthens_the_header(make_block, radar, assert_same_block):

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sar_imaging.geometry.alignment import Alignment
+from sar_imaging.geometry.illumination import Mount, Pointing
 from sar_imaging.geometry.poses import PoseTrack
 from sar_imaging.signal.positioning import Positioner, locate, without_range_bias
 from sar_imaging.signal.pulses import PulseBlock
@@ -63,6 +64,16 @@ def balanced(positioner):
     s = positioner.statistics
     return s.received == (s.positioned + s.without_pose + s.other_frame + s.reset
                           + positioner.waiting_pulses)
+
+
+def test_an_antenna_on_the_platform_looks_where_its_attitude_says():
+    positioner = make(mount=Mount('platform', boresight=(0, 1, -1), up=(0, 0, 1)))
+    send_poses(positioner, range(0, 200, 10))
+    [block] = positioner.push(pulses(40, 60), 0.0)
+    expected = Pointing.fixed(turn(np.arange(40, 60) * 1e-3), (0, 1, -1))
+    # a turn at an even rate is interpolated exactly, but for float64
+    np.testing.assert_allclose(block.pointing.boresight, expected.boresight, atol=1e-9)
+    np.testing.assert_allclose(block.pointing.up, expected.up, atol=1e-9)
 
 
 def test_pulses_get_the_phase_centres_of_their_times():

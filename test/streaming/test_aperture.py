@@ -7,7 +7,9 @@ import pytest
 
 from benchmarks.support.references import exact_image
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.illumination import AntennaPattern, PatternCut, Pointing
 from sar_imaging.imaging.exact import Exact
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.costs import DEFAULT, using
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
@@ -55,6 +57,30 @@ def assert_image_of(result, block):
 
 def run(stage, blocks):
     return [image for block in blocks for image in stage.add(block)]
+
+
+@pytest.mark.parametrize('options', [{'method': 'correlation'},
+                                     {'method': 'correlation', 'keep_pulses': True}])
+def test_pulses_light_what_their_beam_covers(options):
+    """In any order; pixels that no pulse lit are zero."""
+    block = profiles(range(LENGTH))
+    block = dataclasses.replace(block, pointing=Pointing.steered(
+        block.phase_centre_m, (1000.0, 1.0, 0.0)))
+    pattern = AntennaPattern(PatternCut.uniform(0.002))  # 2 m of the grid's 3.75 m
+    stage = imager(illumination=pattern, **options)
+    [image] = run(stage, [block.select(slice(0, 40, 2)), block.select(slice(1, 40, 2))])
+    expected = plan_image(GRID, RADAR, N_SAMPLES, illumination=pattern,
+                          method=options.get('method', 'exact'))(block).samples
+    np.testing.assert_allclose(image.image, expected, atol=1e-4 * abs(expected).max())
+    beyond = abs(GRID.points()[..., 1] - 1.0) > 1.4
+    assert beyond.any() and (image.image[beyond] == 0).all() and image.image.any()
+    if image.pulses is not None:
+        assert image.pulses.pointing.same_as(block.pointing)
+
+
+def test_illumination_needs_a_method_that_knows_it():
+    with pytest.raises(ValueError, match="'ffbp' knows no illumination"):
+        imager(method='ffbp', illumination=AntennaPattern(PatternCut.sinc(0.1)))
 
 
 def test_heights_are_those_of_the_pixels():

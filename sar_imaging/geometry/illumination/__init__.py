@@ -6,11 +6,14 @@ between the channel's phase centres. Points that a pulse does not light take no 
 
 - `pattern`: amplitude over azimuth and elevation off boresight;
 - `pointing`: boresight and up direction of each pulse;
-- `echoes`: both together, for the echoes of some pulses.
+- `echoes`: both together, for the echoes of some pulses;
+- `antenna`, `mount`: both as data sheets, parameter files and recordings describe them.
 """
 
+from .antenna import Antenna
 from .echoes import Illumination
+from .mount import Mount
 from .pattern import AntennaPattern, PatternCut
 from .pointing import Pointing
 
-__all__ = ['AntennaPattern', 'Illumination', 'PatternCut', 'Pointing']
+__all__ = ['Antenna', 'AntennaPattern', 'Illumination', 'Mount', 'PatternCut', 'Pointing']

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 _UP = (0.0, 0.0, 1.0)
 _LEAST_SINE = 1e-6  # between boresight and up
+_UNIT_TOLERANCE = 1e-6  # of vectors that went through messages
 _NEIGHBOURS = 8  # pulses on either side that tell the direction of the track
 
 
@@ -177,6 +178,23 @@ class Pointing:
         """Those of several runs of pulses, one after the other."""
         return cls._of_unit_vectors(np.concatenate([p.boresight for p in parts]),
                                     np.concatenate([p.up for p in parts]))
+
+    @classmethod
+    def of_unit_vectors(cls, boresight, up) -> Pointing:
+        """From (P, 3) perpendicular unit vectors, kept to the bit, as messages carry them.
+
+        Raises
+        ------
+        ValueError
+            A length differs from 1, or an angle from 90 degrees, by more than 1e-6.
+        """
+        boresight, up = (np.asarray(a, np.float64) for a in (boresight, up))
+        for departure in ((boresight ** 2).sum(axis=1) - 1, (up ** 2).sum(axis=1) - 1,
+                          (boresight * up).sum(axis=1)):
+            if not (abs(departure) < _UNIT_TOLERANCE).all():
+                raise ValueError('boresight and up are no perpendicular unit vectors, by '
+                                 f'{abs(departure).max():.3g}; expected the axes of an antenna')
+        return cls._of_unit_vectors(boresight, up)
 
     @classmethod
     def _of_unit_vectors(cls, boresight, up) -> Pointing:

@@ -15,6 +15,8 @@ from sar_imaging.autofocus.live import BEYOND, compile_autofocus, live_autofocus
 from sar_imaging.autofocus.phase_gradient import PhaseGradient
 from sar_imaging.autofocus.report import NOT_CHANGED, SHARPENED, AutofocusReport
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.imaging.imager import plan_image
+from sar_imaging.imaging.methods import EXACT
 from sar_imaging.planning.afbp.polar_grids import UnifiedPolarGrids
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.streaming.aperture import ApertureImage
@@ -23,6 +25,7 @@ from ..poses.frame_datum import FrameDatum
 from ..poses.known_positions import KnownPositions
 from ..runtime.health import Health, Part
 from ..runtime.parameters import ConfigurationError, Parameter
+from .antenna_pattern import pattern_from
 from .terrain import TERRAIN_FILE
 
 TRACK_ERROR = Parameter(
@@ -116,6 +119,10 @@ class ImageFocus:
                 f'autofocus ({", ".join(self._expected)}) is not possible here: it works on a '
                 f'plane; leave {TERRAIN_FILE.name} empty')
         self._parameters, self._grid, self._health = parameters, grid, health
+        pattern = pattern_from(parameters)
+        self._imager = pattern and (lambda pulses: plan_image(
+            grid, pulses.radar, pulses.n_samples, method=EXACT,
+            target_db=parameters['target_db'], illumination=pattern)(pulses).samples)
         self.reach_s = BEYOND * parameters[TIME_OFFSET.name]
         self.positions = (KnownPositions(parameters, health, datum, self.reach_s)
                           if self.reach_s else None)
@@ -200,7 +207,7 @@ class ImageFocus:
             self._grid, track_error_m=p[TRACK_ERROR.name], time_offset_s=p[TIME_OFFSET.name],
             range_bias_m=p[RANGE_BIAS.name], track=track, target_db=p['target_db'],
             n_phases=N_PHASES if p[RESIDUAL_PHASES.name] else 0,
-            least_coherence=p[COHERENCE_LIMIT.name])
+            least_coherence=p[COHERENCE_LIMIT.name], imager=self._imager)
 
     def _count(self, report: AutofocusReport, seconds: float) -> None:
         if report.accepted:

@@ -36,7 +36,8 @@ PARAMETERS = (
               changes=ANY_TIME),
     Parameter('obstacles.beamwidth', 0.0, 'Beam along the track of an antenna fixed to the '
               'platform; cells outside of it are unknown. 0.0 where it covers the image or '
-              'follows it.', 'degrees', 0.0, 180.0, changes=ANY_TIME),
+              'follows it; antenna.pattern takes its place.', 'degrees', 0.0, 180.0,
+              changes=ANY_TIME),
     Parameter('obstacles.squint', 0.0, 'Axis of that beam from broadside, positive ahead.',
               'degrees', -90.0, 90.0, changes=ANY_TIME),
 )
@@ -72,7 +73,8 @@ class ObstacleProducts:
             **joined)
 
     def publish(self, image: np.ndarray, grid: MapGrid, stamp_ns: int,
-                view: Callable[[], ApertureView]) -> None:
+                view: Callable[[], ApertureView],
+                lit: Callable[[], np.ndarray] | None = None) -> None:
         """Add the evidence of an image and publish, if somebody listens.
 
         Parameters
@@ -85,8 +87,11 @@ class ObstacleProducts:
             Middle of the aperture, nanoseconds.
         view : callable
             Returns the aperture, or raises ValueError where it cannot be told.
+        lit : callable, optional
+            Returns the pixels (n_y, n_x) bool that the antenna lit: they take the place of
+            `obstacles.beamwidth`.
         """
-        self._latest = image, grid, stamp_ns, view
+        self._latest = image, grid, stamp_ns, view, lit
         self._publish()
 
     def _publish(self) -> None:
@@ -94,13 +99,14 @@ class ObstacleProducts:
                    if p.get_subscription_count()]
         if self._latest is None or not outputs:
             return
-        (image, grid, stamp_ns, view), self._latest = self._latest, None
+        (image, grid, stamp_ns, view, lit), self._latest = self._latest, None
         p = self._parameters
         try:
             detector = ObstacleDetector(
                 grid, view(), false_alarms=p['obstacles.false_alarms'],
                 beamwidth_rad=math.radians(p['obstacles.beamwidth']),
-                squint_rad=math.radians(p['obstacles.squint']))
+                squint_rad=math.radians(p['obstacles.squint']),
+                lit=None if lit is None else lit())
             self._map.memory_s = p['obstacles.memory_s']
             self._map.add(detector(image), stamp_ns)
         except (ValueError, MemoryError) as error:

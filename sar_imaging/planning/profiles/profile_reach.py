@@ -26,7 +26,13 @@ def covered_ranges(radar: RadarParameters, n_samples: int) -> tuple[float, float
 
 
 def check_reach(range_m: tuple[float, float], radar: RadarParameters, n_samples: int) -> None:
-    """Raise ValueError where no profile reaches a grid whose half paths are `range_m`."""
+    """Check that some profile reaches a grid whose half paths are `range_m`.
+
+    Raises
+    ------
+    ValueError
+        None does.
+    """
     start, stop = covered_ranges(radar, n_samples)
     if range_m[1] < start or range_m[0] > stop:
         raise ValueError(
