@@ -34,7 +34,7 @@ from .support.machine import machine
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'doctor.json'
 RECORDS = pathlib.Path('out/doctor_campaign.jsonl')
 RIGHT = 'none'
-_WITH_IMAGE = 12  # cases in which the image is looked at for faults of signals, too
+_WITH_IMAGE = 5  # cases in which the image is looked at for faults of signals, too
 _MEASURED_DRAWS = 3  # of each fault in each measured recording
 _MOST_SEEDS = 4  # for each case that a fault needs; not all radars can have all faults
 

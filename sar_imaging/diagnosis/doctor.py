@@ -23,6 +23,8 @@ from .signals import (
 )
 from .thorough import diagnose_thoroughly
 
+_SEEN = 0.8  # of a scene, that profiles are to hold
+_SIDE = 32  # pixels along each side, and pulses, that tell it
 # Faults with which nothing can focus, nor profiles be trusted.
 _WITHOUT_IMAGE = {'I and Q alike', 'magnitudes only', 'order of I and Q', 'real samples'}
 
@@ -86,22 +88,31 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *,
     return Examination(tuple(found), diagnosis)
 
 
+def _seen(block: PulseBlock, grid: MapGrid, start_m: float, stop_m: float) -> float:
+    """Share of the pixels, over the pulses, whose half path lies within profiles."""
+    places = grid.points()[::-(-grid.n_y // _SIDE), ::-(-grid.n_x // _SIDE)].reshape(-1, 3)
+    some = block.select(slice(None, None, -(-block.n_pulses // _SIDE)))
+    half_path = sum(np.linalg.norm(places[:, None, None] - c, axis=-1)
+                    for c in (some.tx_m, some.rx_m)) / 2
+    return float(np.mean((half_path >= start_m) & (half_path <= stop_m)))
+
+
 def _outside(block: PulseBlock, grid: MapGrid) -> tuple[float, list[Finding]]:
-    """Share of the scene's ranges that profiles hold, and what is to be said of it."""
+    """Share of the scene that profiles hold, and what is to be said of it."""
     first = block.select(slice(0, 1))
     compressor = RangeCompressor.for_block(first)
     radar = compressor.output_radar
     start = radar.range_start_m
     stop = start + compressor.n_output * radar.sample_spacing_m
     near, far = distances(block, grid)
-    if start <= near and far <= stop:
-        return 1.0, []
-    seen = float(np.clip((min(far, stop) - max(near, start)) / max(far - near, 1e-9), 0.0, 1.0))
+    seen = _seen(block, grid, start, stop)
+    if seen >= _SEEN:
+        return seen, []
     profiles = dataclasses.replace(
         block, radar=radar, compressed=True,
         samples=np.zeros((*block.samples.shape[:2], compressor.n_output), np.complex64))
     return seen, [Finding('scene outside the window', (
         f'profiles hold {start:.4g} to {stop:.4g} m, the scene lies {near:.4g} to {far:.4g} m '
-        f'from the radar: {seen:.0%} of that is inside'),
+        f'from the radar: {seen:.0%} of its pixels are inside'),
         reach_advice(profiles, grid) or 'check the places of scene and radar, the delay of the '
         'first sample, and the frame of the positions; or record a longer window')]

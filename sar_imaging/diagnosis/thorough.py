@@ -37,7 +37,7 @@ from .track import track_doubts
 _logger = logging.getLogger(__name__)
 _TILE = 4  # pixels: power of few pulses is wide across range, and narrow along it
 _FINE_BUDGET, _COARSE_BUDGET = 500_000, 250_000  # points times rows of a search
-_ROWS = 512  # of a search
+_FEWEST_ALONE = 64  # pulses of a channel that is looked at alone
 _MOST_OFFSETS = 100  # on each side
 _FELT_RAD = 1.5  # rms phase from one value to the next
 _PEAKS = 3  # of a search, that are refined
@@ -48,10 +48,11 @@ _NOISE = 2.0  # agreement of noise
 _ABOVE_NOISE = 2.0  # times its agreement
 _BETTER = 1.3  # times the agreement of the data as they are
 _CERTAIN = 10.0  # times its agreement, from which on nothing else is tried
-_LIKELIER = 1.25  # times the agreement of another mistake, for one that is searched for
+_LIKELIER = 1.1  # times the agreement of another mistake, for one that is searched for
 _DARKER = 0.8  # times the contrast
 _LEAST_COVERAGE = 0.25
-_Found = tuple[Hypothesis, Coherence]
+# A mistake, the coherence without it, and that of the same pulses with it
+_Tried = tuple[Hypothesis, Coherence, Coherence]
 
 
 def diagnose_thoroughly(block: PulseBlock, grid: MapGrid, *, window: str = 'none') -> Diagnosis:
@@ -79,7 +80,8 @@ def diagnose_thoroughly(block: PulseBlock, grid: MapGrid, *, window: str = 'none
         The block has no phase centres, or its samples cannot be compressed.
     """
     check_profiles(block, block.radar, block.n_samples, compressed=block.compressed)
-    attempt = _Attempts(block, resolved(grid, block), window)
+    grid = resolved(grid, block)
+    attempt = _Attempts(block, grid, window)
     first = attempt.first
     _logger.debug('as is: %s', first)
     as_it_is = Diagnosis(first.contrast, first.coverage, corrected=first.contrast)
@@ -89,13 +91,15 @@ def diagnose_thoroughly(block: PulseBlock, grid: MapGrid, *, window: str = 'none
     doubts = track_doubts(block)
     found = None
     if first.contrast < FOCUSED:
-        found = _best(attempt.hypotheses(), first)
+        found = _best(attempt.hypotheses())
     if found is not None and doubts and found[1].contrast < FOCUSED:
         found = None  # what is odd about the track explains more
-    if not doubts and (found is None or found[1].agreement < _CERTAIN * first.agreement):
-        found = _likelier(found, _best(attempt.searches(), first))
+    if not doubts and (found is None or _gain(found) < _CERTAIN):
+        one = _one_channel(block)
+        alone = attempt if one is block else _Attempts(one, grid, window)
+        found = _likelier(found, _best(alone.searches()))
     if found is not None:
-        hypothesis, coherence = found
+        hypothesis, coherence, _ = found
         return Diagnosis(first.contrast, first.coverage, hypothesis.name, hypothesis.advice,
                          coherence.contrast)
     if doubts and first.contrast < FOCUSED:
@@ -104,21 +108,29 @@ def diagnose_thoroughly(block: PulseBlock, grid: MapGrid, *, window: str = 'none
         as_it_is, advice='' if first.contrast >= NOTHING else nothing_helps(first))
 
 
-def _best(results: Iterable[_Found], first: Coherence) -> _Found | None:
+def _best(results: Iterable[_Tried]) -> _Tried | None:
     """The mistake without which pulses agree clearly better than as they are."""
-    least = max(_BETTER * first.agreement, _ABOVE_NOISE * _NOISE)
-    lit = first.contrast if first.agreement > _NOISE else 0.0
-    good = [(hypothesis, result) for hypothesis, result in results
-            if result.coverage >= _LEAST_COVERAGE and result.agreement > least
-            and result.contrast > max(_LEAST, _DARKER * lit)]
-    return max(good, key=lambda found: found[1].agreement, default=None)
+    return max(filter(_helps, results), key=_gain, default=None)
 
 
-def _likelier(found: _Found | None, searched: _Found | None) -> _Found | None:
+def _gain(tried: _Tried) -> float:
+    _, result, as_it_is = tried
+    return result.agreement / max(as_it_is.agreement, _NOISE)
+
+
+def _helps(tried: _Tried) -> bool:
+    _, result, as_it_is = tried
+    lit = as_it_is.contrast if as_it_is.agreement > _NOISE else 0.0
+    return (result.coverage >= _LEAST_COVERAGE and _gain(tried) > _BETTER
+            and result.agreement > _ABOVE_NOISE * _NOISE
+            and result.contrast > max(_LEAST, _DARKER * lit))
+
+
+def _likelier(found: _Tried | None, searched: _Tried | None) -> _Tried | None:
     """What agrees best; what was searched for among many values has to do clearly better."""
     if found is None or searched is None:
         return found or searched
-    return searched if searched[1].agreement > _LIKELIER * found[1].agreement else found
+    return searched if _gain(searched) > _LIKELIER * _gain(found) else found
 
 
 class _Attempts:
@@ -134,7 +146,7 @@ class _Attempts:
         window = 'none' if block.compressed else self._window
         return RangeCompressor.for_block(block, window=window, oversampling=OVERSAMPLING)(block)
 
-    def hypotheses(self) -> Iterator[_Found]:
+    def hypotheses(self) -> Iterator[_Tried]:
         """Coherence with each mistake undone that few pixels tell to be worth it."""
         screen = CoherenceProbe(self._grid, _FINE_BUDGET, _TILE)
         for hypothesis in HYPOTHESES:
@@ -149,9 +161,9 @@ class _Attempts:
                 if result.contrast > _WORTH * _LEAST:
                     result = self._probe(ready)
                 _logger.debug('%s: %s', hypothesis.name, result)
-                yield hypothesis, result
+                yield hypothesis, result, self.first
 
-    def searches(self) -> Iterator[_Found]:
+    def searches(self) -> Iterator[_Tried]:
         """Coherence with the best offset and rate of the clock, and slope of the ramp."""
         block, profiles = self._block, self._profiles
         places = self._grid.points()[::self._grid.n_y // 2 or 1, ::self._grid.n_x // 2 or 1]
@@ -161,26 +173,26 @@ class _Attempts:
                                 felt_rad=_FELT_RAD)
         if len(offsets):
             offset, result = self._searched(profiles, offsets, with_offset)
-            yield clock_offset(offset), result
+            yield clock_offset(offset), *result
         rates = clock_rates(profiles, places, felt_rad=_FELT_RAD)
         if len(rates):
             rate, result = self._searched(
                 profiles, rates, lambda some, rate: with_offset(some, 0.0, rate))
-            yield clock_drift(rate), result
+            yield clock_drift(rate), *result
         if not block.compressed and block.radar.waveform in RAMPS:
             factor, result = self._searched(block, _SLOPES, with_slope)
-            yield wrong_slope(factor, block.radar), result
+            yield wrong_slope(factor, block.radar), *result
 
     def _searched(self, block: PulseBlock, values: np.ndarray,
-                  change: Callable[[PulseBlock, float], PulseBlock]) -> tuple[float, Coherence]:
+                  change: Callable[[PulseBlock, float], PulseBlock]
+                  ) -> tuple[float, tuple[Coherence, Coherence]]:
         """The value with which pulses agree best: searched on few pixels, refined on more."""
-        few = _few_rows(block)
         coarse, fine = (CoherenceProbe(self._grid, n, _TILE)
                         for n in (_COARSE_BUDGET, _FINE_BUDGET))
 
         def focus(value: float, probe: CoherenceProbe) -> float:
             try:
-                result = probe(self._changed(few, value, change))
+                result = probe(self._changed(block, value, change))
             except ValueError:  # no such ramp
                 return 0.0
             return result.agreement if result.contrast > _WORTH * _LEAST else 0.0
@@ -194,9 +206,15 @@ class _Attempts:
         for finer in (3, 9):
             best = max((best + step / finer * k for k in range(-2, 3)),
                        key=lambda value: focus(value, fine))
-        result = self._probe(self._changed(block, best, change))
+        changed = self._changed(block, best, change)
+        result = self._probe(changed), self._of_the_same(changed)
         _logger.debug('%s: %s', best, result)
         return best, result
+
+    def _of_the_same(self, changed: PulseBlock) -> Coherence:
+        """Coherence as it is, of the pulses that a change left."""
+        kept = np.isin(self._profiles.counter, changed.counter)
+        return self.first if kept.all() else self._probe(self._profiles.select(kept))
 
     def _changed(self, block: PulseBlock, value: float,
                  change: Callable[[PulseBlock, float], PulseBlock]) -> PulseBlock:
@@ -204,9 +222,14 @@ class _Attempts:
         return changed if block.compressed else self._compressed(changed)
 
 
-def _few_rows(block: PulseBlock) -> PulseBlock:
-    """As many channels as a search needs."""
-    n = min(max(1, _ROWS // max(block.n_pulses, 1)), block.n_channels)
-    channels = np.unique(np.linspace(0, block.n_channels - 1, n).astype(int))
-    return dataclasses.replace(block, samples=block.samples[:, channels],
-                               tx_m=block.tx_m[:, channels], rx_m=block.rx_m[:, channels])
+def _one_channel(block: PulseBlock) -> PulseBlock:
+    """The channel of median power, where its pulses are enough.
+
+    Phases of channels are looked at apart, and need not be right here.
+    """
+    if block.n_channels == 1 or block.n_pulses < _FEWEST_ALONE:
+        return block
+    power = np.mean(np.square(np.abs(block.samples), dtype=float), axis=(0, 2))
+    at = int(np.argsort(power)[len(power) // 2])
+    return dataclasses.replace(block, samples=block.samples[:, at:at + 1],
+                               tx_m=block.tx_m[:, at:at + 1], rx_m=block.rx_m[:, at:at + 1])

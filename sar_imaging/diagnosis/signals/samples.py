@@ -193,7 +193,11 @@ def _order(block: PulseBlock) -> Finding | None:
         return None
     some = _some(block)
     exchanged = dataclasses.replace(some, samples=with_words_exchanged(some.samples))
-    better = _concentration(exchanged) / _concentration(some)
+    sharp = _concentration(exchanged)
+    # the exchange also mends a part of a chirp whose I and Q are exchanged
+    if sharp < _concentration(dataclasses.replace(some, samples=some.samples.conj())):
+        return None
+    better = sharp / _concentration(some)
     # exchanged words mirror a part of the spectrum, which the exchange undoes
     image, _ = _image(some)
     mirrored = image and better > 1 and abs(_image(exchanged)[0]) < abs(image) / _UNDONE
