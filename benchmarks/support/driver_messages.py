@@ -166,3 +166,53 @@ def fill(make: Callable[[str], object], fields: dict, name: str, types: Callable
                      else fill(make, value, inner, types))
         values[field] = value
     return make(name)(**values)
+
+
+def odometry(position_m, stamp_ns: int) -> dict:
+    """nav_msgs/Odometry of a platform that does not turn."""
+    zero = {'x': 0.0, 'y': 0.0, 'z': 0.0}
+    place = dict(zip('xyz', map(float, position_m), strict=True))
+    return {'header': {**_header(stamp_ns), 'frame_id': 'odom'}, 'child_frame_id': 'base_link',
+            'pose': {'pose': {'position': place, 'orientation': {**zero, 'w': 1.0}},
+                     'covariance': np.zeros(36)},
+            'twist': {'twist': {'linear': zero, 'angular': zero}, 'covariance': np.zeros(36)}}
+
+
+def record(path, messages, ros1: bool = False) -> None:
+    """Write a bag with the definitions of the messages in it.
+
+    Parameters
+    ----------
+    path : path
+        File of a ROS 1 bag, or folder of a rosbag2.
+    messages : sequence of tuples
+        Type, topic, time of recording in nanoseconds and fields of each, in their order.
+    ros1 : bool
+        Whether it is a ROS 1 bag.
+    """
+    from rosbags.interfaces import Nodetype
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
+    for name, text in DEFINITIONS.items():
+        store.register(get_types_from_msg(text, name))
+
+    def fields_of(name):
+        for field, (kind, detail) in store.fielddefs[name][1]:
+            many = kind in (Nodetype.ARRAY, Nodetype.SEQUENCE)
+            inner = detail[0] if many else (kind, detail)
+            yield field, inner[1] if inner[0] == Nodetype.NAME else None, many
+
+    if ros1:
+        from rosbags.rosbag1 import Writer
+        writer = Writer(path)
+    else:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
+    with writer:
+        connections = {}
+        for name, topic, ns, fields in messages:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, name, typestore=store)
+            message = fill(store.types.__getitem__, fields, name, fields_of)
+            serialise = store.serialize_ros1 if ros1 else store.serialize_cdr
+            writer.write(connections[topic], ns, serialise(message, name))

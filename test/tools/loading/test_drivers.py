@@ -40,39 +40,10 @@ from sar_imaging.tools.recordings.bag_io import read_truth
 
 rosbags = pytest.importorskip('rosbags', reason='recordings need rosbags')
 
-def record(path, messages, ros1=False):
-    """A bag with the definitions of the messages in it."""
-    from rosbags.interfaces import Nodetype
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
-    for name, text in drivers.DEFINITIONS.items():
-        store.register(get_types_from_msg(text, name))
-
-    def fields_of(name):
-        for field, (kind, detail) in store.fielddefs[name][1]:
-            many = kind in (Nodetype.ARRAY, Nodetype.SEQUENCE)
-            inner = detail[0] if many else (kind, detail)
-            yield field, inner[1] if inner[0] == Nodetype.NAME else None, many
-
-    if ros1:
-        from rosbags.rosbag1 import Writer
-        writer = Writer(path)
-    else:
-        from rosbags.rosbag2 import StoragePlugin, Writer
-        writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
-    with writer:
-        connections = {}
-        for name, topic, ns, fields in messages:
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, name, typestore=store)
-            message = drivers.fill(store.types.__getitem__, fields, name, fields_of)
-            serialise = store.serialize_ros1 if ros1 else store.serialize_cdr
-            writer.write(connections[topic], ns, serialise(message, name))
-
 
 def prepare(folder, sent, ros1=False, messages=None, **changes):
     """Bag, poses and description of a recording in a folder."""
-    record(folder / ('radar.bag' if ros1 else 'radar'), messages or sent.messages, ros1)
+    drivers.record(folder / ('radar.bag' if ros1 else 'radar'), messages or sent.messages, ros1)
     pose_s = np.arange(-0.5, 2.0, 0.005)
     position, attitude = flight(pose_s)
     stamp = [f'{(START_NS + round(s * 1e9)) // 10**9}.{(START_NS + round(s * 1e9)) % 10**9:09d}'
