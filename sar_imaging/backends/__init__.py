@@ -1,8 +1,8 @@
 """What computes plans: one package per processor, all with the same four entries.
 
 A plan (`sar_imaging.planning`) says what is computed and how well; a backend computes it. `cpu` is
-the compiled one. `reference` is plain NumPy in float64, the formulas themselves: slow, and what
-every other backend is tested against and written from.
+the compiled one, `cuda` that for NVIDIA's devices. `reference` is plain NumPy in float64, the
+formulas themselves: slow, and what every other backend is tested against and written from.
 """
 
 from __future__ import annotations
@@ -11,10 +11,16 @@ import importlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from .device import DeviceError, device_backend, require_device
+
 if TYPE_CHECKING:
     from .protocol import Backend
 
-AUTO, BACKENDS = 'auto', ('cpu', 'reference')
+__all__ = ['AUTO', 'BACKENDS', 'CUDA', 'DeviceError', 'backend', 'compile_beforehand',
+           'optional_entry']
+
+AUTO, CUDA = 'auto', 'cuda'
+BACKENDS = ('cpu', CUDA, 'reference')
 _ENTRIES = ('Backprojection', 'SubapertureImager', 'SpectrumFusion', 'form_map')
 
 
@@ -24,7 +30,8 @@ def backend(name: str | Backend = AUTO) -> Backend:
     Parameters
     ----------
     name : str or Backend
-        One of `BACKENDS`, 'auto' for the quickest, or anything that has the four entries.
+        One of `BACKENDS`, or anything that has the four entries. 'auto' is the processor's, and
+        where there is a CUDA device whichever of the two is quicker, plan by plan.
 
     Returns
     -------
@@ -34,9 +41,15 @@ def backend(name: str | Backend = AUTO) -> Backend:
     ------
     ValueError
         There is no such backend, or it lacks an entry.
+    DeviceError
+        'cuda' was asked for, and there is no device that works.
     """
-    if isinstance(name, str) and name in (AUTO, *BACKENDS):
-        return importlib.import_module(f'.{"cpu" if name == AUTO else name}', __name__)
+    if name == CUDA:
+        return require_device()
+    if name == AUTO:
+        name = 'cpu' if device_backend() is None else 'automatic'
+    if isinstance(name, str) and name in ('automatic', *BACKENDS):
+        return importlib.import_module(f'.{name}', __name__)
     if missing := [e for e in _ENTRIES if not callable(getattr(name, e, None))]:
         raise ValueError(f'backend={name!r}; expected {", ".join((AUTO, *BACKENDS))}, or an '
                          f'object that has {", ".join(missing)}, too')
@@ -45,6 +58,8 @@ def backend(name: str | Backend = AUTO) -> Backend:
 
 def optional_entry(name: str | Backend, entry: str) -> Callable:
     """Entry that a backend may lack: those of `baselines.Baselines`, and ``'TrialImages'``.
+
+    A backend in the making may lack others, too.
 
     Parameters
     ----------

@@ -154,10 +154,8 @@ class TrialImages(Protocol):
         ----------
         tx_m, rx_m : (..., 3) float64
             Phase centres of the profiles, metres.
-        starts_m : (K, 3) float64
-            First pixel of each piece, metres.
-        step_m : (3,) float64
-            From pixel to pixel, metres.
+        starts_m, step_m : (K, 3), (3,) float64
+            First pixel of each piece, and from pixel to pixel, metres.
         range_bias_m : float
             By how much the ranges of the profiles are too large, metres.
 

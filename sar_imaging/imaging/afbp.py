@@ -38,6 +38,8 @@ class Afbp(Method):
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""
         options = self.options
+        for entry in ('SubapertureImager', 'SpectrumFusion', 'form_map'):
+            backends.optional_entry(options.backend, entry)  # of a device yet to come
         plan = self._plan = plan_afbp(
             self.grid, self.radar, self.n_samples, tx_m, rx_m, target_db=options.target_db,
             compressed=options.compressed, weighting=options.weighting, **self.own)

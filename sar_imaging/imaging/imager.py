@@ -83,8 +83,9 @@ def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
     pointing : Pointing, optional
         Where the antenna looks at the pulses to come, with `tx_m` and `rx_m`.
     backend : str or Backend
-        What computes it, see `sar_imaging.backends`: ``'cpu'``, ``'reference'``; ``'auto'`` takes
-        the quickest there is. An object with the four entries of a backend is used likewise.
+        What computes it, see `sar_imaging.backends`: ``'cpu'``, ``'cuda'``, ``'reference'``;
+        ``'auto'`` takes the quickest there is. An object with the four entries of a backend is
+        used likewise.
     progress : bool
         Show a progress bar on standard error.
     **own

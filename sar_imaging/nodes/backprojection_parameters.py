@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sar_imaging.backends import AUTO
+from sar_imaging.backends import AUTO, CUDA
 from sar_imaging.imaging.methods import AFBP, EXACT
 
 from .images import (
@@ -22,6 +22,9 @@ IMAGE, SUBAPERTURES, VOLUME = 'image', 'subapertures', 'volume'
 MIN_PULSE_FRACTION = Parameter(
     'min_pulse_fraction', 0.5, 'Least share of its pulses that an aperture needs to be imaged.',
     '', 0.0, 1.0, changes=ANY_TIME)
+BACKEND = Parameter(
+    'backend', AUTO, f'What computes images: the processor, or a device by {CUDA}, which must be '
+    f'there; {AUTO}: whichever is quicker.', check=one_of(AUTO, 'cpu', CUDA))
 
 PARAMETERS = (
     Parameter('mode', IMAGE, f'{IMAGE}: exact images of whole apertures; {SUBAPERTURES}: '
@@ -35,6 +38,7 @@ PARAMETERS = (
     Parameter('method', EXACT, f'Imager in mode {IMAGE}: {EXACT} backprojection, as pulses come; '
               f'{AFBP} of whole apertures; {AUTO}: of these the quicker one that meets target_db.',
               check=one_of(AUTO, EXACT, AFBP)),
+    BACKEND,
     Parameter('target_db', -80.0, 'Largest predicted error against time-domain correlation in '
               f'modes {IMAGE} and {VOLUME}.', 'dB', -100.0, -20.0),
     Parameter('subapertures.target_db', -60.0, 'Largest predicted error in mode '

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from sar_imaging.backends import compile_beforehand
+from sar_imaging.backends import DeviceError, backend, compile_beforehand
 from sar_imaging.configuration.startup import TrackWarnings, report_block, settings_of
 from sar_imaging.exploitation.obstacles.aperture_view import PulseTracks
 from sar_imaging.formats.recent_pulses import RecentPulses
@@ -15,11 +15,11 @@ from sar_imaging.geometry.point_grids import TerrainGrid
 from sar_imaging.imaging.image import Image, Report
 from sar_imaging.imaging.methods import EXACT
 from sar_imaging.signal.pulses import PulseBlock, check_frame
+from sar_imaging.signal.pulses.apertures import ApertureSequence
 from sar_imaging.signal.pulses.sequence import describe_counters
 from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
-from sar_imaging.streaming.aperture_sequence import ApertureSequence
 
-from .backprojection_parameters import IMAGE, PARAMETERS, VOLUME
+from .backprojection_parameters import BACKEND, IMAGE, PARAMETERS, VOLUME
 from .images import autofocus, focus_watch, obstacle_products, volume_cloud
 from .images.antenna_pattern import PATTERN, pattern_from
 from .images.autofocus import FocusedImage, ImageFocus
@@ -199,7 +199,7 @@ class ImageStep(BackprojectionStep):
                 target_db=parameters['target_db'],
                 height_m=self._heights_m,
                 keep_pulses=self._focus is not None, method=parameters['method'],
-                illumination=self._pattern)
+                illumination=self._pattern, backend=_backend(parameters))
         except ValueError as error:
             raise ConfigurationError(f'parameters method and {PATTERN.name}: {error}') from error
         self._tracks = PulseTracks(_REMEMBERED * parameters['pulses_per_aperture'])
@@ -325,3 +325,13 @@ class ImageStep(BackprojectionStep):
                  ) -> list[ApertureImage]:
         """Those images that autofocus is through with; its time is work on them."""
         return super()._follow(lambda: self._focus.take(images, final=final))
+
+
+def _backend(parameters: Mapping[str, object]) -> str:
+    """Backend that the parameters name, if it is there."""
+    name = parameters[BACKEND.name]
+    try:
+        backend(name)
+    except DeviceError as error:
+        raise ConfigurationError(f'parameter {BACKEND.name}: {error}') from error
+    return name

@@ -68,14 +68,12 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, p
     ``e(c) = 2 |sum_b W(b - f) exp(j 2 pi b c / n)|^2`` at cell c on average over places between
     cells, for both ends. The mean is over frequencies, by weight, and over cells, by density.
 
+    It is 2, as if nothing fitted, where a frequency lies beyond the band.
+
     Parameters
     ----------
-    n : int
-        Cells of the coarse grid.
-    n_guard : float
-        Guard cells at each end.
-    beta : float
-        Shape of the taper.
+    n, n_guard, beta :
+        As for `guard_taper`, of the coarse grid.
     frequency : (..., S) array_like
         Frequencies, bins of the transform of n cells from the middle of the band.
     weight : array_like
@@ -84,11 +82,6 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, p
         Where they occur, 0 to 1 from guard to guard; everywhere if left out.
     density : (B,) array_like
         Of the cells that should be right, from guard to guard and of mean one.
-
-    Returns
-    -------
-    float
-        2, as if nothing fitted, where a frequency lies beyond the band.
     """
     frequency = np.atleast_1d(np.asarray(frequency, float))
     if frequency.size == 0 or np.abs(frequency).max() > n / 2:
@@ -100,10 +93,8 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, p
     share = density_at(where, density)
     if not share.any():
         return 0.0
-    table = _error_table(cells, n_guard, beta)
-    n_samples = frequency.shape[-1]
-    places, group = np.unique(np.zeros(n_samples) if place is None else place,
-                              return_inverse=True)
+    table, n_samples = _error_table(cells, n_guard, beta), frequency.shape[-1]
+    places, group = np.unique(np.zeros(n_samples) if place is None else place, return_inverse=True)
     nearest = np.abs(np.subtract.outer(places, where)).argmin(axis=0)
     by_place = edge / len(where) * np.stack([
         (share * (nearest == number)) @ table for number in range(len(places))])

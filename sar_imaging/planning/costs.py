@@ -76,19 +76,17 @@ class CostModel:
             if not (isinstance(value, int | float) and math.isfinite(value) and value > 0):
                 raise ValueError(f'{name}={value!r}; expected a positive number of nanoseconds')
 
+    def nanoseconds(self, operations: Mapping[str, float]) -> float:
+        """Time of operations, from how often each is done; of arrays of numbers arrays."""
+        return sum(getattr(self, name) * n for name, n in operations.items())
+
     def seconds(self, operations: Mapping[str, float]) -> float:
-        """Time of operations on one thread, from how often each of them is done."""
+        """The same in seconds."""
         return 1e-9 * self.nanoseconds(operations)
 
     @classmethod
     def read(cls, path: Path) -> CostModel:
-        """Costs from a file that `write` wrote.
-
-        Raises
-        ------
-        ValueError
-            The file holds something else.
-        """
+        """Costs from a file that `write` wrote; ValueError where it holds something else."""
         try:
             return cls(**json.loads(path.read_text()))
         except (OSError, TypeError, ValueError) as error:
@@ -98,10 +96,6 @@ class CostModel:
     def write(self, path: Path) -> None:
         """Write costs as JSON."""
         path.write_text(json.dumps(dataclasses.asdict(self), indent=2) + '\n')
-
-    def nanoseconds(self, operations: Mapping[str, float]) -> float:
-        """As `seconds`; of arrays of numbers arrays of times."""
-        return sum(getattr(self, name) * n for name, n in operations.items())
 
 
 DEFAULT = CostModel()

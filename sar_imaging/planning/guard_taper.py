@@ -8,19 +8,8 @@ import numpy as np
 def guard_taper(n: int, n_guard: float, beta: float) -> np.ndarray:
     """Taper of a periodic grid: 1 from cell n_guard to n - n_guard, smoothly to 0 at 0 and n.
 
-    Parameters
-    ----------
-    n : int
-        Cells of the grid.
-    n_guard : float
-        Cells over which the taper rises.
-    beta : float
-        Shape: the rise is the integral of a Kaiser window. Kaiser-Bessel-derived windows, which
-        filter banks know, are its square root.
-
-    Returns
-    -------
-    (n,) float64
+    (n,) float64. The rise is the integral of a Kaiser window of shape `beta`: its square root is
+    the Kaiser-Bessel-derived window that filter banks know.
     """
     t = np.linspace(-1, 1, 2001)
     rise = np.cumsum(np.i0(beta * np.sqrt(1 - t ** 2)))

@@ -41,10 +41,8 @@ class Interpolator:
 
     Parameters
     ----------
-    weights : (degree + 1, taps) float32
-        Weight of each of the neighbouring samples in each coefficient.
-    first : int
-        Offset of the first neighbour.
+    weights, first : (degree + 1, taps) float32, int
+        Weight of each neighbouring sample in each coefficient, and offset of the first one.
     error_db : float
         Mean squared error over band and interval relative to the signal's power, dB.
     oversampling : float
@@ -174,14 +172,10 @@ def design_interpolator(oversampling: float, margin: float = 0.0, *, taps: int =
 
     Parameters
     ----------
-    oversampling : float
-        Sample rate over two-sided bandwidth, above 1.
-    margin : float
-        The polynomial is used for ``-margin <= t <= 1 + margin``, in samples.
+    oversampling, margin, deapodised :
+        As of `Interpolator`; oversampling above 1, a margin of 0 or more.
     taps, degree : int
         Number of neighbours, even, and degree of the polynomial.
-    deapodised : bool
-        The spectrum of the samples will have been multiplied by `Interpolator.gain`.
 
     Raises
     ------

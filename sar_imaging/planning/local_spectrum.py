@@ -53,8 +53,6 @@ class LocalSpectrum:
 def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> LocalSpectrum:
     """Local frequencies of backprojected images at samples of a polar grid and its guards.
 
-    Phase centres are (P, C, 3) float64, metres; the radar gives carrier and band.
-
     Raises
     ------
     ValueError

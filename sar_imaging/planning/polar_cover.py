@@ -41,10 +41,8 @@ class PolarCover:
 
     Attributes
     ----------
-    grid : MapGrid
-        The map.
-    polar : PolarGrid
-        It reaches `margin` pixels beyond the map.
+    grid, polar : MapGrid, PolarGrid
+        The map, and the grid that reaches `margin` pixels beyond it.
     ratio : (int, int)
         Ranges of images that are added to those of their sum, on `polar`.
     lattice : RangeResampling
@@ -94,10 +92,12 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
               fused: bool = False) -> PolarCover | None:
     """Cover a map by a polar grid around the aperture.
 
+    None where the map is tiny, too near, all around, or not ahead of the aperture.
+
     Parameters
     ----------
     grid, tx_m, rx_m, radar, n_samples :
-        As for `plan_polar`.
+        See `sar_imaging.planning`.
     resampling_db, lattice_db : float
         Wanted errors of each pass of the interpolation to the map and of the backprojection, dB.
     band : PhaseHistory, optional
@@ -106,11 +106,6 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         The polar image will be formed by its spectrum, as that of `SpectrumFusion` is, and
         deapodised for the interpolation between lines, which may be fewer. The images that are
         added to it have no more ranges than the band of a line needs.
-
-    Returns
-    -------
-    PolarCover or None
-        None where the map is tiny, too near, all around, or not ahead of the aperture.
     """
     found = None if min(grid.shape) < TAPS else _frame(grid, 0.5 * (tx_m + rx_m))
     if found is None:

@@ -4,6 +4,5 @@
 - `subapertures`, `fusion`: the two stages of AFBP, with `subaperture_image` between them;
 - `reimaging`: corrected trajectories for an image that is there already;
 - `mosaic`: a strip of map patches that follows the platform;
-- `aperture_sequence`, `aperture_pulses`: which pulses belong to which aperture;
 - `subaperture_stage`: computes the plan of an aperture that was foreseen.
 """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +15,16 @@ from ..imaging.imager import Imager, plan_image
 from ..imaging.methods import AFBP, EXACT, method_class
 from ..quality.focus import FocusFigure, focus_figure
 from ..signal.pulses import PulseBlock
+from ..signal.pulses.apertures import (
+    Aperture,
+    AperturePulses,
+    ApertureSequence,
+    ApertureStatistics,
+)
 from ..signal.pulses.sequence import describe_counters
-from .aperture_pulses import AperturePulses
-from .aperture_sequence import Aperture, ApertureSequence, ApertureStatistics
+
+if TYPE_CHECKING:
+    from ..backends.protocol import Backend
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,33 +80,6 @@ class ApertureImage:
         return focus_figure(self.image)
 
 
-class _ImagedAperture(Aperture):
-    """The aperture being filled: its image so far, its pulses with an `example`, or both."""
-
-    def __init__(self, number: int, length: int, imager: Imager, *, grows: bool,
-                 example: PulseBlock | None):
-        super().__init__(number, length)
-        self._imager = imager
-        self._image = imager.new_image() if grows else None
-        self._pulses = None if example is None else AperturePulses(number, length, example, [])
-
-    def add(self, block: PulseBlock) -> None:
-        if self._image is not None:
-            self._imager.accumulate(block, self._image)
-        if self._pulses is not None:
-            self._pulses.keep(block)
-        self.mark(block)
-
-    @property
-    def pulses(self) -> PulseBlock | None:
-        """What was kept of them."""
-        return self._pulses and self._pulses.block(slice(0, len(self._pulses.seen)))
-
-    def image(self) -> Image:
-        """Image of the pulses that came."""
-        return self._image if self._image is not None else self._imager(self.pulses)
-
-
 class ApertureImager(ApertureSequence):
     """Image range profiles while they arrive, one image per aperture.
 
@@ -127,11 +108,8 @@ class ApertureImager(ApertureSequence):
     illumination : AntennaPattern, optional
         As for `plan_image`; pulses then tell where the antenna looked. Pixels that no pulse lit
         are zero.
-
-    Attributes
-    ----------
-    statistics : ApertureStatistics
-        What happened so far.
+    backend : str or Backend
+        As for `plan_image`.
 
     Raises
     ------
@@ -142,7 +120,8 @@ class ApertureImager(ApertureSequence):
     def __init__(self, grid: Grid, *, pulses_per_aperture: int,
                  min_pulse_fraction: float = 0.5, target_db: float = -80.0,
                  height_m: np.ndarray | None = None, keep_pulses: bool = False,
-                 method: str = EXACT, illumination: AntennaPattern | None = None):
+                 method: str = EXACT, illumination: AntennaPattern | None = None,
+                 backend: str | Backend = AUTO):
         super().__init__(pulses_per_aperture, ApertureStatistics())
         if not 0.0 <= min_pulse_fraction <= 1.0:
             raise ValueError(f'min_pulse_fraction={min_pulse_fraction}; expected 0 to 1')
@@ -151,7 +130,8 @@ class ApertureImager(ApertureSequence):
         self._target_db = target_db
         self._height_m = height_m
         self._keep_pulses, self._warned = keep_pulses, False
-        self._method, self._grows = method, method == EXACT
+        self._method, self._grows, self._backend = method, method == EXACT, backend
+        self._image: Image | None = None  # of the aperture being filled, where it grows
         self._illumination = illumination
         for name in (EXACT, AFBP) if method == AUTO else (method,):
             kind = method_class(name)  # known, and loaded before pulses come
@@ -162,22 +142,24 @@ class ApertureImager(ApertureSequence):
         self._grows = self._method == EXACT
         return plan_image(self.grid, block.radar, block.n_samples, method=self._method,
                           target_db=self._target_db, height_m=self._height_m,
-                          illumination=self._illumination)
+                          illumination=self._illumination, backend=self._backend)
 
-    def _begin(self, number: int) -> _ImagedAperture:
-        example = self._example if self._keep_pulses or not self._grows else None
-        return _ImagedAperture(number, self._length, self._plan, grows=self._grows,
-                               example=example)
+    def _begin(self, number: int) -> Aperture:
+        self._image = self._plan.new_image() if self._grows else None
+        if self._grows and not self._keep_pulses:
+            return Aperture(number, self._length)
+        return AperturePulses(number, self._length, self._example, [])
 
-    def _fill(self, aperture: _ImagedAperture, block: PulseBlock) -> list[ApertureImage]:
-        aperture.add(block)
+    def _fill(self, aperture: Aperture, block: PulseBlock) -> list[ApertureImage]:
+        if self._image is not None:
+            self._plan.accumulate(block, self._image)
+        aperture.keep(block)
         self.statistics.imaged += block.n_pulses
         return []
 
-    def _finish(self, aperture: _ImagedAperture) -> list[ApertureImage]:
+    def _finish(self, aperture: Aperture) -> list[ApertureImage]:
         """An image, or a report why there is none."""
-        counters = aperture.first + np.flatnonzero(aperture.seen)
-        missing = aperture.first + np.flatnonzero(~aperture.seen)
+        counters, missing = aperture.known, aperture.missing
         if len(counters) < max(1, self.min_pulse_fraction * len(aperture.seen)):
             self.statistics.apertures_dropped += 1
             self._report('aperture', f'aperture {aperture.number} dropped: '
@@ -185,7 +167,7 @@ class ApertureImager(ApertureSequence):
                          f'min_pulse_fraction={self.min_pulse_fraction:g}; '
                          f'missing {describe_counters(missing.tolist())}')
             return []
-        image = aperture.image()
+        image, self._image = self._image or self._plan(aperture.block()), None
         report = image.report
         self._grows = report.method == EXACT
         if report.warnings and not self._warned:
@@ -196,4 +178,4 @@ class ApertureImager(ApertureSequence):
         return [ApertureImage(image.samples, self.grid, aperture.centre_ns(), aperture.number,
                               counters.astype(np.uint32), missing,
                               np.nan if error_db is None else float(error_db),
-                              aperture.pulses if self._keep_pulses else None, report.method)]
+                              aperture.block() if self._keep_pulses else None, report.method)]

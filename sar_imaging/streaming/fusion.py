@@ -27,23 +27,15 @@ class FusedImage:
 
     Parameters
     ----------
-    image : (n_y, n_x) complex64
-        ``f(x) = sum_m sum_n s_mn(tau(x)) exp(+j 2 pi f_c tau(x))``; row 0 is the largest y.
-    grid : MapGrid
-        Where the pixels are.
+    image, grid, aperture, predicted_error_db :
+        As of `ApertureImage`.
     stamp_ns : int
         Time of the middle of the aperture, or of its part so far, nanoseconds since the epoch of
         the pulses' clock.
-    aperture : int
-        Number of the aperture, ``counter // pulses_per_aperture``.
-    n_pulses, n_missing : int
-        Pulses in the image, and pulses that it lacks.
-    n_subapertures : int
-        Sub-apertures in the image.
+    n_pulses, n_missing, n_subapertures : int
+        Pulses in the image, pulses that it lacks, and sub-apertures in it.
     final : bool
         The aperture is closed; False for an image of what came so far.
-    predicted_error_db : float
-        Expected error against exact correlation, dB.
     focus : object
         What `LiveFusion.focus` has to tell; None where it was not called.
     """
@@ -93,27 +85,21 @@ class _Header:
 class _Fusing:
     """An aperture being fused."""
 
-    def __init__(self, example: SubapertureImage, *, first: bool, every: int):
-        self.kind = _kind(example)
-        self.grid, self.sequence = example.map_grid, example.sequence
-        self.revision = example.revision
-        self.n_subapertures, self.n_window = example.n_subapertures, example.n_window
+    def __init__(self, example: SubapertureImage, *, first: bool, turn: int):
+        self.kind, self.revision = _kind(example), example.revision
+        (fusion, self.grid, self.n_subapertures, self.n_window, self._length) = self.kind
+        self.sliding = self.n_window < self.n_subapertures
         self.begins_stream = first  # there is no aperture before that it overlaps with
-        self.fusion = backend().SpectrumFusion(example.fusion, keep=self.sliding)
+        self.fusion = backend().SpectrumFusion(fusion, keep=self.sliding)
         self.headers: dict[int, _Header] = {}
         self._n_parts = min(self.n_window, self.n_subapertures)  # of one aperture
-        self._length, before = example.pulses_per_aperture, self._n_parts - 1
+        before = self._n_parts - 1
         is_last = before and example.number % self._n_parts == before
         self._cut = (self._length - example.length) // before if is_last else example.length
         self.newest = -1
         self.aperture = example.aperture
         self.imaged = False  # since the latest sub-aperture came
-        # of the images of a sliding aperture; those of the first half are of the one before
-        self.turn = 0 if first else self.n_window // every
-
-    @property
-    def sliding(self) -> bool:
-        return self.n_window < self.n_subapertures
+        self.turn = turn  # of the images of a sliding aperture
 
     def add(self, sub: SubapertureImage) -> None:
         self.fusion.add(sub.number, sub.image, sub.centre_m)
@@ -134,21 +120,21 @@ class _Fusing:
     def counts(self, *, final: bool) -> tuple[int, int]:
         """Pulses in the image and missing ones; in those of a closed aperture all that lack."""
         n_pulses = sum(h.n_pulses for h in self.headers.values())
-        first, last = self._extent(final=final)
-        return n_pulses, max(0, self._start(last + 1) - self._start(first) - n_pulses)
+        start, stop = self._extent(final=final)
+        return n_pulses, max(0, stop - start - n_pulses)
 
     def stamp_ns(self, *, final: bool) -> int:
         """Time of the middle, from the line through the first and last sub-aperture's stamps."""
-        low, high = min(self.headers), max(self.headers)
-        first, last = self.headers[low], self.headers[high]
-        begin, end = (self._start(n) + (h.length - 1) / 2
-                      for n, h in ((low, first), (high, last)))
+        first, last = self._ends()
+        begin, end = (self._start(n) + (self.headers[n].length - 1) / 2 for n in (first, last))
+        begin_ns, end_ns = self.headers[first].stamp_ns, self.headers[last].stamp_ns
         if begin == end:
-            return first.stamp_ns
-        start, stop = self._extent(final=final)
-        middle = (self._start(start) + self._start(stop + 1) - 1) / 2
-        share = (middle - begin) / (end - begin)
-        return first.stamp_ns + round((last.stamp_ns - first.stamp_ns) * share)
+            return begin_ns
+        middle = (sum(self._extent(final=final)) - 1) / 2
+        return begin_ns + round((end_ns - begin_ns) * ((middle - begin) / (end - begin)))
+
+    def _ends(self) -> tuple[int, int]:
+        return min(self.headers), max(self.headers)
 
     def _start(self, number: int) -> int:
         """First pulse of a sub-aperture, from the first one of sub-aperture 0."""
@@ -156,16 +142,17 @@ class _Fusing:
         return aperture * self._length + part * self._cut
 
     def _extent(self, *, final: bool) -> tuple[int, int]:
-        """First and last sub-aperture that an image is of, whether they came or not."""
-        if not final:
-            return min(self.headers), max(self.headers)
-        if not self.sliding:
-            return 0, self.n_subapertures - 1
-        return max(0, self.newest + 1 - self.n_window), max(self.newest, self.n_window - 1)
+        """First pulse of an image and the one after its last, whether they came or not."""
+        first, last = self._ends()
+        if final:
+            first, last = (0, self.n_subapertures - 1) if not self.sliding else (
+                max(0, self.newest + 1 - self.n_window), max(self.newest, self.n_window - 1))
+        return self._start(first), self._start(last + 1)
 
     def image(self, *, final: bool, focus: Focus | None = None) -> FusedImage:
         n_pulses, n_missing = self.counts(final=final)
-        centres = [h.centre_m for h in self.headers.values()]
+        headers = self.headers.values()
+        centres = [h.centre_m for h in headers]
         # The grid of a sliding aperture is as fine as one of its windows needs.
         centre_m = 0.5 * (min(centres) + max(centres)) if self.sliding else 0.0
         polar = (self.fusion.take_polar_image() if final and not self.sliding
@@ -177,12 +164,12 @@ class _Fusing:
         return FusedImage(
             backend().form_map(polar, self.fusion.grid, self.grid, centre_m), self.grid,
             self.stamp_ns(final=final), self.aperture, n_pulses, n_missing, len(self.headers),
-            final, 10 * math.log10(np.average([h.error for h in self.headers.values()], weights=[
-                h.n_pulses for h in self.headers.values()])), told)
+            final, 10 * math.log10(np.average([h.error for h in headers], weights=[
+                h.n_pulses for h in headers])), told)
 
     def _ends_m(self) -> tuple[float, float]:
         """Ends of the aperture along its track, metres from the middle."""
-        first, last = (self.headers[n] for n in (min(self.headers), max(self.headers)))
+        first, last = (self.headers[n] for n in self._ends())
         pulses = last.first_counter - first.first_counter + (last.length - first.length) / 2
         step = (last.centre_m - first.centre_m) / max(pulses, 1.0)
         ends = first.centre_m - step * first.length / 2, last.centre_m + step * last.length / 2
@@ -217,8 +204,6 @@ class LiveFusion(EventSource):
 
     Attributes
     ----------
-    statistics : FusionStatistics
-        What happened so far.
     focus : callable or None
         Called with the fused polar image, at range baseband, of every final image of an aperture
         that does not slide, its `UnifiedPolarGrids`, and the ends of the aperture in metres along
@@ -256,8 +241,7 @@ class LiveFusion(EventSource):
             The map is too large or not within the polar grid, or the sub-aperture contradicts
             others of its aperture; it is not used.
         MemoryError
-            The fused spectrum, and the map with its message, are larger than the memory that is
-            available.
+            The fused spectrum, and the map with its message, exceed the memory that is available.
         """
         if sub.session in self._former:
             return self._drop_late(sub)
@@ -266,10 +250,8 @@ class LiveFusion(EventSource):
         current = self._open.get(sub.sequence)
         if current is not None and sub.revision > current.revision:
             self._check(sub)
-            self._open[sub.sequence] = _Fusing(sub, first=current.begins_stream,
-                                               every=self.images_every or 1)
             # Windows that were imaged are not imaged again.
-            self._open[sub.sequence].turn = current.turn
+            self._open[sub.sequence] = _Fusing(sub, first=current.begins_stream, turn=current.turn)
             self.statistics.revisions += 1
             self._report('plan', f'aperture {sub.aperture} is fused anew: its track had been '
                          'foreseen too poorly')
@@ -297,7 +279,7 @@ class LiveFusion(EventSource):
 
     def flush(self) -> list[FusedImage]:
         """Close what is being fused; nothing more is expected for now."""
-        return [image for sequence in list(self._open) for image in self._close(sequence)]
+        return self._close_all()
 
     def reset(self) -> int:
         """Forget what is being fused and its sender; returns the sub-apertures so dropped."""
@@ -320,9 +302,10 @@ class LiveFusion(EventSource):
         self._check(sub)
         before = (sub.sequence - 1) % 2**32
         overlaps = sub.n_window < sub.n_subapertures and before in self._open
-        images = [image for sequence in list(self._open)
-                  if not (overlaps and sequence == before) for image in self._close(sequence)]
-        self._open[sub.sequence] = _Fusing(sub, first=not overlaps, every=self.images_every or 1)
+        images = self._close_all(keeping=before if overlaps else None)
+        # Images of the first half of a sliding aperture are of the one before.
+        turn = sub.n_window // (self.images_every or 1) if overlaps else 0
+        self._open[sub.sequence] = _Fusing(sub, first=not overlaps, turn=turn)
         self._session, self._newest = sub.session, sub.sequence
         return images
 
@@ -367,6 +350,10 @@ class LiveFusion(EventSource):
             return []
         fusing.turn = turn
         return self._final(fusing)
+
+    def _close_all(self, keeping: int | None = None) -> list[FusedImage]:
+        return [image for sequence in list(self._open) if sequence != keeping
+                for image in self._close(sequence)]
 
     def _close(self, sequence: int) -> list[FusedImage]:
         fusing = self._open.pop(sequence)

@@ -13,17 +13,9 @@ from ..geometry.grids import MapGrid
 def patch_beside(grid: MapGrid, middle_m, flight, ahead_left_m: tuple[float, float]) -> MapGrid:
     """Map patch beside an aperture, on the pixels that a grid continues to.
 
-    Parameters
-    ----------
-    grid : MapGrid
-        Size, spacing, height and lattice of the patch.
-    middle_m : (2,) float64
-        Middle of the aperture, horizontally, metres.
-    flight : (2,) float64
-        Unit vector along the flight.
-    ahead_left_m : (float, float)
-        From the middle of the aperture to that of the patch: ahead along the flight, and to the
-        left of it, metres.
+    The patch has its size, spacing, height and lattice. Its middle lies `ahead_left_m` of the
+    middle of the aperture, (2,) float64, metres: ahead along the flight, a unit vector (2,), and
+    to the left of it.
     """
     ahead, left = ahead_left_m
     wanted = middle_m + ahead * flight + left * np.array([-flight[1], flight[0]])
@@ -58,14 +50,7 @@ class StripMosaic:
         self._patches: list[_Patch] = []
 
     def add(self, image: np.ndarray, grid: MapGrid) -> None:
-        """Add the newest patch.
-
-        Parameters
-        ----------
-        image : (n_y, n_x) complex64
-            Kept, not copied.
-        grid : MapGrid
-            Where its pixels are.
+        """Add the newest patch, (n_y, n_x) complex64, which is kept and not copied.
 
         Raises
         ------
@@ -86,14 +71,7 @@ class StripMosaic:
         self._patches.clear()
 
     def form(self) -> tuple[np.ndarray, MapGrid]:
-        """The strip so far.
-
-        Returns
-        -------
-        image : (n_y, n_x) complex64
-            0 where no patch reaches.
-        grid : MapGrid
-            Rectangle around the patches.
+        """The strip so far, complex64 and 0 where no patch reaches, and the grid around it.
 
         Raises
         ------

@@ -29,12 +29,10 @@ class RevisableImage:
 
     Parameters
     ----------
-    grid : MapGrid or PolarGrid
-        Where the pixels are.
+    grid, target_db :
+        As for `plan_image`; a map or a polar grid.
     block : PulseBlock
         Range profiles of the aperture with phase centres; its samples are kept, not copied.
-    target_db : float
-        Wanted error against time-domain correlation, dB.
     pulses_per_subaperture : int, optional
         Length of the sub-apertures; the quickest if left out. A correction of few pulses costs
         whole sub-apertures.
@@ -54,9 +52,9 @@ class RevisableImage:
 
     def __init__(self, grid: MapGrid | PolarGrid, block: PulseBlock, *, target_db: float = -50.0,
                  pulses_per_subaperture: int | None = None):
-        self._grid, self._target_db = grid, target_db
-        self._length = pulses_per_subaperture
-        self.block, self.plans_made = block, 0
+        self._asked = {'method': AFBP, 'target_db': target_db,
+                       'pulses_per_subaperture': pulses_per_subaperture}
+        self._grid, self.block, self.plans_made = grid, block, 0
         self._image_anew()
 
     @property
@@ -77,18 +75,12 @@ class RevisableImage:
                      np.sort(self.block.counter.astype(np.int64)))
 
     def revise(self, tx_m, rx_m) -> tuple[int, ...]:
-        """Correct the phase centres.
-
-        Parameters
-        ----------
-        tx_m, rx_m : (P, C, 3) array_like
-            Of all pulses of the aperture, metres.
+        """Correct the phase centres of all pulses of the aperture, (P, C, 3), metres.
 
         Returns
         -------
         tuple of int
-            Sub-apertures that were backprojected; all of them when the aperture had to be planned
-            anew.
+            Sub-apertures that were backprojected: all of them when the aperture was planned anew.
 
         Raises
         ------
@@ -114,20 +106,16 @@ class RevisableImage:
             self._add(number, centre_m)
         return tuple(touched)
 
-    @property
-    def _cuts(self) -> tuple[slice, ...]:
-        return self.plan.subapertures.sampling.pulses
-
     def _image_anew(self) -> None:
         block = self.block
         self._imager = plan_image(self._grid, block.radar, block.n_samples, block.tx_m,
-                                  block.rx_m, method=AFBP, target_db=self._target_db,
-                                  pulses_per_subaperture=self._length)
+                                  block.rx_m, **self._asked)
         self.plans_made += 1
         plan = self.plan.subapertures
         self._within = dataclasses.replace(plan, limits=_widened(plan.limits, block.radar))
         self._stage = backend().SubapertureImager(plan)
         self._fusion = backend().SpectrumFusion(plan.fusion_grid, keep=True)
+        self._cuts = plan.sampling.pulses
         for number, centre_m in enumerate(plan.sampling.centre):
             self._add(number, float(centre_m))
 

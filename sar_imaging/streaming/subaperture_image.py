@@ -51,14 +51,12 @@ class SubapertureImage:
         its sub-apertures are then sent again, on another grid, and replace the former ones.
     aperture : int
         Number of the aperture by its pulses, ``counter // pulses_per_aperture``.
-    number, n_subapertures : int
-        Place of this sub-aperture in the aperture, from 0, and how many make the aperture.
-    n_window : int
-        How many make an image: all of them, or fewer, the latest, of a sliding aperture.
-    first_counter : int
-        Counter of the sub-aperture's first pulse, whether it came or not.
-    n_pulses, n_missing : int
-        Pulses in the image and pulses that it lacks; together the sub-aperture's length.
+    number, n_subapertures, n_window : int
+        Place of this sub-aperture in the aperture, from 0; how many make the aperture, and how
+        many an image: all of them, or fewer, the latest, of a sliding aperture.
+    first_counter, n_pulses, n_missing : int
+        Counter of the sub-aperture's first pulse, whether it came or not; pulses in the image and
+        pulses that it lacks, together the sub-aperture's length.
     pulses_per_aperture : int
         Length of an aperture; its sub-apertures are equally long, but for a shorter last one.
     stamp_ns : int

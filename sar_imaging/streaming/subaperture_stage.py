@@ -11,25 +11,14 @@ from ..signal.pulses import PulseBlock
 
 
 class SubapertureStage:
-    """Backprojects sub-apertures by the plan of their aperture.
-
-    Parameters
-    ----------
-    plan : LivePlan
-        Of the aperture.
-    """
+    """Backprojects sub-apertures by the `LivePlan` of their aperture."""
 
     def __init__(self, plan: LivePlan):
         self.plan = plan
         self._imager = backend().SubapertureImager(plan.subapertures)
 
     def image(self, block: PulseBlock) -> tuple[np.ndarray, float]:
-        """Backproject a sub-aperture.
-
-        Parameters
-        ----------
-        block : PulseBlock
-            Its range profiles with phase centres.
+        """Backproject the range profiles of a sub-aperture.
 
         Returns
         -------

@@ -13,9 +13,8 @@ from ..geometry.track_frame import mean_centres, unit_vector
 from ..geometry.track_prediction import predict_track
 from ..planning.afbp.live import extension, plan_live
 from ..signal.pulses import PulseBlock
+from ..signal.pulses.apertures import AperturePulses, ApertureSequence, ApertureStatistics
 from ..signal.pulses.sequence import COUNTER_MASK
-from .aperture_pulses import AperturePulses
-from .aperture_sequence import ApertureSequence, ApertureStatistics
 from .mosaic import patch_beside
 from .subaperture_image import SubapertureImage
 from .subaperture_stage import SubapertureStage
@@ -69,10 +68,8 @@ class LiveSubapertures(ApertureSequence):
     ----------
     grid : MapGrid
         Map that images are wanted on.
-    pulses_per_aperture : int
-        Length of an aperture, pulses.
-    pulses_per_subaperture : int
-        Length of a sub-aperture, pulses; 0 for the quickest.
+    pulses_per_aperture, pulses_per_subaperture : int
+        Lengths, pulses; 0 for the sub-apertures that are quickest.
     target_db : float
         Wanted error of an image against time-domain correlation, dB.
     sliding : bool
@@ -83,11 +80,6 @@ class LiveSubapertures(ApertureSequence):
         the middle of the aperture, metres, on the pixels that `grid` continues to. Ahead is the
         direction of the aperture that began the leg; another leg begins where an aperture's
         differs by 15 degrees.
-
-    Attributes
-    ----------
-    statistics : LiveStatistics
-        What happened so far.
 
     Raises
     ------
@@ -230,20 +222,18 @@ class LiveSubapertures(ApertureSequence):
                 return []
             if not self._targets[-1].refused:
                 self._make_plan(self._targets[-1])  # chooses the cut, unless it refuses
-        results, number = [], 0
-        while self._cut and (part := aperture.part(number, self._cut)) is not None:
-            number += 1
-            if part.start < aperture.next:
-                continue
-            if not (closing or newest >= part.stop or aperture.seen[part].all()):
+        results = []
+        while self._cut:  # the plan of an image may cut the aperture anew
+            number = -(-aperture.next // self._cut)
+            part = aperture.part(number, self._cut)
+            complete = closing or newest >= part.stop or aperture.seen[part].all()
+            if part.start >= part.stop or not complete:
                 break
             aperture.next = part.stop
             if aperture.seen[part].any():
-                results += self._image(self._targets[0], aperture, number - 1)
-                self._waiting += [(target, target.revision, aperture, number - 1)
+                results += self._image(self._targets[0], aperture, number)
+                self._waiting += [(target, target.revision, aperture, number)
                                   for target in self._targets[1:]]
-            # Another plan may have cut the aperture anew.
-            number = min(number, aperture.next // self._cut)
         self.statistics.images += len(results)
         return results
 
@@ -254,12 +244,10 @@ class LiveSubapertures(ApertureSequence):
             self._make_plan(target)
         if target.refused or target.waits:
             return []
-        block = aperture.block(aperture.part(number, self._cut))
-        band = target.stage.plan.check(block.tx_m, block.rx_m)
-        if band is None:
+        images = self._form(target, [(aperture, aperture.part(number, self._cut))])
+        if images is None:
             images = self._fly_again(target)
-            return self._image_again(target) if images is None else images
-        return [self._form(target, aperture, number, block, band)]
+        return self._image_again(target) if images is None else images
 
     def _fly_again(self, target: _Target) -> list[SubapertureImage] | None:
         """Images with the plan of the aperture before; None where this is not its leg."""
@@ -270,7 +258,7 @@ class LiveSubapertures(ApertureSequence):
                     target.apertures, former.apertures, strict=False))):
             return None
         target.stage, target.revision = former.stage, 1
-        if (images := self._form_all(target)) is None:
+        if (images := self._form(target, self._closed_parts(target))) is None:
             target.stage, target.revision = foreseen, 0
             return None
         self._again = True
@@ -287,7 +275,7 @@ class LiveSubapertures(ApertureSequence):
             self._make_plan(target, slack)
             if target.refused or target.waits:
                 return []
-            if (images := self._form_all(target)) is not None:
+            if (images := self._form(target, self._closed_parts(target))) is not None:
                 return images
         self._wait(target)
         return []
@@ -297,35 +285,35 @@ class LiveSubapertures(ApertureSequence):
         self._report('plan', f'the track of aperture {target.first} cannot be foreseen well '
                      f'enough for target_db={self._target_db:g}; its end is awaited')
 
-    def _form_all(self, target: _Target) -> list[SubapertureImage] | None:
-        """Images of all closed sub-apertures; None where one does not suit the plan."""
-        found = []
-        for aperture in target.apertures:
-            number = 0
-            while ((part := aperture.part(number, self._cut)) is not None
-                   and part.stop <= aperture.next):
-                if aperture.seen[part].any():
-                    block = aperture.block(part)
-                    band = target.stage.plan.check(block.tx_m, block.rx_m)
-                    if band is None:
-                        return None
-                    found.append((target, aperture, number, block, band))
-                number += 1
-        return [self._form(*some) for some in found]
+    def _closed_parts(self, target: _Target) -> list[tuple[AperturePulses, slice]]:
+        """Sub-apertures that are not to grow any more."""
+        parts = ((aperture, aperture.part(number, self._cut)) for aperture in target.apertures
+                 for number in range(-(-aperture.next // self._cut)))
+        return [(aperture, part) for aperture, part in parts if aperture.seen[part].any()]
 
-    def _form(self, target: _Target, aperture: AperturePulses, number: int, block: PulseBlock,
-              band: tuple[float, float]) -> SubapertureImage:
-        part = aperture.part(number, self._cut)
+    def _form(self, target: _Target, parts) -> list[SubapertureImage] | None:
+        """Images of sub-apertures; None where one does not suit the plan."""
+        found = []
+        for aperture, part in parts:
+            block = aperture.block(part)
+            band = target.stage.plan.check(block.tx_m, block.rx_m)
+            if band is None:
+                return None
+            found.append((aperture, part, block, *band))
+        return [self._formed(target, *some) for some in found]
+
+    def _formed(self, target: _Target, aperture: AperturePulses, part: slice, block: PulseBlock,
+                centre_m: float, error_db: float) -> SubapertureImage:
         # Apertures are equally long but for the last before the counter wraps around.
         counts = [self._count_parts(target.first + i) for i in range(target.n_apertures)]
         before = sum(counts[:aperture.number - target.first])
         plan, (image, uneven_db) = target.stage.plan, target.stage.image(block)
         return SubapertureImage(
-            image, plan.subapertures.fusion_grid, band[0], plan.grid,
-            block.radar.bandwidth_hz, self._session, target.sequence, target.revision,
-            aperture.number, before + number, sum(counts), counts[0], aperture.first + part.start,
-            block.n_pulses, part.stop - part.start - block.n_pulses,
-            len(target.apertures[0].seen), aperture.centre_ns(part), band[1] + uneven_db)
+            image, plan.subapertures.fusion_grid, centre_m, plan.grid, block.radar.bandwidth_hz,
+            self._session, target.sequence, target.revision, aperture.number,
+            before + part.start // self._cut, sum(counts), counts[0],
+            aperture.first + part.start, block.n_pulses, part.stop - part.start - block.n_pulses,
+            len(target.apertures[0].seen), aperture.centre_ns(part), error_db + uneven_db)
 
     def _count_parts(self, number: int) -> int:
         """Sub-apertures of an aperture."""

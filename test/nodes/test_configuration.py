@@ -84,6 +84,7 @@ def test_the_page_of_a_node_describes_every_parameter(pytestconfig, name):
                         'range_filter': 'equalised, matched', 'clutter': 'k, exponential',
                         'overload': 'drop_apertures, drop_blocks',
                         'mode': 'image, subapertures, volume', 'method': 'auto, exact, afbp',
+                        'backend': 'auto, cpu, cuda',
                         'quicklook.anchor': 'clutter, peak',
                         'antenna.pointing': 'block, platform, track, point, rotation',
                         'antenna.side': 'left, right',

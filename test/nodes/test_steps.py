@@ -15,12 +15,15 @@ from msg_conversions.images import (
     occupancy_from_message,
     quicklook_from_message,
 )
+from sar_imaging import backends
+from sar_imaging.backends import DeviceError
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.nodes.afbp_fusion import FusionStep
 from sar_imaging.nodes.backprojection_parameters import IMAGE, SUBAPERTURES
 from sar_imaging.nodes.backprojection_steps import BackprojectionStep
 from sar_imaging.nodes.pulse_buffer import PulseBufferStep
 from sar_imaging.nodes.range_compression import RangeCompressionStep
+from sar_imaging.nodes.runtime.parameters import ConfigurationError
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.streaming.subapertures import LiveSubapertures
 
@@ -167,6 +170,16 @@ def test_what_cannot_be_imaged_is_said_once_and_refused_every_time(grid, profile
     assert len([line for line in log.lines if line.startswith('derived quantities')]) == 1
     assert len(step.process(profiles)) == 2  # of another radar all is judged anew
     assert len([line for line in log.lines if line.startswith('derived quantities')]) == 2
+
+
+def test_a_device_that_is_not_there_is_told_at_the_start(grid, monkeypatch):
+    def fail():
+        raise DeviceError('the CUDA driver finds no device')
+
+    monkeypatch.setattr(backends, 'require_device', fail)
+    with pytest.raises(ConfigurationError,
+                       match=r'^parameter backend: the CUDA driver finds no device$'):
+        backprojection(grid, backend='cuda')
 
 
 STRIP = 'the image follows the antenna'

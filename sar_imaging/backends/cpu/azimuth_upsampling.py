@@ -36,15 +36,10 @@ class AzimuthUpsampling:
         self._parts = parts
 
     def add_all(self, form, total) -> None:
-        """Add the images of all parts to the sum.
+        """Add the images of all parts to the sum, (2, n_alpha, n_range) float32, in place.
 
-        Parameters
-        ----------
-        form : callable
-            ``form(number, image)`` adds a part to its image (2, n_alpha_coarse, n) float32, real
-            and imaginary parts; its lines end in padding, n is n_range or a little more.
-        total : (2, n_alpha, n_range) float32
-            Sum; changed in place.
+        ``form(number, image)`` adds a part to its image (2, n_alpha_coarse, n) float32, real and
+        imaginary parts; its lines end in padding, n is n_range or a little more.
         """
         coarse, fine = self._parts.coarse, self._parts.fine
         width = -(-coarse.n_range // _ALIGNED) * _ALIGNED

@@ -19,10 +19,8 @@ def farrow_coefficients(samples, weights, first, pad, out):
     samples : (2, R, U, n - 2 * pad + 2 * TAPS) float32
         Real and imaginary part of R profiles; sample ``U * (cell - pad) + phase`` stands at
         ``[phase, cell - pad + TAPS]``. Contiguous.
-    weights : (degree + 1, TAPS) float32
-        Weights of `Interpolator`.
-    first : int
-        Offset of the first neighbour.
+    weights, first : (degree + 1, TAPS) float32, int
+        Of `Interpolator`.
     pad : int
         Cells at both ends that are zero.
     out : (R, U, 2 * (degree + 1), n) float32

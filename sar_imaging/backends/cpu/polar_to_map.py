@@ -59,13 +59,9 @@ def polar_to_map(lines, polar: PolarGrid, grid: MapGrid, *, axis: int, wavelengt
     ----------
     lines : (2, n_alpha, n_range) float32
         Real and imaginary part. Lines are contiguous and equally far apart in both.
-    polar : PolarGrid
-        Its grid; it must reach `margin` pixels beyond the map on all sides and have `LANES` ranges
-        or more.
-    grid : MapGrid
-        Where the pixels of the map are.
-    axis, wavelength_m, between, along :
-        As for `backends.reference.polar_to_map`; interpolators are of degree `DEGREE`.
+    polar, grid, axis, wavelength_m, between, along :
+        As for `backends.reference.polar_to_map`: the polar grid must reach `margin` pixels beyond
+        the map on all sides and have `LANES` ranges or more; interpolators are of degree `DEGREE`.
     onto : (n_y, n_x) complex64, optional
         Map to add to, contiguous in C order.
     overwrite : bool
@@ -94,23 +90,15 @@ def polar_to_map(lines, polar: PolarGrid, grid: MapGrid, *, axis: int, wavelengt
 
 def overwriting_rounds(polar: PolarGrid, grid: MapGrid, *, axis: int, between: Interpolator,
                        along: Interpolator) -> list[int] | None:
-    """Rounds in which a map can be written over the polar image that it is interpolated from.
+    """First rows of the rounds in which a map can be written over its polar image, and their end.
 
     Row q of the map takes the memory of lines ``q n_x / n_range`` to ``(q + 1) n_x / n_range``.
     Rows from q on read no line before ``L(q) = min_{p >= q} first(p)``. So a round that begins
     with row q may reach up to row ``L(q) n_range / n_x``, where the next one begins.
 
-    Parameters
-    ----------
-    polar, grid, axis, between, along :
-        As for `polar_to_map`.
-
-    Returns
-    -------
-    list of int or None
-        First row of each round, and the number of rows. None where lines become free too late:
-        they must ascend with the rows of the map, whose pixels must not be much finer, and where
-        rows of the second pass are columns of the map, its first row needs all of them.
+    None where lines become free too late: they must ascend with the rows of the map, whose pixels
+    must not be much finer, and where rows of the second pass are columns of the map, its first
+    row needs all of them. Arguments are those of `polar_to_map`.
     """
     if axis != 0:
         return None

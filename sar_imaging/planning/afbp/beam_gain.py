@@ -97,8 +97,8 @@ def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, gr
 
     Parameters
     ----------
-    between : BeamGain
-        Of the beams.
+    between, groups : BeamGain, sequence of G int
+        Of the beams, and numbers of beams to a group.
     radians, chirp : (V, R, D) float64
         Of R rows of V sub-apertures in D directions: phase from beam to beam, and how it grows.
     uneven : float
@@ -106,8 +106,6 @@ def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, gr
     relative : (float, float)
         Width of a run of bins, whose gains grow alike, and of a vector of bins, over which phases
         of the beams of a group do, relative to the carrier.
-    groups : sequence of G int
-        Numbers of beams to a group.
 
     Returns
     -------

@@ -101,24 +101,12 @@ class BeamSampling:
         return low - OUTSIDE * spacing, spacing, int(_n_beams(high - low, spacing))
 
     def range_gain(self, gain, number, n_cells: int) -> np.ndarray:
-        """By what the bins of a profile's spectrum are multiplied on the way to cells.
+        """(N,) float64 by what bins of a profile's spectrum are multiplied on the way to cells.
 
-        What interpolation along range takes from each frequency is made good. Where cells do not
-        hold all bins, a taper follows: beyond the band lies what the cut ends of profiles leave,
-        which would ring far inside if it ended at once.
-
-        Parameters
-        ----------
-        gain : (N,) float32
-            Of the profiles, by bin.
-        number : (N,) int64
-            Of each bin, counted from the carrier's.
-        n_cells : int
-            Cells of the period.
-
-        Returns
-        -------
-        (N,) float64
+        What interpolation along range takes from each frequency is made good. Where the `n_cells`
+        of a period do not hold all bins, a taper follows: beyond the band lies what the cut ends
+        of profiles leave, which would ring far inside if it ended at once. `gain` is that of the
+        profiles, (N,) float32, `number`, (N,) int64, that of each bin from the carrier's on.
         """
         magnitudes = np.arange(np.abs(number).max() + 1)  # gains are the same on both sides
         gain = gain * self.along.gain(magnitudes / n_cells)[np.abs(number)]
@@ -187,28 +175,21 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
 
     They add as powers. Of the samplings whose error is small enough, the quickest is taken.
 
+    None where no sampling meets the target.
+
     Parameters
     ----------
-    polar : PolarGrid
+    polar, target_db :
         Of the sub-aperture images.
-    radar : RadarParameters
-        Of the profiles.
-    lattice : RangeResampling
-        Of the profiles; its cells are those of the beams.
+    radar, lattice :
+        Of the profiles; cells of the lattice are those of the beams.
     subapertures : sequence of ((R, 3), (R, 3)) float64
         Phase centres of some sub-apertures of the length that is looked at, metres.
-    target_db : float
-        Wanted error of the sub-aperture images, dB.
     reach_m : float
         Difference of the largest and the smallest half path, metres.
     padding_m : float
         Zeros between the ends of a padded profile, metres of half path: what the rows' delays
         move beyond one end must not come in at the other. Periodic profiles have no ends.
-
-    Returns
-    -------
-    BeamSampling or None
-        None where no sampling meets the target.
     """
     over_range = radar.range_resolution_m / lattice.cell_m
     if over_range < _LEAST_OVERSAMPLING:

@@ -84,7 +84,7 @@ def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m,
     Parameters
     ----------
     grid, radar, n_samples, tx_m, rx_m, target_db, pulses_per_subaperture :
-        As for `plan_afbp`; blocks hold range profiles.
+        As for `plan_afbp`.
     slack : float
         Times the usual margin for deviations from the track; 0 for a track that is known.
     n_window : int

@@ -26,10 +26,8 @@ class FusionSizes:
     n_coarse, n_fine : int
         Directions of a sub-aperture image and of the fused one over the same extent, guards
         included.
-    n_guard : float
-        Coarse directions of each guard.
-    beta : float
-        Shape of the taper over the guards.
+    n_guard, beta : float
+        Coarse directions of each guard, and shape of the taper over it.
     n_coarse_range, n_fine_range : int
         Ranges of a sub-aperture image, and of the fused one over the same extent, guards
         included: those of `polar` lie in the middle.
@@ -137,12 +135,9 @@ class UnifiedPolarGrids(FusionSizes):
 
     @functools.cached_property
     def coarse(self) -> PolarGrid:
-        """Grid of the sub-aperture images; it reaches beyond `polar` by the guards.
+        """Grid of the sub-aperture images: it reaches beyond `polar` by the guards.
 
-        Raises
-        ------
-        ValueError
-            The guards leave the plane.
+        Raises ValueError where these leave the plane.
         """
         polar = self.polar
         try:
@@ -187,13 +182,7 @@ class UnifiedPolarGrids(FusionSizes):
         return 4.0 * math.pi * self.carrier_hz / self.propagation_speed_m_per_s
 
     def check_contribution(self, image, centre_m: float) -> None:
-        """Refuse what is no image of a sub-aperture on `coarse`, or its centre is not finite.
-
-        Raises
-        ------
-        ValueError
-            The image has another shape, or the centre is not finite.
-        """
+        """Raise ValueError for what is no image on `coarse`, or a centre that is not finite."""
         shape = self.n_coarse, self.n_coarse_range
         expected = shape if np.iscomplexobj(image) else (2, *shape)
         if image.shape != expected:
@@ -202,13 +191,7 @@ class UnifiedPolarGrids(FusionSizes):
             raise ValueError(f'centre_m={centre_m}; expected a finite number of metres')
 
     def check_for_map(self) -> None:
-        """Refuse to interpolate an image to a map that is sampled too coarsely.
-
-        Raises
-        ------
-        ValueError
-            The grid is not for a map.
-        """
+        """Raise ValueError where images are too coarse to be interpolated to a map."""
         if self.between is None:
             raise ValueError('the fused image is not sampled finely enough to be interpolated to '
                              'a map; plan it for a MapGrid')

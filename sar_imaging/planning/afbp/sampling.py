@@ -124,29 +124,20 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
     ``2 pi / (K_max (x_hi - x_lo))``. They lie some times closer, and some of them on either side
     are guards, over which a taper makes the image periodic. The error is that of the taper's
     spectrum beyond the band (`aliasing_error`), at the frequencies of the rows. Cuts,
-    oversamplings and guards are tried from the quickest on.
+    oversamplings and guards are tried from the quickest on. None where the target cannot be met.
 
     Parameters
     ----------
-    polar, tx_m, rx_m :
-        As for `plan_subapertures`.
-    bands : LocalSpectrum
-        Of `polar`.
+    polar, tx_m, rx_m, target_db :
+        As for `plan_subapertures`; the error is that of the fusion alone.
+    bands, coverage : LocalSpectrum, PixelDensity
+        Of `polar`, and what of it must be right.
     lengths : sequence of int
         Pulses of a sub-aperture to try.
     first_stage : SubapertureCost
         Tells the time of all sub-aperture images.
-    target_db : float
-        Wanted error of the fusion, dB.
-    coverage : PixelDensity
-        What of `polar` must be right.
     ratio : (int, int)
         Ranges of a sub-aperture image to those of the fused one.
-
-    Returns
-    -------
-    Sampling or None
-        None where the target cannot be met.
     """
     n_pulses, n_channels = tx_m.shape[:2]
     pieces = pieces_between_gaps(mean_centres(tx_m, rx_m))
@@ -259,18 +250,9 @@ def _rows_for_error(s: Sampling, bands: LocalSpectrum, n_channels: int) -> tuple
 def fusion_error(sampling: Sampling, bands: LocalSpectrum, rows, weight, centre_m) -> float:
     """Mean squared error of fusing some rows, relative to their power.
 
-    It is 2 or more, as if nothing fitted, where a frequency lies beyond the coarse grid's.
-
-    Parameters
-    ----------
-    sampling : Sampling
-        Coarse sampling and taper.
-    bands : LocalSpectrum
-        Local frequencies.
-    rows : (R,) int array or slice
-        Rows of `bands` to look at.
-    weight, centre_m : (R,) or () array_like
-        Share of each, and middle of the slopes of the sub-aperture that it belongs to, metres.
+    It is 2 or more, as if nothing fitted, where a frequency lies beyond the coarse grid's. Of
+    `bands` it looks at some `rows`, (R,) int64 or a slice; `weight` and `centre_m`, (R,) or (),
+    are the share of each and the middle of the slopes of its sub-aperture, metres.
     """
     s, coverage = sampling.sizes, sampling.coverage
     guard = s.n_guard / (s.n_coarse - 2 * s.n_guard)

@@ -69,14 +69,9 @@ class Limits:
         return cls(bands.range_m, bands.by_range, steepest, bands.half_range)
 
     def contain(self, other: Limits, slope_slack: float = 0.0) -> bool:
-        """True when what was planned for these limits holds for the other ones, too.
+        """True when what was planned for these limits holds for those of other phase centres.
 
-        Parameters
-        ----------
-        other : Limits
-            Those of other phase centres.
-        slope_slack : float
-            By how much the half paths' slopes by range may exceed those planned for.
+        Slopes of the half paths by range may exceed those planned for by `slope_slack`.
         """
         def within(a, b, least=0.0):
             # The extremes of samples miss the true ones by less than this.
@@ -179,13 +174,7 @@ class SubaperturePlan(Plan):
         return self.fusion_grid.operations(self.n_subapertures)
 
     def check_block(self, number: int, block: PulseBlock) -> None:
-        """Refuse what cannot be imaged by this plan.
-
-        Raises
-        ------
-        ValueError
-            The block does not match the plan, or there is no such sub-aperture.
-        """
+        """Raise ValueError where the block does not match, or there is no such sub-aperture."""
         check_profiles(block, self.given, self.n_samples, compressed=not self.source.periodic)
         if not 0 <= number < self.n_subapertures:
             raise ValueError(f'number={number}; the plan has sub-apertures 0 to '
@@ -194,17 +183,12 @@ class SubaperturePlan(Plan):
     def check(self, tx_m, rx_m) -> tuple[float, float, bool]:
         """Band of a sub-aperture from its phase centres, and how well it suits the plan.
 
-        Parameters
-        ----------
-        tx_m, rx_m : (P, C, 3) float64
-            Phase centres, metres; they need not be those that were planned for.
+        They need not be those that were planned for.
 
         Returns
         -------
-        centre_m : float
-            Middle of the band, metres, as `SpectrumFusion.add` wants it.
-        error_db : float
-            Predicted error against time-domain correlation, dB.
+        centre_m, error_db : float
+            Middle of the band, metres, as `SpectrumFusion.add` wants it, and predicted error.
         within : bool
             The phase centres lie within what was planned for.
 

@@ -20,10 +20,8 @@ class PhaseHistory:
 
     Parameters
     ----------
-    radar : RadarParameters
-        Of the pulses, stepped frequency.
-    n_samples : int
-        Frequencies K of a pulse.
+    radar, n_samples : RadarParameters, int
+        Of the pulses, stepped frequency, and their frequencies K.
     weighting : str
         Spectral weighting over the band, see `sar_imaging.signal.windows`.
 
@@ -34,10 +32,9 @@ class PhaseHistory:
         two where their number is even), so that it has a bin of its own.
     n_samples, zero : int
         Number of frequencies, and which of them is the carrier.
-    range_start_m : float
-        Where the period around the reference delay starts, metres of half path.
-    phase_range_m : float
-        Half path at which the carrier phase of the profiles is zero: the reference.
+    range_start_m, phase_range_m : float
+        Half path where the period around the reference delay starts, and at which the carrier
+        phase of the profiles is zero, the reference; metres.
     period_m : float
         Unambiguous range, metres.
 

@@ -26,13 +26,7 @@ def covered_ranges(radar: RadarParameters, n_samples: int) -> tuple[float, float
 
 
 def check_reach(range_m: tuple[float, float], radar: RadarParameters, n_samples: int) -> None:
-    """Check that some profile reaches a grid whose half paths are `range_m`.
-
-    Raises
-    ------
-    ValueError
-        None does.
-    """
+    """Raise ValueError where no profile reaches a grid whose half paths are `range_m`."""
     start, stop = covered_ranges(radar, n_samples)
     if range_m[1] < start or range_m[0] > stop:
         raise ValueError(

@@ -83,14 +83,8 @@ class RangeGate:
                           oversampling: float = math.inf) -> float:
         """Mean of `end_error` over an image, dB.
 
-        Parameters
-        ----------
-        range_m : (R, n ** n_axes) float64
-            Half paths from some rows to a square or cube of positions, edge to edge, metres.
-        n_axes : int
-            2 of a square, 3 of a cube.
-        oversampling : float
-            As for `end_error`.
+        Half paths are those from some rows to a square or cube of positions, edge to edge:
+        (R, n ** n_axes) float64, metres.
         """
         error = np.mean(self.end_error(range_m, oversampling), axis=0)
         side = np.ones(round(len(error) ** (1 / n_axes)))

@@ -90,31 +90,22 @@ class RangeResampling:
 def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParameters,
                     n_samples: int, target_db: float, *, fit_spacing: bool = False,
                     periodic: bool = False) -> RangeResampling | None:
-    """Choose lattice, segment and interpolator for an error target.
+    """Choose lattice, segment and interpolator for an error target of reading a profile, dB.
+
+    None where range does not follow the lines closely enough.
 
     Parameters
     ----------
+    radar, n_samples, target_db :
+        Of the profiles, see `sar_imaging.planning`.
     paths : Paths
         Sampled over the image; derivatives by the same unit as `spacing`.
-    spacing : float
-        Pixel spacing along a line.
-    n_line : int
-        Pixels of a line.
-    radar : RadarParameters
-        Of the profiles.
-    n_samples : int
-        Samples of each profile.
-    target_db : float
-        Wanted error of reading a profile, dB.
+    spacing, n_line : float, int
+        Pixel spacing along a line, and pixels of a line.
     fit_spacing : bool
         The image may take the pixel spacing that fits the lattice, near `spacing`.
     periodic : bool
         The samples are a period, which no zeros may extend.
-
-    Returns
-    -------
-    RangeResampling or None
-        None where range does not follow the lines closely enough.
     """
     slope = paths.derivatives[0]
     if slope.min() <= 0:
@@ -133,9 +124,8 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
                                             spacing, None, math.inf),
                             slope, errors, radar, target_db)
                     for segment in _SEGMENTS if segment <= longest)
-        found = [lattice for lattice in lattices if lattice is not None]
-        if found:  # more phases only cost memory
-            return min(found, key=lambda lattice: lattice.cost)
+        if found := [lattice for lattice in lattices if lattice is not None]:
+            return min(found, key=lambda lattice: lattice.cost)  # more phases only cost memory
     return None
 
 
@@ -198,6 +188,10 @@ def _from_shared(paths: Paths) -> list[np.ndarray]:
     return [d[rows] - d[middle] for d in paths.derivatives]
 
 
+def _rms(values) -> float:
+    return math.sqrt(np.mean(np.square(values)))
+
+
 def _expansion_errors(paths, radar):
     """Rms errors over a segment of half length 1, and the powers of it that they grow with.
 
@@ -226,10 +220,6 @@ def plan_point_resampling(radar: RadarParameters, n_samples: int, target_db: flo
     interpolator = design_interpolator(radar.range_resolution_m / step, LEAST_MARGIN)
     return RangeResampling(n_padded, n_cells, 1, 0, step, pitch, interpolator,
                            total_db(interpolator.error_db))
-
-
-def _rms(values) -> float:
-    return math.sqrt(np.mean(np.square(values)))
 
 
 def _commensurate(n_samples, spacing_m, pitch, phases, *, finer=False, periodic=False):

@@ -1,4 +1,4 @@
-"""Blocks of multichannel pulses, their counters, and the buffer that orders a stream of them."""
+"""Blocks of multichannel pulses: their counters, order in a stream, and apertures."""
 
 from .block import PulseBlock, check_frame, check_profiles, concatenate
 

@@ -68,20 +68,12 @@ def form_beams(spectra, path_m, bins: SpectrumBins, between: BeamGain, weights, 
 
     Parameters
     ----------
-    spectra : (R, N) complex64
-        S, contiguous.
-    path_m : (M, R) float64
-        L, metres.
-    bins : SpectrumBins
-        a, c, and which bins.
-    between : BeamGain
-        g.
-    weights : (R,) float32 or None
-        w.
-    group : int
-        Beams of a group, see `phasors`: even, or one.
-    paired : bool
-        Echoes on opposite sides share phasors.
+    spectra, path_m : (R, N) complex64, (M, R) float64
+        S, contiguous, and L, metres.
+    bins, between, weights : SpectrumBins, BeamGain, (R,) float32 or None
+        a, c and which bins; g; w.
+    group, paired : int, bool
+        Beams of a group, see `phasors`: even, or one; echoes on opposite sides share phasors.
     beams : (M, at least n_cells) complex64
         Written to; contiguous.
     buffer : callable

@@ -45,8 +45,9 @@ def interpolate_beams(beams, shape, lines, centre, track, range_m, direction, cy
 
     Parameters
     ----------
-    beams : (2 * M * n,) float32
-        Beams at range baseband, cells ascending; real and imaginary parts in turn.
+    beams, image : (2 * M * n,), (2 * n_lines * n_pixels,) float32
+        Beams at range baseband, cells ascending, real and imaginary parts in turn; image, real,
+        then imaginary parts, written to.
     shape : tuple of int
         ``(M, n, n_lines, n_pixels, segment)``: beams, their cells, lines of the image, their
         pixels and those of a segment. `TILE` cells are to spare.
@@ -66,12 +67,8 @@ def interpolate_beams(beams, shape, lines, centre, track, range_m, direction, cy
     index : (summed_cells(segment),) float32
         Pixel numbers of a segment, counted from its middle, and those that follow; segments are
         whole vectors.
-    image : (2 * n_lines * n_pixels,) float32
-        Real, then imaginary parts; written to.
-    work : (T * work_size(segment),) float32
-        Work space of T tasks.
-    jobs : int
-        Address of a `job_counter`.
+    work, jobs : (T * work_size(segment),) float32, int
+        Work space of T tasks, and the address of a `job_counter`.
     """
     n_beams, n_cells, n_lines, n_pixels, segment = shape
     n_mixed = len(index)

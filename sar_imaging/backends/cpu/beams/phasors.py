@@ -32,19 +32,14 @@ class RowPhasors(NamedTuple):
     order : (Q,) or (2 * Q,) int64
         Row of each phasor of a block, then of their conjugates if rows share them, then those of
         the next block; -1 for none.
-    middle : (G * len(order),) float64
-        M: what a row's path is longer for the middle of a group than the reference's, metres, in
-        that order.
-    carrier : (G * len(order),) float64
-        Phase of that at the carrier, cycles.
-    slope : (G * len(order),) float64
-        What a row's path grows from beam to beam, metres.
+    middle, carrier, slope : (G * len(order),) float64
+        In that order: M, what a row's path is longer for the middle of a group than the
+        reference's, metres; its phase at the carrier, cycles; what the path grows from beam to
+        beam, metres.
     beside : (G * Q * H,) float64
         B, metres: groups, blocks, pairs from the outermost inwards, phasors of the block.
-    middle_step : (2 * G * len(order),) float32
-        Phasors of `middle` over a vector of bins, real parts first.
-    beside_step : (2 * G * Q * H,) float32
-        The same of `beside`.
+    middle_step, beside_step : (2 * G * len(order),) and (2 * G * Q * H,) float32
+        Phasors of `middle` and `beside` over a vector of bins, real parts first.
     """
 
     order: np.ndarray
@@ -57,15 +52,7 @@ class RowPhasors(NamedTuple):
 
 
 def row_phasors(path_m, group: int, paired: bool, cycles) -> RowPhasors:
-    """Phasors of rows.
-
-    Parameters
-    ----------
-    path_m, group, paired :
-        As for `form_beams`.
-    cycles : (2,) float64
-        Of `SpectrumBins`.
-    """
+    """Phasors of rows; arguments as of `form_beams`, and `cycles` of `SpectrumBins`."""
     upper, lower, before, after = _pairs_of_beams(len(path_m), group)
     n_groups, half = upper.shape
     rows = _rows_by_phasor(path_m, paired)

@@ -49,13 +49,11 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
 
     Parameters
     ----------
-    data : (n, width) complex64
+    data, n_columns : (n, width) complex64, int
         Contiguous in C order, `width` a multiple of `LANES`, rows in the order of
         `rows_to_transform`; frequencies 0 to n - 1 replace them in theirs. The columns that
         complete a multiple of `LANES` are transformed, too. Memory from `aligned_empty` is
         quickest.
-    n_columns : int
-        How many to transform.
     inverse : bool
         As for `transform_rows`.
     gain : (n,) float64, optional
@@ -121,11 +119,10 @@ def _transform(code, data, n_groups, most, n_sets, set_bytes, n_tasks, jobs, wor
                plan, n_turned, turns_bytes):
     """All sets of rows, at most so many groups of a set at a time."""
     n_panels = (n_groups + most - 1) // most
-    n_jobs = n_sets * n_panels
     table, turns = plan
     for task in numba.prange(n_tasks):
         job = take_job(jobs)
-        while job < n_jobs:
+        while job < n_sets * n_panels:
             number, group = job // n_panels, job % n_panels * most
             corner = data + number * set_bytes + group * GROUP_BYTES
             passes.run(code, corner, work + task * task_bytes, corner,

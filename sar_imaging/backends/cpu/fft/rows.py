@@ -127,14 +127,9 @@ def _transform(data, row_bytes, n_rows, n_tasks, jobs, work, task_bytes, plan):
 def transform_row(row, panel, plan):
     """Transform a row in place, within a compiled function.
 
-    Columns go into the matrix, then its lines, by way of the panel, back into the row.
-
-    Parameters
-    ----------
-    row, panel : int
-        Addresses of its samples, and of work space for `RowPlan.work_samples`.
-    plan : tuple
-        `RowPlan.arguments`; flat, since loops in parallel take no other tuples.
+    Columns go into the matrix, then its lines, by way of the panel, back into the row. `row` and
+    `panel` are the addresses of its samples and of work space for `RowPlan.work_samples`; `plan`
+    is `RowPlan.arguments`, flat, since loops in parallel take no other tuples.
     """
     code, panel_bytes, height, width, line_bytes = plan[:5]
     matrix, columns, lines, turns = panel + panel_bytes, plan[5:7], plan[7:9], plan[9]
@@ -148,10 +143,9 @@ def transform_row(row, panel, plan):
 
 @njit
 def _transform_columns(code, row, panel, matrix, width, plan):
-    n_groups = width // LANES
-    for group in range(0, n_groups, _GROUPS):
+    for group in range(0, width // LANES, _GROUPS):
         shift = group * GROUP_BYTES
-        passes.run(code, row + shift, panel, matrix + shift, min(_GROUPS, n_groups - group),
+        passes.run(code, row + shift, panel, matrix + shift, min(_GROUPS, width // LANES - group),
                    *plan, 0)
     if width % LANES:
         shift = (width - LANES) * SAMPLE_BYTES

@@ -105,20 +105,12 @@ def compiled() -> int:
 
 @njit
 def run(code, source, work, target, n_groups, table, turns, turns_apart):
-    """Transform a few groups that lie side by side; all arguments are int64.
+    """Transform `n_groups` times LANES columns that lie side by side; all arguments are int64.
 
-    Numba would compile all butterflies again for each function that calls another, thus `code`.
-
-    Parameters
-    ----------
-    code, table, turns : int
-        From `compiled`, and `Plan.addresses`; turns those of the set.
-    source, work, target : int
-        Where elements are read, kept between passes, and left.
-    n_groups : int
-        How many times LANES columns.
-    turns_apart : int
-        Turns of the first pass where they differ between columns of one group; else 0.
+    Numba would compile all butterflies again for each function that calls another, thus `code`,
+    from `compiled`. Elements are read at `source`, kept at `work` between passes, and left at
+    `target`. `table` and `turns` are `Plan.addresses`, turns those of the set; `turns_apart` is
+    that of the first pass where turns differ between columns of one group, else 0.
     """
     vectors.call(code, (source, work, target, n_groups, table, turns, turns_apart))
 

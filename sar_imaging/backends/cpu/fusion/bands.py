@@ -38,10 +38,8 @@ def add_transformed(lines, n_bins: int, band: Band, rows, spectrum) -> None:
 
     Parameters
     ----------
-    lines : (n_coarse, width) complex64
-        As `transform_columns` wants them; their first columns are range wavenumbers.
-    n_bins : int
-        How many.
+    lines, n_bins : (n_coarse, width) complex64, int
+        As `transform_columns` wants them; the first `n_bins` columns are range wavenumbers.
     band : Band
         Angular wavenumber n of the spectrum takes n mod n_coarse of the lines.
     rows : (n_fine,) int64

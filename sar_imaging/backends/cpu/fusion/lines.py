@@ -23,10 +23,8 @@ def fold_lines(image, along_alpha, along_range, rows, out) -> None:
     ----------
     image :
         As for `backends.protocol.SpectrumFusion.add`.
-    along_alpha : (n_coarse,) float32
-        Taper of each line.
-    along_range : (n_range,) complex64
-        Taper, and a phase, of each range.
+    along_alpha, along_range : (n_coarse,) float32, (n_range,) complex64
+        Taper of each line, and of each range with a phase.
     rows : (n_coarse,) int64
         Row of `out` in which the spectrum of each line is wanted.
     out : (n_coarse, at least n_range) complex64
@@ -51,14 +49,11 @@ def finish_lines(spectrum, n_bins: int, n_range: int, first: int, scale, turn, o
     ----------
     spectrum : (L, at least n_bins) complex64
         Rows, transformed along direction; contiguous.
-    n_bins, n_range : int
-        Range wavenumbers, from the lowest one, and length of the transform.
-    first : int
-        Range at which the wanted ones begin.
-    scale : (L,) complex64
-        Factor of each line.
-    turn : (N,) complex64
-        Factor of each wanted range.
+    n_bins, n_range, first : int
+        Range wavenumbers, from the lowest one; length of the transform; range at which the wanted
+        ones begin.
+    scale, turn : (L,) and (N,) complex64
+        Factors of each line, and of each wanted range.
     out : (L * 2 * N,) float32
         Real, then imaginary parts of each line; none of the rows lie in it.
     """

@@ -43,20 +43,9 @@ def add_pieces(real, imag, tx, rx, starts, direction, range_start, spacing, wave
                out_im):
     """Backproject profiles onto short pieces of lines, see `TrialImages`.
 
-    Parameters
-    ----------
-    real, imag : (R * N,) float32
-        Profiles of the rows; the first and the last two samples of each are zero.
-    tx, rx : (R, 3) float64
-        Phase centres, metres.
-    starts : (K, 3) float64
-        First pixel of each piece, metres.
-    direction : (3,) float64
-        From pixel to pixel, metres.
-    range_start, spacing, wavelength : float
-        Half path of sample 0 and between samples, and the wavelength, metres.
-    out_re, out_im : (K * `LENGTH`,) float32
-        Changed in place; zeros before.
+    Profiles of the rows, `real` and `imag`, (R * N,) float32, begin with a zero and end with two.
+    Half path of sample 0 and between samples, and the wavelength, are metres. `out_re` and
+    `out_im`, (K * `LENGTH`,) float32, are zero before, and changed in place.
     """
     n_rows, n = len(tx), len(real) // len(tx)
     half, last = LENGTH // 2, np.float32(n - 2)

@@ -1,4 +1,4 @@
-"""Assign pulses to apertures by their counters: what the live imagers have in common."""
+"""Assign pulses to apertures by their counters, and keep them until an aperture is full."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..signal.pulses import PulseBlock
-from ..signal.pulses.sequence import (
+from ...geometry.illumination import Pointing
+from .block import PulseBlock
+from .sequence import (
     COUNTER_MASK,
     EventSource,
     RestartDetector,
@@ -16,6 +17,8 @@ from ..signal.pulses.sequence import (
     describe_counters,
     describe_range,
 )
+
+_SAME_PLACE = 0.1  # of an aperture, within which a leg begins where another did
 
 
 @dataclasses.dataclass
@@ -53,6 +56,16 @@ class Aperture:
         """True when the last pulse came."""
         return bool(self.seen[-1])
 
+    @property
+    def known(self) -> np.ndarray:
+        """(K,) int64 counters of the pulses that came, ascending."""
+        return self.first + np.flatnonzero(self.seen)
+
+    @property
+    def missing(self) -> np.ndarray:
+        """(M,) int64 counters of the others, ascending."""
+        return self.first + np.flatnonzero(~self.seen)
+
     def position(self, block: PulseBlock) -> np.ndarray:
         """(P,) int64 place of each pulse in the aperture."""
         return block.counter.astype(np.int64) - self.first
@@ -63,8 +76,8 @@ class Aperture:
         rows = np.sort(first_rows[~self.seen[position]])
         return block if len(rows) == block.n_pulses else block.select(rows)
 
-    def mark(self, block: PulseBlock) -> None:
-        """Take note that pulses came."""
+    def keep(self, block: PulseBlock) -> None:
+        """Take note that pulses came that did not before."""
         position = self.position(block)
         self.seen[position] = True
         self.stamp_ns[position] = block.stamp_ns
@@ -78,6 +91,67 @@ class Aperture:
             return start
         middle = (len(seen) - 1) / 2
         return start + round((end - start) * ((middle - first) / (last - first)))
+
+
+class AperturePulses(Aperture):
+    """An aperture that keeps its pulses, so that its sub-apertures can be imaged again.
+
+    Parameters
+    ----------
+    number, length, example :
+        As for `Aperture`, and any block of the same configuration.
+    memory : list of array
+        Samples of apertures that are no longer needed, to be used again; taken from.
+
+    Attributes
+    ----------
+    next : int
+        First pulse of those that may still come.
+    """
+
+    def __init__(self, number: int, length: int, example: PulseBlock, memory: list):
+        super().__init__(number, length)
+        self._radar = example.radar
+        n, channels, samples = len(self.seen), *example.samples.shape[1:]
+        self.memory = memory.pop() if memory else np.empty((length, channels, samples),
+                                                           np.complex64)
+        self.tx_m, self.rx_m = np.zeros((2, n, channels, 3))
+        # boresight and up, where the pulses tell them
+        self._looks = None if example.pointing is None else np.zeros((2, n, 3))
+        self.next = 0
+
+    def keep(self, block: PulseBlock) -> None:
+        """Keep pulses that did not come before."""
+        position = self.position(block)
+        self.memory[position] = block.samples
+        self.tx_m[position], self.rx_m[position] = block.tx_m, block.rx_m
+        if self._looks is not None:
+            self._looks[:, position] = block.pointing.boresight, block.pointing.up
+        super().keep(block)
+
+    def part(self, number: int, length: int) -> slice:
+        """Sub-aperture of this many pulses; the last may have fewer, none lie beyond."""
+        return slice(number * length, min((number + 1) * length, len(self.seen)))
+
+    def block(self, part: slice | None = None) -> PulseBlock:
+        """Pulses of a part, or of all, that came; a view where all did."""
+        part = part or slice(0, len(self.seen))
+        index = part if self.seen[part].all() else part.start + np.flatnonzero(self.seen[part])
+        counter = self.first + np.arange(len(self.seen), dtype=np.uint32)
+        return PulseBlock(self._radar, True, self.stamp_ns[index], counter[index],
+                          self.memory[index], self.tx_m[index], self.rx_m[index],
+                          pointing=self._pointing(index))
+
+    def _pointing(self, index) -> Pointing | None:
+        return None if self._looks is None else Pointing.of_unit_vectors(*self._looks[:, index])
+
+    def begins_like(self, other: AperturePulses, n_pulses: int) -> bool:
+        """Whether so many pulses lie, on average, where the first of another aperture do."""
+        first, before = (a.rx_m[:n_pulses, 0][a.seen[:n_pulses]] for a in (self, other))
+        track = other.rx_m[other.seen, 0]
+        return (len(first) > 0 < len(before)
+                and np.linalg.norm(first.mean(axis=0) - before.mean(axis=0))
+                < _SAME_PLACE * np.linalg.norm(track[-1] - track[0]))
 
 
 class ApertureSequence(EventSource):
@@ -96,12 +170,7 @@ class ApertureSequence(EventSource):
     pulses_per_aperture : int
         Length of an aperture in pulses.
     statistics : ApertureStatistics
-        To count in.
-
-    Attributes
-    ----------
-    statistics : ApertureStatistics
-        What happened so far.
+        To count in: what happened so far.
 
     Raises
     ------
@@ -166,14 +235,11 @@ class ApertureSequence(EventSource):
             raise ValueError('block has no phase centres; backprojection needs the transmit and '
                              'receive position of every pulse')
         results = self._prepare(block)
-        verdict = self._detector.submit(block)
-        results += [result for b in verdict.late for result in self._accumulate(b)]
-        return results + self._accept(verdict)
+        return results + self._accept(self._detector.submit(block))
 
     def flush(self) -> list:
         """Close the aperture being filled; nothing more is expected for now."""
-        results = self._accept(self._detector.flush())
-        results += self._close()
+        results = self._accept(self._detector.flush()) + self._close()
         self._report_late()
         return results
 
@@ -202,7 +268,7 @@ class ApertureSequence(EventSource):
         return results
 
     def _accept(self, verdict) -> list:
-        results = []
+        results = [result for b in verdict.late for result in self._accumulate(b)]
         if verdict.restarted:
             results += self._close()
             self.statistics.restarts += 1
@@ -210,9 +276,7 @@ class ApertureSequence(EventSource):
                          f'{int(verdict.accepted[0].counter[0])}; the radar restarted or the '
                          'recording loops, a new aperture begins')
             self._begin_sequence()
-        for block in verdict.accepted:
-            results += self._accumulate(block)
-        return results
+        return results + [result for b in verdict.accepted for result in self._accumulate(b)]
 
     def _accumulate(self, block: PulseBlock) -> list:
         results = []
@@ -225,7 +289,9 @@ class ApertureSequence(EventSource):
 
     def _add_to_aperture(self, number: int, block: PulseBlock) -> list:
         current = self._closed if self._open is None else self._open.number
-        later = current is None or self._is_later(number, current)
+        # across the wrap-around of the counters that numbers come from
+        later = current is None or counter_distance(number * self._length,
+                                                    current * self._length) > 0
         if not later and (self._open is None or number != current):
             self._count_late(block)
             return []
@@ -247,10 +313,6 @@ class ApertureSequence(EventSource):
     def _count_late(self, block: PulseBlock) -> None:
         self.statistics.late += block.n_pulses
         self._late += block.counter.tolist()
-
-    def _is_later(self, number: int, than: int) -> bool:
-        """Order of aperture numbers, across the wrap-around of the counter they come from."""
-        return int(counter_distance(number * self._length, than * self._length)) > 0
 
     def _close(self) -> list:
         aperture, self._open = self._open, None

@@ -1,0 +1,15 @@
+"""The backend for CUDA devices: Numba's kernels, CuPy's arrays and Fourier transforms.
+
+It computes the plans of the processor's backend, with the same windows, grids and interpolators.
+Its entries are imported when they are used first; nothing of CUDA is imported before.
+"""
+
+import importlib
+
+_MODULES = {'Backprojection': 'backprojection', 'seconds': 'costs'}
+
+
+def __getattr__(name):
+    if name not in _MODULES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(importlib.import_module(f'.{_MODULES[name]}', __name__), name)

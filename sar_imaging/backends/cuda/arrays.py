@@ -1,0 +1,132 @@
+"""The array library and the compiler of kernels, and what they tell of the device.
+
+`xp` is CuPy on a device, and NumPy in Numba's simulator of one (``NUMBA_ENABLE_CUDASIM=1``), which
+runs the kernels without a device, slowly. No other module of this backend tells the two apart.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+from numba import config
+
+from ...memory import available_bytes
+from ..device import DeviceError
+
+SIMULATED = bool(config.ENABLE_CUDASIM)
+_INSTALL = "backend='cuda' needs CuPy and numba-cuda: pip install 'sar_imaging[cuda]'"
+_OTHER = "use backend='cpu', or 'auto' for whatever there is"
+
+try:
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore')  # Numba's own copy is named deprecated
+        from numba import cuda
+    if SIMULATED:
+        xp = np
+        _FAILURES: tuple[type[Exception], ...] = ()
+        _OUT_OF_MEMORY: tuple[type[Exception], ...] = ()
+    else:
+        xp = importlib.import_module('cupy')  # an extra
+        _OUT_OF_MEMORY = (xp.cuda.memory.OutOfMemoryError,)
+        _FAILURES = (xp.cuda.runtime.CUDARuntimeError, xp.cuda.driver.CUDADriverError,
+                     xp.cuda.cufft.CuFFTError, xp.cuda.compiler.CompileException,
+                     cuda.cudadrv.error.CudaSupportError, cuda.cudadrv.driver.CudaAPIError,
+                     cuda.cudadrv.error.NvvmError)
+        # Both libraries use the same stream: nothing has to wait for its arrays.
+        config.CUDA_ARRAY_INTERFACE_SYNC = False
+except ImportError as error:
+    raise DeviceError(f'{_INSTALL} ({error})') from error
+
+
+def require_device() -> None:
+    """Refuse a machine without a device that works.
+
+    Raises
+    ------
+    DeviceError
+        There is none, or its driver fails.
+    """
+    if not SIMULATED:
+        try:
+            if not xp.cuda.runtime.getDeviceCount():
+                raise DeviceError(f'the CUDA driver finds no device; {_OTHER}')
+            xp.zeros(1)
+        except (*_OUT_OF_MEMORY, *_FAILURES) as error:
+            raise DeviceError(f'the CUDA device cannot be used ({error}); {_OTHER}') from error
+
+
+def reports_failures(work: Callable) -> Callable:
+    """Have a function raise `DeviceError` where the device fails, whichever library tells."""
+    @functools.wraps(work)
+    def reporting(*arguments, **options):
+        try:
+            return work(*arguments, **options)
+        except _OUT_OF_MEMORY as error:
+            raise DeviceError(f'out of device memory: {error}; {free_bytes() / 1e6:.0f} MB are '
+                              'free') from error
+        except _FAILURES as error:
+            raise DeviceError(f'the CUDA device failed: {error}') from error
+
+    return reporting
+
+
+def free_bytes() -> int:
+    """Memory of the device that can be had, bytes: what is free and what CuPy keeps unused."""
+    if SIMULATED:
+        return available_bytes()
+    return xp.cuda.runtime.memGetInfo()[0] + xp.get_default_memory_pool().free_bytes()
+
+
+def check_memory(n_bytes: int, what: str, remedy: str) -> None:
+    """Refuse what the device's memory cannot hold.
+
+    Raises
+    ------
+    DeviceError
+        It needs more than there is.
+    """
+    free = free_bytes()
+    if n_bytes > free:
+        raise DeviceError(f'{what} needs {n_bytes / 1e6:.0f} MB of device memory, '
+                          f'{free / 1e6:.0f} MB are free; {remedy}')
+
+
+def kernel(*, registers: int | None = None):
+    """Decorate a kernel; `registers` of a thread at most, that more threads may run at once."""
+    return cuda.jit if SIMULATED or registers is None else cuda.jit(max_registers=registers)
+
+
+def launch(work, blocks, threads, *arguments) -> None:
+    """Run a kernel on the present stream; no block, no work."""
+    if not np.all(np.atleast_1d(blocks)):
+        return
+    if SIMULATED:
+        work[blocks, threads](*arguments)
+    else:
+        stream = xp.cuda.get_current_stream().ptr
+        work[blocks, threads, cuda.external_stream(stream) if stream else 0](*arguments)
+
+
+def on_device(array) -> bool:
+    """Whether an array lies in the device's memory; none does in the simulator."""
+    return not SIMULATED and isinstance(array, xp.ndarray)
+
+
+def to_host(array) -> np.ndarray:
+    """Copy of an array, or the array itself where it is the host's."""
+    return xp.asnumpy(array) if on_device(array) else array
+
+
+def complex_samples(samples):
+    """Samples (..., N) complex64 on the device; pairs of integers (..., N, 2) are converted there.
+
+    Half the bytes travel so, where a radar delivers int16.
+    """
+    if samples.dtype.kind != 'i':
+        return xp.ascontiguousarray(xp.asarray(samples), dtype=np.complex64)
+    pairs = xp.ascontiguousarray(xp.asarray(samples).astype(np.float32))
+    return pairs.view(np.complex64)[..., 0]

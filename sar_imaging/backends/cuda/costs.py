@@ -1,0 +1,71 @@
+"""What the operations of plans cost on a device, and how long a plan takes there.
+
+Plans are made with the processor's costs, so that they are the same everywhere; these tell where
+a plan is done sooner.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from pathlib import Path
+
+from ...memory import IMAGE_BYTES
+from ...planning.costs import CostModel
+from ...planning.exact.backprojection import BackprojectionPlan
+
+VARIABLE = 'SAR_IMAGING_DEVICE_COSTS'  # of the environment: file of measured costs
+_SAMPLE_BYTES = 8
+
+
+@dataclasses.dataclass(frozen=True)
+class DeviceCosts(CostModel):
+    """Costs of this backend's operations, nanoseconds of the device; names are of `CostModel`.
+
+    The defaults are estimated from what an H100 can do, not measured: arithmetic bounds for
+    pixels, memory for everything else.
+
+    Attributes
+    ----------
+    transferred_byte : float
+        Of samples to the device, and of an image there and back.
+    """
+
+    line_pixel: float = 1e-3
+    line_segment: float = 2e-2
+    point_pixel: float = 4e-3
+    upsampled_pixel: float = 2.5e-3
+    upsampled_part: float = 2e4
+    map_pixel: float = 5e-2
+    profile_bin: float = 3e-2
+    profile_cell: float = 5e-2
+    image: float = 1e6
+    transferred_byte: float = 0.1
+
+
+DEFAULT = DeviceCosts()
+
+
+def costs() -> DeviceCosts:
+    """Costs from the file that the environment names, or the default.
+
+    Raises
+    ------
+    ValueError
+        The file holds something else.
+    """
+    path = os.environ.get(VARIABLE)
+    return DeviceCosts.read(Path(path)) if path else DEFAULT
+
+
+def operations(plan: BackprojectionPlan) -> dict[str, float]:
+    """How often adding the rows of a plan does the operations of `DeviceCosts`."""
+    n_samples = plan.way.lattice.n_padded
+    return plan.operations | {'transferred_byte': _SAMPLE_BYTES * n_samples * len(plan.tx_m)
+                              + 2 * IMAGE_BYTES * math.prod(plan.grid.shape)}
+
+
+def seconds(plan: BackprojectionPlan) -> float:
+    """Predicted time of adding the rows of a plan to an image of the host, end to end."""
+    return costs().seconds(operations(plan))

@@ -1,0 +1,218 @@
+"""Backprojection along image lines: the kernel.
+
+It computes what `backends.reference.project_lines` says, by the expansions of the processor's
+kernel: paths in float64, once for each segment of a line and echo, samples and sums in float32.
+
+A block of threads computes a segment of some lines. A thread has `PIXELS` pixels of the segment in
+each of `LINES` neighbouring lines, whose sums stay in its registers. Neighbouring lines mostly
+read the same cells of a profile, so that a cell's polynomials are loaded once for several lines:
+arithmetic, 20 multiply-adds for a pixel and echo, is the bound that is left. All threads together
+compute the geometry of some echoes into shared memory, then each adds these echoes to its pixels.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .arrays import cuda, kernel
+from .phasors import fraction, phasor, short_fraction
+
+THREADS, LINES, PIXELS = 256, 8, 2
+ROWS = 32  # echoes that share the reference for the phase: `ROWS_PER_PASS` of the plans
+_ITEMS = 512  # echoes times lines of a block whose geometry lies in shared memory
+_POLYNOMIAL = 10  # coefficients of a cell: of degree 4, of real and imaginary part
+_REGISTERS = 128  # that two blocks may run at once
+_SUMS, _CELLS = LINES * PIXELS, 5 * PIXELS  # registers of a thread
+_PLACE, _PHASOR, _DRIFT = 3, 8, 3  # numbers of an item, and of a line of the shared reference
+_R2, _R6, _R8, _R24 = (np.float32(1 / v) for v in (2, 6, 8, 24))
+_ONE, _TURN = np.float32(1.0), np.float32(2 * np.pi)
+
+
+def block_lines(segment: int) -> int:
+    """Lines of a block of threads, for segments of a power of 2 pixels from 8 to 256."""
+    return LINES * THREADS * PIXELS // segment
+
+
+@cuda.jit(device=True)
+def distances(lines, number, line, x, y, z):
+    """Distance of a segment's middle from a phase centre, and its derivatives by the pixel.
+
+    Leibniz' rule for ``d^2 = |o|^2``. `lines` holds position and first to third derivative.
+    """
+    x, y, z = lines[number, 0, line] - x, lines[number, 1, line] - y, lines[number, 2, line] - z
+    ex, ey, ez = lines[number, 3, line], lines[number, 4, line], lines[number, 5, line]
+    gx, gy, gz = lines[number, 6, line], lines[number, 7, line], lines[number, 8, line]
+    hx, hy, hz = lines[number, 9, line], lines[number, 10, line], lines[number, 11, line]
+    d = math.sqrt(x * x + y * y + z * z)
+    inverse = 1.0 / d
+    d1 = (x * ex + y * ey + z * ez) * inverse
+    d2 = (ex * ex + ey * ey + ez * ez + x * gx + y * gy + z * gz - d1 * d1) * inverse
+    d3 = (3.0 * (ex * gx + ey * gy + ez * gz) + x * hx + y * hy + z * hz
+          - 3.0 * d1 * d2) * inverse
+    return d, d1, d2, d3
+
+
+@cuda.jit(device=True)
+def half_path(lines, number, line, centres, row):
+    """Half path to a segment's middle and its derivatives; `centres` are tx and rx, (R, 6)."""
+    a, a1, a2, a3 = distances(lines, number, line, centres[row, 0], centres[row, 1],
+                              centres[row, 2])
+    if (centres[row, 0] == centres[row, 3] and centres[row, 1] == centres[row, 4]
+            and centres[row, 2] == centres[row, 5]):  # one antenna
+        return a, a1, a2, a3
+    b, b1, b2, b3 = distances(lines, number, line, centres[row, 3], centres[row, 4],
+                              centres[row, 5])
+    return 0.5 * (a + b), 0.5 * (a1 + b1), 0.5 * (a2 + b2), 0.5 * (a3 + b3)
+
+
+@cuda.jit(device=True)
+def expand_phasor(cycles, a, b, c, half, out, item):
+    """Expand ``exp(j (2 pi cycles + a f + b f^2 + c f^3))`` as a cubic in the pixel number f.
+
+    The quartic term is folded into the constant and the quadratic one (Chebyshev economisation),
+    which leaves an eighth of it. The coefficients go to `out`, real and imaginary ones in turn.
+    """
+    cosine, sine = phasor(short_fraction(cycles))
+    aa, square = a * a, half * half
+    r4, i4 = aa * aa * _R24 - _R2 * b * b - a * c, -_R2 * aa * b
+    r3, i3 = -a * b, c - aa * a * _R6
+    r2, i2 = square * r4 - _R2 * aa, square * i4 + b
+    r0, i0 = _ONE - square * square * _R8 * r4, -square * square * _R8 * i4
+    out[0, item], out[1, item] = cosine * r0 - sine * i0, cosine * i0 + sine * r0
+    out[2, item], out[3, item] = -sine * a, cosine * a
+    out[4, item], out[5, item] = cosine * r2 - sine * i2, cosine * i2 + sine * r2
+    out[6, item], out[7, item] = cosine * r3 - sine * i3, cosine * i3 + sine * r3
+
+
+@kernel(registers=_REGISTERS)
+def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, step,
+              cycles_per_step, cycles_zero, ramp, image, layout):
+    """Add echoes to lines; a grid of (segments, groups of `block_lines` lines), `THREADS` each.
+
+    Parameters
+    ----------
+    planes : (R * U * 10 * n,) float32
+        Polynomials of each echo, phase of the lattice, and cell (`Profiles.planes`).
+    n_phases, n_cells, segment : int
+        U, n, and pixels of a segment.
+    centres : (R, 6) float64
+        Transmitter and receiver of each echo, metres.
+    lines : (S, 12, n_lines) float64
+        Position in the middle of each segment, and its first to third derivative by the pixel.
+    range_zero, step, cycles_per_step, cycles_zero : float
+        Half path at cell `segment`, metres a position of the lattice, cycles of the carrier a
+        position, and at cell `segment`.
+    ramp : (n_pixels,) complex64
+        Factor of each pixel of a line.
+    image : (K,) float32
+        Added to.
+    layout : (5,) int64
+        Number of lines; first pixel's real part; steps to the next line, to the next pixel, and
+        to the imaginary part.
+    """
+    place = cuda.shared.array((_PLACE, _ITEMS), np.float32)
+    turn = cuda.shared.array((_PHASOR, _ITEMS), np.float32)
+    base = cuda.shared.array(_ITEMS, np.int32)
+    shared_drift = cuda.shared.array((_DRIFT, _ITEMS), np.float32)
+    real = cuda.local.array(_SUMS, np.float32)
+    imag = cuda.local.array(_SUMS, np.float32)
+    cell_re = cuda.local.array(_CELLS, np.float32)
+    cell_im = cuda.local.array(_CELLS, np.float32)
+
+    thread, number = cuda.threadIdx.x, cuda.blockIdx.x
+    lanes = segment // PIXELS
+    lane, group = thread % lanes, thread // lanes
+    n_together = THREADS // lanes * LINES  # lines of the block
+    top = cuda.blockIdx.y * n_together
+    n_lines, n_rows, half = layout[0], centres.shape[0], segment // 2
+    n_some = min(n_lines - top, n_together)
+    inverse_step, turns = 1.0 / step, np.float32(cycles_per_step)
+    radians, short_half = _TURN * turns, np.float32(half)
+    shared_cycles = (number * segment + half) * float(n_phases)
+    most = max(_ITEMS // n_together, 1)
+    n_needed = -(-n_some // LINES) * LINES  # the last thread's lines may end beyond the image
+    mine = group * LINES < n_some
+
+    for start in range(0, n_rows, ROWS):
+        stop = min(start + ROWS, n_rows)
+        # Rows are near each other: what their phases have in common comes last.
+        cuda.syncthreads()
+        for item in range(thread, n_needed, THREADS):
+            _, d1, d2, d3 = half_path(lines, number, min(top + item, n_lines - 1), centres,
+                                      start + (stop - start) // 2)
+            shared_drift[0, item] = d1 * inverse_step - n_phases
+            shared_drift[1, item] = 0.5 * inverse_step * d2
+            shared_drift[2, item] = (1.0 / 6.0) * inverse_step * d3
+        for k in range(_SUMS):
+            real[k] = 0.0
+            imag[k] = 0.0
+        for first in range(start, stop, most):
+            n_echoes = min(most, stop - first)
+            cuda.syncthreads()
+            for item in range(thread, n_echoes * n_together, THREADS):
+                row, j = first + item // n_together, item % n_together
+                if j < n_needed:
+                    line = min(top + j, n_lines - 1)
+                    d, d1, d2, d3 = half_path(lines, number, line, centres, row)
+                    v = (d - range_zero) * inverse_step
+                    n = math.floor(v)
+                    cell = math.floor((n + 0.5) / n_phases)
+                    phase = n - cell * n_phases
+                    t, k1 = np.float32(v - n), np.float32(d1 * inverse_step - n_phases)
+                    k2 = np.float32(0.5 * inverse_step * d2)
+                    k3 = np.float32((1.0 / 6.0) * inverse_step * d3)
+                    place[0, item], place[1, item], place[2, item] = t, k1, k2
+                    cycles = np.float32(fraction(cycles_per_step * (n - shared_cycles)
+                                                 + cycles_zero))
+                    expand_phasor(cycles + turns * t, radians * (k1 - shared_drift[0, j]),
+                                  radians * (k2 - shared_drift[1, j]),
+                                  radians * (k3 - shared_drift[2, j]), short_half, turn, item)
+                    # a segment outside the profile reads padding only
+                    cell = min(max(cell, -1.0 * half), n_cells - 2.0 * segment + half)
+                    base[item] = np.int32(((row * n_phases + phase) * _POLYNOMIAL) * n_cells
+                                          + cell + half)
+            cuda.syncthreads()
+            for echo in range(n_echoes if mine else 0):
+                loaded, at = np.int32(-1), np.uint64(echo * n_together + group * LINES)
+                for j in range(LINES):
+                    item = at + np.uint64(j)
+                    if base[item] != loaded:
+                        loaded = base[item]
+                        for p in range(PIXELS):
+                            cell = np.uint64(loaded + lane + p * lanes)
+                            for q in range(5):
+                                cell_re[5 * p + q] = planes[cell + np.uint64(q * n_cells)]
+                                cell_im[5 * p + q] = planes[cell + np.uint64((q + 5) * n_cells)]
+                    for p in range(PIXELS):
+                        f = np.float32(lane + p * lanes - half)
+                        t = place[0, item] + f * (place[1, item] + f * place[2, item])
+                        cosine = turn[0, item] + f * (turn[2, item] + f * (
+                            turn[4, item] + f * turn[6, item]))
+                        sine = turn[1, item] + f * (turn[3, item] + f * (
+                            turn[5, item] + f * turn[7, item]))
+                        re, im = cell_re[5 * p + 4], cell_im[5 * p + 4]
+                        for q in range(3, -1, -1):
+                            re = cell_re[5 * p + q] + t * re
+                            im = cell_im[5 * p + q] + t * im
+                        # one product at a time: each is fused with its sum
+                        real[PIXELS * j + p] += re * cosine
+                        real[PIXELS * j + p] -= im * sine
+                        imag[PIXELS * j + p] += re * sine
+                        imag[PIXELS * j + p] += im * cosine
+        for j in range(LINES):
+            line = group * LINES + j
+            for p in range(PIXELS):
+                i = number * segment + lane + p * lanes
+                if line < n_some and i < ramp.size:
+                    f = np.float32(lane + p * lanes - half)
+                    cosine, sine = phasor(short_fraction(turns * (f * (
+                        shared_drift[0, line] + f * (shared_drift[1, line]
+                                                     + f * shared_drift[2, line])))))
+                    re, im = real[PIXELS * j + p], imag[PIXELS * j + p]
+                    re, im = re * cosine - im * sine, re * sine + im * cosine
+                    cosine, sine = ramp[i].real, ramp[i].imag
+                    pixel = layout[1] + (top + line) * layout[2] + i * layout[3]
+                    image[pixel] += re * cosine - im * sine
+                    image[pixel + layout[4]] += re * sine + im * cosine

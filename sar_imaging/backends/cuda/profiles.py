@@ -1,0 +1,193 @@
+"""Range profiles on the lattice that backprojection reads, on the device."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...planning.interpolators import LINE_DEGREE, TAPS
+from ...planning.profiles.phase_history import PhaseHistory
+from ...planning.profiles.range_gate import RangeGate, rise
+from ...planning.profiles.range_resampling import RangeResampling
+from .arrays import complex_samples, cuda, free_bytes, kernel, launch, xp
+
+_GUARD = 8  # lattice cells beyond the ranges of the image
+_MOST_BYTES, _SHARE = 1 << 30, 4  # of polynomials at once, and of the free memory one part in so
+_THREADS = 128
+_TAPS, _MOST_WEIGHTS = TAPS, TAPS * (LINE_DEGREE + 1)
+
+
+def profile_spectra(source: RangeGate | PhaseHistory, samples, n_padded: int):
+    """Fourier coefficients of what an image needs of some profiles, bin 0 first.
+
+    `backends.reference.resample_profiles.profile_spectra` has the formula; the gain is left out.
+
+    Parameters
+    ----------
+    source : RangeGate or PhaseHistory
+        What is needed of the profiles.
+    samples : (R, K) complex64 array of the device
+        Profiles, or phase histories.
+    n_padded : int
+        Samples with zeros behind them; K for phase histories.
+
+    Returns
+    -------
+    (R, n_padded) complex64
+    """
+    if source.periodic:
+        return samples
+    window = np.ones(source.n_samples, np.float32)
+    if source.n_rise:
+        window[:source.n_rise] = rise(source.n_rise)
+    if source.n_fall:
+        window[-source.n_fall:] = rise(source.n_fall)[::-1]
+    cut = samples[:, source.first:source.first + source.n_samples] * xp.asarray(window)
+    return xp.fft.fft(cut, n_padded, axis=-1).astype(np.complex64, copy=False)
+
+
+def pad_band(spectrum, zero: int, gain, n_out: int):
+    """Spectra times the gain, with zeros between positive and negative frequencies or cropped.
+
+    Positive frequencies start at bin `zero` of the spectra (R, N), negative ones end before it;
+    returns (R, n_out) complex64.
+    """
+    n_rows, n = spectrum.shape
+    keep = min(n, n_out)
+    upper, lower, negative = (keep + 1) // 2, keep // 2, (zero - keep // 2) % n
+    padded = xp.zeros((n_rows, n_out), np.complex64)
+    padded[:, :upper] = spectrum[:, zero:zero + upper] * gain[zero:zero + upper]
+    if lower:
+        padded[:, -lower:] = (spectrum[:, negative:negative + lower]
+                              * gain[negative:negative + lower])
+    return padded
+
+
+class Profiles:
+    """Range profiles of one radar on a lattice, for the ranges that an image can reach.
+
+    Parameters
+    ----------
+    source : RangeGate or PhaseHistory
+        What the profiles are made of; `lattice` was planned for as many samples.
+    lattice : RangeResampling
+        How they are read.
+    range_m : (float, float)
+        Half paths that are read, metres.
+    """
+
+    def __init__(self, source: RangeGate | PhaseHistory, lattice: RangeResampling,
+                 range_m: tuple[float, float]):
+        self.lattice, self._source = lattice, source
+        self._pad = max(lattice.segment, _GUARD)
+        lo, hi = ((r - source.range_start_m) / lattice.cell_m for r in range_m)
+        if not source.periodic:
+            lo, hi = max(lo, 0), min(hi, lattice.n_cells)
+        self._first = math.floor(lo) - _GUARD - self._pad
+        self.n_cells = math.ceil(hi) + _GUARD + self._pad - self._first
+        self._gain = xp.asarray(source.gain(lattice.n_padded,
+                                            lattice.oversampling(source.radar)))
+        self._weights = xp.asarray(lattice.interpolator.weights)
+
+    @property
+    def wavelength_m(self) -> float:
+        """Of the carrier, metres."""
+        return self._source.radar.wavelength_m
+
+    @property
+    def cycles_per_step(self) -> float:
+        """Carrier phase per lattice step, cycles."""
+        return 2 * self.lattice.step_m / self.wavelength_m
+
+    def range_at(self, cell: int) -> float:
+        """Half path at a cell of the planes, metres."""
+        return self._source.range_start_m + (self._first + cell) * self.lattice.cell_m
+
+    def cycles_at(self, cell: int) -> float:
+        """Carrier phase at a cell of the planes, fraction of a cycle."""
+        path_m = self.range_at(cell) - self._source.phase_range_m
+        return math.fmod(2 * path_m / self.wavelength_m, 1.0)
+
+    def chunks(self, n_rows: int, together: int):
+        """Slices of rows whose polynomials fit the memory, of a multiple of `together` rows."""
+        lattice = self.lattice
+        dense = lattice.n_cells * lattice.n_phases
+        row = (4 * lattice.interpolator.n_planes * lattice.n_phases * self.n_cells
+               + 8 * (3 * lattice.n_padded + 3 * dense))  # with what transforms take
+        rows = min(_MOST_BYTES, free_bytes() // _SHARE) // row
+        step = max(rows // together, 1) * together
+        return (slice(lo, min(lo + step, n_rows)) for lo in range(0, n_rows, step))
+
+    def planes(self, samples):
+        """Polynomial coefficients of some profiles.
+
+        Parameters
+        ----------
+        samples : (R, N) complex64, or (R, N, 2) integer
+            Profiles, or phase histories, of the host or of the device.
+
+        Returns
+        -------
+        (R, U, 2 * (degree + 1), n) float32 array of the device
+            Real, then imaginary coefficients of each phase and cell.
+        """
+        lattice, source, n_rows = self.lattice, self._source, len(samples)
+        n_planes, n_phases = lattice.interpolator.n_planes, lattice.n_phases
+        spectrum = profile_spectra(source, complex_samples(samples), lattice.n_padded)
+        padded = pad_band(spectrum, source.zero, self._gain, lattice.n_cells * n_phases)
+        dense = xp.fft.ifft(padded, axis=-1, norm='forward').astype(np.complex64, copy=False)
+        planes = xp.empty((n_rows, n_phases, n_planes, self.n_cells), np.float32)
+        launch(farrow_coefficients, (-(-self.n_cells // _THREADS), n_phases, n_rows), _THREADS,
+               dense, self._weights, self._first, lattice.interpolator.first, self._pad,
+               source.periodic, planes)
+        return planes
+
+
+@kernel()
+def farrow_coefficients(dense, weights, first_cell, first, pad, periodic, planes):
+    """Coefficients of each interval of a lattice; a grid of (cells, phases, rows).
+
+    ``c_q = sum_k weights[q, k] s[U cell + phase + first + k]`` (`Interpolator`).
+
+    Parameters
+    ----------
+    dense : (R, U * K) complex64
+        Profiles at all positions of the lattice, from its cell 0 on.
+    weights : (degree + 1, TAPS) float32
+        Of the neighbours in each coefficient.
+    first_cell, first, pad : int
+        Cell of the lattice that is cell 0 of `planes`; offset of the first neighbour; cells at
+        both ends of `planes` that are zero.
+    periodic : bool
+        The profiles repeat; they are zero beyond their ends otherwise.
+    planes : (R, U, 2 * (degree + 1), n) float32
+        Coefficients.
+    """
+    shared = cuda.shared.array(_MOST_WEIGHTS, np.float32)
+    real = cuda.local.array(_TAPS, np.float32)
+    imag = cuda.local.array(_TAPS, np.float32)
+    thread, phase, row = cuda.threadIdx.x, cuda.blockIdx.y, cuda.blockIdx.z
+    n_powers, n_taps = weights.shape
+    for k in range(thread, n_powers * n_taps, cuda.blockDim.x):
+        shared[k] = weights[k // n_taps, k % n_taps]
+    cuda.syncthreads()
+    cell = cuda.blockIdx.x * cuda.blockDim.x + thread
+    n_cells, n_phases, length = planes.shape[3], planes.shape[1], dense.shape[1]
+    if cell >= n_cells:
+        return
+    inside = pad <= cell < n_cells - pad
+    for k in range(_TAPS):
+        at = (first_cell + cell) * n_phases + phase + first + k
+        if periodic:
+            at %= length
+        real[k], imag[k] = np.float32(0.0), np.float32(0.0)
+        if inside and 0 <= at < length:
+            real[k], imag[k] = dense[row, at].real, dense[row, at].imag
+    for q in range(n_powers):
+        re, im = np.float32(0.0), np.float32(0.0)
+        for k in range(_TAPS):
+            re += shared[q * _TAPS + k] * real[k]
+            im += shared[q * _TAPS + k] * imag[k]
+        planes[row, phase, q, cell] = re
+        planes[row, phase, q + n_powers, cell] = im

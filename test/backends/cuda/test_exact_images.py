@@ -1,0 +1,102 @@
+"""Whole small images against the processor's backend, by the same plans."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from sar_imaging.backends import DeviceError, backend
+from sar_imaging.backends.cuda import arrays
+from sar_imaging.geometry import MapGrid, PlaneGrid, PointGrid, VolumeGrid
+from sar_imaging.imaging.imager import plan_image
+from sar_imaging.planning.exact.azimuth_upsampling import DEGREE, TAPS, AzimuthParts
+from sar_imaging.planning.exact.backprojection import plan_backprojection
+from sar_imaging.planning.exact.points import ImagePoints
+from sar_imaging.planning.exact.polar_image import plan_polar
+from sar_imaging.planning.interpolators import design_interpolator
+
+AGREE_DB = -100.0  # float32 sums in another order, of the same polynomials
+
+
+def planned(scene, grid, way=None, target_db=-80.0):
+    block, rows = scene.block, scene.rows
+    plan = plan_backprojection(grid, block.radar, block.n_samples, *rows[1:], target_db)
+    if way is not None:
+        polar = plan_polar(grid, *rows[1:], block.radar, block.n_samples, target_db)
+        if way == 'parts':  # which pay for larger images alone
+            parts = AzimuthParts(
+                (slice(0, 2), slice(2, 5)), np.array([-90.0, 200.0]), polar.polar, polar.polar,
+                design_interpolator(1.5, taps=TAPS, degree=DEGREE), -60.0, 0.0)
+            polar = dataclasses.replace(polar, parts=parts)
+        plan = dataclasses.replace(plan, way=polar)
+    return plan
+
+
+def images(plan, rows):
+    for name in ('cuda', 'cpu'):
+        image = np.full(plan.grid.shape, 1 + 2j, np.complex64)  # images are added to
+        backend(name).Backprojection(plan).add(*rows, image)
+        yield image - np.complex64(1 + 2j)
+
+
+@pytest.mark.parametrize(('way', 'options'), [
+    ('lines', {'range_m': 1000.0, 'height_m': 300.0}),
+    ('bistatic', {'range_m': 1000.0, 'apart_m': 40.0, 'channels': 3, 'pulses': 2}),
+    ('points', {'range_m': 30.0, 'aperture_m': 3.0}),
+    ('hills', {'range_m': 500.0, 'height_m': 100.0}),
+    ('volume', {'range_m': 1000.0, 'height_m': 300.0}),
+    ('wall', {'range_m': 300.0, 'height_m': 20.0}),
+    ('polar', {'range_m': 1000.0, 'bend_m': 3.0, 'n': 16}),
+    ('parts', {'range_m': 1000.0, 'n': 16})])
+def test_images_are_those_of_the_processor(make_scene, error_db, way, options):
+    scene = make_scene(**{'n': 12, 'pulses': 5, **options})
+    grid = scene.grid
+    x, y, z = grid.centre_m
+    if way == 'volume':
+        grid = VolumeGrid((x, y, z), (0.25, 0.0, 0.0), (0.0, 0.25, 0.01), (0.0, 0.0, 0.5), 8, 6, 2)
+    elif way == 'wall':
+        grid = PlaneGrid((x, y - 1.0, z), (0.02, 0.25, 0.0), (0.1, 0.0, 0.3), 12, 8)
+    elif way == 'hills':
+        points = grid.points()
+        points[..., 2] += 3.0 * np.exp(-points[..., 1] ** 2)
+        points[5, 7, 2] = np.nan
+        grid = ImagePoints.of_grid(PointGrid(points))
+    plan = planned(scene, grid, way if way in ('polar', 'parts') else None)
+    image, wanted = images(plan, scene.rows)
+    assert error_db(image, wanted) < AGREE_DB
+    if way == 'hills':
+        assert image[5, 7] == 0.0
+
+
+def test_one_imager_for_processor_and_device(make_scene, error_db):
+    scene = make_scene(1000.0, n=12, pulses=4)
+    options = {'method': 'exact', 'target_db': -80.0}
+    found, wanted = (plan_image(scene.grid, scene.block.radar, scene.block.n_samples, backend=name,
+                                **options)(scene.block) for name in ('cuda', 'cpu'))
+    assert found.report.predicted_error_db == wanted.report.predicted_error_db
+    assert error_db(found.samples, wanted.samples) < AGREE_DB
+
+
+def test_what_plans_say_besides_is_refused(make_scene):
+    scene = make_scene(1000.0, n=12, pulses=4)
+    plan = planned(scene, scene.grid)
+    fields = [(f.name, f.type) for f in dataclasses.fields(plan)]
+    kind = dataclasses.make_dataclass('Weighted', [*fields, ('illumination', object)],
+                                      bases=(type(plan),), frozen=True, eq=False)
+    given = {name: getattr(plan, name) for name, _ in fields}
+    backend('cuda').Backprojection(kind(**given, illumination=None))
+    with pytest.raises(ValueError, match='does not compute illumination of Weighted yet; use'):
+        backend('cuda').Backprojection(kind(**given, illumination=np.ones(3)))
+
+
+def test_what_does_not_fit_is_refused_with_numbers(make_scene, monkeypatch):
+    scene = make_scene(1000.0, n=12, pulses=4)
+    plan = planned(scene, scene.grid)
+    monkeypatch.setattr(arrays, 'free_bytes', lambda: 1000)
+    with pytest.raises(DeviceError, match=r'12 x 12 pixels needs 0 MB of device memory'):
+        backend('cuda').Backprojection(plan)
+    big = dataclasses.replace(plan, grid=MapGrid((1000.0, 0.0, 0.0), 30000, 20000, 0.1))
+    monkeypatch.setattr(arrays, 'free_bytes', lambda: 4_000_000_000)
+    with pytest.raises(DeviceError, match=r'30000 x 20000 pixels needs 4800 MB of device memory, '
+                                          r'4000 MB are free; cut the grid'):
+        backend('cuda').Backprojection(big)

@@ -1,0 +1,151 @@
+"""Which backend computes a plan: the processor's, that of a device, or one after the other."""
+
+import logging
+import subprocess
+import sys
+import types
+
+import numpy as np
+import pytest
+
+from sar_imaging import backends
+from sar_imaging.backends import DeviceError, automatic, backend, device
+from sar_imaging.backends.cpu.backprojection import Backprojection
+from sar_imaging.planning.exact.backprojection import plan_backprojection
+
+
+@pytest.fixture
+def planned(make_scene):
+    scene = make_scene(1000.0, n=16, pulses=8)
+    return scene, plan_backprojection(scene.grid, scene.block.radar, scene.block.n_samples,
+                                      *scene.rows[1:], -60.0)
+
+
+@pytest.fixture
+def forget():
+    """Whether there is a device is found out again."""
+    device.device_backend.cache_clear()
+    yield
+    device.device_backend.cache_clear()
+
+
+class Fake(Backprojection):
+    """A device that computes as the processor does, unless it fails."""
+
+    failure = None
+
+    def add(self, samples, tx_m, rx_m, image):
+        if self.failure:
+            raise self.failure
+        super().add(samples, tx_m, rx_m, image)
+
+
+def with_device(monkeypatch, seconds, **attributes):
+    kind = type('Fake', (Fake,), attributes)
+    fake = types.SimpleNamespace(Backprojection=kind, seconds=lambda plan: seconds)
+    monkeypatch.setattr(backends, 'device_backend', lambda: fake)
+    monkeypatch.setattr(device, 'device_backend', lambda: fake)
+
+
+def test_the_processor_where_there_is_no_device(monkeypatch, tmp_path, forget):
+    monkeypatch.setattr(device, '_NODES', (tmp_path / 'nvidiactl',))
+    assert backend('auto') is backend('cpu')
+
+
+def test_nothing_of_cuda_is_imported_without_a_device():
+    program = """
+import sys
+import numpy as np
+from sar_imaging.backends import device
+device._NODES = ()
+from sar_imaging.geometry import MapGrid
+from sar_imaging.imaging.imager import plan_image
+from sar_imaging.signal import PulseBlock, RadarParameters
+tx = np.zeros((4, 1, 3)); tx[:, 0, 1] = np.arange(4)
+radar = RadarParameters(10e9, 300e6, 400e6, 6.2e-6)
+block = PulseBlock(radar, True, np.arange(4), np.arange(4), np.ones((4, 1, 400), complex), tx, tx)
+image = plan_image(MapGrid((1000.0, 0.0, 0.0), 8, 8, 0.25), radar, 400, backend='auto')(block)
+assert np.abs(image.samples).min() > 0
+print(*(n for n in sys.modules if 'cupy' in n or 'cuda' in n.lower()))
+"""
+    run = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
+                         check=True)
+    before = subprocess.run([sys.executable, '-c', 'import sys, numba\nprint(*(n for n in '
+                             'sys.modules if "cupy" in n or "cuda" in n.lower()))'],
+                            capture_output=True, text=True, check=True)
+    # what Numba loads by itself, and nothing else
+    assert set(run.stdout.split()) <= set(before.stdout.split())
+    assert not [n for n in run.stdout.split() if n.startswith(('sar_imaging', 'cupy'))]
+
+
+def test_a_device_that_is_asked_for_must_be_there(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'cupy', None)  # cannot be imported
+    for name in [n for n in sys.modules if n.startswith('sar_imaging.backends.cuda')]:
+        monkeypatch.delitem(sys.modules, name)
+    with pytest.raises(DeviceError, match=r"^backend='cuda' needs CuPy and numba-cuda: pip .*"):
+        backend('cuda')
+
+
+def test_a_driver_without_a_device_is_one_line(monkeypatch, tmp_path, caplog, forget):
+    node = tmp_path / 'nvidiactl'
+    node.touch()
+    monkeypatch.setattr(device, '_NODES', (node,))
+    monkeypatch.setattr(device.importlib.util, 'find_spec', lambda name: name)
+
+    def fail():
+        raise DeviceError('the CUDA device cannot be used (no driver)')
+
+    monkeypatch.setattr(device, 'require_device', fail)
+    with caplog.at_level(logging.WARNING):
+        assert backend('auto') is backend('auto') is backend('cpu')
+    assert caplog.messages == ['the CUDA device cannot be used (no driver); the processor '
+                               'computes']
+
+
+@pytest.mark.parametrize(('share', 'name'), [(0.01, 'cuda'), (1e3, 'cpu')])
+def test_the_quicker_one_computes(monkeypatch, planned, share, name):
+    scene, plan = planned
+    with_device(monkeypatch, plan.seconds * share)
+    assert backend('auto') is automatic
+    chosen = backend('auto').Backprojection(plan)
+    assert chosen.name == name and chosen.memory is None
+    image, wanted = np.zeros((2, *scene.grid.shape), np.complex64)
+    chosen.add(*scene.rows, image)
+    Backprojection(plan).add(*scene.rows, wanted)
+    np.testing.assert_array_equal(image, wanted)
+
+
+def test_the_processor_goes_on_where_the_device_fails(monkeypatch, planned, caplog):
+    scene, plan = planned
+    with_device(monkeypatch, 0.0, failure=DeviceError('the CUDA device failed: gone'))
+    image, wanted = np.zeros((2, *scene.grid.shape), np.complex64)
+    chosen = backend('auto').Backprojection(plan)
+    with caplog.at_level(logging.WARNING):
+        chosen.add(*scene.rows, image)
+        chosen.add(*scene.rows, image)
+    assert caplog.messages == ['the CUDA device failed: gone; the processor computes']
+    for _ in range(2):
+        Backprojection(plan).add(*scene.rows, wanted)
+    np.testing.assert_array_equal(image, wanted)
+    assert chosen.name == 'cpu' and chosen.memory is not None
+
+
+@pytest.mark.parametrize(('error', 'level'), [
+    (DeviceError('an image needs 9 MB'), 'WARNING'), (ValueError('no beams yet'), 'INFO')])
+def test_what_the_device_refuses_the_processor_does(monkeypatch, planned, caplog, error, level):
+    _, plan = planned
+
+    def refuse(*_):
+        raise error
+
+    with_device(monkeypatch, 0.0, __init__=refuse)
+    with caplog.at_level(logging.INFO):
+        assert backend('auto').Backprojection(plan).name == 'cpu'
+    assert [(r.levelname, r.message) for r in caplog.records] == [
+        (level, f'{error}; the processor computes')]
+
+
+def test_other_entries_are_the_processors(monkeypatch):
+    with_device(monkeypatch, 0.0)
+    assert backend('auto').FactorisedImager is backend('cpu').FactorisedImager
+    assert backends.optional_entry('auto', 'TrialImages') is backend('cpu').TrialImages

@@ -1,0 +1,18 @@
+"""The tests of the CUDA backend in Numba's simulator of a device."""
+
+import os
+import pathlib
+import re
+import subprocess
+import sys
+
+FOLDER = pathlib.Path(__file__).parent / 'cuda'
+
+
+def test_in_the_simulator():
+    run = subprocess.run(
+        [sys.executable, '-m', 'pytest', '-p', 'no:cacheprovider', str(FOLDER)],
+        env=os.environ | {'NUMBA_ENABLE_CUDASIM': '1'}, cwd=FOLDER.parents[2],
+        capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert re.search(r'^\d+ passed in', run.stdout.splitlines()[-1])  # none is skipped
