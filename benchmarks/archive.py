@@ -2,9 +2,8 @@
 
 Run from the repository root: ``python -m benchmarks.archive``. It simulates an archive of 4 GB of
 samples, images it to a mosaic of 1.1 Gpixel with two workers of 2 GB (`sar-imaging archive`), and
-compares random pixels of the mosaic with correlation from the recordings. Then it images some of
-the same recordings one after the other in one process. Fifteen minutes on two cores;
-``--recordings 4 --lines 2 --pixels 1024`` for a minute.
+compares random pixels of the mosaic with correlation from the recordings. Fifteen minutes on two
+cores; ``--recordings 4 --lines 2 --pixels 1024`` for a minute.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ import argparse
 import json
 import pathlib
 import re
-import resource
 import shutil
 import subprocess
 import sys
@@ -21,13 +19,9 @@ import time
 
 import numpy as np
 
-from sar_imaging.configuration.scene_grid import GridChoice
-from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.simulation.survey import Survey
 from sar_imaging.tools.archive.jobs import load_scans
 from sar_imaging.tools.archive.products import check_mosaic
-from sar_imaging.tools.products import forming
-from sar_imaging.tools.products.sources import open_source
 from sar_imaging.tools.simulate_archive import TRUTH_FILE, write_archive
 
 from .support.machine import machine
@@ -88,41 +82,6 @@ def check(output: pathlib.Path, n_pixels: int) -> dict:
             'seconds': round(time.perf_counter() - start, 1)}
 
 
-def image_in_turn(folder: pathlib.Path, output: pathlib.Path, spacing_m: float,
-                  n_recordings: int) -> dict:
-    """Image the first recordings one after the other in one process, images kept in files.
-
-    As `sar-imaging image` does it, with all cores; without mosaic, catalogue and measured error.
-    """
-    output.mkdir(parents=True, exist_ok=True)
-    start, work = time.perf_counter(), 0
-    for path in sorted(p for p in folder.iterdir() if p.is_dir())[:n_recordings]:
-        source = open_source(path)
-        size = np.ptp(source.area_m, axis=0)
-        grid = MapGrid.from_size(tuple(source.area_m.mean(axis=0)), size[0], size[1], spacing_m)
-        image, _ = forming.form(source, GridChoice(grid, 'ground', 0, 0, ()), TARGET_DB, 2e9)
-        np.save(output / 'image.npy', image.samples)
-        work += image.samples.size * source.n_pulses
-    seconds = time.perf_counter() - start
-    return {'seconds': round(seconds, 1), 'recordings': n_recordings,
-            'gigapixel_pulses_per_s': round(work / seconds / 1e9, 1),
-            'peak_bytes': 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss}
-
-
-def in_own_process(function: str, *arguments) -> dict:
-    """A function of this module in a fresh process, whose memory is its own."""
-    run = subprocess.run([sys.executable, '-m', 'benchmarks.archive', '--call', function,
-                          json.dumps([str(a) for a in arguments])], check=True,
-                         stdout=subprocess.PIPE)
-    return json.loads(run.stdout.splitlines()[-1])
-
-
-def _call(function: str, arguments: list[str]) -> None:
-    folder, output, spacing, number = arguments
-    print(json.dumps(globals()[function](pathlib.Path(folder), pathlib.Path(output),
-                                         float(spacing), int(number))))
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--recordings', type=int, default=64)
@@ -132,16 +91,10 @@ def main() -> None:
     parser.add_argument('--workers', type=int, default=2)
     parser.add_argument('--tile', type=int, default=2048)
     parser.add_argument('--checked', type=int, default=100, help='pixels of the mosaic')
-    parser.add_argument('--in-turn', type=int, default=8, metavar='N',
-                        help='recordings that one process images')
     parser.add_argument('--folder', type=pathlib.Path, default=pathlib.Path('out/archive'))
     parser.add_argument('--results', type=pathlib.Path, default=RESULTS)
     parser.add_argument('--only-simulate', action='store_true')
-    parser.add_argument('--call', nargs=2, help=argparse.SUPPRESS)
     a = parser.parse_args()
-    if a.call:
-        _call(a.call[0], json.loads(a.call[1]))
-        return
     survey = Survey(n_recordings=a.recordings, lines=a.lines, pixels=a.pixels, overlap=0.1,
                     reflectors=20, clutter=0)
     a.folder.mkdir(parents=True, exist_ok=True)
@@ -157,9 +110,6 @@ def main() -> None:
     found['plan'] = (output / 'plan.txt').read_text().splitlines()
     _write(a.results, found)
     found['mosaic'] = check(output, a.checked)
-    _write(a.results, found)
-    found['in_turn'] = in_own_process('image_in_turn', recordings, a.folder / 'in_turn', spacing,
-                                      a.in_turn)
     _write(a.results, found)
     print(json.dumps(found, indent=1))
 

@@ -109,7 +109,9 @@ def _area(source: Source, job: Job) -> np.ndarray:
         try:
             return points[ConvexHull(points).vertices]
         except (QhullError, ValueError) as error:
-            raise OutOfSightError('the area that it names is a line or a point') from error
+            raise OutOfSightError(
+                'the area that it names is a line or a point; correct it in the recording, or '
+                'leave it out') from error
     if job.area_m is None:
         raise OutOfSightError('it does not tell where its scene is; add area_m to the job')
     return _box(np.array(job.area_m).reshape(2, 2))
@@ -132,7 +134,8 @@ def _clipped(places: np.ndarray, area_m) -> np.ndarray:
     """Places within the job's area; those beyond its edges are moved onto them."""
     low, high = np.array(area_m[:2]), np.array(area_m[2:])
     if (places.max(axis=0) < low).any() or (places.min(axis=0) > high).any():
-        raise OutOfSightError('it lies beyond the area_m of the job')
+        raise OutOfSightError('it lies beyond the area_m of the job; enlarge that, or leave it '
+                              'out')
     return np.clip(places, low, high)
 
 

@@ -52,8 +52,8 @@ def read_job(path: Path | str) -> Job:
     whole = read_yaml(path)
     given = whole.mapping(KEYS, 'write lines of "key: value"') if whole.said == 'a mapping' else {}
     if not given:
-        raise JobError(f'{path} is {whole.said}; expected lines of "key: value" with '
-                       f'{", ".join(NEEDED)}; see docs/archives.md')
+        raise JobError(f'{path} is {whole.said}; expected lines of "key: value"; write at least '
+                       f'the lines {", ".join(f"{name}: {KEYS[name]}" for name in NEEDED)}')
     for name in NEEDED:
         if name not in given:
             raise JobError(f'{path} has no {name}, which every job needs; add the line '

@@ -101,7 +101,7 @@ def scan_recording(path: Path, name: str, job: Job, output: Path) -> RecordingSc
             apertures.append(_aperture(source, own, name, job, output, fingerprint,
                                        alone=len(sources) == 1, longest=longest))
         except (OutOfSightError, UndividableError, ValueError) as error:
-            losses.append(Loss(own, path, _line(error)))
+            losses.append(Loss(own, path, _told(error)))
     return RecordingScan(name, tuple(apertures), tuple(losses))
 
 
@@ -110,7 +110,13 @@ def _lost(name: str, path: Path, reason: str) -> RecordingScan:
 
 
 def _line(error: Exception) -> str:
-    return ' '.join(str(error).split()) or type(error).__name__
+    return ' '.join(str(error).split()).rstrip('.') or type(error).__name__
+
+
+def _told(error: Exception) -> str:
+    """Why an aperture cannot be imaged, and what to do."""
+    reason = _line(error)
+    return reason if ';' in reason else f'{reason}; correct the recording, or leave it out'
 
 
 def _aperture(source: Source, name: str, recording: str, job: Job, output: Path,
@@ -127,7 +133,8 @@ def _aperture(source: Source, name: str, recording: str, job: Job, output: Path,
     _check_pulses(source, longest, warnings)
     tx_m, rx_m = (moved(centres, own, job.datum) for centres in (source.tx_m, source.rx_m))
     if not (np.isfinite(tx_m).all() and np.isfinite(rx_m).all()):
-        raise OutOfSightError('its phase centres are no numbers')
+        raise OutOfSightError(
+            'its phase centres are no numbers; recover its poses, or leave it out')
     compressor = source.compressor()
     radar, n_samples, raw = ((source.radar, source.n_samples, 0) if compressor is None else
                              (compressor.output_radar, compressor.n_output, source.n_samples))
@@ -167,7 +174,8 @@ def _check_pulses(source: Source, longest: int, warnings: list[str]) -> None:
     n, missing = source.n_pulses, source.missing
     if n < max(2, _LEAST_SHARE * longest):
         raise OutOfSightError(f'it has {n} pulses, others of the recording have {longest}; '
-                              f'expected at least {max(2, round(_LEAST_SHARE * longest))}')
+                              f'expected at least {max(2, round(_LEAST_SHARE * longest))}; '
+                              'recover the rest, or leave it out')
     if missing:
         warnings.append(f'{missing} of its {n + missing} pulses are missing')
     elif n < longest:

@@ -75,7 +75,9 @@ class Value:
         """It as a finite number within bounds; raises JobError."""
         kind = 'whole number' if whole else 'number'
         expected = f'a {kind} of {unit}, {low:g} to {high:g}'
-        remedy = f'write for instance {self.key.rpartition(".")[2]}: {example}'
+        name = self.key.rpartition('.')[2]
+        item = name.endswith(']')  # of a list
+        remedy = f'write for instance {example if item else f"{name}: {example}"}'
         if not isinstance(self.node, yaml.ScalarNode) or self.node.style in ('"', "'"):
             quoted = isinstance(self.node, yaml.ScalarNode)
             raise self.error(expected, 'remove the quotes' if quoted else remedy)
@@ -162,11 +164,19 @@ def read_yaml(path: Path) -> Value:
     except (OSError, ValueError) as error:
         raise JobError(f'{error}; expected a job file in YAML; name another file') from error
     except yaml.YAMLError as error:
-        mark = getattr(error, 'problem_mark', None)
-        where = f', line {mark.line + 1}' if mark else ''
-        problem = ' '.join(str(getattr(error, 'problem', None) or error).split())
-        raise JobError(f'{path}{where}: {problem}; expected YAML, lines of "key: value"; correct '
-                       'this line or the one before it') from error
+        raise JobError(f'{path}{_trouble(error)}') from error
     if node is None:
         raise JobError(f'{path} is empty; expected recordings, output and spacing_m; add them')
     return Value(path, '', node)
+
+
+def _trouble(error: yaml.YAMLError) -> str:
+    """Where a text is no YAML, why, and what to do."""
+    expected = 'expected YAML, lines of "key: value"'
+    if isinstance(error, yaml.reader.ReaderError):
+        return (f': character {error.position + 1} is {error.character:#04x}, which no text has; '
+                f'{expected}; remove it, or name another file')
+    mark = getattr(error, 'problem_mark', None)
+    where = f', line {mark.line + 1}' if mark else ''
+    problem = ' '.join(str(getattr(error, 'problem', None) or error).split())
+    return f'{where}: {problem}; {expected}; correct this line or the one before it'

@@ -177,6 +177,7 @@ def test_what_cannot_be_placed_is_lost_with_its_reason(archive, job, tmp_path, t
     for loss in scan.losses:
         assert loss.path == path
         assert re.search(message, loss.reason), loss.reason
+        assert re.search('; .*(correct|add|check|enlarge|leave it out)', loss.reason)
 
 
 def test_short_apertures_are_lost_and_gaps_are_told(archive, job, tmp_path):
