@@ -109,20 +109,26 @@ def measure(arguments: argparse.Namespace) -> dict:
         for way in ways:
             found['runs'][way].append(timed(way, folder, arguments.folder / way,
                                             survey.spacing_m))
-            print(way, found['runs'][way][-1], file=sys.stderr)
-    work = survey.n_recordings * survey.pixels**2 * survey.pulses_per_aperture / 1e9
+            print(way, found['runs'][way][-1], file=sys.stderr, flush=True)
+            compare(found)
+            arguments.results.write_text(json.dumps(found, indent=1) + '\n')
+    found['fastsar_error_db'] = {
+        kind: round(fastsar_archive.error_db(recordings(folder)[0], survey.spacing_m, kind), 1)
+        for kind in fastsar_archive.KINDS if f'fastsar_{kind}' in ways}
+    return found
+
+
+def compare(found: dict) -> None:
+    """Add medians and what they are beside those of the archive."""
+    work = found['recordings'] * found['pixels'] * found['pulses'] / 1e9
     middle = {way: {name: statistics.median(run[name] for run in runs)
                     for name in ('seconds', 'process_seconds')}
-              for way, runs in found['runs'].items()}
+              for way, runs in found['runs'].items() if runs}
     found['median'] = {way: times | {'gigapixel_pulses_per_s': round(work / times['seconds'], 2)}
                        for way, times in middle.items()}
     found['archive_beside'] = {
         way: {name: round(times[name] / middle['archive'][name], 2) for name in times}
         for way, times in middle.items() if way != 'archive'}
-    found['fastsar_error_db'] = {
-        kind: round(fastsar_archive.error_db(recordings(folder)[0], survey.spacing_m, kind), 1)
-        for kind in fastsar_archive.KINDS if f'fastsar_{kind}' in ways}
-    return found
 
 
 def main() -> None:

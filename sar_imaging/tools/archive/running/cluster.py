@@ -114,7 +114,7 @@ def _running(address: str) -> Iterator:
     with client:
         try:
             client.wait_for_workers(1, timeout=_WORKER_SECONDS)
-        except TimeoutError as error:
+        except (TimeoutError, asyncio.TimeoutError) as error:  # one only since Python 3.11
             raise ClusterError(
                 f'the scheduler at {address} has no workers; start some: dask worker {address} '
                 '--nthreads 1 --memory-limit 2GB') from error
