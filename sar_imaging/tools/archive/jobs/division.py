@@ -34,11 +34,11 @@ from .windows import Window, union
 # Times of pixels, measured on one core beside other programs, and divided by how much these
 # slowed down what `CostModel` knows.
 LOOKS_BYTES = 4  # of a pixel of a mosaic or a strip: mean power, and its numbers of looks are few
-LOOKS_S_PER_PIXEL = 3e-8  # of a pixel of each image
-COHERENCE_BYTES = 8  # of a pixel: coherence and phase
-COHERENCE_S_PER_PIXEL = 1e-7
+LOOKS_S_PER_PIXEL = 2e-8  # of a pixel of each image
+COHERENCE_BYTES = 6  # of a pixel: coherence and phase, compressed
+COHERENCE_S_PER_PIXEL = 2e-7
 GEOTIFF_BYTES = 5  # of a pixel: 32 bits, a third of it again for overviews, compressed
-GEOTIFF_S_PER_PIXEL = 7e-8
+GEOTIFF_S_PER_PIXEL = 5.5e-8
 GEOTIFF_MEMORY = 1e8  # bytes, of GDAL and its cache
 FILE_S = 0.04  # of a file, whatever its size: libraries, projection, transform
 REPORT_S, REPORT_S_PER_SCAN, REPORT_S_PER_PIXEL = 0.5, 0.005, 3e-8
@@ -295,13 +295,14 @@ def _tiled_files(job: Job, scans: Sequence[ApertureScan], pieces: Sequence[Piece
             used, extent = (), union(scan.window for scan in scans)
         n = sum(common.n_pixels for piece in own
                 if (common := piece.tile.intersection(extent)) is not None)
-        files = 2 if isinstance(first, CoherencePiece) else 1  # numbers of looks are small
+        # numbers of looks are small; coherence is smooth
+        files, size = (2, GEOTIFF_BYTES / 2) if kind == 'coherence' else (1, GEOTIFF_BYTES)
         yield ProductPiece(
             key=f'geotiff of the {kind} {subject}'.rstrip(), product=f'{kind} geotiff',
             subject=subject, scans=used, extent=extent, needs=tuple(piece.key for piece in own),
             seconds=FILE_S + files * GEOTIFF_S_PER_PIXEL * n,
             memory_bytes=_tiles_bytes(job, least=GEOTIFF_MEMORY),
-            reads_bytes=files * LOOKS_BYTES * n, writes_bytes=files * GEOTIFF_BYTES * n)
+            reads_bytes=files * LOOKS_BYTES * n, writes_bytes=int(files * size * n))
 
 
 @dataclasses.dataclass(frozen=True)
