@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from .device import DeviceError, device_backend, require_device
 
 if TYPE_CHECKING:
+    from ..planning.plan import Plan
     from .protocol import Backend
 
 __all__ = ['AUTO', 'BACKENDS', 'CUDA', 'DeviceError', 'backend', 'compile_beforehand',
@@ -24,7 +25,7 @@ BACKENDS = ('cpu', CUDA, 'reference')
 _ENTRIES = ('Backprojection', 'SubapertureImager', 'SpectrumFusion', 'form_map')
 
 
-def backend(name: str | Backend = AUTO) -> Backend:
+def backend(name: str | Backend = AUTO, plan: Plan | None = None) -> Backend:
     """What computes plans.
 
     Parameters
@@ -32,6 +33,8 @@ def backend(name: str | Backend = AUTO) -> Backend:
     name : str or Backend
         One of `BACKENDS`, or anything that has the four entries. 'auto' is the processor's, and
         where there is a CUDA device whichever of the two is quicker, plan by plan.
+    plan : Plan, optional
+        What is to be computed, where several entries share the work.
 
     Returns
     -------
@@ -48,6 +51,8 @@ def backend(name: str | Backend = AUTO) -> Backend:
         return require_device()
     if name == AUTO:
         name = 'cpu' if device_backend() is None else 'automatic'
+        if plan is not None and name == 'automatic':
+            return importlib.import_module('.automatic', __name__).quicker(plan)
     if isinstance(name, str) and name in ('automatic', *BACKENDS):
         return importlib.import_module(f'.{name}', __name__)
     if missing := [e for e in _ENTRIES if not callable(getattr(name, e, None))]:

@@ -12,14 +12,22 @@ import os
 import numpy as np
 
 from ..planning.exact.backprojection import BackprojectionPlan
+from ..planning.plan import Plan
 from . import cpu, device
 from .device import DeviceError
+from .protocol import Backend
 
 _logger = logging.getLogger(__name__)
 
 
 def __getattr__(name):
     return getattr(cpu, name)
+
+
+def quicker(plan: Plan) -> Backend:
+    """The backend that computes a plan sooner, by the times that both predict."""
+    there = device.device_backend()
+    return there if there.seconds(plan) < plan.seconds / _processors() else cpu
 
 
 class Backprojection:
@@ -34,10 +42,10 @@ class Backprojection:
     def __init__(self, plan: BackprojectionPlan, memory: object = None):
         self.plan, self._memory = plan, memory
         self.name, self._sum = 'cpu', None
-        there = device.device_backend()
-        if there is not None and there.seconds(plan) < plan.seconds / _processors():
+        chosen = quicker(plan)
+        if chosen is not cpu:
             try:
-                self._sum, self.name = there.Backprojection(plan), 'cuda'
+                self._sum, self.name = chosen.Backprojection(plan), 'cuda'
             except ValueError as error:  # what the device's backend does not compute
                 _logger.info(f'{error}; the processor computes')
             except DeviceError as error:

@@ -7,6 +7,7 @@ their spectra are joined. The fused image is wanted on a polar grid, or interpol
 from __future__ import annotations
 
 import dataclasses
+import logging
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,7 @@ from .methods import AFBP, Method
 if TYPE_CHECKING:
     from ..backends.protocol import Backend
 
+_logger = logging.getLogger(__name__)
 _UNEVEN_DB = 3.0  # by which edges may be brighter without a word
 
 
@@ -38,12 +40,10 @@ class Afbp(Method):
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""
         options = self.options
-        for entry in ('SubapertureImager', 'SpectrumFusion', 'form_map'):
-            backends.optional_entry(options.backend, entry)  # of a device yet to come
         plan = self._plan = plan_afbp(
             self.grid, self.radar, self.n_samples, tx_m, rx_m, target_db=options.target_db,
             compressed=options.compressed, weighting=options.weighting, **self.own)
-        self._stages = None
+        self._backend, self._stages = backends.backend(options.backend, plan), None
         return self.planned(
             plan, shares_db=error_budget(options.target_db, AFBP_SHARES))
 
@@ -54,7 +54,17 @@ class Afbp(Method):
         brighter there, the report says so. A map may lie in the larger memory of the polar image
         that it was made from; a copy of it lets go of the rest.
         """
-        plan, backend = self._plan.subapertures, backends.backend(self.options.backend)
+        try:
+            return self._image(block, onto)
+        except backends.DeviceError as error:
+            if self.options.backend != backends.AUTO:
+                raise
+            _logger.warning(f'{error}; the processor computes')
+            self._backend, self._stages = backends.backend('cpu'), None
+            return self._image(block, onto)
+
+    def _image(self, block: PulseBlock, onto) -> tuple[np.ndarray, Report]:
+        plan, backend = self._plan.subapertures, self._backend
         s = plan.sampling
         if block.n_pulses != s.pulses[-1].stop:
             raise ValueError(f'block has {block.n_pulses} pulses; the plan is for '
@@ -99,13 +109,19 @@ def image_of_polar(plan: AfbpPlan, polar_image: np.ndarray, backend: Backend, *,
     (n_y, n_x) or (n_alpha, n_range) complex64
     """
     if not isinstance(plan.grid, PolarGrid):
-        return backend.form_map(polar_image, plan.subapertures.fusion_grid, plan.grid,
-                                overwrite=overwrite)
+        return _to_host(backend.form_map(polar_image, plan.subapertures.fusion_grid, plan.grid,
+                                         overwrite=overwrite))
+    polar_image = _to_host(polar_image)
     polar = plan.subapertures.polar
     cycles = np.fmod(2 * (polar.range_m - polar.range_start_m)
                      / plan.subapertures.radar.wavelength_m, 1.0)
     samples = polar_image[0] + np.complex64(1j) * polar_image[1]
     return samples * np.exp(2j * np.pi * cycles).astype(np.complex64)
+
+
+def _to_host(array) -> np.ndarray:
+    """An array of a device, or of the host, as one of the host."""
+    return array if isinstance(array, np.ndarray) else array.get()
 
 
 def _judged(report: Report, uneven_db: float) -> Report:

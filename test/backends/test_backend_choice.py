@@ -11,6 +11,7 @@ import pytest
 from sar_imaging import backends
 from sar_imaging.backends import DeviceError, automatic, backend, device
 from sar_imaging.backends.cpu.backprojection import Backprojection
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 
 
@@ -149,3 +150,27 @@ def test_other_entries_are_the_processors(monkeypatch):
     with_device(monkeypatch, 0.0)
     assert backend('auto').FactorisedImager is backend('cpu').FactorisedImager
     assert backends.optional_entry('auto', 'TrialImages') is backend('cpu').TrialImages
+
+
+@pytest.mark.parametrize(('seconds', 'messages'), [
+    (0.0, ['the CUDA device failed: gone; the processor computes']), (1e3, [])])
+def test_afbp_goes_on_where_the_device_fails(monkeypatch, make_scene, caplog, seconds, messages):
+    scene = make_scene(1000.0, n=16, pulses=16)
+    block, cpu = scene.block, backend('cpu')
+
+    class Failing(cpu.SubapertureImager):
+        def image(self, number, *arguments):
+            if number == 1:
+                raise DeviceError('the CUDA device failed: gone')
+            return super().image(number, *arguments)
+
+    fake = types.SimpleNamespace(SubapertureImager=Failing, SpectrumFusion=cpu.SpectrumFusion,
+                                 form_map=cpu.form_map, seconds=lambda plan: seconds)
+    monkeypatch.setattr(backends, 'device_backend', lambda: fake)
+    monkeypatch.setattr(device, 'device_backend', lambda: fake)
+    options = {'method': 'afbp', 'target_db': -50.0, 'pulses_per_subaperture': 8}
+    with caplog.at_level(logging.WARNING):
+        image, wanted = (plan_image(scene.grid, block.radar, block.n_samples, backend=name,
+                                    **options)(block) for name in ('auto', 'cpu'))
+    assert [text for text in caplog.messages if 'device' in text] == messages
+    np.testing.assert_array_equal(image.samples, wanted.samples)

@@ -6,7 +6,8 @@ Its entries are imported when they are used first; nothing of CUDA is imported b
 
 import importlib
 
-_MODULES = {'Backprojection': 'backprojection', 'seconds': 'costs'}
+_MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'subapertures',
+            'SpectrumFusion': 'fusion', 'form_map': 'fusion', 'seconds': 'costs'}
 
 
 def __getattr__(name):

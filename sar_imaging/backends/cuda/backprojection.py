@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -13,6 +12,7 @@ from ...planning.exact.points import PointPlan, image_layers
 from ...planning.exact.polar_image import PolarPlan
 from .arrays import check_memory, on_device, reports_failures, require_device, to_host, xp
 from .azimuth_upsampling import AzimuthUpsampling
+from .known import refuse_unknown
 from .lines import Lines, polar_lines, ramp
 from .points import Points
 from .polar_to_map import polar_to_map
@@ -36,8 +36,8 @@ class Backprojection:
     @reports_failures
     def __init__(self, plan: BackprojectionPlan, memory: object = None):
         require_device()
-        refuse_unknown(plan, _KNOWN[BackprojectionPlan])
-        refuse_unknown(plan.way, _KNOWN[type(plan.way)])
+        refuse_unknown(plan)
+        refuse_unknown(plan.way)
         ways = {PolarPlan: _Polar, LinePlan: _along_lines, PointPlan: _onto_points}
         check_memory(plan.n_bytes + IMAGE_BYTES * math.prod(plan.grid.shape),
                      'an image of ' + ' x '.join(map(str, reversed(plan.grid.shape))) + ' pixels',
@@ -52,29 +52,6 @@ class Backprojection:
         self._way.add(samples, tx_m, rx_m, there.reshape(-1).view(np.float32))
         if not on_device(image):
             image[...] = to_host(there)
-
-
-_PLAN = {'window', 'lattice', 'errors_db', 'cost'}
-_KNOWN = {BackprojectionPlan: {'grid', 'radar', 'tx_m', 'rx_m', 'range_m', 'way', 'warnings'},
-          LinePlan: _PLAN | {'lines'},
-          PointPlan: _PLAN | {'range_m', 'tile', 'reach_m'},
-          PolarPlan: _PLAN | {'polar', 'range_m', 'axis', 'between', 'along', 'parts',
-                              'wavelength_m'}}
-
-
-def refuse_unknown(plan, known: set[str]) -> None:
-    """Refuse plans that say more than this backend computes, such as weights of pixels.
-
-    Raises
-    ------
-    ValueError
-        An attribute of the plan is unknown here, and set.
-    """
-    unknown = [field.name for field in dataclasses.fields(plan)
-               if field.name not in known and getattr(plan, field.name) is not None]
-    if unknown:
-        raise ValueError(f"backend='cuda' does not compute {', '.join(unknown)} of "
-                         f"{type(plan).__name__} yet; use backend='cpu'")
 
 
 class _Polar:

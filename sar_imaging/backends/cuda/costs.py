@@ -12,6 +12,7 @@ import os
 from pathlib import Path
 
 from ...memory import IMAGE_BYTES
+from ...planning.afbp.plan import AfbpPlan
 from ...planning.costs import CostModel
 from ...planning.exact.backprojection import BackprojectionPlan
 
@@ -39,7 +40,16 @@ class DeviceCosts(CostModel):
     upsampled_part: float = 2e4
     map_pixel: float = 5e-2
     profile_bin: float = 3e-2
+    beam_bin: float = 2e-3
+    beam_group: float = 1e-3
+    beam_cell: float = 2e-2
+    beam_pixel: float = 3e-2
+    beam_segment: float = 1e-3
+    coarse_pixel: float = 3e-2
+    fine_pixel: float = 5e-2
+    subaperture: float = 5e5
     profile_cell: float = 5e-2
+    beam_run: float = 1e-3
     image: float = 1e6
     transferred_byte: float = 0.1
 
@@ -59,13 +69,17 @@ def costs() -> DeviceCosts:
     return DeviceCosts.read(Path(path)) if path else DEFAULT
 
 
-def operations(plan: BackprojectionPlan) -> dict[str, float]:
-    """How often adding the rows of a plan does the operations of `DeviceCosts`."""
-    n_samples = plan.way.lattice.n_padded
-    return plan.operations | {'transferred_byte': _SAMPLE_BYTES * n_samples * len(plan.tx_m)
-                              + 2 * IMAGE_BYTES * math.prod(plan.grid.shape)}
+def operations(plan: BackprojectionPlan | AfbpPlan) -> dict[str, float]:
+    """How often a plan does the operations of `DeviceCosts`."""
+    if isinstance(plan, BackprojectionPlan):
+        n_samples, n_images = plan.way.lattice.n_padded, 2  # images go there and back
+    else:
+        n_samples, n_images = plan.subapertures.n_samples, 1
+    n_rows = plan.tx_m.size // 3
+    return plan.operations | {'transferred_byte': _SAMPLE_BYTES * n_samples * n_rows
+                              + n_images * IMAGE_BYTES * math.prod(plan.grid.shape)}
 
 
-def seconds(plan: BackprojectionPlan) -> float:
-    """Predicted time of adding the rows of a plan to an image of the host, end to end."""
+def seconds(plan: BackprojectionPlan | AfbpPlan) -> float:
+    """Predicted time of the image of a plan, end to end: samples and image are the host's."""
     return costs().seconds(operations(plan))

@@ -40,9 +40,13 @@ class EdgeBrightness:
                 (coverage.along_range, grid.n_coarse_range, cell, inside[1]))]
 
     def add(self, image: np.ndarray) -> None:
-        """Look at a sub-aperture image, (2, n_alpha, n_range) float32, real and imaginary part."""
+        """Look at a sub-aperture image, (2, n_alpha, n_range) float32, real and imaginary part.
+
+        It may be an array of a device.
+        """
         self._power[:4] += [_mean_square(image[:, lines, ranges]) for lines, ranges in self._edges]
-        inside, (lines, ranges) = image[(slice(None), *self._inside)], self._wanted
+        inside = image[(slice(None), *self._inside)]
+        lines, ranges = (np.asarray(wanted, like=image) for wanted in self._wanted)
         self._power[4] += float(np.einsum('ijk,ijk,k->j', inside, inside, ranges) @ lines) / max(
             len(image) * lines.sum() * ranges.sum(), 1e-30)
 

@@ -52,6 +52,11 @@ class AfbpPlan(Plan):
     n_bytes: int
     warnings: tuple[str, ...]
 
+    @property
+    def operations(self) -> dict[str, float]:
+        """How often the operations of `CostModel` are done."""
+        return _operations(self.grid, self.subapertures)
+
     def __str__(self) -> str:
         return str(self.subapertures)
 
@@ -71,8 +76,9 @@ class AfbpPlan(Plan):
                                 plan.n_samples) if not plan.source.periodic else ()
         warnings = (*plan.warnings, *beyond,
                     *_sampling_warnings(plan.polar, plan.radar, tx_m, rx_m))
-        return cls(grid, tx_m.copy(), rx_m.copy(), plan, errors, _seconds(grid, plan),
-                   _n_bytes(grid, plan), warnings, **more)
+        seconds = costs().seconds(_operations(grid, plan))
+        return cls(grid, tx_m.copy(), rx_m.copy(), plan, errors, seconds, _n_bytes(grid, plan),
+                   warnings, **more)
 
 
 def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
@@ -116,11 +122,11 @@ def check_arguments(grid, target_db: float, tx_m: np.ndarray, rx_m: np.ndarray) 
                          '(pulses, channels, 3) for both')
 
 
-def _seconds(grid, plan: SubaperturePlan) -> float:
+def _operations(grid, plan: SubaperturePlan) -> dict[str, float]:
     n_rows = plan.n_channels * sum(p.stop - p.start for p in plan.sampling.pulses)
     counts = {'image': 1, 'map_pixel': grid.n_x * grid.n_y if isinstance(grid, MapGrid) else 0}
     counts |= plan.image_operations(n_rows, plan.n_subapertures)
-    return costs().seconds(counts | plan.fusion_operations)
+    return counts | plan.fusion_operations
 
 
 def _n_bytes(grid, plan: SubaperturePlan) -> int:

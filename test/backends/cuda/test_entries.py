@@ -7,6 +7,7 @@ import pytest
 
 from sar_imaging.backends import backend, protocol
 from sar_imaging.backends.cuda.costs import DEFAULT, VARIABLE, DeviceCosts
+from sar_imaging.planning.costs import CostModel
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 
 
@@ -16,9 +17,17 @@ def arguments(function):
 
 
 def test_entries_are_those_of_the_protocol():
-    made, described = backend('cuda'), protocol.Backprojection
-    assert arguments(made.Backprojection) == arguments(protocol.Backend.Backprojection)
-    assert arguments(made.Backprojection.add) == arguments(described.add)
+    made = backend('cuda')
+    for described in (protocol.Backprojection, protocol.SubapertureImager,
+                      protocol.SpectrumFusion):
+        entry = getattr(made, described.__name__)
+        assert arguments(entry) == arguments(getattr(protocol.Backend, described.__name__))
+        for method in (m for m in vars(described) if not m.startswith('_')):
+            wanted, given = (vars(kind)[method] for kind in (described, entry))
+            assert isinstance(given, property) == isinstance(wanted, property)
+            if not isinstance(wanted, property):
+                assert arguments(given) == arguments(wanted)
+    assert arguments(made.form_map) == arguments(protocol.Backend.form_map)
 
 
 def test_predicted_time_counts_transfers(make_scene, monkeypatch, tmp_path):
@@ -34,3 +43,12 @@ def test_predicted_time_counts_transfers(make_scene, monkeypatch, tmp_path):
     assert backend('cuda').seconds(plan) - seconds == pytest.approx(
         1e-9 * DEFAULT.transferred_byte * n_bytes)
     assert DeviceCosts.read(tmp_path / 'costs.json') == costs
+
+
+def test_every_cost_is_the_devices_own():
+    """Those of a processor would be far too high; paths of beams alone are the processor's."""
+    theirs, ours = dataclasses.asdict(CostModel()), dataclasses.asdict(DeviceCosts())
+    ours.pop('transferred_byte')
+    methods = {n for n in theirs if n.startswith(('merged', 'gathered'))}  # not offered here
+    higher = {n for n in theirs if ours[n] >= theirs[n]}
+    assert higher == methods | {'beam_path', 'image', 'subaperture'}  # launches

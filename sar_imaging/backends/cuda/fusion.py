@@ -1,0 +1,177 @@
+"""Second stage of AFBP on the device: sub-aperture images joined by their spectra."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...geometry.grids import MapGrid
+from ...memory import IMAGE_BYTES
+from ...planning.afbp.polar_grids import UnifiedPolarGrids
+from ...planning.guard_taper import guard_taper
+from ...planning.interpolators import design_interpolator
+from ...planning.polar_to_map import DEGREE, TAPS, range_axis
+from .arrays import check_memory, cuda, kernel, launch, reports_failures, require_device, xp
+from .polar_to_map import polar_to_map
+
+_THREADS = 128
+
+
+class SpectrumFusion:
+    """Fuses sub-aperture images that share a grid, see `backends.protocol.SpectrumFusion`.
+
+    `backends.reference.fuse_bands` has the formulas. Images are taken from the host or the device;
+    the fused one is an array of the device. Where contributions are kept, their spectra are
+    summed in the order of their numbers when an image is wanted, so that removing and replacing
+    leave no rounding behind.
+
+    Raises
+    ------
+    DeviceError
+        There is no device, it fails, or it lacks memory.
+    """
+
+    @reports_failures
+    def __init__(self, grid: UnifiedPolarGrids, *, keep: bool = False):
+        require_device()
+        self.grid, self._keep = grid, keep
+        self._wavenumber = grid.range_wavenumbers
+        n_bins, polar = len(self._wavenumber), grid.polar
+        check_memory(IMAGE_BYTES * (2 * grid.n_fine * n_bins
+                                    + 2 * polar.n_alpha * grid.n_fine_range),
+                     f'a fused spectrum of {n_bins} x {grid.n_fine} samples and its image',
+                     "cut the grid into smaller ones, or use backend='cpu'")
+        taper = (guard_taper(grid.n_coarse, grid.n_guard, grid.beta),
+                 guard_taper(grid.n_coarse_range, grid.range_guard, grid.beta))
+        self._taper = [xp.asarray(v.astype(np.float32)) for v in taper]
+        self._bins = xp.asarray(np.arange(n_bins) - n_bins // 2)
+        self._contributions: dict[int, tuple | None] = {}  # None if not kept
+        self._spectrum = None
+
+    @property
+    def included(self) -> frozenset[int]:
+        """Sub-apertures in the image."""
+        return frozenset(self._contributions)
+
+    @reports_failures
+    def add(self, number: int, image, centre_m: float) -> None:
+        """Add a sub-aperture, or replace it; see `backends.protocol.SpectrumFusion`."""
+        self.grid.check_contribution(image, centre_m)
+        if number in self._contributions and not self._keep:
+            raise ValueError(f'sub-aperture {number} is in the image already; fuse with keep=True '
+                             'to replace contributions')
+        there = xp.asarray(image)
+        if there.dtype.kind != 'c':
+            there = there[0] + np.complex64(1j) * there[1]
+        folded = xp.fft.fft2(there * self._taper[0][:, None] * self._taper[1])
+        folded = folded[:, self._bins].astype(np.complex64)
+        if self._keep:
+            self._contributions[number], self._spectrum = (folded, centre_m), None
+        else:
+            self._add_band(folded, centre_m)
+            self._contributions[number] = None
+
+    def remove(self, number: int) -> None:
+        """Take a sub-aperture out of the image; see `backends.protocol.SpectrumFusion`."""
+        if not self._keep or number not in self._contributions:
+            raise ValueError(f'sub-aperture {number} cannot be removed: ' + (
+                'it is not in the image' if self._keep else 'contributions are not kept'))
+        del self._contributions[number]
+        self._spectrum = None
+
+    @reports_failures
+    def polar_image(self, centre_m: float = 0.0):
+        """Image of what was added so far; see `backends.protocol.SpectrumFusion`."""
+        grid, polar, n_bins = self.grid, self.grid.polar, len(self._wavenumber)
+        spectrum = self._fused()
+        if grid.between is not None:
+            cycles = np.fft.fftfreq(grid.n_fine) - 2 * centre_m * (
+                polar.alpha_spacing / grid.wavelength_m)
+            gain = grid.between.gain(cycles - np.rint(cycles)).astype(np.float32)
+            spectrum = spectrum * xp.asarray(gain)[:, None]
+        lines = xp.fft.ifft(spectrum, axis=0, norm='forward')
+        lines = lines[grid.fine_guard:grid.fine_guard + polar.n_alpha]
+        whole = xp.zeros((polar.n_alpha, grid.n_fine_range), np.complex64)
+        whole[:, :n_bins - n_bins // 2] = lines[:, n_bins // 2:]
+        if n_bins > 1:
+            whole[:, -(n_bins // 2):] = lines[:, :n_bins // 2]
+        image = xp.fft.ifft(whole, axis=1, norm='forward')
+        image = image[:, grid.fine_range_guard:][:, :polar.n_range]
+        # sub-aperture images have their phase from where the guards begin
+        cycles = 2 * grid.fine_range_guard * polar.range_spacing_m / grid.wavelength_m
+        cycles = cycles - 2 * centre_m * (polar.alpha - polar.alpha_start) / grid.wavelength_m
+        scale = np.exp(2j * np.pi * np.fmod(cycles, 1.0)) / (grid.n_coarse * grid.n_coarse_range)
+        image = image * xp.asarray(scale.astype(np.complex64))[:, None]
+        return xp.stack([image.real, image.imag]).astype(np.float32, copy=False)
+
+    def take_polar_image(self):
+        """As `polar_image`; nothing is included any more."""
+        image = self.polar_image()
+        self.clear()
+        return image
+
+    def clear(self) -> None:
+        """Begin another aperture on the same grid: nothing is included any more."""
+        self._contributions, self._spectrum = {}, None
+
+    def _fused(self):
+        """(n_fine, K) complex64 spectrum."""
+        if self._spectrum is None:
+            self._spectrum = xp.zeros((self.grid.n_fine, len(self._wavenumber)), np.complex64)
+            for number in sorted(self._contributions):
+                self._add_band(*self._contributions[number])
+        return self._spectrum
+
+    def _add_band(self, folded, centre_m: float) -> None:
+        """Add the band that a coarse spectrum holds folded."""
+        if self._spectrum is None:
+            self._spectrum = xp.zeros((self.grid.n_fine, len(self._wavenumber)), np.complex64)
+        grid, n_bins = self.grid, len(self._wavenumber)
+        middle = np.rint(self._wavenumber * (centre_m * grid.extent / (2 * math.pi)))
+        first = middle.astype(np.int64) - grid.n_coarse // 2
+        rows = min(grid.n_coarse, grid.n_fine)
+        launch(add_band, (-(-n_bins // _THREADS), rows), _THREADS, folded, xp.asarray(first),
+               self._spectrum)
+
+
+@kernel()
+def add_band(folded, first, spectrum):
+    """Add a band to a spectrum; a grid of (range wavenumbers, rows of the spectrum it reaches).
+
+    Parameters
+    ----------
+    folded : (n_coarse, K) complex64
+        Holds bin n of the band in row ``n mod n_coarse``.
+    first : (K,) int64
+        First bin of the band at each range wavenumber; it has n_coarse.
+    spectrum : (n_fine, K) complex64
+        Row ``n mod n_fine`` is added to.
+    """
+    column, row = cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x, cuda.blockIdx.y
+    n_coarse, n_fine = folded.shape[0], spectrum.shape[0]
+    if column >= spectrum.shape[1]:
+        return
+    real, imag = np.float32(0.0), np.float32(0.0)
+    for n in range(row, n_coarse, n_fine):  # more than one where the band overlaps itself
+        source = (first[column] + n) % n_coarse
+        real += folded[source, column].real
+        imag += folded[source, column].imag
+    spectrum[(first[column] + row) % n_fine, column] += complex(real, imag)
+
+
+@reports_failures
+def form_map(polar_image, fusion: UnifiedPolarGrids, grid: MapGrid, centre_m: float = 0.0, *,
+             overwrite: bool = False):
+    """Interpolate a fused image to a map, see `backends.protocol.Backend`.
+
+    The map is an array of the device, and has memory of its own.
+    """
+    fusion.check_for_map()
+    along = design_interpolator(fusion.range_oversampling, taps=TAPS, degree=DEGREE)
+    image = xp.zeros(grid.shape, np.complex64)
+    polar_to_map(xp.ascontiguousarray(xp.asarray(polar_image)), fusion.polar, grid, image,
+                 axis=range_axis(fusion.polar, grid), wavelength_m=fusion.wavelength_m,
+                 between=fusion.between, along=along,
+                 cycles_per_alpha=2 * centre_m / fusion.wavelength_m)
+    return image

@@ -1,0 +1,35 @@
+"""What plans say that this backend computes; anything more it refuses."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from ...planning.afbp.subapertures import SubaperturePlan
+from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
+from ...planning.exact.points import PointPlan
+from ...planning.exact.polar_image import PolarPlan
+
+_WAY = {'window', 'lattice', 'errors_db', 'cost'}
+_KNOWN = {BackprojectionPlan: {'grid', 'radar', 'tx_m', 'rx_m', 'range_m', 'way', 'warnings'},
+          LinePlan: _WAY | {'lines'},
+          PointPlan: _WAY | {'range_m', 'tile', 'reach_m'},
+          PolarPlan: _WAY | {'polar', 'range_m', 'axis', 'between', 'along', 'parts',
+                             'wavelength_m'},
+          SubaperturePlan: {'polar', 'given', 'source', 'n_samples', 'n_channels', 'sampling',
+                            'fusion_grid', 'lattice', 'beams', 'range_m', 'limits', 'warnings'}}
+
+
+def refuse_unknown(plan) -> None:
+    """Refuse a plan that says more than this backend computes, such as weights of pixels.
+
+    Raises
+    ------
+    ValueError
+        An attribute of the plan is unknown here, and set.
+    """
+    known = set().union(*(names for kind, names in _KNOWN.items() if isinstance(plan, kind)))
+    unknown = [field.name for field in dataclasses.fields(plan)
+               if field.name not in known and getattr(plan, field.name) is not None]
+    if unknown:
+        raise ValueError(f"backend='cuda' does not compute {', '.join(unknown)} of "
+                         f"{type(plan).__name__} yet; use backend='cpu'")

@@ -1,0 +1,78 @@
+"""Both stages of AFBP against the formulas and the processor's backend."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from sar_imaging.backends import backend
+from sar_imaging.backends.cuda.arrays import to_host
+from sar_imaging.imaging.imager import plan_image
+from sar_imaging.planning.afbp.beams import plan_beams
+from sar_imaging.planning.afbp.plan import plan_afbp
+
+TARGET_DB = -50.0
+
+
+@pytest.fixture(scope='module')
+def scene(make_scene):
+    return make_scene(1000.0, n=16, pulses=16)
+
+
+@pytest.fixture(scope='module')
+def plan(scene):
+    block = scene.block
+    return plan_afbp(scene.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+                     target_db=TARGET_DB, pulses_per_subaperture=8).subapertures
+
+
+def test_images_from_beams_are_those_of_the_formulas(scene, plan, error_db):
+    some = scene.block.select(plan.sampling.pulses[0])
+    beams = plan_beams(plan.coarse, plan.radar, plan.lattice, [(some.tx_m[:, 0], some.rx_m[:, 0])],
+                       TARGET_DB, plan.range_m[1] - plan.range_m[0])
+    plan = dataclasses.replace(plan, beams=beams)
+    weights = np.linspace(0.5, 1.0, some.n_pulses).astype(np.float32)
+    out = np.empty((2, *plan.coarse.shape), np.float32)
+    image, wanted = (backend(name).SubapertureImager(plan).image(0, some, weights, out=memory)
+                     for name, memory in (('cuda', out), ('reference', None)))
+    assert image is out
+    # float32 phases of the rows and gains from a table; the polynomials of sine and cosine
+    assert error_db(image, wanted) < -92.0
+    with pytest.raises(ValueError, match='number=2; the plan has sub-apertures 0 to 1'):
+        backend('cuda').SubapertureImager(plan).image(2, some)
+
+
+def test_fusion_is_that_of_the_formulas(plan, error_db):
+    """Added, replaced, removed, and given at baseband along direction."""
+    rng, grid = np.random.default_rng(5), plan.fusion_grid
+    images = rng.standard_normal((4, 2, grid.n_coarse, grid.n_coarse_range)).astype(np.float32)
+    made = [backend(name).SpectrumFusion(grid, keep=True) for name in ('cuda', 'reference')]
+    for fusion in made:
+        for number in range(3):
+            fusion.add(number, images[number], 10.0 * number)
+        fusion.add(1, images[3][0] + 1j * images[3][1], -7.0)
+        fusion.remove(0)
+        assert fusion.included == {1, 2}
+    image, wanted = (to_host(fusion.polar_image(15.0)) for fusion in made)
+    assert error_db(image, wanted) < -125.0  # float32 in transforms and tapers
+    once = backend('cuda').SpectrumFusion(grid)
+    once.add(1, images[3], -7.0)
+    once.add(2, images[2], 20.0)
+    assert error_db(to_host(once.polar_image(15.0)), wanted) < -125.0
+    np.testing.assert_array_equal(to_host(made[0].take_polar_image()),
+                                  to_host(once.take_polar_image()))
+    assert not once.included and not made[0].included
+    with pytest.raises(ValueError, match='contributions are not kept'):
+        once.remove(0)
+    once.add(0, images[0], 0.0)
+    with pytest.raises(ValueError, match='already; fuse with keep=True'):
+        once.add(0, images[0], 0.0)
+
+
+def test_maps_are_those_of_the_processor(scene, error_db):
+    block = scene.block
+    found, wanted = (plan_image(scene.grid, block.radar, block.n_samples, method='afbp',
+                                target_db=TARGET_DB, pulses_per_subaperture=8,
+                                backend=name)(block) for name in ('cuda', 'cpu'))
+    assert error_db(found.samples, wanted.samples) < -100.0
+    assert found.report.predicted_error_db == pytest.approx(wanted.report.predicted_error_db)
