@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats archive help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign format-campaign cphd-memory archive-campaign
+.PHONY: installed formats archive help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign format-campaign cphd-memory archive-campaign gpu
 .DEFAULT_GOAL := help
 
 help:
@@ -57,6 +57,8 @@ help:
 	@echo 'make archive-campaign'
 	@echo '             archives by 1, 2 and 4 workers and in two network namespaces; their workers, or all'
 	@echo '             processes, killed at random moments, 20 times each; half an hour'
+	@echo 'make gpu     on a machine with an NVIDIA device and the extra cuda: tests of its kernels and images, the same'
+	@echo '             under compute-sanitizer, rates and errors; PYTHON of the device, ten minutes and some'
 	@echo 'make cphd-memory'
 	@echo '             a CPHD file of 4 GB, written and imaged within 2 GB of memory, ten minutes; BYTES=1e9 for a small one'
 	@echo 'make bags    write the recordings in bags/ again'
@@ -87,6 +89,16 @@ lint: environment
 # The suite takes a part of this.
 processors: environment
 	@$(RUN) -m pytest -m campaign test/backends/test_processors.py
+
+# With the interpreter that has CuPy and numba-cuda. Results go to benchmarks/results/gpu.json.
+GPU_TESTS = -m pytest -p no:cacheprovider test/backends/cuda
+NCU = ncu --set roofline --kernel-name-base demangled --launch-skip 2 --launch-count 20
+gpu:
+	$(PYTHON) $(GPU_TESTS)
+	compute-sanitizer --tool memcheck --error-exitcode 9 $(PYTHON) $(GPU_TESTS) -k kernels
+	compute-sanitizer --tool racecheck --error-exitcode 9 $(PYTHON) $(GPU_TESTS) -k kernels
+	$(PYTHON) -m benchmarks.gpu
+	$(NCU) $(PYTHON) -m benchmarks.gpu --case 4096 > build/gpu-roofline.txt
 
 # Results go to benchmarks/results; what is fetched lies in build/aarch64.
 aarch64: environment

@@ -74,6 +74,19 @@ def reports_failures(work: Callable) -> Callable:
     return reporting
 
 
+def device_name() -> str:
+    """Name of the device."""
+    if SIMULATED:
+        return 'simulator'
+    return xp.cuda.runtime.getDeviceProperties(xp.cuda.Device().id)['name'].decode()
+
+
+def synchronise() -> None:
+    """Wait until the device has done what it was given."""
+    if not SIMULATED:
+        xp.cuda.Device().synchronize()
+
+
 def free_bytes() -> int:
     """Memory of the device that can be had, bytes: what is free and what CuPy keeps unused."""
     if SIMULATED:

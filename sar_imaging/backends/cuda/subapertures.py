@@ -49,16 +49,32 @@ class SubapertureImager:
         """Backproject one sub-aperture, see `backends.protocol.SubapertureImager`."""
         plan = self.plan
         plan.check_block(number, block)
-        samples = complex_samples(block.samples.reshape(-1, plan.n_samples))
-        if weights is not None:
-            samples = samples * xp.asarray(np.repeat(weights, plan.n_channels))[:, None]
-        there = xp.zeros((2, plan.coarse.n_alpha, plan.coarse.n_range), np.float32)
-        centres = block.tx_m.reshape(-1, 3), block.rx_m.reshape(-1, 3)
-        self._lines.add(samples, *centres, there.reshape(-1))
+        there = self.project(block.samples, block.tx_m, block.rx_m, weights)
         if out is None or on_device(out):
             return there
         out[...] = to_host(there)
         return out
+
+    @reports_failures
+    def project(self, samples, tx_m, rx_m, weights=None):
+        """The same of samples that may lie on the device, unchecked.
+
+        Parameters
+        ----------
+        samples : (P, C, N) complex64, or (P, C, N, 2) integer
+            Of the pulses of a sub-aperture, of the host or the device.
+        tx_m, rx_m : (P, C, 3) float64
+            Phase centres, metres.
+        weights : (P,) float32, optional
+            Window over the pulses.
+        """
+        plan = self.plan
+        rows = complex_samples(samples).reshape(-1, plan.n_samples)
+        if weights is not None:
+            rows = rows * xp.asarray(np.repeat(weights, plan.n_channels))[:, None]
+        there = xp.zeros((2, plan.coarse.n_alpha, plan.coarse.n_range), np.float32)
+        self._lines.add(rows, tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), there.reshape(-1))
+        return there
 
 
 class _Beams:

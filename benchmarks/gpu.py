@@ -1,0 +1,189 @@
+"""Images on a CUDA device: rates, times and errors, on the device alone and end to end.
+
+Run from the repository root on a machine with a device, in an environment with the extra `cuda`::
+
+    python -m benchmarks.gpu                      # ends within ten minutes
+    NUMBA_ENABLE_CUDASIM=1 python -m benchmarks.gpu --small   # proves that it runs; no speed
+
+*Resident* times begin with samples on the device and end with an image there. *End to end* they
+begin and end in the host's memory, plan excluded. Rates count a pixel and pulse (each channel
+counts as one) as if each were added by itself, whichever way the plan takes. Errors are against
+float64 time-domain correlation with the exact two-way path, at some pixels. Cases that do not
+begin within the time limit are left out, and named.
+
+`--case NAME` runs one case once, for profilers; `make gpu` says how.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import pathlib
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from sar_imaging.backends import DeviceError, backend
+from sar_imaging.geometry import MapGrid
+from sar_imaging.imaging.imager import plan_image
+from sar_imaging.quality.verification import measure_error
+from sar_imaging.signal import PulseBlock
+from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.simulation.scenarios.spotlight_letter import spotlight_letter
+
+from .support.machine import machine
+from .support.scenes import N_SCATTERERS, Case, phase_history
+
+RESULTS = pathlib.Path(__file__).parent / 'results' / 'gpu.json'
+LIMIT_S, ROUNDS = 540.0, 3
+COMPARED = 40  # pixels whose error is measured, and as many of the brightest
+_PULSES_AT_ONCE = 256
+EXACT_DB, AFBP_DB = -80.0, -50.0
+
+#: Exact images: as MatX states its figure, with five channels, and of the table of benchmarks.md.
+EXACT = {'8192 as MatX': Case(1e4, 8192, 11566, 1, 0.25),
+         '4096 by 5 channels': Case(1e4, 4096, 512, 5, 0.25),
+         '4096': Case(1e4, 4096, 2560, 1, 0.25),
+         **{f'1024 at {r:g} m': Case(r, 1024, 256, 1, 0.25) for r in (1e3, 1e4, 5e4)}}
+AFBP = {f'AFBP {n}': Case(1e4, n, n, 1, 0.25) for n in (4096, 8192, 16384)}
+LETTER = 'letter at full size'
+SMALL = {'exact, small': Case(1e3, 16, 6, 1, 0.25), 'AFBP, small': Case(1e3, 16, 16, 1, 0.25)}
+NAMES = ('4096', '4096 by 5 channels', 'AFBP 4096', '1024 at 10000 m', LETTER, 'AFBP 8192',
+         '8192 as MatX', '1024 at 1000 m', '1024 at 50000 m', 'AFBP 16384')
+
+
+def measure(name: str, *, rounds: int = ROUNDS) -> dict[str, object]:
+    """Times, rates and errors of one case."""
+    block, grid = _recording(name)
+    afbp = name.startswith('AFBP') or name == LETTER
+    options = {'method': 'afbp' if afbp else 'exact',
+               'target_db': AFBP_DB if afbp else EXACT_DB}
+    if not afbp:
+        block = RangeCompressor.for_block(block)(block)
+    begun = time.perf_counter()
+    imager = plan_image(grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+                        backend='cuda', compressed=not afbp, **options)
+    planning_s = time.perf_counter() - begun
+    image = imager(block)  # compiles
+    error = measure_error(image, grid, block, fit_scale=True, n_pixels=COMPARED,
+                          n_brightest=COMPARED)
+    del image
+    whole = _best(lambda: imager(block), rounds)
+    once = (_resident_afbp if afbp else _resident_exact)(imager.report.plan, block)
+    once()
+    resident = _best(once, rounds)
+    work = float(np.prod(grid.shape)) * block.n_pulses * block.n_channels
+    return {'pixels': list(grid.shape), 'pulses': block.n_pulses, 'channels': block.n_channels,
+            'samples': block.n_samples, **options, 'plan': str(imager.report.plan),
+            'planning_s': planning_s, 'resident_s': resident, 'end_to_end_s': whole,
+            'resident_rate_e9': work / resident / 1e9, 'end_to_end_rate_e9': work / whole / 1e9,
+            'error_db': error.error_db, 'brightest_error_db': error.brightest_error_db,
+            'predicted_db': imager.report.predicted_error_db}
+
+
+def _recording(name: str) -> tuple[PulseBlock, MapGrid]:
+    """Phase histories and grid: noise for exact images, which lights all of them evenly."""
+    if name == LETTER:
+        letter = spotlight_letter('full')
+        letter = dataclasses.replace(letter, scatterers=letter.scatterers[:N_SCATTERERS])
+        samples = np.empty((letter.n_pulses, letter.n_samples), np.complex64)
+        letter.record(samples)
+        centres, number = letter.phase_centres(), np.arange(letter.n_pulses)
+        return PulseBlock(letter.radar, False, number, number, samples[:, None], centres,
+                          centres), letter.scene_grid(0.1)
+    case = {**EXACT, **AFBP, **SMALL}[name]
+    if name.startswith('AFBP'):
+        return phase_history(case), case.grid
+    one, (tx, rx) = phase_history(dataclasses.replace(case, n_pulses=1)), case.phase_centres()
+    samples = np.empty((*tx.shape[:2], one.n_samples), np.complex64)
+    random, number = np.random.default_rng(0), np.arange(len(tx))
+    for start in range(0, len(tx), _PULSES_AT_ONCE):
+        some = samples[start:start + _PULSES_AT_ONCE]
+        some[:] = random.standard_normal((*some.shape[:2], 2 * one.n_samples), np.float32).view(
+            np.complex64)
+    return PulseBlock(one.radar, False, number, number, samples, tx, rx), case.grid
+
+
+def _resident_exact(plan, block: PulseBlock) -> Callable[[], object]:
+    """Adds echoes that lie on the device to an image there."""
+    from sar_imaging.backends.cuda.arrays import synchronise, xp
+
+    entry = backend('cuda').Backprojection(plan)
+    echoes = (xp.asarray(block.samples.reshape(-1, block.n_samples)), plan.tx_m, plan.rx_m)
+    image = xp.zeros(plan.grid.shape, np.complex64)
+
+    def run():
+        entry.add(*echoes, image)
+        synchronise()
+
+    return run
+
+
+def _resident_afbp(plan, block: PulseBlock) -> Callable[[], object]:
+    """Both stages and the map, from samples on the device."""
+    from sar_imaging.backends.cuda.arrays import synchronise, xp
+
+    made, stage = backend('cuda'), plan.subapertures
+    imager, fusion = made.SubapertureImager(stage), made.SpectrumFusion(stage.fusion_grid)
+    samples = xp.asarray(block.samples)
+
+    def run():
+        fusion.clear()
+        for number, some in enumerate(stage.sampling.pulses):
+            fusion.add(number, imager.project(samples[some], block.tx_m[some], block.rx_m[some]),
+                       stage.sampling.centre[number])
+        made.form_map(fusion.take_polar_image(), stage.fusion_grid, plan.grid)
+        synchronise()
+
+    return run
+
+
+def _best(call: Callable[[], object], rounds: int) -> float:
+    seconds = []
+    for _ in range(rounds):
+        begun = time.perf_counter()
+        call()
+        seconds.append(time.perf_counter() - begun)
+    return min(seconds)
+
+
+def main() -> int:
+    """Run the cases and write the results; returns the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser.add_argument('--output', type=pathlib.Path, default=RESULTS)
+    parser.add_argument('--small', action='store_true', help='tiny images, for the simulator')
+    parser.add_argument('--limit', type=float, default=LIMIT_S, metavar='SECONDS',
+                        help='no case begins after so long (%(default)g)')
+    parser.add_argument('--case', choices=NAMES, help='one case, and nothing is written')
+    given = parser.parse_args()
+    try:
+        backend('cuda')
+    except DeviceError as error:
+        print(f'error: {error}', file=sys.stderr)
+        return 1
+    from sar_imaging.backends.cuda.arrays import device_name
+
+    if given.case:
+        print(json.dumps(measure(given.case, rounds=1), indent=2))
+        return 0
+    begun, rows, left = time.perf_counter(), {}, []
+    for name in SMALL if given.small else NAMES:
+        if time.perf_counter() - begun > given.limit:
+            left.append(name)
+            continue
+        try:
+            rows[name] = measure(name, rounds=1 if given.small else ROUNDS)
+        except (DeviceError, MemoryError) as error:
+            rows[name] = {'failed': str(error)}
+        print(name, json.dumps(rows[name]), flush=True)
+    found = {'device': device_name(), 'machine': machine(), 'cases': rows, 'left_out': left}
+    if not given.small:
+        given.output.write_text(json.dumps(found, indent=1) + '\n')
+    return 0 if not any('failed' in row for row in rows.values()) else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())
