@@ -54,7 +54,8 @@ arguments = dict(
                                 'zarr>=2.18,<3 ; python_version<"3.11"',
                                 'numcodecs>=0.11,<0.16 ; python_version<"3.11"'],
                     'hdf5': ['h5py>=3.8,<4'],  # MATLAB 7.3 and HDF5, see docs/loading.md
-                    'cuda': ['cupy-cuda13x>=13.6,<15', 'numba-cuda[cu13]>=0.20,<1'],  # docs/gpu.md
+                    # devices, see docs/gpu.md
+                    'cuda': ['cupy-cuda13x[ctk]>=14,<15', 'numba-cuda[cu13]>=0.20,<1'],
                     'test': ['pytest>=7.4,<10', 'pytest-xdist>=3.3,<4', 'hypothesis>=6.80,<7']},
     entry_points={
         'console_scripts': [

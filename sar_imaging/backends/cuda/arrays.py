@@ -39,7 +39,7 @@ try:
         # Both libraries use the same stream: nothing has to wait for its arrays.
         config.CUDA_ARRAY_INTERFACE_SYNC = False
 except ImportError as error:
-    raise DeviceError(f'{_INSTALL} ({error})') from error
+    raise DeviceError(f'{_INSTALL} ({str(error).splitlines()[0]})') from error
 
 
 def require_device() -> None:
