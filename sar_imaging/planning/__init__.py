@@ -14,15 +14,15 @@ Names that mean the same in all modules, here and in the backends, are described
 
 - `radar`, `n_samples`: `RadarParameters` of the range profiles, and their samples; of phase
   histories, and their frequencies, where these are imaged as they come;
-- `tx_m`, `rx_m`: float64 phase centres, metres: (R, 3), a row for each pulse and channel, or
-  (P, C, 3) where pulses and channels are told apart;
-- `samples`: (R, N) complex64 profiles of the rows;
+- `tx_m`, `rx_m`: float64 phase centres, metres: (R, 3), one of each echo (a pulse of a channel),
+  or (P, C, 3) where pulses and channels are told apart;
+- `samples`: (R, N) complex64 profiles of the echoes;
 - `grid`: where the pixels are; `polar`: the `PolarGrid` of the image meant;
 - `target_db` and others in dB: mean squared error against time-domain correlation over the mean
   square of the image; `errors_db` of a plan: the predicted one by cause;
 - `range_m`: least and largest half path that is read, metres;
 - `window`, `source`: part of the profiles that is needed, or the phase histories in their place;
   `lattice`: how it is resampled;
-- `weight`: (R,) float64 share of each row in the power of the image, see `echo_power`;
+- `weight`: (R,) float64 share of each echo in the power of the image, see `echo_power`;
 - `wavelength_m`: at the carrier, metres; `warnings`: what makes the image worse than wanted.
 """

@@ -26,14 +26,14 @@ class CostModel:
     Attributes
     ----------
     line_pixel, line_segment, point_pixel : float
-        Exact backprojection: along lines of a pixel and row, and in addition of a segment and
-        row; onto points of a pixel and row.
+        Exact backprojection: along lines of a pixel and echo, and in addition of a segment and
+        echo; onto points of a pixel and echo.
     upsampled_pixel, upsampled_part : float
         Azimuth upsampling: of a pixel and part, and in addition of a part.
     map_pixel : float
         Interpolation of a polar image to a map: of a pixel.
     beam_bin, beam_group, beam_cell : float
-        Beams: of a row, bin and beam; more of a row, bin and group; of a cell's transform.
+        Beams: of an echo, bin and beam; more of an echo, bin and group; of a cell's transform.
     beam_pixel, beam_segment : float
         Lines from beams: of a pixel, and in addition of a segment.
     coarse_pixel, fine_pixel, subaperture : float
@@ -41,9 +41,9 @@ class CostModel:
     merged_pixel, merged_tap, gathered_pixel, gathered_tap : float
         FFBP: of a pixel and part, of a neighbour along either axis; and of those looked up singly.
     profile_bin, profile_cell : float
-        Range profiles: of a row, by the samples of its spectrum and the positions of its lattice.
+        Range profiles: of an echo, by the samples of its spectrum and positions of its lattice.
     beam_path, beam_run, image : float
-        Of a row and beam; of a row, group of beams and run of bins; of an image. Nothing is
+        Of an echo and beam; of an echo, group of beams and run of bins; of an image. Nothing is
         chosen by these and the two before: predicted times contain them.
     """
 

@@ -1,8 +1,8 @@
-"""Which rows an image's power comes from: those that see a scene alike add up coherently.
+"""Which echoes an image's power comes from: those that see a scene alike add up coherently.
 
-The power of n rows at different places grows as n, that of n rows at one place as n squared. Where
-a platform stops, or comes by again, what is read of those rows decides the error of the image, be
-they few.
+The power of n echoes at different places grows as n, that of n echoes at one place as n squared.
+Where a platform stops, or comes by again, what is read of those echoes decides the error of the
+image, be they few.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from ..signal.radar import RadarParameters
 
 
 def echo_power(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndarray:
-    """(R,) float64 share that each row has in the power of an image, relative to the mean.
+    """(R,) float64 share that each echo has in the power of an image, relative to the mean.
 
-    It is the number of rows whose local frequencies in the image differ by less than the image
+    It is the number of echoes whose local frequencies in the image differ by less than the image
     resolves, along range by less than the band of a pulse. The image has its middle at
     `centre_m`, (3,), and extends along `sides_m`, (2, 3), metres.
     """
@@ -28,7 +28,7 @@ def echo_power(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndar
     along = middle / length
     band = max(length * radar.bandwidth_hz / radar.carrier_hz, 1.0)
     place = np.stack([cycles @ [-along[1], along[0]], cycles @ along / band])
-    # Rows are shared out to the four neighbouring cells, and read from there as they were put in.
+    # Echoes are shared out to the four neighbouring cells, and read from there as they came in.
     cell = np.floor(place)
     within = place - cell
     cell = (cell - cell.min(axis=1, keepdims=True)).astype(np.int64)

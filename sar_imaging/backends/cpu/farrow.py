@@ -35,14 +35,14 @@ def farrow_coefficients(samples, weights, first, pad, out):
 
 @njit(parallel=True)
 def _weighted_sums(samples, shape, start, weights, pad, count, out):
-    """Rows and phases in parallel; free of views for the compiler, see `line_kernels`."""
-    _, n_rows, n_phases, length = shape
+    """Echoes and phases in parallel; free of views for the compiler, see `line_kernels`."""
+    _, n_echoes, n_phases, length = shape
     n, n_coefficients = np.uint64(count), len(weights)
     ends, inside = np.uint64(pad), np.uint64(count - 2 * pad)
-    for task in numba.prange(n_rows * n_phases):
-        row, phase = task // n_phases, task % n_phases
+    for task in numba.prange(n_echoes * n_phases):
+        echo, phase = task // n_phases, task % n_phases
         for part in range(2):
-            base = (part * n_rows + row) * n_phases * length
+            base = (part * n_echoes + echo) * n_phases * length
             s0, s1 = np.uint64(base + start[phase, 0]), np.uint64(base + start[phase, 1])
             s2, s3 = np.uint64(base + start[phase, 2]), np.uint64(base + start[phase, 3])
             s4, s5 = np.uint64(base + start[phase, 4]), np.uint64(base + start[phase, 5])

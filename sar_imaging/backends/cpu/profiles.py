@@ -60,11 +60,11 @@ class Profiles:
         path_m = self.range_at(cell) - self._source.phase_range_m
         return math.fmod(2 * path_m / self.radar.wavelength_m, 1.0)
 
-    def chunks(self, n_rows: int):
-        """Slices of rows that are added in one pass."""
-        row = 4 * self.lattice.interpolator.n_planes * self.lattice.n_phases * self._count
-        step = min(ROWS_PER_PASS, max(numba.get_num_threads(), _CHUNK_BYTES // row))
-        return (slice(lo, min(lo + step, n_rows)) for lo in range(0, n_rows, step))
+    def chunks(self, n_echoes: int):
+        """Slices of echoes that are added in one pass."""
+        n_bytes = 4 * self.lattice.interpolator.n_planes * self.lattice.n_phases * self._count
+        step = min(ROWS_PER_PASS, max(numba.get_num_threads(), _CHUNK_BYTES // n_bytes))
+        return (slice(lo, min(lo + step, n_echoes)) for lo in range(0, n_echoes, step))
 
     def planes(self, samples) -> np.ndarray:
         """Polynomial coefficients of some profiles.
@@ -80,9 +80,9 @@ class Profiles:
             As `farrow_coefficients` makes them. Valid until the next call, which writes to the
             same memory: fresh memory for every few profiles costs as much as filling it.
         """
-        lattice, n_rows = self.lattice, len(samples)
+        lattice, n_echoes = self.lattice, len(samples)
         spectrum = spectra(self._source, samples, lattice.n_padded, self._buffer)
-        padded = self._buffer('padded', (n_rows, lattice.n_cells * lattice.n_phases),
+        padded = self._buffer('padded', (n_echoes, lattice.n_cells * lattice.n_phases),
                               np.complex64)
         _pad_band(spectrum.reshape(-1).view(np.float32), spectrum.shape, self._source.zero,
                   self._gain, padded.reshape(-1).view(np.float32), padded.shape[1])
@@ -90,11 +90,11 @@ class Profiles:
                                overwrite_x=True, norm='forward')
         length = self._count - 2 * self._pad + 2 * TAPS
         first = self._first + self._pad - TAPS
-        split = self._buffer('split', (2, n_rows, lattice.n_phases, length), np.float32)
+        split = self._buffer('split', (2, n_echoes, lattice.n_phases, length), np.float32)
         inside = (0, length) if self._source.periodic else (
             min(max(-first, 0), length), max(min(lattice.n_cells - first, length), 0))
         _split_phases(dense.reshape(-1).view(np.float32), lattice.n_cells, first, *inside, split)
-        planes = self._buffer('planes', (n_rows, lattice.n_phases, lattice.interpolator.n_planes,
+        planes = self._buffer('planes', (n_echoes, lattice.n_phases, lattice.interpolator.n_planes,
                                          self._count), np.float32)
         farrow_coefficients(split, lattice.interpolator.weights, lattice.interpolator.first,
                             self._pad, planes)
@@ -108,12 +108,12 @@ def _pad_band(spectrum, shape, zero, gain, out, n_out):
     Real and imaginary parts come in turn. Positive frequencies start at bin `zero` of the
     spectra, negative ones end before it. Written for the compiler, see `line_kernels`.
     """
-    n_rows, n = shape
+    n_echoes, n = shape
     keep = min(n, n_out)
     upper, lower = np.uint64(2 * ((keep + 1) // 2)), np.uint64(2 * (keep // 2))
     positive, negative = np.uint64(2 * zero), np.uint64(2 * ((zero - keep // 2) % n))
-    for row in numba.prange(n_rows):
-        to, source = np.uint64(row * 2 * n_out), np.uint64(row * 2 * n)
+    for echo in numba.prange(n_echoes):
+        to, source = np.uint64(echo * 2 * n_out), np.uint64(echo * 2 * n)
         for k in range(upper):
             out[to + k] = spectrum[source + positive + k] * gain[positive + k]
         to += upper
@@ -131,18 +131,18 @@ def _split_phases(dense, n_cells, first, start, stop, out):
 
     Cells are counted from `first` of the dense profile, which repeats.
     """
-    _, n_rows, n_phases, length = out.shape
+    _, n_echoes, n_phases, length = out.shape
     step = np.uint64(2 * n_phases)
-    for row in numba.prange(n_rows):
+    for echo in numba.prange(n_echoes):
         for phase in range(n_phases):
             for part in range(2):
                 for i in range(length):
-                    out[part, row, phase, i] = 0.0
+                    out[part, echo, phase, i] = 0.0
                 done = start
                 while done < stop:
                     cell = (first + done) % n_cells
-                    source = np.uint64(2 * ((row * n_cells + cell) * n_phases + phase) + part)
+                    source = np.uint64(2 * ((echo * n_cells + cell) * n_phases + phase) + part)
                     some = min(stop - done, n_cells - cell)
                     for i in range(some):
-                        out[part, row, phase, done + i] = dense[source + np.uint64(i) * step]
+                        out[part, echo, phase, done + i] = dense[source + np.uint64(i) * step]
                     done += some

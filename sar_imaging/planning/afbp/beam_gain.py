@@ -1,8 +1,8 @@
-"""By what rows are multiplied before they are summed to beams that few taps interpolate.
+"""By what echoes are multiplied before they are summed to beams that few taps interpolate.
 
-Seen from beam to beam a row is an exponential, whose frequency is the derivative of its path by
+Seen from beam to beam an echo is an exponential, whose frequency is the derivative of its path by
 the number of the beam times the wavenumber; what the interpolation takes from that frequency the
-row gets beforehand. Frequencies, and with them gains, differ a little over a group of beams and
+echo gets beforehand. Frequencies, and with them gains, differ a little over a group of beams and
 over a run of bins, which share one: the errors of that are known from the geometry.
 """
 
@@ -27,7 +27,7 @@ _LEAST_RUNS = 16  # of bins; not by the number of threads, so that results do no
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class BeamGain:
-    """Gain of rows by their frequency from beam to beam.
+    """Gain of echoes by their frequency from beam to beam.
 
     Attributes
     ----------
@@ -78,10 +78,10 @@ def _repeated(between: BeamGain, group: int) -> np.ndarray:
 
 
 def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, groups):
-    """Rms errors of what neighbouring beams, bins and rows share.
+    """Rms errors of what neighbouring beams, bins and echoes share.
 
-    From beam to beam a row is ``exp(j phi(m))`` of frequency ``f = phi' / (2 pi)``, and is to be
-    multiplied by the gain g(f). Relative to the row, and with ``l = log g``:
+    From beam to beam an echo is ``exp(j phi(m))`` of frequency ``f = phi' / (2 pi)``, and is to be
+    multiplied by the gain g(f). Relative to the echo, and with ``l = log g``:
 
     - f changes from beam to beam: ``g(d/dm)`` of a chirp is more than g times it by
       ``(g'' / g) phi'' / (8 pi^2)``, and ``g'' / g = l'' + l'^2``;
@@ -91,7 +91,7 @@ def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, gr
       phase, which is held over a vector of bins v wide, by ``phi' v m / sqrt(12)``; m is
       ``sqrt((G^2 - 1) / 12)`` (rms). Half the phase's bend, ``phi'' m^2 / 2``, leaves
       ``sqrt((G^2 - 1) (G^2 - 4) / 180)`` beside a pair's common part;
-    - rows that share phasors are off by `uneven` times m.
+    - echoes that share phasors are off by `uneven` times m.
 
     Errors of a group start again with the next one: interpolation lets a part of them through.
 
@@ -100,9 +100,9 @@ def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, gr
     between, groups : BeamGain, sequence of G int
         Of the beams, and numbers of beams to a group.
     radians, chirp : (V, R, D) float64
-        Of R rows of V sub-apertures in D directions: phase from beam to beam, and how it grows.
+        Of R echoes of V sub-apertures in D directions: phase from beam to beam, and how it grows.
     uneven : float
-        Phase from beam to beam by which rows that share phasors are not opposite, rad.
+        Phase from beam to beam by which echoes that share phasors are not opposite, rad.
     relative : (float, float)
         Width of a run of bins, whose gains grow alike, and of a vector of bins, over which phases
         of the beams of a group do, relative to the carrier.
@@ -114,25 +114,25 @@ def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, gr
     grouped : (G, 2) float64
         Of gains and phases that grow over a group, and of phases that bend over it.
     paired : (G,) float64
-        Of rows that share phasors with opposite ones.
+        Of echoes that share phasors with opposite ones.
     """
     frequency = radians / (2 * math.pi)
     first, second = (between.at(frequency, v) for v in between.derivatives)
     # The kernel takes frequencies as held; gains run straight through two Gaussian points.
-    always = rms_of_rows(np.stack([(second + first ** 2) * chirp / (8 * math.pi ** 2),
+    always = rms_of_echoes(np.stack([(second + first ** 2) * chirp / (8 * math.pi ** 2),
                                    second * (frequency * relative[0]) ** 2 / 2 / math.sqrt(180)]))
     rising = np.hypot(first * chirp / (2 * math.pi), radians * relative[1] / math.sqrt(12))
     grown = np.stack([between.at(frequency, _repeated(between, group)) for group in groups])
     squared = np.square(groups)
     beside = np.sqrt((squared - 1) / 12)  # rms distance from the middle of a group
     squares = np.sqrt((squared - 1) * np.maximum(squared - 4, 0) / 180)
-    return (always, np.stack([rms_of_rows(rising * grown) * beside,
-                              rms_of_rows(chirp / 2 * grown) * squares], axis=1),
-            rms_of_rows(grown) * uneven * beside)
+    return (always, np.stack([rms_of_echoes(rising * grown) * beside,
+                              rms_of_echoes(chirp / 2 * grown) * squares], axis=1),
+            rms_of_echoes(grown) * uneven * beside)
 
 
-def rms_of_rows(errors) -> np.ndarray:
-    """Rms over rows of the largest of errors (..., V, R, D) anywhere; of V the worst."""
+def rms_of_echoes(errors) -> np.ndarray:
+    """Rms over echoes of the largest of errors (..., V, R, D) anywhere; of V the worst."""
     return np.sqrt((np.abs(errors).max(axis=-1) ** 2).mean(axis=-1)).max(axis=-1)
 
 

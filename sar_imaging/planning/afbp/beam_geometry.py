@@ -1,4 +1,4 @@
-"""Paths of a sub-aperture's rows as its beams take them: by direction from its middle alone."""
+"""Paths of a sub-aperture's echoes as its beams take them: by direction from its middle alone."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class BeamGeometry:
     centre_m : (3,) float64
         Mean phase centre, metres.
     range_m : float
-        Distance at which the paths of rows are compared, metres: the harmonic mean of the
+        Distance at which the paths of echoes are compared, metres: the harmonic mean of the
         extremes, from which their curvature differs least.
     direction : (float, float)
         Extremes of the direction cosine over the grid.
@@ -40,7 +40,7 @@ class BeamGeometry:
 
     @classmethod
     def of(cls, polar: PolarGrid, edges: np.ndarray, tx_m, rx_m) -> BeamGeometry | None:
-        """Coordinates for some rows; None where the plane is too steep below them.
+        """Coordinates for some echoes; None where the plane is too steep below them.
 
         `edges` are the grid's, from `grid_edges`.
         """
@@ -108,7 +108,7 @@ class BeamGeometry:
                 (furthest_before - 2 * path + furthest_after) / wide ** 2)
 
     def uneven(self, tx_m, rx_m) -> float:
-        """`unevenness` of rows."""
+        """`unevenness` of echoes."""
         return unevenness(self.slope(tx_m, rx_m, self.direction))
 
     def spread(self, tx_m, rx_m, beyond: float = 0.0) -> float:
@@ -121,7 +121,7 @@ class BeamGeometry:
 
 
 def unevenness(slope: np.ndarray) -> float:
-    """By how much rows on opposite sides fail to be opposite, rms, metres of slope.
+    """By how much echoes on opposite sides fail to be opposite, rms, metres of slope.
 
     `slope` is (2, R), that of `extra_path` in the extreme directions.
     """

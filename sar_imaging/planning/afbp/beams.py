@@ -24,7 +24,7 @@ from .beam_gain import (
     BeamGain,
     beam_gain,
     bins_per_run,
-    rms_of_rows,
+    rms_of_echoes,
     shared_errors,
 )
 from .beam_geometry import BeamGeometry, grid_edges, unevenness
@@ -37,7 +37,7 @@ _LEAST_OVERSAMPLING = 1.1  # of cells: the interpolation could do with no less
 _GROUPS = (18, 16, 14, 12, 10, 8, 6, 4, 2, 1)  # beams whose phases grow alike from bin to bin
 _SEGMENTS = (128, 64, 32, 16)
 _SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
-_ROWS = 17  # at which paths are compared
+_ECHOES = 17  # at which paths are compared
 BEYOND = 1  # beams beyond those that interpolation needs, for rounding
 OUTSIDE = BEAM_TAPS // 2 - 1 + BEYOND  # beams before the first direction of the grid
 _SPREAD_STEP = 1.02  # factors between one spread that is planned for and the next
@@ -53,18 +53,18 @@ class BeamSampling:
     Attributes
     ----------
     spread_m : float
-        Largest derivative, by direction, of what a row's path is longer than the reference's.
+        Largest derivative, by direction, of what an echo's path is longer than the reference's.
     spacing : float
         Of the beams, in direction cosine.
     group : int
         Most beams whose phases are taken to grow alike over a vector of bins.
     uneven_m : float
-        By how much rows on opposite sides of the centre may fail to be opposite, rms, for them to
-        share phasors; 0 where none do.
+        By how much echoes on opposite sides of the centre may fail to be opposite, rms, for them
+        to share phasors; 0 where none do.
     segment : int
         Pixels that share one expansion of the geometry.
     between : BeamGain
-        Interpolator between beams, and by what rows are multiplied for it.
+        Interpolator between beams, and by what echoes are multiplied for it.
     along : Interpolator
         Along range.
     predicted_error_db : float
@@ -82,7 +82,7 @@ class BeamSampling:
 
     @property
     def paired(self) -> bool:
-        """Rows share phasors where they are opposite enough."""
+        """Echoes share phasors where they are opposite enough."""
         return self.uneven_m > 0
 
     def n_beams(self, span: float) -> int:
@@ -92,7 +92,7 @@ class BeamSampling:
     def directions(self, beams: BeamGeometry, tx_m, rx_m) -> tuple[float, float, int]:
         """First direction cosine, spacing and number of the beams of a sub-aperture.
 
-        They lie closer where its rows spread further than those that were planned for.
+        They lie closer where its echoes spread further than those that were planned for.
         """
         spacing, (low, high) = self.spacing, beams.direction
         spread = beams.spread(tx_m, rx_m, OUTSIDE * spacing)
@@ -119,21 +119,21 @@ class BeamSampling:
         """Beams of each group, in no more groups than needed: even, or one."""
         return int(_groups(n_beams, self.group)[1])
 
-    def operations(self, n_rows: int, lattice: RangeResampling, n_pixels: int, span: float,
+    def operations(self, n_echoes: int, lattice: RangeResampling, n_pixels: int, span: float,
                    n_images: int = 1) -> dict[str, float]:
         """How often images do the operations of `CostModel` with beams.
 
-        The rows are those of all images together, pixels and `span`, in direction cosine, those
+        The echoes are those of all images together, pixels and `span`, in direction cosine, those
         of each; the lattice is that of the profiles.
         """
-        return _operations(self.n_beams(span), self.group, self.paired, self.segment, n_rows,
+        return _operations(self.n_beams(span), self.group, self.paired, self.segment, n_echoes,
                            lattice, n_pixels, n_images)
 
 
-def least_operations(n_rows: int, lattice: RangeResampling, n_pixels: int) -> dict[str, float]:
+def least_operations(n_echoes: int, lattice: RangeResampling, n_pixels: int) -> dict[str, float]:
     """What `BeamSampling.operations` is not below, whatever the sampling."""
-    return _operations(BEAM_TAPS + 2 * BEYOND, max(_GROUPS), True, max(_SEGMENTS), n_rows, lattice,
-                       n_pixels)
+    return _operations(BEAM_TAPS + 2 * BEYOND, max(_GROUPS), True, max(_SEGMENTS), n_echoes,
+                       lattice, n_pixels)
 
 
 # The next three take numbers, or arrays that are broadcast together.
@@ -149,8 +149,8 @@ def _groups(n_beams, most):
     return np.ceil(n_beams / size), size
 
 
-def _operations(n_beams, most, paired, segment, n_rows, lattice, n_pixels, n_images=1):
-    (n_groups, size), n = _groups(n_beams, most), n_rows * lattice.n_padded
+def _operations(n_beams, most, paired, segment, n_echoes, lattice, n_pixels, n_images=1):
+    (n_groups, size), n = _groups(n_beams, most), n_echoes * lattice.n_padded
     return {'beam_bin': n_groups * size * np.where(paired, 0.5, 1.0) * n,
             'beam_group': n_groups * n,
             'beam_cell': n_images * n_beams * lattice.n_cells, 'beam_pixel': n_images * n_pixels,
@@ -162,15 +162,15 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
                padding_m: float = math.inf) -> BeamSampling | None:
     """Quickest sampling of beams that meets a target.
 
-    A row whose path grows by ``dL/ds`` with direction cosine s has ``k dL/ds`` radians per unit of
-    s. Beams ``pi / (k_max max|dL/ds| oversampling)`` apart hold all rows; the more they are
+    An echo whose path grows by ``dL/ds`` with direction cosine s has ``k dL/ds`` radians per unit
+    of s. Beams ``pi / (k_max max|dL/ds| oversampling)`` apart hold all echoes; the more they are
     oversampled, the less their interpolation errs (gridding: O'Sullivan 1985, Jackson et al.
     1991). For each oversampling, group of beams that share phases, and segment of pixels that
     share an expansion, the errors are those of
 
     - the geometry: paths by direction alone, less the bend that is made good to first order;
     - interpolation between beams and along range, and float32 phasors;
-    - what beams, bins and rows share (`shared_errors`);
+    - what beams, bins and echoes share (`shared_errors`);
     - the expansion of places and phases along a segment.
 
     They add as powers. Of the samplings whose error is small enough, the quickest is taken.
@@ -188,7 +188,7 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
     reach_m : float
         Difference of the largest and the smallest half path, metres.
     padding_m : float
-        Zeros between the ends of a padded profile, metres of half path: what the rows' delays
+        Zeros between the ends of a padded profile, metres of half path: what the echoes' delays
         move beyond one end must not come in at the other. Periodic profiles have no ends.
     """
     over_range = radar.range_resolution_m / lattice.cell_m
@@ -266,10 +266,10 @@ class _View:
     """Geometry of one sub-aperture, seen from its middle."""
 
     beams: BeamGeometry
-    centres: tuple[np.ndarray, np.ndarray]  # phase centres of some rows, metres
-    phase_error: float  # rms over the rows of the largest one anywhere, rad
-    uneven_m: float  # by which rows on opposite sides of the centre are not opposite, rms
-    slope: np.ndarray  # (R, D) first derivative of the rows' paths by direction, metres
+    centres: tuple[np.ndarray, np.ndarray]  # phase centres of some echoes, metres
+    phase_error: float  # rms over the echoes of the largest one anywhere, rad
+    uneven_m: float  # by which echoes on opposite sides of the centre are not opposite, rms
+    slope: np.ndarray  # (R, D) first derivative of the echoes' paths by direction, metres
     curvature: np.ndarray  # (R, D) second derivative
     # along lines: extremes of the distance's first derivative, magnitudes of its second and fourth
     # and of the direction cosine's first and second
@@ -307,9 +307,9 @@ def _view(beams: BeamGeometry, centres, length, by_range, lines, radar) -> _View
     direction = (lines[0] - beams.centre_m) @ along / length
     first = (lines[1] @ along - direction * by_range[0]) / length
     second = (lines[2] @ along - 2 * first * by_range[0] - direction * by_range[1]) / length
-    rows = np.linspace(0, len(centres[0]) - 1, _ROWS).round().astype(int)
-    rows = np.concatenate([rows, len(centres[0]) - 1 - rows])  # opposite ones, too
-    some = centres[0][rows], centres[1][rows]
+    echoes = np.linspace(0, len(centres[0]) - 1, _ECHOES).round().astype(int)
+    echoes = np.concatenate([echoes, len(centres[0]) - 1 - echoes])  # opposite ones, too
+    some = centres[0][echoes], centres[1][echoes]
     path, slope, _ = beams.expansion(*some, direction)
     # What paths by direction alone miss; interpolation between beams makes good, to first order,
     # that they bend.
@@ -319,6 +319,6 @@ def _view(beams: BeamGeometry, centres, length, by_range, lines, radar) -> _View
     error = (k * np.abs(missed) + (k * bend) ** 2 / 2
              + k * np.abs(bend) * (radar.bandwidth_hz / radar.carrier_hz / math.sqrt(12)))
     _, slopes, curvature = beams.expansion(*some, np.linspace(*beams.direction, 3))
-    return _View(beams, some, float(rms_of_rows(error[None])), unevenness(slopes[[0, -1]]),
+    return _View(beams, some, float(rms_of_echoes(error[None])), unevenness(slopes[[0, -1]]),
                  slopes.T, curvature.T, ((by_range[0].min(), by_range[0].max()), *(
                      float(np.abs(d).max()) for d in (*by_range[[1, 3]], first, second))))

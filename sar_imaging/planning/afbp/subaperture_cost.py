@@ -53,9 +53,9 @@ class SubapertureCost:
 
     def least_cost(self, pulses, n_pixels) -> np.ndarray:
         """What `cost` is not below, whatever the beams; found much more quickly."""
-        n_rows = (pulses[0].stop - pulses[0].start) * self.tx_m.shape[1]
-        from_beams = costs().nanoseconds(least_operations(n_rows, self.lattice, n_pixels))
-        return len(pulses) * np.minimum(n_rows * self.lattice.cost * n_pixels, from_beams)
+        n_echoes = (pulses[0].stop - pulses[0].start) * self.tx_m.shape[1]
+        from_beams = costs().nanoseconds(least_operations(n_echoes, self.lattice, n_pixels))
+        return len(pulses) * np.minimum(n_echoes * self.lattice.cost * n_pixels, from_beams)
 
     def choose_beams(self, pulses) -> BeamSampling | None:
         """Beams for images on `grid`; None where adding each pulse directly is quicker."""
@@ -66,10 +66,10 @@ class SubapertureCost:
 
     def _costs(self, beams, length, n_pixels):
         """Nanoseconds of an image: directly, and from beams."""
-        n_rows = length * self.tx_m.shape[1]
+        n_echoes = length * self.tx_m.shape[1]
         from_beams = math.inf if beams is None else costs().nanoseconds(
-            beams.operations(n_rows, self.lattice, n_pixels, self.span))
-        return n_rows * self.lattice.cost * n_pixels, from_beams
+            beams.operations(n_echoes, self.lattice, n_pixels, self.span))
+        return n_echoes * self.lattice.cost * n_pixels, from_beams
 
     def _beams(self, pulses) -> BeamSampling | None:
         some = np.linspace(0, len(pulses) - 1, _CUTS_FOR_BEAMS).round().astype(int)

@@ -14,7 +14,7 @@ from ....planning.afbp.beam_gain import BeamGain
 from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
 from ..threads import job_counter, take_job
 from .accumulation import LANES, ROWS, add_rows
-from .phasors import row_phasors
+from .phasors import echo_phasors
 
 BINS = 128  # whose samples stay in the cache
 _GAUSS = 0.5 - 0.5 / 3 ** 0.5  # where a straight line agrees best with a parabola over 0 to 1
@@ -24,15 +24,15 @@ _u = np.uint64
 
 
 class SpectrumBins(NamedTuple):
-    """Bins of the rows' spectra that make beams.
+    """Bins of the echoes' spectra that make beams.
 
     Parameters
     ----------
     runs : (J, 4) int64
-        Bins of each job: the first one in the rows' spectra and in the beams', its number counted
-        from the carrier's, how many.
+        Bins of each job: the first one in the echoes' spectra and in the beams', its number
+        counted from the carrier's, how many.
     common : (2 * N,) float32
-        Factor of each bin of the rows' spectra, real and imaginary parts in turn.
+        Factor of each bin of the echoes' spectra, real and imaginary parts in turn.
     cycles : (2,) float64
         Cycles per metre of half path at the carrier, and what they grow from bin to bin.
     n_cells : int
@@ -79,12 +79,12 @@ def form_beams(spectra, path_m, bins: SpectrumBins, between: BeamGain, weights, 
     buffer : callable
         ``buffer(name, shape, dtype)`` gives work space.
     """
-    n_beams, n_rows = path_m.shape
-    phasors = row_phasors(path_m, group, paired, bins.cycles)
+    n_beams, n_echoes = path_m.shape
+    phasors = echo_phasors(path_m, group, paired, bins.cycles)
     n_tasks, half = numba.get_num_threads(), -(-group // 2)
     sizes = {'base re': BINS * len(phasors.order), 'base im': BINS * len(phasors.order),
              'turn re': len(phasors.middle) * LANES, 'turn im': len(phasors.middle) * LANES,
-             'turn steps': 2 * len(phasors.middle), 'rows': 4 * ROWS * LANES,
+             'turn steps': 2 * len(phasors.middle), 'echoes': 4 * ROWS * LANES,
              'phasor re': len(phasors.beside), 'phasor im': len(phasors.beside),
              'sums': 4 * half * BINS}
     work = tuple(buffer(name, (n_tasks * size,), np.float32) for name, size in sizes.items())
@@ -92,14 +92,14 @@ def form_beams(spectra, path_m, bins: SpectrumBins, between: BeamGain, weights, 
     # plain tuples: Numba takes 20 us to tell the type of a named one
     _form_beams(spectra.reshape(-1).view(np.float32),
                 (spectra.shape[1], n_beams, beams.shape[1]), tuple(bins),
-                np.ones(n_rows, np.float32) if weights is None else weights, tuple(phasors),
+                np.ones(n_echoes, np.float32) if weights is None else weights, tuple(phasors),
                 (between.log_gain, between.step), group, beams.reshape(-1).view(np.float32),
                 jobs.ctypes.data, work)
 
 
 @njit(parallel=True, fastmath=DETERMINISTIC)
 def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, work):
-    """Run by run of bins; `phasors` says how beams and rows share phases.
+    """Run by run of bins; `phasors` says how beams and echoes share phases.
 
     What a pair's cosines and sines count is summed apart: one beam is their sum, the other their
     difference. The growth of phases from bin to bin is held over a vector of bins. Complex arrays
@@ -109,14 +109,14 @@ def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, w
     runs, common, cycles_per_bin, n_cells = bins
     order, shift, carrier, slope, beside, turn_step, phasor_step = phasors
     log_gain, gain_step = gain
-    base_re, base_im, turn_re, turn_im, turn_steps, rows, phasor_re, phasor_im, sums = work
+    base_re, base_im, turn_re, turn_im, turn_steps, echoes, phasor_re, phasor_im, sums = work
     n_bins, n_beams, n_out = shape
     kept = min(n_bins, n_cells)
-    n_rows, n_groups, half = len(order), (n_beams + group - 1) // group, (group + 1) // 2
-    n_turns, n_phasors = n_groups * n_rows * LANES, len(beside)
+    n_echoes, n_groups, half = len(order), (n_beams + group - 1) // group, (group + 1) // 2
+    n_turns, n_phasors = n_groups * n_echoes * LANES, len(beside)
     n_blocks = n_phasors // (n_groups * half * ROWS)
-    per_block = n_rows // n_blocks
-    middle, n_tasks = 0.5 * (LANES - 1), len(rows) // (ROWS * 4 * LANES)
+    per_block = n_echoes // n_blocks
+    middle, n_tasks = 0.5 * (LANES - 1), len(echoes) // (ROWS * 4 * LANES)
     for task in numba.prange(n_tasks):
         run = take_job(jobs)
         while run < len(runs):
@@ -125,9 +125,9 @@ def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, w
                                _u(2 * (m * n_out + n_cells - kept // 2))):
                     out[i] = 0.0
             first, target, number, left = runs[run, 0], runs[run, 1], runs[run, 2], runs[run, 3]
-            base, turn, phasor = task * BINS * n_rows, task * n_turns, task * n_phasors
-            row, total = task * ROWS * 4 * LANES, task * 4 * half * BINS
-            n_steps = n_groups * n_rows
+            base, turn, phasor = task * BINS * n_echoes, task * n_turns, task * n_phasors
+            echo, total = task * ROWS * 4 * LANES, task * 4 * half * BINS
+            n_steps = n_groups * n_echoes
             steps = 2 * task * n_steps
             ends = (cycles_per_bin[0] + (number + _GAUSS * left) * cycles_per_bin[1],
                     cycles_per_bin[0] + (number + (1.0 - _GAUSS) * left) * cycles_per_bin[1])
@@ -155,7 +155,7 @@ def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, w
             while left > 0:
                 count = min(left, BINS)
                 n_vectors = (count + LANES - 1) // LANES
-                _load_rows(samples, n_bins, first, count, common, weight, order, per_block,
+                _load_echoes(samples, n_bins, first, count, common, weight, order, per_block,
                            base_re, base_im, base)
                 for g in range(n_groups):
                     for i in range(_u(4 * half * BINS)):
@@ -165,8 +165,8 @@ def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, w
                         for v in range(n_vectors):
                             _turn(base_re, base_im, source + v * per_block * LANES, turn_re,
                                   turn_im, turn + b * per_block * LANES, turn_steps,
-                                  steps + b * per_block, n_steps, per_block, rows, row)
-                            add_rows(rows, _u(row), phasor_re, phasor_im,
+                                  steps + b * per_block, n_steps, per_block, echoes, echo)
+                            add_rows(echoes, _u(echo), phasor_re, phasor_im,
                                      _u(phasor + b * half * ROWS), _u(half), sums,
                                      _u(total + 4 * v * half * LANES))
                             now, step = _u(phasor + b * half * ROWS), _u(b * half * ROWS)
@@ -200,22 +200,22 @@ def _exp(x):
 
 
 @njit(inline='always')
-def _load_rows(samples, n_bins, first, count, common, weights, order, per_block, base_re,
+def _load_echoes(samples, n_bins, first, count, common, weights, order, per_block, base_re,
                base_im, base):
-    """Some bins of all rows times their factors, vector by vector, zero beyond the last."""
+    """Some bins of all echoes times their factors, vector by vector, zero beyond the last."""
     whole = count // LANES
     for place in range(len(order)):
-        row = order[place]
+        echo = order[place]
         begin = base + place // per_block * per_block * BINS + place % per_block * LANES
-        if row < 0:
+        if echo < 0:
             for v in range((count + LANES - 1) // LANES):
                 to = _u(begin + v * per_block * LANES)
                 for lane in range(LANES):
                     base_re[to + _u(lane)] = 0.0
                     base_im[to + _u(lane)] = 0.0
             continue
-        weight = weights[row]
-        source, factor = _u(2 * (row * n_bins + first)), _u(2 * first)
+        weight = weights[echo]
+        source, factor = _u(2 * (echo * n_bins + first)), _u(2 * first)
         for v in range(whole):
             to = _u(begin + v * per_block * LANES)
             for lane in range(LANES):
@@ -250,23 +250,23 @@ def _turned(base_re, base_im, source, turn_re, turn_im, now, cosine_step, sine_s
 
 
 @njit(inline='always')
-def _turn(base_re, base_im, base, turn_re, turn_im, turn, step, first, n_steps, n_rows, rows,
-          row):
-    """A block of rows seen from the group's middle: what a phasor's real and imaginary part count.
+def _turn(base_re, base_im, base, turn_re, turn_im, turn, step, first, n_steps, n_echoes, echoes,
+          echo):
+    """A block of echoes from the group's middle: what a phasor's real and imaginary part count.
 
-    A row's phasor multiplies its samples and j times them; where rows share one, their sum and j
-    times their difference.
+    An echo's phasor multiplies its samples and j times them; where echoes share one, their sum and
+    j times their difference.
     """
     for k in range(ROWS):
-        source, now, to = _u(base + k * LANES), _u(turn + k * LANES), _u(row + 4 * k * LANES)
+        source, now, to = _u(base + k * LANES), _u(turn + k * LANES), _u(echo + 4 * k * LANES)
         cosine, sine = step[_u(first + k)], step[_u(n_steps + first + k)]
-        if n_rows == ROWS:
+        if n_echoes == ROWS:
             for lane in range(LANES):
                 i = _u(lane)
                 re, im = _turned(base_re, base_im, source + i, turn_re, turn_im, now + i, cosine,
                                  sine)
-                rows[to + i], rows[to + _u(LANES) + i] = re, im
-                rows[to + _u(2 * LANES) + i], rows[to + _u(3 * LANES) + i] = -im, re
+                echoes[to + i], echoes[to + _u(LANES) + i] = re, im
+                echoes[to + _u(2 * LANES) + i], echoes[to + _u(3 * LANES) + i] = -im, re
         else:
             other, then = source + _u(ROWS * LANES), now + _u(ROWS * LANES)
             c, s = step[_u(first + ROWS + k)], step[_u(n_steps + first + ROWS + k)]
@@ -275,8 +275,8 @@ def _turn(base_re, base_im, base, turn_re, turn_im, turn, step, first, n_steps, 
                 re, im = _turned(base_re, base_im, source + i, turn_re, turn_im, now + i, cosine,
                                  sine)
                 x, y = _turned(base_re, base_im, other + i, turn_re, turn_im, then + i, c, s)
-                rows[to + i], rows[to + _u(LANES) + i] = re + x, im + y
-                rows[to + _u(2 * LANES) + i], rows[to + _u(3 * LANES) + i] = y - im, re - x
+                echoes[to + i], echoes[to + _u(LANES) + i] = re + x, im + y
+                echoes[to + _u(2 * LANES) + i], echoes[to + _u(3 * LANES) + i] = y - im, re - x
 
 
 @njit(inline='always')

@@ -1,4 +1,4 @@
-"""Compiled paths of a sub-aperture's rows as its beams take them."""
+"""Compiled paths of a sub-aperture's echoes as its beams take them."""
 
 from __future__ import annotations
 
@@ -26,13 +26,14 @@ def _extra_paths(centres_m, plane, range_m, direction):
     `plane` holds the horizontal unit vectors along and across the track and the height of the
     middle above the plane.
     """
-    n_rows, n_directions = centres_m.shape[1], len(direction)
+    n_echoes, n_directions = centres_m.shape[1], len(direction)
     height, square = plane[4], range_m * range_m
-    x, y, own, share = np.empty(n_rows), np.empty(n_rows), np.empty(n_rows), np.empty(n_rows)
-    path = np.zeros((n_directions, n_rows))
+    x, y = np.empty(n_echoes), np.empty(n_echoes)
+    own, share = np.empty(n_echoes), np.empty(n_echoes)
+    path = np.zeros((n_directions, n_echoes))
     for end in range(2):
         apart = False  # transmitters and receivers
-        for r in range(n_rows):
+        for r in range(n_echoes):
             x[r], y[r], z = centres_m[end, r, 0], centres_m[end, r, 1], centres_m[end, r, 2]
             own[r] = x[r] * x[r] + y[r] * y[r] + z * z + 2 * z * height
             share[r] = 1.0 - end
@@ -48,7 +49,7 @@ def _extra_paths(centres_m, plane, range_m, direction):
             px = along * plane[0] + across * plane[2]
             py = along * plane[1] + across * plane[3]
             beyond = px * px + py * py + height * height - square
-            for r in range(n_rows):
+            for r in range(n_echoes):
                 longer = own[r] + beyond - 2 * (x[r] * px + y[r] * py)  # squared
                 path[s, r] += share[r] * longer / (np.sqrt(square + longer) + range_m)
     return path

@@ -1,6 +1,6 @@
-"""Phases of a sub-aperture's rows in the directions of its beams, as `form_beams` computes them.
+"""Phases of a sub-aperture's echoes in the directions of its beams, as `form_beams` computes them.
 
-Beam m of row i has the phase ``2 pi c L_mi`` at c cycles per metre. Beams lie in groups. Of a
+Beam m of echo i has the phase ``2 pi c L_mi`` at c cycles per metre. Beams lie in groups. Of a
 group's beams, counted in pairs from the outermost inwards, one is as far on one side of the
 group's middle as the other on the other side. With the mean M of a group's paths and half the
 difference B of a pair's,
@@ -8,8 +8,8 @@ difference B of a pair's,
 ``exp(j 2 pi c L) = exp(j 2 pi c M) exp(+-j 2 pi c B)``,
 
 exact where paths are straight over the group: a pair shares the second phasor, one of them its
-conjugate. Rows on opposite sides of the sub-aperture's middle have nearly opposite B and may share
-it likewise. What that neglects is `shared_errors` of the plan.
+conjugate. Echoes on opposite sides of the sub-aperture's middle have nearly opposite B and may
+share it likewise. What that neglects is `shared_errors` of the plan.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ import numpy as np
 from .accumulation import LANES, ROWS
 
 
-class RowPhasors(NamedTuple):
-    """Paths and phases of rows, Q phasors by blocks of `ROWS`, for G groups of H pairs of beams.
+class EchoPhasors(NamedTuple):
+    """Paths and phases of echoes, Q phasors by blocks of `ROWS`, for G groups of H pairs of beams.
 
     All arrays but the first are flat.
 
     Parameters
     ----------
     order : (Q,) or (2 * Q,) int64
-        Row of each phasor of a block, then of their conjugates if rows share them, then those of
-        the next block; -1 for none.
+        Echo of each phasor of a block, then of their conjugates if echoes share them, then those
+        of the next block; -1 for none.
     middle, carrier, slope : (G * len(order),) float64
-        In that order: M, what a row's path is longer for the middle of a group than the
+        In that order: M, what an echo's path is longer for the middle of a group than the
         reference's, metres; its phase at the carrier, cycles; what the path grows from beam to
         beam, metres.
     beside : (G * Q * H,) float64
@@ -51,12 +51,12 @@ class RowPhasors(NamedTuple):
     beside_step: np.ndarray
 
 
-def row_phasors(path_m, group: int, paired: bool, cycles) -> RowPhasors:
-    """Phasors of rows; arguments as of `form_beams`, and `cycles` of `SpectrumBins`."""
+def echo_phasors(path_m, group: int, paired: bool, cycles) -> EchoPhasors:
+    """Phasors of echoes; arguments as of `form_beams`, and `cycles` of `SpectrumBins`."""
     upper, lower, before, after = _pairs_of_beams(len(path_m), group)
     n_groups, half = upper.shape
-    rows = _rows_by_phasor(path_m, paired)
-    path = path_m[:, rows.reshape(-1)]
+    echoes = _echoes_by_phasor(path_m, paired)
+    path = path_m[:, echoes.reshape(-1)]
     slope = (path[after] - path[before]) / (after - before)[:, None]
     upper, lower = path[upper], path[lower]
     middle = (upper + lower).sum(axis=1) / (2 * half)
@@ -64,17 +64,17 @@ def row_phasors(path_m, group: int, paired: bool, cycles) -> RowPhasors:
     if paired:
         own, other = np.split(beside, 2, axis=2)
         beside = 0.5 * (own - other)
-        alone = rows[1] < 0  # the middle of an odd number
+        alone = echoes[1] < 0  # the middle of an odd number
         beside[:, :, alone] = own[:, :, alone]
 
     def by_block(values):
-        """Both rows of each phasor of a block, then those of the next block."""
-        return values.reshape(-1, 1 + paired, rows.shape[1] // ROWS, ROWS
+        """Both echoes of each phasor of a block, then those of the next block."""
+        return values.reshape(-1, 1 + paired, echoes.shape[1] // ROWS, ROWS
                               ).swapaxes(1, 2).reshape(len(values), -1)
 
     middle = by_block(middle)
     beside = np.ascontiguousarray(beside.reshape(n_groups, half, -1, ROWS).swapaxes(1, 2))
-    return RowPhasors(by_block(rows.reshape(1, -1))[0], middle.reshape(-1),
+    return EchoPhasors(by_block(echoes.reshape(1, -1))[0], middle.reshape(-1),
                       np.fmod(cycles[0] * middle, 1.0).reshape(-1), by_block(slope).reshape(-1),
                       beside.reshape(-1), _step_phasors(cycles[1] * middle),
                       _step_phasors(cycles[1] * beside))
@@ -91,19 +91,19 @@ def _pairs_of_beams(n_beams: int, group: int):
             np.minimum(last[:, 0] + 1, n_beams - 1))
 
 
-def _rows_by_phasor(path_m, paired: bool) -> np.ndarray:
-    """(1, Q) rows, or (2, Q) whose paths grow most unlike from the first beam to the last.
+def _echoes_by_phasor(path_m, paired: bool) -> np.ndarray:
+    """(1, Q) echoes, or (2, Q) whose paths grow most unlike from the first beam to the last.
 
     -1 stands for none: in the last block of `ROWS`, and opposite the middle of an odd number.
     """
-    n_rows = path_m.shape[1]
-    n_phasors = -(-n_rows // 2) if paired else n_rows
-    rows = np.full((1 + paired, -(-n_phasors // ROWS) * ROWS), -1)
-    order = np.argsort(path_m[-1] - path_m[0]) if paired else np.arange(n_rows)
-    rows[0, :n_phasors] = order[:n_phasors]
+    n_echoes = path_m.shape[1]
+    n_phasors = -(-n_echoes // 2) if paired else n_echoes
+    echoes = np.full((1 + paired, -(-n_phasors // ROWS) * ROWS), -1)
+    order = np.argsort(path_m[-1] - path_m[0]) if paired else np.arange(n_echoes)
+    echoes[0, :n_phasors] = order[:n_phasors]
     if paired:
-        rows[1, :n_rows // 2] = order[::-1][:n_rows // 2]
-    return rows
+        echoes[1, :n_echoes // 2] = order[::-1][:n_echoes // 2]
+    return echoes
 
 
 def _step_phasors(cycles) -> np.ndarray:
