@@ -17,7 +17,7 @@ from ..files import check_file
 MOST_BYTES = 1_000_000
 # All sections and their keys; docs/loading.md explains each.
 SECTIONS = ('name', 'description', 'notes', 'samples', 'radar', 'times', 'positions', 'poses',
-            'alignment', 'array', 'calibration', 'frames', 'scene')
+            'alignment', 'array', 'calibration', 'antenna', 'frames', 'scene')
 _REQUIRED = object()
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..geometry.alignment import Alignment
+from ..geometry.illumination import Antenna, Mount
 from ..geometry.poses import PoseTrack
 from ..signal.positioning import without_range_bias
 from ..signal.pulses import PulseBlock, concatenate
@@ -16,6 +17,7 @@ from ..signal.radar import Waveform
 from ..signal.tdm import locate_channels, move_channels
 from ..signal.uwb import subtract_background
 from . import (
+    antenna as antenna_section,
     poses as pose_files,
     radar as radar_section,
     samples,
@@ -59,6 +61,10 @@ class Loaded:
         Where and what to image.
     warnings : tuple of str
         What a person should know.
+    antenna : Antenna or None
+        Pattern of the antenna, where it is told. Pulses with positions have their pointing.
+    mount : Mount or None
+        What tells the pointing, where there are poses.
     """
 
     name: str
@@ -69,6 +75,8 @@ class Loaded:
     alignment: Alignment | None
     scene: Scene
     warnings: tuple[str, ...] = ()
+    antenna: Antenna | None = None
+    mount: Mount | None = None
 
 
 def load(description: Path | str, data: Path | str | None = None, *,
@@ -131,16 +139,40 @@ def load(description: Path | str, data: Path | str | None = None, *,
     told = names[0] or description.stem, *names[1:]
     if poses is None:
         block = _at_positions(pulses, position_m[used], alignment, array)
-        return Loaded(*told, _dated(block), None, None, scene, warnings)
+        block, antenna = _lit(top, _dated(block))
+        return Loaded(*told, block, None, None, scene, warnings, antenna)
     poses = _around(poses, pulses, alignment)
     warnings += _motion(pulses, poses, alignment)
     if times.is_relative(pulses.stamp_ns, poses.time_ns):
         pulses = _dated(pulses)
         poses = dataclasses.replace(poses, time_ns=poses.time_ns + times.EPOCH_NS)
     if array.schedule is None:
-        return Loaded(*told, pulses, poses, alignment, scene, warnings)
-    block = _at_own_times(pulses, poses, alignment, array)
-    return Loaded(*told, block, None, None, scene, warnings)
+        antenna, mount = _antenna(top)
+        return Loaded(*told, pulses, poses, alignment, scene, warnings, antenna, mount)
+    block, antenna = _lit(top, _at_own_times(pulses, poses, alignment, array))
+    return Loaded(*told, block, None, None, scene, warnings, antenna)
+
+
+def _antenna(top: Section) -> tuple[Antenna | None, Mount | None]:
+    """Antenna, and what tells its pointing by the poses."""
+    if 'antenna' not in top:
+        return None, None
+    section = top.section('antenna', antenna_section.KEYS)
+    antenna, mount = antenna_section.read_antenna(section)
+    if mount == antenna_section.OUTWARD:
+        raise section.error('pointing', 'a kind with poses', 'outward is for positions on an arc')
+    return antenna, mount
+
+
+def _lit(top: Section, block: PulseBlock) -> tuple[PulseBlock, Antenna | None]:
+    """Pulses at known positions with their pointing, and the antenna."""
+    if 'antenna' not in top:
+        return block, None
+    section = top.section('antenna', antenna_section.KEYS)
+    antenna, mount = antenna_section.read_antenna(section)
+    positions = top.section('positions', tracks.KEYS) if 'positions' in top else {}
+    centre = ((lambda: positions.vector('centre_m', np.zeros(3))) if 'arc' in positions else None)
+    return antenna_section.with_pointing(block, mount, section, centre), antenna
 
 
 def _find(top: Section, description: Path, data: Path | str | None

@@ -14,6 +14,7 @@ import numpy as np
 from tqdm import tqdm
 
 from ..geometry.grids import Grid
+from ..geometry.illumination import AntennaPattern, Illumination
 from ..imaging.correlation import correlate, correlate_profiles
 from ..signal.pulses import PulseBlock
 from ..signal.spectra import band_spectrum
@@ -55,8 +56,8 @@ class Verification:
 
 
 def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int = 200,
-                  fit_scale: bool = False, seed: int = 0,
-                  progress: bool = False) -> Verification:
+                  fit_scale: bool = False, seed: int = 0, progress: bool = False,
+                  illumination: AntennaPattern | None = None) -> Verification:
     """Compare some pixels of an image with float64 correlation of the pulses it was made of.
 
     The error of a whole image is ``10 log10(sum |img - ref|^2 / sum |ref|^2)`` over its pixels,
@@ -104,6 +105,8 @@ def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int
         Of the choice of random pixels.
     progress : bool
         Show a progress bar on standard error.
+    illumination : AntennaPattern, optional
+        With which the image was formed; the blocks tell where the antenna looked.
 
     Returns
     -------
@@ -123,7 +126,8 @@ def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int
                                                 replace=False, shuffle=False)
     others = random[~np.isin(random, bright)]
     chosen = np.concatenate([bright, others])
-    reference, covered = _correlate(_positions(where, image.shape, chosen), blocks, progress)
+    reference, covered = _correlate(_positions(where, image.shape, chosen), blocks, progress,
+                                    illumination)
     if not covered.any():
         raise ValueError(f'none of {len(chosen)} pixels is covered by all profiles: their ranges '
                          'come close to the ends of profiles or leave them; compare an image of '
@@ -201,7 +205,8 @@ def _positions(where, shape, chosen) -> np.ndarray:
     return np.asarray(where, np.float64).reshape(-1, 3)[chosen]
 
 
-def _correlate(points, blocks: PulseBlock | Iterable[PulseBlock], progress):
+def _correlate(points, blocks: PulseBlock | Iterable[PulseBlock], progress,
+               illumination: AntennaPattern | None):
     """(n,) correlation at the points, summed over all blocks, and (n,) which are covered."""
     known = [blocks] if isinstance(blocks, PulseBlock) else blocks
     total = blocks.n_pulses if isinstance(blocks, PulseBlock) else None
@@ -215,13 +220,16 @@ def _correlate(points, blocks: PulseBlock | Iterable[PulseBlock], progress):
             for start in range(0, block.n_pulses, step):
                 part = block.select(slice(start, start + step))
                 if part.compressed:
-                    image, inside = correlate_profiles(part, points)
+                    image, inside = correlate_profiles(part, points,
+                                                       illumination=illumination)
                     out += image
                     covered &= inside
                 else:
                     out += correlate(
                         *band_spectrum(part), part.tx_m, part.rx_m, points,
-                        propagation_speed_m_per_s=part.radar.propagation_speed_m_per_s)
+                        propagation_speed_m_per_s=part.radar.propagation_speed_m_per_s,
+                        illumination=illumination and Illumination.of_pulses(
+                            illumination, part.pointing, part.tx_m, part.rx_m))
                 bar.update(part.n_pulses)
     return out, covered
 

@@ -84,7 +84,8 @@ def with_positions(block: PulseBlock, poses: Poses, alignment: Alignment,
                                tx_m=tx_m, rx_m=rx_m, pointing=pointing)
 
 
-def locate(block: PulseBlock, track: PoseTrack, alignment: Alignment) -> PulseBlock:
+def locate(block: PulseBlock, track: PoseTrack, alignment: Alignment,
+           mount: Mount | None = None) -> PulseBlock:
     """Positions for a whole recording, with all its poses at hand.
 
     This is the forward model of time offset, range bias and lever arms: call it again with
@@ -98,6 +99,8 @@ def locate(block: PulseBlock, track: PoseTrack, alignment: Alignment) -> PulseBl
         Of the platform.
     alignment : Alignment
         Between the two.
+    mount : Mount, optional
+        Of the antenna: the block then has its pointing.
 
     Returns
     -------
@@ -114,7 +117,7 @@ def locate(block: PulseBlock, track: PoseTrack, alignment: Alignment) -> PulseBl
         n = int((poses.status == status).sum())
         raise ValueError(f'{n} of {block.n_pulses} pulses have no pose: '
                          f'{_REASONS[PoseStatus(status)]}')
-    return with_positions(block, poses, alignment)
+    return with_positions(block, poses, alignment, mount)
 
 
 def join_turns(located: Sequence[PulseBlock], turn: np.ndarray) -> PulseBlock:

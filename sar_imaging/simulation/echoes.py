@@ -16,6 +16,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy import fft
 
+from ..geometry.illumination import Illumination
 from ..signal.dechirp import check_fmcw
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from ..signal.waveforms import check_lfm, lfm_spectrum, n_pulse_samples
@@ -74,8 +75,8 @@ def scene_spectrum(carrier_hz: float, first_bin: float, n_bins: int, step_hz: fl
         Spacing of the bins, hertz.
     delays_s : (P, C, S) float64
         Two-way delays, seconds.
-    amplitudes : (S,) complex128
-        Of the scatterers.
+    amplitudes : (S,) or (P, C, S) complex128
+        Of the scatterers, or of the echoes.
     reference_delay_s : float
         Delay of time zero of the spectrum, seconds.
 
@@ -85,13 +86,15 @@ def scene_spectrum(carrier_hz: float, first_bin: float, n_bins: int, step_hz: fl
     """
     fine = max(1, math.isqrt(n_bins))
     coarse = -(-n_bins // fine)
+    amplitudes = np.asarray(amplitudes)
     out = np.zeros((*delays_s.shape[:2], coarse, fine), complex)
-    for p, amplitude in enumerate(amplitudes):
+    for p in range(delays_s.shape[-1]):
         carrier = np.remainder(carrier_hz * delays_s[..., p], 1.0)
         turn = step_hz * (delays_s[..., p] - reference_delay_s)  # cycles from bin to bin
         start = (carrier + first_bin * turn)[..., None]
         turn = turn[..., None]
-        coarse_phasors = amplitude * _phasor(start + turn * (fine * np.arange(coarse)))
+        coarse_phasors = amplitudes[..., p, None] * _phasor(
+            start + turn * (fine * np.arange(coarse)))
         fine_phasors = _phasor(turn * np.arange(fine))
         out += coarse_phasors[..., None] * fine_phasors[..., None, :]
     return out.reshape(*delays_s.shape[:2], -1)[..., :n_bins]
@@ -159,13 +162,16 @@ class EchoSimulator:
             self._synthesise = self._plan_lfm()
             self._early_samples = n_pulse_samples(radar)
 
-    def __call__(self, tx_m: np.ndarray, rx_m: np.ndarray) -> np.ndarray:
+    def __call__(self, tx_m: np.ndarray, rx_m: np.ndarray,
+                 illumination: Illumination | None = None) -> np.ndarray:
         """Samples of pulses at the phase centres given.
 
         Parameters
         ----------
         tx_m, rx_m : (P, C, 3) float64
             Transmit and receive phase centres, metres.
+        illumination : Illumination, optional
+            Of the P C echoes: scatterers return its two-way amplitude times their own.
 
         Returns
         -------
@@ -177,17 +183,21 @@ class EchoSimulator:
             A scatterer returns nothing inside the recorded interval; it would appear at the
             wrong delay.
         """
+        if illumination is not None:
+            lit = illumination.amplitude(self._points_m).reshape(*tx_m.shape[:2], -1)
+            return self._samples(tx_m, rx_m, self._amplitudes * lit)
         if self._amplitudes.size < DENSE:
             return self._samples(tx_m, rx_m)
         # One by one: the delays of a block would be gigabytes.
         return np.concatenate([self._samples(tx_m[p:p + 1], rx_m[p:p + 1])
                                for p in range(len(tx_m))])
 
-    def _samples(self, tx_m: np.ndarray, rx_m: np.ndarray) -> np.ndarray:
+    def _samples(self, tx_m, rx_m, amplitudes: np.ndarray | None = None) -> np.ndarray:
         delays_s = two_way_delays(tx_m, rx_m, self._points_m,
                                   self.radar.propagation_speed_m_per_s)
-        self._check_recorded(delays_s)
-        return self._synthesise(delays_s)
+        amplitudes = self._amplitudes if amplitudes is None else amplitudes
+        self._check_recorded(delays_s[np.broadcast_to(amplitudes != 0, delays_s.shape)])
+        return self._synthesise(delays_s, amplitudes)
 
     def _check_recorded(self, delays_s: np.ndarray) -> None:
         if not delays_s.size or self._early_samples is None:
@@ -199,10 +209,12 @@ class EchoSimulator:
                 f'record holds {-self._early_samples} to {self.n_samples - 1}: change '
                 'first_sample_delay_s or record more samples')
 
-    def _spectrum(self, first_bin: float, n_bins: int, step_hz: float, delays_s) -> np.ndarray:
-        spectrum = scene_spectrum if self._amplitudes.size < DENSE else dense_spectrum
+    def _spectrum(self, first_bin: float, n_bins: int, step_hz: float, delays_s,
+                  amplitudes) -> np.ndarray:
+        few = amplitudes.ndim > 1 or amplitudes.size < DENSE
+        spectrum = scene_spectrum if few else dense_spectrum
         return spectrum(self.radar.carrier_hz, first_bin, n_bins, step_hz, delays_s,
-                        self._amplitudes, self.radar.first_sample_delay_s)
+                        amplitudes, self.radar.first_sample_delay_s)
 
     def _plan_compressed(self) -> Callable:
         n, radar = self.n_samples, self.radar
@@ -214,8 +226,8 @@ class EchoSimulator:
                              f'hold {n_bins} bins of bandwidth_hz={radar.bandwidth_hz:.6g}; '
                              'sample faster')
 
-        def synthesise(delays_s):
-            spectrum = self._spectrum(-half, n_bins, step, delays_s)
+        def synthesise(delays_s, amplitudes):
+            spectrum = self._spectrum(-half, n_bins, step, delays_s, amplitudes)
             return _to_time(spectrum, half, n) * (n / n_bins)
 
         return synthesise
@@ -231,8 +243,8 @@ class EchoSimulator:
         pulse = (lfm_spectrum(frequency, radar) * anti_alias_gain(frequency, radar)
                  * radar.sample_rate_hz)
 
-        def synthesise(delays_s):
-            spectrum = self._spectrum(-half, frequency.size, step, delays_s)
+        def synthesise(delays_s, amplitudes):
+            spectrum = self._spectrum(-half, frequency.size, step, delays_s, amplitudes)
             return _to_time(spectrum * pulse, half, n_fft)[..., :self.n_samples]
 
         return synthesise
@@ -240,10 +252,11 @@ class EchoSimulator:
     def _plan_stepped_frequency(self) -> Callable:
         n, radar = self.n_samples, self.radar
 
-        def synthesise(delays_s):
+        def synthesise(delays_s, amplitudes):
             # The samples' phase is that of the delay beyond the reference, carrier included.
             cycles = radar.carrier_hz * radar.first_sample_delay_s % 1.0
-            spectrum = self._spectrum(-(n - 1) / 2, n, radar.bandwidth_hz / n, delays_s)
+            spectrum = self._spectrum(-(n - 1) / 2, n, radar.bandwidth_hz / n, delays_s,
+                                      amplitudes)
             return spectrum * _phasor(np.array(-cycles))
 
         return synthesise
@@ -255,12 +268,12 @@ class EchoSimulator:
         frequency = radar.carrier_hz + slope * (
             (np.arange(n) - (n - 1) / 2) / radar.sample_rate_hz)
 
-        def synthesise(delays_s):
+        def synthesise(delays_s, amplitudes):
             late_s = delays_s - radar.first_sample_delay_s
             out = np.zeros((*delays_s.shape[:2], n), complex)
-            for p, amplitude in enumerate(self._amplitudes):
+            for p in range(late_s.shape[-1]):
                 late = late_s[..., p, None]
-                out += amplitude * _phasor(frequency * late - 0.5 * slope * late**2)
+                out += amplitudes[..., p, None] * _phasor(frequency * late - 0.5 * slope * late**2)
             return out.real + 0j if radar.waveform == Waveform.FMCW_REAL else out
 
         return synthesise
@@ -276,9 +289,9 @@ class EchoSimulator:
                              f'{radar.bandwidth_hz:.6g} Hz at {radar.carrier_hz:.6g} Hz; sample '
                              'at more than twice the upper edge')
 
-        def synthesise(delays_s):
+        def synthesise(delays_s, amplitudes):
             # counted from zero frequency: the carrier is part of the bins
-            spectrum = scene_spectrum(0.0, bins[0], bins.size, step, delays_s, self._amplitudes,
+            spectrum = scene_spectrum(0.0, bins[0], bins.size, step, delays_s, amplitudes,
                                       radar.first_sample_delay_s)
             grid = np.zeros((*delays_s.shape[:2], n), complex)
             grid[..., bins] = spectrum * (n / bins.size)

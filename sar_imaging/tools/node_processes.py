@@ -17,6 +17,8 @@ from importlib import resources
 from pathlib import Path
 
 import sar_imaging
+from sar_imaging.configuration.antenna import antenna_parameters
+from sar_imaging.geometry.illumination import Antenna, Mount
 
 NODES = ('pulse_buffer', 'range_compression', 'backprojection')
 AFBP_NODES = (*NODES, 'afbp_fusion')
@@ -41,7 +43,8 @@ def node_names(mode: str, *, pipeline: bool) -> tuple[str, ...]:
     return AFBP_NODES if mode == 'subapertures' else NODES
 
 
-def parameters_from_truth(truth: Mapping, mode: str = 'image') -> dict[str, dict]:
+def parameters_from_truth(truth: Mapping, mode: str = 'image', *,
+                          pattern_file: str = '') -> dict[str, dict]:
     """Parameters of the nodes for a recording.
 
     Parameters
@@ -50,27 +53,37 @@ def parameters_from_truth(truth: Mapping, mode: str = 'image') -> dict[str, dict
         Truth of the recording, see `bag_io.make_truth`.
     mode : str
         Of backprojection, `MODES` or another that forms what is in the truth.
+    pattern_file : str
+        Where the table of a measured antenna is.
 
     Returns
     -------
     dict
         Parameters by node; lengths in metres.
     """
+    looks, pattern = _antenna_parameters(truth, pattern_file)
     grid = truth['grid']
     x, y, z = (float(v) for v in grid['centre_m'])
     spacing = float(grid['spacing_m'])
     frame = {'frame_id': truth['frame']} | _datum_parameters(truth)
     pulses = {'pulses_per_aperture': int(truth['pulses_per_aperture'])} | frame
     return {
-        'pulse_buffer': pulses | _alignment_parameters(truth),
+        'pulse_buffer': pulses | _alignment_parameters(truth) | looks,
         'range_compression': {'window': truth.get('window', 'none')} | frame,
         # the same poses, for autofocus
-        'backprojection': pulses | _alignment_parameters(truth) | {
+        'backprojection': pulses | _alignment_parameters(truth) | pattern | {
             'mode': mode, 'grid.centre_x': x, 'grid.centre_y': y, 'grid.centre_z': z,
             'grid.size_x': (grid['n_x'] - 1) * spacing,
             'grid.size_y': (grid['n_y'] - 1) * spacing, 'grid.spacing': spacing},
         'afbp_fusion': dict(frame),
     }
+
+
+def _antenna_parameters(truth: Mapping, pattern_file: str) -> tuple[dict, dict]:
+    """Parameters of pulse_buffer and backprojection for a recording that tells its antenna."""
+    antenna, mount = (kind.from_dict(truth[name]) if name in truth else None
+                      for name, kind in (('antenna', Antenna), ('mount', Mount)))
+    return antenna_parameters(antenna, mount, pattern_file)
 
 
 def _datum_parameters(truth: Mapping) -> dict:

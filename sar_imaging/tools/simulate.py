@@ -19,7 +19,7 @@ from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.simulation.scenarios.configured import configured_scenario
 from sar_imaging.simulation.scenarios.scenario import Scenario
 
-from .recordings.bag_io import check_target, make_truth, write_bag
+from .recordings.bag_io import antenna_truth, check_target, make_truth, write_bag
 from .recordings.writing import run_writing, with_progress
 
 _EPILOG = """\
@@ -49,7 +49,7 @@ def scenario_truth(scenario: Scenario, *, window: str = 'none', frame: str = 'ma
         n_pulses=scenario.n_pulses, n_channels=scenario.n_channels,
         cut_half_width_m=scenario.cut_half_width_m, radar=scenario.radar,
         compressed=scenario.compressed, notes=scenario.notes, window=window, frame=frame,
-        datum=datum)
+        datum=datum) | antenna_truth(scenario.antenna)
     if scenario.movers:  # time zero of their positions is the middle of the recording
         truth['movers'] = [{'name': m.name, 'position_m': list(m.position_m),
                             'velocity_m_per_s': list(m.velocity_m_per_s),

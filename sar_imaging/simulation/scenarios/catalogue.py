@@ -16,6 +16,7 @@ from .countryside import countryside
 from .passes import first_pass, second_pass
 from .raster import raster_scan
 from .scenario import Scenario, receive_array
+from .stripmap import stripmap
 
 # ------------------------------------------------------------------ Rosenberg & Gray, table 1
 
@@ -191,4 +192,5 @@ def moving_targets(seed: int = 6, *, movers: tuple[Mover, ...] | None = None,
 SCENARIOS: dict[str, Callable[[], Scenario]] = {
     'psf': psf, 'psf_raw': psf_raw, 'two_scatterers': two_scatterers, 'letter_s': letter,
     'spotlight': spotlight, 'moving_targets': moving_targets, 'countryside': countryside,
-    'first_pass': first_pass, 'second_pass': second_pass, 'raster_scan': raster_scan}
+    'first_pass': first_pass, 'second_pass': second_pass, 'raster_scan': raster_scan,
+    'stripmap': stripmap}

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...geometry.grids import MapGrid
+from ...geometry.illumination import Antenna, Illumination, Mount, Pointing
 from ...signal.pulses import PulseBlock
 from ...signal.radar import RadarParameters
 from ..echoes import EchoSimulator, quantise
@@ -70,6 +71,10 @@ class Scenario:
         Scatterers without names, of random phases.
     height_m : float
         Of the scene above the grid, metres; 0 for one that is flat.
+    antenna : Antenna, optional
+        Pattern by which scatterers and clutter return; movers and jammers are lit alike.
+    mount : Mount, optional
+        What tells where it looks; needed with `antenna`.
     """
 
     name: str
@@ -94,6 +99,8 @@ class Scenario:
     jammers: tuple[Jammer, ...] = ()
     clutter: Clutter | None = None
     height_m: float = 0.0
+    antenna: Antenna | None = None
+    mount: Mount | None = None
 
     @property
     def n_channels(self) -> int:
@@ -151,10 +158,12 @@ class Scenario:
         simulator = EchoSimulator(self.radar, self.n_samples, compressed=self.compressed,
                                   points_m=points, amplitudes=amplitudes)
         tx_m, rx_m = self.phase_centres()
+        pointing, lit = self._lit(tx_m, rx_m)
         stamps_ns, times_s = self.stamps_ns(), self.times_s()
         for first in range(0, self.n_pulses, pulses_per_block):
             counter = np.arange(first, min(first + pulses_per_block, self.n_pulses))
-            samples = simulator(tx_m[counter], rx_m[counter])
+            samples = simulator(tx_m[counter], rx_m[counter],
+                                lit and lit.select(_echoes(counter, self.n_channels)))
             if self.movers:
                 samples += mover_echoes(
                     self.movers, self.radar, self.n_samples, compressed=self.compressed,
@@ -165,12 +174,25 @@ class Scenario:
                 samples += self.noise_std * self._noise(counter)
             yield PulseBlock(self.radar, self.compressed, stamps_ns[counter], counter,
                              quantise(samples, self.resolution_bits, self.full_scale),
-                             tx_m[counter], rx_m[counter])
+                             tx_m[counter], rx_m[counter],
+                             pointing=pointing and pointing.select(counter))
+
+    def _lit(self, tx_m, rx_m) -> tuple[Pointing | None, Illumination | None]:
+        """Where the antenna looks at each pulse, and the illumination of all echoes."""
+        if self.antenna is None:
+            return None, None
+        pointing = self.mount.pointing(self.stamps_ns(), 0.5 * (tx_m + rx_m).mean(axis=1))
+        return pointing, Illumination.of_pulses(self.antenna.amplitudes(), pointing, tx_m, rx_m)
 
     def _noise(self, counter: np.ndarray) -> np.ndarray:
         shape = (self.n_channels, self.n_samples)
         return np.stack([complex_gaussian(self.seed, int(c), math.prod(shape)).reshape(shape)
                          for c in counter])
+
+
+def _echoes(counter: np.ndarray, n_channels: int) -> np.ndarray:
+    """Numbers of the echoes of some pulses, channel by channel of each."""
+    return (counter[:, None] * n_channels + np.arange(n_channels)).reshape(-1)
 
 
 def _on_grid(offsets_m) -> np.ndarray:

@@ -83,7 +83,7 @@ def plan_launch(arguments: argparse.Namespace, truth: Mapping | None) -> Launch:
     Parameters
     ----------
     arguments : argparse.Namespace
-        With `bag`, `mode`, `pipeline` and what `add_arguments` adds.
+        With `bag`, `mode`, `pipeline`, `output` and what `add_arguments` adds.
     truth : mapping or None
         Of the recording, see `bag_io.make_truth`; it proposes grid and aperture without a
         configuration.
@@ -110,13 +110,24 @@ def plan_launch(arguments: argparse.Namespace, truth: Mapping | None) -> Launch:
                           "give the radar's parameter file by --config, or start them yourself, "
                           'without --launch-nodes')
     mode = _mode(arguments, files)
-    parameters = dict(_PATIENT) if config else parameters_from_truth(truth, mode)
+    parameters = dict(_PATIENT) if config else _parameters(truth, mode, arguments.output)
     if arguments.pipeline:
         parameters = pipeline_parameters(parameters)
     values = [*arguments.values, ('mode', mode)]
     return Launch(mode, node_names(mode, pipeline=arguments.pipeline), parameters, files,
                   [word for name, value in values for word in ('-p', f'{name}:={value}')],
                   own=bool(files or arguments.values))
+
+
+def _parameters(truth: Mapping, mode: str, folder: Path) -> dict[str, dict]:
+    """Those of the recording; the table of a measured antenna is written to a folder."""
+    file = folder / 'antenna.yaml'
+    if 'antenna' in truth:
+        file.write_text(yaml.safe_dump(truth['antenna']))
+    try:
+        return parameters_from_truth(truth, mode, pattern_file=str(file.resolve()))
+    except ValueError as error:
+        raise LaunchError(f'the recording tells no antenna: {error}') from error
 
 
 def _mode(arguments: argparse.Namespace, files: Sequence[Path]) -> str:

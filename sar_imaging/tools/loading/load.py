@@ -17,7 +17,7 @@ from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.loading import DescriptionError, Loaded, PoseTable, load, shipped_names
 from sar_imaging.loading.frames import FrameError
 
-from ..recordings.bag_io import check_target, make_truth, write_bag
+from ..recordings.bag_io import antenna_truth, check_target, make_truth, write_bag
 from ..recordings.recorded_poses import RecordedPoses
 from ..recordings.writing import run_writing, split, with_progress
 from .bag_frames import read_bag_frames
@@ -46,7 +46,8 @@ def truth_of(loaded: Loaded, alignment: Alignment | None) -> dict:
         pulses_per_aperture=scene.pulses_per_aperture or int(block.counter[-1]) + 1,
         n_pulses=block.n_pulses, n_channels=block.n_channels, cut_half_width_m=scene.cut_m,
         radar=block.radar, compressed=block.compressed, window=scene.window,
-        alignment=alignment, frame=scene.frame, datum=scene.datum)
+        alignment=alignment, frame=scene.frame, datum=scene.datum) | antenna_truth(
+            loaded.antenna, loaded.mount)
 
 
 def parser() -> argparse.ArgumentParser:

@@ -156,7 +156,8 @@ def form(source: Source, choice: GridChoice, target_db: float, n_bytes: float, *
     block_bytes = _BLOCK_SHARE * n_bytes
     whole = source.n_bytes <= block_bytes
     imager = plan_image(choice.grid, source.radar, source.n_samples, target_db=target_db,
-                        compressed=source.compressed, progress=whole)
+                        compressed=source.compressed, progress=whole,
+                        illumination=source.illumination)
     image = imager.new_image()
     with tqdm(total=source.n_pulses, desc=label, unit='pulse', disable=whole) as bar:
         for block in source.read(block_bytes):
@@ -171,7 +172,8 @@ def verify(source: Source, image: Image, n_bytes: float) -> Verification | str:
     blocks = (source.read if raw else source.profiles)(_BLOCK_SHARE * n_bytes)
     try:
         return measure_error(image.samples, image.grid, blocks, n_pixels=_VERIFIED_PIXELS,
-                             n_brightest=_VERIFIED_PIXELS, fit_scale=raw, progress=True)
+                             n_brightest=_VERIFIED_PIXELS, fit_scale=raw, progress=True,
+                             illumination=source.illumination)
     except ValueError as error:
         return str(error)
 

@@ -15,6 +15,8 @@ from sar_imaging.formats.cphd import Collection, CphdReader
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.illumination import AntennaPattern
+from sar_imaging.signal.pointing import PointingFinder
 from sar_imaging.signal.positioning import locate, without_range_bias
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.radar import RadarParameters
@@ -74,6 +76,8 @@ class Source:
         Its number, where `open_apertures` found it among those of a recording.
     message_ns : (P,) int64 or None
         Of a recording: when the message of each pulse was recorded, nanoseconds.
+    illumination : AntennaPattern or None
+        Pattern of the antenna, where the file tells; its pulses then have their pointing.
     """
 
     path: Path
@@ -95,6 +99,7 @@ class Source:
     collection: Collection = Collection()
     aperture: int | None = None
     message_ns: np.ndarray | None = None
+    illumination: AntennaPattern | None = None
 
     @property
     def n_pulses(self) -> int:
@@ -278,7 +283,7 @@ def _of_recording(recording: Recording, wanted: tuple[int, int], datum: Datum | 
                   recording.compressed, counter, recording.stamp_ns[index], tx_m, rx_m,
                   datum or recording.datum, area, grid, tuple(truth.get('scatterers', ())), read,
                   tuple(warnings), _half_widths(truth), _collection(path, truth), number,
-                  message_ns)
+                  message_ns, recording.antenna and recording.antenna.amplitudes())
 
 
 def _corners(grid: MapGrid) -> np.ndarray:
@@ -334,6 +339,9 @@ def _located(recording: Recording, wanted: tuple[int, int], times: tuple[int, in
     poses = read_poses(recording.path)
     track = None if poses is None else poses.track()
     alignment = Alignment(**(recording.truth or {}).get('alignment', {}))
+    mount = recording.mount
+    by_attitude = mount is not None and mount.needs_attitude
+    finder = None if mount is None or by_attitude else PointingFinder(mount)
     seen: set[int] = set()
     for _, cdr in raw_messages(recording.path, *times):
         try:
@@ -349,10 +357,10 @@ def _located(recording: Recording, wanted: tuple[int, int], times: tuple[int, in
         block = block if new.all() else block.select(new)
         if not block.has_positions:
             try:
-                block = locate(block, track, alignment)
+                block = locate(block, track, alignment, mount if by_attitude else None)
             except ValueError as error:
                 raise BagError(f'{recording.path}: {error}') from error
-        yield block
+        yield block if finder is None else finder(block)
 
 
 def _chunks(blocks: Iterator[PulseBlock], n_bytes: float) -> Iterator[PulseBlock]:

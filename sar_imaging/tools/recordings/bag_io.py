@@ -21,6 +21,7 @@ from pathlib import Path
 from msg_conversions.wire import from_array, to_array
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.earth import Datum
+from sar_imaging.geometry.illumination import Antenna, Mount
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 
@@ -287,6 +288,20 @@ def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], g
         'radar': radar_to_dict(radar), 'compressed': compressed, 'notes': notes,
         **({} if alignment is None else {'alignment': alignment.as_dict()}),
         **({} if datum is None else {'datum': dataclasses.asdict(datum)})}
+
+
+def antenna_truth(antenna: Antenna | None, mount: Mount | None = None) -> dict:
+    """What the truth of a recording says of the antenna, of JSON types.
+
+    Parameters
+    ----------
+    antenna : Antenna or None
+        Its pattern; None adds nothing.
+    mount : Mount, optional
+        What tells where it looks, for pulses that do not state it.
+    """
+    return ({} if antenna is None else {'antenna': antenna.as_dict()}) | (
+        {} if mount is None else {'mount': mount.as_dict()})
 
 
 def radar_to_dict(radar: RadarParameters) -> dict:

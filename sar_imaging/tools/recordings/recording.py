@@ -11,6 +11,7 @@ import numpy as np
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.illumination import Antenna, Mount
 from sar_imaging.geometry.poses import PoseStatus, PoseTrack
 from sar_imaging.geometry.track_frame import mean_centres
 from sar_imaging.signal.pulses import PulseBlock
@@ -129,6 +130,35 @@ class Recording:
             return None if fields is None else Datum(**fields)
         except (TypeError, ValueError) as error:
             raise BagError(f'{self.path}: the datum of the recording: {error}') from error
+
+    @property
+    def antenna(self) -> Antenna | None:
+        """Pattern of the antenna, where the recording tells.
+
+        Raises
+        ------
+        BagError
+            What it tells is no antenna.
+        """
+        return self._told('antenna', Antenna)
+
+    @property
+    def mount(self) -> Mount | None:
+        """What tells where the antenna looks, where the pulses do not state it.
+
+        Raises
+        ------
+        BagError
+            What it tells is no mount.
+        """
+        return self._told('mount', Mount)
+
+    def _told(self, name: str, kind):
+        fields = (self.truth or {}).get(name)
+        try:
+            return None if fields is None else kind.from_dict(fields)
+        except ValueError as error:
+            raise BagError(f'{self.path}: the {name} of the recording: {error}') from error
 
     def apertures(self, pulses_per_aperture: int) -> list[Aperture]:
         """Apertures in the order of their numbers."""

@@ -1,0 +1,71 @@
+"""The antenna of a description: its pattern, and where it looks."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from ..geometry.illumination import Antenna, Mount, Pointing
+from ..signal.pulses import PulseBlock
+from .description import DescriptionError, Section
+
+OUTWARD = 'outward'  # along the arm of positions.arc
+_FIELDS = tuple(f.name for f in dataclasses.fields(Antenna))
+KEYS = (*_FIELDS, 'pointing')
+
+
+def read_antenna(section: Section) -> tuple[Antenna, Mount | str]:
+    """Pattern, and mount or ``'outward'``.
+
+    Raises
+    ------
+    DescriptionError
+        One of them is missing or makes no sense.
+    """
+    try:
+        antenna = Antenna.from_dict({name: section.raw(name) for name in _FIELDS
+                                     if name in section})
+        pointing = section.raw('pointing')
+        mount = pointing if pointing == OUTWARD else Mount.from_dict(pointing)
+    except DescriptionError:
+        raise
+    except ValueError as error:
+        raise DescriptionError(f'antenna: {error}') from error
+    return antenna, mount
+
+
+def with_pointing(block: PulseBlock, mount: Mount | str, section: Section,
+                  arc_centre_m: Callable[[], np.ndarray] | None) -> PulseBlock:
+    """The block, whose positions are known, with its pointing.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        All pulses, with positions.
+    mount : Mount or str
+        As `read_antenna` gives it.
+    section : Section
+        The part ``antenna``, for messages.
+    arc_centre_m : callable or None
+        Gives the (3,) centre of the arc, metres; None where positions are no arc.
+
+    Raises
+    ------
+    DescriptionError
+        The pointing does not follow from the positions.
+    """
+    centre = block.phase_centre_m
+    try:
+        if mount != OUTWARD:
+            pointing = mount.pointing(block.stamp_ns, centre)
+        elif arc_centre_m is None:
+            raise section.error('pointing', f'{OUTWARD} with positions on an arc alone')
+        else:
+            pointing = Pointing(centre - arc_centre_m())
+    except DescriptionError:
+        raise
+    except ValueError as error:
+        raise DescriptionError(f'antenna.pointing: {error}') from error
+    return dataclasses.replace(block, pointing=pointing)
