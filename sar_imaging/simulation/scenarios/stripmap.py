@@ -19,13 +19,17 @@ _SCENE = (('silo', 0.0, 0.0, 0.0), ('barn', -9.0, -31.0, -3.0), ('mast', 8.0, 29
 
 def stripmap() -> Scenario:
     """Aircraft whose beam of 6 degrees looks to the right; each scatterer is lit for a while."""
-    radar = RadarParameters(carrier_hz=10e9, bandwidth_hz=150e6, sample_rate_hz=200e6,
-                            first_sample_delay_s=2 * 450.0 / SPEED_OF_LIGHT)
+    sample_rate_hz, n_pulse = 200e6, 80
+    pulse_length_s = n_pulse / sample_rate_hz
+    radar = RadarParameters(carrier_hz=10e9, bandwidth_hz=150e6, sample_rate_hz=sample_rate_hz,
+                            first_sample_delay_s=2 * 450.0 / SPEED_OF_LIGHT,
+                            pulse_length_s=pulse_length_s,
+                            chirp_rate_hz_per_s=150e6 / pulse_length_s)
     return Scenario(
         name='stripmap',
         description='Light aircraft at 300 m with a beam of 6 degrees to its right, slant range '
-                    '500 m, 10 GHz, 150 MHz, range profiles, five scatterers, noise',
-        radar=radar, compressed=True, n_samples=160, prf_hz=320.0, n_pulses=1280,
+                    '500 m, 10 GHz, 150 MHz, raw LFM pulses, five scatterers, noise',
+        radar=radar, compressed=False, n_samples=160 + n_pulse, prf_hz=320.0, n_pulses=1280,
         pulses_per_aperture=1280,
         trajectory=Trajectory(centre_m=(-_GROUND_M, 0.0, _HEIGHT_M),
                               velocity_m_per_s=(0.0, 40.0, 0.0)),
