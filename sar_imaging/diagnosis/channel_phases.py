@@ -23,6 +23,7 @@ _MOST_CHANNELS = 16
 _ALONG = 0.25  # wavelengths that channels may lie beside the line of the track
 _ALIKE = 0.6  # correlation of the images of two channels from which they show the same
 _OFF_RAD = math.radians(30.0)
+_FOCUSED = 1.45  # contrast of an image whose phases mean anything
 _DEAD = 1e-3  # of the power of the strongest channel
 
 
@@ -90,16 +91,24 @@ def phase_findings(block: PulseBlock, grid: MapGrid, *, window: str = 'none'
     """
     phases = channel_phases(block, grid, window=window)
     off = np.abs(phases) > _OFF_RAD
-    if not off.any():
-        return [], block
     turns = np.exp(-1j * phases)[:, None].astype(np.complex64)
+    equal = dataclasses.replace(block, samples=block.samples * turns)
+    if not off.any() or not _focuses(equal, grid, window):
+        return [], block
     listed = ', '.join(f'{c} by {math.degrees(phases[c]):+.0f} degrees'
                        for c in np.flatnonzero(off))
-    return [Finding('phases of channels', (
-        f'the images of the channels differ in phase: channel {listed}'),
+    finding = Finding(
+        'phases of channels', f'the images of the channels differ in phase: channel {listed}',
         'measure the errors of the channels with `sar-imaging calibrate`, and give them to '
-        'range_compression as calibration_file; or correct the phase centres of the channels')], (
-        dataclasses.replace(block, samples=block.samples * turns))
+        'range_compression as calibration_file; or correct the phase centres of the channels')
+    return [finding], equal
+
+
+def _focuses(block: PulseBlock, grid: MapGrid, window: str) -> bool:
+    """Whether phases mean anything: without focus they do not."""
+    window = 'none' if block.compressed else window
+    profiles = RangeCompressor.for_block(block, window=window, oversampling=OVERSAMPLING)(block)
+    return CoherenceProbe(resolved(grid, block), BUDGET, _TILE)(profiles).contrast > _FOCUSED
 
 
 def _along_the_track(block: PulseBlock) -> bool:

@@ -22,6 +22,7 @@ from .coherence import BUDGET, OVERSAMPLING, Coherence, CoherenceProbe, resolved
 from .diagnose import FEWEST_PULSES, FOCUSED, NOTHING, Diagnosis, nothing_helps
 from .hypotheses import (
     HYPOTHESES,
+    ORDER,
     Hypothesis,
     clock_drift,
     clock_offset,
@@ -47,6 +48,7 @@ _WORTH = 0.8  # of the least contrast, on few pixels
 _NOISE = 2.0  # agreement of noise
 _ABOVE_NOISE = 2.0  # times its agreement
 _BETTER = 1.3  # times the agreement of the data as they are
+_BETTER_VALUE = 1.15  # with a value searched for: right ones agree best as they are, within 2 %
 _CERTAIN = 10.0  # times its agreement, from which on nothing else is tried
 _LIKELIER = 1.1  # times the agreement of another mistake, for one that is searched for
 _DARKER = 0.8  # times the contrast
@@ -94,10 +96,10 @@ def diagnose_thoroughly(block: PulseBlock, grid: MapGrid, *, window: str = 'none
         found = _best(attempt.hypotheses())
     if found is not None and doubts and found[1].contrast < FOCUSED:
         found = None  # what is odd about the track explains more
-    if not doubts and (found is None or _gain(found) < _CERTAIN):
+    if not doubts and (found is None or found[0] is ORDER or _gain(found) < _CERTAIN):
         one = _one_channel(block)
         alone = attempt if one is block else _Attempts(one, grid, window)
-        found = _likelier(found, _best(alone.searches()))
+        found = _likelier(found, _best(alone.searches(), _BETTER_VALUE))
     if found is not None:
         hypothesis, coherence, _ = found
         return Diagnosis(first.contrast, first.coverage, hypothesis.name, hypothesis.advice,
@@ -108,9 +110,9 @@ def diagnose_thoroughly(block: PulseBlock, grid: MapGrid, *, window: str = 'none
         as_it_is, advice='' if first.contrast >= NOTHING else nothing_helps(first))
 
 
-def _best(results: Iterable[_Tried]) -> _Tried | None:
+def _best(results: Iterable[_Tried], least: float = _BETTER) -> _Tried | None:
     """The mistake without which pulses agree clearly better than as they are."""
-    return max(filter(_helps, results), key=_gain, default=None)
+    return max((tried for tried in results if _helps(tried, least)), key=_gain, default=None)
 
 
 def _gain(tried: _Tried) -> float:
@@ -118,10 +120,10 @@ def _gain(tried: _Tried) -> float:
     return result.agreement / max(as_it_is.agreement, _NOISE)
 
 
-def _helps(tried: _Tried) -> bool:
+def _helps(tried: _Tried, least: float) -> bool:
     _, result, as_it_is = tried
     lit = as_it_is.contrast if as_it_is.agreement > _NOISE else 0.0
-    return (result.coverage >= _LEAST_COVERAGE and _gain(tried) > _BETTER
+    return (result.coverage >= _LEAST_COVERAGE and _gain(tried) > least
             and result.agreement > _ABOVE_NOISE * _NOISE
             and result.contrast > max(_LEAST, _DARKER * lit))
 
