@@ -9,6 +9,7 @@ docs/troubleshooting.md.
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import pathlib
 import time
@@ -83,16 +84,17 @@ class Records:
 
 
 def simulated(records: Records, faults, first: int, n: int) -> None:
-    """As many cases of each fault as are asked for."""
-    for fault in tqdm(faults, unit='fault'):
-        injected = 0
-        for seed in range(first, first + _MOST_SEEDS * n):
-            image = fault in OF_IMAGES or fault == RIGHT or injected < _WITH_IMAGE
-            entry = records.measure(lambda seed=seed: right_case(seed), KINDS[seed % len(KINDS)],
-                                    seed, fault, image=image)
-            injected += entry['found'] is not None
-            if injected == n:
-                break
+    """As many cases of each fault as are asked for, all faults in the same recordings."""
+    injected = Counter()
+    for seed in tqdm(range(first, first + _MOST_SEEDS * n), unit='recording'):
+        wanted = [fault for fault in faults if injected[fault] < n]
+        if not wanted:
+            break
+        make = functools.cache(functools.partial(right_case, seed))
+        for fault in wanted:
+            image = fault in OF_IMAGES or fault == RIGHT or injected[fault] < _WITH_IMAGE
+            entry = records.measure(make, KINDS[seed % len(KINDS)], seed, fault, image=image)
+            injected[fault] += entry['found'] is not None
 
 
 def measured(records: Records, faults, first: int) -> None:
