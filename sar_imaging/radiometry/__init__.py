@@ -1,0 +1,17 @@
+"""Calibrated brightness: from image samples to radar cross sections and backscatter coefficients.
+
+- `constant`: the radar constant, which ties samples to square metres; reflectors of known size;
+- `response`: what an image makes of a target and of noise at each pixel: spreading, antenna
+  pattern, area of a resolution cell;
+- `brightness`: cross section, beta nought, sigma nought, gamma nought and noise-equivalent level;
+- `speckle`: mean power over looks, and how many looks an image has.
+"""
+
+from .brightness import QUANTITIES, brightness, calibrated, noise_equivalent
+from .constant import RadarConstant, noise_power, trihedral_cross_section_m2
+from .response import ImageResponse, image_response
+from .speckle import equivalent_looks, multilook
+
+__all__ = ['QUANTITIES', 'ImageResponse', 'RadarConstant', 'brightness', 'calibrated',
+           'equivalent_looks', 'image_response', 'multilook', 'noise_equivalent', 'noise_power',
+           'trihedral_cross_section_m2']

@@ -1,0 +1,110 @@
+"""Cross section, beta nought, sigma nought and gamma nought of images, and their noise level."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from ..imaging.image import Image
+from .constant import RadarConstant
+from .response import ImageResponse
+
+#: Name and meaning of each quantity.
+QUANTITIES = {
+    'rcs': 'radar cross section of a target at the pixel, m^2',
+    'beta0': 'cross section for each square metre of the slant plane',
+    'sigma0': 'cross section for each square metre of the ground',
+    'gamma0': 'sigma nought over the cosine of the incidence angle'}
+
+
+def brightness(image, response: ImageResponse, constant: RadarConstant,
+               quantity: str = 'sigma0') -> np.ndarray:
+    """Calibrated brightness of an image.
+
+    Parameters
+    ----------
+    image : (n_y, n_x) complex
+        Image, whose squared magnitude is taken.
+    response : ImageResponse
+        Of the same grid and pulses.
+    constant : RadarConstant
+        Of the radar.
+    quantity : str
+        One of `QUANTITIES`. R. K. Raney et al., A plea for radar brightness, IGARSS 1994, tells
+        when which is wanted.
+
+    Returns
+    -------
+    (n_y, n_x) float64
+        Linear; NaN where nothing is lit. Noise is in it, see `noise_equivalent`.
+
+    Raises
+    ------
+    ValueError
+        The image has another shape, or there is no such quantity.
+    """
+    image = np.asarray(image)
+    if image.shape != response.amplitude.shape:
+        raise ValueError(_shape_error(image, response))
+    return (np.abs(image).astype(np.float64) ** 2
+            / (constant.gain * response.amplitude) ** 2 / _divisor(response, quantity))
+
+
+def calibrated(image: Image, response: ImageResponse, constant: RadarConstant,
+               quantity: str = 'sigma0') -> Image:
+    """The image with its samples scaled so that their squared magnitude is a brightness.
+
+    Phases stay, and so does everything that is written or measured of images.
+
+    Parameters
+    ----------
+    image, response, constant, quantity
+        As of `brightness`.
+
+    Returns
+    -------
+    Image
+        complex64; 0 where nothing is lit.
+
+    Raises
+    ------
+    ValueError
+        As `brightness`.
+    """
+    if image.shape != response.amplitude.shape:
+        raise ValueError(_shape_error(image, response))
+    scale = 1 / (constant.gain * response.amplitude * np.sqrt(_divisor(response, quantity)))
+    scale = np.nan_to_num(scale).astype(np.float32)
+    return dataclasses.replace(image, samples=image.samples * scale)
+
+
+def noise_equivalent(response: ImageResponse, constant: RadarConstant,
+                     quantity: str = 'sigma0') -> np.ndarray:
+    """Brightness that noise alone has on average, by pixel: the noise-equivalent level.
+
+    Parameters
+    ----------
+    response, constant, quantity
+        As of `brightness`.
+
+    Returns
+    -------
+    (n_y, n_x) float64
+        Linear; NaN where nothing is lit or the constant knows no noise.
+    """
+    return (constant.noise_power * response.noise_gain
+            / (constant.gain * response.amplitude) ** 2 / _divisor(response, quantity))
+
+
+def _divisor(response: ImageResponse, quantity: str):
+    if quantity not in QUANTITIES:
+        raise ValueError(f'quantity={quantity!r}; expected one of {", ".join(QUANTITIES)}')
+    return {'rcs': lambda: 1.0, 'beta0': lambda: response.slant_area_m2,
+            'sigma0': lambda: response.area_m2,
+            'gamma0': lambda: response.area_m2 * np.cos(response.incidence_rad)}[quantity]()
+
+
+def _shape_error(image, response: ImageResponse) -> str:
+    return (f'image.shape={image.shape}; the response is for an image of '
+            f'{response.amplitude.shape}')

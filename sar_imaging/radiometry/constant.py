@@ -1,0 +1,123 @@
+"""The radar constant, which ties the samples of range profiles to square metres."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from .response import ImageResponse
+
+_QUIET_SHARE = 16  # of the profile: the piece without echoes that noise is measured in
+
+
+@dataclasses.dataclass(frozen=True)
+class RadarConstant:
+    """Amplitude of a target of known cross section, and power of the noise.
+
+    The peak in the range profile of a target of cross section sigma, at distances R_t and R_r from
+    the phase centres, is ``gain sqrt(sigma) w / (R_t R_r)`` with the two-way amplitude w of the
+    antenna pattern (the radar equation; M. I. Skolnik, Radar Handbook, 3rd ed., chapter 1).
+
+    Parameters
+    ----------
+    gain : float
+        Of the whole radar, metres times the unit of the samples.
+    noise_power : float
+        Mean squared magnitude of the noise in a sample of a profile; NaN if not known.
+
+    Raises
+    ------
+    ValueError
+        The gain is not positive and finite, or the noise is negative.
+    """
+
+    gain: float
+    noise_power: float = math.nan
+
+    def __post_init__(self):
+        if not (math.isfinite(self.gain) and self.gain > 0):
+            raise ValueError(f'gain={self.gain}; expected a positive number: measure it with '
+                             'RadarConstant.from_reflector')
+        if self.noise_power < 0:
+            raise ValueError(f'noise_power={self.noise_power}; expected 0 or more')
+
+    @classmethod
+    def from_reflector(cls, amplitude: float, pixel, response: ImageResponse,
+                       cross_section_m2: float, noise_power: float = math.nan) -> RadarConstant:
+        """Measured at a reflector of known cross section.
+
+        Parameters
+        ----------
+        amplitude : float
+            Magnitude of the image at the reflector's peak, such as
+            `sar_imaging.quality.scatterers.measure_scatterer` finds between pixels.
+        pixel : (2,) floats
+            Row and column of the reflector, whole or not.
+        response : ImageResponse
+            Of the image.
+        cross_section_m2 : float
+            Of the reflector, square metres; see `trihedral_cross_section_m2`.
+        noise_power : float
+            As of the constructor.
+
+        Raises
+        ------
+        ValueError
+            The reflector is outside the image or not lit, or the cross section is not positive.
+        """
+        row, column = (round(float(p)) for p in pixel)
+        shape = response.amplitude.shape
+        if not (0 <= row < shape[0] and 0 <= column < shape[1]):
+            raise ValueError(f'the reflector is at row {row}, column {column} of an image of '
+                             f'{shape[0]} rows and {shape[1]} columns; give its place inside')
+        if not cross_section_m2 > 0:
+            raise ValueError(f'cross_section_m2={cross_section_m2}; expected more than 0')
+        of_one = float(response.amplitude[row, column])
+        if not of_one > 0:
+            raise ValueError('the antenna does not light the reflector; choose another')
+        return cls(float(amplitude) / (of_one * math.sqrt(cross_section_m2)), noise_power)
+
+
+def trihedral_cross_section_m2(edge_m: float, wavelength_m: float) -> float:
+    """Cross section of a triangular trihedral on its axis, ``4 pi a^4 / (3 lambda^2)``.
+
+    Parameters
+    ----------
+    edge_m : float
+        Length a of an edge where two of its plates meet, metres.
+    wavelength_m : float
+        Of the carrier, metres; the edge should be several of them.
+
+    Examples
+    --------
+    >>> round(trihedral_cross_section_m2(0.3, 0.03), 1)
+    37.7
+    """
+    return 4 * math.pi * edge_m ** 4 / (3 * wavelength_m ** 2)
+
+
+def noise_power(profiles: np.ndarray) -> float:
+    """Mean squared magnitude of the noise, from the quietest piece of the range profiles.
+
+    Right where a sixteenth of the profiles holds no echoes, as before the first return; too large
+    by the weakest echoes elsewhere.
+
+    Parameters
+    ----------
+    profiles : (..., N) complex
+        Range profiles of many pulses.
+
+    Raises
+    ------
+    ValueError
+        There are fewer than 16 samples.
+    """
+    profiles = np.asarray(profiles)
+    n = profiles.shape[-1] // _QUIET_SHARE
+    if n < 1:
+        raise ValueError(f'{profiles.shape[-1]} samples; expected {_QUIET_SHARE} or more')
+    power = np.abs(profiles.reshape(-1, profiles.shape[-1])) ** 2
+    total = np.concatenate([[0.0], np.cumsum(power.mean(axis=0, dtype=np.float64))])
+    return float((total[n:] - total[:-n]).min() / n)
