@@ -77,6 +77,7 @@ arguments = dict(
             'archive = sar_imaging.tools.archive.archive:main',
             'image = sar_imaging.tools.products.image:main',
             'change = sar_imaging.tools.products.change:main',
+            'radar_constant = sar_imaging.tools.products.radar_constant:main',
             'doctor = sar_imaging.tools.products.doctor:main',
             'convert = sar_imaging.tools.exchange.convert:main',
             'info = sar_imaging.tools.exchange.info:main',

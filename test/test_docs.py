@@ -88,6 +88,14 @@ def test_grids_show_reflectors_where_they_are(tmp_path, monkeypatch, capsys):
         assert away <= 1.5 * step  # neighbours add to each other
 
 
+def test_brightness_of_a_meadow(capsys, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    names = _run_python(ROOT / 'docs' / 'radiometry.md')
+    # one look, as an even surface has: 0.9 to 1.1 of so many pixels
+    assert names['averaged'].shape == (20, 30)
+    assert re.search(r'^-7\.\d dB, (0\.[89]|1\.[01]) looks', capsys.readouterr().out)
+
+
 def test_two_passes_show_the_terrace(capsys):
     passes = _run_python(ROOT / 'docs' / 'exploitation.md')['passes']
     height = np.nanmedian(passes.height_m[40:70, 80:120])  # in the middle of the terrace

@@ -26,6 +26,7 @@ COMMANDS = {
     ('load',): 'loading.load',
     ('archive',): 'archive.archive',
     ('image',): 'products.image',
+    ('radar-constant',): 'products.radar_constant',
     ('change',): 'products.change',
     ('doctor',): 'products.doctor',
     ('image', 'arcsar'): 'measured.image_arcsar',

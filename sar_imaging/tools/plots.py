@@ -30,7 +30,8 @@ MOST_DB = 60.0  # from black to white
 
 
 def save_image_png(path: Path | str, image, grid: MapGrid, *, truth: Sequence[dict] = (),
-                   title: str = '', limits_db: tuple[float, float] | None = None) -> None:
+                   title: str = '', limits_db: tuple[float, float] | None = None,
+                   quantity: str | None = None) -> None:
     """Draw the magnitude of an image in decibels on axes in metres.
 
     Parameters
@@ -48,6 +49,8 @@ def save_image_png(path: Path | str, image, grid: MapGrid, *, truth: Sequence[di
     limits_db : (2,) floats, optional
         Levels that are drawn black and white, dB relative to the brightest pixel; from
         `grey_limits_db` if left out.
+    quantity : str, optional
+        What the squared magnitude is, such as ``'sigma0'``: decibels are its own then.
 
     Raises
     ------
@@ -59,13 +62,15 @@ def save_image_png(path: Path | str, image, grid: MapGrid, *, truth: Sequence[di
     magnitude = _multilook(image)
     black_db, white_db = grey_limits_db(magnitude) if limits_db is None else limits_db
     level = _decibels(magnitude, black_db)
+    peak_db = 0.0 if quantity is None or not magnitude.max() > 0 else (
+        20 * math.log10(float(magnitude.max())))
     (x_ref, x_label), (y_ref, y_label) = _axis('x', grid.x_m), _axis('y', grid.y_m)
     half = grid.spacing_m / 2
     extent = (grid.x_m[0] - half - x_ref, grid.x_m[-1] + half - x_ref,
               grid.y_m[-1] - half - y_ref, grid.y_m[0] + half - y_ref)
     figure, axes, bar_axes = _layout(extent[1] - extent[0], extent[3] - extent[2])
-    drawn = axes.imshow(level, extent=extent, cmap='gray', interpolation='bilinear',
-                        norm=Normalize(black_db, white_db), aspect='auto')
+    drawn = axes.imshow(level + peak_db, extent=extent, cmap='gray', interpolation='bilinear',
+                        norm=Normalize(black_db + peak_db, white_db + peak_db), aspect='auto')
     for scatterer in truth:
         x, y = scatterer['position_m'][0] - x_ref, scatterer['position_m'][1] - y_ref
         _mark(axes, extent, x, y, scatterer['name'] if len(truth) <= MOST_NAMES else '')
@@ -76,7 +81,8 @@ def save_image_png(path: Path | str, image, grid: MapGrid, *, truth: Sequence[di
                   textcoords='offset points', fontsize=10, ha='center' if slim else 'left')
     bar = figure.colorbar(drawn, cax=bar_axes)
     low = bar_axes.get_position().height * figure.get_figheight() < 2.5
-    bar.set_label('dB' if low else 'dB relative to the brightest pixel', fontsize=9)
+    unit = 'dB relative to the brightest pixel' if quantity is None else f'{quantity}, dB'
+    bar.set_label('dB' if low else unit, fontsize=9)
     bar.ax.tick_params(labelsize=8)
     figure.savefig(path, dpi=DPI)
 

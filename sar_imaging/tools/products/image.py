@@ -33,7 +33,7 @@ from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
 
 from ..plots import save_image_png
 from ..recordings.bag_io import BagError
-from . import forming, volume
+from . import brightness, forming, volume
 from .acquisition_figure import save_acquisition_png
 from .report import Section, write_report
 from .sources import Source, SourceError, open_source
@@ -70,6 +70,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument('--format', type=_formats, default=('png',), metavar='NAME[,NAME]',
                    help=f'of the image: {", ".join(FORMATS)} (default: png)')
     forming.add_arguments(p)
+    brightness.add_arguments(p)
     volume.add_arguments(p)
     return p
 
@@ -109,6 +110,7 @@ def run(arguments: argparse.Namespace) -> str:
     if arguments.height is not None:
         return volume.run(arguments, source)
     _check_formats(arguments, source)
+    constant = brightness.constant_of(arguments)
     choice = forming.choose(source, arguments)
     for reason in choice.reasons:
         print(reason, file=sys.stderr)
@@ -117,7 +119,11 @@ def run(arguments: argparse.Namespace) -> str:
     image, seconds = forming.form(source, choice, arguments.target_db, n_bytes)
     measured = forming.verify(source, image, n_bytes)
     quality = describe(source, choice, image, seconds, measured)
-    written = write_products(arguments.output, arguments.format, source, choice, image)
+    if constant is not None:
+        image, quality['brightness'] = brightness.calibrate_image(
+            source, choice, image, arguments.brightness, constant)
+    written = write_products(arguments.output, arguments.format, source, choice, image,
+                             arguments.brightness)
     (arguments.output / 'quality.json').write_text(
         json.dumps(quality, indent=2, allow_nan=False) + '\n')
     _write_report(arguments.output, source, choice, image, quality)
@@ -144,8 +150,11 @@ def _check_formats(arguments: argparse.Namespace, source: Source) -> None:
 
 
 def write_products(folder: Path, formats: Sequence[str], source: Source, choice: GridChoice,
-                   image: Image) -> list[str]:
-    """Write the image in some formats, and always a picture; returns the names of the files."""
+                   image: Image, quantity: str | None = None) -> list[str]:
+    """Write the image in some formats, and always a picture; returns the names of the files.
+
+    Pictures of calibrated images show the quantity's own decibels.
+    """
     np.save(folder / 'image.npy', image.samples)
     grid, axes = forming.drawn_grid(choice)
     known = source.scatterers if isinstance(choice.grid, MapGrid) else ()
@@ -153,7 +162,7 @@ def write_products(folder: Path, formats: Sequence[str], source: Source, choice:
     title = (f'{source.path.name}: {source.n_pulses} pulses, {radar.carrier_hz / 1e9:.4g} GHz, '
              f'{radar.bandwidth_hz / 1e6:.4g} MHz')
     save_image_png(folder / FILES['png'], image.samples, grid, truth=known,
-                   title=f'{title}; {axes}' if axes else title)
+                   title=f'{title}; {axes}' if axes else title, quantity=quantity)
     written = [FILES['png']]
     files = {name: folder / FILES[name] for name in formats}
     if 'geotiff' in files:

@@ -1,0 +1,97 @@
+"""Images as calibrated brightness, by a radar constant in a file."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from sar_imaging.configuration.scene_grid import GridChoice
+from sar_imaging.imaging.image import Image
+from sar_imaging.radiometry import (
+    QUANTITIES,
+    ImageResponse,
+    RadarConstant,
+    calibrated,
+    image_response,
+    noise_equivalent,
+)
+
+from .sources import Source, SourceError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments that ask for calibrated brightness."""
+    parser.add_argument('--brightness', choices=QUANTITIES, metavar='QUANTITY',
+                        help='scale the image so that its squared magnitude is '
+                             f'{", ".join(QUANTITIES)}; needs --radar-constant')
+    parser.add_argument('--radar-constant', type=Path, metavar='FILE',
+                        help='YAML of `sar-imaging radar-constant`')
+
+
+def constant_of(arguments: argparse.Namespace) -> RadarConstant | None:
+    """The constant that the arguments name; None where no brightness is asked for.
+
+    Raises
+    ------
+    SourceError
+        One of the two arguments is missing, or the file is not one.
+    """
+    if (arguments.brightness is None) != (arguments.radar_constant is None):
+        raise SourceError('--brightness and --radar-constant belong together: give both; '
+                          '`sar-imaging radar-constant` measures one at a reflector')
+    return None if arguments.radar_constant is None else read_constant(arguments.radar_constant)
+
+
+def respond(source: Source, choice: GridChoice) -> ImageResponse:
+    """Response of an image of all pulses of a source."""
+    return image_response(choice.grid, source.radar, source.tx_m, source.rx_m)
+
+
+def calibrate_image(source: Source, choice: GridChoice, image: Image, quantity: str,
+                    constant: RadarConstant) -> tuple[Image, dict]:
+    """The image as calibrated brightness, and its figures in dB."""
+    response = respond(source, choice)
+    scaled = calibrated(image, response, constant, quantity)
+    power = np.abs(scaled.samples).astype(np.float64) ** 2
+    noise = noise_equivalent(response, constant, quantity)
+    return scaled, {
+        'quantity': quantity, 'gain_m': constant.gain,
+        'median_db': _decibels(np.median(power[power > 0])) if power.any() else None,
+        'noise_equivalent_db': (None if math.isnan(constant.noise_power)
+                                else _decibels(np.nanmedian(noise))),
+        'incidence_deg': round(float(np.degrees(np.nanmedian(response.incidence_rad))), 2)}
+
+
+def _decibels(power: float) -> float | None:
+    return round(10 * math.log10(power), 3) if power > 0 else None
+
+
+def write_constant(path: Path, constant: RadarConstant, source: Source, reflector_m,
+                   cross_section_m2: float) -> None:
+    """Write a radar constant with where it comes from."""
+    path.write_text(yaml.safe_dump({
+        'gain_m': constant.gain, 'noise_power': constant.noise_power,
+        'measured_in': str(source.path), 'reflector_m': [float(v) for v in reflector_m],
+        'cross_section_m2': float(cross_section_m2),
+        'carrier_hz': float(source.radar.carrier_hz)}, sort_keys=False))
+
+
+def read_constant(path: Path) -> RadarConstant:
+    """Read what `write_constant` wrote.
+
+    Raises
+    ------
+    SourceError
+        The file is not there, or lacks the gain.
+    """
+    try:
+        content = yaml.safe_load(Path(path).read_text())
+        return RadarConstant(float(content['gain_m']),
+                             float(content.get('noise_power', math.nan)))
+    except (OSError, yaml.YAMLError, TypeError, KeyError, AttributeError, ValueError) as error:
+        raise SourceError(f'{path} is no file of a radar constant ({error}); `sar-imaging '
+                          'radar-constant` writes one, with gain_m and noise_power') from error
