@@ -37,7 +37,7 @@ def surface(options: dict, seed: int) -> tuple[float, float, float]:
     """Mean of sigma nought over the truth, of its near half over its far one, and the looks."""
     flight = Flight(n=128, **options)
     rng = np.random.default_rng(seed)
-    block = flight.block(*rough_surface(flight, SIGMA0, rng, density=6.0))
+    block = flight.block(*rough_surface(flight, SIGMA0, rng))
     image = plan_image(flight.grid, flight.radar, flight.n_samples)(block)
     response = image_response(flight.grid, flight.radar, flight.tx_m, flight.rx_m,
                               weighting=flight.weighting)
@@ -63,9 +63,9 @@ def reflectors(options: dict, seed: int) -> float:
             image.samples, flight.grid, place, aperture_centre_m=flight.tx_m.mean(axis=(0, 1)),
             wavenumber_rad_per_m=flight.radar.wavenumber_rad_per_m,
             cut_half_width_range_m=3.0, cut_half_width_azimuth_m=3.0).peak_amplitude
-        row, column = np.rint(flight.grid.to_pixels(*place[:2])).astype(int)
-        found = brightness(np.full(flight.grid.shape, peak), response, RadarConstant(GAIN), 'rcs')
-        errors.append(10 * np.log10(found[row, column] / size))
+        gain = RadarConstant.from_reflector(peak, flight.grid.to_pixels(*place[:2]), response,
+                                            size).gain
+        errors.append(20 * np.log10(gain / GAIN))
     return float(max(errors, key=abs))
 
 

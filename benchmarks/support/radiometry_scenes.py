@@ -72,10 +72,16 @@ class Flight:
                           stamp_ns=np.arange(count) * 10**6, tx_m=self.tx_m, rx_m=self.rx_m)
 
 
-def rough_surface(flight, sigma0, rng, density=8.0):
-    """Places and amplitudes of many scatterers of a surface somewhat larger than the map."""
+def rough_surface(flight, sigma0, rng, density=6.0):
+    """Places and amplitudes of many scatterers of a surface somewhat larger than the map.
+
+    Each lies somewhere in a square of its own: places that are all random clump, so that the
+    brightness varies besides speckle.
+    """
     size = flight.grid.n_x * flight.grid.spacing_m * 1.15
-    count = int(density * (size / flight.cell_m) ** 2)
-    points = np.c_[(rng.random((count, 2)) - 0.5) * size, np.zeros(count)] + flight.grid.centre_m
-    mean = np.sqrt(sigma0 * size ** 2 / count / 2)
-    return points, mean * (rng.normal(size=count) + 1j * rng.normal(size=count))
+    side = round(np.sqrt(density) * size / flight.cell_m)
+    squares = np.stack(np.meshgrid(*2 * [np.arange(side)]), -1).reshape(-1, 2)
+    places = (squares + rng.random(squares.shape)) * size / side - 0.5 * size
+    mean = np.sqrt(sigma0 / 2) * size / side
+    noise = rng.normal(size=(len(places), 2)) @ [1, 1j]
+    return np.c_[places, np.zeros(len(places))] + flight.grid.centre_m, mean * noise

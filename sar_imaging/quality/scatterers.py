@@ -321,12 +321,14 @@ def _find_peak(chip, grid: MapGrid, truth_xy, axes, radii, others) -> tuple[np.n
     if np.abs(peak - start).max() > 1.2 * grid.spacing_m:
         raise UnmeasurableError('the image has no local maximum near the true position; a '
                                 'stronger neighbour covers it')
-    peak, top = _vertex(points, power)
-    return peak, math.sqrt(top)
+    peak = np.clip(_vertex(points, power), (grid.x_m[0], grid.y_m[-1]),
+                   (grid.x_m[-1], grid.y_m[0]))
+    # not the paraboloid's value: over half a pixel around the peak that is 1 % too low
+    return peak, float(np.abs(_sample(chip, grid, peak[None]))[0])
 
 
-def _vertex(points, power) -> tuple[np.ndarray, float]:
-    """Maximum of a paraboloid fitted to the power at (..., 2) points: position and value."""
+def _vertex(points, power) -> np.ndarray:
+    """Place of the maximum of a paraboloid fitted to the power at (..., 2) points."""
     middle = points.reshape(-1, 2).mean(axis=0)
     x, y = (points.reshape(-1, 2) - middle).T
     scale = max(np.ptp(x), np.ptp(y))
@@ -338,7 +340,7 @@ def _vertex(points, power) -> tuple[np.ndarray, float]:
     if np.linalg.eigvalsh(hessian)[1] >= 0 or np.abs(offset).max() > 1:
         raise UnmeasurableError('the image has no local maximum near the true position; a '
                                 'stronger neighbour covers it')
-    return middle + scale * offset, float(c[0] + c[1:3] @ offset / 2)
+    return middle + scale * offset
 
 
 def _measure_cut(chip, grid: MapGrid, peak_xy, direction, half_width_m: float

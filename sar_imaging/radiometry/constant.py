@@ -6,6 +6,7 @@ import dataclasses
 import math
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from .response import ImageResponse
 
@@ -67,14 +68,14 @@ class RadarConstant:
         ValueError
             The reflector is outside the image or not lit, or the cross section is not positive.
         """
-        row, column = (round(float(p)) for p in pixel)
+        row, column = (float(p) for p in pixel)
         shape = response.amplitude.shape
-        if not (0 <= row < shape[0] and 0 <= column < shape[1]):
-            raise ValueError(f'the reflector is at row {row}, column {column} of an image of '
+        if not (0 <= row <= shape[0] - 1 and 0 <= column <= shape[1] - 1):
+            raise ValueError(f'the reflector is at row {row:g}, column {column:g} of an image of '
                              f'{shape[0]} rows and {shape[1]} columns; give its place inside')
         if not cross_section_m2 > 0:
             raise ValueError(f'cross_section_m2={cross_section_m2}; expected more than 0')
-        of_one = float(response.amplitude[row, column])
+        [of_one] = map_coordinates(response.amplitude, [[row], [column]], order=1)
         if not of_one > 0:
             raise ValueError('the antenna does not light the reflector; choose another')
         return cls(float(amplitude) / (of_one * math.sqrt(cross_section_m2)), noise_power)

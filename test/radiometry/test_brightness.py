@@ -42,18 +42,15 @@ def test_one_trihedral_calibrates_the_others(range_m, grazing_deg):
                                cut_half_width_range_m=4.0, cut_half_width_azimuth_m=4.0)
              .peak_amplitude for place in places]
     pixels = np.stack(flight.grid.to_pixels(places[:, 0], places[:, 1]), -1)
-    constant = RadarConstant.from_reflector(peaks[0], pixels[0], response, sizes[0])
-    # sidelobes of the other reflectors: 0.02 dB measured
-    assert 20 * np.log10(constant.gain / GAIN) == pytest.approx(0, abs=0.05)
-    for peak, pixel, size in zip(peaks[1:], pixels[1:], sizes[1:], strict=True):
-        row, column = np.rint(pixel).astype(int)
-        level = brightness(np.full(flight.grid.shape, peak), response, constant, 'rcs')
-        assert 10 * np.log10(level[row, column] / size) == pytest.approx(0, abs=0.1)
+    gains = [RadarConstant.from_reflector(peak, pixel, response, size).gain
+             for peak, pixel, size in zip(peaks, pixels, sizes, strict=True)]
+    # 0.03 dB measured: sidelobes of the largest, 13 dB larger, on the smallest
+    assert 20 * np.log10(np.array(gains) / GAIN) == pytest.approx(np.zeros(3), abs=0.1)
 
 
 def test_rough_surface_has_its_sigma_nought_and_speckle():
     flight, sigma0 = Flight(1e3, n=96), 0.07
-    points, amplitudes = rough_surface(flight, sigma0, np.random.default_rng(5), density=6.0)
+    points, amplitudes = rough_surface(flight, sigma0, np.random.default_rng(5))
     image = plan_image(flight.grid, flight.radar, flight.n_samples)(
         flight.block(points, amplitudes))
     response = image_response(flight.grid, flight.radar, flight.tx_m, flight.rx_m)
@@ -69,7 +66,9 @@ def test_rough_surface_has_its_sigma_nought_and_speckle():
     apart = level[::4, ::4].ravel()  # 2.4 cells apart: independent
     assert stats.kstest(apart / sigma0, 'expon').pvalue > 0.01
     looks = equivalent_looks(multilook(level, (5, 5)))
-    assert looks == pytest.approx(25 * 0.36, rel=0.25)  # 3 x 3 cells, of a sinc squared's overlap
+    # pixels k apart are alike by sinc(0.6 k); 0.2 is three deviations of so few blocks
+    alike = sum((5 - abs(k)) * np.sinc(0.6 * k) ** 2 for k in range(-4, 5))
+    assert looks == pytest.approx((5**2 / alike) ** 2, rel=0.2)
     ratio = brightness(image, response, RadarConstant(GAIN), 'beta0')[inner] / level
     assert ratio == pytest.approx(1 / np.cos(np.radians(40.0)), rel=0.02)
     gamma = brightness(image, response, RadarConstant(GAIN), 'gamma0')[inner] / level
