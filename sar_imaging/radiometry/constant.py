@@ -78,7 +78,7 @@ class RadarConstant:
         [of_one] = map_coordinates(response.amplitude, [[row], [column]], order=1)
         if not of_one > 0:
             raise ValueError('the antenna does not light the reflector; choose another')
-        return cls(float(amplitude) / (of_one * math.sqrt(cross_section_m2)), noise_power)
+        return cls(float(amplitude / (of_one * math.sqrt(cross_section_m2))), noise_power)
 
 
 def trihedral_cross_section_m2(edge_m: float, wavelength_m: float) -> float:

@@ -75,11 +75,11 @@ class PhaseHistories:
         """Where the samples of each vector stand on the lattice of the blocks."""
         spread = np.ptp(vectors.step) * self._n_file / self._step
         lowest = vectors.first.min()
-        if lowest <= 0:
+        if not lowest > 0:  # NaN, too
             raise CphdError(f'SC0 is {lowest:g} Hz; expected positive frequencies in domain FX')
         offset = (vectors.first - lowest) / self._step
         beside = np.abs(offset - np.rint(offset)).max()
-        if spread > _OFF_LATTICE or beside > _OFF_LATTICE:
+        if not max(spread, beside) <= _OFF_LATTICE:
             raise CphdError(
                 f'frequencies differ from vector to vector by parts of a step (SC0 by up to '
                 f'{beside:.2g} steps, SCSS by {np.ptp(vectors.step):.3g} Hz of '

@@ -21,7 +21,7 @@ def test_a_reflector_calibrates_the_image(run, tmp_path):
     assert yaml.safe_load(constant.read_text())['gain_m'] == pytest.approx(
         1e8 / np.sqrt(10), rel=2e-3)
     status, _, err = run('image', PSF, '--output', tmp_path, '--brightness', 'rcs',
-                         '--radar-constant', constant, '--centre', '10000', '0', '--size', '3')
+                         '--radar-constant', constant)
     assert status == 0, err
     power = np.abs(np.load(tmp_path / 'image.npy')) ** 2
     assert 10 * np.log10(power.max()) == pytest.approx(10.0, abs=0.05)  # its pixel
