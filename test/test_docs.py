@@ -158,6 +158,16 @@ def _anchors(page) -> set[str]:
             for heading in re.findall(r'^#+ (.*)$', _prose(page), re.MULTILINE)}
 
 
+def test_the_example_of_illumination_forms_the_image(capsys):
+    image = _run_python(ROOT / 'docs' / 'illumination.md')['image']
+    row, column = np.unravel_index(np.abs(image.samples).argmax(), image.shape)
+    # the scatterer lies between the four pixels in the middle
+    assert (row, column) in {(r, c) for r in (29, 30) for c in (99, 100)}
+    assert image.report.errors_db['illumination'] < -60.0
+    assert 'illumination' in capsys.readouterr().out
+
+
+
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_links_lead_somewhere(page):
     for target, anchor in re.findall(r'\]\(([^)#]*)#?([^)]*)\)', _prose(page)):

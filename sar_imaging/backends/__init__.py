@@ -84,6 +84,19 @@ def optional_entry(name: str | Backend, entry: str) -> Callable:
     return found
 
 
+def check_illumination(name: str | Backend) -> None:
+    """Check that a backend weighs echoes by the illumination of its plans.
+
+    Raises
+    ------
+    ValueError
+        It does not say so: it has no true attribute ``ILLUMINATION``.
+    """
+    if not getattr(backend(name), 'ILLUMINATION', False):
+        raise ValueError(f'backend={name!r} knows no illumination; use '
+                         f'backend={BACKENDS[0]!r}')
+
+
 def compile_beforehand(*entries: str, name: str | Backend = AUTO) -> None:
     """Have a backend compile what some of its entries need, so that the first pulse does not wait.
 

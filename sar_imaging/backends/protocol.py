@@ -31,8 +31,9 @@ class Backprojection(Protocol):
         tx_m, rx_m : (R, 3) float64
             Their phase centres, metres; those of the plan.
         image : (...) complex64
-            Of the shape of the plan's grid. ``sum_r s_r(D_r(x)) exp(+j k_c D_r(x))`` is added to
-            every pixel x that has a position; contiguous in C order.
+            Of the shape of the plan's grid. ``sum_r w_r(x) s_r(D_r(x)) exp(+j k_c D_r(x))`` is
+            added to every pixel x that has a position, w_r of the plan's illumination, or 1;
+            contiguous in C order.
         """
 
 

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 
 _ROWS_IN_CACHE = 512  # of paths at once
+_STRIDE = 7919  # prime: neighbours are not all replaced by the same
 _NEAREST_M = 1e-6  # keeps derivatives finite for a grid around the antenna
 
 
@@ -22,16 +23,33 @@ class Paths:
         Its first to fourth derivative along the line.
     parts : tuple of int
         First row of each part of the rows that is added by itself.
+    lit : (R, S) bool, optional
+        Which rows light which points, where not all do.
     """
 
     length: np.ndarray
     derivatives: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     parts: tuple[int, ...] = (0,)
+    lit: np.ndarray | None = None
 
     def reversed(self) -> Paths:
         """The same points on lines that run the other way."""
         first, second, third, fourth = self.derivatives
-        return Paths(self.length, (-first, second, -third, fourth))
+        return dataclasses.replace(self, derivatives=(-first, second, -third, fourth))
+
+    def with_lit(self, values) -> np.ndarray:
+        """Values (..., R, S) in which those of lit pairs, in turn, stand for all others."""
+        if self.lit is None:
+            return values
+        lit = np.flatnonzero(self.lit)
+        source = np.arange(self.lit.size)
+        dark = np.flatnonzero(~self.lit)
+        source[dark] = lit[np.arange(len(dark)) * _STRIDE % len(lit)]
+        return values.reshape(*values.shape[:-2], -1)[..., source].reshape(values.shape)
+
+    def of_lit(self, values, rows=slice(None)) -> np.ndarray:
+        """Values of lit pairs alone, (n,), from those of all pairs or of some rows."""
+        return values if self.lit is None else values[self.lit[rows]]
 
 
 def sample_paths(tx_m, rx_m, line) -> Paths:

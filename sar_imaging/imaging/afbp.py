@@ -35,14 +35,15 @@ class Afbp(Method):
     `pulses_per_subaperture` sets the length of the sub-apertures; the quickest if left out.
     """
 
-    NAME, PHASE_HISTORIES, OWN = AFBP, True, {'pulses_per_subaperture': None}
+    NAME, PHASE_HISTORIES, ILLUMINATION, OWN = AFBP, True, True, {'pulses_per_subaperture': None}
 
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""
         options = self.options
         plan = self._plan = plan_afbp(
             self.grid, self.radar, self.n_samples, tx_m, rx_m, target_db=options.target_db,
-            compressed=options.compressed, weighting=options.weighting, **self.own)
+            compressed=options.compressed, weighting=options.weighting,
+            illumination=self.illumination, **self.own)
         self._backend, self._stages = backends.backend(options.backend, plan), None
         return self.planned(
             plan, shares_db=error_budget(options.target_db, AFBP_SHARES))
@@ -78,6 +79,8 @@ class Afbp(Method):
         brightness = EdgeBrightness(plan.fusion_grid, s.coverage)
         for number, some in enumerate(tqdm(s.pulses, desc='sub-apertures', unit='sub-aperture',
                                            disable=not self.options.progress)):
+            if plan.lit is not None and number not in plan.lit.seen:
+                continue
             image = stage.image(number, block.select(some),
                                 None if weights is None else weights[some], image)
             brightness.add(image)

@@ -36,7 +36,7 @@ class Exact(Method):
     a profile contribute nothing.
     """
 
-    NAME, TERRAIN = EXACT, True
+    NAME, TERRAIN, ILLUMINATION = EXACT, True, True
 
     def __init__(self, *arguments, **options):
         super().__init__(*arguments, **options)
@@ -60,7 +60,7 @@ class Exact(Method):
             self._sum = None
             return self.describe()
         plan = plan_backprojection(self._pixels, self.radar, self.n_samples, _rows(tx_m),
-                                   _rows(rx_m), self.options.target_db)
+                                   _rows(rx_m), self.options.target_db, self.illumination)
         before = self._sum or self.like and self.like._sum
         self._sum = self._backend.Backprojection(plan, before and before.memory)
         return self.planned(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..backends import AUTO
+from ..backends import AUTO, BACKENDS
 from ..geometry.grids import Grid, MapGrid
 from ..geometry.illumination import AntennaPattern, Pointing
 from ..geometry.point_grids import as_grid
@@ -110,6 +110,8 @@ def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
     >>> image = imager(profiles)                                          # doctest: +SKIP
     >>> print(image.report)                                               # doctest: +SKIP
     """
+    if illumination is not None and backend == AUTO:
+        backend = BACKENDS[0]  # of which devices know nothing yet
     options = Options(float(target_db), compressed, weighting, pulse_weights, backend, progress,
                       illumination)
     imager = Imager(as_grid(grid, height_m), radar, n_samples, method, options,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..backends import AUTO
+from ..backends import AUTO, check_illumination
 from ..geometry.grids import Grid
 from ..geometry.illumination import AntennaPattern, Illumination, Pointing
 from ..geometry.point_grids import TerrainGrid
@@ -88,6 +88,8 @@ class Method:
         if options.illumination is not None and not self.ILLUMINATION:
             raise ValueError(f'method {self.NAME!r} knows no illumination; use {EXACT!r} or '
                              f'{AFBP!r}')
+        if options.illumination is not None:
+            check_illumination(options.backend)
         if unknown := set(own or ()) - set(self.OWN):
             raise ValueError(f'method {self.NAME!r} has no option {", ".join(sorted(unknown))}; '
                              f'it has {", ".join(self.OWN) or "none of its own"}')

@@ -33,8 +33,10 @@ def error_budget(target_db: float, shares: Mapping[str, float]) -> dict[str, flo
 
 #: Of exact backprojection: half of the target goes to reading the profiles, which takes the time.
 EXACT_SHARES = MappingProxyType({'range profiles': 3.0, 'polar to map': 5.0,
-                                 'azimuth upsampling': 8.0, 'rounded paths': 6.0})
+                                 'azimuth upsampling': 8.0, 'rounded paths': 6.0,
+                                 'illumination': 9.0})
 #: Of AFBP, whose fusion gets what is left.
-AFBP_SHARES = MappingProxyType({'sub-aperture images': 6.0, 'polar to map': 5.0})
+AFBP_SHARES = MappingProxyType({'sub-aperture images': 6.0, 'polar to map': 5.0,
+                                'illumination': 7.0})
 #: Of AFBP while pulses arrive: phase gradient autofocus does better on finer lines.
 LIVE_SHARES = MappingProxyType({'sub-aperture images': 6.0, 'polar to map': 10.0})

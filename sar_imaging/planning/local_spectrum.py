@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from ..geometry.half_paths import half_paths
+from ..geometry.illumination import NO_SPREAD, AmplitudeSpread, Illumination
 from ..geometry.polar import PolarGrid
 from ..signal.radar import RadarParameters
 from .echo_power import echo_power
@@ -39,6 +40,8 @@ class LocalSpectrum:
         Largest frequency along range, relative to the carrier's, rad/m.
     by_range : (float, float)
         Smallest and largest derivative of the half paths by range.
+    spread : AmplitudeSpread
+        Frequencies along direction of the rows' amplitude, radians per unit of it.
     """
 
     slope: np.ndarray
@@ -48,10 +51,14 @@ class LocalSpectrum:
     range_m: tuple[float, float]
     by_range: tuple[float, float]
     weight: np.ndarray
+    spread: AmplitudeSpread = NO_SPREAD
 
 
-def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> LocalSpectrum:
+def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters,
+                   illumination: Illumination | None = None) -> LocalSpectrum:
     """Local frequencies of backprojected images at samples of a polar grid and its guards.
+
+    `illumination` tells the amplitudes of the P C rows.
 
     Raises
     ------
@@ -70,11 +77,15 @@ def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Loca
     along_alpha = polar.by_direction(r, alpha)
     tx_m, rx_m = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
     length, by_range, slope = half_paths(tx_m, rx_m, position, along_range, along_alpha)
-    extremes = float(by_range.min()), float(by_range.max())
+    lit = None if illumination is None else illumination.amplitude(position) > 0
+    some = by_range if lit is None or not lit.any() else by_range[lit]
+    extremes = float(some.min()), float(some.max())
     if extremes[0] <= 0.1:
         raise ValueError('range does not grow along the lines of the polar grid; it lies beside '
                          'or behind the track, use exact backprojection')
     slope /= by_range
+    if lit is not None:
+        slope = _of_lit_points(slope, lit)
     half_range = (radar.half_band_rad_per_m * extremes[1] + radar.wavenumbers_rad_per_m[1]
                   * max(1 - extremes[0], extremes[1] - 1))
     middle = len(position) // 2
@@ -82,7 +93,53 @@ def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters) -> Loca
              polar.n_alpha * polar.alpha_spacing * along_alpha[middle])
     return LocalSpectrum(slope, share, radar.wavenumbers_rad_per_m, half_range,
                          (float(length.min()), float(length.max())), extremes,
-                         echo_power(tx_m, rx_m, position[middle], sides, radar))
+                         echo_power(tx_m, rx_m, position[middle], sides, radar),
+                         NO_SPREAD if illumination is None else
+                         illumination.spread(position, along_alpha))
+
+
+def spread_frequencies(frequency, spread: float) -> np.ndarray:
+    """Frequencies along direction of echoes whose amplitude varies with it.
+
+    Parameters
+    ----------
+    frequency : (K, ...) float64
+        Of echoes of even amplitude.
+    spread : float
+        Rms frequency of the amplitude, likewise.
+
+    Returns
+    -------
+    (K or 6 K, ...) float64
+        Alike in number for each node of a Gauss-Hermite rule of three nodes.
+    """
+    if spread == 0:
+        return frequency
+    beside = math.sqrt(3) * spread
+    return np.concatenate([*[frequency] * 4, frequency - beside, frequency + beside])
+
+
+def tail_error(spread: AmplitudeSpread, frequency, error_at) -> float:
+    """Mean error of the faint frequencies of echoes' amplitudes, relative to their power.
+
+    Parameters
+    ----------
+    spread : AmplitudeSpread
+        Of the amplitudes.
+    frequency : (...) float64
+        Of echoes of even amplitude, radians per unit of direction.
+    error_at : callable
+        Error of some frequencies.
+    """
+    return sum(0.5 * share * float(np.mean(error_at(frequency + f) + error_at(frequency - f)))
+               for f, share in zip(spread.frequency, spread.share, strict=True) if share > 0)
+
+
+def _of_lit_points(slope, lit) -> np.ndarray:
+    """Slopes (R, S) in which the mean of the points that a row lights stands for the others."""
+    count = lit.sum(axis=1, keepdims=True)
+    mean = (slope * lit).sum(axis=1, keepdims=True) / np.maximum(count, 1)
+    return np.where(lit | (count == 0), slope, mean)
 
 
 def usual_guard(n_range: int) -> int:

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..geometry.grids import MapGrid
 from ..geometry.half_paths import half_paths, sample_paths
+from ..geometry.illumination import NO_SPREAD, AmplitudeSpread, Illumination
 from ..geometry.map_edges import EDGE_SAMPLES, edge_positions
 from ..geometry.polar import PolarGrid
 from ..geometry.track_frame import side_of, track_beside
@@ -21,7 +22,7 @@ from ..signal.radar import RadarParameters
 from .echo_power import echo_power
 from .error_budget import total_db
 from .interpolators import Interpolator, fitting_interpolator
-from .local_spectrum import TAPERS_NEEDED, used_share
+from .local_spectrum import TAPERS_NEEDED, spread_frequencies, tail_error, used_share
 from .polar_to_map import DEAPODISED_TAPS, DEGREE, LEAST_RANGES, TAPS, margin
 from .profiles.range_gate import RangeGate
 from .profiles.range_resampling import RangeResampling, plan_resampling
@@ -59,6 +60,8 @@ class PolarCover:
         Errors of the interpolation to the map, dB.
     profile_db : float
         Error on the map because profiles, or the part of them that is used, end, dB.
+    spread : AmplitudeSpread
+        Frequencies along direction of the echoes' amplitude, radians per unit of it.
     """
 
     grid: MapGrid
@@ -75,6 +78,7 @@ class PolarCover:
     between_db: float
     along_db: float
     profile_db: float
+    spread: AmplitudeSpread = NO_SPREAD
 
     @property
     def resampling_db(self) -> float:
@@ -89,7 +93,8 @@ class PolarCover:
 
 def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
               resampling_db: float, lattice_db: float, band: PhaseHistory | None = None, *,
-              fused: bool = False) -> PolarCover | None:
+              fused: bool = False, illumination: Illumination | None = None
+              ) -> PolarCover | None:
     """Cover a map by a polar grid around the aperture.
 
     None where the map is tiny, too near, all around, or not ahead of the aperture.
@@ -106,6 +111,8 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         The polar image will be formed by its spectrum, as that of `SpectrumFusion` is, and
         deapodised for the interpolation between lines, which may be fewer. The images that are
         added to it have no more ranges than the band of a line needs.
+    illumination : Illumination, optional
+        Of the rows; what they do not light is left aside.
     """
     found = None if min(grid.shape) < TAPS else _frame(grid, 0.5 * (tx_m + rx_m))
     if found is None:
@@ -115,10 +122,15 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         *(np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (grid.x_m, grid.y_m)))))
     lines = frame.lines(r, alpha)
     paths = sample_paths(tx_m, rx_m, lines)
-    slope, extent = paths.derivatives[0], float(np.ptp(paths.length))
-    if slope.min() <= 0:
+    by_direction, spread = frame.by_direction(r, alpha), NO_SPREAD
+    if illumination is not None:
+        paths = illumination.of_paths(paths, lines[0])
+        spread = illumination.spread(lines[0], by_direction)
+    slope, length = paths.derivatives[0], paths.of_lit(paths.length)
+    extent = float(np.ptp(length))
+    if paths.of_lit(slope).min() <= 0:
         return None
-    slope_alpha = half_paths(tx_m, rx_m, lines[0], frame.by_direction(r, alpha))[1]
+    slope_alpha = half_paths(tx_m, rx_m, lines[0], by_direction)[1]
     # along a line of the map the direction changes with range, too
     step = (lines[0][:, axis] - frame.origin_m[axis]) / r
     alpha_by_range = (frame.track[axis] / step - alpha) / r
@@ -126,6 +138,10 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     k = np.linspace(*radar.wavenumbers_rad_per_m, _WAVENUMBERS)[:, None, None]
     along_range = k * (slope + slope_alpha * alpha_by_range) - radar.wavenumber_rad_per_m
     along_alpha = k * slope_alpha
+    if paths.lit is not None:
+        along_range, along_alpha = (paths.with_lit(v) for v in (along_range, along_alpha))
+        slope, slope_alpha = (paths.with_lit(v) for v in (slope, slope_alpha))
+    even, along_alpha = along_alpha, spread_frequencies(along_alpha, spread.rms)
     weight = echo_power(tx_m, rx_m, grid.centre_m, grid.spacing_m * np.array(
         [[grid.n_x, 0, 0], [0, grid.n_y, 0]]), radar)
     between, between_db = fitting_interpolator(
@@ -142,7 +158,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     n_line = math.ceil(extent / spacing)
     spacing *= ratio[1] / ratio[0]
     # The sampled half paths miss the extremes by what range and direction add between samples.
-    lo, hi = float(paths.length.min()), float(paths.length.max())
+    lo, hi = float(length.min()), float(length.max())
     slack = 2 * margin(TAPS) * spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
     range_m = lo - slack, hi + slack
     window = band or RangeGate.around(radar, n_samples, range_m)
@@ -153,9 +169,14 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     polar = _cover(grid, frame, axis, lattice.spacing * ratio[0] / ratio[1], half_alpha, between)
     if polar is None:
         return None
+    if spread.rms:
+        tail = tail_error(spread, even, lambda f: between.error_at(
+            f * (polar.alpha_spacing / (2 * math.pi))))
+        between_db = 10 * math.log10(10 ** (between_db / 10) + tail)
     return PolarCover(grid, polar, ratio, lattice, window, range_m, axis, between, along,
                       slope_alpha, weight, between_db, along_db, window.mean_end_error_db(
-                          paths.length, oversampling=lattice.oversampling(radar)))
+                          paths.length, oversampling=lattice.oversampling(radar), lit=paths.lit),
+                      spread)
 
 
 def _frame(grid: MapGrid, centres) -> tuple[PolarGrid, int] | None:

@@ -54,7 +54,8 @@ def _stage(grid, block, pulses, target_db):
     if beams is None:
         return None
     lines = BeamformedSubaperture(types.SimpleNamespace(
-        coarse=plan.polar, source=window, lattice=lattice, beams=beams, range_m=range_m))
+        coarse=plan.polar, source=window, lattice=lattice, beams=beams, range_m=range_m,
+        lit=None))
     return _Stage(part, plan.polar, lines, beams.predicted_error_db)
 
 

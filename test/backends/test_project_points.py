@@ -60,7 +60,8 @@ def test_sums_of_given_polynomials(seed, n_rows, n_y, n_x, tile, kind, near, in_
     reach_m = 0.0 if in_float64 else np.inf
     per_step = 2 * step_m / wavelength_m
     _project_points(coefficients.reshape(-1), (n_rows, n_cells), tx, rx, *args, (n_y, n_x), tile,
-                    zero_m, step_m, per_step, cycles, reach_m, image.reshape(-1), *_work_space())
+                    zero_m, step_m, per_step, cycles, reach_m, image.reshape(-1), *_work_space(),
+                    *[None] * 6)
 
     wanted = before.copy()
     for some, way in zip(coefficients.astype(float), path, strict=True):

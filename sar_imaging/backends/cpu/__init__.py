@@ -6,6 +6,8 @@ that exact backprojection does not load the beams and transforms of AFBP.
 
 import importlib
 
+ILLUMINATION = True  # of plans is followed
+
 _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'subapertures',
             'SpectrumFusion': 'fusion.spectra', 'form_map': 'fusion.to_map',
             'compile_kernels': 'beforehand',

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +41,15 @@ class LitEchoes(NamedTuple):
                    elevation.amplitude, np.array([azimuth.start, 1 / azimuth.step,
                                                   elevation.start, 1 / elevation.step]))
 
+    @property
+    def ends(self) -> np.ndarray:
+        """(6,) float64 sines of azimuth, last and first; cosine and sine of both elevations."""
+        first, per_sine, low, per_low = self.place
+        last = first + (len(self.azimuth) - 1) / per_sine
+        low, high = max(low, -1.0), min(low + (len(self.elevation) - 1) / per_low, 1.0)
+        return np.array([last, first, math.sqrt(1 - high * high), high,
+                         math.sqrt(1 - low * low), low])
+
     @classmethod
     def everything(cls) -> LitEchoes:
         """For echoes that light all points alike: no arrays, which loops do not read."""
@@ -55,21 +65,46 @@ def two_way_amplitude(lit, row, x, y, z):
     right = x * axes[row, 0, 0] + y * axes[row, 0, 1] + z * axes[row, 0, 2]
     ahead = x * axes[row, 1, 0] + y * axes[row, 1, 1] + z * axes[row, 1, 2]
     up = x * axes[row, 2, 0] + y * axes[row, 2, 1] + z * axes[row, 2, 2]
-    if ahead <= 0.0:
-        return 0.0
     within = ahead * ahead + up * up
+    # Without branches, for the compiler's vectors; NaN, of no position, is not ahead either.
+    inside = 1.0 if ahead > 0.0 else 0.0
     place = lit.place
-    value = _at_sine(lit.azimuth, place[0], place[1], right / np.sqrt(right * right + within))
-    if value > 0.0:
-        value *= _at_sine(lit.elevation, place[2], place[3], up / np.sqrt(within))
-    return value
+    azimuth = _at_sine(lit.azimuth, place[0], place[1], right / np.sqrt(right * right + within))
+    elevation = _at_sine(lit.elevation, place[2], place[3], up / np.sqrt(within))
+    return inside * azimuth * elevation if inside > 0.0 else 0.0
+
+
+@njit(inline='always')
+def dark_sphere(lit, ends, row, x, y, z, radius):
+    """1 where an echo lights nothing within a radius of a position, metres.
+
+    How far a point lies beyond an end of the pattern, ``d a - sine |d|`` in azimuth, changes by at
+    most ``1 + sine`` times the radius.
+    """
+    x, y, z = x - lit.centre[row, 0], y - lit.centre[row, 1], z - lit.centre[row, 2]
+    axes = lit.axes
+    right = x * axes[row, 0, 0] + y * axes[row, 0, 1] + z * axes[row, 0, 2]
+    ahead = x * axes[row, 1, 0] + y * axes[row, 1, 1] + z * axes[row, 1, 2]
+    up = x * axes[row, 2, 0] + y * axes[row, 2, 1] + z * axes[row, 2, 2]
+    distance = np.sqrt(right * right + ahead * ahead + up * up)
+    if (right - ends[0] * distance > (1.0 + abs(ends[0])) * radius
+            or ends[1] * distance - right > (1.0 + abs(ends[1])) * radius
+            or up * ends[2] - ahead * ends[3] > radius
+            or ahead * ends[5] - up * ends[4] > radius or ahead < -radius):
+        return 1
+    return 0
 
 
 @njit(inline='always')
 def _at_sine(table, start, per_sine, sine):
-    last = len(table) - 1
-    place = (min(max(sine, -1.0), 1.0) - start) * per_sine
-    if place < 0.0 or place > last:
-        return 0.0
-    point = min(int(place), last - 1)
-    return table[point] + (place - point) * (table[point + 1] - table[point])
+    last = len(table) - 1.0
+    sine = sine if sine < 1.0 else 1.0
+    place = ((sine if sine > -1.0 else -1.0) - start) * per_sine
+    inside = 1.0 if place >= 0.0 else 0.0
+    inside = inside if place <= last else 0.0
+    place = place if place > 0.0 else 0.0
+    place = place if place < last else last
+    before = place if place < last - 1.0 else last - 1.0
+    point = np.int64(before)
+    low, high = table[np.uint64(point)], table[np.uint64(point + 1)]
+    return inside * (low + (place - point) * (high - low))

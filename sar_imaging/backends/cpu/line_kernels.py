@@ -10,10 +10,13 @@ before it becomes float32.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ...compilation import njit, numba
 from ...planning.interpolators import LINE_DEGREE
+from .lit_lines import LitTiles
 from .profiles import Profiles
 
 LINES = 32  # image lines whose geometry is computed together
@@ -43,7 +46,8 @@ def _cos_cycles(x):
     return _C0 + x * (_C2 + x * (_C4 + x * (_C6 + x * (_C8 + x * _C10))))
 
 
-def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image) -> None:
+def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
+                  lit: Sequence[LitTiles] | None = None) -> None:
     """Add echoes to an image whose lines follow range.
 
     Neighbouring pixels of a line lie one cell of the resampled profiles apart (up to a small
@@ -67,6 +71,8 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image) 
         with U positions in a cell: the carrier phase that all lines share.
     image : (K,) float32
         Real and imaginary parts of the image to add to.
+    lit : sequence of LitTiles, optional
+        Of each layer: with what amplitude the echoes light the pixels.
     """
     lattice = profiles.lattice
     segment = lattice.segment
@@ -74,7 +80,7 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image) 
     tasks = min(groups * segments, _TASKS_PER_THREAD * numba.get_num_threads())
     work = np.empty((2, tasks * LINES * segment), np.float32)
     paths = np.empty((tasks, 8, LINES))
-    coefficients = np.empty((tasks, 14, LINES), np.float32)
+    coefficients = np.empty((tasks, 14 if lit is None else 18, LINES), np.float32)
     base = np.empty((tasks, LINES), np.int64)
     index = np.arange(segment, dtype=np.float32) - segment // 2
     ramp = np.concatenate([ramp.real, ramp.imag])
@@ -85,11 +91,12 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image) 
         repeats[:, 1] = (tx == rx).all(axis=1)
         planes = profiles.planes(samples[rows])
         shape = (planes.shape[0], planes.shape[1], planes.shape[3])
-        for lines, layout in layers:
+        for number, (lines, layout) in enumerate(layers):
+            amplitudes = (None,) * 5 if lit is None else lit[number].amplitudes(rows)
             _project_lines(planes.reshape(-1), shape, tx, rx, repeats, lines,
                            profiles.range_at(segment), lattice.step_m, profiles.cycles_per_step,
                            profiles.cycles_at(segment), ramp, image, layout, index, work[0],
-                           work[1], paths, coefficients, base)
+                           work[1], paths, coefficients, base, *amplitudes)
 
 
 @njit(inline='always')
@@ -122,12 +129,13 @@ def _line_paths(lines, group, number, centres, row, paths, task, first):
 @njit(parallel=True)
 def _project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycles_per_step,
                    cycles_zero, ramp, image, layout, index, work_re, work_im, paths, coefficients,
-                   base):
+                   base, lit, any_lit, amplitude, knot, between):
     """Tasks take segments of `LINES` lines.
 
     `repeats` is 1 where an echo's transmitter is that of the echo before, and where its receiver
     is its transmitter. Half path and carrier phase are told at the first position of `planes`
-    after a segment of zeros. `index` counts the pixels of a segment from its middle.
+    after a segment of zeros. `index` counts the pixels of a segment from its middle. The last five
+    are those of `LitTiles.amplitudes`, or None where all pixels are lit alike.
 
     Numba tells the compiler that the arrays of a parallel loop do not overlap only while the loop
     takes no view of one and has no boolean variable (which it counts as a view); without that,
@@ -148,6 +156,10 @@ def _project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycl
         # Neighbouring groups of lines read the same part of the profiles, so they come in turn.
         for piece in range(task * n_pieces // n_tasks, (task + 1) * n_pieces // n_tasks):
             number, group = piece // n_groups, piece % n_groups
+            latest = -1
+            if lit is not None:
+                if any_lit[piece % n_groups, piece // n_groups] == 0:
+                    continue
             count = min(LINES, n_lines - group * LINES)
             for i in range(task * LINES * segment, (task + 1) * LINES * segment):
                 work_re[i] = 0.0
@@ -160,7 +172,14 @@ def _project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycl
                 _store_drift(paths, task, j, 4, inverse_step, n_phases, coefficients, 11)
             for row in range(n_rows):
                 # Channels often share their transmitter, and radars with one antenna both.
-                if repeats[row, 0] == 0:
+                same = repeats[row, 0]
+                if lit is not None:
+                    if lit[row, group, number] == 0:
+                        continue
+                    if latest != row - 1:
+                        same = 0
+                    latest = row
+                if same == 0:
                     _line_paths(lines, group, number, tx, row, paths, task, 0)
                 other = 0
                 if repeats[row, 1] == 0:
@@ -181,8 +200,14 @@ def _project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycl
                     base[task, j] = np.int64(phase * (1.0 * _PLANES) * n_cells + cell + half)
                 for j in range(LINES):
                     _expand_phasor(coefficients, task, j, turns, half)
+                if lit is not None:
+                    _weigh_phasors(coefficients, task, half, amplitude, row, group, number, knot,
+                                   between)
                 offset = row * n_phases * _PLANES * n_cells
                 for j in range(count):
+                    if lit is not None:
+                        if coefficients[task, 17, j] == 0.0:
+                            continue
                     k0, k1 = coefficients[task, 0, j], coefficients[task, 1, j]
                     k2, k3 = coefficients[task, 2, j], coefficients[task, 3, j]
                     k4, k5 = coefficients[task, 4, j], coefficients[task, 5, j]
@@ -278,3 +303,35 @@ def _expand_phasor(coefficients, task, j, turns, half):
     coefficients[task, 8, j] = cosine * i2 + sine * r2
     coefficients[task, 9, j] = cosine * r3 - sine * i3
     coefficients[task, 10, j] = cosine * i3 + sine * r3
+
+
+@njit(inline='always')
+def _weigh_phasors(coefficients, task, half, amplitude, row, group, number, knot, between):
+    """Multiply the phasors of a segment's lines by an echo's amplitude, a parabola.
+
+    Of the product the cubic is kept, and its quartic term economised as that of the phasor is.
+    """
+    square = np.float32(half * half)
+    k = 2 * number
+    for j in range(LINES):
+        n, t = knot[group, j], between[group, j]
+        a, b, c = (amplitude[row, group, k, n], amplitude[row, group, k + 1, n],
+                   amplitude[row, group, k + 2, n])
+        a += t * (amplitude[row, group, k, n + 1] - a)
+        b += t * (amplitude[row, group, k + 1, n + 1] - b)
+        c += t * (amplitude[row, group, k + 2, n + 1] - c)
+        coefficients[task, 14, j] = b
+        coefficients[task, 15, j] = _R2 * (c - a) / np.float32(half)
+        coefficients[task, 16, j] = (_R2 * (c + a) - b) / square
+        coefficients[task, 17, j] = a + b + c
+    for part in range(2):
+        for j in range(LINES):
+            w0, w1, w2 = (coefficients[task, 14, j], coefficients[task, 15, j],
+                          coefficients[task, 16, j])
+            c0, c1 = coefficients[task, 3 + part, j], coefficients[task, 5 + part, j]
+            c2, c3 = coefficients[task, 7 + part, j], coefficients[task, 9 + part, j]
+            c4 = c3 * w1 + c2 * w2
+            coefficients[task, 3 + part, j] = c0 * w0 - square * square * _R8 * c4
+            coefficients[task, 5 + part, j] = c1 * w0 + c0 * w1
+            coefficients[task, 7 + part, j] = c2 * w0 + c1 * w1 + c0 * w2 + square * c4
+            coefficients[task, 9 + part, j] = c3 * w0 + c2 * w1 + c1 * w2

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
+from ...planning.exact.lit_lines import LitLines
+from .illumination import LitEchoes
 from .line_kernels import LINES, project_lines
+from .lit_lines import LitTiles, knot_positions
 from .profiles import Profiles
 
 
@@ -54,16 +58,17 @@ class PolarLines:
     Cells of the profiles are about as long as the range spacing of the grid.
     """
 
-    def __init__(self, polar: PolarGrid, profiles: Profiles):
+    def __init__(self, polar: PolarGrid, profiles: Profiles, lit: LitLines | None = None):
         lattice = profiles.lattice
         self._polar, self._profiles = polar, profiles
-        self._lines = line_middles(polar_positions(polar), polar.n_alpha, polar.n_range,
-                                   lattice.segment)
+        size = polar.n_alpha, polar.n_range, lattice.segment
+        self._lines = line_middles(polar_positions(polar), *size)
+        self._knots = lit and knot_positions(polar_positions(polar), *size, lit.apart)
         # from the phase that the kernel leaves to range baseband
         cycles = 2 * (lattice.cell_m - polar.range_spacing_m) / profiles.radar.wavelength_m
         self._ramp = _phasor(cycles * np.arange(polar.n_range))
 
-    def add(self, samples, tx_m, rx_m, image) -> None:
+    def add(self, samples, tx_m, rx_m, image, illumination: Illumination | None = None) -> None:
         """Add echoes to an image at range baseband.
 
         Parameters
@@ -73,18 +78,22 @@ class PolarLines:
         image : (2, n_alpha, n_range or more) float32
             Real and imaginary part of the image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0
             the first range; changed in place, contiguous. Lines may end in padding.
+        illumination : Illumination, optional
+            Of the echoes, where lines are lit.
         """
         polar = self._polar
         layout = np.array([polar.n_alpha, 0, image.shape[-1], 1, image[0].size])
         project_lines(self._profiles, samples, tx_m, rx_m, [(self._lines, layout)], self._ramp,
-                      image.reshape(-1))
+                      image.reshape(-1), self._knots and [LitTiles(LitEchoes.of(illumination),
+                                                                   *self._knots)])
 
-    def fill(self, samples, tx_m, rx_m, image, weights=None) -> None:
+    def fill(self, samples, tx_m, rx_m, image, weights=None,
+             illumination: Illumination | None = None) -> None:
         """Image of echoes with weights, (R,) float32; otherwise as `add`."""
         image[:] = 0.0
         if weights is not None:
             samples = samples * weights[:, None]
-        self.add(samples, tx_m, rx_m, image)
+        self.add(samples, tx_m, rx_m, image, illumination)
 
 
 def shared_phase(profiles: Profiles, n_pixels: int) -> np.ndarray:

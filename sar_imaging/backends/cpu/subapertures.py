@@ -18,7 +18,8 @@ class SubapertureImager:
     def __init__(self, plan: SubaperturePlan):
         self.plan = plan
         self._lines = BeamformedSubaperture(plan) if plan.beams else PolarLines(
-            plan.coarse, Profiles(plan.source, plan.lattice, plan.range_m))
+            plan.coarse, Profiles(plan.source, plan.lattice, plan.range_m),
+            plan.lit and plan.lit.lines)
 
     def image(self, number: int, block: PulseBlock, weights=None, out=None) -> np.ndarray:
         """Backproject one sub-aperture, see `backends.protocol.SubapertureImager`."""
@@ -29,5 +30,5 @@ class SubapertureImager:
         if weights is not None:
             weights = np.repeat(weights, plan.n_channels)
         self._lines.fill(block.samples.reshape(-1, plan.n_samples), block.tx_m.reshape(-1, 3),
-                         block.rx_m.reshape(-1, 3), image, weights)
+                         block.rx_m.reshape(-1, 3), image, weights, plan.illumination_of(number))
         return image

@@ -14,6 +14,8 @@ from .factorised import FactorisedImager
 from .project_points import TrialImages
 from .zero_padding import image_zero_padded
 
+ILLUMINATION = True  # of plans is followed
+
 __all__ = ['Backprojection', 'FactorisedImager', 'SpectrumFusion', 'SubapertureImager',
            'TrialImages', 'correlate_profiles', 'correlate_spectra', 'form_map',
            'image_zero_padded']

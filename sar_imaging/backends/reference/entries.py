@@ -38,14 +38,15 @@ class Backprojection:
                                   along=way.along)
             return
         points_m = grid.points().reshape(*image.shape, 3)
-        image += project_points(way.window, samples, way.lattice.n_padded, tx_m, rx_m, points_m)
+        image += project_points(way.window, samples, way.lattice.n_padded, tx_m, rx_m, points_m,
+                                self.plan.illumination)
 
     def _polar_image(self, samples, tx_m, rx_m) -> np.ndarray:
-        way = self.plan.way
+        way, lit = self.plan.way, self.plan.illumination
 
         def project(rows, polar):
             return project_lines(way.window, samples[rows], way.lattice.n_padded, tx_m[rows],
-                                 rx_m[rows], polar)
+                                 rx_m[rows], polar, lit and lit.select(rows))
 
         if way.parts is None:
             return project(slice(None), way.polar)
@@ -68,9 +69,10 @@ class SubapertureImager:
         weights = np.ones(block.n_pulses) if weights is None else weights
         samples = samples * np.repeat(weights, plan.n_channels)[:, None]
         if plan.beams is None:
-            image = project_lines(plan.source, samples, plan.lattice.n_padded, *rows, plan.coarse)
+            image = project_lines(plan.source, samples, plan.lattice.n_padded, *rows, plan.coarse,
+                                  plan.illumination_of(number))
         else:
-            image = image_from_beams(plan, samples, *rows)
+            image = image_from_beams(plan, samples, *rows, plan.illumination_of(number))
         out = np.empty((2, *image.shape), np.float32) if out is None else out
         out[:] = image.real, image.imag
         return out

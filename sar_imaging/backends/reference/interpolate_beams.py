@@ -38,7 +38,7 @@ class BeamImage(NamedTuple):
 
 
 def interpolate_beams(beams: BeamImage, points_m, wavelength_m: float, between: Interpolator,
-                      along: Interpolator) -> np.ndarray:
+                      along: Interpolator, lit=None) -> np.ndarray:
     """Value of the sub-aperture's image at points, with the phase of the middle's path.
 
     At distance d and direction cosine s from the middle, ``f = exp(j k d) (b + j e b'')``: b is
@@ -47,6 +47,9 @@ def interpolate_beams(beams: BeamImage, points_m, wavelength_m: float, between: 
     beams, which are for distance d_0. A row at X turns by ``-k X ds`` from beam to beam, ds apart:
     b'' is ``-k^2 X^2 ds^2 b``, and ``e = -(1 - s^2) (1/d - 1/d_0) / (2 k ds^2)`` makes the bend
     good to first order.
+
+    With illumination, a row of the phase p from beam to beam has the amplitude
+    ``A + B p + C p^2``, and ``A b - j B b' - C b''`` takes the place of b.
 
     Parameters
     ----------
@@ -58,6 +61,8 @@ def interpolate_beams(beams: BeamImage, points_m, wavelength_m: float, between: 
         At the carrier, metres.
     between, along : Interpolator
         Between beams and along range.
+    lit : (A, B, C), each (...) float64, optional
+        Parabolas of the amplitude.
 
     Returns
     -------
@@ -75,9 +80,20 @@ def interpolate_beams(beams: BeamImage, points_m, wavelength_m: float, between: 
     wavenumber = 4 * np.pi / wavelength_m
     turn = -(1 - direction ** 2) * (1 / distance - 1 / beams.range_m) / (
         2 * wavenumber * beams.direction[1] ** 2)
-    value = np.einsum('...k,...l,...kl->...', weights + 1j * turn[..., None] * bend, along_range,
-                      read)
+    turned = weights + 1j * turn[..., None] * bend
+    if lit is not None:
+        a, b, c = (v[..., None] for v in lit)
+        slope = first_derivatives(between, place - (beam[..., 0] - between.first))
+        turned = a * turned - 1j * b * slope - c * bend
+    value = np.einsum('...k,...l,...kl->...', turned, along_range, read)
     return value * np.exp(2j * np.pi * np.fmod(2 * distance / wavelength_m, 1.0))
+
+
+def first_derivatives(interpolator: Interpolator, t) -> np.ndarray:
+    """First derivatives of the weights; otherwise as `second_derivatives`."""
+    power = np.arange(1, len(interpolator.weights))
+    once = power[:, None] * interpolator.weights[1:].astype(np.float64)
+    return t[..., None] ** (power - 1) @ once
 
 
 def second_derivatives(interpolator: Interpolator, t) -> np.ndarray:

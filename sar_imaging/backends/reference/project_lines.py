@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...planning.profiles.phase_history import PhaseHistory
 from ...planning.profiles.range_gate import RangeGate
@@ -11,16 +12,17 @@ from .project_points import project_points
 
 
 def project_lines(source: RangeGate | PhaseHistory, samples, n_padded: int, tx_m, rx_m,
-                  polar: PolarGrid) -> np.ndarray:
+                  polar: PolarGrid, illumination: Illumination | None = None) -> np.ndarray:
     """Polar image of some rows at range baseband.
 
-    ``b(r, alpha) = exp(-j k (r - r_0)) sum_r s_r(D_r) exp(+j k D_r)``, ``k = 4 pi / lambda``, with
-    the half paths D_r to the point of the plane at distance r and direction cosine alpha from the
-    grid's origin (Zhang et al., equation 6). At range baseband it varies slowly along r.
+    ``b(r, alpha) = exp(-j k (r - r_0)) sum_r w_r s_r(D_r) exp(+j k D_r)``, ``k = 4 pi / lambda``,
+    with the half paths D_r, and the amplitudes w_r, 1 without illumination, to the point of the
+    plane at distance r and direction cosine alpha from the grid's origin (Zhang et al., equation
+    6). At range baseband it varies slowly along r.
 
     Parameters
     ----------
-    source, samples, n_padded, tx_m, rx_m :
+    source, samples, n_padded, tx_m, rx_m, illumination :
         As for `project_points`.
     polar : PolarGrid
         Pixels.
@@ -31,5 +33,5 @@ def project_lines(source: RangeGate | PhaseHistory, samples, n_padded: int, tx_m
     """
     points_m = polar.lines(polar.range_m, polar.alpha[:, None])[0]
     cycles = 2 * (polar.range_m - polar.range_start_m) / source.radar.wavelength_m
-    return (project_points(source, samples, n_padded, tx_m, rx_m, points_m)
+    return (project_points(source, samples, n_padded, tx_m, rx_m, points_m, illumination)
             * np.exp(-2j * np.pi * np.fmod(cycles, 1.0)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...geometry.illumination import Illumination
 from ...planning.profiles.phase_history import PhaseHistory
 from ...planning.profiles.range_gate import RangeGate
 from ...signal.radar import RadarParameters
@@ -30,11 +31,11 @@ def half_paths(tx_m, rx_m, points_m) -> np.ndarray:
 
 
 def project_points(source: RangeGate | PhaseHistory, samples, n_padded: int, tx_m, rx_m,
-                   points_m) -> np.ndarray:
+                   points_m, illumination: Illumination | None = None) -> np.ndarray:
     """Sum of range profiles at points, each with the phase of its path.
 
-    ``f(x) = sum_r s_r(D_r(x)) exp(+j 4 pi D_r(x) / lambda)``: Rosenberg & Gray, equations 13 to
-    17, with the exact path of every channel.
+    ``f(x) = sum_r w_r(x) s_r(D_r(x)) exp(+j 4 pi D_r(x) / lambda)``: Rosenberg & Gray, equations
+    13 to 17, with the exact path of every channel.
 
     Parameters
     ----------
@@ -44,6 +45,8 @@ def project_points(source: RangeGate | PhaseHistory, samples, n_padded: int, tx_
         Phase centres of the rows, metres.
     points_m : (..., 3) float64
         Positions, metres; with a NaN for none.
+    illumination : Illumination, optional
+        Of the rows: w; 1 without.
 
     Returns
     -------
@@ -53,10 +56,12 @@ def project_points(source: RangeGate | PhaseHistory, samples, n_padded: int, tx_
     spectra = profile_spectra(source, samples, n_padded)
     known = ~np.isnan(points_m).any(axis=-1)
     image = np.zeros(known.shape, np.complex128)
-    for spectrum, tx, rx in zip(spectra, tx_m, rx_m, strict=True):
+    for row, (spectrum, tx, rx) in enumerate(zip(spectra, tx_m, rx_m, strict=True)):
         path = half_paths(tx, rx, points_m[known])
+        weight = 1.0 if illumination is None else illumination.select([row]).amplitude(
+            points_m[known])[0]
         cycles = 2 * (path - source.phase_range_m) / source.radar.wavelength_m
-        image[known] += (resample_profiles(source, spectrum[None], path[None])[0]
+        image[known] += (weight * resample_profiles(source, spectrum[None], path[None])[0]
                          * np.exp(2j * np.pi * np.fmod(cycles, 1.0)))
     return image
 

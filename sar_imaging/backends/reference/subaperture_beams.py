@@ -6,15 +6,18 @@ import math
 
 import numpy as np
 
+from ...geometry.illumination import Illumination
 from ...planning.afbp.beam_geometry import BeamGeometry, grid_edges
 from ...planning.afbp.beams import CELL_TAPS
+from ...planning.afbp.lit_subapertures import node_pulses, parabola
 from ...planning.afbp.subapertures import SubaperturePlan
 from .form_beams import beam_profiles, form_beams
 from .interpolate_beams import BeamImage, interpolate_beams
 from .resample_profiles import profile_spectra
 
 
-def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m) -> np.ndarray:
+def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m,
+                     illumination: Illumination | None = None) -> np.ndarray:
     """Backproject rows to the coarse grid of a plan by their beams.
 
     Parameters
@@ -25,6 +28,8 @@ def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m) -> np.ndarray:
         Profiles, or phase histories.
     tx_m, rx_m : (R, 3) float64
         Phase centres, metres.
+    illumination : Illumination, optional
+        Of the rows.
 
     Returns
     -------
@@ -57,8 +62,26 @@ def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m) -> np.ndarray:
                       (source.range_start_m + first * lattice.cell_m, lattice.cell_m),
                       geometry.range_m)
     points_m = polar.lines(polar.range_m, polar.alpha[:, None])[0]
+    lit = None if illumination is None else lit_parabolas(
+        illumination, geometry, tx_m, rx_m, points_m,
+        2 * np.pi * spacing * 2 / source.radar.wavelength_m)
     value = interpolate_beams(image, points_m, source.radar.wavelength_m,
-                              sampling.between.interpolator, sampling.along)
+                              sampling.between.interpolator, sampling.along, lit)
     cycles = 2 * (polar.range_m - polar.range_start_m
                   + source.phase_range_m) / source.radar.wavelength_m
     return value * np.exp(-2j * np.pi * np.fmod(cycles, 1.0))
+
+
+def lit_parabolas(illumination: Illumination, geometry: BeamGeometry, tx_m, rx_m, points_m,
+                  phase_per_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A, B and C of the amplitude ``A + B p + C p^2`` of rows, towards each point.
+
+    p is the phase of a row from beam to beam at the carrier: the derivative of its path by
+    direction, metres, times `phase_per_m`. The parabola goes through three rows.
+    """
+    nodes, flat = node_pulses(len(tx_m)), points_m.reshape(-1, 3)
+    offset = flat - geometry.centre_m
+    direction = offset[:, :2] @ np.array(geometry.polar.track) / np.linalg.norm(offset, axis=1)
+    phase = phase_per_m * geometry.slope(tx_m[nodes], rx_m[nodes], direction)
+    found = parabola(phase, illumination.select(nodes).amplitude(flat).T)
+    return tuple(v.reshape(points_m.shape[:-1]) for v in found)

@@ -11,9 +11,10 @@ between the channel's phase centres. Points that a pulse does not light take no 
 """
 
 from .antenna import Antenna
-from .echoes import Illumination
+from .echoes import NO_SPREAD, AmplitudeSpread, Illumination
 from .mount import Mount
 from .pattern import AntennaPattern, PatternCut
 from .pointing import Pointing
 
-__all__ = ['Antenna', 'AntennaPattern', 'Illumination', 'Mount', 'PatternCut', 'Pointing']
+__all__ = ['NO_SPREAD', 'AmplitudeSpread', 'Antenna', 'AntennaPattern', 'Illumination', 'Mount',
+           'PatternCut', 'Pointing']

@@ -6,8 +6,33 @@ import dataclasses
 
 import numpy as np
 
+from ..half_paths import Paths
 from .pattern import AntennaPattern
 from .pointing import Pointing
+
+_TAIL = np.geomspace(2.5, 100.0, 7)  # times the rms frequency
+_STEP = 0.002  # of the angle that is lit, for a derivative
+
+
+@dataclasses.dataclass(frozen=True)
+class AmplitudeSpread:
+    """Frequencies of an amplitude along some direction.
+
+    Attributes
+    ----------
+    rms : float
+        Root mean square frequency, radians per unit of the direction.
+    frequency, share : (J,) floats
+        The faint rest, what lies around some far higher frequencies of either sign: these, and the
+        share of the power.
+    """
+
+    rms: float
+    frequency: tuple[float, ...] = ()
+    share: tuple[float, ...] = ()
+
+
+NO_SPREAD = AmplitudeSpread(0.0)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -47,6 +72,34 @@ class Illumination:
     def select(self, rows) -> Illumination:
         """Some of the echoes, by slice, mask or integers."""
         return Illumination(self.pattern, self.centre_m[rows], self.axes[rows])
+
+    def of_paths(self, paths: Paths, points_m) -> Paths:
+        """Paths of the echoes to points (S, 3), metres, that know which of these they light."""
+        lit = self.amplitude(points_m) > 0
+        return dataclasses.replace(paths, lit=lit) if lit.any() else paths
+
+    def spread(self, points_m, direction_m) -> AmplitudeSpread:
+        """Frequencies of the amplitudes along a direction, radians per unit of it.
+
+        Parameters
+        ----------
+        points_m, direction_m : (S, 3) float64
+            Points, metres, and by how much they move per unit of the direction, metres.
+        """
+        reach = np.diff(self.pattern.azimuth.cutoff_rad)[0]
+        distance = np.linalg.norm(points_m - self.centre_m.mean(axis=0), axis=1, keepdims=True)
+        step = _STEP * reach * distance / np.linalg.norm(direction_m, axis=1, keepdims=True)
+        ahead, behind = (self.amplitude(points_m + sign * step * direction_m) for sign in (1, -1))
+        power = np.mean((ahead + behind) ** 2)
+        slope = (ahead - behind) / step[:, 0]
+        rms = float(np.sqrt(np.mean(slope ** 2) / power)) if power > 0 else 0.0
+        if rms == 0:
+            return NO_SPREAD
+        # Along direction cosines of the track the sine of azimuth grows about as they do.
+        frequency, beyond = self.pattern.azimuth.spectrum()
+        edges = rms * _TAIL
+        share = -np.diff(np.interp(edges, frequency, beyond, right=0.0), append=0.0)
+        return AmplitudeSpread(rms, tuple(edges.tolist()), tuple(share.tolist()))
 
     def amplitude(self, points_m) -> np.ndarray:
         """(R, ...) float64 two-way amplitude of each echo at points (..., 3), metres."""

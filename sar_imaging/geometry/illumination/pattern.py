@@ -21,6 +21,7 @@ import math
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+_PADDING = 8  # times the table, for its transform
 _POINTS = 1025  # of a table: a straight line between them departs by 4e-6 of the peak
 _HALF_POWER = 0.44294647  # sinc^2 of this is 1/2
 _EDGE = 0.2  # of a cut-off angle, over which a pattern that is not zero there falls to zero
@@ -181,6 +182,22 @@ class PatternCut:
                 place += (sine[outside] - place) * (high - level) / (high - low)
             ends.append(math.asin(min(max(place, -1.0), 1.0)))
         return ends[1] - ends[0]
+
+    def spectrum(self) -> tuple[np.ndarray, np.ndarray]:
+        """How the power of the cut's transform by the sine is distributed.
+
+        Returns
+        -------
+        frequency : (K,) float64
+            Ascending from 0, radians per unit of the sine.
+        beyond : (K,) float64
+            Share of the power beyond each frequency, either sign.
+        """
+        n = _PADDING * len(self.amplitude)
+        power = np.abs(np.fft.rfft(self.amplitude, n)) ** 2
+        power[1:] *= 2
+        beyond = power[::-1].cumsum()[::-1]
+        return 2 * np.pi * np.fft.rfftfreq(n, self.step), beyond / beyond[0]
 
     def at_sine(self, sine) -> np.ndarray:
         """Two-way amplitude by the sine of the angle, any shape."""

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...geometry.grids import MapGrid
+from ...geometry.illumination import Illumination
 from ...geometry.map_edges import edge_positions
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
@@ -25,7 +26,8 @@ _ROWS = 256
 
 def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
                      target_db: float, band: PhaseHistory | None = None,
-                     shares: Mapping[str, float] = AFBP_SHARES) -> tuple[PolarCover, float]:
+                     shares: Mapping[str, float] = AFBP_SHARES,
+                     illumination: Illumination | None = None) -> tuple[PolarCover, float]:
     """Cover a map by the polar grid of an image that AFBP fuses.
 
     Parameters
@@ -38,6 +40,8 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
         Wanted error of the map against time-domain correlation, dB.
     shares : mapping
         Of the target, see `error_budget`: the less ``'polar to map'``, the finer the polar grid.
+    illumination : Illumination, optional
+        Of the P C rows.
 
     Returns
     -------
@@ -52,12 +56,19 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     """
     step = max(1, len(tx_m) // _ROWS)
     rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
+    if illumination is not None:
+        number = np.arange(len(illumination.centre_m)).reshape(len(tx_m), -1)
+        illumination = illumination.select(np.concatenate(
+            [number[:-1:step], number[-1:]]).ravel())
     cover = cover_map(grid, *rows, radar if band is None else band.radar, n_samples,
                       error_budget(target_db, shares)['polar to map'] - PASSES_DB,
-                      min(target_db - 10.0, -50.0), band, fused=True)
+                      min(target_db - 10.0, -50.0), band, fused=True, illumination=illumination)
     if cover is None:
         raise ValueError('the map is too small, too near, around or beside the aperture for a '
                          'polar image; use exact backprojection')
+    if cover.resampling_db >= target_db:
+        raise ValueError(f'amplitudes change too abruptly between the lines of a polar image for '
+                         f'target_db={target_db:g}; use exact backprojection')
     return cover, remaining_db(target_db, cover.resampling_db)
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from ...geometry.grids import MapGrid
+from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...geometry.track_frame import mean_centres
 from ...memory import IMAGE_BYTES
@@ -18,6 +19,7 @@ from ..plan import Plan
 from ..polar_cover import PolarCover
 from ..profiles.phase_history import PhaseHistory
 from ..profiles.profile_reach import reach_warnings, some_pixels
+from .lit_subapertures import LitSubapertures
 from .map_cover import cover_for_fusion
 from .subapertures import SubaperturePlan, plan_subapertures
 
@@ -73,9 +75,10 @@ class AfbpPlan(Plan):
             errors |= {'polar to map': cover.resampling_db, 'ends of profiles': cover.profile_db}
         # phase histories repeat
         beyond = reach_warnings(some_pixels(grid), tx_m, rx_m, plan.given,
-                                plan.n_samples) if not plan.source.periodic else ()
+                                plan.n_samples, plan.lit and plan.lit.illumination
+                                ) if not plan.source.periodic else ()
         warnings = (*plan.warnings, *beyond,
-                    *_sampling_warnings(plan.polar, plan.radar, tx_m, rx_m))
+                    *_sampling_warnings(plan.polar, plan.radar, tx_m, rx_m, plan.lit))
         seconds = costs().seconds(_operations(grid, plan))
         return cls(grid, tx_m.copy(), rx_m.copy(), plan, errors, seconds, _n_bytes(grid, plan),
                    warnings, **more)
@@ -83,12 +86,13 @@ class AfbpPlan(Plan):
 
 def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
               target_db: float, pulses_per_subaperture: int | None = None,
-              compressed: bool = True, weighting: str = 'none') -> AfbpPlan:
+              compressed: bool = True, weighting: str = 'none',
+              illumination: Illumination | None = None) -> AfbpPlan:
     """Plan the image of an aperture; arguments as of `imaging.imager.plan_image`.
 
     `tx_m` and `rx_m`, (P, C, 3), are those of the whole aperture; multichannel paths are exact.
     The origin of a polar grid should lie in its middle. Sub-apertures have the length that is
-    quickest unless `pulses_per_subaperture` tells it.
+    quickest unless `pulses_per_subaperture` tells it. `illumination` is that of all rows.
 
     Raises
     ------
@@ -103,10 +107,12 @@ def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
     band = None if compressed else PhaseHistory(radar, n_samples, weighting)
     polar, cover = grid, None
     if isinstance(grid, MapGrid):
-        cover, target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples, target_db, band)
+        cover, target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples, target_db, band,
+                                            illumination=illumination)
         polar = cover.polar
     plan = plan_subapertures(polar, radar, n_samples, tx_m, rx_m, target_db=target_db, cover=cover,
-                             pulses_per_subaperture=pulses_per_subaperture, band=band)
+                             pulses_per_subaperture=pulses_per_subaperture, band=band,
+                             illumination=illumination)
     return AfbpPlan.of(grid, tx_m, rx_m, plan, cover)
 
 
@@ -125,8 +131,10 @@ def check_arguments(grid, target_db: float, tx_m: np.ndarray, rx_m: np.ndarray) 
 def _operations(grid, plan: SubaperturePlan) -> dict[str, float]:
     n_rows = plan.n_channels * sum(p.stop - p.start for p in plan.sampling.pulses)
     counts = {'image': 1, 'map_pixel': grid.n_x * grid.n_y if isinstance(grid, MapGrid) else 0}
-    counts |= plan.image_operations(n_rows, plan.n_subapertures)
-    return counts | plan.fusion_operations
+    seen = plan.n_subapertures if plan.lit is None else len(plan.lit.seen)
+    n_rows = n_rows * seen / plan.n_subapertures
+    counts |= plan.image_operations(n_rows, seen)
+    return counts | plan.fusion_grid.operations(seen)
 
 
 def _n_bytes(grid, plan: SubaperturePlan) -> int:
@@ -136,13 +144,17 @@ def _n_bytes(grid, plan: SubaperturePlan) -> int:
     return IMAGE_BYTES * (spectrum + 2 * coarse.n_alpha * coarse.n_range + math.prod(grid.shape))
 
 
-def _sampling_warnings(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m) -> Iterator[str]:
+def _sampling_warnings(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m,
+                       lit: LitSubapertures | None) -> Iterator[str]:
     """Ambiguities that the pulses themselves cause, in any imager."""
     if len(tx_m) < 3:
         return
     middles = mean_centres(tx_m, rx_m)
     step = float(np.median(np.linalg.norm(np.diff(middles, axis=0), axis=1)))
     width = polar.n_alpha * polar.alpha_spacing
+    if lit is not None:  # what a pulse lights of it
+        low, high = lit.illumination.pattern.azimuth.cutoff_rad
+        width = min(width, math.sin(high) - math.sin(low))
     shortest = radar.shortest_wavelength_m
     if 2 * step * width > shortest:
         yield (f'pulses are {step:.3g} m apart; scatterers within the scene, {width:.3g} wide in '

@@ -26,7 +26,14 @@ from ..aliasing_error import (
     taper_shape,
 )
 from ..costs import costs
-from ..local_spectrum import SAMPLES_PER_SIDE, LocalSpectrum, ranges_before, usual_guard
+from ..local_spectrum import (
+    SAMPLES_PER_SIDE,
+    LocalSpectrum,
+    ranges_before,
+    spread_frequencies,
+    tail_error,
+    usual_guard,
+)
 from ..profiles.transform_length import quick_length
 from .polar_grids import FusionSizes
 from .row_length import row_length
@@ -149,7 +156,7 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
         pulses = tuple(cut_pulses(pieces, length))
         first = np.array([p.start for p in pulses]) * n_channels
         lo, hi = np.minimum.reduceat(least, first), np.maximum.reduceat(most, first)
-        half = bands.wavenumber[1] * 0.5 * float((hi - lo).max())
+        half = bands.wavenumber[1] * 0.5 * float((hi - lo).max()) + math.sqrt(3) * bands.spread.rms
         cuts.append(_Cut(polar, ratio, pulses, 0.5 * (lo + hi), half, coverage))
 
     @functools.cache
@@ -261,10 +268,15 @@ def fusion_error(sampling: Sampling, bands: LocalSpectrum, rows, weight, centre_
     wavenumber = low + (high - low) * (np.arange(_WAVENUMBERS) + 0.5) / _WAVENUMBERS
     bins = wavenumber[:, None, None] * (s.extent / (2 * math.pi))
     # from the bin that the band's middle is rounded to, as in the fusion
-    frequency = bins * slope - np.rint(bins * np.reshape(centre_m, (-1, 1)))
+    even, per_radian = bins * slope - np.rint(bins * np.reshape(centre_m, (-1, 1))), (
+        s.extent / (2 * math.pi))
+    frequency = spread_frequencies(even, bands.spread.rms * per_radian)
     weight = np.broadcast_to(np.reshape(weight, (-1, 1)), (len(slope), 1))
     error = aliasing_error(s.n_coarse, s.n_guard, s.beta, frequency, weight, bands.position,
                            coverage.along_alpha)
+    # What amplitudes have beyond the coarse grid's frequencies is missing, and appears elsewhere.
+    error += tail_error(bands.spread, even / per_radian,
+                        lambda f: 2.0 * (np.abs(f) > s.n_coarse / 2 / per_radian))
     error += correction_error(coverage, s.n_fine, s.n_guard * s.n_fine / s.n_coarse, s.beta)
     # Along range the same happens over a length that grows with the distance from the centre.
     away = np.broadcast_to(np.abs(np.ravel(centre_m)), len(slope))

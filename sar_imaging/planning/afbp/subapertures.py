@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from ...geometry.half_paths import half_paths, sample_paths
+from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...signal.pulses import PulseBlock, check_profiles
 from ...signal.radar import RadarParameters
@@ -27,6 +28,7 @@ from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import RangeResampling, plan_resampling
 from .beam_gain import bins_per_run
 from .beams import BeamSampling
+from .lit_subapertures import LitError, LitSubapertures, lit_budget_db
 from .map_cover import map_density
 from .polar_grids import UnifiedPolarGrids
 from .sampling import Sampling, choose_sampling, fusion_error
@@ -103,6 +105,8 @@ class SubaperturePlan(Plan):
         added to them directly.
     limits : Limits
         Geometry that the plan was made for.
+    lit : LitSubapertures or None
+        How images are weighed; None where all pixels are lit alike.
     """
 
     polar: PolarGrid
@@ -117,6 +121,7 @@ class SubaperturePlan(Plan):
     range_m: tuple[float, float]
     limits: Limits
     warnings: tuple[str, ...]
+    lit: LitSubapertures | None = None
 
     @property
     def radar(self) -> RadarParameters:
@@ -136,8 +141,10 @@ class SubaperturePlan(Plan):
     @property
     def errors_db(self) -> dict[str, float]:
         """Predicted error of the fused polar image by cause, dB."""
-        return {'sub-aperture images': (self.beams or self.lattice).predicted_error_db,
-                'fusion': self.sampling.error_db}
+        errors = {'sub-aperture images': (self.beams or self.lattice).predicted_error_db,
+                  'fusion': self.sampling.error_db}
+        return errors if self.lit is None else {
+            **errors, 'illumination': self.lit.predicted_error_db}
 
     def __str__(self) -> str:
         s, lengths = self.fusion_grid, [p.stop - p.start for p in self.sampling.pulses]
@@ -147,6 +154,13 @@ class SubaperturePlan(Plan):
                 f'{s.n_coarse} coarse lines each ({2 * s.n_guard:g} of them guards) of '
                 f'{self.coarse.n_range} ranges, fused to {s.n_fine} lines; predicted error '
                 f'{self.predicted_error_db:.1f} dB')
+
+    def illumination_of(self, number: int) -> Illumination | None:
+        """Of the rows of a sub-aperture."""
+        if self.lit is None:
+            return None
+        pulses, n = self.sampling.pulses[number], self.n_channels
+        return self.lit.illumination.select(slice(pulses.start * n, pulses.stop * n))
 
     def image_operations(self, n_rows: int, n_images: int = 1) -> dict[str, float]:
         """How often forming sub-aperture images does the operations of `CostModel`.
@@ -210,8 +224,8 @@ class SubaperturePlan(Plan):
 
 def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
                       target_db: float = -50.0, pulses_per_subaperture: int | None = None,
-                      cover: PolarCover | None = None,
-                      band: PhaseHistory | None = None) -> SubaperturePlan:
+                      cover: PolarCover | None = None, band: PhaseHistory | None = None,
+                      illumination: Illumination | None = None) -> SubaperturePlan:
     """Plan the sub-apertures of an aperture.
 
     Parameters
@@ -224,6 +238,8 @@ def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, 
         Of the map that the fused image is read for; `polar` is its own, or has fewer lines.
     band : PhaseHistory, optional
         Takes phase histories as they came, in place of profiles.
+    illumination : Illumination, optional
+        Of the P C rows.
 
     Raises
     ------
@@ -232,7 +248,8 @@ def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, 
     """
     tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
     planner = _Planner(polar, radar if band is None else band.radar, int(n_samples), tx_m, rx_m,
-                       target_db, EVERYTHING if cover is None else map_density(polar, cover), band)
+                       target_db, EVERYTHING if cover is None else map_density(polar, cover),
+                       band, illumination)
     return planner.plan(radar, pulses_per_subaperture, cover)
 
 
@@ -246,6 +263,7 @@ class _Planner:
     target_db: float
     coverage: PixelDensity
     band: PhaseHistory | None
+    illumination: Illumination | None
 
     def plan(self, given, length, cover) -> SubaperturePlan:
         polar, radar, tx_m, rx_m = self.polar, self.radar, self.tx_m, self.rx_m
@@ -254,8 +272,12 @@ class _Planner:
         step = max(1, tx_m[..., 0].size // _ROWS_FOR_PATHS)
         paths = sample_paths(*(c.reshape(-1, 3)[::step] for c in (tx_m, rx_m)),
                              polar.lines(*polar.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE)))
-        bands = local_spectrum(polar, tx_m, rx_m, radar)
-        sampling = self._sampling(bands, paths, length, ratio)
+        if self.illumination is not None:
+            paths = self.illumination.select(slice(None, None, step)).of_paths(
+                paths, polar.lines(*polar.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE))[0])
+        bands = local_spectrum(polar, tx_m, rx_m, radar, self.illumination)
+        lit = self.illumination and LitError(polar, radar, tx_m, rx_m, self.illumination)
+        sampling = self._sampling(bands, paths, length, ratio, lit)
         grid = UnifiedPolarGrids(
             *vars(sampling.sizes).values(), bands.half_range, radar.carrier_hz,
             *(oversampling or (1.0, 1.0)), radar.propagation_speed_m_per_s)
@@ -268,15 +290,19 @@ class _Planner:
             source.n_samples + (0 if source.periodic else _PADDING),
             remaining_db(self.target_db, sampling.error_db))
         beams = self._cost(grid.coarse, lattice, range_m).choose_beams(sampling.pulses)
-        warnings = self._cut_warnings(paths.length, grid.fine_range_guard * polar.range_spacing_m)
+        if lit is not None:
+            lattice, lit = lit.plan(grid.coarse, lattice, beams, sampling.pulses,
+                                    self.target_db)
+        warnings = self._cut_warnings(paths.of_lit(paths.length),
+                                      grid.fine_range_guard * polar.range_spacing_m)
         return SubaperturePlan(polar, given, source, self.n_samples, tx_m.shape[1], sampling, grid,
-                               lattice, beams, range_m, Limits.of(bands), tuple(warnings))
+                               lattice, beams, range_m, Limits.of(bands), tuple(warnings), lit)
 
     @property
     def _lattice_db(self) -> float:
         return min(error_budget(self.target_db, AFBP_SHARES)['sub-aperture images'], -50.0)
 
-    def _sampling(self, bands, paths, length, ratio) -> Sampling:
+    def _sampling(self, bands, paths, length, ratio, lit) -> Sampling:
         polar = self.polar
         share = used_share(bands.half_range, polar.range_spacing_m, polar.n_range,
                            tapers=TAPERS_NEEDED)
@@ -291,10 +317,13 @@ class _Planner:
                 f'the sub-aperture images fill {filled:.0%} of what the ranges of the polar grid '
                 f'hold, at most {_MOST_FILLED:.0%} can be fused: the elevation changes too much '
                 'over this aperture; use exact backprojection')
-        lengths = (length,) if length else LENGTHS
+        lengths, left_db = (length,) if length else LENGTHS, self.target_db - _MARGIN_DB
+        if lit is not None:
+            lengths = lengths if length else lit.short_enough(lengths, self.target_db)
+            left_db = remaining_db(left_db, lit_budget_db(self.target_db))
         sampling = choose_sampling(polar, bands, self.tx_m, self.rx_m, lengths,
                                    self._cost(usual, lattice, bands.range_m),
-                                   remaining_db(self.target_db - _MARGIN_DB, self._lattice_db),
+                                   remaining_db(left_db, self._lattice_db),
                                    self.coverage, ratio)
         if sampling is None:
             raise ValueError(

@@ -16,6 +16,7 @@ import numpy as np
 from ...geometry.polar import PolarGrid
 from ..costs import costs
 from ..interpolators import Interpolator, sufficient_interpolators
+from ..local_spectrum import spread_frequencies, tail_error
 from ..polar_cover import PolarCover
 
 TAPS, DEGREE = 10, 5
@@ -79,6 +80,7 @@ def _quickest_parts(cover: PolarCover, interpolator: Interpolator) -> AzimuthPar
         lo = np.minimum.reduceat(slope.min(axis=1), edges[:-1])
         hi = np.maximum.reduceat(slope.max(axis=1), edges[:-1])
         lo, hi = np.minimum(lowest * lo, highest * lo), np.maximum(lowest * hi, highest * hi)
+        lo, hi = lo - cover.spread.rms, hi + cover.spread.rms
         half = 0.5 * float((hi - lo).max())
         coarse = _coarse_grid(fine, math.pi / (half * interpolator.oversampling))
         if coarse is not None:
@@ -97,9 +99,12 @@ def _interpolation_db(parts: AzimuthParts, cover: PolarCover) -> float:
     """Mean error at the frequencies of the rows, seen from the middle of their part's band."""
     middle = np.repeat(parts.frequency, [rows.stop - rows.start for rows in parts.rows])
     k = np.linspace(*cover.window.radar.wavenumbers_rad_per_m, _WAVENUMBERS)[:, None, None]
-    frequency = k * cover.slope_alpha - middle[:, None]
-    return parts.interpolator.mean_error_db(
-        frequency * (parts.coarse.alpha_spacing / (2 * math.pi)), cover.weight)
+    per_radian = parts.coarse.alpha_spacing / (2 * math.pi)
+    even = k * cover.slope_alpha - middle[:, None]
+    error_db = parts.interpolator.mean_error_db(
+        spread_frequencies(even, cover.spread.rms) * per_radian, cover.weight)
+    tail = tail_error(cover.spread, even, lambda f: parts.interpolator.error_at(f * per_radian))
+    return 10 * math.log10(10 ** (error_db / 10) + tail) if tail else error_db
 
 
 def _coarse_grid(fine: PolarGrid, spacing: float) -> PolarGrid | None:

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...geometry.grids import EvenGrid, MapGrid
+from ...geometry.illumination import Illumination
 from ...memory import IMAGE_BYTES
 from ...signal.radar import RadarParameters
 from ..costs import costs
@@ -22,12 +23,14 @@ from ..profiles.profile_reach import check_reach, covered_ranges, reach_warnings
 from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import RangeResampling, plan_point_resampling, plan_resampling
 from .grid_lines import GridLines
+from .lit_lines import LitLines, plan_lit_segments
 from .points import ImagePoints, PointPlan, coordinate_bytes, plan_even_points, plan_points
 from .polar_image import PolarPlan, plan_polar
 
 # Predictions are for scenes that are evenly bright. Of some dozen scatterers, images are by chance
 # darker than their pulses.
 _CHANCE_DB = 0.5
+_LIT_DB = 0.6  # of the target, which the interpolation of amplitudes takes
 LEAST_TARGET_DB = -100.0  # that float32 reaches
 
 
@@ -41,6 +44,8 @@ class LinePlan(Plan):
         Its lines along which range grows.
     cost : float
         Nanoseconds per pixel.
+    lit : LitLines or None
+        Knots of the echoes' amplitudes; None where all pixels are lit alike.
     """
 
     lines: GridLines
@@ -48,6 +53,7 @@ class LinePlan(Plan):
     lattice: RangeResampling
     errors_db: Mapping[str, float]
     cost: float
+    lit: LitLines | None = None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -60,6 +66,8 @@ class BackprojectionPlan(Plan):
         Phase centres of the rows that it is for, metres.
     way : PolarPlan, LinePlan or PointPlan
         The quickest of the three.
+    illumination : Illumination or None
+        Of the rows; None where they light all pixels alike.
     """
 
     grid: EvenGrid | ImagePoints
@@ -69,6 +77,7 @@ class BackprojectionPlan(Plan):
     range_m: tuple[float, float]
     way: PolarPlan | LinePlan | PointPlan
     warnings: tuple[str, ...]
+    illumination: Illumination | None = None
 
     @property
     def method(self) -> str:
@@ -96,7 +105,8 @@ class BackprojectionPlan(Plan):
             counts |= {'map_pixel': n_pixels, 'upsampled_part': n_parts,
                        'upsampled_pixel': n_parts * way.polar.n_alpha * way.polar.n_range}
             n_pixels = grid.n_alpha * grid.n_range
-        return counts | way.lattice.operations(len(self.tx_m), n_pixels)
+        share = 1.0 if way.lit is None else way.lit.share
+        return counts | way.lattice.operations(len(self.tx_m), n_pixels * share)
 
     @property
     def n_bytes(self) -> int:
@@ -117,47 +127,65 @@ class BackprojectionPlan(Plan):
 
 
 def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_samples: int,
-                        tx_m, rx_m, target_db: float) -> BackprojectionPlan:
+                        tx_m, rx_m, target_db: float, illumination: Illumination | None = None
+                        ) -> BackprojectionPlan:
     """Plan the quickest way of adding rows to an image.
+
+    With `illumination`, that of the rows, pixels that a row does not light take no part in its
+    errors and its time.
 
     Raises
     ------
     ValueError
         None of the profiles reaches the pixels.
     """
-    target_db = max(target_db - _CHANCE_DB, LEAST_TARGET_DB)
+    target_db = max(target_db - _CHANCE_DB - _LIT_DB * (illumination is not None),
+                    LEAST_TARGET_DB)
     is_points = isinstance(grid, ImagePoints)
     if is_points:
         range_m = grid.bounds(tx_m, rx_m)
-        way = plan_points(grid, radar, n_samples, tx_m, rx_m, range_m, target_db)
+        way = plan_points(grid, radar, n_samples, tx_m, rx_m, range_m, target_db,
+                          illumination=illumination)
     else:
-        range_m, way = _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db)
+        range_m, way = _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination)
     check_reach(range_m, radar, n_samples)
     (start, stop), warnings = covered_ranges(radar, n_samples), ()
     if range_m[0] < start or stop < range_m[1]:
         warnings = reach_warnings(grid.some() if is_points else some_pixels(grid), tx_m, rx_m,
-                                  radar, n_samples)
-    return BackprojectionPlan(grid, radar, tx_m.copy(), rx_m.copy(), range_m, way, warnings)
+                                  radar, n_samples, illumination)
+    return BackprojectionPlan(grid, radar, tx_m.copy(), rx_m.copy(), range_m, way, warnings,
+                              illumination)
 
 
-def _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db):
+def _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination):
     """Bounds of the half path, and the quickest way."""
-    lines = GridLines(grid, tx_m, rx_m)
+    lines = GridLines(grid, tx_m, rx_m, illumination)
     window = RangeGate.around(radar, n_samples, lines.range_m)
     lattice = plan_resampling(lines.paths, 1.0, lines.n_pixels, radar, window.n_samples, target_db)
-    cost, way = plan_point_resampling(radar, n_samples, target_db).cost * len(tx_m), None
+    points, way, lit = plan_point_resampling(radar, n_samples, target_db).cost, None, None
+    cost, share = points * len(tx_m), 1.0
+    if lattice is not None and illumination is not None:
+        lattice, lit = plan_lit_segments(
+            illumination, lines.locate(len(lines.layouts) // 2), (lines.n_lines, lines.n_pixels),
+            lattice, lines.paths, radar, target_db)
+        share = 1.0 if lit is None else lit.share
     if lattice is not None and lattice.cost * len(tx_m) < cost:
-        cost = lattice.cost * len(tx_m)
-        way = LinePlan(lines, window, lattice, {
+        cost = lattice.cost * len(tx_m) * share
+        errors = {
             'range profiles': lattice.predicted_error_db,
             'ends of profiles': window.mean_end_error_db(
-                lines.paths.length, len(grid.shape), lattice.oversampling(radar))},
-            cost)
+                lines.paths.length, len(grid.shape), lattice.oversampling(radar),
+                lines.paths.lit)}
+        if lit is not None:
+            errors['illumination'] = lit.predicted_error_db
+        way = LinePlan(lines, window, lattice, errors, cost, lit)
     # Polar images lie on horizontal planes, and cannot pay for fewer pulses.
     if isinstance(grid, MapGrid) and cost > costs().map_pixel:
-        polar = plan_polar(grid, tx_m, rx_m, radar, n_samples, target_db)
-        if polar is not None and polar.cost < cost:
+        polar = plan_polar(grid, tx_m, rx_m, radar, n_samples, target_db, illumination)
+        if polar is not None and polar.cost < cost and (
+                illumination is None or polar.predicted_error_db <= target_db):
             way = polar
     if way is None:
-        way = plan_even_points(grid, radar, n_samples, tx_m, rx_m, lines.range_m, target_db)
+        way = plan_even_points(grid, radar, n_samples, tx_m, rx_m, lines.range_m, target_db,
+                               illumination=illumination)
     return lines.range_m, way

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...geometry.grids import EvenGrid, even_positions
 from ...geometry.half_paths import sample_paths
+from ...geometry.illumination import Illumination
 
 _SAMPLES_PER_SIDE = {2: 5, 3: 3}  # grid positions at which the geometry is bounded, by axes
 
@@ -19,6 +20,8 @@ class GridLines:
     ----------
     grid : EvenGrid
         Map, plane or volume.
+    illumination : Illumination, optional
+        Of the rows; what they do not light is left aside.
 
     Attributes
     ----------
@@ -32,7 +35,7 @@ class GridLines:
         Half paths to some of the pixels, with derivatives by the pixel number.
     """
 
-    def __init__(self, grid: EvenGrid, tx_m, rx_m):
+    def __init__(self, grid: EvenGrid, tx_m, rx_m, illumination: Illumination | None = None):
         n_axes = len(grid.shape)
         n = _SAMPLES_PER_SIDE[n_axes]
         points = even_positions(grid, *(i.ravel() for i in np.meshgrid(
@@ -43,7 +46,9 @@ class GridLines:
         axes = range(3 - n_axes, 3)
         paths = {a: sample_paths(tx_m, rx_m, (points, np.broadcast_to(steps[a], points.shape)))
                  for a in axes}
-        slopes = {a: p.derivatives[0] for a, p in paths.items()}
+        if illumination is not None:
+            paths = {a: illumination.of_paths(p, points) for a, p in paths.items()}
+        slopes = {a: p.of_lit(p.derivatives[0]) for a, p in paths.items()}
         least = {a: np.abs(s).min() if s.min() > 0 or s.max() < 0 else -1.0
                  for a, s in slopes.items()}
         axis = max(reversed(axes), key=least.get)  # the last one, where they are alike
@@ -53,8 +58,8 @@ class GridLines:
         # Range is monotonic along lines; between sampled lines it changes by at most its slope.
         beside = sum(np.abs(slopes[a]).max() * (shape[a] / (n - 1) / 2 + 1)
                      for a in axes if a != axis or least[axis] < 0)
-        self.range_m = (float(self.paths.length.min() - beside),
-                        float(self.paths.length.max() + beside))
+        length = self.paths.of_lit(self.paths.length)
+        self.range_m = float(length.min() - beside), float(length.max() + beside)
         layer, line = (a for a in range(3) if a != axis)
         floats = [2 * math.prod(shape[a + 1:]) for a in range(3)]
         self._along, self._across, self._layer = steps[axis], steps[line], steps[layer]

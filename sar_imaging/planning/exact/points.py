@@ -11,12 +11,14 @@ import numpy as np
 from ...geometry.even_grids import PlaneGrid, VolumeGrid
 from ...geometry.grids import EvenGrid, Grid, MapGrid
 from ...geometry.half_paths import half_paths
+from ...geometry.illumination import Illumination
 from ...geometry.point_grids import PointGrid, TerrainGrid
 from ...signal.radar import RadarParameters
 from ..error_budget import EXACT_SHARES, error_budget
 from ..plan import Plan
 from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import RangeResampling, plan_point_resampling
+from .lit_lines import LitPoints, plan_lit_points
 
 # Rms error of a path in float32 over the radius of its tile; 1.4e-8 to 1.7e-8 were measured
 _ROUNDING = 3e-8
@@ -24,6 +26,8 @@ _SAMPLED_STEPS = 1000  # between neighbours, to find their distance
 _SAMPLED_PIXELS, _SAMPLED_ROWS = 500, 33
 _COORDINATE_BYTES = 8  # float64
 TILE_SIDE = 256  # of the longest tile
+_SIDES = ((1, 256), (1, 64), (1, 16)), ((16, 16), (8, 8), (4, 4))  # of rows, and of images
+_EACH_NS = 12.0  # of an amplitude at a point by itself (measured)
 
 
 class ImagePoints:
@@ -115,7 +119,7 @@ class ImagePoints:
         Judged by the distances of some neighbours.
         """
         distances = [self._neighbour_distance(axis) for axis in (0, 1)]
-        sides = ((1, 256), (1, 64), (1, 16)) if self.size[0] == 1 else ((16, 16), (8, 8), (4, 4))
+        sides = _SIDES[self.size[0] > 1]
         tiles = [(s, 0.5 * math.hypot(*(n * d for n, d in zip(s, distances, strict=True))))
                  for s in sides]
         return next((tile for tile in tiles if tile[1] < reach_m), tiles[0])
@@ -152,6 +156,8 @@ class PointPlan(Plan):
         Largest radius of a tile whose paths are computed in float32, metres.
     cost : float
         Nanoseconds per pixel.
+    lit : LitPoints or None
+        How amplitudes are found; None where all pixels are lit alike.
     """
 
     window: RangeGate
@@ -161,6 +167,7 @@ class PointPlan(Plan):
     reach_m: float
     errors_db: Mapping[str, float]
     cost: float
+    lit: LitPoints | None = None
 
 
 def coordinate_bytes(grid: ImagePoints | EvenGrid) -> int:
@@ -178,19 +185,25 @@ def image_layers(grid: ImagePoints | EvenGrid) -> list[ImagePoints]:
     return [ImagePoints.of_grid(grid)]
 
 
-def plan_even_points(grid: EvenGrid, *planned) -> PointPlan:
+def plan_even_points(grid: EvenGrid, *planned, illumination: Illumination | None = None
+                     ) -> PointPlan:
     """Plan the image of a map, plane or volume point by point; `planned` as of `plan_points`."""
     if isinstance(grid, MapGrid):
-        return plan_points(ImagePoints.of_grid(grid), *planned)
+        return plan_points(ImagePoints.of_grid(grid), *planned, illumination=illumination)
     layer = grid.slice(0) if isinstance(grid, VolumeGrid) else grid
     corner = dataclasses.replace(layer, n_u=min(layer.n_u, TILE_SIDE),
                                  n_v=min(layer.n_v, TILE_SIDE))
     return plan_points(ImagePoints.of_grid(corner), *planned,
-                       some_m=grid.positions(*_draw(grid.shape, _SAMPLED_PIXELS)))
+                       some_m=grid.positions(*_draw(grid.shape, _SAMPLED_PIXELS)),
+                       illumination=illumination,
+                       positions=(grid.slice(grid.n_z // 2) if isinstance(grid, VolumeGrid)
+                                  else grid).positions, shape=grid.shape[-2:])
 
 
 def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_m, rx_m,
-                range_m: tuple[float, float], target_db: float, some_m=None) -> PointPlan:
+                range_m: tuple[float, float], target_db: float, some_m=None,
+                illumination: Illumination | None = None, positions=None,
+                shape: tuple[int, int] | None = None) -> PointPlan:
     """Plan the image of some points.
 
     Parameters
@@ -203,6 +216,10 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
         Least and largest half path that is read, metres.
     some_m : (S, 3) float64, optional
         Positions all over the image, metres; those of `points` unless told.
+    illumination : Illumination, optional
+        Of the rows.
+    positions, shape : callable, (int, int)
+        Positions of pixels by row and column, and how many there are; of `points` unless told.
     """
     window = RangeGate.around(radar, n_samples, range_m)
     lattice = plan_point_resampling(radar, window.n_samples, target_db)
@@ -212,10 +229,31 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
     reach_m = 10 ** (rounded_db / 20) / rounding_per_m
     tile, radius_m = points.tile(reach_m)
     some = np.linspace(0, len(tx_m) - 1, min(len(tx_m), _SAMPLED_ROWS)).round().astype(int)
-    length = half_paths(tx_m[some], rx_m[some], points.some() if some_m is None else some_m)[0]
+    some_m = points.some() if some_m is None else some_m
+    length, cost, lit = half_paths(tx_m[some], rx_m[some], some_m)[0], lattice.cost, None
+    if illumination is not None:
+        bright = illumination.select(some).amplitude(some_m) > 0
+        length = length[bright] if bright.any() else length
+        tile, lit = _lit_tile(points, illumination, tile, positions, shape, target_db)
+        cost = lit.share * (cost + lit.each * _EACH_NS)
     errors = {
         'range profiles': lattice.predicted_error_db,
         'rounded paths': 20 * math.log10(rounding_per_m * min(reach_m, radius_m) + 1e-12),
         'ends of profiles': 10 * math.log10(float(window.end_error(
             length, lattice.oversampling(radar)).mean()) + 1e-16)}
-    return PointPlan(window, lattice, range_m, tile, reach_m, errors, lattice.cost * len(tx_m))
+    if lit is not None:
+        errors['illumination'] = lit.predicted_error_db
+    return PointPlan(window, lattice, range_m, tile, reach_m, errors, cost * len(tx_m), lit)
+
+
+def _lit_tile(points: ImagePoints, illumination: Illumination, tile, positions, shape,
+              target_db: float) -> tuple[tuple[int, int], LitPoints]:
+    """Largest tile, up to one given, over which amplitudes are straight enough."""
+    wanted_db = error_budget(target_db, EXACT_SHARES)['illumination']
+    positions, shape = positions or points.positions, shape or points.size
+    sides = [side for side in _SIDES[points.size[0] > 1] if side <= tile]
+    for side in sides:
+        lit = plan_lit_points(illumination, positions, shape, side, wanted_db)
+        if not lit.each:
+            return side, lit
+    return tile, plan_lit_points(illumination, positions, shape, tile, wanted_db)

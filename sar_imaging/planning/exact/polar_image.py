@@ -10,7 +10,8 @@ import dataclasses
 from collections.abc import Mapping
 
 from ...geometry.grids import MapGrid
-from ...geometry.half_paths import sample_paths
+from ...geometry.half_paths import Paths, sample_paths
+from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
 from ..costs import costs
@@ -21,6 +22,7 @@ from ..polar_cover import PolarCover, cover_map
 from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import RangeResampling, plan_resampling, resampling_error_db
 from .azimuth_upsampling import AzimuthParts, plan_parts
+from .lit_lines import LitLines, plan_lit_segments
 
 _SAMPLES_PER_SIDE = 5  # positions at which the geometry is bounded
 
@@ -43,6 +45,8 @@ class PolarPlan(Plan):
         Cut into parts with fewer lines each; None where all rows go straight to `polar`.
     cost : float
         Nanoseconds per map pixel.
+    lit : LitLines or None
+        Knots of the echoes' amplitudes; None where all pixels are lit alike.
     """
 
     polar: PolarGrid
@@ -56,11 +60,12 @@ class PolarPlan(Plan):
     wavelength_m: float
     errors_db: Mapping[str, float]
     cost: float
+    lit: LitLines | None = None
 
 
 def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
-               target_db: float) -> PolarPlan | None:
-    """Plan the polar image of rows of phase centres.
+               target_db: float, illumination: Illumination | None = None) -> PolarPlan | None:
+    """Plan the polar image of rows of phase centres, with `illumination` of these.
 
     Returns
     -------
@@ -70,7 +75,7 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     budget = error_budget(target_db, EXACT_SHARES)
     profiles_db = budget['range profiles']
     cover = cover_map(grid, tx_m, rx_m, radar, n_samples, budget['polar to map'] - PASSES_DB,
-                      profiles_db)
+                      profiles_db, illumination=illumination)
     if cover is None:
         return None
     polar, n_pixels = cover.polar, grid.n_x * grid.n_y
@@ -78,28 +83,53 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
         return None
     parts, lattice = plan_parts(cover, budget['azimuth upsampling']), None
     if parts is not None:
-        lattice = _lattice_of_parts(parts, cover, tx_m, rx_m, profiles_db)
+        lattice = _lattice_of_parts(parts, cover, tx_m, rx_m, profiles_db, illumination)
     if lattice is None:
         lattice, parts = cover.lattice, None
+    lit, lines = None, polar if parts is None else parts.coarse
+    if illumination is not None:
+        lattice, lit = plan_lit_segments(
+            illumination, positions_of(lines), lines.shape, lattice,
+            _sampled_paths(lines, tx_m, rx_m, illumination), radar, target_db)
+        if lattice is None:
+            return None
     errors = {'range profiles': lattice.predicted_error_db, 'polar to map': cover.resampling_db,
               'ends of profiles': cover.profile_db}
     cost = lattice.cost * len(tx_m)
     if parts is not None:
         errors['azimuth upsampling'], cost = parts.error_db, parts.cost
+    if lit is not None:
+        errors['illumination'] = lit.predicted_error_db
+        row_cost = lattice.cost * len(tx_m) * lines.n_alpha / polar.n_alpha
+        cost -= row_cost * (1 - lit.share)
     return PolarPlan(polar, lattice, cover.window, cover.range_m, cover.axis, cover.between,
                      cover.along, parts, radar.wavelength_m, errors,
-                     cost * (polar.n_range * polar.n_alpha / n_pixels) + costs().map_pixel)
+                     cost * (polar.n_range * polar.n_alpha / n_pixels) + costs().map_pixel, lit)
 
 
-def _lattice_of_parts(parts: AzimuthParts, cover: PolarCover, tx_m, rx_m,
-                      target_db: float) -> RangeResampling | None:
+def positions_of(polar: PolarGrid):
+    """Positions by the number of the range and of the line, first of a tuple."""
+    def locate(pixel, line):
+        return polar.lines(polar.range_start_m + polar.range_spacing_m * pixel,
+                           polar.alpha_start + polar.alpha_spacing * line)[:1]
+    return locate
+
+
+def _sampled_paths(polar: PolarGrid, tx_m, rx_m, illumination: Illumination | None) -> Paths:
+    """Half paths to samples of a grid, and which rows light these."""
+    lines = polar.lines(*polar.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE))
+    paths = sample_paths(tx_m, rx_m, lines)
+    return paths if illumination is None else illumination.of_paths(paths, lines[0])
+
+
+def _lattice_of_parts(parts: AzimuthParts, cover: PolarCover, tx_m, rx_m, target_db: float,
+                      illumination: Illumination | None) -> RangeResampling | None:
     """Lattice that is as good where rows are added part by part, to lines far beyond the map.
 
     That of the map where it will do, None where none does.
     """
     coarse, window = parts.coarse, cover.window
-    lines = coarse.lines(*coarse.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE))
-    paths = dataclasses.replace(sample_paths(tx_m, rx_m, lines),
+    paths = dataclasses.replace(_sampled_paths(coarse, tx_m, rx_m, illumination),
                                 parts=tuple(rows.start for rows in parts.rows))
     error_db = resampling_error_db(cover.lattice, paths, window.radar)
     if error_db <= target_db:

@@ -64,7 +64,7 @@ class PhaseHistory:
         self._gain = (sign * weights / weights.sum()).astype(np.float32)
 
     def mean_end_error_db(self, range_m, n_axes: int = 2,
-                          oversampling: float = math.inf) -> float:
+                          oversampling: float = math.inf, lit=None) -> float:
         """-inf: what is periodic has no ends."""
         return -math.inf
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...geometry.grids import Grid
 from ...geometry.half_paths import half_paths
+from ...geometry.illumination import Illumination
 from ...signal.radar import RadarParameters
 
 _PIXELS_PER_SIDE, _ROWS = {2: 24, 3: 8}, 65  # at which ranges are looked at, by axes
@@ -34,18 +35,20 @@ def check_reach(range_m: tuple[float, float], radar: RadarParameters, n_samples:
             f'profiles cover {start:.1f} to {stop:.1f} m; move the grid or the range window')
 
 
-def reach_warnings(points_m, tx_m, rx_m, radar: RadarParameters, n_samples: int
-                   ) -> tuple[str, ...]:
+def reach_warnings(points_m, tx_m, rx_m, radar: RadarParameters, n_samples: int,
+                   illumination: Illumination | None = None) -> tuple[str, ...]:
     """Say which share of the pixels lies beyond the profiles for some of the pulses.
 
     Nothing where all of them, (S, 3) all over the image, lie within the `n_samples` of the
-    profiles for all phase centres, (..., 3), metres.
+    profiles for all phase centres, (..., 3), metres, that light them.
     """
     start, stop = covered_ranges(radar, n_samples)
     centres = [c.reshape(-1, 3) for c in (tx_m, rx_m)]
     rows = np.linspace(0, len(centres[0]) - 1, min(len(centres[0]), _ROWS)).round().astype(int)
     length = half_paths(*(c[rows] for c in centres), points_m)[0]
     outside = (length < start) | (length > stop)
+    if illumination is not None:
+        outside &= illumination.select(rows).amplitude(points_m) > 0
     if not outside.any():
         return ()
     return (f'the ranges of {_percent(outside.any(axis=0).mean())} of the pixels, '

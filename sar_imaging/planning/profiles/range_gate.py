@@ -80,12 +80,16 @@ class RangeGate:
         return np.minimum(error, 1.0)
 
     def mean_end_error_db(self, range_m, n_axes: int = 2,
-                          oversampling: float = math.inf) -> float:
+                          oversampling: float = math.inf, lit=None) -> float:
         """Mean of `end_error` over an image, dB.
 
         Half paths are those from some rows to a square or cube of positions, edge to edge:
         (R, n ** n_axes) float64, metres.
+        Of these pairs, (R, n ** n_axes), only those that are `lit` count, where that is given.
         """
+        if lit is not None and lit.any():
+            return 10 * math.log10(float(self.end_error(range_m[lit], oversampling).mean())
+                                   + 1e-16)
         error = np.mean(self.end_error(range_m, oversampling), axis=0)
         side = np.ones(round(len(error) ** (1 / n_axes)))
         side[[0, -1]] = 0.5  # they stand for half as much of the image

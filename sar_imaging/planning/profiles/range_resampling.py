@@ -107,12 +107,12 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
     periodic : bool
         The samples are a period, which no zeros may extend.
     """
-    slope = paths.derivatives[0]
-    if slope.min() <= 0:
+    slope = paths.of_lit(paths.derivatives[0])
+    if not slope.size or slope.min() <= 0:
         return None
     middle = 0.5 * float(slope.min() + slope.max())
     pitch, errors = spacing * middle, _expansion_errors(paths, radar)
-    slope = slope[_some_rows(len(slope))]
+    slope = _slopes_of_some(paths)
     longest = next((s for s in reversed(_SEGMENTS) if s >= n_line), _SEGMENTS[0])
     for phases in range(1, _MAX_PHASES + 1):
         n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, phases,
@@ -150,8 +150,7 @@ def resampling_error_db(lattice: RangeResampling, paths: Paths, radar: RadarPara
 
     It is inf where pixels drift further than the lattice was made for.
     """
-    slope = paths.derivatives[0]
-    drift = _drift(lattice, slope[_some_rows(len(slope))])
+    drift = _drift(lattice, _slopes_of_some(paths))
     if drift.max() > lattice.interpolator.margin + _DRIFT_SLACK:
         return math.inf
     return _predicted_db(lattice, _drifting_db(lattice, drift), _expansion_errors(paths, radar))
@@ -173,6 +172,12 @@ def _predicted_db(lattice, interpolation_db, errors) -> float:
                                         for power, error in errors))
 
 
+def _slopes_of_some(paths: Paths) -> np.ndarray:
+    rows = _some_rows(len(paths.length))
+    slope = paths.of_lit(paths.derivatives[0][rows], rows)
+    return slope if slope.size else paths.of_lit(paths.derivatives[0])
+
+
 def _some_rows(n: int) -> np.ndarray:
     return np.linspace(0, n - 1, min(n, _ROWS_FOR_ERRORS)).round().astype(int)
 
@@ -185,7 +190,8 @@ def _from_shared(paths: Paths) -> list[np.ndarray]:
     first, stop = np.take(paths.parts, part - 1), np.append(paths.parts, n)[part]
     start = first + (rows - first) // ROWS_PER_PASS * ROWS_PER_PASS
     middle = start + np.minimum(stop - start, ROWS_PER_PASS) // 2
-    return [d[rows] - d[middle] for d in paths.derivatives]
+    found = [paths.of_lit(d[rows] - d[middle], rows) for d in paths.derivatives]
+    return found if found[0].size else [np.zeros(1)] * len(found)
 
 
 def _rms(values) -> float:
@@ -205,8 +211,9 @@ def _expansion_errors(paths, radar):
                for n, d in enumerate(_from_shared(paths)[:3]))
     quartic = np.hypot(a ** 4 / 24 - b ** 2 / 2 - a * c, a ** 2 * b / 2) / 8 / math.sqrt(2)
     quintic = np.hypot(a ** 3 * b / 6, a ** 5 / 120 - a * b ** 2 / 2 - a ** 2 * c / 2) / 4
-    return ((3, band / math.sqrt(7) / 6 * _rms(paths.derivatives[2])),
-            (4, k / 3 / 24 * _rms(paths.derivatives[3])), (4, _rms(quartic)), (5, _rms(quintic)))
+    third, fourth = (_rms(paths.of_lit(d)) for d in paths.derivatives[2:])
+    return ((3, band / math.sqrt(7) / 6 * third), (4, k / 3 / 24 * fourth), (4, _rms(quartic)),
+            (5, _rms(quintic)))
 
 
 def plan_point_resampling(radar: RadarParameters, n_samples: int, target_db: float

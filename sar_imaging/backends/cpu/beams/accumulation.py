@@ -58,8 +58,24 @@ def sum_cells(b, index, size, along, across, work, weights, source, target, apar
     as a polynomial of the index; `across` first the two of the drift between beams, then, from
     degree 0, the two of that by how much of the second order the sum is turned.
     """
+    _sum_cells(b, index, size, along, across, work, weights, source, target, apart)
+
+
+@instructions(None, _u, None, None, None, _u, _u, _u, _u, None)
+def sum_lit_cells(b, index, size, along, across, work, weights, source, target, apart, lit):
+    """As `sum_cells`, of echoes whose amplitude is a parabola of their phase from beam to beam.
+
+    `lit` holds, from degree 0, the two coefficients by index of A, of B and of C: the sum is A
+    times the beams', less j B times their first derivative, less C times their second one.
+    """
+    _sum_cells(b, index, size, along, across, work, weights, source, target, apart, lit)
+
+
+def _sum_cells(b, index, size, along, across, work, weights, source, target, apart, lit=None):
     v1, v2, v3 = (b.spread(b.extract_value(along, i), _WIDTH) for i in range(3))
     u1, u2, bend, bend1 = (b.spread(b.extract_value(across, i), _WIDTH) for i in range(4))
+    if lit is not None:
+        lit = [b.spread(b.extract_value(lit, i), _WIDTH) for i in range(6)]
     with cgutils.for_range_slice(b, INT(0), size, INT(2 * _WIDTH), inc=True) as (pixel, _):
         numbers = [_load(b, index, pixel, at) for at in _VECTORS]
         drifts = [f * (v1 + f * (v2 + f * v3)) for f in numbers]
@@ -77,6 +93,12 @@ def sum_cells(b, index, size, along, across, work, weights, source, target, apar
             t, c = f * (u1 + f * u2), bend + f * bend1
             re = re0 + t * (re1 + t * re2) + -c * im2
             im = im0 + t * (im1 + t * im2) + c * re2
+            if lit is not None:
+                # of the second derivative the weights hold half
+                one, two = lit[2] + f * lit[3], (lit[4] + f * lit[5]) * -2.0
+                whole, twice = lit[0] + f * lit[1], t + t
+                re, im = (whole * re + one * (im1 + twice * im2) + two * re2,
+                          whole * im + -one * (re1 + twice * re2) + two * im2)
             _store(b, work, b.add(target, b.add(pixel, INT(at))), apart, (re, im))
 
 

@@ -12,7 +12,7 @@ from ....planning.afbp.beam_gain import BEAM_TAPS
 from ....planning.afbp.beams import CELL_TAPS
 from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
 from ..threads import take_job
-from .accumulation import STORED, TILE, fetch, sum_beams, sum_cells
+from .accumulation import STORED, TILE, fetch, sum_beams, sum_cells, sum_lit_cells
 
 ALIGNED = 8  # cells of a line of the cache
 _PIECES = 32  # of a job
@@ -33,7 +33,8 @@ def work_size(segment: int) -> int:
 
 @njit(parallel=True, fastmath=DETERMINISTIC)
 def interpolate_beams(beams, shape, lines, centre, track, range_m, direction, cycles_per_m,
-                      zero_cycles, curvature, between, along, index, image, work, jobs):
+                      zero_cycles, curvature, between, along, index, image, work, jobs, lit,
+                      lit_apart):
     """Interpolate beams to the lines of a polar image at range baseband.
 
     `backends.reference.interpolate_beams` has the formula. Within a segment of a line the places
@@ -69,6 +70,11 @@ def interpolate_beams(beams, shape, lines, centre, track, range_m, direction, cy
         whole vectors.
     work, jobs : (T * work_size(segment),) float32, int
         Work space of T tasks, and the address of a `job_counter`.
+    lit : (n_lines, K, 3) float32 or None
+        Amplitude of echoes by their phase from beam to beam, `lit_lines.parabolas`; None where all
+        pixels are lit alike.
+    lit_apart : int
+        Segments between its knots.
     """
     n_beams, n_cells, n_lines, n_pixels, segment = shape
     n_mixed = len(index)
@@ -125,8 +131,16 @@ def interpolate_beams(beams, shape, lines, centre, track, range_m, direction, cy
                 source = _u(2 * (row * n_cells + start))
                 fetch(beams, source + _u(BEAM_TAPS) * apart, _u(2 * n_mixed))  # for the next line
                 sum_beams(beams, source, apart, part, work, w, mixed)
-                sum_cells(index, _u(segment), (v1, v2, v3), (u1, u2, bend, bend1), work,
-                          w + _u(3 * STORED), mixed + _u(place - start), sums, part)
+                if lit is None:
+                    sum_cells(index, _u(segment), (v1, v2, v3), (u1, u2, bend, bend1), work,
+                              w + _u(3 * STORED), mixed + _u(place - start), sums, part)
+                else:
+                    a0, a1 = _along_segment(lit, line, number, lit_apart, segment, 0)
+                    b0, b1 = _along_segment(lit, line, number, lit_apart, segment, 1)
+                    q0, q1 = _along_segment(lit, line, number, lit_apart, segment, 2)
+                    sum_lit_cells(index, _u(segment), (v1, v2, v3), (u1, u2, bend, bend1), work,
+                                  w + _u(3 * STORED), mixed + _u(place - start), sums, part,
+                                  (a0, a1, b0, b1, q0, q1))
                 some = _u(min(segment, n_pixels - number * segment))
                 real = _u(line * n_pixels + number * segment)
                 imag = real + _u(n_lines * n_pixels)
@@ -140,6 +154,15 @@ def interpolate_beams(beams, shape, lines, centre, track, range_m, direction, cy
                     image[real + i] = re * cosine - im * sine
                     image[imag + i] = re * sine + im * cosine
             job = take_job(jobs)
+
+
+@njit(inline='always')
+def _along_segment(lit, line, number, apart, segment, order):
+    """Value in the middle of a segment, and growth from pixel to pixel, between two knots."""
+    knot = number // apart
+    grown = (lit[line, knot + 1, order] - lit[line, knot, order]) / np.float32(apart)
+    share = np.float32(number - knot * apart + 0.5)
+    return lit[line, knot, order] + share * grown, grown / np.float32(segment)
 
 
 @njit(inline='always')

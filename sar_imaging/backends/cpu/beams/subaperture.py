@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from ....compilation import numba
+from ....geometry.illumination import Illumination
 from ....planning.afbp.beam_gain import DEGREE, bins_per_run
 from ....planning.afbp.beam_geometry import grid_edges
 from ....planning.afbp.subapertures import SubaperturePlan
@@ -25,6 +26,7 @@ from ..threads import job_counter
 from . import interpolation as reading
 from .accumulation import CELL_TAPS
 from .forming import SpectrumBins, form_beams
+from .lit_lines import LitLines
 from .paths import CompiledBeamGeometry
 
 _PAGE, _STRIDE = 512, 40  # complex samples
@@ -56,9 +58,12 @@ class BeamformedSubaperture:
         self._lines = segment_middles(polar_positions(polar), np.arange(polar.n_alpha),
                                       polar.n_range, sampling.segment)
         self._edges = grid_edges(polar)
+        self._lit = plan.lit and LitLines(polar, plan.lit.apart * sampling.segment)
+        self._lit_apart = 0 if plan.lit is None else plan.lit.apart
 
-    def fill(self, samples, tx_m, rx_m, image, weights=None) -> None:
-        """Image of some echoes at range baseband; image and weights as of `PolarLines.fill`.
+    def fill(self, samples, tx_m, rx_m, image, weights=None,
+             illumination: Illumination | None = None) -> None:
+        """Image of some echoes at range baseband; the arguments are those of `PolarLines.fill`.
 
         Raises
         ------
@@ -74,7 +79,9 @@ class BeamformedSubaperture:
         directions = start + spacing * np.arange(n_beams)
         paired = geometry.uneven(tx_m, rx_m) < self._sampling.uneven_m
         beams = self._beams(samples, geometry.beam_path(tx_m, rx_m, directions), paired, weights)
-        self._read(beams, geometry, start, spacing, image)
+        lit = self._lit and self._lit.parabolas(illumination, geometry, (tx_m, rx_m), directions,
+                                                self._per_metre)
+        self._read(beams, geometry, start, spacing, image, lit)
 
     def _beams(self, samples, path, paired, weights) -> np.ndarray:
         """(M, n_cells) complex64 beams at range baseband, valid until the next call."""
@@ -90,7 +97,7 @@ class BeamformedSubaperture:
         beams[:, self._known[1]:] = 0.0
         return beams
 
-    def _read(self, beams, geometry, start, spacing, image) -> None:
+    def _read(self, beams, geometry, start, spacing, image, lit) -> None:
         polar, sampling, source = self._polar, self._sampling, self._source
         segment = sampling.segment
         cycles_per_m = self._per_metre
@@ -106,7 +113,7 @@ class BeamformedSubaperture:
             np.array([start, spacing]), cycles_per_m, -cycles_per_m * source.phase_range_m,
             np.array([1 / geometry.range_m, bend]), _table(sampling.between.interpolator),
             _table(sampling.along), index, image.reshape(-1), work,
-            jobs.ctypes.data)
+            jobs.ctypes.data, lit, self._lit_apart)
 
 
 def _uncrowded(n_cells: int) -> int:

@@ -17,7 +17,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....compilation import njit, numba
+from ....geometry.illumination import Illumination
 from ....planning.exact.points import ImagePoints, PointPlan
+from ..illumination import LitEchoes, dark_sphere, two_way_amplitude
 from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
 from ..memory import WorkSpace
 from ..profiles import Profiles
@@ -33,7 +35,8 @@ _B0, _B1, _B2, _B3, _B4, _B5 = (np.float32(v) for v in (
 
 
 def project_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m, rx_m, image,
-                   memory: WorkSpace | None = None) -> None:
+                   memory: WorkSpace | None = None, illumination: Illumination | None = None
+                   ) -> None:
     """Add echoes to the points of an image.
 
     Parameters
@@ -50,6 +53,8 @@ def project_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m
         Real and imaginary parts to add to, in turn; changed in place.
     memory : WorkSpace, optional
         For the profiles.
+    illumination : Illumination, optional
+        Of the echoes.
     """
     profiles = Profiles(plan.window, plan.lattice, plan.range_m, memory)
     work = _work_space()
@@ -61,7 +66,16 @@ def project_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m
                 coefficients.reshape(-1), coefficients.shape[:2], tx_m[rows], rx_m[rows],
                 *points.coordinates, points.strides, points.size, plan.tile,
                 profiles.range_at(0), plan.lattice.step_m, profiles.cycles_per_step,
-                profiles.cycles_at(0), plan.reach_m, part, *work)
+                profiles.cycles_at(0), plan.reach_m, part, *work, *_lit(plan, illumination, rows))
+
+
+def _lit(plan: PointPlan, illumination: Illumination | None, rows: slice) -> tuple:
+    """Arguments of the compiled loop that tell amplitudes; none where all are lit alike."""
+    if illumination is None:
+        return (None,) * 6
+    lit = LitEchoes.of(illumination.select(rows))
+    n = numba.get_num_threads() * _GROUPS_PER_THREAD * TILE
+    return lit, lit.ends, int(plan.lit.each), *np.empty((3, n), np.float32)
 
 
 def _work_space() -> tuple[np.ndarray, ...]:
@@ -74,7 +88,7 @@ def _work_space() -> tuple[np.ndarray, ...]:
 @njit(parallel=True)
 def _project_points(coefficients, shape, tx, rx, xs, ys, zs, strides, size, tile, range_zero, step,
                     cycles_per_step, cycles_zero, reach, image, places, offsets, index, part,
-                    cycles, real, imag, columns):
+                    cycles, real, imag, columns, lit, ends, each, amplitude, down, across):
     """Tile by tile of the points of `ImagePoints`; free of views, see `line_kernels`.
 
     `coefficients` are those of each interval side by side, the first and the last ones zero; half
@@ -123,7 +137,30 @@ def _project_points(coefficients, shape, tx, rx, xs, ys, zs, strides, size, tile
                 offsets[oo + k] = x * x + y * y + z * z
                 real[to + k] = 0.0
                 imag[to + k] = 0.0
+            alone = 0
+            if lit is not None:
+                bottom, right = min(top + height, n_y) - 1, min(left + width, n_x) - 1
+                alone = each | _unknown_corner(xs, ys, zs, strides, top, left, bottom, right)
+                for k in range(count):
+                    down[to + k] = np.float32(np.int64(k) // width / max(bottom - top, 1))
+                    across[to + k] = np.float32(np.int64(k) % width / max(right - left, 1))
             for row in range(n_rows):
+                if lit is not None:
+                    if dark_sphere(lit, ends, row, cx, cy, cz, radius) == 1:
+                        continue
+                    if alone == 1:
+                        for k in range(count):
+                            amplitude[to + k] = two_way_amplitude(
+                                lit, row, places[px + k], places[py + k], places[pz + k])
+                    else:
+                        w0 = _amplitude_at(lit, row, xs, ys, zs, strides, top, left)
+                        w1 = _amplitude_at(lit, row, xs, ys, zs, strides, top, right) - w0
+                        w2 = _amplitude_at(lit, row, xs, ys, zs, strides, bottom, left) - w0
+                        w3 = _amplitude_at(lit, row, xs, ys, zs, strides, bottom, right) - w0
+                        w3 -= w1 + w2
+                        for k in range(count):
+                            amplitude[to + k] = w0 + across[to + k] * w1 + down[to + k] * (
+                                w2 + across[to + k] * w3)
                 ax, ay, az, da = _vector(tx, row, cx, cy, cz)
                 bx, by, bz, db = _vector(rx, row, cx, cy, cz)
                 if radius < min(reach, min(da, db) * (1.0 / NEAREST)):
@@ -175,6 +212,8 @@ def _project_points(coefficients, shape, tx, rx, xs, ys, zs, strides, size, tile
                         columns[i2 + k] + t * columns[i3 + k]))
                     c = cycles[to + k]
                     sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
+                    if lit is not None:
+                        re, im = re * amplitude[to + k], im * amplitude[to + k]
                     real[to + k] += re * cosine - im * sine
                     imag[to + k] += re * sine + im * cosine
             for i in range(top, min(top + height, n_y)):
@@ -184,6 +223,23 @@ def _project_points(coefficients, shape, tx, rx, xs, ys, zs, strides, size, tile
                         k = np.uint64((i - top) * width + j - left)
                         image[2 * (i * n_x + j)] += real[to + k]
                         image[2 * (i * n_x + j) + 1] += imag[to + k]
+
+
+@njit(inline='always')
+def _unknown_corner(xs, ys, zs, strides, top, left, bottom, right):
+    """1 where a corner of a tile has no position."""
+    for i in range(top, bottom + 1, max(bottom - top, 1)):
+        for j in range(left, right + 1, max(right - left, 1)):
+            x, y, z = _place(xs, ys, zs, strides, i, j)
+            if x + y + z != x + y + z:
+                return 1
+    return 0
+
+
+@njit(inline='always')
+def _amplitude_at(lit, row, xs, ys, zs, strides, i, j):
+    x, y, z = _place(xs, ys, zs, strides, i, j)
+    return np.float32(two_way_amplitude(lit, row, x, y, z))
 
 
 @njit(inline='always')

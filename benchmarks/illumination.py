@@ -1,0 +1,180 @@
+"""Illumination: what it saves and costs, a spaceborne stripmap, and predictions at random.
+
+- speed: exact backprojection along lines and point by point, and AFBP, with an antenna that lights
+  everything and with one that lights a strip; process time on one thread, in pairs with the same
+  image without illumination;
+- stripmap: 30 s from orbit with 0.64 s in the beam, block by block, against the closed form;
+- campaign: random radars, tracks, maps, patterns and pointings; errors against weighted
+  correlation less those predicted.
+
+Run from the repository root: ``python -m benchmarks.illumination speed stripmap campaign``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import pathlib
+import time
+
+import numba
+import numpy as np
+
+from sar_imaging.geometry import MapGrid
+from sar_imaging.geometry.illumination import AntennaPattern, PatternCut, Pointing
+from sar_imaging.imaging.correlation import correlate_profiles
+from sar_imaging.imaging.imager import plan_image
+from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters
+from sar_imaging.simulation.trials.random_cases import random_case
+
+from .support.machine import machine
+from .support.stripmap import Stripmap
+
+RESULTS = pathlib.Path(__file__).parent / 'results' / 'illumination.json'
+_ROUNDS = 9
+_CAMPAIGN, _PIXELS = 60, 400
+_AMBIGUOUS = 'ambiguous'
+
+
+def _clutter(n_pulses, size, spacing_m, length_m, range_m=5000.0) -> tuple[PulseBlock, MapGrid]:
+    rng, n = np.random.default_rng(0), 2400
+    centres = np.zeros((n_pulses, 1, 3))
+    centres[:, 0, 0] = np.linspace(-length_m / 2, length_m / 2, n_pulses)
+    centres[:, 0, 2] = 1000.0
+    radar = RadarParameters(9.6e9, 200e6, 300e6, 2 * (range_m - 400) / SPEED_OF_LIGHT)
+    spectrum = np.fft.fft(rng.normal(size=(n_pulses, 1, n)))
+    spectrum[..., np.abs(np.fft.fftfreq(n)) > 1 / 3] = 0
+    number = np.arange(n_pulses)
+    pointing = Pointing.beside_track(centres[:, 0], 1, 0.2)
+    return PulseBlock(radar, True, number, number, np.fft.ifft(spectrum), centres, centres,
+                      pointing=pointing), MapGrid((0.0, range_m, 0.0), size, size, spacing_m)
+
+
+def _paired(lit, bare, block) -> tuple[float, float, float]:
+    """Shortest times of both, seconds, and the median of their ratios."""
+    seconds = np.empty((_ROUNDS, 2))
+    lit(block), bare(block)
+    for row in seconds:
+        for i, imager in enumerate((lit, bare)):
+            begin = time.process_time()
+            imager(block)
+            row[i] = time.process_time() - begin
+    return *seconds.min(axis=0), float(np.median(seconds[:, 0] / seconds[:, 1]))
+
+
+def speed() -> list[dict]:
+    """Time with illumination over that without, of the whole image and per lit pixel."""
+    numba.set_num_threads(1)
+    found = []
+    for name, method, target_db, case, widths, more in (
+            ('exact, lines', 'exact', -60.0, (256, 1024, 0.5, 80.0), (0.6, 0.02), {}),
+            ('exact, points', 'exact', -60.0, (48, 768, 0.5, 40.0), (0.6, 0.02), {'height': 1}),
+            ('AFBP', 'afbp', -50.0, (2048, 768, 0.4, 400.0), (0.6, 0.06), {})):
+        block, grid = _clutter(*case)
+        more = {'height_m': np.zeros(grid.shape)} if more else {}
+        for width in widths:
+            pattern = AntennaPattern(PatternCut.sinc(width), PatternCut.gaussian(0.9))
+            args = dict(method=method, target_db=target_db, **more)
+            lit = plan_image(grid, block.radar, block.n_samples, illumination=pattern, **args)
+            bare = plan_image(grid, block.radar, block.n_samples, **args)
+            seconds, without, ratio = _paired(lit, bare, block)
+            plan = lit.report.plan
+            way = getattr(plan, 'way', None)
+            share = way.lit.share if way else len(
+                plan.subapertures.lit.seen) / plan.subapertures.n_subapertures
+            found.append({'case': name, 'width_rad': width, 'lit_share': share,
+                          'seconds': seconds, 'seconds_without': without, 'ratio': ratio,
+                          'predicted_ratio': lit.report.seconds / bare.report.seconds})
+            print(found[-1], flush=True)
+    return found
+
+
+def stripmap() -> dict:
+    """A strip of 20 km by 5 km from 30 s of a satellite's flight."""
+    strip = Stripmap(carrier_hz=9.6e9, bandwidth_hz=30e6, repetition_hz=4000.0, in_beam_s=0.64,
+                     n_samples=1536)
+    grid = MapGrid(strip.target_m, 4000, 1000, 5.0)
+    imager = plan_image(grid, strip.radar, strip.n_samples, method='exact', target_db=-50.0,
+                        illumination=strip.pattern)
+    image, begin, cpu, imaging = imager.new_image(), time.perf_counter(), 0.0, 0.0
+    for block in strip.blocks(4096):
+        start, process = time.perf_counter(), time.process_time()
+        imager.accumulate(block, image)
+        imaging += time.perf_counter() - start
+        cpu += time.process_time() - process
+    line = image.samples[grid.n_y // 2]
+    middle = grid.n_x // 2 - (grid.n_x + 1) % 2
+    near = slice(middle - 20, middle + 21)
+    offset = grid.x_m[near] - strip.target_m[0]
+    measured, theory = strip.width_m(offset, np.abs(line[near])), strip.width_m(
+        np.linspace(-40, 40, 4001), np.abs(strip.response(np.linspace(-40, 40, 4001))))
+    pulses = strip.n_pulses
+    return {'pulses': pulses, 'seconds_of_flight': strip.seconds, 'pixels': image.samples.size,
+            'imaging_s': imaging, 'process_s': cpu, 'all_s': time.perf_counter() - begin,
+            'nanoseconds_per_lit_pixel': cpu * 1e9 / (image.samples.size * pulses
+                                                      * strip.lit_share(grid)),
+            'lit_share': strip.lit_share(grid), 'width_m': measured, 'theory_m': theory}
+
+
+def campaign() -> dict:
+    """Error less prediction of random cases by exact backprojection and AFBP."""
+    found, refused, seed = [], 0, 50_000
+    while len(found) < _CAMPAIGN:
+        seed += 1
+        case, rng = random_case(seed), np.random.default_rng(seed)
+        block = case.profiles
+        centre, target = block.phase_centre_m, np.array(case.grid.centre_m)
+        distance = np.linalg.norm(target - centre.mean(axis=0))
+        angle = case.grid.spacing_m * max(case.grid.shape) / distance
+        pattern = AntennaPattern(
+            [PatternCut.sinc, PatternCut.gaussian, PatternCut.cosine,
+             PatternCut.uniform][seed % 4](min(angle * rng.uniform(0.3, 3.0), 0.9)))
+        look = target - centre.mean(axis=0)
+        turn = angle * rng.uniform(-0.5, 0.5) * np.linspace(-1, 1, len(centre))
+        pointing = (Pointing.steered(centre, target), Pointing(np.tile(look, (len(centre), 1))),
+                    Pointing(look + np.cross([0, 0, 1.0], look) * turn[:, None]))[seed % 3]
+        block = PulseBlock(block.radar, True, block.stamp_ns, block.counter, block.samples,
+                           block.tx_m, block.rx_m, pointing=pointing)
+        for method in ('exact', 'afbp'):
+            target_db = float(rng.uniform(-75, -45))
+            try:
+                image = plan_image(case.grid, block.radar, block.n_samples, method=method,
+                                   target_db=target_db, illumination=pattern)(block)
+            except ValueError:
+                refused += 1
+                continue
+            points = case.grid.points().reshape(-1, 3)
+            some = rng.choice(len(points), min(_PIXELS, len(points)), replace=False)
+            expected, covered = correlate_profiles(block, points[some], illumination=pattern)
+            power = (np.abs(expected[covered]) ** 2).sum()
+            if power == 0:
+                continue
+            wrong = (np.abs(image.samples.ravel()[some] - expected)[covered] ** 2).sum()
+            error_db = 10 * math.log10(wrong / power + 1e-20)
+            found.append({
+                'seed': seed, 'method': method, 'target_db': target_db, 'error_db': error_db,
+                'excess_db': error_db - image.report.predicted_error_db,
+                'illumination_db': image.report.errors_db['illumination'],
+                'warned': any(_AMBIGUOUS not in w for w in image.report.warnings)})
+            print(found[-1], flush=True)
+    excess = np.array([f['excess_db'] for f in found])
+    silent = np.array([not f['warned'] for f in found])
+    return {'cases': len(found), 'refused': refused, 'median_db': float(np.median(excess)),
+            'worst_db': float(excess.max()), 'above_3_db_without_warning': int(
+                (excess[silent] > 3.0).sum()), 'all': found}
+
+
+def main() -> None:
+    """Run parts and write what they found."""
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parts = {'speed': speed, 'stripmap': stripmap, 'campaign': campaign}
+    parser.add_argument('parts', nargs='+', choices=parts)
+    results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    for name in parser.parse_args().parts:
+        results |= {name: parts[name](), 'machine': machine()}
+        RESULTS.write_text(json.dumps(results, indent=1) + '\n')
+
+
+if __name__ == '__main__':
+    main()

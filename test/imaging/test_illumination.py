@@ -1,0 +1,189 @@
+"""Images with illumination against weighted correlation, by every method and pointing."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from benchmarks.support.stripmap import Stripmap
+from sar_imaging.backends import cpu, reference
+from sar_imaging.geometry import MapGrid
+from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
+from sar_imaging.imaging.correlation import correlate_profiles
+from sar_imaging.imaging.imager import plan_image
+from sar_imaging.planning.afbp.subapertures import plan_subapertures
+from sar_imaging.planning.exact.lit_lines import plan_lit_lines
+from sar_imaging.planning.exact.polar_image import positions_of
+from sar_imaging.planning.polar_cover import cover_map
+from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters
+
+RANGE_M = 800.0
+RADAR = RadarParameters(9.6e9, 150e6, 225e6, 2 * (RANGE_M - 100) / SPEED_OF_LIGHT)
+N_SAMPLES = 384
+GRID = MapGrid((0.0, RANGE_M, 0.0), 96, 96, 0.5)
+PATTERNS = {'narrow': AntennaPattern(PatternCut.sinc(0.04), PatternCut.gaussian(0.2)),
+            'wide': AntennaPattern(PatternCut.gaussian(0.3)),
+            'flat': AntennaPattern(PatternCut.uniform(0.05, 0.02), PatternCut.cosine(0.3))}
+
+
+def _block(pointing, n_pulses=256, n_channels=1, length_m=60.0, seed=0):
+    """Clutter, as noise in the band of the radar, from a straight track."""
+    rng = np.random.default_rng(seed)
+    centres = np.zeros((n_pulses, n_channels, 3))
+    centres[..., 0] = np.linspace(-length_m / 2, length_m / 2, n_pulses)[:, None]
+    centres[..., 2] = 150.0
+    rx = centres + [[[0.2 * c, 0.0, 0.0] for c in range(n_channels)]]
+    bins = rng.normal(size=(2, n_pulses, n_channels, N_SAMPLES))
+    spectrum = bins[0] + 1j * bins[1]
+    spectrum[..., np.abs(np.fft.fftfreq(N_SAMPLES)) > 1 / 3] = 0
+    samples = np.fft.ifft(spectrum).astype(np.complex64)
+    number = np.arange(n_pulses)
+    return PulseBlock(RADAR, True, number * 1_000_000, number, samples, centres, rx,
+                      pointing=pointing(centres[:, 0], number / n_pulses))
+
+
+POINTINGS = {
+    'beside': lambda c, t: Pointing.beside_track(c, 1, 0.18),
+    'squinted': lambda c, t: Pointing.beside_track(c, 1, 0.18, 0.015),
+    'steered': lambda c, t: Pointing.steered(c, (3.0, RANGE_M, 0.0)),
+    'rotating': lambda c, t: Pointing.rotating(t, 0.05, math.pi / 2 - 0.02, 0.18),
+}
+
+
+def _error_db(image, block, pattern, n=200):
+    points = GRID.points().reshape(-1, 3)
+    some = np.random.default_rng(1).choice(len(points), n, replace=False)
+    expected, covered = correlate_profiles(block, points[some], illumination=pattern)
+    assert covered.all()
+    wrong = image.samples.ravel()[some] - expected
+    return 10 * np.log10((np.abs(wrong) ** 2).sum() / (np.abs(expected) ** 2).sum())
+
+
+@pytest.mark.parametrize('pointing', POINTINGS)
+@pytest.mark.parametrize('method, target_db', [('exact', -60.0), ('afbp', -50.0)])
+def test_images_keep_their_prediction(pointing, method, target_db):
+    block = _block(POINTINGS[pointing], 192, 2, 40.0)
+    for pattern in PATTERNS.values():
+        image = plan_image(GRID, RADAR, N_SAMPLES, method=method, target_db=target_db,
+                           illumination=pattern)(block)
+        report = image.report
+        assert report.errors_db['illumination'] < target_db
+        assert report.predicted_error_db <= target_db
+        # as images of few pixels agree with predictions for large ones
+        assert _error_db(image, block, pattern) <= report.predicted_error_db + 2.0
+        assert 'illumination' in str(report) and not report.warnings
+
+
+@settings(max_examples=4)
+@given(seed=st.integers(0, 99), width=st.floats(0.03, 0.4), squint=st.floats(-0.02, 0.02),
+       target_db=st.sampled_from([-40.0, -60.0]), direct=st.booleans())
+def test_subaperture_images_are_those_of_the_formula(seed, width, squint, target_db, direct):
+    block = _block(lambda c, t: Pointing.beside_track(c, 1, 0.18, squint), 128, 2, 30.0, seed)
+    pattern = AntennaPattern(PatternCut.sinc(width), PatternCut.gaussian(0.3))
+    lit = Illumination.of_pulses(pattern, block.pointing, block.tx_m, block.rx_m)
+    rows = block.tx_m.reshape(-1, 3), block.rx_m.reshape(-1, 3)
+    polar = cover_map(GRID, *rows, RADAR, N_SAMPLES, -50.0, -50.0, fused=True,
+                      illumination=lit).polar
+    plan = plan_subapertures(polar, RADAR, N_SAMPLES, block.tx_m, block.rx_m,
+                             target_db=target_db, illumination=lit)
+    if direct and plan.beams is not None:
+        plan = dataclasses.replace(plan, beams=None, lit=dataclasses.replace(
+            plan.lit, lines=_knots(plan, lit)))
+    number = len(plan.sampling.pulses) // 2
+    some = block.select(plan.sampling.pulses[number])
+    found, expected = (b.SubapertureImager(plan).image(number, some) for b in (cpu, reference))
+    error = ((found - expected) ** 2).sum() / (expected ** 2).sum()
+    # What compiled code approximates beyond the formula is a part of the sub-apertures' error.
+    allowed_db = max(plan.errors_db['sub-aperture images'], plan.errors_db['illumination'], -95.0)
+    assert 10 * np.log10(error) <= allowed_db + 6.0
+
+
+def _knots(plan, lit):
+    return plan_lit_lines(lit, positions_of(plan.coarse), *plan.coarse.shape,
+                          plan.lattice.segment, 0.3, -90.0)
+
+
+def test_dark_subapertures_take_no_time_and_the_quicker_method_is_found():
+    """A strip of which each pulse lights a part: both methods count what is lit."""
+    block = _block(POINTINGS['beside'], 512, length_m=240.0)
+    pattern = PATTERNS['narrow']
+    lit, bare = (plan_image(GRID, RADAR, N_SAMPLES, block.tx_m, block.rx_m, target_db=-50.0,
+                            method='afbp', **more).report for more in (
+        {'illumination': pattern, 'pointing': block.pointing}, {}))
+    plan = lit.plan.subapertures
+    assert 0 < len(plan.lit.seen) < plan.n_subapertures and lit.seconds < bare.seconds
+    exact = plan_image(GRID, RADAR, N_SAMPLES, block.tx_m, block.rx_m, target_db=-50.0,
+                       method='exact', illumination=pattern, pointing=block.pointing)
+    assert exact.report.seconds < plan_image(GRID, RADAR, N_SAMPLES, block.tx_m, block.rx_m,
+                                             target_db=-50.0, method='exact').report.seconds
+    image = plan_image(GRID, RADAR, N_SAMPLES, illumination=pattern, target_db=-50.0,
+                       method='afbp')(block)
+    assert _error_db(image, block, pattern) <= image.report.predicted_error_db + 2.0
+
+
+def test_images_grow_block_by_block():
+    block, pattern = _block(POINTINGS['rotating']), PATTERNS['narrow']
+    imager = plan_image(GRID, RADAR, N_SAMPLES, method='exact', illumination=pattern)
+    image = imager.new_image()
+    for start in range(0, block.n_pulses, 64):
+        imager.accumulate(block.select(slice(start, start + 64)), image)
+    assert _error_db(image, block, pattern) <= -60.0 + 2.0
+
+
+def test_wrong_use_is_told():
+    block = _block(POINTINGS['beside'], 64)
+    imager = plan_image(GRID, RADAR, N_SAMPLES, illumination=PATTERNS['narrow'])
+    with pytest.raises(ValueError, match='Pointing.beside_track'):
+        imager(dataclasses.replace(block, pointing=None))
+
+    class Bare:
+        Backprojection = SubapertureImager = SpectrumFusion = form_map = print
+
+    with pytest.raises(ValueError, match='knows no illumination'):
+        plan_image(GRID, RADAR, N_SAMPLES, illumination=PATTERNS['narrow'], backend=Bare())
+    # As the antenna turns, a pulse or two light a pixel: no sub-aperture is short enough.
+    turning = dataclasses.replace(block, pointing=Pointing.rotating(np.arange(64), 0.2, 0.5))
+    with pytest.raises(ValueError, match='use exact backprojection'):
+        plan_image(GRID, RADAR, N_SAMPLES, illumination=PATTERNS['narrow'], target_db=-60.0,
+                   method='afbp')(turning)
+
+
+def test_a_spaceborne_stripmap_is_that_of_the_closed_form():
+    """30 s of flight, 0.64 s in the beam: azimuth width, peak, and contrast over noise."""
+    strip = Stripmap(carrier_hz=1.25e9, bandwidth_hz=1.5e6, repetition_hz=300.0, in_beam_s=0.64,
+                     n_samples=160)
+    [block] = strip.blocks(strip.n_pulses)
+    offset = np.linspace(-40, 40, 161)
+    line = np.array(strip.target_m) + offset[:, None] * [1.0, 0.0, 0.0]
+    imager = plan_image(line, strip.radar, strip.n_samples, method='exact', target_db=-60.0,
+                        illumination=strip.pattern)
+    found, expected = np.abs(imager(block).samples), np.abs(strip.response(offset))
+    # Of pulses 23 m apart and angles of 4 mrad the sum is the integral to a thousandth or so.
+    np.testing.assert_allclose(found, expected, atol=2e-3 * expected.max())
+    assert strip.width_m(offset, found) == pytest.approx(strip.width_m(offset, expected), rel=5e-3)
+    assert not imager.report.warnings  # dark pairs leave the profiles, lit ones do not
+
+    # Noise: power sum(w^2) = 3/8 n_lit with the pattern, n without: the contrast grows by
+    # (sum w^2)^2 / sum(w^2) over (sum w)^2 / n, that is 3/2 n / n_lit.
+    grid = MapGrid(strip.target_m, 64, 32, 25.0)
+    [noise] = strip.blocks(strip.n_pulses, noise=1.0, amplitude=0.0)
+    [echo] = strip.blocks(strip.n_pulses)
+    contrast = []
+    for pattern in (strip.pattern, None):
+        imager = plan_image(grid, strip.radar, strip.n_samples, method='exact', target_db=-60.0,
+                            illumination=pattern)
+        power = np.mean(np.abs(imager(noise).samples) ** 2)
+        imager = plan_image(line[80:81], strip.radar, strip.n_samples, method='exact',
+                            target_db=-60.0, illumination=pattern)
+        contrast.append(np.abs(imager(echo).samples[0]) ** 2 / power)
+    # Without a pattern the pulses count whose profiles reach the middle of the map.
+    first = strip.radar.range_start_m
+    last = first + (strip.n_samples - 1) * strip.radar.sample_spacing_m
+    path = np.linalg.norm(block.tx_m[:, 0] - strip.target_m, axis=1)
+    n_reached = ((first < path) & (path < last)).sum()
+    growth = 1.5 * n_reached / (strip.in_beam_s * strip.repetition_hz)
+    # of some hundred independent pixels the mean power is known to a few per cent
+    assert contrast[0] / contrast[1] == pytest.approx(growth, rel=0.15)
+    assert growth > 50
