@@ -16,7 +16,7 @@ import numpy as np
 
 from ...compilation import njit, numba
 from ...planning.interpolators import LINE_DEGREE
-from .lit_lines import LitTiles
+from .lit.tiles import LitTiles
 from .profiles import Profiles
 
 LINES = 32  # image lines whose geometry is computed together
