@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,9 +24,11 @@ from ..profiles.profile_reach import check_reach, covered_ranges, reach_warnings
 from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import RangeResampling, plan_point_resampling, plan_resampling
 from .grid_lines import GridLines
-from .lit_lines import LitLines, plan_lit_segments
 from .points import ImagePoints, PointPlan, coordinate_bytes, plan_even_points, plan_points
 from .polar_image import PolarPlan, plan_polar
+
+if TYPE_CHECKING:
+    from .lit_lines import LitLines
 
 # Predictions are for scenes that are evenly bright. Of some dozen scatterers, images are by chance
 # darker than their pulses.
@@ -165,6 +168,8 @@ def _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination):
     points, way, lit = plan_point_resampling(radar, n_samples, target_db).cost, None, None
     cost, share = points * len(tx_m), 1.0
     if lattice is not None and illumination is not None:
+        from .lit_lines import plan_lit_segments  # only images with illumination need it
+
         lattice, lit = plan_lit_segments(
             illumination, lines.locate(len(lines.layouts) // 2), (lines.n_lines, lines.n_pixels),
             lattice, lines.paths, radar, target_db)

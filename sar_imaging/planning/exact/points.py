@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +19,9 @@ from ..error_budget import EXACT_SHARES, error_budget
 from ..plan import Plan
 from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import RangeResampling, plan_point_resampling
-from .lit_lines import LitPoints, plan_lit_points
+
+if TYPE_CHECKING:
+    from .lit_lines import LitPoints
 
 # Rms error of a path in float32 over the radius of its tile; 1.4e-8 to 1.7e-8 were measured
 _ROUNDING = 3e-8
@@ -249,6 +252,8 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
 def _lit_tile(points: ImagePoints, illumination: Illumination, tile, positions, shape,
               target_db: float) -> tuple[tuple[int, int], LitPoints]:
     """Largest tile, up to one given, over which amplitudes are straight enough."""
+    from .lit_lines import plan_lit_points  # only images with illumination need it
+
     wanted_db = error_budget(target_db, EXACT_SHARES)['illumination']
     positions, shape = positions or points.positions, shape or points.size
     sides = [side for side in _SIDES[points.size[0] > 1] if side <= tile]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from ...geometry.grids import MapGrid
 from ...geometry.half_paths import Paths, sample_paths
@@ -22,7 +23,9 @@ from ..polar_cover import PolarCover, cover_map
 from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import RangeResampling, plan_resampling, resampling_error_db
 from .azimuth_upsampling import AzimuthParts, plan_parts
-from .lit_lines import LitLines, plan_lit_segments
+
+if TYPE_CHECKING:
+    from .lit_lines import LitLines
 
 _SAMPLES_PER_SIDE = 5  # positions at which the geometry is bounded
 
@@ -88,6 +91,8 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
         lattice, parts = cover.lattice, None
     lit, lines = None, polar if parts is None else parts.coarse
     if illumination is not None:
+        from .lit_lines import plan_lit_segments  # only images with illumination need it
+
         lattice, lit = plan_lit_segments(
             illumination, positions_of(lines), lines.shape, lattice,
             _sampled_paths(lines, tx_m, rx_m, illumination), radar, target_db)
