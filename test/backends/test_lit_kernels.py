@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from sar_imaging.backends import cpu, reference
-from sar_imaging.backends.cpu.lit.amplitude import LitEchoes
+from sar_imaging.backends.cpu.illumination import LitEchoes
 from sar_imaging.backends.cpu.lit.tiles import LitTiles, knot_positions
 from sar_imaging.geometry import MapGrid, TerrainGrid
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing

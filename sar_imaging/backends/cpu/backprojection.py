@@ -9,9 +9,9 @@ from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
 from ...planning.exact.points import PointPlan, image_layers
 from ...planning.exact.polar_image import PolarPlan
 from .azimuth_upsampling import AzimuthUpsampling
+from .illumination import LitEchoes
 from .line_kernels import project_lines
 from .lines import PolarLines, line_middles, shared_phase
-from .lit.amplitude import LitEchoes
 from .lit.tiles import LitTiles, knot_positions
 from .memory import WorkSpace
 from .points.kernels import project_points

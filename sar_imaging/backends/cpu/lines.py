@@ -7,8 +7,8 @@ import numpy as np
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...planning.exact.lit_lines import LitLines
+from .illumination import LitEchoes
 from .line_kernels import LINES, project_lines
-from .lit.amplitude import LitEchoes
 from .lit.tiles import LitTiles, knot_positions
 from .profiles import Profiles
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ....compilation import njit, numba
-from ..lit.amplitude import LitEchoes, two_way_amplitude
+from ..illumination import LitEchoes, two_way_amplitude
 
 _LANES = 16  # points advanced together: enough independent sums to hide the latency of one
 

@@ -10,8 +10,8 @@ from ....compilation import njit
 from ....geometry.illumination import Illumination
 from ....geometry.polar import PolarGrid
 from ....planning.afbp.lit_subapertures import node_pulses
+from ..illumination import LitEchoes, two_way_amplitude
 from ..lines import polar_positions
-from ..lit.amplitude import LitEchoes, two_way_amplitude
 
 
 class LitLines:

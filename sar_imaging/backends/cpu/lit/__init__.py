@@ -1,1 +1,1 @@
-"""Amplitudes of echoes: `amplitude` towards any point, `tiles` at the knots of image lines."""
+"""Tiles of image lines, and which of them an echo lights."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from ....compilation import njit, numba
 from ....planning.exact.lit_lines import LINES
-from .amplitude import LitEchoes, two_way_amplitude
+from ..illumination import LitEchoes, two_way_amplitude
 
 _BLOCK = 8  # segments that are looked at together
 _AZIMUTH_ABOVE, _AZIMUTH_BELOW, _ELEVATION_ABOVE, _ELEVATION_BELOW, _BEHIND = 1, 2, 4, 8, 16

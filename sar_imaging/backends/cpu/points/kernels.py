@@ -19,8 +19,8 @@ import numpy as np
 from ....compilation import njit, numba
 from ....geometry.illumination import Illumination
 from ....planning.exact.points import ImagePoints, PointPlan
+from ..illumination import LitEchoes, dark_sphere, two_way_amplitude
 from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
-from ..lit.amplitude import LitEchoes, dark_sphere, two_way_amplitude
 from ..memory import WorkSpace
 from ..profiles import Profiles
 from .transposed_loads import PIXELS, RUN, load_columns

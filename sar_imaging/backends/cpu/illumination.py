@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....compilation import njit
-from ....geometry.illumination import Illumination
+from ...compilation import njit
+from ...geometry.illumination import Illumination
 
 
 class LitEchoes(NamedTuple):
