@@ -21,6 +21,7 @@ from ..memory import IMAGE_BYTES
 from ..planning.error_budget import EXACT_SHARES, error_budget
 from ..planning.exact.backprojection import LEAST_TARGET_DB, plan_backprojection
 from ..planning.exact.points import ImagePoints
+from ..planning.profiles.profile_reach import OutOfReach
 from ..signal.pulses import PulseBlock, check_profiles
 from .image import Report
 from .methods import EXACT, Method
@@ -59,8 +60,14 @@ class Exact(Method):
         if not tx_m.size or isinstance(self._pixels, ImagePoints) and self._pixels.empty:
             self._sum = None
             return self.describe()
-        plan = plan_backprojection(self._pixels, self.radar, self.n_samples, _rows(tx_m),
-                                   _rows(rx_m), self.options.target_db, self.illumination)
+        try:
+            plan = plan_backprojection(self._pixels, self.radar, self.n_samples, _rows(tx_m),
+                                       _rows(rx_m), self.options.target_db, self.illumination)
+        except OutOfReach:
+            if self.illumination is None:
+                raise
+            self._sum = None  # a part of a stripmap that lights nothing of the grid
+            return self.describe()
         before = self._sum or self.like and self.like._sum
         self._sum = self._backend.Backprojection(plan, before and before.memory)
         return self.planned(

@@ -132,6 +132,17 @@ def test_images_grow_block_by_block():
     assert _error_db(image, block, pattern) <= -60.0 + 2.0
 
 
+def test_pulses_that_light_nothing_add_nothing():
+    """The beginning of a stripmap, whose profiles do not reach the grid, is no mistake."""
+    block, pattern = _block(POINTINGS['beside'], 32), PATTERNS['narrow']
+    away = block.tx_m + [5000.0, 0.0, 0.0]
+    imager = plan_image(GRID, RADAR, N_SAMPLES, method='exact', illumination=pattern)
+    image = imager(dataclasses.replace(block, tx_m=away, rx_m=away))
+    assert not image.samples.any() and not image.report.warnings
+    imager.accumulate(block, image)
+    assert image.samples.any()
+
+
 def test_wrong_use_is_told():
     block = _block(POINTINGS['beside'], 64)
     imager = plan_image(GRID, RADAR, N_SAMPLES, illumination=PATTERNS['narrow'])

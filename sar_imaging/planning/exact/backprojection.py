@@ -147,11 +147,11 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
     is_points = isinstance(grid, ImagePoints)
     if is_points:
         range_m = grid.bounds(tx_m, rx_m)
+        check_reach(range_m, radar, n_samples)
         way = plan_points(grid, radar, n_samples, tx_m, rx_m, range_m, target_db,
                           illumination=illumination)
     else:
         range_m, way = _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination)
-    check_reach(range_m, radar, n_samples)
     (start, stop), warnings = covered_ranges(radar, n_samples), ()
     if range_m[0] < start or stop < range_m[1]:
         warnings = reach_warnings(grid.some() if is_points else some_pixels(grid), tx_m, rx_m,
@@ -163,6 +163,7 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
 def _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination):
     """Bounds of the half path, and the quickest way."""
     lines = GridLines(grid, tx_m, rx_m, illumination)
+    check_reach(lines.range_m, radar, n_samples)
     window = RangeGate.around(radar, n_samples, lines.range_m)
     lattice = plan_resampling(lines.paths, 1.0, lines.n_pixels, radar, window.n_samples, target_db)
     points, way, lit = plan_point_resampling(radar, n_samples, target_db).cost, None, None

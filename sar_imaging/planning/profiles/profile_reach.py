@@ -26,11 +26,15 @@ def covered_ranges(radar: RadarParameters, n_samples: int) -> tuple[float, float
     return start, start + (n_samples - 1) * radar.sample_spacing_m
 
 
+class OutOfReach(ValueError):
+    """No profile reaches a grid."""
+
+
 def check_reach(range_m: tuple[float, float], radar: RadarParameters, n_samples: int) -> None:
     """Raise ValueError where no profile reaches a grid whose half paths are `range_m`."""
     start, stop = covered_ranges(radar, n_samples)
     if range_m[1] < start or range_m[0] > stop:
-        raise ValueError(
+        raise OutOfReach(
             f'the grid lies {range_m[0]:.1f} to {range_m[1]:.1f} m from the antenna, the '
             f'profiles cover {start:.1f} to {stop:.1f} m; move the grid or the range window')
 
