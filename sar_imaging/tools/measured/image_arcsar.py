@@ -3,8 +3,8 @@
 Run: python -m sar_imaging.tools.measured.image_arcsar FILE --output out/arcsar
 
 An antenna that faces outward sees a place only from a part of its circle: each pulse goes into
-the pixels within its beam. `evaluate` images the same recording through the nodes, which know no
-beam and let every pulse into every pixel.
+the pixels within its beam, which the description of the recording tells. `evaluate` images the
+same recording with the same beam through the nodes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from matplotlib.figure import Figure
 from sar_imaging.autofocus.models import Geometry, GeometryModel
 from sar_imaging.autofocus.search import search
 from sar_imaging.autofocus.tiles.points import bright_points
-from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.grids import Grid, MapGrid
+from sar_imaging.geometry.illumination import Antenna
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.loading import (
     DescriptionError,
@@ -41,7 +42,6 @@ from ..reporting import run_and_report
 
 RADIUS_M = 0.2105  # of the antenna's circle, found by focusing
 HALF_BEAM_DEG = 35.0
-PULSES_PER_STEP = 10  # 4.5 degrees: how finely the beam is cut out
 START_RADIUS_M = 0.20
 RADII_M = START_RADIUS_M + np.arange(-4, 21) * 1e-3
 N_BRIGHT = 12
@@ -70,37 +70,29 @@ def arc(n_pulses: int, radius_m: float) -> np.ndarray:
     return radius_m * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1)[:, None]
 
 
-def image_within_beam(profiles: PulseBlock, points_m: np.ndarray,
-                      half_beam_deg: float = HALF_BEAM_DEG) -> np.ndarray:
-    """Backproject pulses into the pixels that lie within their beam.
+def image_within_beam(profiles: PulseBlock, grid: Grid | np.ndarray,
+                      antenna: Antenna) -> np.ndarray:
+    """Image of pulses, each in the pixels that the antenna lights.
 
     Parameters
     ----------
     profiles : PulseBlock
-        Range profiles of the half circle, in order.
-    points_m : (..., 3) float64
+        Range profiles of the half circle, with their pointing.
+    grid : Grid or (..., 3) float64
         Pixels in the frame of the arm, metres.
-    half_beam_deg : float
-        Largest angle between the arm and the direction of a pixel from the axis, degrees.
+    antenna : Antenna
+        Pattern of the antenna.
 
     Returns
     -------
     (...) complex64
     """
-    angle = arm_angles(profiles.n_pulses)
-    direction = np.arctan2(points_m[..., 1], points_m[..., 0])
-    image = np.zeros(points_m.shape[:-1], np.complex64)
-    for start in range(0, profiles.n_pulses, PULSES_PER_STEP):
-        part = slice(start, start + PULSES_PER_STEP)
-        seen = np.abs(direction - angle[part].mean()) <= np.radians(half_beam_deg)
-        if seen.any():
-            imager = plan_image(points_m[seen], profiles.radar, profiles.n_samples,
-                                method='exact', target_db=-60.0)
-            image[seen] += imager(profiles.select(part)).samples
-    return image
+    return plan_image(grid, profiles.radar, profiles.n_samples, method='exact', target_db=-60.0,
+                      illumination=antenna.amplitudes())(profiles).samples
 
 
-def radius_sharpness(profiles: PulseBlock, point_m, radii_m=RADII_M) -> np.ndarray:
+def radius_sharpness(profiles: PulseBlock, point_m, antenna: Antenna,
+                     radii_m=RADII_M) -> np.ndarray:
     """Sharpness of the image around a point for each radius of the arm.
 
     Parameters
@@ -109,6 +101,8 @@ def radius_sharpness(profiles: PulseBlock, point_m, radii_m=RADII_M) -> np.ndarr
         Range profiles of the half circle; their positions are not used.
     point_m : (2,) floats
         Middle of the tile of 0.5 m, metres.
+    antenna : Antenna
+        Pattern of the antenna.
     radii_m : (R,) float64
         Radii to try, metres.
 
@@ -122,7 +116,7 @@ def radius_sharpness(profiles: PulseBlock, point_m, radii_m=RADII_M) -> np.ndarr
     for radius_m in radii_m:
         centre_m = arc(profiles.n_pulses, radius_m)
         image = image_within_beam(dataclasses.replace(profiles, tx_m=centre_m, rx_m=centre_m),
-                                  tile)
+                                  tile, antenna)
         power = np.square(np.abs(image), dtype=float)
         out.append(np.sum(power**2) / np.sum(power) ** 2)
     return np.array(out)
@@ -238,10 +232,10 @@ def run(file: Path, output: Path) -> dict:
     """Image, measure, draw; returns the contents of results.json."""
     recording = read_recording(file)
     block = recording.block
-    profiles = RangeCompressor.for_block(block, window='taylor:4:35')(block)
+    profiles = RangeCompressor.for_block(block, window=recording.scene.window)(block)
     grid = MapGrid.from_size((0.0, 5.0, 0.0), 12.0, 10.0, 0.02)
     output.mkdir(parents=True, exist_ok=True)
-    image = image_within_beam(profiles, grid.points())
+    image = image_within_beam(profiles, grid, recording.antenna)
     np.save(output / 'image.npy', image)
     known = {s['name']: tuple(s['position_m'][:2]) for s in recording.scene.scatterers}
     points = known or brightest(profiles, image, grid)
@@ -251,7 +245,8 @@ def run(file: Path, output: Path) -> dict:
         title=f'arc SAR: {block.n_pulses} pulses on a half circle of {RADIUS_M * 100:.2f} cm, '
               f'{HALF_BEAM_DEG:g}\N{DEGREE SIGN} of beam')
     places = points | ({'far reflector': FAR_POINT_M} if known else {})
-    curves = {name: radius_sharpness(profiles, place) for name, place in places.items()}
+    curves = {name: radius_sharpness(profiles, place, recording.antenna)
+              for name, place in places.items()}
     angle_rad, radius_m = radius_by_direction(profiles, image, grid)
     save_radius_png(output / 'radius.png', curves, angle_rad, radius_m)
     return {

@@ -9,13 +9,17 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.illumination import Antenna
 from sar_imaging.loading import load
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.echoes import EchoSimulator
+from sar_imaging.tools.evaluate import main as evaluate
+from sar_imaging.tools.loading.load import main as load_recording
 from sar_imaging.tools.measured import image_arcsar
 
 MEASURED = (pathlib.Path(__file__).parents[4] / 'shared' / 'data' / 'arcsar_77ghz'
             / 'Prova_Esterna_7.bin')
+ANTENNA = Antenna('uniform', 70.0, cutoff_widths=0.55)
 POINTS_M = ((1.32, 2.96), (-0.94, 3.58))
 needs_data = pytest.mark.skipif(not MEASURED.is_file(), reason='needs the arc SAR recording in '
                                 '../shared/data/arcsar_77ghz beside the repository')
@@ -40,10 +44,10 @@ def test_simulated_recording_focuses_and_tells_its_radius(tmp_path):
     for point in POINTS_M:
         # From 0.2 m: measured 9 and 10 um off.
         assert image_arcsar.autofocus_radius(profiles, point) == pytest.approx(0.2063, abs=3e-5)
-        assert image_arcsar.radius_sharpness(profiles, point, radii).argmax() == 2
+        assert image_arcsar.radius_sharpness(profiles, point, ANTENNA, radii).argmax() == 2
     grid = MapGrid.from_size((0.2, 3.25, 0.0), 3.0, 1.0, 0.02)
     angle, radius_m = image_arcsar.radius_by_direction(
-        profiles, image_arcsar.image_within_beam(profiles, grid.points()), grid, n_places=2)
+        profiles, image_arcsar.image_within_beam(profiles, grid, ANTENNA), grid, n_places=2)
     # The two points stand at 66 and 105 degrees.
     np.testing.assert_allclose(np.sort(np.degrees(angle)), [65.97, 104.71], atol=0.5)
     np.testing.assert_allclose(radius_m, 0.2063, atol=3e-5)
@@ -53,7 +57,8 @@ def test_pulses_go_only_where_the_antenna_looks(tmp_path):
     block = load('arcsar', _write(tmp_path / 'arc.bin')).block
     profiles = RangeCompressor.for_block(block)(block)
     x, y = POINTS_M[0]
-    image = image_arcsar.image_within_beam(profiles, np.array([[x, y, 0.0], [x, -y, 0.0]]))
+    image = image_arcsar.image_within_beam(profiles, np.array([[x, y, 0.0], [x, -y, 0.0]]),
+                                           ANTENNA)
     # 70 of 180 degrees are 62 pulses, to the nearest step of 10: measured 60
     assert abs(image[0]) / 1e3 == pytest.approx(62, abs=10.5)
     assert image[1] == 0  # behind the arm
@@ -103,11 +108,30 @@ def test_measured_points_focus_where_they_stand():
     profiles = RangeCompressor.for_block(block, window='taylor:4:35')(block)
     for x, y in POINTS_M:
         grid = MapGrid.from_size((x, y, 0.0), 0.4, 0.4, 0.01)
-        image = np.abs(image_arcsar.image_within_beam(profiles, grid.points()))
+        image = np.abs(image_arcsar.image_within_beam(profiles, grid, ANTENNA))
         row, column = np.unravel_index(image.argmax(), image.shape)
         # measured 0 on pixels of 10 mm
         assert np.hypot(grid.x_m[column] - x, grid.y_m[row] - y) < 0.015
         assert image.max() > 100 * np.median(image)  # measured 345 and 274
+
+
+@pytest.mark.data
+@needs_data
+def test_the_nodes_form_the_same_image(tmp_path):
+    """Loaded by its description, through the pipeline over DDS: no beam is cut out by hand."""
+    scene = ['--set', 'scene.centre_m=[1.32, 2.96, 0]', '--set', 'scene.size_m=[0.6, 0.6]',
+             '--set', 'scene.scatterers={}']
+    assert load_recording(['arcsar_7', str(MEASURED), '--output', str(tmp_path / 'bag'),
+                           *scene]) == 0
+    evaluate(['--launch-nodes', '--pipeline', '--timeout', '300',
+              '--output', str(tmp_path / 'out'), str(tmp_path / 'bag')])
+    nodes = np.load(tmp_path / 'out' / 'image.npy')
+    recording = load('arcsar_7', MEASURED)
+    profiles = RangeCompressor.for_block(recording.block, window='taylor:4:35')(recording.block)
+    expected = image_arcsar.image_within_beam(
+        profiles, MapGrid.from_size((1.32, 2.96, 0.0), 0.6, 0.6, 0.01), recording.antenna)
+    # planned for errors of -80 and -60 dB
+    assert np.linalg.norm(nodes - expected) < 1e-3 * np.linalg.norm(expected)
 
 
 @pytest.mark.data
@@ -119,7 +143,7 @@ def test_measured_radius_comes_out_of_autofocus():
     # From 200 mm; the data's description says 210.5 mm. Measured 210.41 mm.
     radius_m = image_arcsar.autofocus_radius(profiles, point)
     assert radius_m == pytest.approx(0.2105, abs=5e-4)
-    start, end = image_arcsar.radius_sharpness(profiles, point, [0.2, radius_m])
+    start, end = image_arcsar.radius_sharpness(profiles, point, ANTENNA, [0.2, radius_m])
     assert end > 1.8 * start  # measured 2.06
 
 
