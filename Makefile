@@ -80,7 +80,7 @@ demo: environment
 
 test: lint archive
 	@echo 'pytest, in two processes ...'
-	@$(RUN) -m pytest -n 2 --dist loadfile
+	@$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 lint: environment
 	@echo 'ruff check ...'

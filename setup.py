@@ -56,7 +56,7 @@ arguments = dict(
                     'hdf5': ['h5py>=3.8,<4'],  # MATLAB 7.3 and HDF5, see docs/loading.md
                     # devices, see docs/gpu.md
                     'cuda': ['cupy-cuda13x[ctk]>=14,<15', 'numba-cuda[cu13]>=0.20,<1'],
-                    'test': ['pytest>=7.4,<10', 'pytest-xdist>=3.3,<4', 'hypothesis>=6.80,<7']},
+                    'test': ['pytest>=7.4,<10', 'pytest-xdist>=3.7,<4', 'hypothesis>=6.80,<7']},
     entry_points={
         'console_scripts': [
             'radar_driver = sar_imaging.nodes.radar_driver:main',

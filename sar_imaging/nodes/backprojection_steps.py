@@ -192,6 +192,7 @@ class ImageStep(BackprojectionStep):
         self._focus = ImageFocus.wanted(parameters, self._grid, health, self._datum)
         self._positions = None if self._focus is None else self._focus.positions
         self._heights_m = terrain_heights(parameters, self._grid)
+        chosen = _backend(parameters)
         try:
             self._imager = ApertureImager(
                 self._pixels, pulses_per_aperture=parameters['pulses_per_aperture'],
@@ -199,7 +200,7 @@ class ImageStep(BackprojectionStep):
                 target_db=parameters['target_db'],
                 height_m=self._heights_m,
                 keep_pulses=self._focus is not None, method=parameters['method'],
-                illumination=self._pattern, backend=_backend(parameters))
+                illumination=self._pattern, backend=chosen)
         except ValueError as error:
             raise ConfigurationError(f'parameters method and {PATTERN.name}: {error}') from error
         self._tracks = PulseTracks(_REMEMBERED * parameters['pulses_per_aperture'])

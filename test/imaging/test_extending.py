@@ -72,8 +72,8 @@ def test_the_backend_of_the_page_does_the_other_stage_of_afbp(names, make_case):
 def test_what_is_no_backend_is_told_what_it_lacks(names):
     assert backend(reference) is reference and backend(names['toy']) is names['toy']
     half = types.SimpleNamespace(Backprojection=reference.Backprojection, form_map=3)
-    with pytest.raises(ValueError, match='expected auto, cpu, reference, or an object that has '
-                                         'SubapertureImager, SpectrumFusion, form_map, too'):
+    with pytest.raises(ValueError, match='expected auto, cpu, cuda, reference, or an object that '
+                                         'has SubapertureImager, SpectrumFusion, form_map, too'):
         plan_image(names['grid'], names['profiles'].radar, names['profiles'].n_samples,
                    method='exact', backend=half)(names['profiles'])
 

@@ -32,14 +32,15 @@ SMALL = {'grid.size_x': 4.0, 'grid.size_y': 4.0, 'use_sim_time': True}
 POSES = [{'pose.source': 'odometry', 'datum.source': 'fix'}, {'pose.source': 'pose'},
          {'pose.source': 'fix_imu', 'datum.source': 'fix'}]
 SUBAPERTURES = {'mode': 'subapertures'}
+VOLUME = {'mode': 'volume', 'volume.height': 1.0}
 STRIP = {'strip_max_pixels': 1000, 'datum.source': 'fix'}
 FOCUS = {'autofocus.time_offset': 1.0}
 NODES = {PulseBufferNode: POSES,
          RangeCompressionNode: [{}],
-         BackprojectionNode: [SUBAPERTURES, *(FOCUS | poses for poses in POSES)],
+         BackprojectionNode: [SUBAPERTURES, VOLUME, *(FOCUS | poses for poses in POSES)],
          FusionNode: [STRIP],
          MovingTargetsNode: [{'datum.source': 'fix'}],
-         SarPipelineNode: [POSES[0], POSES[1] | SUBAPERTURES | STRIP, POSES[2]]}
+         SarPipelineNode: [POSES[0], POSES[1] | SUBAPERTURES | STRIP, POSES[2], VOLUME]}
 
 
 def rules(profile):

@@ -79,7 +79,7 @@ class PhaseHistories:
             raise CphdError(f'SC0 is {lowest:g} Hz; expected positive frequencies in domain FX')
         offset = (vectors.first - lowest) / self._step
         beside = np.abs(offset - np.rint(offset)).max()
-        if not max(spread, beside) <= _OFF_LATTICE:
+        if not (spread <= _OFF_LATTICE and beside <= _OFF_LATTICE):  # NaN, too
             raise CphdError(
                 f'frequencies differ from vector to vector by parts of a step (SC0 by up to '
                 f'{beside:.2g} steps, SCSS by {np.ptp(vectors.step):.3g} Hz of '

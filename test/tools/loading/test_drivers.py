@@ -195,6 +195,8 @@ EXAMPLES = [(page, text) for page in ('drivers.md', 'loading.md') for text in re
 def test_descriptions_of_the_documentation_are_read(tmp_path, page, text):
     (tmp_path / 'd.yaml').write_text(text)
     top = read_description(tmp_path / 'd.yaml')
+    if text.startswith('antenna:'):
+        return  # a part, whose keys are known; test_antenna.py reads such parts
     if page == 'loading.md':
         assert text == find_description('team5_rail').read_text()
         return

@@ -62,9 +62,13 @@ def read_job(path: Path | str) -> Job:
     if 'memory_gb' in fields:
         fields['memory_bytes'] = 1e9 * fields.pop('memory_gb')
     base = path.absolute().parent
-    fields['recordings'] = tuple(str(base / Path(text).expanduser())
-                                 for text in fields['recordings'])
-    fields['output'] = base / Path(fields['output']).expanduser()
+    try:
+        fields['recordings'] = tuple(str(base / Path(text).expanduser())
+                                     for text in fields['recordings'])
+        fields['output'] = base / Path(fields['output']).expanduser()
+    except RuntimeError as error:  # ~ of a user that there is not
+        raise JobError(f'{path} has a path that begins with ~: {error}; write the path without '
+                       '~') from error
     job = Job(**fields)
     _check_together(job, given)
     return job
