@@ -26,7 +26,8 @@ RECORDINGS = {
     'gotcha': ('gotcha_pass1_hh', '596562450d2ddb00'),
     'team6_rail': ('bwsi2019_team6_rail', 'cfcb29b020813de1'),
     'team5_rail': ('bwsi2019_team5_rail', '3dbb501f46237711'),
-    'arcsar_7': ('arcsar_77ghz', '01965c6b8c258a5a'),
+    # with the pointing of its antenna; 01965c6b8c258a5a without, as the loader before wrote it
+    'arcsar_7': ('arcsar_77ghz', '5554594b24e09924'),
     'mimo_60ghz': ('mimo_sar_60ghz', '8517efa56080b7c9')}
 
 
