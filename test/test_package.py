@@ -23,6 +23,8 @@ MODULES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob
 ROS_ROOMS = ('msg_conversions', 'sar_imaging/nodes', 'sar_imaging/tools', 'sar_imaging/launch')
 MAX_LINES = 400
 MAX_MODULES = 15  # of a folder
+MAX_CORE_MODULES = 14  # of a folder of the core
+CORE = ('planning', 'backends', 'imaging', 'streaming')
 
 # Import names whose rosdep key is not the name itself.
 ROSDEP_KEYS = {
@@ -204,6 +206,9 @@ def test_folders_are_small():
     """What stands side by side is taken in at a glance."""
     modules = collections.Counter(path.parent for path in MODULES if path.name != '__init__.py')
     assert {_name(folder): n for folder, n in modules.items() if n > MAX_MODULES} == {}
+    core = {folder: n for folder, n in modules.items() if set(CORE) & set(folder.parts)}
+    assert core
+    assert {_name(folder): n for folder, n in core.items() if n > MAX_CORE_MODULES} == {}
 
 
 def test_folders_are_packages():

@@ -109,10 +109,9 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none') -> Diagn
     first = attempt.coherence(block)
     _logger.debug('as is: %s', first)
     if block.n_pulses * block.n_channels < FEWEST_PULSES:
-        return Diagnosis(first.contrast, first.coverage, corrected=first.contrast, advice=(
-            f'{block.n_pulses} pulses are too few to judge the focus'))
+        return as_it_is(first, too_few(block))
     if first.contrast >= FOCUSED:
-        return Diagnosis(first.contrast, first.coverage, corrected=first.contrast)
+        return as_it_is(first)
     found = _best(attempt.hypotheses(block, HYPOTHESES), first)
     doubts = track_doubts(block)
     if found is not None and doubts and found[1].contrast < _CLEARLY:
@@ -120,14 +119,32 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none') -> Diagn
     if not doubts and found is None:
         found = _best(attempt.offsets(block), first)
     if found is not None:
-        hypothesis, coherence = found
-        return Diagnosis(first.contrast, first.coverage, hypothesis.name, hypothesis.advice,
-                         coherence.contrast)
+        return explained(first, *found)
+    return unexplained(first, doubts)
+
+
+def as_it_is(first: Coherence, advice: str = '') -> Diagnosis:
+    """No mistake is named."""
+    return Diagnosis(first.contrast, first.coverage, corrected=first.contrast, advice=advice)
+
+
+def too_few(block: PulseBlock) -> str:
+    """What is said of a block that is too short to be judged."""
+    return f'{block.n_pulses} pulses are too few to judge the focus'
+
+
+def explained(first: Coherence, hypothesis: Hypothesis, undone: Coherence) -> Diagnosis:
+    """A mistake is named; its undoing gave the second coherence."""
+    return Diagnosis(first.contrast, first.coverage, hypothesis.name, hypothesis.advice,
+                     undone.contrast)
+
+
+def unexplained(first: Coherence, doubts: list[str]) -> Diagnosis:
+    """No mistake focuses the image better; what is odd about the track is told."""
     if doubts:
         return Diagnosis(first.contrast, first.coverage, 'odd positions', '; '.join(doubts),
                          first.contrast)
-    return Diagnosis(first.contrast, first.coverage, corrected=first.contrast,
-                     advice='' if first.contrast >= NOTHING else nothing_helps(first))
+    return as_it_is(first, '' if first.contrast >= NOTHING else nothing_helps(first))
 
 
 def nothing_helps(first: Coherence) -> str:

@@ -19,7 +19,15 @@ from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.range_compression import RangeCompressor
 from .coherence import BUDGET, OVERSAMPLING, Coherence, CoherenceProbe, resolved
-from .diagnose import FEWEST_PULSES, FOCUSED, NOTHING, Diagnosis, nothing_helps
+from .diagnose import (
+    FEWEST_PULSES,
+    FOCUSED,
+    Diagnosis,
+    as_it_is,
+    explained,
+    too_few,
+    unexplained,
+)
 from .hypotheses import (
     HYPOTHESES,
     ORDER,
@@ -86,10 +94,8 @@ def diagnose_thoroughly(block: PulseBlock, grid: MapGrid, *, window: str = 'none
     attempt = _Attempts(block, grid, window)
     first = attempt.first
     _logger.debug('as is: %s', first)
-    as_it_is = Diagnosis(first.contrast, first.coverage, corrected=first.contrast)
     if block.n_pulses * block.n_channels < FEWEST_PULSES:
-        return dataclasses.replace(as_it_is, advice=(
-            f'{block.n_pulses} pulses are too few to judge the focus'))
+        return as_it_is(first, too_few(block))
     doubts = track_doubts(block)
     found = None
     if first.contrast < FOCUSED:
@@ -101,13 +107,8 @@ def diagnose_thoroughly(block: PulseBlock, grid: MapGrid, *, window: str = 'none
         alone = attempt if one is block else _Attempts(one, grid, window)
         found = _likelier(found, _best(alone.searches(), _BETTER_VALUE))
     if found is not None:
-        hypothesis, coherence, _ = found
-        return Diagnosis(first.contrast, first.coverage, hypothesis.name, hypothesis.advice,
-                         coherence.contrast)
-    if doubts and first.contrast < FOCUSED:
-        return dataclasses.replace(as_it_is, mistake='odd positions', advice='; '.join(doubts))
-    return dataclasses.replace(
-        as_it_is, advice='' if first.contrast >= NOTHING else nothing_helps(first))
+        return explained(first, *found[:2])
+    return unexplained(first, doubts if first.contrast < FOCUSED else [])
 
 
 def _best(results: Iterable[_Tried], least: float = _BETTER) -> _Tried | None:

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import scipy.fft
 
-from sar_imaging.backends.cpu.profile_spectra import cut_profiles
-from sar_imaging.backends.cpu.profiles import Profiles
+from sar_imaging.backends.cpu.profiles import Profiles, cut_profiles
 from sar_imaging.planning.profiles.range_gate import RangeGate
 from sar_imaging.planning.profiles.range_resampling import plan_point_resampling
 from sar_imaging.signal import RadarParameters

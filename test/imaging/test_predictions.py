@@ -6,7 +6,7 @@ import logging
 import numpy as np
 import pytest
 
-from sar_imaging.backends.cpu.profile_spectra import spectra
+from sar_imaging.backends.cpu.profiles import spectra
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
 from sar_imaging.imaging.imager import plan_image

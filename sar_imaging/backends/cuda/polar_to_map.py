@@ -58,6 +58,24 @@ def polar_to_map(image, polar: PolarGrid, grid: MapGrid, onto, *, axis: int, wav
                geometry, weights[1], along.first, pixels[first:first + some])
 
 
+@cuda.jit(device=True)
+def _share(weights, shared):
+    """Copy an interpolator's polynomials to the memory of the block."""
+    n_taps = weights.shape[1]
+    for k in range(cuda.threadIdx.x, weights.size, cuda.blockDim.x):
+        shared[k] = weights[k // n_taps, k % n_taps]
+    cuda.syncthreads()
+
+
+@cuda.jit(device=True)
+def _weight(shared, n_taps, k, t):
+    """Weight of neighbour k at a place t between samples, by Horner's rule."""
+    w = shared[(_POWERS - 1) * n_taps + k]
+    for power in range(_POWERS - 2, -1, -1):
+        w = shared[power * n_taps + k] + t * w
+    return w
+
+
 @kernel()
 def to_ranges(image, beside, geometry, weights, first, rows):
     """Lines of a polar image to where its ranges meet rows of the map; a grid of (ranges, rows).
@@ -79,9 +97,7 @@ def to_ranges(image, beside, geometry, weights, first, rows):
     """
     shared = cuda.shared.array(_MOST_WEIGHTS, np.float32)
     thread, row, n_taps = cuda.threadIdx.x, cuda.blockIdx.y, weights.shape[1]
-    for k in range(thread, weights.size, cuda.blockDim.x):
-        shared[k] = weights[k // n_taps, k % n_taps]
-    cuda.syncthreads()
+    _share(weights, shared)
     i = cuda.blockIdx.x * cuda.blockDim.x + thread
     if i >= image.shape[2]:
         return
@@ -94,9 +110,7 @@ def to_ranges(image, beside, geometry, weights, first, rows):
     t, line = np.float32(place - n - 0.5), int(n) + first
     real, imag = np.float32(0.0), np.float32(0.0)
     for k in range(n_taps):
-        w = shared[(_POWERS - 1) * n_taps + k]
-        for power in range(_POWERS - 2, -1, -1):
-            w = shared[power * n_taps + k] + t * w
+        w = _weight(shared, n_taps, k, t)
         real += w * image[0, line + k, i]
         imag += w * image[1, line + k, i]
     rows[0, row, i] = real
@@ -120,9 +134,7 @@ def to_pixels(rows, beside, ahead, geometry, weights, first, image):
     """
     shared = cuda.shared.array(_MOST_WEIGHTS, np.float32)
     thread, row, n_taps = cuda.threadIdx.x, cuda.blockIdx.y, weights.shape[1]
-    for k in range(thread, weights.size, cuda.blockDim.x):
-        shared[k] = weights[k // n_taps, k % n_taps]
-    cuda.syncthreads()
+    _share(weights, shared)
     i = cuda.blockIdx.x * cuda.blockDim.x + thread
     if i >= image.shape[1]:
         return
@@ -135,9 +147,7 @@ def to_pixels(rows, beside, ahead, geometry, weights, first, image):
     t, at = np.float32(place - n - 0.5), int(n) + first
     real, imag = np.float32(0.0), np.float32(0.0)
     for k in range(n_taps):
-        w = shared[(_POWERS - 1) * n_taps + k]
-        for power in range(_POWERS - 2, -1, -1):
-            w = shared[power * n_taps + k] + t * w
+        w = _weight(shared, n_taps, k, t)
         real += w * rows[0, row, at + k]
         imag += w * rows[1, row, at + k]
     alpha = (p * geometry[9] + q * geometry[4]) / distance

@@ -21,7 +21,7 @@ from ....planning.afbp.subapertures import SubaperturePlan
 from ..fft.rows import transform_rows
 from ..lines import polar_positions, segment_middles
 from ..memory import WorkSpace
-from ..profile_spectra import spectra
+from ..profiles import spectra
 from ..threads import job_counter
 from . import interpolation as reading
 from .accumulation import CELL_TAPS
