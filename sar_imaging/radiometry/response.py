@@ -64,7 +64,7 @@ class ImageResponse:
 
 
 def image_response(grid: Grid, radar: RadarParameters, tx_m, rx_m, *,
-                   pattern: Illumination | None = None, weighted: bool = False,
+                   illumination: Illumination | None = None, weighted: bool = False,
                    weighting: str = 'none', pulse_weights=None) -> ImageResponse:
     """Response of an image, before or after it is formed.
 
@@ -77,7 +77,7 @@ def image_response(grid: Grid, radar: RadarParameters, tx_m, rx_m, *,
     tx_m, rx_m : (P, C, 3) array_like
         Phase centres, metres. The channels of a pulse stand close together compared with the
         aperture, and are balanced.
-    pattern : Illumination, optional
+    illumination : Illumination, optional
         How strongly each echo lights each point; 1 everywhere if left out.
     weighted : bool
         The image was formed with this illumination, so that echoes have its weights.
@@ -113,7 +113,7 @@ def image_response(grid: Grid, radar: RadarParameters, tx_m, rx_m, *,
     points = grid.positions(*np.meshgrid(*knots, indexing='ij'))
     flat = getattr(grid, 'map_grid', grid)
     normals = _normals(flat, *knots)
-    sums = np.stack([_sums(row, normal, tx_m, rx_m, weights, pattern, weighted)
+    sums = np.stack([_sums(row, normal, tx_m, rx_m, weights, illumination, weighted)
                      for row, normal in zip(points, normals, strict=True)], axis=1)
     turn = 2 * math.pi * radar.propagation_speed_m_per_s * _band_sum(radar, weighting)
     values = [_interpolated(knots, layer, grid.shape) for layer in sums]
@@ -133,11 +133,11 @@ def image_response(grid: Grid, radar: RadarParameters, tx_m, rx_m, *,
                          np.where(np.isnan(amplitude), np.nan, noise))
 
 
-def _sums(points, normals, tx_m, rx_m, weights, pattern, weighted) -> np.ndarray:
+def _sums(points, normals, tx_m, rx_m, weights, illumination, weighted) -> np.ndarray:
     """(10, K) sums over pulses at K points: G, noise, of surface and slant plane, directions."""
     to_tx, to_rx = (centres[:, :, None] - points for centres in (tx_m, rx_m))  # (P, C, K, 3)
     far_tx, far_rx = (np.linalg.norm(v, axis=-1) for v in (to_tx, to_rx))
-    gain = 1.0 if pattern is None else pattern.amplitude(points).reshape(far_tx.shape)
+    gain = 1.0 if illumination is None else illumination.amplitude(points).reshape(far_tx.shape)
     weight = weights[:, None, None] * (gain if weighted else 1.0) * np.ones(far_tx.shape)
     echoes = (weight * gain / (far_tx * far_rx)).sum(axis=1)
     direction = (to_tx / far_tx[..., None] + to_rx / far_rx[..., None]).mean(axis=1)

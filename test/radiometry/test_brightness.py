@@ -35,7 +35,7 @@ def test_one_trihedral_calibrates_the_others(range_m, grazing_deg):
     taper = np.hamming(len(flight.tx_m))
     image = plan_image(flight.grid, flight.radar, flight.n_samples, pulse_weights=taper)(block)
     response = image_response(flight.grid, flight.radar, flight.tx_m, flight.rx_m,
-                              pattern=pattern, weighting='hamming', pulse_weights=taper)
+                              illumination=pattern, weighting='hamming', pulse_weights=taper)
     peaks = [measure_scatterer(image.samples, flight.grid, place,
                                aperture_centre_m=flight.tx_m.mean(axis=(0, 1)),
                                wavenumber_rad_per_m=flight.radar.wavenumber_rad_per_m,

@@ -85,9 +85,10 @@ def test_pattern_dims_targets_and_what_is_not_lit_is_nan():
         Pointing.steered(0.5 * (flight.tx_m + flight.rx_m)[:, 0], flight.grid.centre_m),
         flight.tx_m, flight.rx_m)
     plain = image_response(flight.grid, flight.radar, flight.tx_m, flight.rx_m)
-    dimmed = image_response(flight.grid, flight.radar, flight.tx_m, flight.rx_m, pattern=pattern)
-    weighed = image_response(flight.grid, flight.radar, flight.tx_m, flight.rx_m, pattern=pattern,
-                             weighted=True)
+    dimmed = image_response(flight.grid, flight.radar, flight.tx_m, flight.rx_m,
+                            illumination=pattern)
+    weighed = image_response(flight.grid, flight.radar, flight.tx_m, flight.rx_m,
+                             illumination=pattern, weighted=True)
     points = flight.grid.points()[::7, 48]
     gain = pattern.amplitude(points)
     spread = 1 / np.linalg.norm(flight.tx_m[:, 0, None] - points, axis=-1) ** 2

@@ -1,11 +1,18 @@
 """`sar-imaging radar-constant`, and images as brightness by it."""
 
+import dataclasses
 import json
 import pathlib
+import types
 
 import numpy as np
 import pytest
 import yaml
+
+from sar_imaging.geometry import MapGrid
+from sar_imaging.geometry.illumination import AntennaPattern, PatternCut, Pointing
+from sar_imaging.tools.products.brightness import respond
+from sar_imaging.tools.products.sources import open_source
 
 PSF = pathlib.Path(__file__).parents[3] / 'bags' / 'psf'  # amplitude 1, 10 km away
 AT = ('--reflector', '10000', '0', '0')
@@ -44,3 +51,24 @@ def test_what_cannot_be_is_refused(run, arguments, message, tmp_path, monkeypatc
     assert status == 1
     assert message in err
     assert not (tmp_path / 'out').exists()
+
+
+def test_the_antenna_of_a_recording_is_in_the_response():
+    """Images of such recordings are weighed by the antenna: amplitudes come in twice."""
+    pattern = AntennaPattern(PatternCut.gaussian(0.002))
+    source = open_source(PSF)
+
+    def read(n_bytes):
+        for block in source.read(n_bytes / 1e5):
+            yield dataclasses.replace(block, pointing=Pointing.steered(
+                block.phase_centre_m, (10_000.0, 0.0, 0.0)))
+
+    lit = dataclasses.replace(source, illumination=pattern, read=read)
+    grid = MapGrid((10_000.0, 0.0, 0.0), 5, 41, 0.5)
+    response = respond(lit, types.SimpleNamespace(grid=grid))
+    row = 8  # 6 m off the middle, 0.6 mrad off boresight
+    point = grid.positions(row, 2)
+    there, back = (np.linalg.norm(c - point, axis=-1) for c in (source.tx_m, source.rx_m))
+    expected = (2.0 ** -(2 * 0.0006 / 0.002) ** 2) ** 2 * (1 / (there * back)).sum()
+    # each pulse sees the point under an angle of its own, 1e-3 of this one
+    assert response.amplitude[row, 2] == pytest.approx(expected, rel=5e-3)
