@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats archive help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign format-campaign cphd-memory archive-campaign gpu
+.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign format-campaign cphd-memory archive-campaign gpu
 .DEFAULT_GOAL := help
 
 help:
@@ -71,6 +71,11 @@ help:
 	@echo '             the virtual environment alone; its Python imports the package from anywhere'
 	@echo 'make formats the libraries that read and write CPHD, SICD and GeoTIFF, into that environment'
 	@echo 'make archive Dask and Zarr besides, which image archives of many recordings'
+	@echo 'make docs    the documentation site into build/docs/html, in an environment of its own; warnings are errors'
+	@echo 'make docs-links'
+	@echo '             do the addresses outside the site still answer? Needs the network'
+	@echo 'make drawings'
+	@echo '             draw the mermaid blocks of the pages again that were changed; needs npx and Chromium'
 	@echo 'make clean   remove what these commands made, the environment excepted'
 	@echo 'Variables: PYTHON=python3.12 (interpreter), VENV=path (environment)'
 
@@ -214,6 +219,31 @@ archive: formats
 	    "numpy==$$($(RUN) -c 'import numpy; print(numpy.__version__)')" && \
 	cp requirements-archive.txt "$(VENV)/installed-archive.txt"
 
+# Sphinx: what `pip install sar_imaging[docs]` installs.
+docs-libraries: archive
+	@if cmp -s requirements-docs.txt "$(VENV)/installed-docs.txt"; then exit 0; fi; \
+	echo 'Installing Sphinx into $(VENV), once ...' && \
+	$(RUN) -m pip install --quiet --disable-pip-version-check -r requirements-docs.txt && \
+	cp requirements-docs.txt "$(VENV)/installed-docs.txt"
+
+# The examples of the gallery run when the site is built, hence all libraries. What Sphinx makes of
+# docstrings and examples lies in docs/ meanwhile, where git does not see it.
+DOCS = build/docs-environment
+SPHINX = $(DOCS)/bin/python -m sphinx -j 2 -d build/docs/doctrees
+
+docs:
+	@$(MAKE) --no-print-directory docs-libraries VENV=$(DOCS)
+	@$(SPHINX) -q -W --keep-going -b html docs build/docs/html
+	@echo 'The site is in build/docs/html/index.html'
+
+docs-links:
+	@$(MAKE) --no-print-directory docs-libraries VENV=$(DOCS)
+	@$(SPHINX) -q -b linkcheck docs build/docs/links
+
+drawings:
+	@$(MAKE) --no-print-directory docs-libraries VENV=$(DOCS)
+	@$(DOCS)/bin/python docs/extensions/draw.py
+
 # Colcon and the mutation campaign bring copies of the package of their own.
 installed:
 	@if $(RUN) -c 'import rclpy' 2>/dev/null && $(REQUIREMENTS) | cmp -s - "$(INSTALLED)"; then exit 0; fi; \
@@ -232,5 +262,5 @@ installed:
 	mv "$(VENV)/requirements.txt" "$(INSTALLED)" && echo 'Environment ready.'
 
 clean:
-	rm -rf out build install log *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf out build install log *.egg-info .pytest_cache .ruff_cache .hypothesis docs/api/generated docs/examples/built
 	find sar_imaging msg_conversions test benchmarks -name __pycache__ -prune -exec rm -rf {} +

@@ -54,6 +54,10 @@ arguments = dict(
                                 'zarr>=2.18,<3 ; python_version<"3.11"',
                                 'numcodecs>=0.11,<0.16 ; python_version<"3.11"'],
                     'hdf5': ['h5py>=3.8,<4'],  # MATLAB 7.3 and HDF5, see docs/loading.md
+                    # the documentation site, `make docs`
+                    'docs': ['sphinx>=8.1,<10', 'myst-parser>=4,<6', 'numpydoc>=1.8,<2',
+                             'furo>=2025.7,<2027', 'sphinx-copybutton>=0.5.2,<0.6',
+                             'sphinx-gallery>=0.18,<0.24', 'latex2mathml>=3.77,<4'],
                     # devices, see docs/gpu.md
                     'cuda': ['cupy-cuda13x[ctk]>=14,<15', 'numba-cuda[cu13]>=0.20,<1'],
                     'test': ['pytest>=7.4,<10', 'pytest-xdist>=3.7,<4', 'hypothesis>=6.80,<7']},

@@ -148,7 +148,7 @@ def test_setup_and_requirements_pin_the_same_versions():
 
 def test_extras_are_what_make_installs():
     extras = _setup_keywords()['extras_require']
-    for extra in ('formats', 'archive'):
+    for extra in ('formats', 'archive', 'docs'):
         lines = (ROOT / f'requirements-{extra}.txt').read_text().splitlines()
         missing = {*extras[extra]} - {*lines, 'sar_imaging[formats]'}
         assert not missing, f'requirements-{extra}.txt lacks {missing}'

@@ -24,7 +24,7 @@ class Grid(Protocol):
         """
 
     def points(self) -> np.ndarray:
-        """(*shape, 3) float64 positions of all pixels in the imaging frame, metres."""
+        """``(*shape, 3)`` float64 positions of all pixels in the imaging frame, metres."""
 
 
 @runtime_checkable

@@ -1,0 +1,52 @@
+"""Sphinx configuration of the documentation site, which `make docs` builds."""
+
+import pathlib
+import sys
+
+DOCS = pathlib.Path(__file__).parent
+sys.path[:0] = [str(DOCS.parent), str(DOCS / 'extensions')]
+
+import sar_imaging  # noqa: E402
+
+project = 'sar_imaging'
+author = 'SAR Imaging maintainers'
+copyright = f'{author}, Apache License 2.0'
+version = release = sar_imaging.__version__
+
+extensions = [
+    'myst_parser',
+    'numpydoc',
+    'sphinx.ext.autodoc',
+    'sphinx.ext.autosummary',
+    'sphinx.ext.viewcode',
+    'sphinx_copybutton',
+    # of docs/extensions
+    'drawings',
+    'links',
+    'mathml',
+]
+exclude_patterns = ['_contents.md', '_templates', 'extensions']
+templates_path = ['_templates']
+
+# Markdown is written for GitHub: headings have its anchors, `$` and ```mermaid work as there.
+myst_enable_extensions = ['dollarmath']
+myst_heading_anchors = 4
+myst_fence_as_directive = ['mermaid']
+html_math_renderer = 'mathml'
+
+# A page for each name that a package exports.
+autosummary_generate = True
+autosummary_ignore_module_all = False
+autosummary_context = {'first': sar_imaging.__all__}  # other packages refer to their pages
+autodoc_typehints = 'none'  # numpydoc's sections state them
+autodoc_member_order = 'bysource'
+numpydoc_show_class_members = False
+
+html_theme = 'furo'
+html_title = f'sar_imaging {release}'
+html_static_path = ['_static']
+html_css_files = ['site.css']
+html_copy_source = False
+pygments_style = 'friendly'
+pygments_dark_style = 'github-dark'
+copybutton_exclude = '.linenos, .gp, .go'
