@@ -6,8 +6,8 @@ Its entries are imported when they are used first; nothing of CUDA is imported b
 
 import importlib
 
-_MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'subapertures',
-            'SpectrumFusion': 'fusion', 'form_map': 'fusion', 'seconds': 'costs'}
+_MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'afbp.subapertures',
+            'SpectrumFusion': 'afbp.fusion', 'form_map': 'afbp.fusion', 'seconds': 'costs'}
 
 
 def __getattr__(name):

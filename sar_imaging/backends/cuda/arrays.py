@@ -104,8 +104,8 @@ def check_memory(n_bytes: int, what: str, remedy: str) -> None:
     """
     free = free_bytes()
     if n_bytes > free:
-        raise DeviceError(f'{what} needs {n_bytes / 1e6:.0f} MB of device memory, '
-                          f'{free / 1e6:.0f} MB are free; {remedy}')
+        raise DeviceError(f'{what} needs {n_bytes / 1e6:.3f} MB of device memory, '
+                          f'{free / 1e6:.3f} MB are free; {remedy}')
 
 
 def kernel(*, registers: int | None = None):
@@ -127,11 +127,6 @@ def launch(work, blocks, threads, *arguments) -> None:
 def on_device(array) -> bool:
     """Whether an array lies in the device's memory; none does in the simulator."""
     return not SIMULATED and isinstance(array, xp.ndarray)
-
-
-def to_host(array) -> np.ndarray:
-    """Copy of an array, or the array itself where it is the host's."""
-    return xp.asnumpy(array) if on_device(array) else array
 
 
 def complex_samples(samples):

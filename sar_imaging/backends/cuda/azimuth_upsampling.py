@@ -9,6 +9,7 @@ import numpy as np
 from ...geometry.polar import PolarGrid
 from ...planning.exact.azimuth_upsampling import TAPS, AzimuthParts
 from .arrays import cuda, free_bytes, kernel, launch, xp
+from .tiles import lines_of_grid
 
 _MOST_BYTES, _SHARE = 1 << 30, 4  # of parts that are merged together, and of the free memory
 _RANGES, _LINES = 32, 8  # of a block of threads
@@ -19,18 +20,36 @@ class AzimuthUpsampling:
     """Interpolates images of parts to the lines of their sum.
 
     `backends.reference.upsample_azimuth` has the formula. Several parts are merged at a time.
+
+    Parameters
+    ----------
+    parts : AzimuthParts
+        How the echoes are cut, and the grids.
+    lines : slice, optional
+        Of the sum, where only some are wanted.
+
+    Attributes
+    ----------
+    coarse, fine : PolarGrid
+        Lines of the parts that are read, and those of the sum.
     """
 
-    def __init__(self, parts: AzimuthParts):
+    def __init__(self, parts: AzimuthParts, lines: slice | None = None):
         coarse, fine, interpolator = parts.coarse, parts.fine, parts.interpolator
         v = (fine.alpha - coarse.alpha_start) / coarse.alpha_spacing
         floor = np.clip(np.floor(v), -interpolator.first,
                         coarse.n_alpha - TAPS - interpolator.first)
         powers = (v - floor)[:, None] ** np.arange(len(interpolator.weights))
         weights = powers @ interpolator.weights.astype(np.float64)
-        self._start = xp.asarray((floor + interpolator.first).astype(np.int32))
+        start = (floor + interpolator.first).astype(np.int32)
+        if lines is not None:
+            start, weights = start[lines], weights[lines]
+            read = slice(int(start[0]), int(start[-1]) + TAPS)
+            coarse, fine = lines_of_grid(coarse, read), lines_of_grid(fine, lines)
+            start = start - np.int32(read.start)
+        self._start = xp.asarray(start)
         self._weights = xp.asarray(weights.astype(np.float32))
-        self._parts = parts
+        self._parts, self.coarse, self.fine = parts, coarse, fine
 
     def add_all(self, form, total) -> None:
         """Add the images of all parts to the sum.
@@ -43,7 +62,7 @@ class AzimuthUpsampling:
         total : (2, n_alpha, n_range) float32 array of the device
             Sum; changed in place.
         """
-        coarse, fine = self._parts.coarse, self._parts.fine
+        coarse, fine = self.coarse, self.fine
         shape, n_parts = (2, coarse.n_alpha, coarse.n_range), len(self._parts.rows)
         at_once = min(_MOST_BYTES, free_bytes() // _SHARE) // (4 * math.prod(shape))
         at_once = max(1, min(n_parts, at_once))

@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from ...memory import IMAGE_BYTES
 from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
-from ...planning.exact.points import PointPlan, image_layers
+from ...planning.exact.points import image_layers
 from ...planning.exact.polar_image import PolarPlan
-from .arrays import check_memory, on_device, reports_failures, require_device, to_host, xp
+from . import tiles
+from .arrays import on_device, reports_failures, require_device, synchronise, xp
 from .azimuth_upsampling import AzimuthUpsampling
 from .known import refuse_unknown
 from .lines import Lines, polar_lines, ramp
 from .points import Points
 from .polar_to_map import polar_to_map
 from .profiles import Profiles
+from .tiles import Tile
+from .transfers import add_to_host, to_host
 
 
 class Backprojection:
     """Adds range profiles to images by one plan, see `backends.protocol.Backprojection`.
 
     Arrays of the device are taken as well: an image that lies there stays there. Samples may be
-    pairs of integers, (R, N, 2), which are converted there.
+    pairs of integers, (R, N, 2), which are converted there. An image of the host that does not
+    fit the device's memory is computed tile by tile.
+
+    Attributes
+    ----------
+    tiles : list of Tile
+        Of an image of the host.
 
     Raises
     ------
@@ -38,53 +44,81 @@ class Backprojection:
         require_device()
         refuse_unknown(plan)
         refuse_unknown(plan.way)
-        ways = {PolarPlan: _Polar, LinePlan: _along_lines, PointPlan: _onto_points}
-        check_memory(plan.n_bytes + IMAGE_BYTES * math.prod(plan.grid.shape),
-                     'an image of ' + ' x '.join(map(str, reversed(plan.grid.shape))) + ' pixels',
-                     "cut the grid into smaller ones, or use backend='cpu'")
-        self.plan = plan
-        self._way = ways[type(plan.way)](plan)
+        self.plan, self.tiles = plan, tiles.cut(plan)
+        self._latest: tuple[Tile | None, object] = (None, None)
 
     @reports_failures
     def add(self, samples, tx_m, rx_m, image) -> None:
         """Add echoes to an image, see `backends.protocol.Backprojection`."""
-        there = xp.asarray(image)
-        self._way.add(samples, tx_m, rx_m, there.reshape(-1).view(np.float32))
-        if not on_device(image):
-            image[...] = to_host(there)
+        echoes = samples, tx_m, rx_m
+        if on_device(image):
+            self._way(tiles.whole(self.plan)).add(*echoes, image.reshape(-1).view(np.float32))
+            return
+        sums = []
+        for tile in self.tiles:  # sums wait, that a failure leaves the image as it was
+            sums = [(waiting, to_host(there)) for waiting, there in sums]
+            there = xp.zeros(tile.shape, np.complex64)
+            self._way(tile).add(*echoes, there.reshape(-1).view(np.float32))
+            sums.append((tile, there))
+        synchronise()
+        for tile, there in sums:
+            add_to_host(there, tile.part_of(image))
+
+    def _way(self, tile: Tile):
+        """What adds echoes to a tile; that of the latest one is kept."""
+        if self._latest[0] != tile:
+            self._latest = None, None  # its memory first
+            ways = {PolarPlan: _Polar, LinePlan: _along_lines}
+            self._latest = tile, ways.get(type(self.plan.way), _onto_points)(self.plan, tile)
+        return self._latest[1]
 
 
 class _Polar:
     """By a polar image, in parts that are merged or as a whole, interpolated to the map."""
 
-    def __init__(self, plan: BackprojectionPlan):
+    def __init__(self, plan: BackprojectionPlan, tile: Tile):
         way = self._way = plan.way
-        self._grid = plan.grid
+        self._grid, self._polar, merging = plan.grid, way.polar, None
+        if tile.rows is not None:
+            self._grid = tiles.strip_of_map(plan.grid, way.axis, tile.rows)
+            lines = tiles.lines_of_strip(way.polar, self._grid, way.between.first,
+                                         way.between.centred.shape[1])
+            self._polar = tiles.lines_of_grid(way.polar, lines)
+        if way.parts is not None:
+            merging = AzimuthUpsampling(way.parts, None if tile.rows is None else lines)
         profiles = Profiles(way.window, way.lattice, way.range_m)
-        self._lines = polar_lines(way.polar if way.parts is None else way.parts.coarse, profiles)
-        self._merging = way.parts and AzimuthUpsampling(way.parts)
+        self._lines = polar_lines(merging.coarse if merging else self._polar, profiles)
+        self._merging = merging
 
     def add(self, samples, tx_m, rx_m, image) -> None:
         way, echoes = self._way, (samples, tx_m, rx_m)
-        total = xp.zeros((2, way.polar.n_alpha, way.polar.n_range), np.float32)
+        total = xp.zeros((2, *self._polar.shape), np.float32)
         if self._merging is None:
             self._lines.add(*echoes, total.reshape(-1))
         else:
             self._merging.add_all(lambda number, part: self._lines.add(
                 *(a[way.parts.rows[number]] for a in echoes), part), total)
-        polar_to_map(total, way.polar, self._grid,
+        polar_to_map(total, self._polar, self._grid,
                      image.view(np.complex64).reshape(self._grid.shape), axis=way.axis,
                      wavelength_m=way.wavelength_m, between=way.between, along=way.along)
 
 
-def _along_lines(plan: BackprojectionPlan) -> Lines:
+def _along_lines(plan: BackprojectionPlan, tile: Tile) -> Lines:
     """Along the lines of the grid itself."""
     way, lines = plan.way, plan.way.lines
     profiles = Profiles(way.window, way.lattice, lines.range_m)
-    layers = [(lines.locate(layer), layout) for layer, layout in enumerate(lines.layouts)]
+    if tile.rows is None:
+        layers = [(lines.locate(layer), layout) for layer, layout in enumerate(lines.layouts)]
+    else:
+        locate, first = lines.locate(tile.layer), tile.rows.start
+        layers = [(lambda pixel, line: locate(pixel, first + line),
+                   (tile.shape[0], 0, 2 * lines.n_pixels, 2, 1))]
     return Lines(profiles, layers, lines.n_pixels,
                  ramp(profiles.cycles_per_step * way.lattice.n_phases, lines.n_pixels))
 
 
-def _onto_points(plan: BackprojectionPlan) -> Points:
-    return Points(plan.way, image_layers(plan.grid))
+def _onto_points(plan: BackprojectionPlan, tile: Tile) -> Points:
+    layers = image_layers(plan.grid)
+    if tile.rows is not None:
+        layers = [tiles.rows_of_points(layers[tile.layer], tile.rows)]
+    return Points(plan.way, layers)

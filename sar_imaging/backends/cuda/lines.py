@@ -10,6 +10,7 @@ from ...geometry.polar import PolarGrid
 from .arrays import launch, xp
 from .line_kernels import ROWS, THREADS, add_lines, block_lines
 from .profiles import Profiles
+from .transfers import in_pieces
 
 
 class Lines:
@@ -52,8 +53,8 @@ class Lines:
         segment = lattice.segment
         blocks = -(-len(self._ramp) // segment), -(-self._n_lines // block_lines(segment))
         centres = xp.asarray(np.concatenate([tx_m, rx_m], axis=1))
-        for rows in profiles.chunks(len(samples), ROWS):
-            planes = profiles.planes(samples[rows])
+        for rows, some in in_pieces(samples, profiles.chunks(len(samples), ROWS)):
+            planes = profiles.planes(some)
             for lines, layout in self._layers:
                 launch(add_lines, blocks, THREADS, planes.reshape(-1), lattice.n_phases,
                        profiles.n_cells, segment, centres[rows], lines,

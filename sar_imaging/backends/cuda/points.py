@@ -22,6 +22,7 @@ from ...planning.exact.points import ImagePoints, PointPlan
 from .arrays import cuda, kernel, launch, xp
 from .phasors import fraction, phasor, short_fraction
 from .profiles import Profiles
+from .transfers import in_pieces
 
 _TOGETHER = 32  # echoes of a chunk of profiles come in multiples of this
 THREADS = 256  # points of a block: of one tile, or of several smaller ones
@@ -225,8 +226,8 @@ class Points:
         centres = xp.asarray(np.concatenate([tx_m, rx_m], axis=1))
         parts = image.reshape(len(self._layers), -1)
         own = THREADS // (plan.tile[0] * plan.tile[1])
-        for rows in profiles.chunks(len(samples), _TOGETHER):
-            planes = profiles.planes(samples[rows]).reshape(-1)
+        for rows, some in in_pieces(samples, profiles.chunks(len(samples), _TOGETHER)):
+            planes = profiles.planes(some).reshape(-1)
             for made, part in zip(self._layers, parts, strict=True):
                 launch(add_points, -(-len(made[-1]) // own), THREADS, planes, profiles.n_cells,
                        centres[rows], *made, profiles.range_at(0), plan.lattice.step_m,

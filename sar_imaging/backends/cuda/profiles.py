@@ -10,7 +10,7 @@ from ...planning.interpolators import LINE_DEGREE, TAPS
 from ...planning.profiles.phase_history import PhaseHistory
 from ...planning.profiles.range_gate import RangeGate, rise
 from ...planning.profiles.range_resampling import RangeResampling
-from .arrays import complex_samples, cuda, free_bytes, kernel, launch, xp
+from .arrays import check_memory, complex_samples, cuda, free_bytes, kernel, launch, xp
 
 _GUARD = 8  # lattice cells beyond the ranges of the image
 _MOST_BYTES, _SHARE = 1 << 30, 4  # of polynomials at once, and of the free memory one part in so
@@ -114,8 +114,11 @@ class Profiles:
         lattice = self.lattice
         dense = lattice.n_cells * lattice.n_phases
         row = (4 * lattice.interpolator.n_planes * lattice.n_phases * self.n_cells
-               + 8 * (3 * lattice.n_padded + 3 * dense))  # with what transforms take
+               + 8 * (5 * lattice.n_padded + 3 * dense))  # with what copies and transforms take
         rows = min(_MOST_BYTES, free_bytes() // _SHARE) // row
+        if not rows // together:
+            check_memory(min(together, n_rows) * row, f'one pass of {together} range profiles',
+                         "use backend='cpu'")
         step = max(rows // together, 1) * together
         return (slice(lo, min(lo + step, n_rows)) for lo in range(0, n_rows, step))
 

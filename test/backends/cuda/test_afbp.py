@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.backends import backend
-from sar_imaging.backends.cuda.arrays import to_host
+from sar_imaging.backends.cuda.transfers import to_host
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.afbp.beams import plan_beams
 from sar_imaging.planning.afbp.plan import plan_afbp

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cuda.arrays import launch, to_host, xp
+from sar_imaging.backends.cuda.arrays import launch, xp
 from sar_imaging.backends.cuda.line_kernels import THREADS, add_lines, block_lines
 from sar_imaging.backends.cuda.lines import segment_middles
+from sar_imaging.backends.cuda.transfers import to_host
 
 DEGREE = 4
 

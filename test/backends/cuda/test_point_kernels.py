@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cuda.arrays import launch, to_host, xp
+from sar_imaging.backends.cuda.arrays import launch, xp
 from sar_imaging.backends.cuda.points import THREADS, add_points, bound_tiles
+from sar_imaging.backends.cuda.transfers import to_host
 
 DEGREE = 3
 

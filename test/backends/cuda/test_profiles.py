@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from sar_imaging.backends.cuda.arrays import complex_samples, to_host
+from sar_imaging.backends.cuda.arrays import complex_samples
 from sar_imaging.backends.cuda.profiles import Profiles
+from sar_imaging.backends.cuda.transfers import to_host
 from sar_imaging.backends.reference.resample_profiles import profile_spectra, resample_profiles
 from sar_imaging.planning.interpolators import design_interpolator
 from sar_imaging.planning.profiles.phase_history import PhaseHistory

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from ...planning.afbp.beam_gain import BEAM_TAPS, DEGREE
-from ...planning.afbp.beams import CELL_TAPS
-from .arrays import cuda, kernel
-from .phasors import fraction, phasor, short_fraction
+from ....planning.afbp.beam_gain import BEAM_TAPS, DEGREE
+from ....planning.afbp.beams import CELL_TAPS
+from ..arrays import cuda, kernel
+from ..phasors import fraction, phasor, short_fraction
 
 THREADS, BEAMS = 128, 8  # bins of a block of threads, and beams of a thread
 _ROWS = 32  # whose numbers lie in shared memory

@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
-from ...geometry.grids import MapGrid
-from ...memory import IMAGE_BYTES
-from ...planning.afbp.polar_grids import UnifiedPolarGrids
-from ...planning.guard_taper import guard_taper
-from ...planning.interpolators import design_interpolator
-from ...planning.polar_to_map import DEGREE, TAPS, range_axis
-from .arrays import check_memory, cuda, kernel, launch, reports_failures, require_device, xp
-from .polar_to_map import polar_to_map
+from ....geometry.grids import MapGrid
+from ....memory import IMAGE_BYTES
+from ....planning.afbp.polar_grids import UnifiedPolarGrids
+from ....planning.guard_taper import guard_taper
+from ....planning.interpolators import design_interpolator
+from ....planning.polar_to_map import DEGREE, TAPS, range_axis
+from ..arrays import check_memory, cuda, kernel, launch, reports_failures, require_device, xp
+from ..polar_to_map import polar_to_map
 
 _THREADS = 128
 

@@ -6,23 +6,23 @@ import math
 
 import numpy as np
 
-from ...planning.afbp.beam_geometry import BeamGeometry, grid_edges
-from ...planning.afbp.beams import CELL_TAPS
-from ...planning.afbp.subapertures import SubaperturePlan
-from ...signal.pulses import PulseBlock
-from .arrays import (
+from ....planning.afbp.beam_geometry import BeamGeometry, grid_edges
+from ....planning.afbp.beams import CELL_TAPS
+from ....planning.afbp.subapertures import SubaperturePlan
+from ....signal.pulses import PulseBlock
+from ..arrays import (
     complex_samples,
     launch,
     on_device,
     reports_failures,
     require_device,
-    to_host,
     xp,
 )
+from ..known import refuse_unknown
+from ..lines import polar_lines
+from ..profiles import Profiles, profile_spectra
+from ..transfers import to_host
 from .beam_kernels import BEAMS, THREADS, form_beams, interpolate_beams
-from .known import refuse_unknown
-from .lines import polar_lines
-from .profiles import Profiles, profile_spectra
 
 
 class SubapertureImager:

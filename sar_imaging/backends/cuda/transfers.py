@@ -1,0 +1,197 @@
+"""Samples to the device and images back, through page-locked memory, while the device works.
+
+Pageable memory is copied at a fraction of the bus's rate, and the device waits for it. Samples go
+in pieces through two page-locked buffers in turn: while the device adds one piece, the next is
+copied beside it. Images come back the same way.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import functools
+import math
+from collections.abc import Callable, Iterable, Iterator
+
+import numpy as np
+
+from .arrays import SIMULATED, on_device, xp
+
+_PIECE_BYTES = 1 << 25  # of an image: what is copied at once
+_THREADS, _LEAST_BYTES = 4, 1 << 20  # of the host; one alone has a part of the bus's rate
+
+
+class Copies:
+    """A queue of copies beside the device's work; in the simulator each is made at once."""
+
+    def __init__(self):
+        self._queue = None if SIMULATED else _queue(xp.cuda.Device().id)
+
+    def mark(self):
+        """What tells the end of all work that the device was given so far."""
+        return None if SIMULATED else xp.cuda.get_current_stream().record()
+
+    def send(self, there, here, after):
+        """Begin a copy of page-locked memory to the device, after a mark; returns its end."""
+        if SIMULATED:
+            there[...] = here
+            return None
+        self._queue.wait_event(after)
+        there.set(here, stream=self._queue)
+        return self._queue.record()
+
+    def fetch(self, here, there, after):
+        """Begin a copy from the device to page-locked memory, after a mark; returns its end."""
+        if SIMULATED:
+            here[...] = there
+            return None
+        self._queue.wait_event(after)
+        there.get(stream=self._queue, out=here, blocking=False)
+        return self._queue.record()
+
+    def wait(self, end) -> None:
+        """Have the work that the device is given next wait for the end of a copy."""
+        if end is not None:
+            xp.cuda.get_current_stream().wait_event(end)
+
+    def finish(self, end) -> None:
+        """Wait for the end of a copy."""
+        if end is not None:
+            end.synchronize()
+
+
+@functools.cache
+def _queue(device: int):
+    with xp.cuda.Device(device):
+        return xp.cuda.Stream(non_blocking=True)
+
+
+@functools.cache
+def _threads() -> concurrent.futures.ThreadPoolExecutor:
+    return concurrent.futures.ThreadPoolExecutor(_THREADS, 'copies')
+
+
+def page_locked(shape: tuple[int, ...], dtype) -> np.ndarray:
+    """Array of any contents in memory that the device reads and writes by itself."""
+    if SIMULATED:
+        return np.empty(shape, dtype)
+    dtype, size = np.dtype(dtype), math.prod(shape)
+    memory = xp.cuda.alloc_pinned_memory(max(size, 1) * dtype.itemsize)
+    return np.frombuffer(memory, dtype, size).reshape(shape)
+
+
+def in_pieces(samples, pieces: Iterable[slice], copies: Copies | None = None
+              ) -> Iterator[tuple[slice, object]]:
+    """Samples piece by piece on the device, each copied while the one before is added.
+
+    Parameters
+    ----------
+    samples : (R, N) complex64 or (R, N, 2) integer
+        Of the host, or of the device, where they are cut alone.
+    pieces : iterable of slice
+        Of the echoes; none is longer than the first.
+    copies : Copies, optional
+        What copies them.
+
+    Yields
+    ------
+    piece : slice
+    some : (n, N) complex64 or (n, N, 2) integer array of the device
+        Valid until the next is asked for.
+    """
+    pieces = list(pieces)
+    if on_device(samples) or not pieces:
+        yield from ((piece, samples[piece]) for piece in pieces)
+        return
+    copies = copies or Copies()
+    kind = samples.dtype if samples.dtype.kind == 'i' else np.complex64
+    shape, turns = (len(samples[pieces[0]]), *samples.shape[1:]), min(2, len(pieces))
+    here = [page_locked(shape, kind) for _ in range(turns)]
+    there = [xp.empty(shape, kind) for _ in range(turns)]
+    read, ends = [copies.mark()] * turns, [None] * turns  # of the device's and the host's buffers
+
+    def begin(number: int) -> None:
+        k, some = number % turns, samples[pieces[number]]
+        copies.finish(ends[k])
+        _by_threads(np.copyto, here[k][:len(some)], some)
+        ends[k] = copies.send(there[k][:len(some)], here[k][:len(some)], read[k])
+
+    try:
+        begin(0)
+        for number, piece in enumerate(pieces):
+            k = number % turns
+            copies.wait(ends[k])
+            yield piece, there[k][:len(samples[piece])]
+            read[k] = copies.mark()
+            if number + 1 < len(pieces):
+                begin(number + 1)
+    finally:  # before others have the buffers
+        for end in ends:
+            copies.finish(end)
+
+
+def add_to_host(there, image: np.ndarray, copies: Copies | None = None,
+                n_bytes: int = _PIECE_BYTES) -> None:
+    """Add an array of the device to one of the host.
+
+    Parameters
+    ----------
+    there : (n, m) complex64 array of the device
+        Contiguous; or of the host, where it was fetched before.
+    image : (n, m) complex64
+        Added to.
+    copies : Copies, optional
+        What copies it.
+    n_bytes : int
+        Of a piece.
+    """
+    if not (SIMULATED or on_device(there)):
+        _by_threads(_add, image, there)
+        return
+    copies = copies or Copies()
+    n = max(1, min(len(there), n_bytes // max(1, there.nbytes // max(1, len(there)))))
+    firsts = range(0, len(there), n)
+    here = [page_locked((n, *there.shape[1:]), there.dtype) for _ in firsts[:2]]
+    made, ends = copies.mark(), [None] * len(here)
+
+    def begin(number: int) -> None:
+        some = there[firsts[number]:firsts[number] + n]
+        ends[number % 2] = copies.fetch(here[number % 2][:len(some)], some, made)
+
+    try:
+        if firsts:
+            begin(0)
+        for number, first in enumerate(firsts):
+            if number + 1 < len(firsts):
+                begin(number + 1)
+            copies.finish(ends[number % 2])
+            onto = image[first:first + n]
+            _by_threads(_add, onto, here[number % 2][:len(onto)])
+    finally:
+        for end in ends:
+            copies.finish(end)
+
+
+def to_host(array) -> np.ndarray:
+    """Copy of an array of the device in page-locked memory; one of the host as it is."""
+    if not on_device(array):
+        return array
+    copies, there = Copies(), xp.ascontiguousarray(array)
+    here = page_locked(there.shape, there.dtype)
+    copies.finish(copies.fetch(here, there, copies.mark()))
+    return here
+
+
+def _add(target: np.ndarray, source: np.ndarray) -> None:
+    np.add(target, source, out=target)
+
+
+def _by_threads(work: Callable, target: np.ndarray, source: np.ndarray) -> None:
+    """Do `work` on equal parts of the first axis of two arrays, in some threads of the host."""
+    n = min(_THREADS, len(target), target.nbytes // _LEAST_BYTES)
+    if n < 2:
+        work(target, source)
+        return
+    cuts = np.linspace(0, len(target), n + 1).astype(int)
+    for done in [_threads().submit(work, target[lo:hi], source[lo:hi])
+                 for lo, hi in zip(cuts[:-1], cuts[1:], strict=True)]:
+        done.result()
