@@ -102,7 +102,8 @@ ORDER = Hypothesis('positions reversed', 'the positions probably run against the
                    'one of them', _moved(lambda p: p[::-1]))
 SAMPLES = (
     Hypothesis('samples conjugated', 'the samples are probably conjugated, or Q and I exchanged; '
-               'pass samples.conj()', conjugations, of_samples=True),
+               'pass samples.conj(), or set samples.conjugate in the description', conjugations,
+               of_samples=True),
     Hypothesis('sign of the slope', 'the sign of chirp_rate_hz_per_s (the slope of the ramp) is '
                'probably wrong; reverse it', reversed_slopes, of_samples=True),
 )

@@ -288,8 +288,8 @@ def _around(poses: PoseTable, pulses: PulseBlock, alignment: Alignment) -> PoseT
         raise DescriptionError(
             f'the pulses need poses from {first * 1e-9:.6f} to {last * 1e-9:.6f} s of the clock '
             f'of the poses; there are poses from {ends[0] * 1e-9:.6f} to {ends[1] * 1e-9:.6f} s: '
-            'correct alignment.time_offset_s (clock of the poses minus clock of the pulses), '
-            'times.unit_s or poses.unit_s, or shorten times.use_s')
+            'correct times.first_s, alignment.time_offset_s (clock of the poses minus clock of '
+            'the pulses), times.unit_s or poses.unit_s, or shorten times.use_s')
     return poses.select(near)
 
 

@@ -58,6 +58,8 @@ def _stored(section: Section, key: str, data) -> np.ndarray:
         position_m = data.joined(section.text('variable')).astype(np.float64)
         if position_m.ndim != 2 or position_m.shape[1] != 3:
             raise section.error('variable', 'an array of shape (pulses, 3)',
+                                f'its shape is {position_m.shape}: store it transposed'
+                                if position_m.shape[:1] == (3,) else
                                 f'its shape is {position_m.shape}')
     else:
         names = section.raw('variables')

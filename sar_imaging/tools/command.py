@@ -48,11 +48,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     for length in (2, 1):
         module = COMMANDS.get(tuple(words[:length]))
         if module is not None:
-            name = f'sar_imaging.tools.{module}'
-            return importlib.import_module(name).main(words[length:])
+            return _run(module, words[length:])
     asked = ' '.join(words[:2] if any(words[0] == c[0] for c in COMMANDS) else words[:1])
     print(f'sar-imaging: there is no command {asked!r}\n\n{overview(words[0])}', file=sys.stderr)
     return 2
+
+
+def _run(module: str, words: Sequence[str]) -> int:
+    try:
+        program = importlib.import_module(f'sar_imaging.tools.{module}')
+    except ModuleNotFoundError as error:
+        if error.name != 'rclpy':
+            raise
+        print('error: this command talks to ROS nodes and needs rclpy, which is not installed; '
+              'docs/install.md has the ways to get it. sar-imaging image needs no ROS',
+              file=sys.stderr)
+        return 1
+    return program.main(words)
 
 
 def overview(first: str = '') -> str:

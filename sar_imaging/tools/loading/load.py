@@ -32,9 +32,9 @@ recording.
 """
 
 
-def recorded(poses: PoseTable) -> RecordedPoses:
-    """Poses as recordings keep them."""
-    return RecordedPoses(poses.time_ns, poses.position_m, poses.quaternion)
+def recorded(poses: PoseTable, frame: str = 'map') -> RecordedPoses:
+    """Poses as recordings keep them, in the frame of the scene."""
+    return RecordedPoses(poses.time_ns, poses.position_m, poses.quaternion, frame)
 
 
 def truth_of(loaded: Loaded, alignment: Alignment | None) -> dict:
@@ -95,7 +95,7 @@ def _write(arguments: argparse.Namespace) -> str:
         print(f'warning: {text}', file=sys.stderr)
     alignment, poses = loaded.alignment, None
     if loaded.poses is not None:
-        poses = recorded(loaded.poses)
+        poses = recorded(loaded.poses, loaded.scene.frame)
     if arguments.estimate_alignment:
         if poses is None:
             raise DescriptionError('--estimate-alignment: expected poses on a clock of their own; '

@@ -196,7 +196,7 @@ def describe(source: Source, choice: GridChoice, image: Image, seconds: float,
         warnings.append(f'{source.missing} pulses are missing between the first and the last')
     if focus.at_noise_level:
         warnings.append('nothing in the image stands out from noise: are place and height of the '
-                        'scene right?')
+                        'scene right? sar-imaging doctor looks for other mistakes')
     return {
         'file': str(source.path), 'format': source.kind, 'pulses': source.n_pulses,
         'pulses_missing': source.missing, 'channels': source.n_channels,
