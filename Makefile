@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter colcon environment clean prediction-campaign obstacle-campaign format-campaign cphd-memory archive-campaign gpu
+.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check colcon environment clean prediction-campaign obstacle-campaign format-campaign cphd-memory archive-campaign gpu
 .DEFAULT_GOAL := help
 
 help:
@@ -76,6 +76,8 @@ help:
 	@echo '             do the addresses outside the site still answer? Needs the network'
 	@echo 'make drawings'
 	@echo '             draw the mermaid blocks of the pages again that were changed; needs npx and Chromium'
+	@echo 'make release-check'
+	@echo '             whether this version may be published: version, changelog, addresses'
 	@echo 'make clean   remove what these commands made, the environment excepted'
 	@echo 'Variables: PYTHON=python3.12 (interpreter), VENV=path (environment)'
 
@@ -90,6 +92,10 @@ test: lint archive
 lint: environment
 	@echo 'ruff check ...'
 	@$(RUN) -m ruff check .
+
+# What a version needs before it is published, see docs/releasing.md.
+release-check: environment
+	@$(RUN) -m pytest -m release test/test_package.py
 
 # The suite takes a part of this.
 processors: environment

@@ -15,7 +15,7 @@ ONE_PROGRAM = {'console_scripts': ['sar-imaging = sar_imaging.tools.command:main
 
 arguments = dict(
     name='sar_imaging',
-    version='0.1.0',
+    version='0.2.0',
     description='Multichannel synthetic aperture radar imaging for ROS 2',
     license='Apache-2.0',
     maintainer='SAR Imaging maintainers',

@@ -13,7 +13,7 @@ import importlib
 
 from .companion import check_companion
 
-__version__ = '0.1.0'
+__version__ = '0.2.0'
 
 # Imported when they are used first: nodes that form no images need no imager.
 _HOMES = {'Image': 'imaging.image', 'Imager': 'imaging.imager', 'MapGrid': 'geometry',

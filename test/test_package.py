@@ -12,6 +12,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 import pytest
+import yaml
 
 import sar_imaging
 from sar_imaging.tools.command import COMMANDS
@@ -97,11 +98,8 @@ def test_who_maintains_it_is_the_same_everywhere():
     assert maintainer.text == setup['maintainer']
 
 
-def missing_addresses(manifest, changelog):
-    """What a published version needs and a manifest lacks; nothing while none is published."""
-    [newest, *_] = re.findall(r'^(.+)\n-+$', changelog, re.MULTILINE)
-    if newest == 'Forthcoming':
-        return []
+def missing_addresses(manifest):
+    """What a published version needs and a manifest lacks."""
     missing = [kind for kind in ('repository', 'bugtracker')
                if manifest.find(f"url[@type='{kind}']") is None]
     if manifest.find('maintainer').get('email').endswith('.example'):  # RFC 2606: never exists
@@ -109,23 +107,37 @@ def missing_addresses(manifest, changelog):
     return missing
 
 
-def test_a_release_has_addresses_that_can_exist():
-    assert missing_addresses(_manifest(), (ROOT / 'CHANGELOG.rst').read_text()) == []
-    released = '1.0.0 (2030-01-01)\n------------------\n'
+def test_missing_addresses_are_told():
     text = '<package><maintainer email="{}"/>{}</package>'
     bare = ElementTree.fromstring(text.format('somebody@place.example', ''))
-    assert missing_addresses(bare, released) == ['repository', 'bugtracker', 'maintainer']
-    assert missing_addresses(bare, 'Forthcoming\n-----------\n') == []
+    assert missing_addresses(bare) == ['repository', 'bugtracker', 'maintainer']
     full = ElementTree.fromstring(text.format(
         'somebody@place.org', '<url type="repository">a</url><url type="bugtracker">b</url>'))
-    assert missing_addresses(full, released) == []
+    assert missing_addresses(full) == []
+
+
+@pytest.mark.release
+def test_a_published_version_has_addresses_that_can_exist():
+    assert missing_addresses(_manifest()) == []
+
+
+def _sections() -> list[str]:
+    """Titles of the changelog's sections, the newest first."""
+    return re.findall(r'^(.+)\n-+$', (ROOT / 'CHANGELOG.rst').read_text(), re.MULTILINE)
+
+
+@pytest.mark.release
+def test_a_published_version_has_no_forthcoming_changes():
+    assert _sections()[0].startswith(f'{sar_imaging.__version__} (')
 
 
 def test_one_version_everywhere():
-    setup = _setup_keywords()
+    setup, citation = _setup_keywords(), yaml.safe_load((ROOT / 'CITATION.cff').read_text())
     assert _manifest().findtext('version') == setup['version'] == sar_imaging.__version__
-    [newest, *_] = re.findall(r'^(.+)\n-+$', (ROOT / 'CHANGELOG.rst').read_text(), re.MULTILINE)
-    assert newest == 'Forthcoming' or newest.startswith(setup['version'])
+    [newest] = [title for title in _sections() if title != 'Forthcoming'][:1]
+    assert newest == f'{setup["version"]} ({citation["date-released"]})'
+    assert citation['version'] == setup['version']
+    assert citation['license'] == setup['license']
 
 
 def test_manifest_covers_every_import():
