@@ -21,8 +21,6 @@ _USED = {TRACK: ('antenna.side', 'antenna.squint', 'antenna.depression'),
          POINT: ('antenna.target',),
          ROTATION: ('antenna.depression', 'antenna.rotation_rate', 'antenna.rotation_start',
                     'antenna.rotation_start_s')}
-NOT_FUSED = ('sub-apertures are fused without illumination; expected mode image, or '
-             'antenna.pattern none')
 _WITHOUT_ATTITUDE = {BLOCK: 'the pulses tell positions alone', 'fix': 'fixes tell no attitude'}
 
 
@@ -127,5 +125,3 @@ def check_antenna(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:
         yield Finding('warning', f'antenna.pointing={buffer["antenna.pointing"]}, but '
                       'antenna.pattern=none: pulses tell where the antenna looks, and images make '
                       'no use of it; set antenna.pattern of backprojection')
-    if found['antenna'] is not None and imager['mode'] == 'subapertures':
-        yield Finding('error', f'antenna.pattern={imager["antenna.pattern"]}: {NOT_FUSED}')

@@ -142,9 +142,6 @@ def correlate_profiles(block: PulseBlock, points, *, illumination: AntennaPatter
     sharpness = math.asinh(10 ** (-_SERIES_ERROR_DB / 20))
     lit = ()
     if illumination is not None:
-        if block.pointing is None:
-            raise ValueError('illumination needs to know where the antenna looked; set pointing '
-                             'of the block')
         lit = Illumination.of_pulses(illumination, block.pointing, block.tx_m, block.rx_m),
     pulses = (np.ascontiguousarray(a) for a in (block.samples, block.tx_m, block.rx_m))
     return optional_entry(backend, 'correlate_profiles')(

@@ -128,10 +128,6 @@ class Method:
         """
         pattern, self.illumination = self.options.illumination, None
         if pattern is not None:
-            if pointing is None:
-                raise ValueError('illumination needs to know where the antenna looked at each '
-                                 'pulse; set pointing of the PulseBlock, for instance to '
-                                 'Pointing.beside_track(block.phase_centre_m, side)')
             self.illumination = Illumination.of_pulses(pattern, pointing, tx_m, rx_m)
         self._pointing = pointing
         self._centres = tx_m.copy(), rx_m.copy()

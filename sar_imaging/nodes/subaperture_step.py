@@ -9,14 +9,12 @@ from std_msgs.msg import Float32MultiArray
 from msg_conversions.subaperture_image import to_message
 from msg_conversions.subaperture_wire import as_received
 from sar_imaging.backends import compile_beforehand
-from sar_imaging.configuration.antenna import NOT_FUSED
 from sar_imaging.signal.pulses.sequence import describe_range
 from sar_imaging.streaming.subaperture_image import SubapertureImage
 from sar_imaging.streaming.subapertures import LiveSubapertures
 
 from .backprojection_parameters import IMAGE
 from .backprojection_steps import BackprojectionStep
-from .images.antenna_pattern import PATTERN
 from .images.image_grid import describe_grid
 from .images.terrain import TERRAIN_FILE
 from .runtime.health import Health, Part
@@ -34,8 +32,6 @@ class SubapertureStep(BackprojectionStep):
         if p[TERRAIN_FILE.name]:
             raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: sub-apertures are fused on '
                                      f'a plane; use mode {IMAGE} on terrain')
-        if self._pattern is not None:
-            raise ConfigurationError(f'parameter {PATTERN.name}={p[PATTERN.name]}: {NOT_FUSED}')
         follow_m = ((p['subapertures.follow_ahead'], p['subapertures.follow_left'])
                     if p['subapertures.follow'] else None)
         try:
@@ -43,7 +39,7 @@ class SubapertureStep(BackprojectionStep):
                 self._grid, pulses_per_aperture=p['pulses_per_aperture'],
                 pulses_per_subaperture=p['subapertures.pulses'],
                 target_db=p['subapertures.target_db'], sliding=p['subapertures.sliding'],
-                follow_m=follow_m)
+                follow_m=follow_m, illumination=self._pattern)
         except ValueError as error:
             raise ConfigurationError(f'subapertures: {error}') from error
         compile_beforehand('SubapertureImager')  # the first sub-aperture must not wait for it

@@ -77,8 +77,8 @@ def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters,
     along_alpha = polar.by_direction(r, alpha)
     tx_m, rx_m = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
     length, by_range, slope = half_paths(tx_m, rx_m, position, along_range, along_alpha)
-    lit = None if illumination is None else illumination.amplitude(position) > 0
-    some = by_range if lit is None or not lit.any() else by_range[lit]
+    lit = None if illumination is None else illumination.lights(position)
+    some = by_range if lit is None else by_range[lit]
     extremes = float(some.min()), float(some.max())
     if extremes[0] <= 0.1:
         raise ValueError('range does not grow along the lines of the polar grid; it lies beside '

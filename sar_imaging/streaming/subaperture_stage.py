@@ -6,6 +6,7 @@ import numpy as np
 
 from ..backends import backend
 from ..planning.afbp.edge_brightness import EdgeBrightness
+from ..planning.afbp.lit_subapertures import seen_subapertures
 from ..planning.afbp.live import LivePlan
 from ..signal.pulses import PulseBlock
 
@@ -33,10 +34,14 @@ class SubapertureStage:
         ValueError
             The block does not match the plan.
         """
+        plan = self.plan.subapertures
+        lit = plan.illumination_of(block)
+        if lit and not seen_subapertures(plan.coarse, [slice(0, block.n_pulses)], lit,
+                                         plan.n_channels):
+            return np.zeros((plan.coarse.n_alpha, plan.coarse.n_range), np.complex64), 0.0
         parts = self._imager.image(0, block)
         image = np.empty(parts.shape[1:], np.complex64)
         image.real, image.imag = parts
-        plan = self.plan.subapertures
         brightness = EdgeBrightness(plan.fusion_grid, plan.sampling.coverage)
         brightness.add(parts)
         return image, brightness.uneven_db

@@ -9,6 +9,7 @@ import time
 import numpy as np
 
 from ..geometry.grids import MapGrid
+from ..geometry.illumination import AntennaPattern, Illumination, Pointing
 from ..geometry.track_frame import mean_centres, unit_vector
 from ..geometry.track_prediction import predict_track
 from ..planning.afbp.live import extension, plan_live
@@ -80,6 +81,8 @@ class LiveSubapertures(ApertureSequence):
         the middle of the aperture, metres, on the pixels that `grid` continues to. Ahead is the
         direction of the aperture that began the leg; another leg begins where an aperture's
         differs by 15 degrees.
+    illumination : AntennaPattern, optional
+        As for `plan_image`; pulses then tell where the antenna looked.
 
     Raises
     ------
@@ -89,13 +92,14 @@ class LiveSubapertures(ApertureSequence):
 
     def __init__(self, grid: MapGrid, *, pulses_per_aperture: int,
                  pulses_per_subaperture: int = 0, target_db: float = -60.0,
-                 sliding: bool = False, follow_m: tuple[float, float] | None = None):
+                 sliding: bool = False, follow_m: tuple[float, float] | None = None,
+                 illumination: AntennaPattern | None = None):
         if not 0 <= pulses_per_subaperture <= pulses_per_aperture:
             raise ValueError(f'pulses_per_subaperture={pulses_per_subaperture}; expected 0 (to be '
                              f'planned) to pulses_per_aperture={pulses_per_aperture}')
         if not -85.0 <= target_db <= -20.0:
             raise ValueError(f'target_db={target_db}; expected -85 to -20 dB')
-        self.grid, self._follow_m = grid, follow_m
+        self.grid, self._follow_m, self._pattern = grid, follow_m, illumination
         self._target_db, self._wanted_cut = target_db, pulses_per_subaperture
         self._n_apertures = 2 if sliding else 1
         self._session, self._sequence = secrets.randbits(32), 0
@@ -145,6 +149,8 @@ class LiveSubapertures(ApertureSequence):
         self._ahead.stage = stage
 
     def _configure(self, block: PulseBlock) -> PulseBlock:
+        if self._pattern is not None:
+            Illumination.of_pulses(self._pattern, block.pointing, block.tx_m, block.rx_m)  # told
         return block.select(slice(0, 0))
 
     def _begin_sequence(self) -> None:
@@ -296,14 +302,15 @@ class LiveSubapertures(ApertureSequence):
         found = []
         for aperture, part in parts:
             block = aperture.block(part)
-            band = target.stage.plan.check(block.tx_m, block.rx_m)
+            band = target.stage.plan.check(block.tx_m, block.rx_m,
+                                           target.stage.plan.subapertures.illumination_of(block))
             if band is None:
                 return None
             found.append((aperture, part, block, *band))
         return [self._formed(target, *some) for some in found]
 
     def _formed(self, target: _Target, aperture: AperturePulses, part: slice, block: PulseBlock,
-                centre_m: float, error_db: float) -> SubapertureImage:
+                centre_m: float, error_db: float, power_db: float) -> SubapertureImage:
         # Apertures are equally long but for the last before the counter wraps around.
         counts = [self._count_parts(target.first + i) for i in range(target.n_apertures)]
         before = sum(counts[:aperture.number - target.first])
@@ -313,7 +320,8 @@ class LiveSubapertures(ApertureSequence):
             self._session, target.sequence, target.revision, aperture.number,
             before + part.start // self._cut, sum(counts), counts[0],
             aperture.first + part.start, block.n_pulses, part.stop - part.start - block.n_pulses,
-            len(target.apertures[0].seen), aperture.centre_ns(part), error_db + uneven_db)
+            len(target.apertures[0].seen), aperture.centre_ns(part),
+            error_db + max(uneven_db + min(power_db, 0.0), 0.0))
 
     def _count_parts(self, number: int) -> int:
         """Sub-apertures of an aperture."""
@@ -362,15 +370,20 @@ class LiveSubapertures(ApertureSequence):
         n_pulses = target.n_apertures * self._length
         before, after = extension(n_pulses, cut or 1, slack)
         first = target.first * self._length
-        tx_m, rx_m = predict_track(
-            np.concatenate([a.known for a in known]),
-            *(np.concatenate([getattr(a, name)[a.seen] for a in known])
-              for name in ('tx_m', 'rx_m')),
-            np.arange(first - before, first + n_pulses + after))
+        numbers = np.concatenate([a.known for a in known])
+        wanted, lit = np.arange(first - before, first + n_pulses + after), None
+        tx_m, rx_m = predict_track(numbers, *(
+            np.concatenate([getattr(a, name)[a.seen] for a in known])
+            for name in ('tx_m', 'rx_m')), wanted)
+        if self._pattern is not None:
+            looks = np.concatenate([a.looks[:, a.seen] for a in known], axis=1)
+            looks = predict_track(numbers, *looks[:, :, None], wanted)
+            lit = Illumination.of_pulses(self._pattern, Pointing(*(v[:, 0] for v in looks)), tx_m,
+                                         rx_m, foreseen=True)
         return SubapertureStage(plan_live(
             self._map(tx_m, rx_m), self._plan.radar, self._plan.n_samples, tx_m, rx_m,
             target_db=self._target_db, pulses_per_subaperture=cut or None, slack=slack,
-            n_window=self._length if self._n_apertures > 1 else 0))
+            n_window=self._length if self._n_apertures > 1 else 0, illumination=lit))
 
     def _map(self, tx_m, rx_m) -> MapGrid:
         """Map of an aperture with these phase centres."""

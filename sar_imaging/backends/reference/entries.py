@@ -70,9 +70,9 @@ class SubapertureImager:
         samples = samples * np.repeat(weights, plan.n_channels)[:, None]
         if plan.beams is None:
             image = project_lines(plan.source, samples, plan.lattice.n_padded, *rows, plan.coarse,
-                                  plan.illumination_of(number))
+                                  plan.illumination_of(block))
         else:
-            image = image_from_beams(plan, samples, *rows, plan.illumination_of(number))
+            image = image_from_beams(plan, samples, *rows, plan.illumination_of(block))
         out = np.empty((2, *image.shape), np.float32) if out is None else out
         out[:] = image.real, image.imag
         return out

@@ -47,36 +47,53 @@ class Illumination:
         Where each is seen from: the middle between its phase centres, metres.
     axes : (R, 3, 3) float64
         The antenna's right, boresight and up at each, as rows.
+    foreseen : bool
+        The pulses are still to come: any of them may light any point.
     """
 
     pattern: AntennaPattern
     centre_m: np.ndarray
     axes: np.ndarray
+    foreseen: bool = False
 
     @classmethod
-    def of_pulses(cls, pattern: AntennaPattern, pointing: Pointing, tx_m, rx_m) -> Illumination:
+    def of_pulses(cls, pattern: AntennaPattern, pointing: Pointing | None, tx_m, rx_m, *,
+                  foreseen: bool = False) -> Illumination:
         """Illumination by pulses with phase centres (P, C, 3), metres, pulse by pulse.
 
         Raises
         ------
         ValueError
-            The pointing is for another number of pulses.
+            There is no pointing, or it is for another number of pulses.
         """
+        if pointing is None:
+            raise ValueError('illumination needs to know where the antenna looked at each pulse; '
+                             'set pointing of the PulseBlock, for instance to '
+                             'Pointing.beside_track(block.phase_centre_m, side)')
         centre = 0.5 * (np.asarray(tx_m, np.float64) + rx_m)
         if len(pointing) != len(centre):
             raise ValueError(f'the pointing is for {len(pointing)} pulses, there are '
                              f'{len(centre)}; give every pulse its boresight')
         return cls(pattern, np.ascontiguousarray(centre.reshape(-1, 3)),
-                   np.repeat(pointing.axes, centre.shape[1], axis=0))
+                   np.repeat(pointing.axes, centre.shape[1], axis=0), foreseen)
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of the positions and axes, bytes."""
+        return self.centre_m.nbytes + self.axes.nbytes
 
     def select(self, rows) -> Illumination:
         """Some of the echoes, by slice, mask or integers."""
-        return Illumination(self.pattern, self.centre_m[rows], self.axes[rows])
+        return Illumination(self.pattern, self.centre_m[rows], self.axes[rows], self.foreseen)
+
+    def lights(self, points_m) -> np.ndarray | None:
+        """(R, S) bool which points (S, 3), metres, each echo lights; None where all may be."""
+        lit = None if self.foreseen else self.amplitude(points_m) > 0
+        return lit if lit is not None and lit.any() else None
 
     def of_paths(self, paths: Paths, points_m) -> Paths:
         """Paths of the echoes to points (S, 3), metres, that know which of these they light."""
-        lit = self.amplitude(points_m) > 0
-        return dataclasses.replace(paths, lit=lit) if lit.any() else paths
+        return dataclasses.replace(paths, lit=self.lights(points_m))
 
     def spread(self, points_m, direction_m) -> AmplitudeSpread:
         """Frequencies of the amplitudes along a direction, radians per unit of it.

@@ -20,7 +20,13 @@ from ...geometry.polar import PolarGrid
 from ...geometry.track_frame import mean_centres
 from ...signal.radar import RadarParameters
 from ..error_budget import AFBP_SHARES, error_budget
-from ..exact.lit_lines import LitLines, draw_pairs, pair_amplitude, plan_lit_segments
+from ..exact.lit_lines import (
+    MOST_PAIRS,
+    LitLines,
+    draw_pairs,
+    pair_amplitude,
+    plan_lit_segments,
+)
 from ..exact.polar_image import positions_of
 from ..profiles.range_resampling import RangeResampling
 from .beams import BeamSampling
@@ -30,6 +36,7 @@ NODES = tuple(0.5 + 0.5 * x for x in (-math.sqrt(0.6), 0.0, math.sqrt(0.6)))  # 
 KNOTS_APART = (16, 8, 4, 2, 1)  # segments along range
 _KNOT_SHARE, _LEAST = 0.2, 1e-16  # of the error of amplitudes for knots along range
 _SAMPLES_PER_SIDE, _ROWS_FOR_PATHS = 5, 512
+_PAIRS = 1 << 14  # at which a sub-aperture is looked at while pulses arrive
 _LOOKED_AT = 33, 9  # directions and ranges, to tell which sub-apertures see the grid
 
 
@@ -47,6 +54,8 @@ class LitSubapertures:
         Segments between knots along range, of images from beams.
     lines : LitLines or None
         Of images to which pulses are added directly.
+    power : float
+        Mean square of the amplitude over all pulses and pixels.
     predicted_error_db : float
         Error of the image by it, dB.
     """
@@ -55,7 +64,27 @@ class LitSubapertures:
     seen: frozenset[int]
     apart: int
     lines: LitLines | None
+    power: float
     predicted_error_db: float
+
+    def n_bytes(self, coarse: PolarGrid, segment: int) -> int:
+        """Memory that amplitudes take, with so many ranges of `coarse` to a segment, bytes."""
+        if self.lines is not None:
+            return self.illumination.n_bytes + self.lines.n_bytes(*coarse.shape, segment)
+        # of each knot three coordinates in float64, and three coefficients in float32
+        return self.illumination.n_bytes + coarse.n_alpha * 36 * (
+            -(-coarse.n_range // (self.apart * segment)) + 1)
+
+    def of_subaperture(self, polar: PolarGrid, radar: RadarParameters, tx_m, rx_m,
+                       illumination: Illumination) -> tuple[float, float]:
+        """Power of a sub-aperture's echoes and error of their amplitudes.
+
+        Both are relative to the power of the echoes that were planned for; arguments are as of
+        `LitError`.
+        """
+        found = LitError(polar, radar, tx_m, rx_m, illumination, _PAIRS)
+        wrong = found.share * found.mean_squares([slice(0, len(tx_m))])[0]
+        return tuple(v / max(self.power, _LEAST) for v in (found.power, wrong))
 
 
 def lit_budget_db(target_db: float) -> float:
@@ -92,17 +121,22 @@ class LitError:
         Of the images.
     radar, tx_m, rx_m, illumination :
         Of the aperture, phase centres (P, C, 3), metres, and the illumination of their P C rows.
+    most_pairs : int
+        With how many to look for lit ones.
     """
 
     def __init__(self, polar: PolarGrid, radar: RadarParameters, tx_m, rx_m,
-                 illumination: Illumination):
+                 illumination: Illumination, most_pairs: int = MOST_PAIRS):
         self._polar, self._illumination, self._radar = polar, illumination, radar
         self._tx_m, self._rx_m = tx_m, rx_m
         self._n_channels = tx_m.shape[1]
         middles = mean_centres(tx_m, rx_m)
         self._along = (middles - middles.mean(axis=0))[:, :2] @ np.array(polar.track)
-        self._rows, index, self.share = draw_pairs(illumination, polar.positions, polar.shape)
+        self._rows, index, self.share = draw_pairs(illumination, polar.positions, polar.shape,
+                                                   most_pairs)
         self._points = polar.positions(*index)
+        self.power = self.share * float(np.mean(pair_amplitude(
+            illumination, self._rows, self._points) ** 2)) if len(self._rows) else 0.0
         low, high = radar.wavenumbers_rad_per_m
         self._ratio = np.random.default_rng(2).uniform(
             low, high, len(self._rows)) / radar.wavenumber_rad_per_m
@@ -149,7 +183,7 @@ class LitError:
         if beams is not None:
             apart, along = self.knots(coarse, beams.segment, _KNOT_SHARE * wanted)
             error = self.error(pulses) + along
-            return lattice, LitSubapertures(lit, seen, apart, None,
+            return lattice, LitSubapertures(lit, seen, apart, None, self.power,
                                             10 * math.log10(error + _LEAST))
         step = max(1, self._tx_m[..., 0].size // _ROWS_FOR_PATHS)
         samples = coarse.lines(*coarse.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE))
@@ -160,12 +194,18 @@ class LitError:
         if lines is None:
             raise ValueError('amplitudes change too much from pixel to pixel of the sub-aperture '
                              'images; use exact backprojection')
-        return lattice, LitSubapertures(lit, seen, 1, lines, lines.predicted_error_db)
+        return lattice, LitSubapertures(lit, seen, 1, lines, self.power,
+                                        lines.predicted_error_db)
 
     def error(self, pulses) -> float:
         """Mean square relative to the power of the image; `pulses` are the sub-apertures'."""
+        wrong, power = self.mean_squares(pulses)
+        return wrong / power if power > 0 else float(wrong > 0)
+
+    def mean_squares(self, pulses) -> tuple[float, float]:
+        """Of errors and of amplitudes, over pulses of sub-apertures that light a point."""
         if not len(self._rows):
-            return 0.0
+            return 0.0, 0.0
         starts = np.array([p.start for p in pulses])
         stops = np.array([p.stop for p in pulses])
         n_c = self._n_channels
@@ -182,8 +222,7 @@ class LitError:
         # Derivatives count wavenumbers, of which the carrier's is meant.
         u = self._ratio * (self._along[pulse] - middle)
         true = self._amplitude(pulse, channel)
-        power = np.mean(true ** 2)
-        return float(np.mean((a + u * (b + u * c) - true) ** 2) / power) if power > 0 else 1.0
+        return float(np.mean((a + u * (b + u * c) - true) ** 2)), float(np.mean(true ** 2))
 
     def _amplitude(self, pulse, channel) -> np.ndarray:
         return pair_amplitude(self._illumination, pulse * self._n_channels + channel,

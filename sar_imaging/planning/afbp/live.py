@@ -9,6 +9,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from ...geometry.grids import MapGrid
+from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
 from ..error_budget import LIVE_SHARES, total_db
@@ -22,6 +23,8 @@ from .subapertures import plan_subapertures
 _ROWS_FOR_COVER = 256
 _WINDOWS, _WAVENUMBERS = 9, 5  # at which errors of a sliding aperture are looked up
 _FUSION_MARGIN_DB = 3.0  # for tracks that are less smooth than foreseen
+_UNLIKE_DB = 10.0  # by which amplitudes of a sub-aperture may err more than those of all
+_LEAST = 1e-16
 _EXTENSION = 0.05  # of the aperture at both ends, for what is foreseen too short
 
 
@@ -47,21 +50,33 @@ class LivePlan(AfbpPlan):
                 f'{fusion.coarse.n_range} pixels, fused to {fusion.polar.n_alpha} x '
                 f'{fusion.polar.n_range}')
 
-    def check(self, tx_m, rx_m) -> tuple[float, float] | None:
-        """Middle of the band of a sub-aperture, metres, and its error on the map, dB.
+    def check(self, tx_m, rx_m, illumination: Illumination | None = None
+              ) -> tuple[float, float, float] | None:
+        """Middle of the band of a sub-aperture, metres, its error on the map and its power, dB.
 
         As `SubaperturePlan.check`, from its real phase centres, (P, C, 3) float64, metres. None
-        where the track differs so much that the error may exceed the target; never where the
-        track had been known.
+        where the track or the pointing differs so much that the error may exceed the target;
+        never where they had been known. Both are relative to the mean power of the
+        sub-apertures, which illumination makes unlike.
         """
+        plan = self.subapertures
         try:
-            centre_m, error_db, within = self.subapertures.check(tx_m, rx_m)
+            centre_m, error_db, within = plan.check(tx_m, rx_m, illumination)
         except ValueError:
             return None
-        if error_db > self.limit_db or not (within or math.isinf(self.limit_db)):
+        worst_db, power_db = error_db, 0.0
+        if illumination is not None:
+            power, lit = plan.lit.of_subaperture(plan.polar, plan.radar, tx_m, rx_m, illumination)
+            lit_db, power_db = (10 * math.log10(v + _LEAST) for v in (lit, power))
+            # The brightest may err more. Of sub-apertures of a length that was asked for,
+            # amplitudes may err as planned.
+            worst_db = max(error_db + min(power_db, 0.0), min(
+                lit_db, lit_db - plan.lit.predicted_error_db + self.limit_db - _UNLIKE_DB))
+            error_db = total_db(error_db + power_db, lit_db)
+        if worst_db > self.limit_db or not (within or math.isinf(self.limit_db)):
             return None
         return centre_m, total_db(error_db, *(error for cause, error in self.errors_db.items()
-                                              if cause not in self.subapertures.errors_db))
+                                              if cause not in plan.errors_db)), power_db
 
 
 def extension(n_pulses: int, length: int, slack: float) -> tuple[int, int]:
@@ -76,7 +91,7 @@ def extension(n_pulses: int, length: int, slack: float) -> tuple[int, int]:
 
 def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
               target_db: float, pulses_per_subaperture: int | None = None, slack: float = 1.0,
-              n_window: int = 0) -> LivePlan:
+              n_window: int = 0, illumination: Illumination | None = None) -> LivePlan:
     """Plan the sub-apertures of an aperture before its pulses came; arguments as of `plan_afbp`.
 
     `tx_m` and `rx_m` are phase centres as foreseen, extended at both ends (`extension`).
@@ -89,6 +104,8 @@ def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m,
         Times the usual margin for deviations from the track; 0 for a track that is known.
     n_window : int
         Pulses of an image, where that is of any part of the track; 0 for the whole of it.
+    illumination : Illumination, optional
+        Of the rows, foreseen as these are.
 
     Raises
     ------
@@ -97,7 +114,7 @@ def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m,
     """
     check_arguments(grid, target_db, tx_m, rx_m)
     cover, polar_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples, target_db,
-                                       shares=LIVE_SHARES)
+                                       shares=LIVE_SHARES, illumination=illumination)
     margin_db = min(slack, 2.0) * _FUSION_MARGIN_DB
 
     def planned(n_pulses):
@@ -105,7 +122,8 @@ def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m,
             cover.polar, radar, tx_m, rx_m, n_pulses, cover.between.oversampling)
         return plan_subapertures(polar, radar, n_samples, tx_m, rx_m,
                                  target_db=polar_db - margin_db, cover=cover,
-                                 pulses_per_subaperture=pulses_per_subaperture)
+                                 pulses_per_subaperture=pulses_per_subaperture,
+                                 illumination=illumination)
 
     plan = planned(n_window)
     # Where another length was asked for, gaps of the foreseen track made these shorter.

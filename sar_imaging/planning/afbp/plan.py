@@ -141,7 +141,10 @@ def _n_bytes(grid, plan: SubaperturePlan) -> int:
     """Fused spectrum, two sub-aperture images, and the image: a map may take the spectrum's."""
     fused, coarse = plan.fusion_grid, plan.coarse
     spectrum = fused.n_fine * len(fused.range_wavenumbers)
-    return IMAGE_BYTES * (spectrum + 2 * coarse.n_alpha * coarse.n_range + math.prod(grid.shape))
+    lit = 0 if plan.lit is None else plan.lit.n_bytes(
+        coarse, plan.beams.segment if plan.beams else plan.lattice.segment)
+    return lit + IMAGE_BYTES * (spectrum + 2 * coarse.n_alpha * coarse.n_range
+                                + math.prod(grid.shape))
 
 
 def _sampling_warnings(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m,

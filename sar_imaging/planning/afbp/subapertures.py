@@ -155,12 +155,13 @@ class SubaperturePlan(Plan):
                 f'{self.coarse.n_range} ranges, fused to {s.n_fine} lines; predicted error '
                 f'{self.predicted_error_db:.1f} dB')
 
-    def illumination_of(self, number: int) -> Illumination | None:
-        """Of the rows of a sub-aperture."""
+    def illumination_of(self, block: PulseBlock) -> Illumination | None:
+        """Of the rows of a sub-aperture's pulses; None where all pixels are lit alike."""
         if self.lit is None:
             return None
-        pulses, n = self.sampling.pulses[number], self.n_channels
-        return self.lit.illumination.select(slice(pulses.start * n, pulses.stop * n))
+        lit = self.lit.illumination
+        return Illumination.of_pulses(lit.pattern, block.pointing, block.tx_m, block.rx_m,
+                                      foreseen=lit.foreseen)
 
     def image_operations(self, n_rows: int, n_images: int = 1) -> dict[str, float]:
         """How often forming sub-aperture images does the operations of `CostModel`.
@@ -194,10 +195,11 @@ class SubaperturePlan(Plan):
             raise ValueError(f'number={number}; the plan has sub-apertures 0 to '
                              f'{self.n_subapertures - 1}')
 
-    def check(self, tx_m, rx_m) -> tuple[float, float, bool]:
+    def check(self, tx_m, rx_m, illumination: Illumination | None = None
+              ) -> tuple[float, float, bool]:
         """Band of a sub-aperture from its phase centres, and how well it suits the plan.
 
-        They need not be those that were planned for.
+        They need not be those that were planned for; `illumination` is that of their rows.
 
         Returns
         -------
@@ -211,7 +213,7 @@ class SubaperturePlan(Plan):
         ValueError
             Range does not grow along the lines of the grid.
         """
-        bands = local_spectrum(self.polar, tx_m, rx_m, self.radar)
+        bands = local_spectrum(self.polar, tx_m, rx_m, self.radar, illumination)
         # Slopes as far beyond let pixels drift by this over half a segment, seen from the lattice.
         slack = 2 * _DRIFT_SLACK * self.lattice.step_m / (
             max(self.lattice.segment, 1) * self.lattice.spacing)

@@ -114,9 +114,18 @@ class BackprojectionPlan(Plan):
     @property
     def n_bytes(self) -> int:
         """Memory that adding the rows takes besides the image, bytes."""
-        if isinstance(self.way, PolarPlan):
-            return IMAGE_BYTES * self.way.polar.n_alpha * self.way.polar.n_range
-        return coordinate_bytes(self.grid) if isinstance(self.way, PointPlan) else 0
+        way, lit = self.way, 0 if self.illumination is None else self.illumination.n_bytes
+        if isinstance(way, PointPlan):
+            return coordinate_bytes(self.grid) + lit
+        if isinstance(way, PolarPlan):
+            size, image = (way.polar if way.parts is None else way.parts.coarse).shape, (
+                IMAGE_BYTES * way.polar.n_alpha * way.polar.n_range)
+        else:
+            size, image = (way.lines.n_lines, way.lines.n_pixels), 0
+        if way.lit is not None:
+            n_layers = len(way.lines.layouts) if isinstance(way, LinePlan) else 1
+            lit += way.lit.n_bytes(*size, way.lattice.segment, n_layers)
+        return image + lit
 
     def __str__(self) -> str:
         way = self.way

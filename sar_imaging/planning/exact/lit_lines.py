@@ -24,7 +24,7 @@ APART = (32, 16, 8, 4, 2, 1)  # lines between knots
 _PAIRS = 4096  # of an echo and a pixel, at which amplitudes are looked at
 _LIT_PAIRS = 1024  # enough for the error
 _LEAST_LIT = 32  # with fewer the share is looked for among more pairs
-_MOST_PAIRS = 1 << 18
+MOST_PAIRS = 1 << 18
 _LEAST_DB = -160.0
 _LEAST_SEGMENT = 8
 _ROWS_FOR_TURNS = 256
@@ -48,9 +48,16 @@ class LitLines:
     share: float
     predicted_error_db: float
 
+    def n_bytes(self, n_lines: int, n_pixels: int, segment: int, n_layers: int = 1) -> int:
+        """Memory of the knots' positions, in float64, and of a pass's amplitudes, in float32."""
+        groups, segments, knots = (-(-n_lines // LINES), -(-n_pixels // segment),
+                                   LINES // self.apart + 1)
+        return groups * (knots * (2 * segments + 1) * (24 * n_layers + 4 * ROWS_PER_PASS)
+                         + segments * ROWS_PER_PASS)
 
-def draw_pairs(illumination: Illumination, positions: Callable, shape: tuple[int, ...]
-               ) -> tuple[np.ndarray, list[np.ndarray], float]:
+
+def draw_pairs(illumination: Illumination, positions: Callable, shape: tuple[int, ...],
+               most: int = MOST_PAIRS) -> tuple[np.ndarray, list[np.ndarray], float]:
     """Random pairs of an echo and a pixel that it lights, and the share of such pairs.
 
     Parameters
@@ -61,6 +68,8 @@ def draw_pairs(illumination: Illumination, positions: Callable, shape: tuple[int
         Positions (n, 3), metres, from arrays of numbers along each axis.
     shape : tuple of int
         Numbers along each axis.
+    most : int
+        Pairs after which no more are drawn.
 
     Returns
     -------
@@ -78,7 +87,7 @@ def draw_pairs(illumination: Illumination, positions: Callable, shape: tuple[int
         found.append([a[lit] for a in (rows, *index)])
         seen += n
         n_lit = sum(len(part[0]) for part in found)
-        if n_lit >= _LEAST_LIT or seen >= _MOST_PAIRS:
+        if n_lit >= _LEAST_LIT or seen >= most:
             rows, *index = (np.concatenate(a)[:_LIT_PAIRS] for a in zip(*found, strict=True))
             return rows, index, n_lit / seen
         n *= 4

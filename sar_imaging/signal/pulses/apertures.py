@@ -107,6 +107,8 @@ class AperturePulses(Aperture):
     ----------
     next : int
         First pulse of those that may still come.
+    looks : (2, P, 3) float64 or None
+        Boresight and up of the pulses, where they tell these.
     """
 
     def __init__(self, number: int, length: int, example: PulseBlock, memory: list):
@@ -116,8 +118,7 @@ class AperturePulses(Aperture):
         self.memory = memory.pop() if memory else np.empty((length, channels, samples),
                                                            np.complex64)
         self.tx_m, self.rx_m = np.zeros((2, n, channels, 3))
-        # boresight and up, where the pulses tell them
-        self._looks = None if example.pointing is None else np.zeros((2, n, 3))
+        self.looks = None if example.pointing is None else np.zeros((2, n, 3))
         self.next = 0
 
     def keep(self, block: PulseBlock) -> None:
@@ -125,8 +126,8 @@ class AperturePulses(Aperture):
         position = self.position(block)
         self.memory[position] = block.samples
         self.tx_m[position], self.rx_m[position] = block.tx_m, block.rx_m
-        if self._looks is not None:
-            self._looks[:, position] = block.pointing.boresight, block.pointing.up
+        if self.looks is not None:
+            self.looks[:, position] = block.pointing.boresight, block.pointing.up
         super().keep(block)
 
     def part(self, number: int, length: int) -> slice:
@@ -143,7 +144,7 @@ class AperturePulses(Aperture):
                           pointing=self._pointing(index))
 
     def _pointing(self, index) -> Pointing | None:
-        return None if self._looks is None else Pointing.of_unit_vectors(*self._looks[:, index])
+        return None if self.looks is None else Pointing.of_unit_vectors(*self.looks[:, index])
 
     def begins_like(self, other: AperturePulses, n_pulses: int) -> bool:
         """Whether so many pulses lie, on average, where the first of another aperture do."""

@@ -1,0 +1,38 @@
+"""A stripmap through the nodes: beams that pass over the scene, weighed as correlation weighs."""
+
+import pytest
+
+from msg_conversions.images import complex_from_message, map_metadata_from_message
+from sar_imaging.quality.verification import measure_error
+from sar_imaging.signal.pulses import concatenate
+from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.simulation.scenarios import SCENARIOS
+from sar_imaging.tools.node_processes import AFBP_NODES, PIPELINE
+from sar_imaging.tools.simulate import scenario_truth
+
+
+@pytest.fixture(name='stripmap', scope='module')
+def stripmap_fixture():
+    scenario = SCENARIOS['stripmap']()
+    return scenario, list(scenario.blocks(160))
+
+
+def test_a_stripmap_through_the_nodes(make_chains, stripmap):
+    """Sub-apertures in separate processes and exact images in one, of the same pulses."""
+    scenario, blocks = stripmap
+    truth, wanted_db = scenario_truth(scenario), (-60.0, -80.0)  # the defaults of both modes
+    chains = make_chains(*(
+        {'truth': truth, 'names': names, 'namespace': f'radar{number}', 'mode': mode}
+        for number, (names, mode) in enumerate(((AFBP_NODES, 'subapertures'),
+                                                (PIPELINE, 'image')))))
+    for chain in chains:
+        chain.observer.send(blocks)
+    compressor = RangeCompressor.for_block(blocks[0])
+    profiles = concatenate([compressor(block) for block in blocks])
+    pattern = scenario.antenna.amplitudes()
+    for chain, target_db in zip(chains, wanted_db, strict=True):
+        [message] = chain.observer.wait_for('image_complex', 1)
+        grid = map_metadata_from_message(chain.observer.wait_for('map_metadata', 1)[0])
+        found = measure_error(complex_from_message(message), grid, [profiles], n_pixels=150,
+                              n_brightest=100, illumination=pattern)
+        assert found.error_db < target_db
