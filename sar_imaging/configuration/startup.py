@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 from typing import Protocol
 
 import numpy as np
 
 from ..diagnosis.reach import reach_advice
 from ..signal.pulses import PulseBlock
+from .antenna import NONE
 from .constraints import Finding, check, check_settings
 from .derived import derive
 from .parameters import IMAGING_PARAMETERS, imaging_from_parameters
@@ -145,7 +147,7 @@ def report_block(parameters: Parameters, block: PulseBlock) -> StartupReport:
     StartupReport
         Empty when the block is too short to tell pulse rate and track: ask again with the next.
     """
-    parameters = _known(parameters)
+    parameters, beamwidth_rad = _known(parameters), _beamwidth_rad(parameters)
     try:
         imaging = imaging_from_parameters(parameters)
         if block.compressed and 'oversampling' not in parameters:  # as they come
@@ -156,6 +158,7 @@ def report_block(parameters: Parameters, block: PulseBlock) -> StartupReport:
         acquisition = acquisition_of(block, imaging)
         if acquisition is None:
             return StartupReport()
+        acquisition = dataclasses.replace(acquisition, beamwidth_rad=beamwidth_rad)
         derived = derive(acquisition, imaging, machine)
     except ValueError as error:
         return StartupReport(errors=(str(error),))
@@ -205,6 +208,14 @@ def acquisition_of(block: PulseBlock, imaging: Imaging) -> Acquisition | None:
         centre_m=tuple(centres[first] + travel * (ahead / counts)),
         velocity_m_per_s=tuple(travel / duration_s),
         channel_spacing_m=float(np.ptp(along)) / max(1, block.n_channels - 1))
+
+
+def _beamwidth_rad(parameters: Parameters) -> float:
+    """Width of the pattern that images are weighed by; 0 where it is not known."""
+    with contextlib.suppress(KeyError):
+        if parameters['antenna.pattern'] != NONE:
+            return math.radians(parameters['antenna.azimuth_width'])
+    return 0.0
 
 
 def _known(parameters: Parameters) -> dict:

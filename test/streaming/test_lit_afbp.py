@@ -9,7 +9,7 @@ from sar_imaging.geometry.illumination import AntennaPattern, PatternCut, Pointi
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.streaming.fusion import LiveFusion
 
-from .conftest import LENGTH, error_db, events_of, fuse, make_stage, pieces_of, subapertures_of
+from .conftest import LENGTH, events_of, fuse, make_stage, pieces_of, subapertures_of
 
 # 40 m of the scene, which is 16 m wide, 1 km from a track of 58 m: all of it for a while
 PATTERN = AntennaPattern(PatternCut.sinc(0.04))
@@ -78,10 +78,10 @@ def test_a_turn_that_was_not_foreseen_is_planned_anew(fly):
     dark = [not s.image.any() for s in subapertures if s.first_counter >= 64]
     assert len(dark) >= 4 and all(dark)
     [image] = fuse(LiveFusion(), subapertures)
-    # eight pulses see more of the turn than the target allows, and the image says so
+    # eight pulses see more of the turn than the target allows, which the image says
     found = measure_error(image.image, case.grid, [block.select(slice(0, LENGTH))], n_pixels=150,
                           n_brightest=100, illumination=PATTERN)
-    assert found.error_db <= image.predicted_error_db < TARGET_DB + 20.0
+    assert found.error_db <= image.predicted_error_db
 
 
 def test_pulses_must_tell_where_the_antenna_looked(fly):
@@ -96,5 +96,5 @@ def test_a_pattern_that_lights_all_alike_changes_nothing(fly):
     block = looking(case.block, 0.0 * np.arange(2 * LENGTH)).select(slice(0, LENGTH))
     [lit], [bare] = (images_of(case, block, illumination=pattern, pulses_per_subaperture=16)[0]
                      for pattern in (AntennaPattern(PatternCut.everywhere()), None))
-    # both within the target of the exact image
-    assert error_db(lit.image, bare.image) < TARGET_DB + 6.0
+    # amplitudes of 1 may change roundings, in float32
+    assert np.linalg.norm(lit.image - bare.image) <= 1e-5 * np.linalg.norm(bare.image)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 
@@ -60,9 +61,14 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
         number = np.arange(len(illumination.centre_m)).reshape(len(tx_m), -1)
         illumination = illumination.select(np.concatenate(
             [number[:-1:step], number[-1:]]).ravel())
-    cover = cover_map(grid, *rows, radar if band is None else band.radar, n_samples,
-                      error_budget(target_db, shares)['polar to map'] - PASSES_DB,
-                      min(target_db - 10.0, -50.0), band, fused=True, illumination=illumination)
+    arguments = (grid, *rows, radar if band is None else band.radar, n_samples,
+                 error_budget(target_db, shares)['polar to map'] - PASSES_DB,
+                 min(target_db - 10.0, -50.0), band)
+    cover = cover_map(*arguments, fused=True, illumination=illumination)
+    if cover is None and illumination is not None:  # the narrow band of what is lit needs few
+        # ranges, along which paths may bend too much
+        cover = cover_map(*arguments, fused=True, illumination=dataclasses.replace(
+            illumination, foreseen=True))
     if cover is None:
         raise ValueError('the map is too small, too near, around or beside the aperture for a '
                          'polar image; use exact backprojection')
