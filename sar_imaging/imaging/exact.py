@@ -61,8 +61,8 @@ class Exact(Method):
             self._sum = None
             return self.describe()
         try:
-            plan = plan_backprojection(self._pixels, self.radar, self.n_samples, _rows(tx_m),
-                                       _rows(rx_m), self.options.target_db, self.illumination)
+            plan = plan_backprojection(self._pixels, self.radar, self.n_samples, _echoes(tx_m),
+                                       _echoes(rx_m), self.options.target_db, self.illumination)
         except OutOfReach:
             if self.illumination is None:
                 raise
@@ -81,11 +81,11 @@ class Exact(Method):
             onto = np.zeros(self.grid.shape, np.complex64)
         if self._sum is not None:
             samples = np.ascontiguousarray(self.weighted(block).samples)
-            self._sum.add(samples.reshape(-1, self.n_samples), _rows(block.tx_m),
-                          _rows(block.rx_m), onto)
+            self._sum.add(samples.reshape(-1, self.n_samples), _echoes(block.tx_m),
+                          _echoes(block.rx_m), onto)
         return onto, self.report
 
 
-def _rows(centres_m: np.ndarray) -> np.ndarray:
-    """(R, 3) float64 phase centres, one row for each pulse and channel."""
+def _echoes(centres_m: np.ndarray) -> np.ndarray:
+    """(R, 3) float64 phase centres, one echo for each pulse and channel."""
     return np.ascontiguousarray(centres_m, np.float64).reshape(-1, 3)

@@ -94,9 +94,9 @@ class Interpolator:
         return np.interp(np.abs(frequency), _frequencies()[::_COARSER], self._errors, right=2.0)
 
     def mean_error_db(self, frequency, weight) -> float:
-        """Mean error of K wavenumbers, R rows and S places, dB.
+        """Mean error of K wavenumbers, R echoes and S places, dB.
 
-        Frequencies are (K, R, S), cycles per sample, weights of the rows (R,).
+        Frequencies are (K, R, S), cycles per sample, weights of the echoes (R,).
         """
         error = self.error_at(frequency).mean(axis=(0, 2))
         return 10 * math.log10(float(error @ weight / weight.sum()) + 1e-16)

@@ -30,7 +30,7 @@ class LocalSpectrum:
     Attributes
     ----------
     slope : (R, S) float64
-        Derivative of the half path by direction, over that by range, metres, from each row to
+        Derivative of the half path by direction, over that by range, metres, from each echo to
         points direction by direction. Times the wavenumber it is the frequency along direction.
     position : (S,) float64
         Where the points lie along direction, 0 to 1.
@@ -41,7 +41,7 @@ class LocalSpectrum:
     by_range : (float, float)
         Smallest and largest derivative of the half paths by range.
     spread : AmplitudeSpread
-        Frequencies along direction of the rows' amplitude, radians per unit of it.
+        Frequencies along direction of the echoes' amplitude, radians per unit of it.
     """
 
     slope: np.ndarray
@@ -58,7 +58,7 @@ def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters,
                    illumination: Illumination | None = None) -> LocalSpectrum:
     """Local frequencies of backprojected images at samples of a polar grid and its guards.
 
-    `illumination` tells the amplitudes of the P C rows.
+    `illumination` tells the amplitudes of the P C echoes.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def tail_error(spread: AmplitudeSpread, frequency, error_at) -> float:
 
 
 def _of_lit_points(slope, lit) -> np.ndarray:
-    """Slopes (R, S) in which the mean of the points that a row lights stands for the others."""
+    """Slopes (R, S) in which the mean of the points that an echo lights stands for the others."""
     count = lit.sum(axis=1, keepdims=True)
     mean = (slope * lit).sum(axis=1, keepdims=True) / np.maximum(count, 1)
     return np.where(lit | (count == 0), slope, mean)

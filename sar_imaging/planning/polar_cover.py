@@ -55,7 +55,7 @@ class PolarCover:
     between, along : Interpolator
         Of the resampling: between lines and along them.
     slope_alpha : (R, S) float64
-        Derivative by direction of the half paths from the rows to samples of the map, metres.
+        Derivative by direction of the half paths from the echoes to samples of the map, metres.
     between_db, along_db : float
         Errors of the interpolation to the map, dB.
     profile_db : float
@@ -112,7 +112,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         deapodised for the interpolation between lines, which may be fewer. The images that are
         added to it have no more ranges than the band of a line needs.
     illumination : Illumination, optional
-        Of the rows; what they do not light is left aside.
+        Of the echoes; what they do not light is left aside.
     """
     found = None if min(grid.shape) < TAPS else _frame(grid, 0.5 * (tx_m + rx_m))
     if found is None:
@@ -134,7 +134,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     # along a line of the map the direction changes with range, too
     step = (lines[0][:, axis] - frame.origin_m[axis]) / r
     alpha_by_range = (frame.track[axis] / step - alpha) / r
-    # of wavenumbers, rows and samples of the map
+    # of wavenumbers, echoes and samples of the map
     k = np.linspace(*radar.wavenumbers_rad_per_m, _WAVENUMBERS)[:, None, None]
     along_range = k * (slope + slope_alpha * alpha_by_range) - radar.wavenumber_rad_per_m
     along_alpha = k * slope_alpha

@@ -19,8 +19,8 @@ class Scene:
     block: PulseBlock
 
     @property
-    def rows(self):
-        """Samples, transmitters and receivers with one row per pulse and channel."""
+    def echoes(self):
+        """Samples, transmitters and receivers with one echo per pulse and channel."""
         block = self.block
         return (block.samples.reshape(-1, block.n_samples), block.tx_m.reshape(-1, 3),
                 block.rx_m.reshape(-1, 3))

@@ -19,7 +19,7 @@ from sar_imaging.planning.exact.backprojection import plan_backprojection
 def planned(make_scene):
     scene = make_scene(1000.0, n=16, pulses=8)
     return scene, plan_backprojection(scene.grid, scene.block.radar, scene.block.n_samples,
-                                      *scene.rows[1:], -60.0)
+                                      *scene.echoes[1:], -60.0)
 
 
 @pytest.fixture
@@ -111,8 +111,8 @@ def test_the_quicker_one_computes(monkeypatch, planned, share, name):
     chosen = backend('auto').Backprojection(plan)
     assert chosen.name == name and chosen.memory is None
     image, wanted = np.zeros((2, *scene.grid.shape), np.complex64)
-    chosen.add(*scene.rows, image)
-    Backprojection(plan).add(*scene.rows, wanted)
+    chosen.add(*scene.echoes, image)
+    Backprojection(plan).add(*scene.echoes, wanted)
     np.testing.assert_array_equal(image, wanted)
 
 
@@ -122,11 +122,11 @@ def test_the_processor_goes_on_where_the_device_fails(monkeypatch, planned, capl
     image, wanted = np.zeros((2, *scene.grid.shape), np.complex64)
     chosen = backend('auto').Backprojection(plan)
     with caplog.at_level(logging.WARNING):
-        chosen.add(*scene.rows, image)
-        chosen.add(*scene.rows, image)
+        chosen.add(*scene.echoes, image)
+        chosen.add(*scene.echoes, image)
     assert caplog.messages == ['the CUDA device failed: gone; the processor computes']
     for _ in range(2):
-        Backprojection(plan).add(*scene.rows, wanted)
+        Backprojection(plan).add(*scene.echoes, wanted)
     np.testing.assert_array_equal(image, wanted)
     assert chosen.name == 'cpu' and chosen.memory is not None
 

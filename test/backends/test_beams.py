@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.support.references import exact_image
-from sar_imaging.backends.cpu.beams.forming import ROWS
+from sar_imaging.backends.cpu.beams.forming import ECHOES
 from sar_imaging.backends.cpu.beams.subaperture import BeamformedSubaperture
 from sar_imaging.geometry.half_paths import sample_paths
 from sar_imaging.planning.afbp.beams import plan_beams
@@ -17,7 +17,7 @@ from sar_imaging.planning.profiles.range_gate import RangeGate
 from sar_imaging.planning.profiles.range_resampling import plan_resampling
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock
 
-_PADDING = 64  # samples; rows lie further apart than they would in practice
+_PADDING = 64  # samples; echoes lie further apart than they would in practice
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,7 +30,7 @@ class _Stage:
     predicted_error_db: float
 
 
-def _rows(block):
+def _echoes(block):
     return block.tx_m.reshape(-1, 3), block.rx_m.reshape(-1, 3)
 
 
@@ -45,11 +45,11 @@ def _stage(grid, block, pulses, target_db):
     part = block.select(pulses)
     r, alpha = (v.ravel() for v in np.meshgrid(plan.polar.range_m[[0, -1]],
                                                plan.polar.alpha[[0, -1]]))
-    paths = sample_paths(*_rows(block), plan.polar.lines(r, alpha))
+    paths = sample_paths(*_echoes(block), plan.polar.lines(r, alpha))
     lattice = plan_resampling(paths, plan.polar.range_spacing_m, plan.polar.n_range, radar,
                            window.n_samples + _PADDING, target_db)
     range_m = paths.length.min() - 3.0, paths.length.max() + 3.0
-    beams = plan_beams(plan.polar, radar, lattice, [_rows(part)], target_db,
+    beams = plan_beams(plan.polar, radar, lattice, [_echoes(part)], target_db,
                        range_m[1] - range_m[0], _PADDING * radar.sample_spacing_m)
     if beams is None:
         return None
@@ -60,7 +60,7 @@ def _stage(grid, block, pulses, target_db):
 
 
 def _image(stage, weights=None):
-    polar, (tx, rx) = stage.coarse, _rows(stage.block)
+    polar, (tx, rx) = stage.coarse, _echoes(stage.block)
     parts = np.empty((2, polar.n_alpha, polar.n_range), np.float32)
     stage.lines.fill(stage.block.samples.reshape(len(tx), -1), tx, rx, parts, weights)
     return parts
@@ -70,7 +70,7 @@ def _error_db(stage, exact, weights=None):
     polar, parts = stage.coarse, _image(stage, weights)
     cycles = 2 * (polar.range_m - polar.range_start_m) * stage.block.radar.carrier_hz
     exact = exact * np.exp(-2j * np.pi * np.fmod(cycles / SPEED_OF_LIGHT, 1.0))
-    # in the middle of the grid every row has its profile, whatever the geometry
+    # in the middle of the grid every echo has its profile, whatever the geometry
     inside = slice(polar.n_range // 5, -(polar.n_range // 5))
     error = (parts[0] + 1j * parts[1] - exact)[:, inside]
     return 10 * np.log10(np.sum(np.abs(error) ** 2) / np.sum(np.abs(exact[:, inside]) ** 2))
@@ -92,8 +92,8 @@ GEOMETRIES = [
 @pytest.mark.parametrize('options', GEOMETRIES, ids=str)
 def test_beams_are_as_exact_as_predicted(make_case, options, target_db):
     case = make_case(n=96, pulses=96, n_points=100, **options)
-    # from the end of the aperture, where lines bend most; rows do not fill the last block
-    stage = _stage(case.grid, case.block, slice(0, 2 * ROWS + 3), target_db)
+    # from the end of the aperture, where lines bend most; echoes do not fill the last block
+    stage = _stage(case.grid, case.block, slice(0, 2 * ECHOES + 3), target_db)
     error = _error_db(stage, _exact(stage, stage.block))
     # Measured: 0.5 to 5 dB better; 1.5 to 6 dB better at -75 dB. At -60 dB 12 dB worse where the
     # growth of errors that start again with each group is left out
@@ -102,9 +102,9 @@ def test_beams_are_as_exact_as_predicted(make_case, options, target_db):
 
 @pytest.mark.parametrize('target_db', [-60.0, -75.0])
 def test_gains_follow_a_wide_band(make_case, target_db):
-    """Over the band a row's frequency from beam to beam changes by 30 %, and its gain with it."""
+    """An echo's frequency from beam to beam changes by 30 % over the band, and its gain too."""
     case = make_case(3e3, n=96, pulses=96, n_points=100, aperture_m=150.0, carrier_hz=1e9)
-    stage = _stage(case.grid, case.block, slice(0, 2 * ROWS + 3), target_db)
+    stage = _stage(case.grid, case.block, slice(0, 2 * ECHOES + 3), target_db)
     # Measured: 10 dB better
     assert _error_db(stage, _exact(stage, stage.block)) <= stage.predicted_error_db + 1.0
 
@@ -119,7 +119,7 @@ def test_profiles_sampled_finer_than_cells(make_case, target_db):
     samples = 2 * np.fft.ifft(np.fft.ifftshift(spectrum, axes=-1))
     radar = dataclasses.replace(block.radar, sample_rate_hz=2 * block.radar.sample_rate_hz)
     block = dataclasses.replace(block, radar=radar, samples=samples.astype(np.complex64))
-    stage = _stage(case.grid, block, slice(0, 2 * ROWS + 3), target_db)
+    stage = _stage(case.grid, block, slice(0, 2 * ECHOES + 3), target_db)
     # Measured: 2 to 3 dB better than predicted; 2.8 dB worse at -75 dB without the taper
     assert _error_db(stage, _exact(stage, stage.block)) <= stage.predicted_error_db + 1.0
 
@@ -131,7 +131,7 @@ def test_curvature_is_that_of_each_distance(make_case):
     assert _error_db(stage, _exact(stage, stage.block)) <= stage.predicted_error_db + 1.0
 
 
-def test_rows_are_weighted(make_case):
+def test_echoes_are_weighted(make_case):
     case = make_case(1e3, n=96, pulses=96, n_points=50)
     stage = _stage(case.grid, case.block, slice(20, 30), -60.0)
     weights = np.hamming(10).astype(np.float32)
@@ -146,12 +146,12 @@ def test_single_row(make_case):
     assert _error_db(stage, _exact(stage, stage.block)) <= stage.predicted_error_db + 1.0
 
 
-def test_rows_too_far_apart_for_beams_have_none(make_case):
+def test_echoes_too_far_apart_for_beams_have_none(make_case):
     case = make_case(1e3, n=96, pulses=96, n_points=5, aperture_m=60.0)
     assert _stage(case.grid, case.block, slice(0, 32), -60.0) is None
 
 
-def test_rows_at_uneven_places(make_case):
+def test_echoes_at_uneven_places(make_case):
     """Rows on opposite sides of the centre that are not opposite do not share phasors."""
     rng = np.random.default_rng(3)
     track = np.zeros((64, 3))
@@ -163,7 +163,7 @@ def test_rows_at_uneven_places(make_case):
     assert _error_db(stage, _exact(stage, stage.block)) <= stage.predicted_error_db + 1.0
 
 
-def test_rows_beside_the_track(make_case):
+def test_echoes_beside_the_track(make_case):
     """Beams whose paths bend between the sides of their group share no phasors."""
     track = np.zeros((64, 3))
     track[:, 1] = np.linspace(-8.0, 8.0, 64)
@@ -174,14 +174,14 @@ def test_rows_beside_the_track(make_case):
     assert _error_db(stage, _exact(stage, stage.block)) <= stage.predicted_error_db + 1.0
 
 
-@pytest.mark.parametrize('n_rows', [8, 24])
-def test_few_rows_beside_the_track_near_by(make_case, n_rows):
+@pytest.mark.parametrize('n_echoes', [8, 24])
+def test_few_echoes_beside_the_track_near_by(make_case, n_echoes):
     """Beams lie so far apart that those beside the grid see other paths than those within."""
     track = np.zeros((96, 3))
     track[:, 1] = np.linspace(-0.25, 0.25, 96)
     track[:, 0] = np.random.default_rng(3).normal(0, 0.1, 96)
     case = make_case(100.0, n=96, pulses=96, n_points=200, extent=1.5, track_m=track)
-    stage = _stage(case.grid, case.block, slice(0, n_rows), -60.0)
+    stage = _stage(case.grid, case.block, slice(0, n_echoes), -60.0)
     # Measured: -68 and -70 dB, predicted -67
     assert _error_db(stage, _exact(stage, stage.block)) <= stage.predicted_error_db + 1.0
 

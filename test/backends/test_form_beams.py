@@ -1,4 +1,4 @@
-"""Beams of random rows against sums written out."""
+"""Beams of random echoes against sums written out."""
 
 import numpy as np
 from hypothesis import given, settings, strategies as st
@@ -16,7 +16,7 @@ from sar_imaging.planning.afbp.beam_gain import (
 
 def formed(spectra, path_m, cycles, between, *, zero, n_cells, weights, group, paired, rng,
            longest=None):
-    """Compiled and expected beams by bin of the cells' spectrum, and which bins the rows have."""
+    """Compiled and expected beams by bin of the spectrum of cells; which bins echoes have."""
     n_bins = spectra.shape[1]
     common = np.exp(2j * np.pi * rng.random(n_bins)) * rng.uniform(0.5, 1.5, n_bins)
     if longest is None:
@@ -40,16 +40,16 @@ def noise(rng, *shape):
 
 
 @settings(max_examples=30)
-@given(seed=st.integers(0, 2 ** 32), n_rows=st.integers(1, 23), n_beams=st.integers(2, 40),
+@given(seed=st.integers(0, 2 ** 32), n_echoes=st.integers(1, 23), n_beams=st.integers(2, 40),
        n_bins=st.integers(1, 300), n_cells=st.integers(1, 320), weighted=st.booleans(),
        history=st.booleans())
-def test_beams_that_share_nothing(seed, n_rows, n_beams, n_bins, n_cells, weighted, history):
+def test_beams_that_share_nothing(seed, n_echoes, n_beams, n_bins, n_cells, weighted, history):
     """Each beam a group of its own, and no gain: only phases are left to err."""
     rng = np.random.default_rng(seed)
     cycles = np.array([60.0, rng.uniform(1e-3, 0.05)])
-    path_m = rng.uniform(-0.3, 0.3, (n_beams, n_rows))
-    weights = rng.uniform(0, 2, n_rows).astype(np.float32) if weighted else None
-    beams, wanted = formed(noise(rng, n_rows, n_bins), path_m, cycles, beam_gain(3.0, False),
+    path_m = rng.uniform(-0.3, 0.3, (n_beams, n_echoes))
+    weights = rng.uniform(0, 2, n_echoes).astype(np.float32) if weighted else None
+    beams, wanted = formed(noise(rng, n_echoes, n_bins), path_m, cycles, beam_gain(3.0, False),
                            zero=n_bins // 2 if history else 0, n_cells=n_cells, weights=weights,
                            group=1, paired=False, rng=rng)
     # Phasors turn on from vector to vector of bins in float32: -93 dB measured at most.
@@ -57,24 +57,24 @@ def test_beams_that_share_nothing(seed, n_rows, n_beams, n_bins, n_cells, weight
 
 
 @settings(max_examples=30)
-@given(seed=st.integers(0, 2 ** 32), n_rows=st.integers(2, 40), n_beams=st.integers(8, 40),
+@given(seed=st.integers(0, 2 ** 32), n_echoes=st.integers(2, 40), n_beams=st.integers(8, 40),
        n_bins=st.integers(64, 300), group=st.sampled_from([1, 2, 4, 6, 10, 18]),
        paired=st.booleans(), oversampling=st.sampled_from([1.2, 1.5, 2.0]))
-def test_beams_that_share_phases_err_as_predicted(seed, n_rows, n_beams, n_bins, group, paired,
+def test_beams_that_share_phases_err_as_predicted(seed, n_echoes, n_beams, n_bins, group, paired,
                                                   oversampling):
-    """Rows of a track seen by direction, with gains; paths bend, and rows are not quite paired."""
+    """Echoes of a track seen by direction, with gains; paths bend; echoes are not quite paired."""
     rng = np.random.default_rng(seed)
     between = beam_gain(oversampling, True)
     cycles = np.array([60.0, rng.uniform(1e-3, 1e-2)])
     highest = cycles[0] + n_bins / 2 * cycles[1]
     # growth of a path from beam to beam: within the band of the interpolator
-    slope = np.linspace(-1, 1, n_rows) * 0.5 / oversampling / highest
-    slope += 1e-3 * rng.standard_normal(n_rows) * slope[-1]
+    slope = np.linspace(-1, 1, n_echoes) * 0.5 / oversampling / highest
+    slope += 1e-3 * rng.standard_normal(n_echoes) * slope[-1]
     bend = 3e-3 * slope * rng.uniform(-1, 1)
     beam = np.arange(n_beams) - n_beams / 2
     path_m = np.multiply.outer(beam, slope) + np.multiply.outer(beam ** 2, bend / n_beams)
     slopes = slope + np.multiply.outer(beam, 2 * bend / n_beams)
-    beams, wanted = formed(noise(rng, n_rows, n_bins), path_m, cycles, between, zero=0,
+    beams, wanted = formed(noise(rng, n_echoes, n_bins), path_m, cycles, between, zero=0,
                            n_cells=n_bins, weights=None, group=group, paired=paired, rng=rng)
     opposite = np.sort(slopes, axis=1)
     uneven = np.abs(opposite + opposite[:, ::-1]).max() / 2

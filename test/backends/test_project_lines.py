@@ -29,12 +29,12 @@ class GivenPolynomials:
     cycles: float
     n_together: int
 
-    def chunks(self, n_rows):
-        return [slice(i, min(i + self.n_together, n_rows))
-                for i in range(0, n_rows, self.n_together)]
+    def chunks(self, n_echoes):
+        return [slice(i, min(i + self.n_together, n_echoes))
+                for i in range(0, n_echoes, self.n_together)]
 
-    def planes(self, rows):
-        return self.coefficients[rows]
+    def planes(self, echoes):
+        return self.coefficients[echoes]
 
     def range_at(self, cell):
         return self.range_m
@@ -76,16 +76,16 @@ def expected(profiles, start_m, pitch_m, ramp, centres_m):
 
 
 @settings(max_examples=30)
-@given(seed=st.integers(0, 2 ** 32), n_rows=st.integers(1, 5), n_lines=st.integers(1, 70),
+@given(seed=st.integers(0, 2 ** 32), n_echoes=st.integers(1, 5), n_lines=st.integers(1, 70),
        n_pixels=st.integers(1, 150), segment=st.sampled_from([8, 16, 32, 128]),
        n_phases=st.integers(1, 3), n_together=st.integers(1, 5),
        layout=st.sampled_from(['planes', 'rows', 'columns', 'reversed']))
-def test_sums_of_given_polynomials(seed, n_rows, n_lines, n_pixels, segment, n_phases, n_together,
-                                   layout):
+def test_sums_of_given_polynomials(seed, n_echoes, n_lines, n_pixels, segment, n_phases,
+                                   n_together, layout):
     """Lines that run away from the phase centres: paths are straight, nothing is expanded."""
     rng = np.random.default_rng(seed)
     n_cells = 2 * segment + int(rng.integers(1, 200))
-    coefficients = rng.standard_normal((n_rows, n_phases, 2 * DEGREE + 2, n_cells)) * np.tile(
+    coefficients = rng.standard_normal((n_echoes, n_phases, 2 * DEGREE + 2, n_cells)) * np.tile(
         0.5 ** np.arange(DEGREE + 1), 2)[:, None]
     coefficients = coefficients.astype(np.float32)
     coefficients[..., :segment] = coefficients[..., -segment:] = 0.0
@@ -99,7 +99,7 @@ def test_sums_of_given_polynomials(seed, n_rows, n_lines, n_pixels, segment, n_p
     angle = rng.uniform(0, 2 * np.pi, n_lines)
     away = np.stack([np.cos(angle), np.sin(angle) * 0.8, np.sin(angle) * 0.6], axis=-1)
     # phase centres on the way back of one line, or all in the middle of several
-    along = rng.uniform(-3.0, 3.0, (2, n_rows)) * (n_lines == 1)
+    along = rng.uniform(-3.0, 3.0, (2, n_echoes)) * (n_lines == 1)
     tx, rx = along[..., None] * away[0]
     ramp = np.exp(2j * np.pi * rng.random(n_pixels)).astype(np.complex64)
 
@@ -121,7 +121,7 @@ def test_sums_of_given_polynomials(seed, n_rows, n_lines, n_pixels, segment, n_p
                      [2 * n_pixels - 2, 2 * n_pixels, -2, 1])}[layout]
     lines = line_middles(locate, n_lines, n_pixels, segment)
     layers = [(lines, np.array([n_lines, *numbers]))]
-    line_kernels.project_lines(profiles, np.arange(n_rows), tx, rx, layers, ramp, memory)
+    line_kernels.project_lines(profiles, np.arange(n_echoes), tx, rx, layers, ramp, memory)
     added = {'planes': lambda: (memory[:image.size] + 1j * memory[image.size:]
                                 ).reshape(image.shape),
              'rows': lambda: memory.view(np.complex64).reshape(image.shape),
@@ -135,10 +135,10 @@ def test_sums_of_given_polynomials(seed, n_rows, n_lines, n_pixels, segment, n_p
 
 
 @settings(max_examples=30)
-@given(seed=st.integers(0, 2 ** 32), n_rows=st.integers(8, 70), n_alpha=st.integers(1, 40),
+@given(seed=st.integers(0, 2 ** 32), n_echoes=st.integers(8, 70), n_alpha=st.integers(1, 40),
        n_range=st.integers(32, 120), padding=st.integers(0, 17), apart=st.booleans(),
        target_db=st.sampled_from([-50.0, -70.0, -90.0]), oversampling=st.sampled_from([1.3, 2.0]))
-def test_polar_images_are_as_exact_as_predicted(seed, n_rows, n_alpha, n_range, padding, apart,
+def test_polar_images_are_as_exact_as_predicted(seed, n_echoes, n_alpha, n_range, padding, apart,
                                                 target_db, oversampling):
     """Noise in the band of profiles that reach far beyond the image, at any height and range."""
     rng = np.random.default_rng(seed)
@@ -150,9 +150,9 @@ def test_polar_images_are_as_exact_as_predicted(seed, n_rows, n_alpha, n_range, 
     radar = RadarParameters(bandwidth_hz * rng.uniform(2.0, 60.0), bandwidth_hz,
                             bandwidth_hz * oversampling, 2 * start_m / SPEED_OF_LIGHT)
     height_m = rng.uniform(0.0, 0.5) * range_m
-    tx = np.zeros((n_rows, 3))
-    tx[:, 0] = rng.uniform(-0.5, 0.5) + 0.001 * range_m * np.linspace(-1, 1, n_rows)
-    tx[:, 1] = rng.uniform(-2, 2, n_rows) * resolution_m  # anywhere between samples
+    tx = np.zeros((n_echoes, 3))
+    tx[:, 0] = rng.uniform(-0.5, 0.5) + 0.001 * range_m * np.linspace(-1, 1, n_echoes)
+    tx[:, 1] = rng.uniform(-2, 2, n_echoes) * resolution_m  # anywhere between samples
     tx[:, 2] = height_m
     rx = tx + (1e-4 * range_m * rng.standard_normal(3) if apart else 0.0)
     polar = PolarGrid((0.0, 0.0, height_m), (1.0, 0.0), 1, 0.0, range_m, spacing_m, n_range,
@@ -166,7 +166,7 @@ def test_polar_images_are_as_exact_as_predicted(seed, n_rows, n_alpha, n_range, 
     assume(lattice is not None)
     # quiet at its ends: profiles that are cut off ring within the image where cells are coarser
     # than samples
-    spectrum = rng.standard_normal((n_rows, n_samples, 2)).view(complex)[..., 0]
+    spectrum = rng.standard_normal((n_echoes, n_samples, 2)).view(complex)[..., 0]
     spectrum[:, np.abs(np.fft.fftfreq(n_samples)) > 0.5 / oversampling] = 0.0
     samples = (np.fft.ifft(spectrum) * np.hanning(n_samples) ** 2).astype(np.complex64)
     parts = np.zeros((2, n_alpha, n_range + padding), np.float32)
@@ -175,7 +175,7 @@ def test_polar_images_are_as_exact_as_predicted(seed, n_rows, n_alpha, n_range, 
     image = (parts[0] + 1j * parts[1])[:, :n_range]
     wanted = project_lines(window, samples, lattice.n_padded, tx, rx, polar)
     error_db = 20 * np.log10(np.linalg.norm(image - wanted) / np.linalg.norm(wanted))
-    # Predictions are means over places between samples, of which few rows and lines have few:
+    # Predictions are means over places between samples, of which few echoes and lines have few:
     # within 3.5 dB in 300 examples, 0 to 0.6 dB in the middle.
     assert error_db <= lattice.predicted_error_db + 5.0
     assert not parts[..., n_range:].any() or padding == 0

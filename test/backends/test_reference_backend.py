@@ -47,9 +47,9 @@ def exact(block, points):
     return image.reshape(points.shape[:-1])
 
 
-def backprojected(name, plan, rows, shape):
+def backprojected(name, plan, echoes, shape):
     image = np.zeros(shape, np.complex64)
-    backend(name).Backprojection(plan).add(*rows, image)
+    backend(name).Backprojection(plan).add(*echoes, image)
     return image
 
 
@@ -73,8 +73,8 @@ def hills(grid):
     ('parts', {'range_m': 400.0, 'pulses': 200, 'aperture_m': 60.0})])
 def test_exact_backprojection(make_scene, error_db, way, options, target_db):
     scene = make_scene(**options)
-    grid, block, rows = scene.grid, scene.block, scene.rows
-    args = block.radar, block.n_samples, *rows[1:], target_db
+    grid, block, echoes = scene.grid, scene.block, scene.echoes
+    args = block.radar, block.n_samples, *echoes[1:], target_db
     x, y, z = grid.centre_m
     if way == 'wall':
         grid = PlaneGrid((x, y - 5.0, z), (0.02, 0.25, 0.0), (0.1, 0.0, 0.3), 40, 20)
@@ -88,10 +88,10 @@ def test_exact_backprojection(make_scene, error_db, way, options, target_db):
     else:
         plan = plan_backprojection(grid, *args)
     if way in ('polar', 'parts'):  # a way for larger images than these
-        polar = plan_polar(grid, *rows[1:], block.radar, block.n_samples, target_db)
+        polar = plan_polar(grid, *echoes[1:], block.radar, block.n_samples, target_db)
         plan = dataclasses.replace(plan, way=polar)
         assert isinstance(polar.parts, AzimuthParts) == (way == 'parts')
-    image, compiled = (backprojected(name, plan, rows, shape) for name in ('reference', 'cpu'))
+    image, compiled = (backprojected(name, plan, echoes, shape) for name in ('reference', 'cpu'))
     known = np.isfinite(points).all(axis=-1)
     ways = {'hills': 'points', 'parts': 'polar', 'wall': 'lines', 'volume': 'lines'}
     assert plan.method == ways.get(way, way)
@@ -105,8 +105,8 @@ def test_only_windows_and_interpolators_of_the_plan_are_left(make_scene, error_d
     """Along lines of a map whose profiles are used to their ends nothing is approximated."""
     scene = make_scene(1000.0, n=24)
     plan = plan_backprojection(scene.grid, scene.block.radar, scene.block.n_samples,
-                               *scene.rows[1:], -60.0)
-    image = backprojected('reference', plan, scene.rows, scene.grid.shape)
+                               *scene.echoes[1:], -60.0)
+    image = backprojected('reference', plan, scene.echoes, scene.grid.shape)
     # Knab's series errs by -130 dB, complex64 rounds to -150 dB.
     assert error_db(image, exact(scene.block, scene.grid.points())) < -125.0
 

@@ -44,7 +44,7 @@ class AzimuthUpsampling:
         coarse, fine = self._parts.coarse, self._parts.fine
         width = -(-coarse.n_range // _ALIGNED) * _ALIGNED
         shape = (2, coarse.n_alpha, width)
-        n_parts = len(self._parts.rows)
+        n_parts = len(self._parts.echoes)
         at_once = max(1, min(n_parts, _BATCH_BYTES // (4 * math.prod(shape))))
         images = aligned_empty((at_once, *shape), np.float32)
         for first in range(0, n_parts, at_once):

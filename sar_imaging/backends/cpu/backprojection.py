@@ -31,7 +31,7 @@ class Backprojection:
         self._way = ways[type(plan.way)](plan, self.memory)
 
     def add(self, samples, tx_m, rx_m, image) -> None:
-        """Add rows to an image, see `backends.protocol.Backprojection`."""
+        """Add echoes to an image, see `backends.protocol.Backprojection`."""
         self._way.add(samples, tx_m, rx_m, image)
 
 
@@ -49,15 +49,15 @@ class _Polar:
         self._memory = memory
 
     def add(self, samples, tx_m, rx_m, image) -> None:
-        way, rows = self._way, (samples, tx_m, rx_m)
+        way, echoes = self._way, (samples, tx_m, rx_m)
         total = self._memory('polar image', (2, way.polar.n_alpha, way.polar.n_range), np.float32)
         total[:] = 0.0
         if self._merging is None:
-            self._lines.add(*rows, total, self._illumination)
+            self._lines.add(*echoes, total, self._illumination)
         else:
             self._merging.add_all(lambda number, part: self._lines.add(
-                *(a[way.parts.rows[number]] for a in rows), part,
-                self._illumination and self._illumination.select(way.parts.rows[number])), total)
+                *(a[way.parts.echoes[number]] for a in echoes), part,
+                self._illumination and self._illumination.select(way.parts.echoes[number])), total)
         polar_to_map(total, way.polar, self._grid, axis=way.axis, wavelength_m=way.wavelength_m,
                      between=way.between, along=way.along, onto=image)
 

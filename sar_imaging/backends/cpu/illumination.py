@@ -58,13 +58,13 @@ class LitEchoes(NamedTuple):
 
 
 @njit(inline='always')
-def two_way_amplitude(lit, row, x, y, z):
+def two_way_amplitude(lit, echo, x, y, z):
     """Amplitude of an echo towards a point, metres."""
-    x, y, z = x - lit.centre[row, 0], y - lit.centre[row, 1], z - lit.centre[row, 2]
+    x, y, z = x - lit.centre[echo, 0], y - lit.centre[echo, 1], z - lit.centre[echo, 2]
     axes = lit.axes
-    right = x * axes[row, 0, 0] + y * axes[row, 0, 1] + z * axes[row, 0, 2]
-    ahead = x * axes[row, 1, 0] + y * axes[row, 1, 1] + z * axes[row, 1, 2]
-    up = x * axes[row, 2, 0] + y * axes[row, 2, 1] + z * axes[row, 2, 2]
+    right = x * axes[echo, 0, 0] + y * axes[echo, 0, 1] + z * axes[echo, 0, 2]
+    ahead = x * axes[echo, 1, 0] + y * axes[echo, 1, 1] + z * axes[echo, 1, 2]
+    up = x * axes[echo, 2, 0] + y * axes[echo, 2, 1] + z * axes[echo, 2, 2]
     within = ahead * ahead + up * up
     # Without branches, for the compiler's vectors; NaN, of no position, is not ahead either.
     inside = 1.0 if ahead > 0.0 else 0.0
@@ -75,17 +75,17 @@ def two_way_amplitude(lit, row, x, y, z):
 
 
 @njit(inline='always')
-def dark_sphere(lit, ends, row, x, y, z, radius):
+def dark_sphere(lit, ends, echo, x, y, z, radius):
     """1 where an echo lights nothing within a radius of a position, metres.
 
     How far a point lies beyond an end of the pattern, ``d a - sine |d|`` in azimuth, changes by at
     most ``1 + sine`` times the radius.
     """
-    x, y, z = x - lit.centre[row, 0], y - lit.centre[row, 1], z - lit.centre[row, 2]
+    x, y, z = x - lit.centre[echo, 0], y - lit.centre[echo, 1], z - lit.centre[echo, 2]
     axes = lit.axes
-    right = x * axes[row, 0, 0] + y * axes[row, 0, 1] + z * axes[row, 0, 2]
-    ahead = x * axes[row, 1, 0] + y * axes[row, 1, 1] + z * axes[row, 1, 2]
-    up = x * axes[row, 2, 0] + y * axes[row, 2, 1] + z * axes[row, 2, 2]
+    right = x * axes[echo, 0, 0] + y * axes[echo, 0, 1] + z * axes[echo, 0, 2]
+    ahead = x * axes[echo, 1, 0] + y * axes[echo, 1, 1] + z * axes[echo, 1, 2]
+    up = x * axes[echo, 2, 0] + y * axes[echo, 2, 1] + z * axes[echo, 2, 2]
     distance = np.sqrt(right * right + ahead * ahead + up * up)
     if (right - ends[0] * distance > (1.0 + abs(ends[0])) * radius
             or ends[1] * distance - right > (1.0 + abs(ends[1])) * radius

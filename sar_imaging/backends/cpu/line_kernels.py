@@ -84,15 +84,15 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
     base = np.empty((tasks, LINES), np.int64)
     index = np.arange(segment, dtype=np.float32) - segment // 2
     ramp = np.concatenate([ramp.real, ramp.imag])
-    for rows in profiles.chunks(len(samples)):
-        tx, rx = tx_m[rows], rx_m[rows]
+    for echoes in profiles.chunks(len(samples)):
+        tx, rx = tx_m[echoes], rx_m[echoes]
         repeats = np.zeros((len(tx), 2), np.uint8)
         repeats[1:, 0] = (tx[1:] == tx[:-1]).all(axis=1)
         repeats[:, 1] = (tx == rx).all(axis=1)
-        planes = profiles.planes(samples[rows])
+        planes = profiles.planes(samples[echoes])
         shape = (planes.shape[0], planes.shape[1], planes.shape[3])
         for number, (lines, layout) in enumerate(layers):
-            amplitudes = (None,) * 5 if lit is None else lit[number].amplitudes(rows)
+            amplitudes = (None,) * 5 if lit is None else lit[number].amplitudes(echoes)
             _project_lines(planes.reshape(-1), shape, tx, rx, repeats, lines,
                            profiles.range_at(segment), lattice.step_m, profiles.cycles_per_step,
                            profiles.cycles_at(segment), ramp, image, layout, index, work[0],
@@ -100,9 +100,9 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
 
 
 @njit(inline='always')
-def _line_paths(lines, group, number, centres, row, paths, task, first):
+def _line_paths(lines, group, number, centres, echo, paths, task, first):
     """Distance of a segment's middle from a phase centre and three derivatives, line by line."""
-    cx, cy, cz = centres[row, 0], centres[row, 1], centres[row, 2]
+    cx, cy, cz = centres[echo, 0], centres[echo, 1], centres[echo, 2]
     for j in range(LINES):
         x = lines[group, number, 0, j] - cx
         y = lines[group, number, 1, j] - cy
@@ -142,10 +142,10 @@ def _project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycl
     tests for overlap before each short loop double the time. `numba.config.DEBUG_ARRAY_OPT`
     prints 'No aliases found' when all is well.
     """
-    n_rows, n_phases, n_cells = shape
+    n_echoes, n_phases, n_cells = shape
     segment = len(index)
     n_lines, n_pixels, after = layout[0], len(ramp) // 2, np.uint64(len(ramp) // 2)
-    half, middle = segment // 2, n_rows // 2
+    half, middle = segment // 2, n_echoes // 2
     # Unsigned indices spare the compiler the test for negative ones, which stops vectorisation.
     p, length = np.uint64(n_cells), np.uint64(segment)
     inverse_step, inverse_phases = 1.0 / step, 1.0 / n_phases
@@ -165,26 +165,26 @@ def _project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycl
                 work_re[i] = 0.0
                 work_im[i] = 0.0
             shared = (number * segment + half) * float(n_phases)
-            # Rows are near each other: what their phases have in common comes last.
+            # Echoes are near each other: what their phases have in common comes last.
             _line_paths(lines, group, number, tx, middle, paths, task, 0)
             _line_paths(lines, group, number, rx, middle, paths, task, 4)
             for j in range(LINES):
                 _store_drift(paths, task, j, 4, inverse_step, n_phases, coefficients, 11)
-            for row in range(n_rows):
+            for echo in range(n_echoes):
                 # Channels often share their transmitter, and radars with one antenna both.
-                same = repeats[row, 0]
+                same = repeats[echo, 0]
                 if lit is not None:
-                    if lit[row, group, number] == 0:
+                    if lit[echo, group, number] == 0:
                         continue
-                    if latest != row - 1:
+                    if latest != echo - 1:
                         same = 0
-                    latest = row
+                    latest = echo
                 if same == 0:
-                    _line_paths(lines, group, number, tx, row, paths, task, 0)
+                    _line_paths(lines, group, number, tx, echo, paths, task, 0)
                 other = 0
-                if repeats[row, 1] == 0:
+                if repeats[echo, 1] == 0:
                     other = 4
-                    _line_paths(lines, group, number, rx, row, paths, task, 4)
+                    _line_paths(lines, group, number, rx, echo, paths, task, 4)
                 for j in range(LINES):
                     v = (0.5 * (paths[task, 0, j] + paths[task, other, j])
                          - range_zero) * inverse_step
@@ -201,9 +201,9 @@ def _project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycl
                 for j in range(LINES):
                     _expand_phasor(coefficients, task, j, turns, half)
                 if lit is not None:
-                    _weigh_phasors(coefficients, task, half, amplitude, row, group, number, knot,
+                    _weigh_phasors(coefficients, task, half, amplitude, echo, group, number, knot,
                                    between)
-                offset = row * n_phases * _PLANES * n_cells
+                offset = echo * n_phases * _PLANES * n_cells
                 for j in range(count):
                     if lit is not None:
                         if coefficients[task, 17, j] == 0.0:
@@ -277,7 +277,7 @@ def _store_drift(paths, task, j, other, inverse_step, n_phases, coefficients, fi
 
 @njit(inline='always')
 def _expand_phasor(coefficients, task, j, turns, half):
-    """Expand the phasor of a segment, less what its rows share, as a cubic in the pixel number.
+    """Expand the phasor of a segment, less what its echoes share, as a cubic in the pixel number.
 
     The quartic term is folded into the constant and the quadratic one (Chebyshev economisation),
     which leaves an eighth of it.
@@ -306,7 +306,7 @@ def _expand_phasor(coefficients, task, j, turns, half):
 
 
 @njit(inline='always')
-def _weigh_phasors(coefficients, task, half, amplitude, row, group, number, knot, between):
+def _weigh_phasors(coefficients, task, half, amplitude, echo, group, number, knot, between):
     """Multiply the phasors of a segment's lines by an echo's amplitude, a parabola.
 
     Of the product the cubic is kept, and its quartic term economised as that of the phasor is.
@@ -315,11 +315,11 @@ def _weigh_phasors(coefficients, task, half, amplitude, row, group, number, knot
     k = 2 * number
     for j in range(LINES):
         n, t = knot[group, j], between[group, j]
-        a, b, c = (amplitude[row, group, k, n], amplitude[row, group, k + 1, n],
-                   amplitude[row, group, k + 2, n])
-        a += t * (amplitude[row, group, k, n + 1] - a)
-        b += t * (amplitude[row, group, k + 1, n + 1] - b)
-        c += t * (amplitude[row, group, k + 2, n + 1] - c)
+        a, b, c = (amplitude[echo, group, k, n], amplitude[echo, group, k + 1, n],
+                   amplitude[echo, group, k + 2, n])
+        a += t * (amplitude[echo, group, k, n + 1] - a)
+        b += t * (amplitude[echo, group, k + 1, n + 1] - b)
+        c += t * (amplitude[echo, group, k + 2, n + 1] - c)
         coefficients[task, 14, j] = b
         coefficients[task, 15, j] = _R2 * (c - a) / np.float32(half)
         coefficients[task, 16, j] = (_R2 * (c + a) - b) / square

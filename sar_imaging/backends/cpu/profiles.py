@@ -11,7 +11,7 @@ from ...compilation import njit, numba
 from ...planning.interpolators import TAPS
 from ...planning.profiles.phase_history import PhaseHistory
 from ...planning.profiles.range_gate import RangeGate, rise
-from ...planning.profiles.range_resampling import ROWS_PER_PASS, RangeResampling
+from ...planning.profiles.range_resampling import ECHOES_PER_PASS, RangeResampling
 from ...signal.radar import RadarParameters
 from .farrow import farrow_coefficients
 from .memory import WorkSpace
@@ -62,7 +62,7 @@ class Profiles:
     def chunks(self, n_echoes: int):
         """Slices of echoes that are added in one pass."""
         n_bytes = 4 * self.lattice.interpolator.n_planes * self.lattice.n_phases * self._count
-        step = min(ROWS_PER_PASS, max(numba.get_num_threads(), _CHUNK_BYTES // n_bytes))
+        step = min(ECHOES_PER_PASS, max(numba.get_num_threads(), _CHUNK_BYTES // n_bytes))
         return (slice(lo, min(lo + step, n_echoes)) for lo in range(0, n_echoes, step))
 
     def planes(self, samples) -> np.ndarray:

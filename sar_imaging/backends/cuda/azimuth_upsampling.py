@@ -63,7 +63,7 @@ class AzimuthUpsampling:
             Sum; changed in place.
         """
         coarse, fine = self.coarse, self.fine
-        shape, n_parts = (2, coarse.n_alpha, coarse.n_range), len(self._parts.rows)
+        shape, n_parts = (2, coarse.n_alpha, coarse.n_range), len(self._parts.echoes)
         at_once = min(_MOST_BYTES, free_bytes() // _SHARE) // (4 * math.prod(shape))
         at_once = max(1, min(n_parts, at_once))
         blocks = -(-fine.n_range // _RANGES), -(-fine.n_alpha // _LINES)

@@ -97,7 +97,7 @@ class _Polar:
             self._lines.add(*echoes, total.reshape(-1))
         else:
             self._merging.add_all(lambda number, part: self._lines.add(
-                *(a[way.parts.rows[number]] for a in echoes), part), total)
+                *(a[way.parts.echoes[number]] for a in echoes), part), total)
         polar_to_map(total, self._polar, self._grid,
                      image.view(np.complex64).reshape(self._grid.shape), axis=way.axis,
                      wavelength_m=way.wavelength_m, between=way.between, along=way.along)

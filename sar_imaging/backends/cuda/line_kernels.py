@@ -20,7 +20,7 @@ from .arrays import cuda, kernel
 from .phasors import fraction, phasor, short_fraction
 
 THREADS, LINES, PIXELS = 256, 8, 2
-ROWS = 32  # echoes that share the reference for the phase: `ROWS_PER_PASS` of the plans
+ROWS = 32  # echoes that share the reference for the phase: `ECHOES_PER_PASS` of the plans
 _ITEMS = 512  # echoes times lines of a block whose geometry lies in shared memory
 _POLYNOMIAL = 10  # coefficients of a cell: of degree 4, of real and imaginary part
 _REGISTERS = 128  # that two blocks may run at once

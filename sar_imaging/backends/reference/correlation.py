@@ -33,10 +33,10 @@ def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m,
     first, step = cycles_per_m
     frequency = first + step * np.arange(spectra.shape[-1])
     image = np.zeros(len(points_m), np.complex128)
-    for row, index in enumerate(np.ndindex(spectra.shape[:2])):
+    for echo, index in enumerate(np.ndindex(spectra.shape[:2])):
         cycles = np.outer(2 * half_paths(tx_m[index], rx_m[index], points_m), frequency)
         image += (np.exp(2j * np.pi * np.fmod(cycles, 1.0)) @ spectra[index]
-                  * amplitude(illumination, row, points_m))
+                  * amplitude(illumination, echo, points_m))
     return image
 
 
@@ -72,12 +72,12 @@ def correlate_profiles(radar: RadarParameters, samples, tx_m, rx_m, points_m, ha
     """
     n, image = samples.shape[-1], np.zeros(len(points_m), np.complex128)
     covered = np.ones(len(points_m), bool)
-    for row, index in enumerate(np.ndindex(samples.shape[:2])):
-        weight_of_row = amplitude(illumination, row, points_m)
+    for echo, index in enumerate(np.ndindex(samples.shape[:2])):
+        weight_of_echo = amplitude(illumination, echo, points_m)
         path = half_paths(tx_m[index], rx_m[index], points_m)
         place = (path - radar.range_start_m) / radar.sample_spacing_m
         covered &= ((abs(place) >= half) & (abs(place - (n - 1)) >= half)
-                    | (weight_of_row == 0))
+                    | (weight_of_echo == 0))
         number = np.rint(place).astype(int)[:, None] + np.arange(-half, half + 1)
         away = place[:, None] - number
         root = np.sqrt(np.maximum(1 - (away / half) ** 2, 0.0))
@@ -85,11 +85,11 @@ def correlate_profiles(radar: RadarParameters, samples, tx_m, rx_m, points_m, ha
         known = (number >= 0) & (number < n) & (abs(away) < half)
         value = (np.where(known, weight, 0.0) * samples[index][np.clip(number, 0, n - 1)]).sum(1)
         inside = (place >= 0) & (place <= n - 1)
-        image += (weight_of_row * inside * value
+        image += (weight_of_echo * inside * value
                   * np.exp(2j * np.pi * np.fmod(2 * path / radar.wavelength_m, 1.0)))
     return image, covered
 
 
-def amplitude(illumination: Illumination | None, row: int, points_m):
+def amplitude(illumination: Illumination | None, echo: int, points_m):
     """Two-way amplitude of one echo at points (..., 3), metres; 1 without illumination."""
-    return 1.0 if illumination is None else illumination.select([row]).amplitude(points_m)[0]
+    return 1.0 if illumination is None else illumination.select([echo]).amplitude(points_m)[0]

@@ -29,7 +29,7 @@ class Backprojection:
         self.plan = plan
 
     def add(self, samples, tx_m, rx_m, image) -> None:
-        """Add rows to an image."""
+        """Add echoes to an image."""
         grid, way = self.plan.grid, self.plan.way
         if isinstance(way, PolarPlan):
             polar_image = self._polar_image(samples, tx_m, rx_m)
@@ -44,14 +44,14 @@ class Backprojection:
     def _polar_image(self, samples, tx_m, rx_m) -> np.ndarray:
         way, lit = self.plan.way, self.plan.illumination
 
-        def project(rows, polar):
-            return project_lines(way.window, samples[rows], way.lattice.n_padded, tx_m[rows],
-                                 rx_m[rows], polar, lit and lit.select(rows))
+        def project(echoes, polar):
+            return project_lines(way.window, samples[echoes], way.lattice.n_padded, tx_m[echoes],
+                                 rx_m[echoes], polar, lit and lit.select(echoes))
 
         if way.parts is None:
             return project(slice(None), way.polar)
         parts = way.parts
-        return upsample_azimuth([project(rows, parts.coarse) for rows in parts.rows], parts)
+        return upsample_azimuth([project(echoes, parts.coarse) for echoes in parts.echoes], parts)
 
 
 class SubapertureImager:
@@ -65,14 +65,14 @@ class SubapertureImager:
         plan = self.plan
         plan.check_block(number, block)
         samples = block.samples.reshape(-1, plan.n_samples)
-        rows = block.tx_m.reshape(-1, 3), block.rx_m.reshape(-1, 3)
+        echoes = block.tx_m.reshape(-1, 3), block.rx_m.reshape(-1, 3)
         weights = np.ones(block.n_pulses) if weights is None else weights
         samples = samples * np.repeat(weights, plan.n_channels)[:, None]
         if plan.beams is None:
-            image = project_lines(plan.source, samples, plan.lattice.n_padded, *rows, plan.coarse,
-                                  plan.illumination_of(block))
+            image = project_lines(plan.source, samples, plan.lattice.n_padded, *echoes,
+                                  plan.coarse, plan.illumination_of(block))
         else:
-            image = image_from_beams(plan, samples, *rows, plan.illumination_of(block))
+            image = image_from_beams(plan, samples, *echoes, plan.illumination_of(block))
         out = np.empty((2, *image.shape), np.float32) if out is None else out
         out[:] = image.real, image.imag
         return out

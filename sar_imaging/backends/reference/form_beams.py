@@ -1,4 +1,4 @@
-"""Operation 5: beams of a sub-aperture, from the spectra of its rows."""
+"""Operation 5: beams of a sub-aperture, from the spectra of its echoes."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from ...planning.afbp.beam_gain import BeamGain
 
 
 def form_beams(spectra, path_m, cycles_per_m, between: BeamGain) -> np.ndarray:
-    """Sum of the rows' spectra with the delays of each direction.
+    """Sum of the echoes' spectra with the delays of each direction.
 
     ``B_m[n] = sum_r g(f_rm[n]) S_r[n] exp(j 2 pi c_n L_rm)``: L_rm is by how much the half path
-    of row r in the direction of beam m is longer than that of the sub-aperture's middle, c_n the
-    cycles per metre of half path of frequency n. Seen from beam to beam a row is an exponential of
-    frequency ``f = c_n dL/dm``; its gain g makes up for what the interpolation between beams takes
-    from it (deapodisation of gridding: O'Sullivan 1985, Jackson et al. 1991).
+    of echo r in the direction of beam m is longer than that of the sub-aperture's middle, c_n the
+    cycles per metre of half path of frequency n. Seen from beam to beam an echo is an exponential
+    of frequency ``f = c_n dL/dm``; its gain g makes up for what the interpolation between beams
+    takes from it (deapodisation of gridding: O'Sullivan 1985, Jackson et al. 1991).
 
     Parameters
     ----------
     spectra : (R, N) complex128
-        Of the rows.
+        Of the echoes.
     path_m : (M, R) float64
         L, metres.
     cycles_per_m : (N,) float64
@@ -33,9 +33,9 @@ def form_beams(spectra, path_m, cycles_per_m, between: BeamGain) -> np.ndarray:
     """
     by_beam = np.gradient(path_m, axis=0)
     beams = np.zeros((len(path_m), len(cycles_per_m)), np.complex128)
-    for row, spectrum in enumerate(spectra):
-        cycles = np.multiply.outer(path_m[:, row], cycles_per_m)
-        frequency = np.multiply.outer(by_beam[:, row], cycles_per_m)
+    for echo, spectrum in enumerate(spectra):
+        cycles = np.multiply.outer(path_m[:, echo], cycles_per_m)
+        frequency = np.multiply.outer(by_beam[:, echo], cycles_per_m)
         gain = np.exp(between.at(frequency, between.log_gain))
         beams += gain * spectrum * np.exp(
             2j * np.pi * np.fmod(cycles, 1.0))

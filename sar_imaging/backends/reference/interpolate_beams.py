@@ -44,11 +44,11 @@ def interpolate_beams(beams: BeamImage, points_m, wavelength_m: float, between: 
     At distance d and direction cosine s from the middle, ``f = exp(j k d) (b + j e b'')``: b is
     the beams interpolated to (s, d) between beams and along range, b'' its second derivative by
     the number of the beam. Paths bend by ``X^2 (1 - s^2) / 2 (1/d - 1/d_0)`` more than those of
-    beams, which are for distance d_0. A row at X turns by ``-k X ds`` from beam to beam, ds apart:
-    b'' is ``-k^2 X^2 ds^2 b``, and ``e = -(1 - s^2) (1/d - 1/d_0) / (2 k ds^2)`` makes the bend
-    good to first order.
+    beams, which are for distance d_0. An echo at X turns by ``-k X ds`` from beam to beam, ds
+    apart: b'' is ``-k^2 X^2 ds^2 b``, and ``e = -(1 - s^2) (1/d - 1/d_0) / (2 k ds^2)`` makes
+    the bend good to first order.
 
-    With illumination, a row of the phase p from beam to beam has the amplitude
+    With illumination, an echo of the phase p from beam to beam has the amplitude
     ``A + B p + C p^2``, and ``A b - j B b' - C b''`` takes the place of b.
 
     Parameters

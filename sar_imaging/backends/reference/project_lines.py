@@ -13,7 +13,7 @@ from .project_points import project_points
 
 def project_lines(source: RangeGate | PhaseHistory, samples, n_padded: int, tx_m, rx_m,
                   polar: PolarGrid, illumination: Illumination | None = None) -> np.ndarray:
-    """Polar image of some rows at range baseband.
+    """Polar image of some echoes at range baseband.
 
     ``b(r, alpha) = exp(-j k (r - r_0)) sum_r w_r s_r(D_r) exp(+j k D_r)``, ``k = 4 pi / lambda``,
     with the half paths D_r, and the amplitudes w_r, 1 without illumination, to the point of the

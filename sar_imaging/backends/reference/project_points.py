@@ -42,11 +42,11 @@ def project_points(source: RangeGate | PhaseHistory, samples, n_padded: int, tx_
     source, samples, n_padded :
         As for `profile_spectra`.
     tx_m, rx_m : (R, 3) float64
-        Phase centres of the rows, metres.
+        Phase centres of the echoes, metres.
     points_m : (..., 3) float64
         Positions, metres; with a NaN for none.
     illumination : Illumination, optional
-        Of the rows: w; 1 without.
+        Of the echoes: w; 1 without.
 
     Returns
     -------
@@ -56,9 +56,9 @@ def project_points(source: RangeGate | PhaseHistory, samples, n_padded: int, tx_
     spectra = profile_spectra(source, samples, n_padded)
     known = ~np.isnan(points_m).any(axis=-1)
     image = np.zeros(known.shape, np.complex128)
-    for row, (spectrum, tx, rx) in enumerate(zip(spectra, tx_m, rx_m, strict=True)):
+    for echo, (spectrum, tx, rx) in enumerate(zip(spectra, tx_m, rx_m, strict=True)):
         path = half_paths(tx, rx, points_m[known])
-        weight = 1.0 if illumination is None else illumination.select([row]).amplitude(
+        weight = 1.0 if illumination is None else illumination.select([echo]).amplitude(
             points_m[known])[0]
         cycles = 2 * (path - source.phase_range_m) / source.radar.wavelength_m
         image[known] += (weight * resample_profiles(source, spectrum[None], path[None])[0]

@@ -18,7 +18,7 @@ from .resample_profiles import profile_spectra
 
 def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m,
                      illumination: Illumination | None = None) -> np.ndarray:
-    """Backproject rows to the coarse grid of a plan by their beams.
+    """Backproject echoes to the coarse grid of a plan by their beams.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m,
     tx_m, rx_m : (R, 3) float64
         Phase centres, metres.
     illumination : Illumination, optional
-        Of the rows.
+        Of the echoes.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m,
     Raises
     ------
     ValueError
-        The plane is too steep below the rows for their directions to be told apart.
+        The plane is too steep below the echoes for their directions to be told apart.
     """
     polar, source, lattice, sampling = plan.coarse, plan.source, plan.lattice, plan.beams
     geometry = BeamGeometry.of(polar, grid_edges(polar), tx_m, rx_m)
@@ -74,10 +74,10 @@ def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m,
 
 def lit_parabolas(illumination: Illumination, geometry: BeamGeometry, tx_m, rx_m, points_m,
                   phase_per_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A, B and C of the amplitude ``A + B p + C p^2`` of rows, towards each point.
+    """A, B and C of the amplitude ``A + B p + C p^2`` of echoes, towards each point.
 
-    p is the phase of a row from beam to beam at the carrier: the derivative of its path by
-    direction, metres, times `phase_per_m`. The parabola goes through three rows.
+    p is the phase of an echo from beam to beam at the carrier: the derivative of its path by
+    direction, metres, times `phase_per_m`. The parabola goes through three echoes.
     """
     nodes, flat = node_pulses(len(tx_m)), points_m.reshape(-1, 3)
     offset = flat - geometry.centre_m

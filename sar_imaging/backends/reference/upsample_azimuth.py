@@ -9,7 +9,7 @@ from .farrow import neighbours
 
 
 def upsample_azimuth(images, parts: AzimuthParts) -> np.ndarray:
-    """Interpolate images of parts of the rows to the lines of their sum, and add them.
+    """Interpolate images of parts of the echoes to the lines of their sum, and add them.
 
     ``b(alpha) = sum_p exp(j f_p alpha) sum_k c_k(alpha) exp(-j f_p alpha_k) b_p(alpha_k)``: f_p is
     the middle of the part's band along direction, without which its image is slow enough for the

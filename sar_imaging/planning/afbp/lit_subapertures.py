@@ -47,7 +47,7 @@ class LitSubapertures:
     Attributes
     ----------
     illumination : Illumination
-        Of the rows of the aperture.
+        Of the echoes of the aperture.
     seen : frozenset of int
         Sub-apertures that light a part of the grid; the others add nothing.
     apart : int
@@ -120,7 +120,7 @@ class LitError:
     polar : PolarGrid
         Of the images.
     radar, tx_m, rx_m, illumination :
-        Of the aperture, phase centres (P, C, 3), metres, and the illumination of their P C rows.
+        Of the aperture, phase centres (P, C, 3), metres, and the illumination of their P C echoes.
     most_pairs : int
         With how many to look for lit ones.
     """
@@ -132,14 +132,14 @@ class LitError:
         self._n_channels = tx_m.shape[1]
         middles = mean_centres(tx_m, rx_m)
         self._along = (middles - middles.mean(axis=0))[:, :2] @ np.array(polar.track)
-        self._rows, index, self.share = draw_pairs(illumination, polar.positions, polar.shape,
+        self._echoes, index, self.share = draw_pairs(illumination, polar.positions, polar.shape,
                                                    most_pairs)
         self._points = polar.positions(*index)
         self.power = self.share * float(np.mean(pair_amplitude(
-            illumination, self._rows, self._points) ** 2)) if len(self._rows) else 0.0
+            illumination, self._echoes, self._points) ** 2)) if len(self._echoes) else 0.0
         low, high = radar.wavenumbers_rad_per_m
         self._ratio = np.random.default_rng(2).uniform(
-            low, high, len(self._rows)) / radar.wavenumber_rad_per_m
+            low, high, len(self._echoes)) / radar.wavenumber_rad_per_m
 
     def short_enough(self, lengths, target_db: float) -> tuple[int, ...]:
         """Those of some lengths of sub-apertures whose parabolas leave the target to the rest.
@@ -204,16 +204,16 @@ class LitError:
 
     def mean_squares(self, pulses) -> tuple[float, float]:
         """Of errors and of amplitudes, over pulses of sub-apertures that light a point."""
-        if not len(self._rows):
+        if not len(self._echoes):
             return 0.0, 0.0
         starts = np.array([p.start for p in pulses])
         stops = np.array([p.stop for p in pulses])
         n_c = self._n_channels
-        which = np.searchsorted(starts, self._rows // n_c, 'right') - 1
+        which = np.searchsorted(starts, self._echoes // n_c, 'right') - 1
         start, length = starts[which], stops[which] - starts[which]
         # any pulse of a sub-aperture of which one lights the point
         pulse = start + np.random.default_rng(3).integers(0, length)
-        channel = self._rows % n_c
+        channel = self._echoes % n_c
         node = start[:, None] + np.rint(np.array(NODES) * length[:, None] - 0.5).astype(
             int).clip(0, length[:, None] - 1)
         value = np.stack([self._amplitude(node[:, i], channel) for i in range(3)], axis=-1)
@@ -233,12 +233,12 @@ class LitError:
         rng = np.random.default_rng(4)
         r, alpha = self._polar.from_map(self._points[:, 0], self._points[:, 1])
         error, power = 0.0, max(np.mean(self._amplitude(
-            self._rows // self._n_channels, self._rows % self._n_channels) ** 2), 1e-300)
+            self._echoes // self._n_channels, self._echoes % self._n_channels) ** 2), 1e-300)
         for apart in KNOTS_APART:
             length = apart * segment * coarse.range_spacing_m
             share = rng.uniform(0, 1, len(r))
             first = np.maximum(r - share * length, coarse.range_start_m)
-            before, after, true = (pair_amplitude(self._illumination, self._rows, coarse.lines(
+            before, after, true = (pair_amplitude(self._illumination, self._echoes, coarse.lines(
                 at, alpha)[0]) for at in (first, first + length, r))
             share = (r - first) / length
             error = float(np.nanmean((before + share * (after - before) - true) ** 2) / power)

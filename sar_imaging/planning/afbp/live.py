@@ -105,7 +105,7 @@ def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m,
     n_window : int
         Pulses of an image, where that is of any part of the track; 0 for the whole of it.
     illumination : Illumination, optional
-        Of the rows, foreseen as these are.
+        Of the echoes, foreseen as these are.
 
     Raises
     ------
@@ -168,8 +168,8 @@ def _windows_db(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window: 
     k = np.linspace(*bands.wavenumber, _WAVENUMBERS)[:, None, None]
     for first in np.unique(np.linspace(0, len(bands.slope) // n_channels - width,
                                        _WINDOWS).astype(int)):
-        rows = slice(first * n_channels, (first + width) * n_channels)
-        slope, weight = bands.slope[rows], bands.weight[rows]
+        echoes = slice(first * n_channels, (first + width) * n_channels)
+        slope, weight = bands.slope[echoes], bands.weight[echoes]
         middle = 0.5 * (slope.min() + slope.max()) * radar.wavenumber_rad_per_m
         worst_db = max(worst_db, between.mean_error_db(
             (k * slope - middle) * (polar.alpha_spacing / (2 * math.pi)), weight))

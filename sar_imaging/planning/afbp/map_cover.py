@@ -22,7 +22,7 @@ from ..profiles.phase_history import PhaseHistory
 _COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
 _MIXED_LINES = 4  # on either side
 _WAVENUMBERS = 7  # of the band
-_ROWS = 256
+_ECHOES = 256
 
 
 def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
@@ -42,7 +42,7 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     shares : mapping
         Of the target, see `error_budget`: the less ``'polar to map'``, the finer the polar grid.
     illumination : Illumination, optional
-        Of the P C rows.
+        Of the P C echoes.
 
     Returns
     -------
@@ -55,13 +55,13 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     ValueError
         The map is tiny, too near, all around, or not ahead of the aperture.
     """
-    step = max(1, len(tx_m) // _ROWS)
-    rows = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
+    step = max(1, len(tx_m) // _ECHOES)
+    echoes = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
     if illumination is not None:
         number = np.arange(len(illumination.centre_m)).reshape(len(tx_m), -1)
         illumination = illumination.select(np.concatenate(
             [number[:-1:step], number[-1:]]).ravel())
-    arguments = (grid, *rows, radar if band is None else band.radar, n_samples,
+    arguments = (grid, *echoes, radar if band is None else band.radar, n_samples,
                  error_budget(target_db, shares)['polar to map'] - PASSES_DB,
                  min(target_db - 10.0, -50.0), band)
     cover = cover_map(*arguments, fused=True, illumination=illumination)

@@ -92,7 +92,7 @@ def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
 
     `tx_m` and `rx_m`, (P, C, 3), are those of the whole aperture; multichannel paths are exact.
     The origin of a polar grid should lie in its middle. Sub-apertures have the length that is
-    quickest unless `pulses_per_subaperture` tells it. `illumination` is that of all rows.
+    quickest unless `pulses_per_subaperture` tells it. `illumination` is that of all echoes.
 
     Raises
     ------
@@ -129,11 +129,11 @@ def check_arguments(grid, target_db: float, tx_m: np.ndarray, rx_m: np.ndarray) 
 
 
 def _operations(grid, plan: SubaperturePlan) -> dict[str, float]:
-    n_rows = plan.n_channels * sum(p.stop - p.start for p in plan.sampling.pulses)
+    n_echoes = plan.n_channels * sum(p.stop - p.start for p in plan.sampling.pulses)
     counts = {'image': 1, 'map_pixel': grid.n_x * grid.n_y if isinstance(grid, MapGrid) else 0}
     seen = plan.n_subapertures if plan.lit is None else len(plan.lit.seen)
-    n_rows = n_rows * seen / plan.n_subapertures
-    counts |= plan.image_operations(n_rows, seen)
+    n_echoes = n_echoes * seen / plan.n_subapertures
+    counts |= plan.image_operations(n_echoes, seen)
     return counts | plan.fusion_grid.operations(seen)
 
 

@@ -46,10 +46,10 @@ _AHEAD = (4, 2, 1, 0)  # choices to look ahead in both
 _LEAST_RANGE_GUARD = 16
 _WIDE_GUARD = 3.0  # times those along direction: there the error is far less
 _NEARER = (0.7, 0.9)  # shares of the furthest distance from the centre, which are told apart
-# Most of the error is that of the rows at the two ends of a sub-aperture's band: where these are
+# Most of the error is that of the echoes at the two ends of a sub-aperture's band: where these are
 # few, it is theirs by chance. Relative deviation of one of them, in images of few scatterers.
 _CHANCE = 1.2
-# At which errors are looked up: sub-apertures, rows of each, wavenumbers of each row
+# At which errors are looked up: sub-apertures, echoes of each, wavenumbers of each echo
 _CUTS_FOR_ERROR, _ROWS_FOR_ERROR, _WAVENUMBERS = 16, 24, 6
 
 
@@ -125,12 +125,12 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
                     ratio: tuple[int, int] = (1, 1)) -> Sampling | None:
     """Quickest cut and coarse sampling that meet a target.
 
-    Zhang et al., equation 16: a sub-aperture whose rows have the slopes x_lo to x_hi (derivative
+    Zhang et al., equation 16: a sub-aperture whose echoes have the slopes x_lo to x_hi (derivative
     of the half path by direction, metres; positions along the track) fills the angular wavenumbers
     ``K x_lo`` to ``K x_hi``, so its image needs coarse lines no further apart than
     ``2 pi / (K_max (x_hi - x_lo))``. They lie some times closer, and some of them on either side
     are guards, over which a taper makes the image periodic. The error is that of the taper's
-    spectrum beyond the band (`aliasing_error`), at the frequencies of the rows. Cuts,
+    spectrum beyond the band (`aliasing_error`), at the frequencies of the echoes. Cuts,
     oversamplings and guards are tried from the quickest on. None where the target cannot be met.
 
     Parameters
@@ -160,13 +160,13 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
         cuts.append(_Cut(polar, ratio, pulses, 0.5 * (lo + hi), half, coverage))
 
     @functools.cache
-    def some_rows(cut):
+    def some_echoes(cut):
         return _rows_for_error(cuts[cut].samplings[0], bands, n_channels)
 
     @functools.cache
     def error_db(cut, i, j):
         sampling = cuts[cut].samplings[i * n_j + j]
-        return 10 * math.log10(fusion_error(sampling, bands, *some_rows(cut)) + 1e-16)
+        return 10 * math.log10(fusion_error(sampling, bands, *some_echoes(cut)) + 1e-16)
 
     n_i, n_j = len(_OVERSAMPLING), len(_GUARDS)
     fine, failed = np.zeros((2, len(cuts), n_i, n_j), bool)
@@ -237,33 +237,33 @@ def _on_plane(sizes: FusionSizes) -> bool:
 
 
 def _rows_for_error(s: Sampling, bands: LocalSpectrum, n_channels: int) -> tuple[np.ndarray, ...]:
-    """Some rows of some sub-apertures, the power of each, and the middle of its band, metres.
+    """Some echoes of some sub-apertures, the power of each, and the middle of its band, metres.
 
     They lie densest where bands end: the error of the others is far less.
     """
     cuts = np.linspace(0, len(s.pulses) - 1, _CUTS_FOR_ERROR).round().astype(int)
     found = []
     for cut in np.unique(cuts):
-        rows = slice(*(n * n_channels for n in (s.pulses[cut].start, s.pulses[cut].stop)))
-        order = np.argsort(bands.slope[rows].mean(axis=1))
+        echoes = slice(*(n * n_channels for n in (s.pulses[cut].start, s.pulses[cut].stop)))
+        order = np.argsort(bands.slope[echoes].mean(axis=1))
         edges = 0.5 * len(order) * (1 - np.cos(np.linspace(0, np.pi, _ROWS_FOR_ERROR + 1)))
-        power = np.append(0, np.cumsum(bands.weight[rows][order]))
-        found.append((rows.start + order[(0.5 * (edges[1:] + edges[:-1])).astype(int)],
+        power = np.append(0, np.cumsum(bands.weight[echoes][order]))
+        found.append((echoes.start + order[(0.5 * (edges[1:] + edges[:-1])).astype(int)],
                       np.diff(np.interp(edges, np.arange(len(order) + 1), power)),
                       np.full(_ROWS_FOR_ERROR, s.centre[cut])))
     return tuple(map(np.concatenate, zip(*found, strict=True)))
 
 
-def fusion_error(sampling: Sampling, bands: LocalSpectrum, rows, weight, centre_m) -> float:
-    """Mean squared error of fusing some rows, relative to their power.
+def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centre_m) -> float:
+    """Mean squared error of fusing some echoes, relative to their power.
 
     It is 2 or more, as if nothing fitted, where a frequency lies beyond the coarse grid's. Of
-    `bands` it looks at some `rows`, (R,) int64 or a slice; `weight` and `centre_m`, (R,) or (),
+    `bands` it looks at some `echoes`, (R,) int64 or a slice; `weight` and `centre_m`, (R,) or (),
     are the share of each and the middle of the slopes of its sub-aperture, metres.
     """
     s, coverage = sampling.sizes, sampling.coverage
     guard = s.n_guard / (s.n_coarse - 2 * s.n_guard)
-    slope = _to_guards(bands.slope[rows], guard)
+    slope = _to_guards(bands.slope[echoes], guard)
     low, high = bands.wavenumber
     wavenumber = low + (high - low) * (np.arange(_WAVENUMBERS) + 0.5) / _WAVENUMBERS
     bins = wavenumber[:, None, None] * (s.extent / (2 * math.pi))

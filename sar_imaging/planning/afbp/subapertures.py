@@ -40,7 +40,7 @@ _SAMPLES_PER_SIDE = 5  # grid positions at which the paths are bounded
 _SAMPLES_PER_EDGE = 33
 _ROWS_FOR_PATHS = 512  # enough to bound how paths differ along a line
 _SAMPLING_SLACK = 0.02  # of what is bounded
-_PADDING = 32  # samples of windows, for the delays of rows of beams
+_PADDING = 32  # samples of windows, for the delays of echoes in beams
 _DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
 LENGTHS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  # pulses to choose from
 
@@ -156,30 +156,30 @@ class SubaperturePlan(Plan):
                 f'{self.predicted_error_db:.1f} dB')
 
     def illumination_of(self, block: PulseBlock) -> Illumination | None:
-        """Of the rows of a sub-aperture's pulses; None where all pixels are lit alike."""
+        """Of the echoes of a sub-aperture's pulses; None where all pixels are lit alike."""
         if self.lit is None:
             return None
         lit = self.lit.illumination
         return Illumination.of_pulses(lit.pattern, block.pointing, block.tx_m, block.rx_m,
                                       foreseen=lit.foreseen)
 
-    def image_operations(self, n_rows: int, n_images: int = 1) -> dict[str, float]:
+    def image_operations(self, n_echoes: int, n_images: int = 1) -> dict[str, float]:
         """How often forming sub-aperture images does the operations of `CostModel`.
 
-        `n_rows` are the rows of all images together.
+        `n_echoes` are the echoes of all images together.
         """
         coarse, lattice, beams = self.coarse, self.lattice, self.beams
         n_pixels, n_bins = coarse.n_alpha * coarse.n_range, lattice.n_padded
         if beams is None:
-            return lattice.operations(n_rows, n_pixels)
+            return lattice.operations(n_echoes, n_pixels)
         span = coarse.n_alpha * coarse.alpha_spacing
-        counts = beams.operations(n_rows, lattice, n_pixels, span, n_images)
+        counts = beams.operations(n_echoes, lattice, n_pixels, span, n_images)
         relative_bandwidth = (n_bins * self.radar.wavelength_m
                               / (2 * lattice.n_cells * lattice.cell_m))
         half = min(n_bins, lattice.n_cells) / 2
         n_runs = 2 * math.ceil(half / bins_per_run(n_bins, relative_bandwidth))
-        return {'profile_bin': n_rows * n_bins * (not self.source.periodic),
-                'beam_path': n_rows * beams.n_beams(span) * (1.0 if beams.paired else 1.5),
+        return {'profile_bin': n_echoes * n_bins * (not self.source.periodic),
+                'beam_path': n_echoes * beams.n_beams(span) * (1.0 if beams.paired else 1.5),
                 'beam_run': counts['beam_group'] / n_bins * n_runs,
                 **{name: float(n) for name, n in counts.items()}}
 
@@ -199,7 +199,7 @@ class SubaperturePlan(Plan):
               ) -> tuple[float, float, bool]:
         """Band of a sub-aperture from its phase centres, and how well it suits the plan.
 
-        They need not be those that were planned for; `illumination` is that of their rows.
+        They need not be those that were planned for; `illumination` is that of their echoes.
 
         Returns
         -------
@@ -241,7 +241,7 @@ def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, 
     band : PhaseHistory, optional
         Takes phase histories as they came, in place of profiles.
     illumination : Illumination, optional
-        Of the P C rows.
+        Of the P C echoes.
 
     Raises
     ------
@@ -270,7 +270,7 @@ class _Planner:
     def plan(self, given, length, cover) -> SubaperturePlan:
         polar, radar, tx_m, rx_m = self.polar, self.radar, self.tx_m, self.rx_m
         ratio, oversampling = ((1, 1), ()) if cover is None else (cover.ratio, cover.oversampling)
-        # neighbouring rows in groups, since they are added together
+        # neighbouring echoes in groups, since they are added together
         step = max(1, tx_m[..., 0].size // _ROWS_FOR_PATHS)
         paths = sample_paths(*(c.reshape(-1, 3)[::step] for c in (tx_m, rx_m)),
                              polar.lines(*polar.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE)))
@@ -285,7 +285,7 @@ class _Planner:
             *(oversampling or (1.0, 1.0)), radar.propagation_speed_m_per_s)
         range_m = _bounds(grid.coarse, tx_m, rx_m)
         source = self.band or RangeGate.around(radar, self.n_samples, range_m)
-        # rows of one sub-aperture share phases, never those of two
+        # echoes of one sub-aperture share phases, never those of two
         first = {p.start * tx_m.shape[1] // step for p in sampling.pulses}
         lattice = self._lattice(
             dataclasses.replace(paths, parts=tuple(sorted(first))), grid.coarse.range_spacing_m,
@@ -377,7 +377,7 @@ def _bounds(polar: PolarGrid, tx_m, rx_m) -> tuple[float, float]:
     length = half_paths(*(c.reshape(-1, 3)[::step] for c in (tx_m, rx_m)),
                         polar.lines(*polar.sampled(2, _SAMPLES_PER_EDGE))[0])[0]
     near, far = length[:, ::2], length[:, 1::2]
-    # what rows and directions between the samples may add
+    # what echoes and directions between the samples may add
     slack = [sum(np.abs(np.diff(edge, axis=axis)).max(initial=0.0) for axis in (0, 1))
              for edge in (near, far)]
     return float(near.min() - slack[0]), float(far.max() + slack[1])

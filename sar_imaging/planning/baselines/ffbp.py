@@ -22,7 +22,7 @@ from ..error_budget import total_db
 from ..plan import Plan
 from ..profiles.profile_reach import check_reach, covered_ranges, reach_warnings, some_pixels
 from ..profiles.range_gate import RangeGate
-from ..profiles.range_resampling import ROWS_PER_PASS, RangeResampling
+from ..profiles.range_resampling import ECHOES_PER_PASS, RangeResampling
 from .ffbp_error import LocalTones, expansion_error, read_errors, rounding_error
 from .ffbp_geometry import FfbpGeometry
 from .ffbp_grids import place_grids, plan_profiles
@@ -36,7 +36,7 @@ ENDS = 'ends of profiles'  # the cause that no sampling helps
 # read at some places between samples only.
 _CHANCE_DB = 2.0
 _LEAST = 1e-20  # mean squared error
-_ROWS = 33  # whose profiles' ends are looked at
+_ECHOES = 33  # whose profiles' ends are looked at
 
 
 @dataclasses.dataclass(frozen=True)
@@ -122,9 +122,9 @@ class FfbpPlan(Plan):
     def operations(self) -> dict[str, float]:
         """How often the operations of `CostModel` are done."""
         taps, counts = TAPS[self.sampling.kernel], {'image': 1.0}
-        n_rows = self.tx_m.shape[0] * self.tx_m.shape[1]
+        n_echoes = self.tx_m.shape[0] * self.tx_m.shape[1]
         first = sum(_pixels(n) * (n.pulses.stop - n.pulses.start) for n in self.levels[0].nodes)
-        counts |= self.lattice.operations(n_rows, first / len(self.tx_m))
+        counts |= self.lattice.operations(n_echoes, first / len(self.tx_m))
         merged, gathered = 0.0, len(self.top) * math.prod(self.grid.shape)
         for level in self.levels:
             read = sum(_pixels(n) * len(n.children) for n in level.nodes)
@@ -144,7 +144,7 @@ class FfbpPlan(Plan):
     def n_bytes(self) -> int:
         """Memory that forming the image takes: itself, one per level, and some profiles, bytes."""
         lattice = self.lattice
-        profiles = (min(ROWS_PER_PASS, self.tx_m.shape[0] * self.tx_m.shape[1]) * 4
+        profiles = (min(ECHOES_PER_PASS, self.tx_m.shape[0] * self.tx_m.shape[1]) * 4
                     * lattice.interpolator.n_planes * lattice.n_phases * lattice.n_cells)
         return profiles + IMAGE_BYTES * (math.prod(self.grid.shape)
                                          + sum(level.size for level in self.levels))
@@ -227,8 +227,8 @@ def _errors_db(geometry, radar, window, tones, sampling, lattice, alpha_spacings
                               reading)
     shares = both / max(sum(each), _LEAST)  # losses along the two add up in amplitude
     cycles = 2 * lattice.spacing / radar.wavelength_m
-    rows = np.linspace(0, geometry.tx[..., 0].size - 1, _ROWS).round().astype(int)
-    length = half_paths(*(a.reshape(-1, 3)[rows] for a in (geometry.tx, geometry.rx)),
+    echoes = np.linspace(0, geometry.tx[..., 0].size - 1, _ECHOES).round().astype(int)
+    length = half_paths(*(a.reshape(-1, 3)[echoes] for a in (geometry.tx, geometry.rx)),
                         geometry.inside)[0]
     errors = {'sub-aperture images': lattice.predicted_error_db}
     errors |= {cause: 10 * math.log10(max(error, _LEAST)) for cause, error in (

@@ -168,8 +168,8 @@ def plan_profiles(nodes: list[Node], frame: Frame, tx, rx, points, spacing: floa
         r = np.linalg.norm(offset, axis=-1)
         local = PolarGrid((0.0, 0.0, node.centre[2]), (1.0, 0.0), 1, frame.z_m,
                           abs(node.centre[2] - frame.z_m) + 1.0, 1.0, 1, 0.0, 1.0, 1)
-        rows = [a[node.pulses].reshape(-1, 3) - [*node.centre[:2], 0.0] for a in (tx, rx)]
-        paths = sample_paths(*rows, local.lines(r, offset[:, 0] / r))
+        echoes = [a[node.pulses].reshape(-1, 3) - [*node.centre[:2], 0.0] for a in (tx, rx)]
+        paths = sample_paths(*echoes, local.lines(r, offset[:, 0] / r))
         lengths.append(paths.length)
         derivatives.append(paths.derivatives)
         span = max(span, float(np.ptp(r)))

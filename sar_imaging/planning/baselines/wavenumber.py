@@ -36,7 +36,7 @@ _TAPS, _TAPS_SHARE_DB = (8, 16, 32, 64, 128, 256), 1.0  # to choose from, for mo
 _READ_ERROR_DB = -100.0  # of the kernel that reads the image between its samples
 _PLACES, _SHARES = 61, 89  # between samples, and over the scene, of the Stolt kernel
 _SAMPLE_BYTES, _DOUBLE_BYTES = 8, 16  # complex64, complex128
-_SPECTRA = 3  # of all channels, of one, and that of the latest rows
+_SPECTRA = 3  # of all channels, of one, and that of the latest echoes
 _LEAST = 1e-20  # mean squared error
 
 

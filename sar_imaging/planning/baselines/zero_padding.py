@@ -76,14 +76,14 @@ class ZeroPaddingPlan(Plan):
         return self.ratio * self.radar.sample_rate_hz
 
     @property
-    def rows_per_pass(self) -> int:
+    def echoes_per_pass(self) -> int:
         """Profiles that are zero-padded at a time, which bounds memory."""
         return max(1, CHUNK_BYTES // (_SAMPLE_BYTES * self.n_samples * self.ratio))
 
     @property
     def n_bytes(self) -> int:
         """Memory that forming the image takes, bytes."""
-        profiles = _COPIES * _SAMPLE_BYTES * self.rows_per_pass * self.ratio * self.n_samples
+        profiles = _COPIES * _SAMPLE_BYTES * self.echoes_per_pass * self.ratio * self.n_samples
         return profiles + math.prod(self.grid.shape) * (_POSITION_BYTES + _SUM_BYTES + IMAGE_BYTES)
 
     def weights(self, position) -> np.ndarray:

@@ -20,18 +20,18 @@ from ..local_spectrum import spread_frequencies, tail_error
 from ..polar_cover import PolarCover
 
 TAPS, DEGREE = 10, 5
-_LEAST_ROWS = 4  # in a part
+_LEAST_ECHOES = 4  # in a part
 _WAVENUMBERS = 5  # of the band, at which errors are looked up
 
 
 @dataclasses.dataclass(frozen=True)
 class AzimuthParts:
-    """Cut of the rows of a block into parts, and the coarse lines on which they are imaged.
+    """Cut of the echoes of a block into parts, and the coarse lines on which they are imaged.
 
     Attributes
     ----------
-    rows : tuple of slice
-        Rows of each part.
+    echoes : tuple of slice
+        Echoes of each part.
     frequency : (n_parts,) float64
         Middle of the band of each part's image along direction, radians per unit of alpha.
     coarse, fine : PolarGrid
@@ -44,7 +44,7 @@ class AzimuthParts:
         Nanoseconds per pixel of the sum.
     """
 
-    rows: tuple[slice, ...]
+    echoes: tuple[slice, ...]
     frequency: np.ndarray
     coarse: PolarGrid
     fine: PolarGrid
@@ -54,7 +54,7 @@ class AzimuthParts:
 
 
 def plan_parts(cover: PolarCover, wanted_db: float) -> AzimuthParts | None:
-    """Cut rows into as many parts as make a polar image quickest; None where that gains nothing.
+    """Cut echoes into as many parts as make a polar image quickest; None where that gains nothing.
 
     `wanted_db` is the error of the interpolation from the lines of the parts to those of the sum.
     """
@@ -63,18 +63,18 @@ def plan_parts(cover: PolarCover, wanted_db: float) -> AzimuthParts | None:
         if best is None:
             return None
         error_db = _interpolation_db(best, cover)
-        # Much of the power may lie where bands end: parts have few rows, or the platform stopped.
+        # Much power may lie where bands end: parts have few echoes, or the platform stopped.
         if error_db <= wanted_db:
             return dataclasses.replace(best, error_db=error_db)
     return None
 
 
 def _quickest_parts(cover: PolarCover, interpolator: Interpolator) -> AzimuthParts | None:
-    fine, slope, row_cost = cover.polar, cover.slope_alpha, cover.lattice.cost
+    fine, slope, echo_cost = cover.polar, cover.slope_alpha, cover.lattice.cost
     lowest, highest = cover.window.radar.wavenumbers_rad_per_m
-    best, least = None, row_cost * len(slope)
+    best, least = None, echo_cost * len(slope)
     n_parts = 2
-    while n_parts * _LEAST_ROWS <= len(slope):
+    while n_parts * _LEAST_ECHOES <= len(slope):
         # Bands of the parts, radians per unit of alpha
         edges = np.linspace(0, len(slope), n_parts + 1).round().astype(int)
         lo = np.minimum.reduceat(slope.min(axis=1), edges[:-1])
@@ -86,7 +86,7 @@ def _quickest_parts(cover: PolarCover, interpolator: Interpolator) -> AzimuthPar
         if coarse is not None:
             merging = n_parts * (costs().upsampled_pixel
                                  + costs().upsampled_part / (fine.n_alpha * fine.n_range))
-            cost = merging + row_cost * len(slope) * (coarse.n_alpha / fine.n_alpha)
+            cost = merging + echo_cost * len(slope) * (coarse.n_alpha / fine.n_alpha)
             if cost < least:
                 least, best = cost, AzimuthParts(
                     tuple(map(slice, edges[:-1], edges[1:])), 0.5 * (lo + hi), coarse, fine,
@@ -96,8 +96,8 @@ def _quickest_parts(cover: PolarCover, interpolator: Interpolator) -> AzimuthPar
 
 
 def _interpolation_db(parts: AzimuthParts, cover: PolarCover) -> float:
-    """Mean error at the frequencies of the rows, seen from the middle of their part's band."""
-    middle = np.repeat(parts.frequency, [rows.stop - rows.start for rows in parts.rows])
+    """Mean error at the frequencies of the echoes, seen from the middle of their part's band."""
+    middle = np.repeat(parts.frequency, [echoes.stop - echoes.start for echoes in parts.echoes])
     k = np.linspace(*cover.window.radar.wavenumbers_rad_per_m, _WAVENUMBERS)[:, None, None]
     per_radian = parts.coarse.alpha_spacing / (2 * math.pi)
     even = k * cover.slope_alpha - middle[:, None]

@@ -39,7 +39,7 @@ LEAST_TARGET_DB = -100.0  # that float32 reaches
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LinePlan(Plan):
-    """How rows are added to the lines of a map, plane or volume.
+    """How echoes are added to the lines of a map, plane or volume.
 
     Attributes
     ----------
@@ -66,11 +66,11 @@ class BackprojectionPlan(Plan):
     Attributes
     ----------
     tx_m, rx_m : (R, 3) float64
-        Phase centres of the rows that it is for, metres.
+        Phase centres of the echoes that it is for, metres.
     way : PolarPlan, LinePlan or PointPlan
         The quickest of the three.
     illumination : Illumination or None
-        Of the rows; None where they light all pixels alike.
+        Of the echoes; None where they light all pixels alike.
     """
 
     grid: EvenGrid | ImagePoints
@@ -104,7 +104,7 @@ class BackprojectionPlan(Plan):
         way, n_pixels, counts = self.way, math.prod(self.grid.shape), {'image': 1}
         if isinstance(way, PolarPlan):
             grid, n_parts = (way.polar, 0) if way.parts is None else (
-                way.parts.coarse, len(way.parts.rows))
+                way.parts.coarse, len(way.parts.echoes))
             counts |= {'map_pixel': n_pixels, 'upsampled_part': n_parts,
                        'upsampled_pixel': n_parts * way.polar.n_alpha * way.polar.n_range}
             n_pixels = grid.n_alpha * grid.n_range
@@ -113,7 +113,7 @@ class BackprojectionPlan(Plan):
 
     @property
     def n_bytes(self) -> int:
-        """Memory that adding the rows takes besides the image, bytes."""
+        """Memory that adding the echoes takes besides the image, bytes."""
         way, lit = self.way, 0 if self.illumination is None else self.illumination.n_bytes
         if isinstance(way, PointPlan):
             return coordinate_bytes(self.grid) + lit
@@ -133,7 +133,7 @@ class BackprojectionPlan(Plan):
             return 'pulses are added along the lines of the grid'
         if isinstance(way, PointPlan):
             return 'pulses are added point by point'
-        n = 1 if way.parts is None else len(way.parts.rows)
+        n = 1 if way.parts is None else len(way.parts.echoes)
         return (f'pulses are added to a polar image of {way.polar.n_alpha} x {way.polar.n_range} '
                 f'pixels in {n} part{"s" * (n > 1)}, which is interpolated to the map')
 
@@ -141,9 +141,9 @@ class BackprojectionPlan(Plan):
 def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_samples: int,
                         tx_m, rx_m, target_db: float, illumination: Illumination | None = None
                         ) -> BackprojectionPlan:
-    """Plan the quickest way of adding rows to an image.
+    """Plan the quickest way of adding echoes to an image.
 
-    With `illumination`, that of the rows, pixels that a row does not light take no part in its
+    With `illumination`, that of the echoes, pixels that an echo does not light take no part in its
     errors and its time.
 
     Raises

@@ -21,7 +21,7 @@ class GridLines:
     grid : EvenGrid
         Map, plane or volume.
     illumination : Illumination, optional
-        Of the rows; what they do not light is left aside.
+        Of the echoes; what they do not light is left aside.
 
     Attributes
     ----------

@@ -17,7 +17,7 @@ from ...geometry.half_paths import Paths
 from ...geometry.illumination import Illumination
 from ...signal.radar import RadarParameters
 from ..error_budget import EXACT_SHARES, error_budget, total_db
-from ..profiles.range_resampling import ROWS_PER_PASS, RangeResampling
+from ..profiles.range_resampling import ECHOES_PER_PASS, RangeResampling
 
 LINES = 32  # whose geometry is computed together; knots of every group begin anew
 APART = (32, 16, 8, 4, 2, 1)  # lines between knots
@@ -52,8 +52,8 @@ class LitLines:
         """Memory of the knots' positions, in float64, and of a pass's amplitudes, in float32."""
         groups, segments, knots = (-(-n_lines // LINES), -(-n_pixels // segment),
                                    LINES // self.apart + 1)
-        return groups * (knots * (2 * segments + 1) * (24 * n_layers + 4 * ROWS_PER_PASS)
-                         + segments * ROWS_PER_PASS)
+        return groups * (knots * (2 * segments + 1) * (24 * n_layers + 4 * ECHOES_PER_PASS)
+                         + segments * ECHOES_PER_PASS)
 
 
 def draw_pairs(illumination: Illumination, positions: Callable, shape: tuple[int, ...],
@@ -73,7 +73,7 @@ def draw_pairs(illumination: Illumination, positions: Callable, shape: tuple[int
 
     Returns
     -------
-    rows : (n,) int64
+    echoes : (n,) int64
         Echoes; none where no pair was found.
     index : list of (n,) int64
         Pixels.
@@ -81,23 +81,23 @@ def draw_pairs(illumination: Illumination, positions: Callable, shape: tuple[int
     """
     rng, n, found, seen = np.random.default_rng(0), _PAIRS, [], 0
     while True:
-        rows = rng.integers(0, len(illumination.centre_m), n)
+        echoes = rng.integers(0, len(illumination.centre_m), n)
         index = [rng.integers(0, size, n) for size in shape]
-        lit = np.flatnonzero(pair_amplitude(illumination, rows, positions(*index)) > 0)
-        found.append([a[lit] for a in (rows, *index)])
+        lit = np.flatnonzero(pair_amplitude(illumination, echoes, positions(*index)) > 0)
+        found.append([a[lit] for a in (echoes, *index)])
         seen += n
         n_lit = sum(len(part[0]) for part in found)
         if n_lit >= _LEAST_LIT or seen >= most:
-            rows, *index = (np.concatenate(a)[:_LIT_PAIRS] for a in zip(*found, strict=True))
-            return rows, index, n_lit / seen
+            echoes, *index = (np.concatenate(a)[:_LIT_PAIRS] for a in zip(*found, strict=True))
+            return echoes, index, n_lit / seen
         n *= 4
 
 
-def pair_amplitude(illumination: Illumination, rows, points_m) -> np.ndarray:
+def pair_amplitude(illumination: Illumination, echoes, points_m) -> np.ndarray:
     """(n, ...) amplitudes of echoes (n,), each at points (n, ..., 3), metres."""
     between = (slice(None), *[None] * (points_m.ndim - 2))
-    return illumination.pattern.amplitude(points_m - illumination.centre_m[rows][between],
-                                          illumination.axes[rows][between])
+    return illumination.pattern.amplitude(points_m - illumination.centre_m[echoes][between],
+                                          illumination.axes[echoes][between])
 
 
 def plan_lit_lines(illumination: Illumination, locate: Callable, n_lines: int, n_pixels: int,
@@ -120,27 +120,27 @@ def plan_lit_lines(illumination: Illumination, locate: Callable, n_lines: int, n
     def positions(line, pixel):
         return locate(pixel, line)[0]
 
-    rows, (line, pixel), share = draw_pairs(illumination, positions, (n_lines, n_pixels))
-    if not len(rows):
+    echoes, (line, pixel), share = draw_pairs(illumination, positions, (n_lines, n_pixels))
+    if not len(echoes):
         return LitLines(APART[0], share, _LEAST_DB)
     half, rng = max(segment // 2, 1), np.random.default_rng(1)
     # tiles of which a part is lit are computed whole
-    wider = _share_of_tiles(illumination, positions, rows, line, pixel, segment, share)
+    wider = _share_of_tiles(illumination, positions, echoes, line, pixel, segment, share)
     for apart in APART:
         # pairs beside the lit ones, too: the pattern may end between two knots
-        near = np.clip(line + rng.integers(-apart, apart + 1, len(rows)), 0, n_lines - 1)
-        along = np.clip(pixel + rng.integers(-half, half + 1, len(rows)), 0, n_pixels - 1)
+        near = np.clip(line + rng.integers(-apart, apart + 1, len(echoes)), 0, n_lines - 1)
+        along = np.clip(pixel + rng.integers(-half, half + 1, len(echoes)), 0, n_pixels - 1)
         first = near // apart * apart
         last = np.maximum(np.minimum(first + apart, n_lines - 1), first + 1)
         knot = (along // segment * segment)[:, None] + half * np.arange(3)
-        ends = [pair_amplitude(illumination, rows, positions(at[:, None], knot))
+        ends = [pair_amplitude(illumination, echoes, positions(at[:, None], knot))
                 for at in (first, last)]
         across = ((near - first) / (last - first))[:, None]
         values = ends[0] + across * (ends[1] - ends[0])
         f = (along - knot[:, 1]) / half
         slope, bend = 0.5 * (values[:, 2] - values[:, 0]), (
             0.5 * (values[:, 2] + values[:, 0]) - values[:, 1])
-        true = pair_amplitude(illumination, rows, positions(near, along))
+        true = pair_amplitude(illumination, echoes, positions(near, along))
         power = np.mean(true ** 2)
         wrong = np.mean((values[:, 1] + f * (slope + f * bend) - true) ** 2)
         # The product with the phasor's cubic is cut after the cubic, its quartic economised.
@@ -153,10 +153,10 @@ def plan_lit_lines(illumination: Illumination, locate: Callable, n_lines: int, n
     return LitLines(apart, wider, error_db)
 
 
-def _share_of_tiles(illumination, positions, rows, line, pixel, segment, share) -> float:
+def _share_of_tiles(illumination, positions, echoes, line, pixel, segment, share) -> float:
     """Share of the pairs in tiles of which a part is lit, from pairs that are."""
     along = 0.5 * np.array([-segment, segment])
-    dark = [np.mean(pair_amplitude(illumination, rows, positions(
+    dark = [np.mean(pair_amplitude(illumination, echoes, positions(
         line + step * LINES / 2, pixel + shift)) == 0) for step in (-1, 1) for shift in along]
     # a pair half a tile off that is dark stands for one that is computed beyond the edge
     return min(1.0, share * (1 + float(np.mean(dark))))
@@ -196,7 +196,7 @@ def _half_turn(paths: Paths, wavenumber: float) -> float:
     """Rms phase over half a segment by which echoes differ from the middle one of a pass."""
     slope, n = paths.derivatives[0], len(paths.length)
     some = np.linspace(0, n - 1, min(n, _ROWS_FOR_TURNS)).round().astype(int)
-    beside = np.minimum(some + ROWS_PER_PASS // 2, n - 1)
+    beside = np.minimum(some + ECHOES_PER_PASS // 2, n - 1)
     difference = paths.of_lit(slope[some] - slope[beside], some)
     return float(wavenumber * np.sqrt(np.mean(difference ** 2))) if difference.size else 0.0
 
@@ -226,8 +226,8 @@ def plan_lit_points(illumination: Illumination, positions: Callable, shape: tupl
 
     `positions` gives points (n, 3), metres, from rows and columns of the image.
     """
-    rows, index, share = draw_pairs(illumination, positions, shape)
-    if not len(rows):
+    echoes, index, share = draw_pairs(illumination, positions, shape)
+    if not len(echoes):
         return LitPoints(True, share, _LEAST_DB)
     corner = [i // side * side for i, side in zip(index, tile, strict=True)]
     last = [np.minimum(c + side, size) - 1
@@ -237,7 +237,7 @@ def plan_lit_points(illumination: Illumination, positions: Callable, shape: tupl
     v, u = ((i - c) / np.maximum(stop - c, 1)
             for i, c, stop in zip(index, corner, last, strict=True))
     (top, left), (bottom, right) = corner, last
-    a, b, c, d, true = (pair_amplitude(illumination, rows, positions(i, j)) for i, j in (
+    a, b, c, d, true = (pair_amplitude(illumination, echoes, positions(i, j)) for i, j in (
         (top, left), (top, right), (bottom, left), (bottom, right), index))
     found = (1 - v) * ((1 - u) * a + u * b) + v * ((1 - u) * c + u * d)
     known = np.isfinite(found + true)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # Rms error of a path in float32 over the radius of its tile; 1.4e-8 to 1.7e-8 were measured
 _ROUNDING = 3e-8
 _SAMPLED_STEPS = 1000  # between neighbours, to find their distance
-_SAMPLED_PIXELS, _SAMPLED_ROWS = 500, 33
+_SAMPLED_PIXELS, _SAMPLED_ECHOES = 500, 33
 _COORDINATE_BYTES = 8  # float64
 TILE_SIDE = 256  # of the longest tile
 _SIDES = ((1, 256), (1, 64), (1, 16)), ((16, 16), (8, 8), (4, 4))  # of rows, and of images
@@ -149,7 +149,7 @@ def _draw(shape, n: int) -> list[np.ndarray]:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PointPlan(Plan):
-    """How rows are added to points.
+    """How echoes are added to points.
 
     Attributes
     ----------
@@ -220,7 +220,7 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
     some_m : (S, 3) float64, optional
         Positions all over the image, metres; those of `points` unless told.
     illumination : Illumination, optional
-        Of the rows.
+        Of the echoes.
     positions, shape : callable, (int, int)
         Positions of pixels by row and column, and how many there are; of `points` unless told.
     """
@@ -231,7 +231,7 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
     rounding_per_m = radar.wavenumber_rad_per_m * _ROUNDING
     reach_m = 10 ** (rounded_db / 20) / rounding_per_m
     tile, radius_m = points.tile(reach_m)
-    some = np.linspace(0, len(tx_m) - 1, min(len(tx_m), _SAMPLED_ROWS)).round().astype(int)
+    some = np.linspace(0, len(tx_m) - 1, min(len(tx_m), _SAMPLED_ECHOES)).round().astype(int)
     some_m = points.some() if some_m is None else some_m
     length, cost, lit = half_paths(tx_m[some], rx_m[some], some_m)[0], lattice.cost, None
     if illumination is not None:

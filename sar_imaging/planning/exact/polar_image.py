@@ -45,7 +45,7 @@ class PolarPlan(Plan):
     between, along : Interpolator
         Of the resampling: between lines and along them.
     parts : AzimuthParts or None
-        Cut into parts with fewer lines each; None where all rows go straight to `polar`.
+        Cut into parts with fewer lines each; None where all echoes go straight to `polar`.
     cost : float
         Nanoseconds per map pixel.
     lit : LitLines or None
@@ -68,7 +68,7 @@ class PolarPlan(Plan):
 
 def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
                target_db: float, illumination: Illumination | None = None) -> PolarPlan | None:
-    """Plan the polar image of rows of phase centres, with `illumination` of these.
+    """Plan the polar image of echoes of phase centres, with `illumination` of these.
 
     Returns
     -------
@@ -105,8 +105,8 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
         errors['azimuth upsampling'], cost = parts.error_db, parts.cost
     if lit is not None:
         errors['illumination'] = lit.predicted_error_db
-        row_cost = lattice.cost * len(tx_m) * lines.n_alpha / polar.n_alpha
-        cost -= row_cost * (1 - lit.share)
+        echo_cost = lattice.cost * len(tx_m) * lines.n_alpha / polar.n_alpha
+        cost -= echo_cost * (1 - lit.share)
     return PolarPlan(polar, lattice, cover.window, cover.range_m, cover.axis, cover.between,
                      cover.along, parts, radar.wavelength_m, errors,
                      cost * (polar.n_range * polar.n_alpha / n_pixels) + costs().map_pixel, lit)
@@ -121,7 +121,7 @@ def positions_of(polar: PolarGrid):
 
 
 def _sampled_paths(polar: PolarGrid, tx_m, rx_m, illumination: Illumination | None) -> Paths:
-    """Half paths to samples of a grid, and which rows light these."""
+    """Half paths to samples of a grid, and which echoes light these."""
     lines = polar.lines(*polar.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE))
     paths = sample_paths(tx_m, rx_m, lines)
     return paths if illumination is None else illumination.of_paths(paths, lines[0])
@@ -129,13 +129,13 @@ def _sampled_paths(polar: PolarGrid, tx_m, rx_m, illumination: Illumination | No
 
 def _lattice_of_parts(parts: AzimuthParts, cover: PolarCover, tx_m, rx_m, target_db: float,
                       illumination: Illumination | None) -> RangeResampling | None:
-    """Lattice that is as good where rows are added part by part, to lines far beyond the map.
+    """Lattice that is as good where echoes are added part by part, to lines far beyond the map.
 
     That of the map where it will do, None where none does.
     """
     coarse, window = parts.coarse, cover.window
     paths = dataclasses.replace(_sampled_paths(coarse, tx_m, rx_m, illumination),
-                                parts=tuple(rows.start for rows in parts.rows))
+                                parts=tuple(echoes.start for echoes in parts.echoes))
     error_db = resampling_error_db(cover.lattice, paths, window.radar)
     if error_db <= target_db:
         return dataclasses.replace(cover.lattice, predicted_error_db=error_db)

@@ -9,7 +9,7 @@ from ...geometry.half_paths import half_paths
 from ...geometry.illumination import Illumination
 from ...signal.radar import RadarParameters
 
-_PIXELS_PER_SIDE, _ROWS = {2: 24, 3: 8}, 65  # at which ranges are looked at, by axes
+_PIXELS_PER_SIDE, _ECHOES = {2: 24, 3: 8}, 65  # at which ranges are looked at, by axes
 
 
 def some_pixels(grid: Grid) -> np.ndarray:
@@ -48,11 +48,11 @@ def reach_warnings(points_m, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     """
     start, stop = covered_ranges(radar, n_samples)
     centres = [c.reshape(-1, 3) for c in (tx_m, rx_m)]
-    rows = np.linspace(0, len(centres[0]) - 1, min(len(centres[0]), _ROWS)).round().astype(int)
-    length = half_paths(*(c[rows] for c in centres), points_m)[0]
+    echoes = np.linspace(0, len(centres[0]) - 1, min(len(centres[0]), _ECHOES)).round().astype(int)
+    length = half_paths(*(c[echoes] for c in centres), points_m)[0]
     outside = (length < start) | (length > stop)
     if illumination is not None:
-        outside &= illumination.select(rows).amplitude(points_m) > 0
+        outside &= illumination.select(echoes).amplitude(points_m) > 0
     if not outside.any():
         return ()
     return (f'the ranges of {_percent(outside.any(axis=0).mean())} of the pixels, '

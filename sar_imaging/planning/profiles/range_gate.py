@@ -83,7 +83,7 @@ class RangeGate:
                           oversampling: float = math.inf, lit=None) -> float:
         """Mean of `end_error` over an image, dB.
 
-        Half paths are those from some rows to a square or cube of positions, edge to edge:
+        Half paths are those from some echoes to a square or cube of positions, edge to edge:
         (R, n ** n_axes) float64, metres.
         Of these pairs, (R, n ** n_axes), only those that are `lit` count, where that is given.
         """

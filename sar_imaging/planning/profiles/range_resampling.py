@@ -20,10 +20,10 @@ from ..error_budget import total_db
 from ..interpolators import LEAST_MARGIN, LINE_DEGREE, Interpolator, design_interpolator
 from .transform_length import cost_per_sample, smooth_lengths
 
-ROWS_PER_PASS = 32  # rows that share the reference for the phase along a segment
+ECHOES_PER_PASS = 32  # echoes that share the reference for the phase along a segment
 _SEGMENTS = (256, 128, 64, 32, 16, 8)
 _MAX_PHASES = 8
-_ROWS_FOR_ERRORS = 256  # enough for averages over the rows, of which few have most of the error
+_ECHOES_FOR_ERRORS = 256  # enough for averages, to which few echoes add most
 _DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
 _CLOSER_DB = 10.0  # by which the worst drift may be worse than the mean one
 _LONGER, _FINER, _FEW = 1.1, 1.03, 3  # padded length, cells, and cells around the best
@@ -65,7 +65,7 @@ class RangeResampling:
 
     @property
     def cost(self) -> float:
-        """Nanoseconds per pixel and row."""
+        """Nanoseconds per pixel and echo."""
         model = costs()
         return (model.line_pixel + model.line_segment / self.segment if self.segment
                 else model.point_pixel)
@@ -79,12 +79,12 @@ class RangeResampling:
         """Half-path distance between the lattice positions of neighbouring pixels, metres."""
         return self.step_m * self.n_phases
 
-    def operations(self, n_rows: int, n_pixels: int) -> dict[str, float]:
-        """How often adding rows to an image does the operations of `CostModel`."""
+    def operations(self, n_echoes: int, n_pixels: int) -> dict[str, float]:
+        """How often adding echoes to an image does the operations of `CostModel`."""
         counts = {'profile_bin': self.n_padded, 'profile_cell': self.n_cells * self.n_phases}
         counts |= ({'line_pixel': n_pixels, 'line_segment': n_pixels / self.segment}
                    if self.segment else {'point_pixel': n_pixels})
-        return {name: n_rows * n for name, n in counts.items()}
+        return {name: n_echoes * n for name, n in counts.items()}
 
 
 def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParameters,
@@ -157,7 +157,7 @@ def resampling_error_db(lattice: RangeResampling, paths: Paths, radar: RadarPara
 
 
 def _drift(lattice, slope) -> np.ndarray:
-    """How far the pixels of some rows drift over half a segment, lattice steps."""
+    """How far the pixels of some echoes drift over half a segment, lattice steps."""
     return (np.abs(slope * lattice.spacing - lattice.cell_m)
             * (lattice.segment / 2 / lattice.step_m))
 
@@ -173,24 +173,24 @@ def _predicted_db(lattice, interpolation_db, errors) -> float:
 
 
 def _slopes_of_some(paths: Paths) -> np.ndarray:
-    rows = _some_rows(len(paths.length))
-    slope = paths.of_lit(paths.derivatives[0][rows], rows)
+    echoes = _some_echoes(len(paths.length))
+    slope = paths.of_lit(paths.derivatives[0][echoes], echoes)
     return slope if slope.size else paths.of_lit(paths.derivatives[0])
 
 
-def _some_rows(n: int) -> np.ndarray:
-    return np.linspace(0, n - 1, min(n, _ROWS_FOR_ERRORS)).round().astype(int)
+def _some_echoes(n: int) -> np.ndarray:
+    return np.linspace(0, n - 1, min(n, _ECHOES_FOR_ERRORS)).round().astype(int)
 
 
 def _from_shared(paths: Paths) -> list[np.ndarray]:
-    """Derivatives of some rows, less those of the middle one of the `ROWS_PER_PASS` around."""
+    """Derivatives of some echoes, less those of the middle one of the `ECHOES_PER_PASS` around."""
     n = len(paths.length)
-    rows = _some_rows(n)
-    part = np.searchsorted(paths.parts, rows, 'right')
+    echoes = _some_echoes(n)
+    part = np.searchsorted(paths.parts, echoes, 'right')
     first, stop = np.take(paths.parts, part - 1), np.append(paths.parts, n)[part]
-    start = first + (rows - first) // ROWS_PER_PASS * ROWS_PER_PASS
-    middle = start + np.minimum(stop - start, ROWS_PER_PASS) // 2
-    found = [paths.of_lit(d[rows] - d[middle], rows) for d in paths.derivatives]
+    start = first + (echoes - first) // ECHOES_PER_PASS * ECHOES_PER_PASS
+    middle = start + np.minimum(stop - start, ECHOES_PER_PASS) // 2
+    found = [paths.of_lit(d[echoes] - d[middle], echoes) for d in paths.derivatives]
     return found if found[0].size else [np.zeros(1)] * len(found)
 
 
@@ -202,8 +202,9 @@ def _expansion_errors(paths, radar):
     """Rms errors over a segment of half length 1, and the powers of it that they grow with.
 
     d_n being the path's derivatives by f, -1 to 1, the envelope's place lacks d_3 f^3 / 6, the
-    path of all rows d_4 f^4 / 24, and what a row differs by, ``exp(j (a f + b f^2 + c f^3))`` with
-    ``a, b, c = k d_n / n!``, its terms in f^4, economised, and f^5.
+    path of all echoes d_4 f^4 / 24, and what an echo differs by,
+    ``exp(j (a f + b f^2 + c f^3))`` with ``a, b, c = k d_n / n!``, its terms in f^4,
+    economised, and f^5.
     """
     k = radar.wavenumber_rad_per_m
     band = radar.half_band_rad_per_m / math.sqrt(3)

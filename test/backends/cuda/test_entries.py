@@ -33,7 +33,7 @@ def test_entries_are_those_of_the_protocol():
 def test_predicted_time_counts_transfers(make_scene, monkeypatch, tmp_path):
     scene = make_scene(1000.0, n=12, pulses=4)
     block = scene.block
-    plan = plan_backprojection(scene.grid, block.radar, block.n_samples, *scene.rows[1:], -80.0)
+    plan = plan_backprojection(scene.grid, block.radar, block.n_samples, *scene.echoes[1:], -80.0)
     seconds = backend('cuda').seconds(plan)
     assert seconds > 1e-9 * DEFAULT.image
     costs = dataclasses.replace(DEFAULT, transferred_byte=2 * DEFAULT.transferred_byte)

@@ -20,7 +20,7 @@ AGREE_DB = -100.0  # float32 sums in another order, of the same polynomials
 
 
 def planned(scene, grid, way=None, target_db=-80.0):
-    block, rows = scene.block, scene.rows
+    block, rows = scene.block, scene.echoes
     plan = plan_backprojection(grid, block.radar, block.n_samples, *rows[1:], target_db)
     if way is not None:
         polar = plan_polar(grid, *rows[1:], block.radar, block.n_samples, target_db)
@@ -78,12 +78,12 @@ def test_images_are_those_of_the_processor(make_scene, error_db, way, options):
     plan = planned(scene, grid, way if way in ('polar', 'parts') else None)
     if way == 'hills':  # as of a larger image
         plan = dataclasses.replace(plan, way=dataclasses.replace(plan.way, tile=(4, 4)))
-    image, wanted = images(plan, scene.rows)
+    image, wanted = images(plan, scene.echoes)
     assert error_db(image, wanted) < AGREE_DB
     if way == 'parts':  # directions are told from another line
-        assert error_db(in_tiles(plan, scene.rows, 8), image) < AGREE_DB - 10.0
+        assert error_db(in_tiles(plan, scene.echoes, 8), image) < AGREE_DB - 10.0
     elif way != 'polar':
-        np.testing.assert_array_equal(in_tiles(plan, scene.rows, 32 if way == 'hills' else 8),
+        np.testing.assert_array_equal(in_tiles(plan, scene.echoes, 32 if way == 'hills' else 8),
                                       image)
     if way == 'hills':
         assert image[5, 7] == 0.0
@@ -115,4 +115,4 @@ def test_what_does_not_fit_is_refused_with_numbers(make_scene):
         backend('cuda').Backprojection(plan)
     with granting(10_000), pytest.raises(DeviceError, match=(
             r'one pass of 32 range profiles needs 0.\d+ MB of device memory, 0.010 MB are free')):
-        backend('cuda').Backprojection(plan).add(*scene.rows, np.zeros((12, 12), np.complex64))
+        backend('cuda').Backprojection(plan).add(*scene.echoes, np.zeros((12, 12), np.complex64))

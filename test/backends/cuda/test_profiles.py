@@ -17,7 +17,7 @@ from sar_imaging.planning.profiles.range_resampling import RangeResampling
     (False, 1, 4), (False, 2, 3), (True, 2, 4)])
 def test_polynomials_are_the_profiles(make_scene, error_db, history, n_phases, degree):
     scene = make_scene(500.0, n=16, pulses=2, history=history)
-    block, samples = scene.block, scene.rows[0]
+    block, samples = scene.block, scene.echoes[0]
     if history:
         source = PhaseHistory(block.radar, block.n_samples)
     else:

@@ -35,11 +35,11 @@ def _lit(illumination) -> LitEchoes:
 
 
 @njit(inline='always')
-def _weight(lit, row, point):
+def _weight(lit, echo, point):
     """Two-way amplitude of an echo; 1 where all light all points alike."""
     if len(lit.centre) == 0:
         return 1.0
-    return two_way_amplitude(lit, row, point[0], point[1], point[2])
+    return two_way_amplitude(lit, echo, point[0], point[1], point[2])
 
 
 @njit(inline='always')

@@ -70,10 +70,10 @@ class FactorisedImager:
                              plan.levels[0].alpha_spacing])
         loops.local_lines(geometry, n_alpha, segment, lines)
         image[:2 * size] = 0.0
-        rows = [a[node.pulses].reshape(-1, a.shape[-1])
+        echoes = [a[node.pulses].reshape(-1, a.shape[-1])
                 for a in (block.samples, block.tx_m, block.rx_m)]
         layout = np.array([n_alpha, 0, n_range, 1, size])
-        project_lines(self._profiles, *rows, [(lines, layout)], self._ramp[:n_range], image)
+        project_lines(self._profiles, *echoes, [(lines, layout)], self._ramp[:n_range], image)
 
     @property
     def _groups(self) -> int:

@@ -29,9 +29,9 @@ def image_zero_padded(plan: ZeroPaddingPlan, block: PulseBlock) -> np.ndarray:
     nearest = plan.interpolator == 'nearest'
     carrier = _carrier_at_samples(plan) if nearest else None
     table = None if nearest else plan.weights(np.linspace(0, 1, _PHASES + 1))
-    for lo in range(0, len(profiles), plan.rows_per_pass):
-        rows = slice(lo, lo + plan.rows_per_pass)
-        padded, ends = _padded(plan, profiles[rows]), [a[rows] for a in paths]
+    for lo in range(0, len(profiles), plan.echoes_per_pass):
+        echoes = slice(lo, lo + plan.echoes_per_pass)
+        padded, ends = _padded(plan, profiles[echoes]), [a[echoes] for a in paths]
         if nearest:
             padded *= carrier
             _add_nearest(padded, *ends, *where, image)
@@ -68,19 +68,19 @@ def _path(point, a, b):
 def _add_nearest(profiles, read_a, read_b, tx, rx, points, start, samples_per_metre,
                  cycles_per_metre, steer, out):
     """Add the sample nearest to each point's delay (equation 16), steered by equation 19."""
-    n_rows, n = profiles.shape
+    n_echoes, n = profiles.shape
     for group in numba.prange(-(-len(points) // _POINTS_PER_GROUP)):
         first = group * _POINTS_PER_GROUP
         last = min(first + _POINTS_PER_GROUP, len(points))
-        for row in range(n_rows):
+        for echo in range(n_echoes):
             for i in range(first, last):
-                path = _path(points[i], read_a[row], read_b[row])
+                path = _path(points[i], read_a[echo], read_b[echo])
                 k = int(np.floor(path * samples_per_metre - start + 0.5))
                 if not 0 <= k < n:
                     continue
-                value = complex(profiles[row, k])
+                value = complex(profiles[echo, k])
                 if steer:
-                    spatial = _path(points[i], tx[row], rx[row]) - path
+                    spatial = _path(points[i], tx[echo], rx[echo]) - path
                     value *= phasor(cycles_per_metre * spatial)
                 out[i] += value
 
@@ -93,13 +93,13 @@ def _add_interpolated(profiles, table, read_a, read_b, tx, rx, points, start, sa
     Profiles start ``T/2 - 1`` samples before the first and end ``T/2`` after the last.
     """
     n_taps = table.shape[1]
-    n_rows, n = profiles.shape[0], profiles.shape[1] - n_taps + 1
+    n_echoes, n = profiles.shape[0], profiles.shape[1] - n_taps + 1
     for group in numba.prange(-(-len(points) // _POINTS_PER_GROUP)):
         first = group * _POINTS_PER_GROUP
         last = min(first + _POINTS_PER_GROUP, len(points))
-        for row in range(n_rows):
+        for echo in range(n_echoes):
             for i in range(first, last):
-                path = _path(points[i], read_a[row], read_b[row])
+                path = _path(points[i], read_a[echo], read_b[echo])
                 position = path * samples_per_metre - start
                 k = int(np.floor(position))
                 if not 0 <= k < n:
@@ -110,7 +110,7 @@ def _add_interpolated(profiles, table, read_a, read_b, tx, rx, points, start, sa
                 value = 0j
                 for tap in range(n_taps):
                     weight = table[p, tap] + between * (table[p + 1, tap] - table[p, tap])
-                    value += weight * profiles[row, k + tap]
+                    value += weight * profiles[echo, k + tap]
                 if steer:
-                    path = _path(points[i], tx[row], rx[row])
+                    path = _path(points[i], tx[echo], rx[echo])
                 out[i] += value * phasor(cycles_per_metre * path)

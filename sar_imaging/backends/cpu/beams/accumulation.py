@@ -15,7 +15,7 @@ from ..fft.processor import float_lanes
 from ..instructions import FLOAT, INT, LINE_BYTES, Vector, instructions, order
 
 LANES = STEP_BINS  # float32 that lie together
-ROWS = 4  # phasors multiplied at once
+ECHOES = 4  # phasors multiplied at once
 STORED = 16  # taps of a table of weights
 TILE = 2 * LANES  # cells or pixels that are summed in whole multiples of
 
@@ -103,21 +103,21 @@ def _sum_cells(b, index, size, along, across, work, weights, source, target, apa
 
 
 @instructions(None, _u, None, None, _u, _u, None, _u)
-def add_rows(b, rows, row, phasor_re, phasor_im, phasor, half, sums, total):
-    """Add a block of `ROWS` rows, times their phasors, to each couple of beams, for one vector.
+def add_echoes(b, echoes, echo, phasor_re, phasor_im, phasor, half, sums, total):
+    """Add `ECHOES` echoes, times their phasors, to each couple of beams, for one vector.
 
-    Of each row four vectors, which stay in registers: what the phasor's real part counts, real and
+    Four vectors of each echo stay in registers: what the phasor's real part counts, real and
     imaginary part, then what its imaginary part counts. Likewise the sums of each couple.
     """
     for at in range(0, LANES, _WIDTH):
-        parts = [[_load(b, rows, row, (4 * k + n) * LANES + at) for n in range(4)]
-                 for k in range(ROWS)]
+        parts = [[_load(b, echoes, echo, (4 * k + n) * LANES + at) for n in range(4)]
+                 for k in range(ECHOES)]
         with cgutils.for_range(b, half) as loop:
-            first = b.add(phasor, b.mul(loop.index, INT(ROWS)))
+            first = b.add(phasor, b.mul(loop.index, INT(ECHOES)))
             to = b.add(total, b.mul(loop.index, INT(4 * LANES)))
             for n, factor in zip((0, 2), (phasor_re, phasor_im), strict=True):
                 values = [_load(b, sums, to, (n + i) * LANES + at) for i in range(2)]
-                for k in range(ROWS):
+                for k in range(ECHOES):
                     w = _load_spread(b, factor, b.add(first, INT(k)))
                     values = [v + parts[k][n + i] * w for i, v in enumerate(values)]
                 _store(b, sums, b.add(to, INT(n * LANES + at)), INT(LANES), values)

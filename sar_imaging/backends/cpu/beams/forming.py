@@ -13,7 +13,7 @@ from ....compilation import DETERMINISTIC, njit, numba
 from ....planning.afbp.beam_gain import BeamGain
 from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
 from ..threads import job_counter, take_job
-from .accumulation import LANES, ROWS, add_rows
+from .accumulation import ECHOES, LANES, add_echoes
 from .phasors import echo_phasors
 
 BINS = 128  # whose samples stay in the cache
@@ -84,7 +84,7 @@ def form_beams(spectra, path_m, bins: SpectrumBins, between: BeamGain, weights, 
     n_tasks, half = numba.get_num_threads(), -(-group // 2)
     sizes = {'base re': BINS * len(phasors.order), 'base im': BINS * len(phasors.order),
              'turn re': len(phasors.middle) * LANES, 'turn im': len(phasors.middle) * LANES,
-             'turn steps': 2 * len(phasors.middle), 'echoes': 4 * ROWS * LANES,
+             'turn steps': 2 * len(phasors.middle), 'echoes': 4 * ECHOES * LANES,
              'phasor re': len(phasors.beside), 'phasor im': len(phasors.beside),
              'sums': 4 * half * BINS}
     work = tuple(buffer(name, (n_tasks * size,), np.float32) for name, size in sizes.items())
@@ -114,9 +114,9 @@ def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, w
     kept = min(n_bins, n_cells)
     n_echoes, n_groups, half = len(order), (n_beams + group - 1) // group, (group + 1) // 2
     n_turns, n_phasors = n_groups * n_echoes * LANES, len(beside)
-    n_blocks = n_phasors // (n_groups * half * ROWS)
+    n_blocks = n_phasors // (n_groups * half * ECHOES)
     per_block = n_echoes // n_blocks
-    middle, n_tasks = 0.5 * (LANES - 1), len(echoes) // (ROWS * 4 * LANES)
+    middle, n_tasks = 0.5 * (LANES - 1), len(echoes) // (ECHOES * 4 * LANES)
     for task in numba.prange(n_tasks):
         run = take_job(jobs)
         while run < len(runs):
@@ -126,7 +126,7 @@ def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, w
                     out[i] = 0.0
             first, target, number, left = runs[run, 0], runs[run, 1], runs[run, 2], runs[run, 3]
             base, turn, phasor = task * BINS * n_echoes, task * n_turns, task * n_phasors
-            echo, total = task * ROWS * 4 * LANES, task * 4 * half * BINS
+            echo, total = task * ECHOES * 4 * LANES, task * 4 * half * BINS
             n_steps = n_groups * n_echoes
             steps = 2 * task * n_steps
             ends = (cycles_per_bin[0] + (number + _GAUSS * left) * cycles_per_bin[1],
@@ -166,11 +166,11 @@ def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, w
                             _turn(base_re, base_im, source + v * per_block * LANES, turn_re,
                                   turn_im, turn + b * per_block * LANES, turn_steps,
                                   steps + b * per_block, n_steps, per_block, echoes, echo)
-                            add_rows(echoes, _u(echo), phasor_re, phasor_im,
-                                     _u(phasor + b * half * ROWS), _u(half), sums,
-                                     _u(total + 4 * v * half * LANES))
-                            now, step = _u(phasor + b * half * ROWS), _u(b * half * ROWS)
-                            for i in range(_u(half * ROWS)):
+                            add_echoes(echoes, _u(echo), phasor_re, phasor_im,
+                                       _u(phasor + b * half * ECHOES), _u(half), sums,
+                                       _u(total + 4 * v * half * LANES))
+                            now, step = _u(phasor + b * half * ECHOES), _u(b * half * ECHOES)
+                            for i in range(_u(half * ECHOES)):
                                 cosine, sine = phasor_re[now + i], phasor_im[now + i]
                                 re = phasor_step[step + i]
                                 im = phasor_step[_u(n_phasors) + step + i]
@@ -257,10 +257,10 @@ def _turn(base_re, base_im, base, turn_re, turn_im, turn, step, first, n_steps, 
     An echo's phasor multiplies its samples and j times them; where echoes share one, their sum and
     j times their difference.
     """
-    for k in range(ROWS):
+    for k in range(ECHOES):
         source, now, to = _u(base + k * LANES), _u(turn + k * LANES), _u(echo + 4 * k * LANES)
         cosine, sine = step[_u(first + k)], step[_u(n_steps + first + k)]
-        if n_echoes == ROWS:
+        if n_echoes == ECHOES:
             for lane in range(LANES):
                 i = _u(lane)
                 re, im = _turned(base_re, base_im, source + i, turn_re, turn_im, now + i, cosine,
@@ -268,8 +268,8 @@ def _turn(base_re, base_im, base, turn_re, turn_im, turn, step, first, n_steps, 
                 echoes[to + i], echoes[to + _u(LANES) + i] = re, im
                 echoes[to + _u(2 * LANES) + i], echoes[to + _u(3 * LANES) + i] = -im, re
         else:
-            other, then = source + _u(ROWS * LANES), now + _u(ROWS * LANES)
-            c, s = step[_u(first + ROWS + k)], step[_u(n_steps + first + ROWS + k)]
+            other, then = source + _u(ECHOES * LANES), now + _u(ECHOES * LANES)
+            c, s = step[_u(first + ECHOES + k)], step[_u(n_steps + first + ECHOES + k)]
             for lane in range(LANES):
                 i = _u(lane)
                 re, im = _turned(base_re, base_im, source + i, turn_re, turn_im, now + i, cosine,

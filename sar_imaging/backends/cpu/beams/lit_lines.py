@@ -31,7 +31,7 @@ class LitLines:
         self._positions = np.ascontiguousarray(positions)
         self._track = np.array(polar.track)
 
-    def parabolas(self, illumination: Illumination, geometry, rows, directions,
+    def parabolas(self, illumination: Illumination, geometry, echoes, directions,
                   cycles_per_m: float) -> np.ndarray:
         """(n_alpha, K, 3) float32 coefficients A, B and C of ``A + B p + C p^2``.
 
@@ -43,15 +43,15 @@ class LitLines:
             Of the echoes.
         geometry : BeamGeometry
             Of the sub-aperture.
-        rows : (tx_m, rx_m)
+        echoes : (tx_m, rx_m)
             Phase centres of the echoes, (R, 3) float64 each, metres.
         directions : (M,) float64
             Of the beams.
         cycles_per_m : float
             Carrier phase per metre of half path, cycles.
         """
-        nodes = node_pulses(len(rows[0]))
-        slope = geometry.slope(*(c[nodes] for c in rows), directions)
+        nodes = node_pulses(len(echoes[0]))
+        slope = geometry.slope(*(c[nodes] for c in echoes), directions)
         spacing = directions[1] - directions[0]
         return _parabolas(LitEchoes.of(illumination.select(nodes)), self._positions,
                           geometry.centre_m, self._track, directions[0], spacing,

@@ -19,11 +19,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .accumulation import LANES, ROWS
+from .accumulation import ECHOES, LANES
 
 
 class EchoPhasors(NamedTuple):
-    """Paths and phases of echoes, Q phasors by blocks of `ROWS`, for G groups of H pairs of beams.
+    """Paths and phases of echoes, Q phasors by `ECHOES`, for G groups of H pairs of beams.
 
     All arrays but the first are flat.
 
@@ -69,11 +69,11 @@ def echo_phasors(path_m, group: int, paired: bool, cycles) -> EchoPhasors:
 
     def by_block(values):
         """Both echoes of each phasor of a block, then those of the next block."""
-        return values.reshape(-1, 1 + paired, echoes.shape[1] // ROWS, ROWS
+        return values.reshape(-1, 1 + paired, echoes.shape[1] // ECHOES, ECHOES
                               ).swapaxes(1, 2).reshape(len(values), -1)
 
     middle = by_block(middle)
-    beside = np.ascontiguousarray(beside.reshape(n_groups, half, -1, ROWS).swapaxes(1, 2))
+    beside = np.ascontiguousarray(beside.reshape(n_groups, half, -1, ECHOES).swapaxes(1, 2))
     return EchoPhasors(by_block(echoes.reshape(1, -1))[0], middle.reshape(-1),
                       np.fmod(cycles[0] * middle, 1.0).reshape(-1), by_block(slope).reshape(-1),
                       beside.reshape(-1), _step_phasors(cycles[1] * middle),
@@ -94,11 +94,11 @@ def _pairs_of_beams(n_beams: int, group: int):
 def _echoes_by_phasor(path_m, paired: bool) -> np.ndarray:
     """(1, Q) echoes, or (2, Q) whose paths grow most unlike from the first beam to the last.
 
-    -1 stands for none: in the last block of `ROWS`, and opposite the middle of an odd number.
+    -1 stands for none: in the last block of `ECHOES`, and opposite the middle of an odd number.
     """
     n_echoes = path_m.shape[1]
     n_phasors = -(-n_echoes // 2) if paired else n_echoes
-    echoes = np.full((1 + paired, -(-n_phasors // ROWS) * ROWS), -1)
+    echoes = np.full((1 + paired, -(-n_phasors // ECHOES) * ECHOES), -1)
     order = np.argsort(path_m[-1] - path_m[0]) if paired else np.arange(n_echoes)
     echoes[0, :n_phasors] = order[:n_phasors]
     if paired:

@@ -68,7 +68,7 @@ class BeamformedSubaperture:
         Raises
         ------
         ValueError
-            The plane is too steep below the rows for their directions to be told apart.
+            The plane is too steep below the echoes for their directions to be told apart.
         """
         geometry = CompiledBeamGeometry.of(self._polar, self._edges, tx_m, rx_m)
         if geometry is None:

@@ -35,7 +35,7 @@ class LitTiles:
         self._echoes, self._positions = echoes, positions
         self._knot, self._between, self._ends = knot, between, _cones(echoes)
 
-    def amplitudes(self, rows: slice) -> tuple[np.ndarray, ...]:
+    def amplitudes(self, echoes: slice) -> tuple[np.ndarray, ...]:
         """What the compiled loop over the lines needs for some of the echoes.
 
         Returns
@@ -49,7 +49,7 @@ class LitTiles:
         knot, between :
             As given.
         """
-        numbers = np.arange(*rows.indices(len(self._echoes.centre)))
+        numbers = np.arange(*echoes.indices(len(self._echoes.centre)))
         _, n_groups, n_places, n_knots = self._positions.shape
         lit = np.zeros((len(numbers), n_groups, n_places // 2), np.uint8)
         amplitude = np.empty((len(numbers), n_groups, n_places, n_knots), np.float32)
@@ -86,13 +86,13 @@ def _cones(echoes: LitEchoes) -> np.ndarray:
 
 
 @njit(inline='always')
-def dark_cones(lit, ends, row, x, y, z):
+def dark_cones(lit, ends, echo, x, y, z):
     """In which of the cones beyond the ends of a pattern a position lies, bit by bit."""
-    x, y, z = x - lit.centre[row, 0], y - lit.centre[row, 1], z - lit.centre[row, 2]
+    x, y, z = x - lit.centre[echo, 0], y - lit.centre[echo, 1], z - lit.centre[echo, 2]
     axes = lit.axes
-    right = x * axes[row, 0, 0] + y * axes[row, 0, 1] + z * axes[row, 0, 2]
-    ahead = x * axes[row, 1, 0] + y * axes[row, 1, 1] + z * axes[row, 1, 2]
-    up = x * axes[row, 2, 0] + y * axes[row, 2, 1] + z * axes[row, 2, 2]
+    right = x * axes[echo, 0, 0] + y * axes[echo, 0, 1] + z * axes[echo, 0, 2]
+    ahead = x * axes[echo, 1, 0] + y * axes[echo, 1, 1] + z * axes[echo, 1, 2]
+    up = x * axes[echo, 2, 0] + y * axes[echo, 2, 1] + z * axes[echo, 2, 2]
     distance = np.sqrt(right * right + ahead * ahead + up * up)
     found = 0
     if right > ends[0] * distance:
@@ -109,25 +109,25 @@ def dark_cones(lit, ends, row, x, y, z):
 
 
 @njit(parallel=True, error_model='numpy')
-def _light_tiles(echoes, ends, positions, rows, lit, amplitude):
+def _light_tiles(echoes, ends, positions, wanted, lit, amplitude):
     n_groups, n_places, n_knots = positions.shape[1:]
     n_segments = n_places // 2
     for group in numba.prange(n_groups):
-        for number in range(len(rows)):
-            row = rows[number]
+        for number in range(len(wanted)):
+            echo = wanted[number]
             for start in range(0, n_segments, _BLOCK):
                 stop = min(start + _BLOCK, n_segments)
                 dark = 31
                 for p in range(2 * start, 2 * stop + 1, 2 * (stop - start)):
                     for k in range(0, n_knots, n_knots - 1):
-                        dark &= dark_cones(echoes, ends, row, positions[0, group, p, k],
+                        dark &= dark_cones(echoes, ends, echo, positions[0, group, p, k],
                                            positions[1, group, p, k], positions[2, group, p, k])
                 if dark != 0:
                     continue
                 for p in range(2 * start, 2 * stop + 1):
                     for k in range(n_knots):
                         amplitude[number, group, p, k] = two_way_amplitude(
-                            echoes, row, positions[0, group, p, k], positions[1, group, p, k],
+                            echoes, echo, positions[0, group, p, k], positions[1, group, p, k],
                             positions[2, group, p, k])
                 for segment in range(start, stop):
                     brightest = np.float32(0.0)

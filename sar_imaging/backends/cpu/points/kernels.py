@@ -58,22 +58,23 @@ def project_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m
     """
     profiles = Profiles(plan.window, plan.lattice, plan.range_m, memory)
     work = _work_space()
-    for rows in profiles.chunks(len(samples)):
-        planes = profiles.planes(samples[rows])
+    for echoes in profiles.chunks(len(samples)):
+        planes = profiles.planes(samples[echoes])
         coefficients = np.ascontiguousarray(planes[:, 0].transpose(0, 2, 1))
         for points, part in zip(layers, np.split(image, len(layers)), strict=True):
             _project_points(
-                coefficients.reshape(-1), coefficients.shape[:2], tx_m[rows], rx_m[rows],
+                coefficients.reshape(-1), coefficients.shape[:2], tx_m[echoes], rx_m[echoes],
                 *points.coordinates, points.strides, points.size, plan.tile,
                 profiles.range_at(0), plan.lattice.step_m, profiles.cycles_per_step,
-                profiles.cycles_at(0), plan.reach_m, part, *work, *_lit(plan, illumination, rows))
+                profiles.cycles_at(0), plan.reach_m, part, *work,
+                *_lit(plan, illumination, echoes))
 
 
-def _lit(plan: PointPlan, illumination: Illumination | None, rows: slice) -> tuple:
+def _lit(plan: PointPlan, illumination: Illumination | None, echoes: slice) -> tuple:
     """Arguments of the compiled loop that tell amplitudes; none where all are lit alike."""
     if illumination is None:
         return (None,) * 6
-    lit = LitEchoes.of(illumination.select(rows))
+    lit = LitEchoes.of(illumination.select(echoes))
     n = numba.get_num_threads() * _GROUPS_PER_THREAD * TILE
     return lit, lit.ends, int(plan.lit.each), *np.empty((3, n), np.float32)
 
@@ -95,7 +96,7 @@ def _project_points(coefficients, shape, tx, rx, xs, ys, zs, strides, size, tile
     path and carrier phase are told at the first. Tiles have a multiple of 16 points, at most
     `TILE`, and are computed in float32 up to a radius of `reach`, metres.
     """
-    n_rows, n_cells = shape
+    n_echoes, n_cells = shape
     n_y, n_x = size
     height, width = tile
     tiles_x = (n_x + width - 1) // width
@@ -144,25 +145,25 @@ def _project_points(coefficients, shape, tx, rx, xs, ys, zs, strides, size, tile
                 for k in range(count):
                     down[to + k] = np.float32(np.int64(k) // width / max(bottom - top, 1))
                     across[to + k] = np.float32(np.int64(k) % width / max(right - left, 1))
-            for row in range(n_rows):
+            for echo in range(n_echoes):
                 if lit is not None:
-                    if dark_sphere(lit, ends, row, cx, cy, cz, radius) == 1:
+                    if dark_sphere(lit, ends, echo, cx, cy, cz, radius) == 1:
                         continue
                     if alone == 1:
                         for k in range(count):
                             amplitude[to + k] = two_way_amplitude(
-                                lit, row, places[px + k], places[py + k], places[pz + k])
+                                lit, echo, places[px + k], places[py + k], places[pz + k])
                     else:
-                        w0 = _amplitude_at(lit, row, xs, ys, zs, strides, top, left)
-                        w1 = _amplitude_at(lit, row, xs, ys, zs, strides, top, right) - w0
-                        w2 = _amplitude_at(lit, row, xs, ys, zs, strides, bottom, left) - w0
-                        w3 = _amplitude_at(lit, row, xs, ys, zs, strides, bottom, right) - w0
+                        w0 = _amplitude_at(lit, echo, xs, ys, zs, strides, top, left)
+                        w1 = _amplitude_at(lit, echo, xs, ys, zs, strides, top, right) - w0
+                        w2 = _amplitude_at(lit, echo, xs, ys, zs, strides, bottom, left) - w0
+                        w3 = _amplitude_at(lit, echo, xs, ys, zs, strides, bottom, right) - w0
                         w3 -= w1 + w2
                         for k in range(count):
                             amplitude[to + k] = w0 + across[to + k] * w1 + down[to + k] * (
                                 w2 + across[to + k] * w3)
-                ax, ay, az, da = _vector(tx, row, cx, cy, cz)
-                bx, by, bz, db = _vector(rx, row, cx, cy, cz)
+                ax, ay, az, da = _vector(tx, echo, cx, cy, cz)
+                bx, by, bz, db = _vector(rx, echo, cx, cy, cz)
                 if radius < min(reach, min(da, db) * (1.0 / NEAREST)):
                     v = (0.5 * (da + db) - range_zero) * inverse_step
                     cell = np.floor(v)
@@ -194,15 +195,15 @@ def _project_points(coefficients, shape, tx, rx, xs, ys, zs, strides, size, tile
                 else:
                     for k in range(count):
                         x, y, z = places[px + k], places[py + k], places[pz + k]
-                        ax, ay, az, da = _vector(tx, row, x, y, z)
-                        bx, by, bz, db = _vector(rx, row, x, y, z)
+                        ax, ay, az, da = _vector(tx, echo, x, y, z)
+                        bx, by, bz, db = _vector(rx, echo, x, y, z)
                         v = (0.5 * (da + db) - range_zero) * inverse_step
                         n = np.floor(v)
                         part[to + k] = v - n
                         index[to + k] = np.int32(RUN * min(max(n, 0.0), last))
                         cycles[to + k] = _fraction(cycles_per_step * v + cycles_zero)
                 for first in range(0, height * width, PIXELS):
-                    load_columns(coefficients, row * n_cells * RUN, index, np.int64(to) + first,
+                    load_columns(coefficients, echo * n_cells * RUN, index, np.int64(to) + first,
                                  columns, np.int64(r0) + first, TILE)
                 for k in range(count):
                     t = part[to + k]
@@ -237,9 +238,9 @@ def _unknown_corner(xs, ys, zs, strides, top, left, bottom, right):
 
 
 @njit(inline='always')
-def _amplitude_at(lit, row, xs, ys, zs, strides, i, j):
+def _amplitude_at(lit, echo, xs, ys, zs, strides, i, j):
     x, y, z = _place(xs, ys, zs, strides, i, j)
-    return np.float32(two_way_amplitude(lit, row, x, y, z))
+    return np.float32(two_way_amplitude(lit, echo, x, y, z))
 
 
 @njit(inline='always')
@@ -263,9 +264,9 @@ def _box(xs, ys, zs, strides, top, bottom, left, right):
 
 
 @njit(inline='always')
-def _vector(centres, row, x, y, z):
+def _vector(centres, echo, x, y, z):
     """Vector from a phase centre to a point, and its length."""
-    a, b, c = x - centres[row, 0], y - centres[row, 1], z - centres[row, 2]
+    a, b, c = x - centres[echo, 0], y - centres[echo, 1], z - centres[echo, 2]
     return a, b, c, np.sqrt(a * a + b * b + c * c)
 
 

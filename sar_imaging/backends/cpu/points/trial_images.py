@@ -22,9 +22,9 @@ class TrialImages:
 
     def __init__(self, radar: RadarParameters, samples: np.ndarray):
         self._radar = radar
-        rows = samples.reshape(-1, samples.shape[-1])
-        planes = np.zeros((2, len(rows), rows.shape[1] + 3), np.float32)  # with zeros around
-        planes[0, :, 1:-2], planes[1, :, 1:-2] = rows.real, rows.imag
+        echoes = samples.reshape(-1, samples.shape[-1])
+        planes = np.zeros((2, len(echoes), echoes.shape[1] + 3), np.float32)  # with zeros around
+        planes[0, :, 1:-2], planes[1, :, 1:-2] = echoes.real, echoes.imag
         self._planes = planes.reshape(2, -1)
 
     def image(self, tx_m: np.ndarray, rx_m: np.ndarray, starts_m: np.ndarray,
@@ -43,27 +43,27 @@ def add_pieces(real, imag, tx, rx, starts, direction, range_start, spacing, wave
                out_im):
     """Backproject profiles onto short pieces of lines, see `TrialImages`.
 
-    Profiles of the rows, `real` and `imag`, (R * N,) float32, begin with a zero and end with two.
-    Half path of sample 0 and between samples, and the wavelength, are metres. `out_re` and
+    Profiles of the echoes, `real` and `imag`, (R * N,) float32, begin with a zero and end with
+    two. Half path of sample 0 and between samples, and the wavelength, are metres. `out_re` and
     `out_im`, (K * `LENGTH`,) float32, are zero before, and changed in place.
     """
-    n_rows, n = len(tx), len(real) // len(tx)
+    n_echoes, n = len(tx), len(real) // len(tx)
     half, last = LENGTH // 2, np.float32(n - 2)
     one, turns = np.uint64(1), 2.0 / wavelength
     index = (np.arange(LENGTH) - half).astype(np.float32)
     for k in numba.prange(len(starts)):
         to = np.uint64(k * LENGTH)
-        for row in range(n_rows):
-            a = _half_path(starts, k, direction, 0.0, tx, rx, row)
-            b = _half_path(starts, k, direction, 1.0 * half, tx, rx, row)
-            c = _half_path(starts, k, direction, 1.0 * LENGTH, tx, rx, row)
+        for echo in range(n_echoes):
+            a = _half_path(starts, k, direction, 0.0, tx, rx, echo)
+            b = _half_path(starts, k, direction, 1.0 * half, tx, rx, echo)
+            c = _half_path(starts, k, direction, 1.0 * LENGTH, tx, rx, echo)
             slope, bend = (c - a) / LENGTH, (c - 2 * b + a) / (2 * half * half)
             p0 = np.float32(min(max((b - range_start) / spacing, -1e6), 1e6))
             p1, p2 = np.float32(slope / spacing), np.float32(bend / spacing)
             cycles = b * turns
             c0 = np.float32(cycles - np.floor(cycles))
             c1, c2 = np.float32(slope * turns), np.float32(bend * turns)
-            base = np.uint64(row * n)
+            base = np.uint64(echo * n)
             for i in range(np.uint64(LENGTH)):
                 f = index[i]
                 place = min(max(p0 + f * (p1 + f * p2), np.float32(0.0)), last)
@@ -80,10 +80,10 @@ def add_pieces(real, imag, tx, rx, starts, direction, range_start, spacing, wave
 
 
 @njit(inline='always')
-def _half_path(starts, k, direction, steps, tx, rx, row):
+def _half_path(starts, k, direction, steps, tx, rx, echo):
     x = starts[k, 0] + steps * direction[0]
     y = starts[k, 1] + steps * direction[1]
     z = starts[k, 2] + steps * direction[2]
     return 0.5 * (
-        np.sqrt((x - tx[row, 0]) ** 2 + (y - tx[row, 1]) ** 2 + (z - tx[row, 2]) ** 2)
-        + np.sqrt((x - rx[row, 0]) ** 2 + (y - rx[row, 1]) ** 2 + (z - rx[row, 2]) ** 2))
+        np.sqrt((x - tx[echo, 0]) ** 2 + (y - tx[echo, 1]) ** 2 + (z - tx[echo, 2]) ** 2)
+        + np.sqrt((x - rx[echo, 0]) ** 2 + (y - rx[echo, 1]) ** 2 + (z - rx[echo, 2]) ** 2))
