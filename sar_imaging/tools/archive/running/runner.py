@@ -22,6 +22,7 @@ from .worker import Outcome, Task, died, run_piece
 IN_FLIGHT = 3  # pieces for each thread of a worker: one runs, the others wait beside it
 _LOOK_SECONDS = 1.0  # how often workers are counted
 _WAIT_SECONDS = 600.0  # how long a job waits for workers when there are none
+_ANSWER_SECONDS = 10.0  # how long an answer may take from its worker
 _MOST_RESUBMISSIONS = 100  # of a piece whose workers die before they start it
 
 
@@ -160,6 +161,9 @@ class _Run:
             run_piece, Task(piece=piece, mark=mark, **self.task),
             key=(piece.KIND, piece.key + again, self.task['run'][:8]),
             priority=-index)
+        self.expect(index, future)
+
+    def expect(self, index: int, future) -> None:
         self.futures[future] = index
         future.add_done_callback(self.answers.put)
 
@@ -171,19 +175,34 @@ class _Run:
             return
         while future is not None:
             index = self.futures.pop(future, None)
-            if index is not None:
-                self.settle(index, self.outcome(index, future))
+            outcome = None if index is None else self.outcome(index, future)
+            if outcome is not None:
+                self.settle(index, outcome)
+            elif index is not None:
+                self.expect(index, future)
             future = None if self.answers.empty() else self.answers.get()
 
-    def outcome(self, index: int, future) -> Outcome:
-        """What became of a piece; the end of its worker and of the scheduler among others."""
+    def outcome(self, index: int, future) -> Outcome | None:
+        """What became of a piece; the end of its worker and of the scheduler among others.
+
+        None where the answer has gone with its worker: Dask then computes the piece again. Nobody
+        waits for that here, for it is `look` that replaces workers.
+        """
+        try:
+            return self.answered(index, future)
+        except dask().TimeoutError:
+            return None
+
+    def answered(self, index: int, future) -> Outcome | None:
         if future.status == 'finished':
-            return future.result()
+            return future.result(timeout=_ANSWER_SECONDS)
         if future.status == 'cancelled':
             return Outcome('stop', 'the scheduler has gone, or dropped the piece '
                            f'{self.pieces[index].key}; start the job again: it goes on where it '
                            'stopped')
-        error = future.exception()
+        if future.status != 'error':
+            return None
+        error = future.exception(timeout=_ANSWER_SECONDS)
         if isinstance(error, dask().KilledWorker):
             return self.after_death(index)
         if cannot_import(error):

@@ -1,9 +1,11 @@
 """Pieces on real workers: order, losses, retries, what is never computed twice."""
 
+import asyncio
 import json
 import os
 import random
 import signal
+import time
 
 import pytest
 
@@ -122,6 +124,35 @@ def test_a_worker_that_is_gone_for_good_is_replaced(toys, tmp_path):
         summary = run_pieces(toys.tree(4), toys.compute, client, tmp_path, on_result=remove)
         assert removed[0] not in client.cluster.workers.values()
     assert summary.exit_status == 0
+
+
+def test_answers_that_went_with_their_worker_are_asked_for_again(toys, tmp_path):
+    """The only worker goes after it finished pieces, and before their answers are taken."""
+    from sar_imaging.tools.archive.running.cluster import open_cluster
+    gone = []
+
+    def leave(states, status):
+        limit = time.monotonic() + 60
+        while any(state.status == status for state in states):
+            assert time.monotonic() < limit, f'an answer is still {status}'
+            client.sync(asyncio.sleep, 0.01)
+
+    def remove(piece, result):
+        if gone:
+            return
+        states = list(client.futures.values())
+        gone.append(len(states))
+        leave(states, 'pending')
+        [nanny] = client.cluster.workers.values()
+        nanny.instantiate = None  # it cannot start another
+        client.cluster.sync(nanny.kill)
+        leave(states, 'finished')
+
+    with open_cluster(tmp_path, workers=1) as client:
+        summary = run_pieces(toys.tree(4), toys.compute, client, tmp_path, on_result=remove)
+    assert summary.exit_status == 0 and gone[0] > 1
+    # records tell what they were: nothing is computed twice
+    assert sorted(toys.calls(tmp_path)) == sorted(p.key for p in toys.tree(4))
 
 
 @pytest.mark.parametrize('does', ['die once', 'trouble once'])
