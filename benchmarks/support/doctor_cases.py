@@ -14,6 +14,7 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.echoes import EchoSimulator, quantise
 
 from .mistake_recordings import DATA, MEASURED
@@ -267,8 +268,16 @@ def coupled(case, rng):
     coupling = EchoSimulator(radar, block.n_samples, compressed=False,
                              points_m=[[0.0, max(away, 0.3), 0.0]],
                              amplitudes=[1.0])(still, still)
-    level = 10 ** (rng.uniform(6, 30) / 20) * 3.0
-    return _with(case, samples=block.samples + (level * coupling).astype(np.complex64))
+    added = dataclasses.replace(block, samples=np.repeat(coupling, block.n_pulses, axis=0).repeat(
+        block.n_channels, axis=1).astype(np.complex64))
+    echo, one = (_peak(b) for b in (block, added))
+    level = 10 ** (rng.uniform(6, 30) / 20) * echo / one
+    return _with(case, samples=block.samples + (level * added.samples).astype(np.complex64))
+
+
+def _peak(block: PulseBlock) -> float:
+    """Largest magnitude of the range profiles."""
+    return float(np.abs(RangeCompressor.for_block(block)(block).samples).max())
 
 
 def axes(case, rng):
@@ -290,7 +299,11 @@ def clock_offset(case, rng):
 def outside(case, rng):
     """The scene lies beyond the window of range that was recorded."""
     far = case.block.n_samples * case.block.radar.sample_spacing_m
-    centre = np.array(case.grid.centre_m) + [0.0, max(3 * far, 5 * case.grid.centre_m[1]), 0.0]
+    centre = np.array(case.grid.centre_m)
+    away = centre - case.block.tx_m.mean(axis=(0, 1))
+    away[2] = 0.0
+    distance = np.linalg.norm(away)
+    centre += max(3 * far / distance, 5) * away
     return dataclasses.replace(case, grid=dataclasses.replace(case.grid, centre_m=tuple(centre)))
 
 

@@ -199,24 +199,35 @@ def _order(block: PulseBlock) -> Finding | None:
         return None
     better = sharp / _concentration(some)
     # exchanged words mirror a part of the spectrum, which the exchange undoes
-    image, _ = _image(some)
-    mirrored = image and better > 1 and abs(_image(exchanged)[0]) < abs(image) / _UNDONE
+    image = _mirrored_by_exchange(some)
+    mirrored = image and better > 1 and _mirrored_by_exchange(exchanged) < image / _UNDONE
     if better < _MORE_FOCUSED and not mirrored:
         return None
     return Finding('order of I and Q', (
         f'with the second and third of every four words exchanged the profiles are {better:.2f} '
         f'times as concentrated' + (
-            f', and the mirrored spectrum of {20 * math.log10(abs(image)):.0f} dB goes'
+            f', and the mirrored spectrum of {20 * math.log10(image):.0f} dB goes'
             if mirrored else '')),
         'read the words as I0 I1 Q0 Q1 where I0 Q0 I1 Q1 was read, or the other way round')
 
 
-def image_amplitude(samples: np.ndarray) -> tuple[complex, float]:
+def _mirrored_by_exchange(block: PulseBlock) -> float:
+    """Largest amplitude of a mirrored spectrum as exchanged words make it.
+
+    A tone at the frequency w, radians per sample, is mirrored with the amplitude
+    ``cot(w / 2 + pi / 4)``: about ``cos(w) / 2`` near a quarter of the sampling rate, where the
+    sign changes and the mean of all frequencies shows nothing.
+    """
+    return max(abs(_image(block, odd)[0]) for odd in (False, True))
+
+
+def image_amplitude(samples: np.ndarray, odd: bool = False) -> tuple[complex, float]:
     """Amplitude of the mirrored spectrum in samples (P, N), and its standard deviation.
 
     Unequal gains ``1 + e`` and phases ``p`` of I and Q add ``(e + j p) / 2`` times the conjugated
     signal, whose spectrum is mirrored at zero frequency. It is estimated by least squares from
-    bins of opposite frequency.
+    bins of opposite frequency. Where `odd`, it is the rms amplitude of an image that is in
+    proportion to the cosine of the frequency in radians per sample.
     """
     spectrum = fft.fft(samples - samples.mean(axis=-1, keepdims=True), axis=-1)
     n = samples.shape[-1]
@@ -226,13 +237,21 @@ def image_amplitude(samples: np.ndarray) -> tuple[complex, float]:
     # of each pair the stronger one is the signal
     strong = np.sum(np.square(np.abs(one)), axis=0) > np.sum(np.square(np.abs(mirrored)), axis=0)
     signal, image = mirrored[..., ~strong], one[..., ~strong]
-    power = float(np.sum(np.square(np.abs(signal)), dtype=float))
+    whole = _power(signal)
+    if odd:
+        signal = signal * np.cos(2 * np.pi / n * k[~strong])
+    power = _power(signal)
     if power == 0:
         return 0j, math.inf
     amplitude = complex(np.sum(image * signal.conj(), dtype=complex)) / power
     rest = np.sum(np.square(np.abs(image - amplitude * signal)) * np.square(np.abs(signal)),
                   dtype=float)
-    return amplitude, math.sqrt(rest) / power
+    share = math.sqrt(power / whole)
+    return amplitude * share, math.sqrt(rest) / power * share
+
+
+def _power(values: np.ndarray) -> float:
+    return float(np.sum(np.square(np.abs(values)), dtype=float))
 
 
 def _moving(block: PulseBlock) -> np.ndarray:
@@ -241,12 +260,12 @@ def _moving(block: PulseBlock) -> np.ndarray:
     return (block if few else subtract_background(block)).samples
 
 
-def _image(block: PulseBlock) -> tuple[complex, int]:
+def _image(block: PulseBlock, odd: bool = False) -> tuple[complex, int]:
     """Largest significant amplitude of a mirrored spectrum, 0 for none, and its channel."""
     samples = _moving(block)
     worst, at = 0j, 0
     for channel in range(block.n_channels):
-        amplitude, deviation = image_amplitude(samples[:, channel])
+        amplitude, deviation = image_amplitude(samples[:, channel], odd)
         if abs(amplitude) > max(abs(worst), _IMAGE, _SIGNIFICANT * deviation):
             worst, at = amplitude, channel
     return worst, at
