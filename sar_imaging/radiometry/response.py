@@ -23,7 +23,7 @@ import dataclasses
 import math
 
 import numpy as np
-from scipy.interpolate import RectBivariateSpline
+import scipy
 
 from ..geometry.grids import Grid
 from ..geometry.illumination import Illumination
@@ -197,5 +197,5 @@ def _interpolated(knots, values, shape) -> np.ndarray:
     if min(orders) < 1:
         raise ValueError(f'an image of {shape[0]} x {shape[1]} pixels; expected two or more rows '
                          'and columns')
-    return RectBivariateSpline(*knots, values, kx=orders[0], ky=orders[1])(
+    return scipy.interpolate.RectBivariateSpline(*knots, values, kx=orders[0], ky=orders[1])(
         *(np.arange(n) for n in shape))

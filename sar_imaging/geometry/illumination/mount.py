@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from .pointing import Pointing
 
@@ -84,7 +84,8 @@ class Mount:
         """Whether the platform must tell its attitude."""
         return self.kind == PLATFORM
 
-    def pointing(self, stamp_ns, centre_m, attitude: Rotation | None = None) -> Pointing:
+    def pointing(self, stamp_ns, centre_m,
+                 attitude: scipy.spatial.transform.Rotation | None = None) -> Pointing:
         """Where the antenna looks at some pulses.
 
         Parameters

@@ -19,7 +19,7 @@ import dataclasses
 import math
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+import scipy
 
 _PADDING = 8  # times the table, for its transform
 _POINTS = 1025  # of a table: a straight line between them departs by 4e-6 of the peak
@@ -142,7 +142,7 @@ class PatternCut:
                              'expected as many ascending angles within -pi/2 to pi/2 radians as '
                              'amplitudes, two or more, none negative')
         sine = np.linspace(*np.sin(angle[[0, -1]]), _POINTS)
-        between = PchipInterpolator(angle, amplitude)
+        between = scipy.interpolate.PchipInterpolator(angle, amplitude)
         values = between(np.clip(np.arcsin(sine), angle[0], angle[-1]))
         return cls(float(sine[0]), float(sine[1] - sine[0]), np.maximum(values, 0.0))
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 _UP = (0.0, 0.0, 1.0)
 _LEAST_SINE = 1e-6  # between boresight and up
@@ -71,14 +71,15 @@ class Pointing:
         boresight_body, up_body : (3,) array_like
             Directions of the antenna in the body's frame.
         """
-        if not isinstance(attitude, Rotation):
+        rotation = scipy.spatial.transform.Rotation  # loaded when the first one is needed
+        if not isinstance(attitude, rotation):
             quaternions = np.asarray(attitude, np.float64)
             if (quaternions.ndim != 2 or quaternions.shape[1] != 4
                     or not np.isfinite(quaternions).all()
                     or not np.allclose(np.linalg.norm(quaternions, axis=1), 1, atol=0.01)):
                 raise ValueError(f'attitude.shape={quaternions.shape}; expected (P, 4) unit '
                                  'quaternions x, y, z, w')
-            attitude = Rotation.from_quat(quaternions)
+            attitude = rotation.from_quat(quaternions)
         return cls(np.atleast_2d(attitude.apply(np.asarray(boresight_body, np.float64))),
                    np.atleast_2d(attitude.apply(np.asarray(up_body, np.float64))))
 
