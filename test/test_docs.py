@@ -26,6 +26,8 @@ ABBREVIATIONS = {
     'ISLR': 'integrated sidelobe', 'LFM': 'linear frequency modulation', 'PGA': 'phase gradient',
     'PSLR': 'peak sidelobe', 'SDR': 'distortion ratio', 'TDC': 'time-domain correlation',
     'UWB': 'ultra-wideband'}
+# Words of the field that stopped readers: a page that uses one leads to the glossary.
+TERMS = ('coherence', 'direction cosine', 'grating lobe', 'lever arm', 'limbs', 'phase centre')
 EXPLANATIONS = ('glossary.md', 'theory.md#fast-backprojection-afbp-and-ffbp', 'waveforms.md')
 
 
@@ -188,3 +190,13 @@ def test_abbreviations_are_explained_where_they_are_met(page):
     unexplained = {name for name in used if ABBREVIATIONS[name] not in text}
     assert not unexplained or any(e in prose for e in EXPLANATIONS), (
         f'{sorted(unexplained)} are not explained: write them out once, or link the glossary')
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_terms_lead_to_the_glossary(page):
+    if page.name == 'glossary.md':
+        assert all(f'| {term}' in page.read_text() for term in (*TERMS[:4], 'limb', TERMS[5]))
+        return
+    words = re.sub(r'`[^`]*`', '', _prose(page)).lower()
+    used = [term for term in TERMS if re.search(rf'\b{term}', words)]
+    assert not used or 'glossary.md' in _prose(page), f'{used} are used: link the glossary'

@@ -82,7 +82,7 @@ class BeamSampling:
 
     @property
     def paired(self) -> bool:
-        """Echoes share phasors where they are opposite enough."""
+        """Whether echoes on opposite sides share phasors: they do if nearly symmetric."""
         return self.uneven_m > 0
 
     def n_beams(self, span: float) -> int:

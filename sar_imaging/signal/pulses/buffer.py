@@ -46,7 +46,7 @@ class PulseBuffer(EventSource):
     shorter where pulses are missing.
 
     A pulse that is `reorder_window_pulses` behind the newest one is declared missing. The first
-    pulses of a sequence are held for as long, since earlier ones may still arrive.
+    pulses of a sequence are held until that window is full, since earlier ones may still arrive.
 
     Parameters
     ----------
