@@ -105,6 +105,7 @@ processors: environment
 GPU_TESTS = -m pytest -p no:cacheprovider test/backends/cuda
 NCU = ncu --set roofline --kernel-name-base demangled --launch-skip 2 --launch-count 20
 gpu:
+	$(PYTHON) -m pytest -p no:cacheprovider test/backends/test_cuda_compiles.py
 	$(PYTHON) $(GPU_TESTS)
 	compute-sanitizer --tool memcheck --error-exitcode 9 $(PYTHON) $(GPU_TESTS) -k kernels
 	compute-sanitizer --tool racecheck --error-exitcode 9 $(PYTHON) $(GPU_TESTS) -k kernels

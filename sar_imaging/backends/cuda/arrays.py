@@ -27,10 +27,12 @@ try:
         from numba import cuda
     if SIMULATED:
         xp = np
+        _as_float = _as_int = None
         _FAILURES: tuple[type[Exception], ...] = ()
         _OUT_OF_MEMORY: tuple[type[Exception], ...] = ()
     else:
         xp = importlib.import_module('cupy')  # an extra
+        _as_float, _as_int = cuda.libdevice.int_as_float, cuda.libdevice.float_as_int
         _OUT_OF_MEMORY = (xp.cuda.memory.OutOfMemoryError,)
         _FAILURES = (xp.cuda.runtime.CUDARuntimeError, xp.cuda.driver.CUDADriverError,
                      xp.cuda.cufft.CuFFTError, xp.cuda.compiler.CompileException,
@@ -111,6 +113,38 @@ def check_memory(n_bytes: int, what: str, remedy: str) -> None:
 def kernel(*, registers: int | None = None):
     """Decorate a kernel; `registers` of a thread at most, that more threads may run at once."""
     return cuda.jit if SIMULATED or registers is None else cuda.jit(max_registers=registers)
+
+
+def function(work: Callable) -> Callable:
+    """Decorate what kernels call; in the simulator it stays a function, which is quicker."""
+    return work if SIMULATED else cuda.jit(device=True)(work)
+
+
+def pairs(array):
+    """The elements of a contiguous complex64 array one by one, as `load_pair` takes them.
+
+    A compiler loads the parts of a complex number one after the other. Here they are 64 bits.
+    """
+    flat = array.reshape(-1)
+    return flat if SIMULATED else flat.view(np.int64)
+
+
+@function
+def load_pair(values, at):
+    """Real and imaginary part of an element of `pairs`, float32."""
+    if SIMULATED:
+        return values[at].real, values[at].imag
+    bits = values[at]
+    return _as_float(np.int32(bits)), _as_float(np.int32(bits >> 32))
+
+
+@function
+def store_pair(values, at, real, imag):
+    """Set an element of `pairs`."""
+    if SIMULATED:
+        values[at] = complex(real, imag)
+    else:
+        values[at] = (np.int64(_as_int(imag)) << 32) | np.int64(np.uint32(_as_int(real)))
 
 
 def launch(work, blocks, threads, *arguments) -> None:

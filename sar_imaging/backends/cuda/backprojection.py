@@ -11,10 +11,9 @@ from . import tiles
 from .arrays import on_device, reports_failures, require_device, synchronise, xp
 from .azimuth_upsampling import AzimuthUpsampling
 from .known import refuse_unknown
-from .lines import Lines, polar_lines, ramp
+from .lines import Lines, line_profiles, polar_lines, ramp
 from .points import Points
 from .polar_to_map import polar_to_map
-from .profiles import Profiles
 from .tiles import Tile
 from .transfers import add_to_host, to_host
 
@@ -86,7 +85,7 @@ class _Polar:
             self._polar = tiles.lines_of_grid(way.polar, lines)
         if way.parts is not None:
             merging = AzimuthUpsampling(way.parts, None if tile.rows is None else lines)
-        profiles = Profiles(way.window, way.lattice, way.range_m)
+        profiles = line_profiles(way.window, way.lattice, way.range_m)
         self._lines = polar_lines(merging.coarse if merging else self._polar, profiles)
         self._merging = merging
 
@@ -106,7 +105,7 @@ class _Polar:
 def _along_lines(plan: BackprojectionPlan, tile: Tile) -> Lines:
     """Along the lines of the grid itself."""
     way, lines = plan.way, plan.way.lines
-    profiles = Profiles(way.window, way.lattice, lines.range_m)
+    profiles = line_profiles(way.window, way.lattice, lines.range_m)
     if tile.rows is None:
         layers = [(lines.locate(layer), layout) for layer, layout in enumerate(lines.layouts)]
     else:

@@ -16,13 +16,15 @@ import math
 
 import numpy as np
 
-from .arrays import cuda, kernel
+from .arrays import cuda, function, kernel, load_pair
 from .phasors import fraction, phasor, short_fraction
 
 THREADS, LINES, PIXELS = 256, 8, 2
 ROWS = 32  # echoes that share the reference for the phase: `ECHOES_PER_PASS` of the plans
 _ITEMS = 512  # echoes times lines of a block whose geometry lies in shared memory
-_POLYNOMIAL = 10  # coefficients of a cell: of degree 4, of real and imaginary part
+FOLD = 5  # cells of a block, 32, whose coefficients of one power stand together
+_BLOCK, _BLOCK_PAIRS = 1 << FOLD, np.uint64(5 << FOLD)  # cells, and coefficients: of degree 4
+_FOLD, _IN_BLOCK = np.uint32(FOLD), np.uint32(_BLOCK - 1)
 _REGISTERS = 128  # that two blocks may run at once
 _SUMS, _CELLS = LINES * PIXELS, 5 * PIXELS  # registers of a thread
 _PLACE, _PHASOR, _DRIFT = 3, 8, 3  # numbers of an item, and of a line of the shared reference
@@ -35,7 +37,7 @@ def block_lines(segment: int) -> int:
     return LINES * THREADS * PIXELS // segment
 
 
-@cuda.jit(device=True)
+@function
 def distances(lines, number, line, x, y, z):
     """Distance of a segment's middle from a phase centre, and its derivatives by the pixel.
 
@@ -54,7 +56,7 @@ def distances(lines, number, line, x, y, z):
     return d, d1, d2, d3
 
 
-@cuda.jit(device=True)
+@function
 def half_path(lines, number, line, centres, row):
     """Half path to a segment's middle and its derivatives; `centres` are tx and rx, (R, 6)."""
     a, a1, a2, a3 = distances(lines, number, line, centres[row, 0], centres[row, 1],
@@ -67,7 +69,7 @@ def half_path(lines, number, line, centres, row):
     return 0.5 * (a + b), 0.5 * (a1 + b1), 0.5 * (a2 + b2), 0.5 * (a3 + b3)
 
 
-@cuda.jit(device=True)
+@function
 def expand_phasor(cycles, a, b, c, half, out, item):
     """Expand ``exp(j (2 pi cycles + a f + b f^2 + c f^3))`` as a cubic in the pixel number f.
 
@@ -93,8 +95,9 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
 
     Parameters
     ----------
-    planes : (R * U * 10 * n,) float32
-        Polynomials of each echo, phase of the lattice, and cell (`Profiles.planes`).
+    planes : pairs
+        Polynomials of each echo, phase of the lattice, and cell, (R, U, n / 32, 5, 32) complex64
+        (`Profiles.planes`).
     n_phases, n_cells, segment : int
         U, n, and pixels of a segment.
     centres : (R, 6) float64
@@ -121,7 +124,7 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
     cell_re = cuda.local.array(_CELLS, np.float32)
     cell_im = cuda.local.array(_CELLS, np.float32)
 
-    thread, number = cuda.threadIdx.x, cuda.blockIdx.x
+    thread, segment_number = cuda.threadIdx.x, cuda.blockIdx.x
     lanes = segment // PIXELS
     lane, group = thread % lanes, thread // lanes
     n_together = THREADS // lanes * LINES  # lines of the block
@@ -130,7 +133,7 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
     n_some = min(n_lines - top, n_together)
     inverse_step, turns = 1.0 / step, np.float32(cycles_per_step)
     radians, short_half = _TURN * turns, np.float32(half)
-    shared_cycles = (number * segment + half) * float(n_phases)
+    shared_cycles = (segment_number * segment + half) * float(n_phases)
     most = max(_ITEMS // n_together, 1)
     n_needed = -(-n_some // LINES) * LINES  # the last thread's lines may end beyond the image
     mine = group * LINES < n_some
@@ -140,7 +143,7 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
         # Rows are near each other: what their phases have in common comes last.
         cuda.syncthreads()
         for item in range(thread, n_needed, THREADS):
-            _, d1, d2, d3 = half_path(lines, number, min(top + item, n_lines - 1), centres,
+            _, d1, d2, d3 = half_path(lines, segment_number, min(top + item, n_lines - 1), centres,
                                       start + (stop - start) // 2)
             shared_drift[0, item] = d1 * inverse_step - n_phases
             shared_drift[1, item] = 0.5 * inverse_step * d2
@@ -155,7 +158,7 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
                 row, j = first + item // n_together, item % n_together
                 if j < n_needed:
                     line = min(top + j, n_lines - 1)
-                    d, d1, d2, d3 = half_path(lines, number, line, centres, row)
+                    d, d1, d2, d3 = half_path(lines, segment_number, line, centres, row)
                     v = (d - range_zero) * inverse_step
                     n = math.floor(v)
                     cell = math.floor((n + 0.5) / n_phases)
@@ -171,8 +174,7 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
                                   radians * (k3 - shared_drift[2, j]), short_half, turn, item)
                     # a segment outside the profile reads padding only
                     cell = min(max(cell, -1.0 * half), n_cells - 2.0 * segment + half)
-                    base[item] = np.int32(((row * n_phases + phase) * _POLYNOMIAL) * n_cells
-                                          + cell + half)
+                    base[item] = np.int32((row * n_phases + phase) * n_cells + cell + half)
             cuda.syncthreads()
             for echo in range(n_echoes if mine else 0):
                 loaded, at = np.int32(-1), np.uint64(echo * n_together + group * LINES)
@@ -181,10 +183,13 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
                     if base[item] != loaded:
                         loaded = base[item]
                         for p in range(PIXELS):
-                            cell = np.uint64(loaded + lane + p * lanes)
+                            # steps from power to power are constants of the instructions
+                            number = np.uint32(loaded + lane + p * lanes)
+                            cell = (np.uint64(number >> _FOLD) * _BLOCK_PAIRS
+                                    + np.uint64(number & _IN_BLOCK))
                             for q in range(5):
-                                cell_re[5 * p + q] = planes[cell + np.uint64(q * n_cells)]
-                                cell_im[5 * p + q] = planes[cell + np.uint64((q + 5) * n_cells)]
+                                re, im = load_pair(planes, cell + np.uint64(q * _BLOCK))
+                                cell_re[5 * p + q], cell_im[5 * p + q] = re, im
                     for p in range(PIXELS):
                         f = np.float32(lane + p * lanes - half)
                         t = place[0, item] + f * (place[1, item] + f * place[2, item])
@@ -204,7 +209,7 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
         for j in range(LINES):
             line = group * LINES + j
             for p in range(PIXELS):
-                i = number * segment + lane + p * lanes
+                i = segment_number * segment + lane + p * lanes
                 if line < n_some and i < ramp.size:
                     f = np.float32(lane + p * lanes - half)
                     cosine, sine = phasor(short_fraction(turns * (f * (

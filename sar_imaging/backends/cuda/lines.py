@@ -7,8 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from ...geometry.polar import PolarGrid
-from .arrays import launch, xp
-from .line_kernels import ROWS, THREADS, add_lines, block_lines
+from ...planning.profiles.phase_history import PhaseHistory
+from ...planning.profiles.range_gate import RangeGate
+from ...planning.profiles.range_resampling import RangeResampling
+from .arrays import launch, pairs, xp
+from .line_kernels import FOLD, ROWS, THREADS, add_lines, block_lines
 from .profiles import Profiles
 from .transfers import in_pieces
 
@@ -19,7 +22,7 @@ class Lines:
     Parameters
     ----------
     profiles : Profiles
-        That they read, with segments.
+        That they read, with segments, in blocks of `line_kernels.FOLD`.
     layers : sequence of (callable, (5,) int64)
         What tells positions, ``locate(pixel, line)``: position and first to third derivative by
         the pixel number, each (..., 3) float64, metres, for broadcast numbers. Where the lines
@@ -56,7 +59,7 @@ class Lines:
         for rows, some in in_pieces(samples, profiles.chunks(len(samples), ROWS)):
             planes = profiles.planes(some)
             for lines, layout in self._layers:
-                launch(add_lines, blocks, THREADS, planes.reshape(-1), lattice.n_phases,
+                launch(add_lines, blocks, THREADS, pairs(planes), lattice.n_phases,
                        profiles.n_cells, segment, centres[rows], lines,
                        profiles.range_at(segment), lattice.step_m, profiles.cycles_per_step,
                        profiles.cycles_at(segment), self._ramp, image, layout)
@@ -70,6 +73,12 @@ def segment_middles(locate: Callable, n_lines: int, n_pixels: int, segment: int)
     middle = np.arange(-(-n_pixels // segment)) * segment + segment // 2
     found = np.concatenate(locate(middle[:, None], np.arange(n_lines)), axis=-1)
     return np.ascontiguousarray(found.transpose(0, 2, 1))
+
+
+def line_profiles(source: RangeGate | PhaseHistory, lattice: RangeResampling,
+                  range_m: tuple[float, float]) -> Profiles:
+    """Profiles as lines read them, see `Profiles`."""
+    return Profiles(source, lattice, range_m, FOLD)
 
 
 def polar_lines(polar: PolarGrid, profiles: Profiles, width: int | None = None) -> Lines:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from .arrays import cuda
+from .arrays import function
 
 HALF = np.float32(0.5)
 
@@ -18,19 +18,19 @@ _C0, _C2, _C4, _C6, _C8, _C10 = (np.float32(v) for v in (
     0.99999922, -19.73898258, 64.92872795, -85.27240902, 58.79408621, -21.07685034))
 
 
-@cuda.jit(device=True)
+@function
 def fraction(cycles):
     """Cycles, float64, less whole ones: from -1/2 on, below 1/2."""
     return cycles - math.floor(cycles + 0.5)
 
 
-@cuda.jit(device=True)
+@function
 def short_fraction(cycles):
     """The same of float32."""
     return cycles - np.float32(math.floor(cycles + HALF))
 
 
-@cuda.jit(device=True)
+@function
 def phasor(cycles):
     """Cosine and sine of a fraction of a cycle, float32."""
     x = cycles * cycles

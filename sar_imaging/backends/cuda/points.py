@@ -19,7 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...planning.exact.points import ImagePoints, PointPlan
-from .arrays import cuda, kernel, launch, xp
+from .arrays import cuda, function, kernel, launch, load_pair, pairs, xp
 from .phasors import fraction, phasor, short_fraction
 from .profiles import Profiles
 from .transfers import in_pieces
@@ -35,13 +35,13 @@ _B0, _B1, _B2, _B3, _B4, _B5 = (np.float32(v) for v in (
     1 / 2, -1 / 8, 1 / 16, -5 / 128, 7 / 256, -21 / 1024))
 
 
-@cuda.jit(device=True)
+@function
 def root_series(s):
     """``1 / (1 + sqrt(1 + s))`` for small s, float32."""
     return _B0 + s * (_B1 + s * (_B2 + s * (_B3 + s * (_B4 + s * _B5))))
 
 
-@cuda.jit(device=True)
+@function
 def distance(centres, row, first, x, y, z):
     """Distance of a point from a phase centre, metres."""
     a, b, c = (x - centres[row, first], y - centres[row, first + 1], z - centres[row, first + 2])
@@ -82,7 +82,7 @@ def bound_tiles(xs, ys, zs, strides, size, tile, tiles):
     tiles[number, 3] = 0.5 * math.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2 + (z1 - z0) ** 2)
 
 
-@cuda.jit(device=True)
+@function
 def set_leg(centres, row, first, x, y, z, inverse_step, step, legs, at, item):
     """Numbers of a leg to a tile's centre: those of ``q / 2`` in steps, and of s; its length."""
     a, b, c = (x - centres[row, first], y - centres[row, first + 1], z - centres[row, first + 2])
@@ -101,8 +101,9 @@ def add_points(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles,
 
     Parameters
     ----------
-    planes : (R * 8 * n,) float32
-        Polynomials of degree 3 of each echo and cell; the first and last cells are zero.
+    planes : pairs
+        Polynomials of degree 3 of each echo and cell, (R, n, 4) complex64; the first and last
+        cells are zero.
     n_cells : int
         n.
     centres : (R, 6) float64
@@ -178,12 +179,12 @@ def add_points(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles,
                 at = min(max(int(n + place[2, item]), 0), last)
                 t -= n
                 cycles = short_fraction(place[1, item] + turns * shift)
-            cell = np.uint64(row * 8 * n_cells + at)
-            re = planes[cell + np.uint64(3 * n_cells)]
-            im = planes[cell + np.uint64(7 * n_cells)]
+            # 32 bytes, which memory delivers at once
+            cell = np.uint64(row * n_cells + at) * np.uint64(4)
+            re, im = load_pair(planes, cell + np.uint64(3))
             for power in range(2, -1, -1):
-                re = planes[cell + np.uint64(power * n_cells)] + t * re
-                im = planes[cell + np.uint64((power + 4) * n_cells)] + t * im
+                c, d = load_pair(planes, cell + np.uint64(power))
+                re, im = c + t * re, d + t * im
             cosine, sine = phasor(cycles)
             real += re * cosine
             real -= im * sine
@@ -227,7 +228,7 @@ class Points:
         parts = image.reshape(len(self._layers), -1)
         own = THREADS // (plan.tile[0] * plan.tile[1])
         for rows, some in in_pieces(samples, profiles.chunks(len(samples), _TOGETHER)):
-            planes = profiles.planes(some).reshape(-1)
+            planes = pairs(profiles.planes(some))
             for made, part in zip(self._layers, parts, strict=True):
                 launch(add_points, -(-len(made[-1]) // own), THREADS, planes, profiles.n_cells,
                        centres[rows], *made, profiles.range_at(0), plan.lattice.step_m,

@@ -10,7 +10,7 @@ from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...planning.interpolators import Interpolator
 from ...planning.polar_to_map import DEGREE, TAPS
-from .arrays import cuda, free_bytes, kernel, launch, xp
+from .arrays import cuda, free_bytes, function, kernel, launch, xp
 from .phasors import fraction, phasor
 
 _MOST_BYTES, _SHARE = 1 << 28, 8  # of rows between the passes, and of the free memory
@@ -43,87 +43,91 @@ def polar_to_map(image, polar: PolarGrid, grid: MapGrid, onto, *, axis: int, wav
         polar.height_m ** 2, polar.range_start_m, polar.range_spacing_m, side * polar.track[axis],
         polar.track[1 - axis], polar.alpha_start, polar.alpha_spacing, 2 / wavelength_m,
         cycles_per_alpha, polar.track[axis]]))
-    weights = [xp.asarray(v.centred) for v in (between, along)]
+    weights = [xp.asarray(v.centred.reshape(-1)) for v in (between, along)]
     ahead, beside = xp.asarray(ahead), xp.asarray(beside)
     some = min(_MOST_BYTES, free_bytes() // _SHARE) // (8 * polar.n_range)
     some = max(1, min(some, len(beside)))
-    rows = xp.empty((2, some, polar.n_range), np.float32)
+    rows, flat = xp.empty(2 * some * polar.n_range, np.float32), image.reshape(-1)
     # a row of the map is one of its second axis where range follows y
     pixels = onto if axis == 0 else onto.T
     for first in range(0, len(beside), some):
         part = beside[first:first + some]
-        launch(to_ranges, (-(-polar.n_range // _THREADS), len(part)), _THREADS, image, part,
-               geometry, weights[0], between.first, rows)
-        launch(to_pixels, (-(-len(ahead) // _THREADS), len(part)), _THREADS, rows, part, ahead,
-               geometry, weights[1], along.first, pixels[first:first + some])
+        launch(to_ranges, (-(-polar.n_range // _THREADS), len(part)), _THREADS, flat, *polar.shape,
+               part, geometry, weights[0], between.first, rows)
+        launch(to_pixels, (-(-len(ahead) // _THREADS), len(part)), _THREADS, rows,
+               polar.n_range, part, ahead, geometry, weights[1], along.first,
+               pixels[first:first + some])
 
 
-@cuda.jit(device=True)
+@function
 def _share(weights, shared):
     """Copy an interpolator's polynomials to the memory of the block."""
-    n_taps = weights.shape[1]
     for k in range(cuda.threadIdx.x, weights.size, cuda.blockDim.x):
-        shared[k] = weights[k // n_taps, k % n_taps]
+        shared[k] = weights[k]
     cuda.syncthreads()
 
 
-@cuda.jit(device=True)
+@function
 def _weight(shared, n_taps, k, t):
     """Weight of neighbour k at a place t between samples, by Horner's rule."""
-    w = shared[(_POWERS - 1) * n_taps + k]
+    w = shared[np.uint64((_POWERS - 1) * n_taps + k)]
     for power in range(_POWERS - 2, -1, -1):
-        w = shared[power * n_taps + k] + t * w
+        w = shared[np.uint64(power * n_taps + k)] + t * w
     return w
 
 
 @kernel()
-def to_ranges(image, beside, geometry, weights, first, rows):
+def to_ranges(image, n_lines, n_range, beside, geometry, weights, first, rows):
     """Lines of a polar image to where its ranges meet rows of the map; a grid of (ranges, rows).
 
     Parameters
     ----------
-    image : (2, n_alpha, n_range) float32
-        Polar image.
+    image : (2 * n_alpha * n_range,) float32
+        Polar image: real, then imaginary parts.
+    n_lines, n_range : int
+        Its size.
     beside : (Q,) float64
         Distance of the rows beside the origin, metres.
     geometry : (10,) float64
         Square of the height, m^2; first range and spacing, metres; track along the rows, times
         the side on which their pixels lie, and across them; first direction and spacing; cycles
         per metre of range, and of direction; track along the rows.
-    weights, first :
-        Of the interpolator between lines, centred, and its first neighbour.
-    rows : (2, Q, n_range) float32
+    weights, first : (6 * taps,) float32, int
+        Of the interpolator between lines, centred, power by power, and its first neighbour.
+    rows : (2 * Q * n_range,) float32
         Rows at all ranges.
     """
     shared = cuda.shared.array(_MOST_WEIGHTS, np.float32)
-    thread, row, n_taps = cuda.threadIdx.x, cuda.blockIdx.y, weights.shape[1]
+    thread, row, n_taps = cuda.threadIdx.x, cuda.blockIdx.y, weights.size // _POWERS
     _share(weights, shared)
     i = cuda.blockIdx.x * cuda.blockDim.x + thread
-    if i >= image.shape[2]:
+    if i >= n_range:
         return
     distance, q = geometry[1] + i * geometry[2], beside[row]
     meets = math.sqrt(max(distance * distance - q * q - geometry[0], 0.0))
     alpha = (meets * geometry[3] + q * geometry[4]) / distance
-    highest = float(image.shape[1] - n_taps - first)
+    highest = float(n_lines - n_taps - first)
     place = min(max((alpha - geometry[5]) / geometry[6], float(-first)), highest + 1.0)
     n = min(math.floor(place), highest)
     t, line = np.float32(place - n - 0.5), int(n) + first
+    at, imaginary, out = line * n_range + i, n_lines * n_range, row * n_range + i
     real, imag = np.float32(0.0), np.float32(0.0)
     for k in range(n_taps):
         w = _weight(shared, n_taps, k, t)
-        real += w * image[0, line + k, i]
-        imag += w * image[1, line + k, i]
-    rows[0, row, i] = real
-    rows[1, row, i] = imag
+        real += w * image[np.uint64(at)]
+        imag += w * image[np.uint64(at + imaginary)]
+        at += n_range
+    rows[np.uint64(out)] = real
+    rows[np.uint64(out + beside.size * n_range)] = imag
 
 
 @kernel()
-def to_pixels(rows, beside, ahead, geometry, weights, first, image):
+def to_pixels(rows, n_range, beside, ahead, geometry, weights, first, image):
     """Ranges of rows to their pixels, with the carrier; a grid of (pixels, rows).
 
     Parameters
     ----------
-    rows, beside, geometry :
+    rows, n_range, beside, geometry :
         As of `to_ranges`.
     ahead : (P,) float64
         Distance of the pixels ahead of the origin, metres.
@@ -133,7 +137,7 @@ def to_pixels(rows, beside, ahead, geometry, weights, first, image):
         Added to.
     """
     shared = cuda.shared.array(_MOST_WEIGHTS, np.float32)
-    thread, row, n_taps = cuda.threadIdx.x, cuda.blockIdx.y, weights.shape[1]
+    thread, row, n_taps = cuda.threadIdx.x, cuda.blockIdx.y, weights.size // _POWERS
     _share(weights, shared)
     i = cuda.blockIdx.x * cuda.blockDim.x + thread
     if i >= image.shape[1]:
@@ -141,15 +145,15 @@ def to_pixels(rows, beside, ahead, geometry, weights, first, image):
     p, q = ahead[i], beside[row]
     distance = math.sqrt(p * p + q * q + geometry[0])
     beyond = distance - geometry[1]
-    highest = float(rows.shape[2] - n_taps - first)
+    highest = float(n_range - n_taps - first)
     place = min(max(beyond / geometry[2], float(-first)), highest + 1.0)
     n = min(math.floor(place), highest)
-    t, at = np.float32(place - n - 0.5), int(n) + first
-    real, imag = np.float32(0.0), np.float32(0.0)
+    t, at = np.float32(place - n - 0.5), row * n_range + int(n) + first
+    imaginary, real, imag = beside.size * n_range, np.float32(0.0), np.float32(0.0)
     for k in range(n_taps):
         w = _weight(shared, n_taps, k, t)
-        real += w * rows[0, row, at + k]
-        imag += w * rows[1, row, at + k]
+        real += w * rows[np.uint64(at + k)]
+        imag += w * rows[np.uint64(at + imaginary + k)]
     alpha = (p * geometry[9] + q * geometry[4]) / distance
     cosine, sine = phasor(np.float32(fraction(
         geometry[7] * beyond + geometry[8] * (alpha - geometry[5]))))

@@ -10,7 +10,18 @@ from ...planning.interpolators import LINE_DEGREE, TAPS
 from ...planning.profiles.phase_history import PhaseHistory
 from ...planning.profiles.range_gate import RangeGate, rise
 from ...planning.profiles.range_resampling import RangeResampling
-from .arrays import check_memory, complex_samples, cuda, free_bytes, kernel, launch, xp
+from .arrays import (
+    check_memory,
+    complex_samples,
+    cuda,
+    free_bytes,
+    kernel,
+    launch,
+    load_pair,
+    pairs,
+    store_pair,
+    xp,
+)
 
 _GUARD = 8  # lattice cells beyond the ranges of the image
 _MOST_BYTES, _SHARE = 1 << 30, 4  # of polynomials at once, and of the free memory one part in so
@@ -75,17 +86,21 @@ class Profiles:
         How they are read.
     range_m : (float, float)
         Half paths that are read, metres.
+    fold : int
+        Power of 2 of the cells of a block, within which each coefficient of all cells stands
+        together; 0 for the coefficients of each cell side by side.
     """
 
     def __init__(self, source: RangeGate | PhaseHistory, lattice: RangeResampling,
-                 range_m: tuple[float, float]):
-        self.lattice, self._source = lattice, source
+                 range_m: tuple[float, float], fold: int = 0):
+        self.lattice, self._source, self._fold = lattice, source, fold
         self._pad = max(lattice.segment, _GUARD)
         lo, hi = ((r - source.range_start_m) / lattice.cell_m for r in range_m)
         if not source.periodic:
             lo, hi = max(lo, 0), min(hi, lattice.n_cells)
         self._first = math.floor(lo) - _GUARD - self._pad
-        self.n_cells = math.ceil(hi) + _GUARD + self._pad - self._first
+        n_cells = math.ceil(hi) + _GUARD + self._pad - self._first
+        self.n_cells = -(-n_cells >> fold) << fold
         self._gain = xp.asarray(source.gain(lattice.n_padded,
                                             lattice.oversampling(source.radar)))
         self._weights = xp.asarray(lattice.interpolator.weights)
@@ -132,31 +147,34 @@ class Profiles:
 
         Returns
         -------
-        (R, U, 2 * (degree + 1), n) float32 array of the device
-            Real, then imaginary coefficients of each phase and cell.
+        (R, U, n / B, degree + 1, B) complex64 array of the device
+            Coefficients of each phase and cell, in blocks of B cells.
         """
         lattice, source, n_rows = self.lattice, self._source, len(samples)
-        n_planes, n_phases = lattice.interpolator.n_planes, lattice.n_phases
+        n_powers, n_phases = len(lattice.interpolator.weights), lattice.n_phases
         spectrum = profile_spectra(source, complex_samples(samples), lattice.n_padded)
         padded = pad_band(spectrum, source.zero, self._gain, lattice.n_cells * n_phases)
         dense = xp.fft.ifft(padded, axis=-1, norm='forward').astype(np.complex64, copy=False)
-        planes = xp.empty((n_rows, n_phases, n_planes, self.n_cells), np.float32)
+        planes = xp.empty((n_rows, n_phases, self.n_cells >> self._fold, n_powers,
+                           1 << self._fold), np.complex64)
         launch(farrow_coefficients, (-(-self.n_cells // _THREADS), n_phases, n_rows), _THREADS,
-               dense, self._weights, self._first, lattice.interpolator.first, self._pad,
-               source.periodic, planes)
+               pairs(dense), dense.shape[1], self._weights, self._first,
+               lattice.interpolator.first, self._pad, source.periodic, self.n_cells, n_phases,
+               self._fold, pairs(planes))
         return planes
 
 
 @kernel()
-def farrow_coefficients(dense, weights, first_cell, first, pad, periodic, planes):
-    """Coefficients of each interval of a lattice; a grid of (cells, phases, rows).
+def farrow_coefficients(dense, length, weights, first_cell, first, pad, periodic, n_cells,
+                        n_phases, fold, planes):
+    """Coefficients of each interval of a lattice; a grid of (cells, phases, echoes).
 
     ``c_q = sum_k weights[q, k] s[U cell + phase + first + k]`` (`Interpolator`).
 
     Parameters
     ----------
-    dense : (R, U * K) complex64
-        Profiles at all positions of the lattice, from its cell 0 on.
+    dense, length : pairs, int
+        Profiles at all positions of the lattice, from its cell 0 on: echo by echo so many.
     weights : (degree + 1, TAPS) float32
         Of the neighbours in each coefficient.
     first_cell, first, pad : int
@@ -164,33 +182,38 @@ def farrow_coefficients(dense, weights, first_cell, first, pad, periodic, planes
         both ends of `planes` that are zero.
     periodic : bool
         The profiles repeat; they are zero beyond their ends otherwise.
-    planes : (R, U, 2 * (degree + 1), n) float32
-        Coefficients.
+    n_cells, n_phases, fold : int
+        n, U, and the power of 2 of the cells of a block.
+    planes : pairs
+        Coefficients, as `Profiles.planes` has them.
     """
     shared = cuda.shared.array(_MOST_WEIGHTS, np.float32)
     real = cuda.local.array(_TAPS, np.float32)
     imag = cuda.local.array(_TAPS, np.float32)
     thread, phase, row = cuda.threadIdx.x, cuda.blockIdx.y, cuda.blockIdx.z
-    n_powers, n_taps = weights.shape
-    for k in range(thread, n_powers * n_taps, cuda.blockDim.x):
-        shared[k] = weights[k // n_taps, k % n_taps]
+    n_powers = weights.shape[0]
+    for k in range(thread, n_powers * _TAPS, cuda.blockDim.x):
+        shared[k] = weights[k // _TAPS, k % _TAPS]
     cuda.syncthreads()
     cell = cuda.blockIdx.x * cuda.blockDim.x + thread
-    n_cells, n_phases, length = planes.shape[3], planes.shape[1], dense.shape[1]
     if cell >= n_cells:
         return
-    inside = pad <= cell < n_cells - pad
+    at, begins = (first_cell + cell) * n_phases + phase + first, row * length
+    if periodic:
+        at %= length
     for k in range(_TAPS):
-        at = (first_cell + cell) * n_phases + phase + first + k
-        if periodic:
-            at %= length
         real[k], imag[k] = np.float32(0.0), np.float32(0.0)
-        if inside and 0 <= at < length:
-            real[k], imag[k] = dense[row, at].real, dense[row, at].imag
+        if pad <= cell < n_cells - pad and 0 <= at < length:
+            real[k], imag[k] = load_pair(dense, np.uint64(begins + at))
+        at += 1
+        if periodic and at == length:
+            at = 0
+    block = (row * n_phases + phase) * (n_cells >> fold) + (cell >> fold)
+    out = (block * n_powers << fold) + (cell & ((1 << fold) - 1))
     for q in range(n_powers):
         re, im = np.float32(0.0), np.float32(0.0)
         for k in range(_TAPS):
-            re += shared[q * _TAPS + k] * real[k]
-            im += shared[q * _TAPS + k] * imag[k]
-        planes[row, phase, q, cell] = re
-        planes[row, phase, q + n_powers, cell] = im
+            w = shared[np.uint64(q * _TAPS + k)]
+            re += w * real[k]
+            im += w * imag[k]
+        store_pair(planes, np.uint64(out + (q << fold)), re, im)

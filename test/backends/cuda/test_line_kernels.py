@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cuda.arrays import launch, xp
+from sar_imaging.backends.cuda.arrays import launch, pairs, xp
 from sar_imaging.backends.cuda.line_kernels import THREADS, add_lines, block_lines
 from sar_imaging.backends.cuda.lines import segment_middles
 from sar_imaging.backends.cuda.transfers import to_host
@@ -34,6 +34,13 @@ def expected(planes, segment, range_m, step_m, cycles_per_step, start_m, pitch_m
     return total
 
 
+def in_blocks(planes):
+    """Coefficients as the kernel takes them, (R, U, n / 32, 5, 32) complex64."""
+    both = planes[:, :, :DEGREE + 1] + 1j * planes[:, :, DEGREE + 1:]
+    cut = both.reshape(*both.shape[:3], -1, 32).swapaxes(2, 3)
+    return np.ascontiguousarray(cut, np.complex64)
+
+
 @settings(max_examples=4, deadline=None)
 @given(seed=st.integers(0, 2 ** 32), n_rows=st.sampled_from([1, 3, 34]),
        segment=st.sampled_from([32, 64, 128]), n_phases=st.integers(1, 3),
@@ -42,7 +49,7 @@ def test_sums_of_given_polynomials(seed, n_rows, segment, n_phases, transposed):
     """Lines that run away from the phase centres: paths are straight, nothing is expanded."""
     rng = np.random.default_rng(seed)
     n_lines, n_pixels = (1, segment - 5) if n_rows > 3 else (9, 40)
-    n_cells = 2 * segment + int(rng.integers(1, 100))
+    n_cells = 2 * segment + 32 * int(rng.integers(1, 4))
     planes = rng.standard_normal((n_rows, n_phases, 2 * DEGREE + 2, n_cells)) * np.tile(
         0.5 ** np.arange(DEGREE + 1), 2)[:, None]
     planes[..., :segment] = planes[..., -segment:] = 0.0
@@ -68,7 +75,8 @@ def test_sums_of_given_polynomials(seed, n_rows, segment, n_phases, transposed):
     image = xp.asarray(before.swapaxes(0, 1).copy() if transposed else before.copy())
     layout = [n_lines, 0, *((2, 2 * n_lines) if transposed else (2 * n_pixels, 2)), 1]
     blocks = -(-n_pixels // segment), -(-n_lines // block_lines(segment))
-    launch(add_lines, blocks, THREADS, xp.asarray(planes).reshape(-1), n_phases, n_cells, segment,
+    launch(add_lines, blocks, THREADS, pairs(xp.asarray(in_blocks(planes))), n_phases, n_cells,
+           segment,
            xp.asarray(np.concatenate([tx, rx], axis=1)),
            xp.asarray(segment_middles(locate, n_lines, n_pixels, segment)), range_m, step_m,
            cycles, 0.0, xp.asarray(ramp), image.reshape(-1), xp.asarray(np.array(layout)))

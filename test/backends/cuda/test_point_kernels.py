@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cuda.arrays import launch, xp
+from sar_imaging.backends.cuda.arrays import launch, pairs, xp
 from sar_imaging.backends.cuda.points import THREADS, add_points, bound_tiles
 from sar_imaging.backends.cuda.transfers import to_host
 
@@ -40,11 +40,13 @@ def test_sums_of_given_polynomials(seed, tile, reach):
         0.5 ** np.arange(DEGREE + 1), 2)[:, None]
     planes[..., 0] = planes[..., -1] = 0.0
     planes = planes.astype(np.float32)
+    cell_by_cell = (planes[:, :DEGREE + 1] + 1j * planes[:, DEGREE + 1:]).swapaxes(1, 2).astype(
+        np.complex64, order='C')
     range_m = 55.0 + rng.uniform(0, 6.0)  # some points lie outside
     image = xp.zeros(2 * points[..., 0].size, np.float32)
     made = tiles_of(points, tile)
     own = THREADS // math.prod(tile)
-    launch(add_points, -(-len(made[-1]) // own), THREADS, xp.asarray(planes).reshape(-1), n_cells,
+    launch(add_points, -(-len(made[-1]) // own), THREADS, pairs(xp.asarray(cell_by_cell)), n_cells,
            xp.asarray(np.concatenate([tx, rx], axis=1)), *made, range_m, step_m, cycles, 0.25,
            reach, image)
     found = to_host(image).view(np.complex64).reshape(points.shape[:2])

@@ -13,9 +13,9 @@ from sar_imaging.planning.profiles.range_gate import RangeGate
 from sar_imaging.planning.profiles.range_resampling import RangeResampling
 
 
-@pytest.mark.parametrize(('history', 'n_phases', 'degree'), [
-    (False, 1, 4), (False, 2, 3), (True, 2, 4)])
-def test_polynomials_are_the_profiles(make_scene, error_db, history, n_phases, degree):
+@pytest.mark.parametrize(('history', 'n_phases', 'degree', 'fold'), [
+    (False, 1, 3, 0), (False, 2, 4, 5), (True, 2, 4, 5)])
+def test_polynomials_are_the_profiles(make_scene, error_db, history, n_phases, degree, fold):
     scene = make_scene(500.0, n=16, pulses=2, history=history)
     block, samples = scene.block, scene.echoes[0]
     if history:
@@ -30,14 +30,14 @@ def test_polynomials_are_the_profiles(make_scene, error_db, history, n_phases, d
         n_padded, n_cells, n_phases, 8, step_m, step_m, design_interpolator(
             radar.range_resolution_m / step_m, 0.03, degree=degree), -60.0)
     middle = source.range_start_m + n_padded * radar.sample_spacing_m / 2
-    profiles = Profiles(source, lattice, (middle - 5.0, middle + 5.0))
+    profiles = Profiles(source, lattice, (middle - 5.0, middle + 5.0), fold)
     planes = to_host(profiles.planes(samples))
-    assert planes.shape == (2, n_phases, 2 * (degree + 1), profiles.n_cells)
+    assert planes.shape == (2, n_phases, profiles.n_cells >> fold, degree + 1, 1 << fold)
+    planes = planes.swapaxes(2, 3).reshape(2, n_phases, degree + 1, profiles.n_cells)
     assert not planes[..., :8].any() and not planes[..., -8:].any()
     t, inside = 0.3, slice(16, -16)
     powers = t ** np.arange(degree + 1)
-    value = np.einsum('q,ruqc->rcu', powers, planes[:, :, :degree + 1] + 1j * planes[
-        :, :, degree + 1:])[:, inside]
+    value = np.einsum('q,ruqc->rcu', powers, planes)[:, inside]
     cells = profiles.range_at(0) + np.arange(profiles.n_cells)[inside, None] * lattice.cell_m
     range_m = np.broadcast_to(cells + (np.arange(n_phases) + t) * step_m, value.shape)
     wanted = resample_profiles(source, profile_spectra(source, samples, n_padded), range_m)

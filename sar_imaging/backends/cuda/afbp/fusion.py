@@ -65,7 +65,7 @@ class SpectrumFusion:
         if there.dtype.kind != 'c':
             there = there[0] + np.complex64(1j) * there[1]
         folded = xp.fft.fft2(there * self._taper[0][:, None] * self._taper[1])
-        folded = folded[:, self._bins].astype(np.complex64)
+        folded = xp.ascontiguousarray(folded[:, self._bins], np.complex64)
         if self._keep:
             self._contributions[number], self._spectrum = (folded, centre_m), None
         else:

@@ -19,8 +19,8 @@ from ..arrays import (
     xp,
 )
 from ..known import refuse_unknown
-from ..lines import polar_lines
-from ..profiles import Profiles, profile_spectra
+from ..lines import line_profiles, polar_lines
+from ..profiles import profile_spectra
 from ..transfers import to_host
 from .beam_kernels import BEAMS, THREADS, form_beams, interpolate_beams
 
@@ -42,7 +42,7 @@ class SubapertureImager:
         refuse_unknown(plan)
         self.plan = plan
         self._lines = _Beams(plan) if plan.beams else polar_lines(
-            plan.coarse, Profiles(plan.source, plan.lattice, plan.range_m))
+            plan.coarse, line_profiles(plan.source, plan.lattice, plan.range_m))
 
     @reports_failures
     def image(self, number: int, block: PulseBlock, weights=None, out=None):
