@@ -119,3 +119,20 @@ def test_the_newcomers_pictures_are_those_that_the_program_draws(tmp_path, monke
         assert (tmp_path / f'{name}.png').stat().st_size > 10_000
     for name in shown:  # a page of ten pictures that loads at once
         assert (ROOT / 'docs' / 'images' / 'newcomer' / f'{name}.png').stat().st_size < 80_000
+
+
+def test_a_shipped_radar_goes_by_its_name(tmp_path, capsys):
+    assert command.main(['check-config', 'automotive_77ghz']) == 0
+    assert 'automotive_77ghz.yaml can work' in capsys.readouterr().out
+    recording = tmp_path / 'car'
+    assert command.main(['simulate', '--config', 'drone_uwb', '--output', str(recording)]) == 0
+    assert read_truth(recording)['scenario'] == 'drone_uwb'
+    assert command.main(['check-config', 'no_such_radar']) == 1
+    assert 'no_such_radar cannot be read' in capsys.readouterr().err
+
+
+def test_a_bag_without_pulses_says_what_makes_some(tmp_path, monkeypatch, capsys):
+    weekend = pytest.importorskip('benchmarks.weekend')
+    weekend.drive(tmp_path / 'drive')
+    assert command.main(['image', str(tmp_path / 'drive'), '--output', str(tmp_path / 'out')]) == 1
+    assert 'sar-imaging load makes a recording of the raw messages' in capsys.readouterr().err

@@ -9,7 +9,6 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -28,6 +27,8 @@ from sar_imaging.configuration.subapertures import forecast_subapertures
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.pulses import PulseBlock
+
+from .launching import named_config
 
 # A part of the problem that takes about a second; larger ones are faster per pixel and pulse.
 MEASURED_PIXELS = 512
@@ -50,7 +51,8 @@ def parser() -> argparse.ArgumentParser:
         prog='check_config', description='Derive resolution, ambiguities, memory and time from '
         'a parameter file, and refuse what cannot work.', epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument('file', type=Path, help='ROS parameter file')
+    p.add_argument('file', type=named_config,
+                   help='ROS parameter file, or name of a shipped one')
     p.add_argument('--measure', action='store_true',
                    help='measure how fast this machine images the configured geometry, instead '
                         'of assuming it; some seconds')

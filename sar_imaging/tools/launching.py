@@ -50,6 +50,14 @@ def find_config(name: str) -> Path:
     raise FileNotFoundError(f'config:={name} is no file; shipped are {shipped}')
 
 
+def named_config(text: str) -> Path:
+    """Parameter file of an argument, which may name a shipped one; else the path as it stands."""
+    try:
+        return find_config(text)
+    except FileNotFoundError:
+        return Path(text)
+
+
 def mode_of(config: Path, mode: str) -> str:
     """Mode of backprojection: as asked for, else as the parameter file says, else ``image``.
 

@@ -19,6 +19,7 @@ from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.simulation.scenarios.configured import configured_scenario
 from sar_imaging.simulation.scenarios.scenario import Scenario
 
+from .launching import named_config
 from .recordings.bag_io import antenna_truth, check_target, make_truth, write_bag
 from .recordings.writing import run_writing, with_progress
 
@@ -66,9 +67,9 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument('scenario', nargs='?', metavar='SCENARIO',
                    help=f'one of {", ".join(SCENARIOS)}; --list describes them')
-    p.add_argument('--config', type=Path, metavar='FILE',
-                   help='parameter file with the numbers of a radar and its platform, instead of '
-                        'a scenario')
+    p.add_argument('--config', type=named_config, metavar='FILE',
+                   help='parameter file with the numbers of a radar and its platform, or name of '
+                        'a shipped one, instead of a scenario')
     p.add_argument('--apertures', type=_positive, default=1, metavar='N',
                    help='length of a recording with --config (default: %(default)s)')
     p.add_argument('--list', action='store_true', help='describe the scenarios and stop')

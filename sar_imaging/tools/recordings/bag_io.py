@@ -209,7 +209,8 @@ def _messages(path: Path | str, topic: str, message_type: str, start_ns: int | N
         if not connections:
             present = ', '.join(f'{c.topic} ({c.msgtype})' for c in reader.connections) or 'none'
             raise BagError(f'{path} has no topic {topic} of type {message_type}; topics in it: '
-                           f'{present}')
+                           f'{present}. sar-imaging load makes a recording of the raw messages '
+                           'of a radar driver, see docs/drivers.md')
         for _, time_ns, cdr in reader.messages(connections, start_ns, stop_ns):
             yield time_ns, bytes(cdr)
 
