@@ -38,6 +38,18 @@ class FocusFigure:
         Of the intensities, nats, see `sar_imaging.quality.entropy`; 0 for an empty image.
     contrast : float
         Standard deviation of the intensity over its mean; 0 for an empty image.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.quality import focus_figure
+    >>> rng = np.random.default_rng(1)
+    >>> noise = rng.standard_normal((64, 64)) + 1j * rng.standard_normal((64, 64))
+    >>> figure = focus_figure(noise)
+    >>> print(f'peak {figure.peak_over_median_db:.1f} dB, noise reaches {figure.noise_db:.1f} dB')
+    peak 10.7 dB, noise reaches 13.4 dB
+    >>> figure.at_noise_level
+    True
     """
 
     n_pixels: int
@@ -80,6 +92,17 @@ def focus_figure(image) -> FocusFigure:
     ------
     ValueError
         A pixel is NaN or infinite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.quality import focus_figure
+    >>> rng = np.random.default_rng(1)
+    >>> image = rng.standard_normal((64, 64)) + 1j * rng.standard_normal((64, 64))
+    >>> image[20, 30] += 100.0                                    # a scatterer
+    >>> figure = focus_figure(image)
+    >>> print(f'{figure.peak_over_median_db:.1f} dB above the median')
+    38.7 dB above the median
     """
     image = np.asarray(image).ravel()
     with np.errstate(over='ignore', invalid='ignore'):

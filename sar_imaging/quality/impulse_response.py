@@ -12,7 +12,18 @@ SHALLOW_NULL_DB = -6.0  # a first minimum above this does not separate a main lo
 
 
 class UnmeasurableError(ValueError):
-    """The cut holds no main lobe that can be told from its surroundings."""
+    """The cut holds no main lobe that can be told from its surroundings.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.quality import UnmeasurableError, impulse_response
+    >>> try:
+    ...     impulse_response(np.linspace(0.0, 1.0, 32), spacing_m=0.1)
+    ... except UnmeasurableError as error:                        # it rises up to its end
+    ...     print(error)
+    the cut ends before the first null of the main lobe; it must reach beyond the main ...
+    """
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,6 +49,14 @@ class ImpulseResponse:
     window_m : (float, float)
         Ends of the window of `pslr_db` and `islr_db`, from the peak, metres; nearer than asked
         for where the cut ends.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.quality import impulse_response
+    >>> found = impulse_response(np.sinc(np.arange(-32, 33) / 2), spacing_m=0.25)
+    >>> print(f'nulls at {found.nulls_m[0]:.2f} m and {found.nulls_m[1]:.2f} m from the peak')
+    nulls at -0.50 m and 0.50 m from the peak
     """
 
     irw_m: float
@@ -86,6 +105,15 @@ def impulse_response(cut, spacing_m: float, *, half_width_m: float | None = None
         the peak: neighbours overlap or the response is not focused.
     ValueError
         The cut is not one-dimensional, has fewer than four samples, is zero or not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.quality import impulse_response
+    >>> cut = np.sinc(np.arange(-32, 33) / 2)                     # nulls 2 samples from the peak
+    >>> found = impulse_response(cut, spacing_m=0.25, half_width_m=3.0)
+    >>> print(f'{found.irw_m:.3f} m, PSLR {found.pslr_db:.1f} dB, ISLR {found.islr_db:.1f} dB')
+    0.443 m, PSLR -13.3 dB, ISLR -10.5 dB
     """
     power = _fine_power(cut, oversampling)
     step = spacing_m / oversampling

@@ -36,6 +36,14 @@ def error_db(image, reference) -> float:
     ------
     ValueError
         Shapes differ, or the reference is zero everywhere.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.quality import error_db
+    >>> reference = np.ones((8, 8), complex)
+    >>> print(f'{error_db(1.001 * reference, reference):.1f} dB')
+    -60.0 dB
     """
     difference, reference = _difference(image, reference)
     signal = _energy(reference)
@@ -57,6 +65,14 @@ def signal_to_distortion_db(image, reference) -> float:
     ------
     ValueError
         Shapes differ, or the reference is zero everywhere.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.quality import signal_to_distortion_db
+    >>> reference = np.ones((8, 8), complex)
+    >>> print(f'{signal_to_distortion_db(1.001 * reference, reference):.1f} dB')
+    60.0 dB
     """
     return -error_db(image, reference)
 
@@ -73,6 +89,14 @@ def mean_square_error(image, reference) -> float:
     ------
     ValueError
         Shapes differ.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.quality import mean_square_error
+    >>> reference = np.ones((8, 8), complex)
+    >>> print(f'{mean_square_error(1.5 * reference, reference):.2f}')
+    0.25
     """
     difference, _ = _difference(image, reference)
     return _energy(difference) / difference.size
@@ -102,6 +126,16 @@ def entropy(image) -> float:
     ------
     ValueError
         The image is zero everywhere.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.quality import entropy
+    >>> blurred = np.ones((4, 4), complex)
+    >>> sharp = np.zeros((4, 4), complex)
+    >>> sharp[1, 2] = 1.0
+    >>> print(f'{entropy(blurred):.3f} nats, {entropy(sharp) + 0.0:.3f} nats')
+    2.773 nats, 0.000 nats
     """
     p = _intensity(image)
     p /= p.sum()
@@ -123,6 +157,15 @@ def contrast(image) -> float:
     ------
     ValueError
         The image is zero everywhere.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.quality import contrast
+    >>> rng = np.random.default_rng(1)
+    >>> speckle = rng.standard_normal((100, 100)) + 1j * rng.standard_normal((100, 100))
+    >>> print(f'{contrast(speckle):.2f}')
+    1.00
     """
     intensity = _intensity(image)
     return float(intensity.std() / intensity.mean())

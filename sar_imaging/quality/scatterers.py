@@ -9,150 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..geometry.grids import MapGrid
+from .baseband import crop, project_on_plane, sample_baseband, to_baseband
 from .impulse_response import ImpulseResponse, UnmeasurableError, impulse_response
-from .interpolation import TAPS, interpolate_image
+from .interpolation import TAPS
 
 CUT_POINTS_PER_PIXEL = 8
 LABELS = ('range', 'azimuth')
-
-
-def to_baseband(image, grid: MapGrid, aperture_centre_m, wavenumber_rad_per_m: float
-                ) -> np.ndarray:
-    """Remove the carrier from an image (Rosenberg & Gray, equation 18, for any geometry).
-
-    The image carries ``exp(j k_c D)``, faster than the pixel spacing can show; multiplied by
-    ``exp(-j k_c |x - O|)`` its spectrum is centred on zero around every scatterer.
-
-    Parameters
-    ----------
-    image : (n_y, n_x) complex
-        Image on `grid` with the carrier phase of backprojection.
-    grid : MapGrid
-        Pixel positions.
-    aperture_centre_m : (3,) float
-        Phase centre O in the middle of the aperture, imaging frame, metres.
-    wavenumber_rad_per_m : float
-        ``k_c = 4 pi f_c / c``.
-
-    Returns
-    -------
-    (n_y, n_x) complex128
-        Baseband image.
-
-    Raises
-    ------
-    ValueError
-        The image does not have the shape of the grid.
-    """
-    image = np.asarray(image)
-    grid.check_image(image)
-    ox, oy, oz = np.asarray(aperture_centre_m, float)
-    distance = np.sqrt((grid.x_m - ox) ** 2 + ((grid.y_m - oy) ** 2)[:, None]
-                       + (grid.z_m - oz) ** 2)
-    cycles = wavenumber_rad_per_m / (2 * math.pi) * distance
-    return image * np.exp(-2j * math.pi * (cycles - np.round(cycles)))
-
-
-def crop(image, grid: MapGrid, centre_xy, half_size_m) -> tuple[np.ndarray, MapGrid]:
-    """Part of an image around a point, with the grid of the part.
-
-    Parameters
-    ----------
-    image : (n_y, n_x) array
-        Image on `grid`.
-    grid : MapGrid
-        Pixel positions.
-    centre_xy : (2,) float
-        Middle of the part, metres.
-    half_size_m : (2,) float
-        Half of its size along x and y, metres; the part ends where the image ends.
-
-    Returns
-    -------
-    (r, c) array, MapGrid
-        View of the image, and its grid.
-
-    Raises
-    ------
-    ValueError
-        The point lies outside the grid.
-    """
-    row, column = grid.to_pixels(*centre_xy)
-    if not (-0.5 <= row <= grid.n_y - 0.5 and -0.5 <= column <= grid.n_x - 0.5):
-        raise ValueError(f'({centre_xy[0]:.2f}, {centre_xy[1]:.2f}) m lies outside the image')
-    half_columns, half_rows = (math.ceil(h / grid.spacing_m) for h in half_size_m)
-    row, column = round(float(row)), round(float(column))
-    r0, r1 = max(0, row - half_rows), min(grid.n_y, row + half_rows + 1)
-    c0, c1 = max(0, column - half_columns), min(grid.n_x, column + half_columns + 1)
-    centre = ((grid.x_m[c0] + grid.x_m[c1 - 1]) / 2, (grid.y_m[r0] + grid.y_m[r1 - 1]) / 2,
-              grid.z_m)
-    return image[r0:r1, c0:c1], MapGrid(centre, c1 - c0, r1 - r0, grid.spacing_m)
-
-
-def sample_image(image, grid: MapGrid, points_xy, *, aperture_centre_m,
-                 wavenumber_rad_per_m: float) -> np.ndarray:
-    """Values of a complex map image between its pixels, at range baseband.
-
-    Parameters
-    ----------
-    image : (n_y, n_x) complex
-        Image on `grid` with the carrier phase of backprojection.
-    grid : MapGrid
-        Pixel positions.
-    points_xy : (..., 2) float64
-        Positions (x, y) inside the grid, metres.
-    aperture_centre_m, wavenumber_rad_per_m
-        As for `to_baseband`.
-
-    Returns
-    -------
-    (...) complex128
-        ``f(x) exp(-j k_c |x - O|)``.
-
-    Raises
-    ------
-    ValueError
-        A point lies outside the grid, or the image does not have the shape of the grid.
-    """
-    points_xy = np.asarray(points_xy, float)
-    baseband = to_baseband(image, grid, aperture_centre_m, wavenumber_rad_per_m)
-    return _sample(baseband, grid, points_xy)
-
-
-def _sample(baseband, grid: MapGrid, points_xy) -> np.ndarray:
-    """Interpolate a baseband image at (..., 2) positions."""
-    rows, columns = grid.to_pixels(points_xy[..., 0], points_xy[..., 1])
-    return interpolate_image(baseband, rows.ravel(), columns.ravel()).reshape(rows.shape)
-
-
-def project_on_plane(position_m, aperture_centre_m, plane_z_m: float) -> np.ndarray:
-    """Where a scatterer off the image plane appears in the image (layover).
-
-    The point of the plane at the same distance from the aperture centre in the same horizontal
-    direction; a scatterer on the plane stays where it is.
-
-    Parameters
-    ----------
-    position_m : (3,) float
-        Scatterer, metres.
-    aperture_centre_m : (3,) float
-        Middle of the aperture, metres.
-    plane_z_m : float
-        Height of the image plane, metres.
-
-    Returns
-    -------
-    (2,) float64
-        Position (x, y) on the plane, metres.
-    """
-    position = np.asarray(position_m, float)
-    offset = position - aperture_centre_m
-    ground = math.hypot(offset[0], offset[1])
-    # difference of squares: the plain difference of two slant ranges loses digits
-    ground_squared = ground ** 2 + (position[2] - plane_z_m) * (
-        position[2] + plane_z_m - 2 * float(aperture_centre_m[2]))
-    return np.asarray(aperture_centre_m[:2], float) + offset[:2] * math.sqrt(
-        max(ground_squared, 0.0)) / ground
 
 
 @dataclasses.dataclass(frozen=True)
@@ -182,6 +44,14 @@ class ScattererQuality:
         Ends of the sidelobe windows from the peak, metres.
     reason : str
         Why figures are missing; empty when none is.
+
+    Examples
+    --------
+    >>> from sar_imaging.quality import ScattererQuality
+    >>> tree = ScattererQuality('tree', irw_range_m=0.44, reason='a neighbour stands in azimuth')
+    >>> figures = tree.as_json()
+    >>> figures['irw_range_m'], figures['irw_azimuth_m'], figures['reason']
+    (0.44, None, 'a neighbour stands in azimuth')
     """
 
     name: str
@@ -245,6 +115,21 @@ def measure_scatterer(image, grid: MapGrid, truth_m, *, aperture_centre_m,
     -------
     ScattererQuality
         Figures; what cannot be measured is NaN and has a reason.
+
+    Examples
+    --------
+    >>> from sar_imaging import MapGrid, concatenate, plan_image
+    >>> from sar_imaging.quality import measure_scatterer
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> profiles = concatenate(list(SCENARIOS['psf']().blocks()))
+    >>> grid = MapGrid((10_000.0, 0.0, 0.0), 48, 72, 0.25)
+    >>> image = plan_image(grid, profiles.radar, profiles.n_samples)(profiles)
+    >>> found = measure_scatterer(
+    ...     image, grid, (10_000.0, 0.0, 0.0), aperture_centre_m=(0.0, 0.0, 0.0),
+    ...     wavenumber_rad_per_m=profiles.radar.wavenumber_rad_per_m,
+    ...     cut_half_width_range_m=3.0, cut_half_width_azimuth_m=8.0)
+    >>> print(f'{found.irw_range_m:.2f} m by {found.irw_azimuth_m:.2f} m')
+    0.44 m by 2.21 m
     """
     truth_xy = project_on_plane(truth_m, aperture_centre_m, grid.z_m)
     others = np.array([project_on_plane(p, aperture_centre_m, grid.z_m) for p in neighbours_m]
@@ -316,7 +201,7 @@ def _find_peak(chip, grid: MapGrid, truth_xy, axes, radii, others) -> tuple[np.n
         x, y = np.meshgrid(peak[0] + offsets, peak[1] + offsets)
         points = np.stack([np.clip(x, grid.x_m[0], grid.x_m[-1]),
                            np.clip(y, grid.y_m[-1], grid.y_m[0])], axis=-1)
-        power = np.abs(_sample(chip, grid, points)) ** 2
+        power = np.abs(sample_baseband(chip, grid, points)) ** 2
         peak = points[np.unravel_index(power.argmax(), power.shape)]
     if np.abs(peak - start).max() > 1.2 * grid.spacing_m:
         raise UnmeasurableError('the image has no local maximum near the true position; a '
@@ -324,7 +209,7 @@ def _find_peak(chip, grid: MapGrid, truth_xy, axes, radii, others) -> tuple[np.n
     peak = np.clip(_vertex(points, power), (grid.x_m[0], grid.y_m[-1]),
                    (grid.x_m[-1], grid.y_m[0]))
     # not the paraboloid's value: over half a pixel around the peak that is 1 % too low
-    return peak, float(np.abs(_sample(chip, grid, peak[None]))[0])
+    return peak, float(np.abs(sample_baseband(chip, grid, peak[None]))[0])
 
 
 def _vertex(points, power) -> np.ndarray:
@@ -356,7 +241,7 @@ def _measure_cut(chip, grid: MapGrid, peak_xy, direction, half_width_m: float
     start = max(-half_width_m - 2 * step, np.nanmax(reach[0]))
     first, last = math.ceil(start / step), math.floor(stop / step)
     points = peak_xy + np.arange(first, last + 1)[:, None] * step * direction
-    cut = _sample(chip, grid, np.clip(points, lower, upper))
+    cut = sample_baseband(chip, grid, np.clip(points, lower, upper))
     if cut.size < 4:
         raise UnmeasurableError('the peak lies at the edge of the image')
     return impulse_response(cut, step, half_width_m=half_width_m, peak_near_m=-first * step,
