@@ -83,7 +83,19 @@ def attitude_from_message(message: Imu) -> tuple[int, tuple[float, float, float,
 
 
 def datum_to_message(datum: Datum, frame_id: str, stamp: Time) -> TransformStamped:
-    """Transform from `EARTH_FRAME` to the frame whose datum it is."""
+    """Transform from `EARTH_FRAME` to the frame whose datum it is.
+
+    Examples
+    --------
+    >>> from builtin_interfaces.msg import Time
+    >>> from msg_conversions.navigation import datum_to_message
+    >>> from sar_imaging.geometry import Datum
+    >>> message = datum_to_message(Datum(47.0, 8.0, 450.0), 'map', Time(sec=12))
+    >>> message.header.frame_id, message.child_frame_id
+    ('earth', 'map')
+    >>> print(f'{message.transform.translation.x / 1000:.1f} km along the x axis of the Earth')
+    4315.6 km along the x axis of the Earth
+    """
     turn = Rotation.from_matrix(datum.axes_ecef.T).as_quat()
     x, y, z = datum.origin_ecef_m.tolist()
     return TransformStamped(
@@ -99,6 +111,16 @@ def datum_from_message(message: TransformStamped) -> Datum:
     ------
     WireFormatError
         It begins in another frame, or the z axis does not point up where it leads.
+
+    Examples
+    --------
+    >>> from builtin_interfaces.msg import Time
+    >>> from msg_conversions.navigation import datum_from_message, datum_to_message
+    >>> from sar_imaging.geometry import Datum
+    >>> message = datum_to_message(Datum(47.0, 8.0, 450.0, heading_deg=30.0), 'map', Time())
+    >>> datum = datum_from_message(message)
+    >>> print(f'{datum.latitude_deg:.6f}, {datum.longitude_deg:.6f}, {datum.heading_deg:.3f}')
+    47.000000, 8.000000, 30.000
     """
     if message.header.frame_id != EARTH_FRAME:
         raise WireFormatError(f'transform from frame {message.header.frame_id!r}; expected '

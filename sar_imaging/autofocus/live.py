@@ -44,6 +44,16 @@ def live_autofocus(grid: MapGrid, *, track_error_m: float = 0.0, time_offset_s: 
     -------
     Autofocus
         Its `process` raises ValueError where the times of the pulses do not ascend.
+
+    Examples
+    --------
+    >>> from sar_imaging.autofocus.live import live_autofocus
+    >>> from sar_imaging.simulation.trials import flawed_aperture
+    >>> case = flawed_aperture('smooth', 0.5, seed=1, n_pulses=64, half_scene_m=6.0)
+    >>> autofocus = live_autofocus(case.grid, track_error_m=0.02, n_phases=0, n_points=8)
+    >>> report = autofocus.process(case.stated).report
+    >>> report.contrast_after > report.contrast_before
+    True
     """
     def model(block: PulseBlock) -> GeometryModel:
         time_s = (block.stamp_ns - block.stamp_ns[0]) * 1e-9

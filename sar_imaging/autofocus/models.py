@@ -4,9 +4,6 @@ A `GeometryModel` is any function from a vector of parameters to the phase centr
 with a start and an expected size for each parameter. The functions below add common errors to a
 model: a smooth track error, an offset between two clocks, a bias of the measured range. Anything
 else, such as a lever arm or the radius of a rotating arm, is a function that the user writes.
-
->>> model = with_track_error(nominal(profiles), degree=5, scale_m=0.05)   # doctest: +SKIP
->>> radius = GeometryModel(('radius_m',), [0.2], [0.01], on_circle)       # doctest: +SKIP
 """
 
 from __future__ import annotations
@@ -29,6 +26,14 @@ class Geometry(NamedTuple):
         Transmit and receive phase centres, imaging frame, metres.
     range_bias_m : float
         What the measured half path has more than the true one, metres.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.autofocus import Geometry
+    >>> centres = np.zeros((4, 1, 3))
+    >>> Geometry(centres, centres).range_bias_m
+    0.0
     """
 
     tx_m: np.ndarray
@@ -56,6 +61,19 @@ class GeometryModel:
     ------
     ValueError
         Lengths disagree, a value is not finite, or a scale is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.autofocus import Geometry, GeometryModel
+    >>> angle = np.linspace(0.0, np.pi, 5)
+    >>> def on_circle(parameters):
+    ...     x, y = parameters[0] * np.cos(angle), parameters[0] * np.sin(angle)
+    ...     centres = np.stack([x, y, 0 * angle], axis=-1)[:, None]
+    ...     return Geometry(centres, centres)
+    >>> model = GeometryModel(['radius_m'], [0.20], [0.01], on_circle)
+    >>> model([0.25]).tx_m[2, 0].round(6).tolist()                # the middle of a larger circle
+    [0.0, 0.25, 0.0]
     """
 
     names: Sequence[str]
@@ -102,6 +120,16 @@ def nominal(block: PulseBlock) -> GeometryModel:
     ------
     ValueError
         The block has no phase centres.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.autofocus import nominal
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(10))
+    >>> model = nominal(block)
+    >>> model.names, bool(np.array_equal(model([]).tx_m, block.tx_m))
+    ((), True)
     """
     if not block.has_positions:
         raise ValueError('the block has no phase centres; autofocus corrects positions, it does '
@@ -126,6 +154,18 @@ def with_track_error(model: GeometryModel, *, degree: int = 5, scale_m: float = 
         Directions of the displacement; x, y and z unless told otherwise.
     time_s : (P,) array_like, optional
         Ascending times of the pulses, seconds; at equal intervals if left out.
+
+    Examples
+    --------
+    >>> from sar_imaging.autofocus import nominal, with_track_error
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(10))
+    >>> model = with_track_error(nominal(block), degree=2, scale_m=0.1, axes=[[1.0, 0.0, 0.0]])
+    >>> list(model.names)
+    ['track_0_1_m', 'track_0_2_m']
+    >>> moved = model([0.0, 0.05]).tx_m - block.tx_m
+    >>> print(f'{moved[0, 0, 0]:.3f} m at the first pulse')
+    0.050 m at the first pulse
     """
     if degree < 1:
         raise ValueError(f'degree={degree}; expected 1 or more')
@@ -159,6 +199,17 @@ def with_time_offset(model: GeometryModel, time_s, *, scale_s: float) -> Geometr
         Ascending times of the pulses, seconds.
     scale_s : float
         Expected size of the offset, seconds.
+
+    Examples
+    --------
+    >>> from sar_imaging.autofocus import nominal, with_time_offset
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(10))               # flies at 200 m/s along y
+    >>> time_s = (block.stamp_ns - block.stamp_ns[0]) * 1e-9
+    >>> model = with_time_offset(nominal(block), time_s, scale_s=0.01)
+    >>> moved = model([0.002]).tx_m - block.tx_m
+    >>> print(list(model.names), f'{moved[5, 0, 1]:.3f} m')
+    ['time_offset_s'] 0.400 m
     """
     # scipy.interpolate takes its time to import, which a node without autofocus need not wait for
     from scipy.interpolate import CubicSpline
@@ -173,14 +224,34 @@ def with_time_offset(model: GeometryModel, time_s, *, scale_s: float) -> Geometr
 
 
 def with_range_bias(model: GeometryModel, *, scale_m: float) -> GeometryModel:
-    """Add a constant that the measured half path has more than the true one, metres."""
+    """Add a constant that the measured half path has more than the true one, metres.
+
+    Examples
+    --------
+    >>> from sar_imaging.autofocus import nominal, with_range_bias
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(10))
+    >>> model = with_range_bias(nominal(block), scale_m=0.5)
+    >>> list(model.names), float(model([0.3]).range_bias_m)
+    (['range_bias_m'], 0.3)
+    """
     return model.extended(
         ['range_bias_m'], [0.0], [scale_m],
         lambda geometry, bias: geometry._replace(range_bias_m=geometry.range_bias_m + bias[0]))
 
 
 def apply_geometry(block: PulseBlock, geometry: Geometry) -> PulseBlock:
-    """Block with other phase centres, its delays corrected for the range bias."""
+    """Block with other phase centres, its delays corrected for the range bias.
+
+    Examples
+    --------
+    >>> from sar_imaging.autofocus import Geometry, apply_geometry
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(10))
+    >>> corrected = apply_geometry(block, Geometry(block.tx_m, block.rx_m, range_bias_m=1.5))
+    >>> print(f'{corrected.radar.range_start_m - block.radar.range_start_m:.3f} m')
+    -1.500 m
+    """
     radar = block.radar
     delay = (radar.first_sample_delay_s
              - 2 * geometry.range_bias_m / radar.propagation_speed_m_per_s)

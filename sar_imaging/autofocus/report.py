@@ -56,6 +56,15 @@ class AutofocusReport:
         Bright points used.
     curve : OffsetCurve or None
         Contrast against the offset of the clocks, where that was searched for.
+
+    Examples
+    --------
+    >>> from sar_imaging.autofocus import AutofocusReport
+    >>> report = AutofocusReport(accepted=False, success=False, reason='no bright points',
+    ...                          contrast_before=1.0, contrast_after=1.0, entropy_before=9.2,
+    ...                          entropy_after=9.2)
+    >>> report.verdict
+    'not changed by autofocus, focus not confirmed'
     """
 
     accepted: bool
@@ -109,6 +118,15 @@ class AutofocusResult:
         The pulses with the phase centres of that image.
     report : AutofocusReport
         What was done.
+
+    Examples
+    --------
+    >>> from sar_imaging.autofocus import Autofocus
+    >>> from sar_imaging.simulation.trials import flawed_aperture
+    >>> case = flawed_aperture('smooth', 0.5, seed=1, n_pulses=64, half_scene_m=6.0)
+    >>> result = Autofocus(case.grid, n_phases=0, n_points=8).process(case.stated)
+    >>> result.image.shape, result.block.n_pulses, result.report.answer
+    ((64, 64), 64, 'parameters')
     """
 
     image: np.ndarray

@@ -34,6 +34,19 @@ class PhaseCentreTrack:
         How far each piece is continued at its ends, seconds.
     channel_offset_s : (1 or C,) array_like
         When each channel is sent after the stamp of its pulse, seconds.
+
+    Examples
+    --------
+    >>> from sar_imaging.autofocus.track import PhaseCentreTrack
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> blocks = list(SCENARIOS['psf']().blocks(50))              # flies at 200 m/s along y
+    >>> track = PhaseCentreTrack.of_pulses(blocks)
+    >>> stamp_ns = blocks[0].stamp_ns[20:21]
+    >>> now, later = (track.at(stamp_ns, offset_s)[0][0, 0, 1] for offset_s in (0.0, 0.1))
+    >>> print(f'{later - now:.2f} m further after 0.1 s')
+    20.00 m further after 0.1 s
+    >>> track.covers(stamp_ns, offset_s=10.0)
+    False
     """
 
     def __init__(self, stamp_ns, tx_m, rx_m, piece=None, *, beyond_s: float = 0.0,

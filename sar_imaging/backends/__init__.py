@@ -46,6 +46,16 @@ def backend(name: str | Backend = AUTO, plan: Plan | None = None) -> Backend:
         There is no such backend, or it lacks an entry.
     DeviceError
         'cuda' was asked for, and there is no device that works.
+
+    Examples
+    --------
+    >>> from sar_imaging.backends import backend
+    >>> backend('reference').__name__
+    'sar_imaging.backends.reference'
+    >>> backend('fpga')
+    Traceback (most recent call last):
+        ...
+    ValueError: backend='fpga'; expected auto, cpu, cuda, reference, or an object that ...
     """
     if name == CUDA:
         return require_device()
@@ -77,6 +87,17 @@ def optional_entry(name: str | Backend, entry: str) -> Callable:
     ------
     ValueError
         The backend does not offer it.
+
+    Examples
+    --------
+    >>> from sar_imaging.backends import optional_entry
+    >>> correlate_spectra = optional_entry('reference', 'correlate_spectra')
+    >>> correlate_spectra.__name__
+    'correlate_spectra'
+    >>> optional_entry('reference', 'image_wavenumber')
+    Traceback (most recent call last):
+        ...
+    ValueError: backend='reference' offers no image_wavenumber; use backend='cpu'
     """
     found = getattr(backend(name), entry, None)
     if not callable(found):
@@ -101,6 +122,11 @@ def compile_beforehand(*entries: str, name: str | Backend = AUTO) -> None:
     """Have a backend compile what some of its entries need, so that the first pulse does not wait.
 
     Nothing happens where a backend compiles nothing: it then has no `compile_kernels`.
+
+    Examples
+    --------
+    >>> from sar_imaging.backends import compile_beforehand
+    >>> compile_beforehand('form_map', name='reference')  # nothing is compiled
     """
     compile_kernels = getattr(backend(name), 'compile_kernels', None)
     for entry in entries if compile_kernels else ():

@@ -15,7 +15,18 @@ _NODES = tuple(map(Path, ('/dev/nvidiactl', '/dev/dxg', '/dev/nvhost-gpu', '/dev
 
 
 class DeviceError(RuntimeError):
-    """A device is missing, fails, or lacks memory; a processor can do the same work."""
+    """A device is missing, fails, or lacks memory; a processor can do the same work.
+
+    Examples
+    --------
+    >>> from sar_imaging.backends import DeviceError, backend
+    >>> try:
+    ...     chosen = backend('cuda').__name__
+    ... except DeviceError:                                       # no device here: the processor
+    ...     chosen = backend('cpu').__name__
+    >>> chosen in ('sar_imaging.backends.cuda', 'sar_imaging.backends.cpu')
+    True
+    """
 
 
 @functools.cache

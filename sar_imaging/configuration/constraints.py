@@ -26,6 +26,13 @@ class Finding:
         What is wrong with which numbers, and what to change.
     from_track : bool
         True when it follows from the assumption of a straight track.
+
+    Examples
+    --------
+    >>> from sar_imaging.configuration import Finding
+    >>> finding = Finding('error', 'pulses_per_aperture: 0; expected 2 or more')
+    >>> print(f'{finding.severity}: {finding.text}')
+    error: pulses_per_aperture: 0; expected 2 or more
     """
 
     severity: str
@@ -47,6 +54,18 @@ def check(acquisition: Acquisition, imaging: Imaging, machine: Machine,
     Returns
     -------
     list of Finding
+
+    Examples
+    --------
+    >>> from sar_imaging import MapGrid, RadarParameters
+    >>> from sar_imaging.configuration import Acquisition, Imaging, Machine, check, derive
+    >>> radar = RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6e-7)
+    >>> slow = Acquisition(radar, True, 256, 1, 20.0, (0.0, 0.0, 50.0), (0.0, 8.0, 0.0))
+    >>> imaging = Imaging(MapGrid((120.0, 0.0, 0.0), 200, 200, 0.25), pulses_per_aperture=256)
+    >>> machine = Machine(50e6, 'measured', 2 * 2**30)
+    >>> for finding in check(slow, imaging, machine, derive(slow, imaging, machine))[:1]:
+    ...     print(finding.severity + ':', finding.text)
+    error: grid.spacing=0.25 m: scatterers between pixels vanish, the null spacing in ...
     """
     findings = [*check_settings(imaging, machine),
                 *_check_profiles(derived), *_check_window(derived),

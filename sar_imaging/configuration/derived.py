@@ -73,6 +73,19 @@ class Derived:
         Expected work on one image.
     memory : tuple of NodeMemory
         Bounds of the nodes.
+
+    Examples
+    --------
+    >>> from sar_imaging import MapGrid, RadarParameters
+    >>> from sar_imaging.configuration import Acquisition, Imaging, Machine, derive
+    >>> radar = RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6e-7)
+    >>> drone = Acquisition(radar, True, 256, 1, 200.0, (0.0, 0.0, 50.0), (0.0, 8.0, 0.0))
+    >>> imaging = Imaging(MapGrid((120.0, 0.0, 0.0), 200, 200, 0.25), pulses_per_aperture=256)
+    >>> derived = derive(drone, imaging, Machine(50e6, 'measured', 2 * 2**30))
+    >>> print(f'aperture of {derived.aperture_m:.1f} m in {derived.aperture_s:.2f} s')
+    aperture of 10.2 m in 1.28 s
+    >>> print(f'pulses per second: {derived.least_prf_hz:.0f} at the least')
+    pulses per second: 244 at the least
     """
 
     scene: Scene
@@ -125,6 +138,17 @@ def derive(acquisition: Acquisition, imaging: Imaging, machine: Machine) -> Deri
     ValueError
         The platform stands still, or the range compression cannot work with the samples; the
         text says what to change.
+
+    Examples
+    --------
+    >>> from sar_imaging import MapGrid, RadarParameters
+    >>> from sar_imaging.configuration import Acquisition, Imaging, Machine, derive
+    >>> radar = RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6e-7)
+    >>> drone = Acquisition(radar, True, 256, 1, 200.0, (0.0, 0.0, 50.0), (0.0, 8.0, 0.0))
+    >>> imaging = Imaging(MapGrid((120.0, 0.0, 0.0), 200, 200, 0.25), pulses_per_aperture=256)
+    >>> derived = derive(drone, imaging, Machine(50e6, 'measured', 2 * 2**30))
+    >>> print(f'{derived.range_width_m:.2f} m by {derived.azimuth_width_m:.2f} m on the ground')
+    0.48 m by 0.17 m on the ground
     """
     a, radar = acquisition, acquisition.radar
     if a.speed_m_per_s < LEAST_SPEED_M_PER_S:

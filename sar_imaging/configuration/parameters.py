@@ -111,7 +111,14 @@ class Configuration:
 
 
 def default_file() -> Path:
-    """File with every parameter of every node and its default."""
+    """File with every parameter of every node and its default.
+
+    Examples
+    --------
+    >>> from sar_imaging.configuration.parameters import default_file
+    >>> default_file().name
+    'sar_imaging.yaml'
+    """
     return Path(str(importlib.resources.files('sar_imaging') / 'config' / 'sar_imaging.yaml'))
 
 
@@ -131,6 +138,23 @@ def read_configuration(path: Path | str) -> Configuration:
     ------
     ConfigurationFileError
         The file cannot be read, or is no ROS parameter file.
+
+    Examples
+    --------
+    >>> from sar_imaging.configuration.parameters import read_configuration
+    >>> with open('drone.yaml', 'w') as file:
+    ...     _ = file.write('''
+    ... backprojection:
+    ...   ros__parameters:
+    ...     grid.size_x: 60.0
+    ...     grid.size_z: 3.0
+    ... ''')
+    >>> configuration = read_configuration('drone.yaml')
+    >>> configuration.nodes['backprojection']['grid.size_x']
+    60.0
+    >>> for finding in configuration.findings:
+    ...     print(finding.severity + ':', finding.text)
+    error: section 'backprojection' has grid.size_z, which no node reads; did you mean ...
     """
     return interpret(load_tree(path), load_tree(default_file()))
 

@@ -45,6 +45,16 @@ class Acquisition:
     ------
     ValueError
         A number is not finite or not positive where it must be.
+
+    Examples
+    --------
+    >>> from sar_imaging import RadarParameters
+    >>> from sar_imaging.configuration import Acquisition
+    >>> radar = RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6e-7)
+    >>> drone = Acquisition(radar, compressed=True, n_samples=256, n_channels=1, prf_hz=200.0,
+    ...                     centre_m=(0.0, 0.0, 50.0), velocity_m_per_s=(0.0, 8.0, 0.0))
+    >>> drone.track(3).round(3).tolist()
+    [[0.0, -0.04, 50.0], [0.0, 0.0, 50.0], [0.0, 0.04, 50.0]]
     """
 
     radar: RadarParameters
@@ -126,6 +136,15 @@ class Imaging:
     ------
     ValueError
         The mode is unknown or a length is not positive.
+
+    Examples
+    --------
+    >>> from sar_imaging import MapGrid
+    >>> from sar_imaging.configuration import Imaging
+    >>> imaging = Imaging(MapGrid((120.0, 0.0, 0.0), 200, 200, 0.25), pulses_per_aperture=256,
+    ...                   mode='volume', volume_height=3.0, volume_spacing=1.0)
+    >>> imaging.volume.shape, imaging.n_pixels, imaging.top_m
+    ((4, 200, 200), 160000, 3.0)
     """
 
     grid: MapGrid
@@ -227,6 +246,15 @@ class Machine:
         Where that number comes from, for the report.
     memory_bytes : int
         Memory for the nodes.
+
+    Examples
+    --------
+    >>> from sar_imaging.configuration import Machine
+    >>> small = Machine(rate_per_s=50e6, rate_source='measured', memory_bytes=2 * 2**30)
+    >>> print(f'{128 * 128 * 256 / small.rate_per_s:.2f} s for 128 x 128 pixels of 256 pulses')
+    0.08 s for 128 x 128 pixels of 256 pulses
+    >>> Machine.this_one().memory_bytes > 0
+    True
     """
 
     rate_per_s: float

@@ -1,8 +1,4 @@
-"""Name the mistake that keeps an aperture from focusing, by trying to undo it.
-
->>> diagnosis = diagnose(block, grid)          # doctest: +SKIP
->>> print(diagnosis)                           # doctest: +SKIP
-"""
+"""Name the mistake that keeps an aperture from focusing, by trying to undo it."""
 
 from __future__ import annotations
 
@@ -52,6 +48,14 @@ class Diagnosis:
         What to change, a sentence; empty when there is nothing to say.
     corrected : float
         Focus figure with the mistake undone; that of the data where nothing was.
+
+    Examples
+    --------
+    >>> from sar_imaging.diagnosis import Diagnosis
+    >>> diagnosis = Diagnosis(coherence=0.2, coverage=1.0, mistake='conjugated',
+    ...                       advice='conjugate the samples', corrected=5.0)
+    >>> diagnosis.mistake, diagnosis.focused
+    ('conjugated', False)
     """
 
     coherence: float
@@ -103,6 +107,20 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none') -> Diagn
     ------
     ValueError
         The block has no phase centres, or its samples cannot be compressed.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> from sar_imaging import MapGrid, concatenate
+    >>> from sar_imaging.diagnosis import diagnose
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = concatenate(list(SCENARIOS['psf']().blocks()))
+    >>> wrong = dataclasses.replace(block, samples=block.samples.conj())
+    >>> found = diagnose(wrong, MapGrid((10_000.0, 0.0, 0.0), 40, 40, 0.5))
+    >>> found.focused, found.mistake
+    (False, 'samples conjugated')
+    >>> print(found.advice)
+    the samples are probably conjugated, or Q and I exchanged; pass samples.conj()
     """
     check_profiles(block, block.radar, block.n_samples, compressed=block.compressed)
     attempt = _Attempts(grid, window)

@@ -39,6 +39,17 @@ class Examination:
         Faults, those of the samples first; empty where none was found.
     diagnosis : Diagnosis or None
         How the image focuses; None without positions or grid, or where no pulse reaches it.
+
+    Examples
+    --------
+    >>> from sar_imaging.diagnosis import Examination
+    >>> from sar_imaging.diagnosis.signals import Finding
+    >>> found = Finding('clipping', '3 % of the samples lie at the end of the scale',
+    ...                 'lower the gain of the receiver')
+    >>> examined = Examination(findings=(found,))
+    >>> for finding in examined.findings:
+    ...     print(finding)
+    clipping: 3 % of the samples lie at the end of the scale. Lower the gain of the receiver.
     """
 
     findings: tuple[Finding, ...]
@@ -61,6 +72,20 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *,
     Returns
     -------
     Examination
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> from sar_imaging import concatenate
+    >>> from sar_imaging.diagnosis import examine
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = concatenate(list(SCENARIOS['psf_raw']().blocks()))
+    >>> samples = block.samples.copy()
+    >>> samples[:, 3] = 0.0                    # a receiver that is not connected
+    >>> for finding in examine(dataclasses.replace(block, samples=samples)).findings:
+    ...     print(finding.fault)
+    dead channel
+    channel twice
     """
     found = [*sample_findings(block), *timing_findings(block), *channel_findings(block)]
     if any(finding.fault == 'no signal' for finding in found):

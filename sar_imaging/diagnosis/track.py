@@ -23,6 +23,20 @@ def track_doubts(block: PulseBlock) -> tuple[str, ...]:
     -------
     tuple of str
         Empty for tracks that look right.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> from sar_imaging import concatenate
+    >>> from sar_imaging.diagnosis import track_doubts
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = concatenate(list(SCENARIOS['psf']().blocks()))
+    >>> track_doubts(block)
+    ()
+    >>> wrong = dataclasses.replace(block, tx_m=1000 * block.tx_m, rx_m=1000 * block.rx_m)
+    >>> for doubt in track_doubts(wrong):
+    ...     print(doubt)
+    the phase centres move at 200 km/s, faster than a satellite; are they in millimetres, ...
     """
     if not block.has_positions or block.n_pulses < 2:
         return ()

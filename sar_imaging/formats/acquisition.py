@@ -42,6 +42,15 @@ class Acquisition:
     ValueError
         Shapes disagree, there is no pulse, a position is not finite, or there is no such
         polarisation.
+
+    Examples
+    --------
+    >>> from sar_imaging.formats import Acquisition
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> acquisition = Acquisition.of(SCENARIOS['psf']().blocks(50), polarisation='V:V',
+    ...                              collector='drone 7')
+    >>> acquisition.n_pulses, acquisition.centre_m.shape, acquisition.collector
+    (200, (200, 3), 'drone 7')
     """
 
     radar: RadarParameters

@@ -7,7 +7,17 @@ from types import ModuleType
 
 
 class MissingExtraError(ImportError):
-    """A library of an optional extra is not installed; the text says how to install it."""
+    """A library of an optional extra is not installed; the text says how to install it.
+
+    Examples
+    --------
+    >>> from sar_imaging.formats import MissingExtraError, require
+    >>> try:
+    ...     require('library_that_nobody_has', 'reading holograms')
+    ... except MissingExtraError as error:
+    ...     print(error)
+    reading holograms needs library_that_nobody_has, which this Python does not have (No ...
+    """
 
 
 def require(module: str, purpose: str, extra: str = 'formats') -> ModuleType:
@@ -26,6 +36,12 @@ def require(module: str, purpose: str, extra: str = 'formats') -> ModuleType:
     ------
     MissingExtraError
         It is not installed, or not for this version of Python.
+
+    Examples
+    --------
+    >>> from sar_imaging.formats import require
+    >>> require('json', 'writing a catalogue').dumps({'looks': 4})
+    '{"looks": 4}'
     """
     try:
         return importlib.import_module(module)

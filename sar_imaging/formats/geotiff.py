@@ -65,6 +65,19 @@ def write_geotiff(path: os.PathLike | str, image: Image, datum: Datum, *,
         The image is no map, or needs interpolation and has no acquisition.
     MissingExtraError
         rasterio or pyproj is not installed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import Image, MapGrid
+    >>> from sar_imaging.formats import write_geotiff
+    >>> from sar_imaging.geometry import Datum
+    >>> from sar_imaging.imaging.image import Report
+    >>> grid = MapGrid((0.0, 0.0, 0.0), 64, 48, 0.5)
+    >>> image = Image(np.ones(grid.shape, np.complex64), grid, 10e9, Report('exact', '', -60.0))
+    >>> place = write_geotiff('map.tif', image, Datum(47.0, 8.0, 450.0))
+    >>> place.crs.to_epsg(), place.error_m < 0.0025              # metres
+    (32632, True)
     """
     if content not in CONTENTS:
         raise ValueError(f'content={content!r}; expected one of {", ".join(CONTENTS)}')
@@ -128,6 +141,21 @@ def read_geotiff(path: os.PathLike | str) -> ImageProduct:
         The file is no GeoTIFF, holds no complex samples, or was written by something else.
     MissingExtraError
         rasterio is not installed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import Image, MapGrid
+    >>> from sar_imaging.formats import read_geotiff, write_geotiff
+    >>> from sar_imaging.geometry import Datum
+    >>> from sar_imaging.imaging.image import Report
+    >>> grid = MapGrid((0.0, 0.0, 0.0), 64, 48, 0.5)
+    >>> image = Image(np.full(grid.shape, 3 + 4j, np.complex64), grid, 10e9,
+    ...               Report('exact', '', -60.0))
+    >>> _ = write_geotiff('complex.tif', image, Datum(47.0, 8.0, 450.0), content='complex')
+    >>> back = read_geotiff('complex.tif')
+    >>> back.image.grid == grid, complex(back.image.samples[0, 0]), back.datum.latitude_deg
+    (True, (3+4j), 47.0)
     """
     rasterio = require('rasterio', 'reading GeoTIFF')
     try:

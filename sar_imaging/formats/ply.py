@@ -34,6 +34,16 @@ def write_ply(path: os.PathLike | str, points_m: np.ndarray,
     ValueError
         The path ends otherwise, a shape is wrong, or a name or the comment does not fit into a
         line of ASCII.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.formats import write_ply
+    >>> points = np.array([[1.0, 2.0, 0.5], [1.5, 2.0, 0.7]])
+    >>> write_ply('cloud.ply', points, {'intensity': np.array([30.0, 24.0])})
+    >>> with open('cloud.ply', 'rb') as file:
+    ...     print(file.read().split(b'end_header')[0].decode('ascii').splitlines()[2])
+    element vertex 2
     """
     path = pathlib.Path(path)
     if path.suffix != _ENDING:

@@ -40,6 +40,21 @@ def write_points(path: os.PathLike | str, points_m: np.ndarray, datum: Datum,
     ------
     ValueError
         The path ends otherwise, or a shape is wrong.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.formats import write_points
+    >>> from sar_imaging.geometry import Datum
+    >>> poles = np.array([[0.0, 0.0, 0.0], [0.0, 100.0, 0.0]])
+    >>> write_points('poles.csv', poles, Datum(47.0, 8.0, 450.0),
+    ...              {'snr_db': np.array([20.0, 17.0])})
+    >>> with open('poles.csv') as file:
+    ...     header, _, second = file.read().splitlines()
+    >>> header
+    'latitude,longitude,height,x,y,z,snr_db'
+    >>> f'{float(second.split(",")[0]):.5f}'
+    '47.00090'
     """
     path = pathlib.Path(path)
     points_m = np.asarray(points_m, np.float64)

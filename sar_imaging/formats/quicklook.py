@@ -76,6 +76,20 @@ def write_quicklook(path: os.PathLike | str, image: Image, datum: Datum, *,
         The path does not end in ``.png``, or the image is no map.
     MissingExtraError
         rasterio or pyproj is not installed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import Image, MapGrid
+    >>> from sar_imaging.formats import write_quicklook
+    >>> from sar_imaging.geometry import Datum
+    >>> from sar_imaging.imaging.image import Report
+    >>> grid = MapGrid((0.0, 0.0, 0.0), 64, 48, 0.5)
+    >>> noise = np.random.default_rng(1).standard_normal((2, *grid.shape))
+    >>> image = Image((noise[0] + 1j * noise[1]).astype(np.complex64), grid, 10e9,
+    ...               Report('exact', '', -60.0))
+    >>> [path.name for path in write_quicklook('map.png', image, Datum(47.0, 8.0, 450.0))]
+    ['map.png', 'map.pgw', 'map.prj', 'map.kml']
     """
     rasterio = require('rasterio', 'writing PNG')
     shutil = require('rasterio.shutil', 'writing PNG')

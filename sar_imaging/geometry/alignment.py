@@ -28,6 +28,17 @@ class Alignment:
     ------
     ValueError
         A shape is wrong or a number is not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.spatial.transform import Rotation
+    >>> from sar_imaging.geometry.alignment import Alignment
+    >>> alignment = Alignment(tx_m=np.array([[0.2, 0.0, -0.4]]), rx_m=np.array([[0.2, 0.1, -0.4]]),
+    ...                       time_offset_s=0.015)
+    >>> tx_m, rx_m = alignment.phase_centres(np.array([[0.0, 0.0, 10.0]]), Rotation.identity(1), 1)
+    >>> rx_m[0, 0].round(3).tolist()
+    [0.2, 0.1, 9.6]
     """
 
     tx_m: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((1, 3)))

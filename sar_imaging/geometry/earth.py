@@ -44,10 +44,14 @@ class Datum:
 
     Examples
     --------
+    >>> from sar_imaging.geometry import Datum
     >>> datum = Datum(47.0, 8.0, 450.0)
     >>> latitude, longitude, height = datum.to_geographic([[0.0, 1000.0, 0.0]])
-    >>> print(f'{latitude[0]:.5f} {longitude[0]:.5f}')
-    47.00899 8.00000
+    >>> print(f'{latitude[0]:.5f} {longitude[0]:.5f}, {height[0]:.2f} m')
+    47.00899 8.00000, 450.08 m
+    >>> x, y, z = datum.from_geographic(47.01, 8.01, 450.0)
+    >>> print(f'{x:.1f} m east, {y:.1f} m north, {z:.2f} m up')
+    760.5 m east, 1111.8 m north, -0.14 m up
     """
 
     latitude_deg: float

@@ -36,6 +36,16 @@ class PlaneGrid:
     ------
     ValueError
         A value is not finite, a number of pixels is not positive, or the steps are parallel.
+
+    Examples
+    --------
+    >>> from sar_imaging.geometry import PlaneGrid
+    >>> wall = PlaneGrid.wall((0.0, 3.0, 1.0), normal=(0.0, -1.0), width_m=2.0,
+    ...                       height_m=1.0, spacing_m=0.5)
+    >>> wall.shape
+    (3, 5)
+    >>> wall.positions(0, 0).tolist()          # top left, as the radar south of it sees it
+    [-1.0, 3.0, 1.5]
     """
 
     origin_m: tuple[float, float, float]
@@ -181,6 +191,16 @@ class VolumeGrid:
     ------
     ValueError
         A value is not finite, a number of voxels is not positive, or the steps lie in a plane.
+
+    Examples
+    --------
+    >>> from sar_imaging.geometry import MapGrid, VolumeGrid
+    >>> ground = MapGrid((50.0, 0.0, 0.0), 8, 4, 0.5)
+    >>> volume = VolumeGrid.above(ground, height_m=3.0, spacing_m=1.0)
+    >>> volume.shape
+    (4, 4, 8)
+    >>> volume.slice(3).points()[..., 2].max().item()   # the highest layer, metres
+    3.0
     """
 
     origin_m: tuple[float, float, float]

@@ -11,7 +11,19 @@ import numpy as np
 
 @runtime_checkable
 class Grid(Protocol):
-    """Where the pixels of an image are: all that imaging in general needs to know of a grid."""
+    """Where the pixels of an image are: all that imaging in general needs to know of a grid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.geometry import Grid, MapGrid, PointGrid
+    >>> def highest(grid: Grid) -> float:
+    ...     return float(grid.points()[..., 2].max())
+    >>> highest(MapGrid((0.0, 0.0, 2.0), 8, 8, 1.0))
+    2.0
+    >>> highest(PointGrid(np.array([[0.0, 0.0, 1.0], [5.0, 0.0, 7.0]])))
+    7.0
+    """
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -68,6 +80,18 @@ class MapGrid:
     ------
     ValueError
         A number of pixels or the spacing is not positive, or a value is not finite.
+
+    Examples
+    --------
+    >>> from sar_imaging import MapGrid
+    >>> grid = MapGrid((100.0, 0.0, 0.0), n_x=5, n_y=3, spacing_m=0.5)
+    >>> grid.shape
+    (3, 5)
+    >>> grid.positions(0, 0).tolist()          # the north-western pixel
+    [99.0, 0.5, 0.0]
+    >>> row, column = grid.to_pixels(100.25, 0.0)
+    >>> print(f'row {row:.1f}, column {column:.1f}')
+    row 1.0, column 2.5
     """
 
     centre_m: tuple[float, float, float]

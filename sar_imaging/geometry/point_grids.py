@@ -25,6 +25,15 @@ class TerrainGrid:
     ------
     ValueError
         The heights do not have the shape of the map, or one is infinite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.geometry import MapGrid, TerrainGrid
+    >>> flat = MapGrid((100.0, 0.0, 0.0), 4, 3, 1.0)
+    >>> hill = TerrainGrid(flat, height_m=np.full(flat.shape, 12.5))
+    >>> hill.positions(0, 0).tolist()
+    [98.5, 1.0, 12.5]
     """
 
     map_grid: MapGrid
@@ -70,6 +79,17 @@ class PointGrid:
     ------
     ValueError
         It is no such array, or a coordinate is infinite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.geometry import PointGrid
+    >>> angle = np.linspace(0.0, np.pi, 5)
+    >>> arc = PointGrid(np.stack([20 * np.cos(angle), 20 * np.sin(angle), 0 * angle], axis=-1))
+    >>> arc.shape
+    (5,)
+    >>> arc.positions(2).round(6).tolist()
+    [0.0, 20.0, 0.0]
     """
 
     points_m: np.ndarray

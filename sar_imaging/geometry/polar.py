@@ -38,6 +38,21 @@ class PolarGrid:
     ValueError
         The nearest pixel would lie above the plane, a size or spacing is not positive, a number
         is not finite, the track no unit vector, or the side another.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.geometry import PolarGrid
+    >>> polar = PolarGrid(origin_m=(0.0, 0.0, 0.0), track=(0.0, 1.0), side=-1, z_m=0.0,
+    ...                   range_start_m=90.0, range_spacing_m=0.5, n_range=41,
+    ...                   alpha_start=-0.1, alpha_spacing=0.05, n_alpha=5)
+    >>> polar.shape
+    (5, 41)
+    >>> polar.positions(2, 20).round(6).tolist()        # 100 m to the right of the track
+    [100.0, 0.0, 0.0]
+    >>> range_m, alpha = polar.from_map(80.0, 60.0)
+    >>> print(f'{range_m:.1f} m, direction cosine {alpha:.1f}')
+    100.0 m, direction cosine 0.6
     """
 
     origin_m: tuple[float, float, float]

@@ -95,6 +95,17 @@ class PoseTrack:
     ------
     ValueError
         A limit is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.geometry.poses import PoseTrack
+    >>> track = PoseTrack(max_gap_s=0.2)
+    >>> for n in range(10):  # 2 m/s along x, 10 poses a second
+    ...     _ = track.add(n * 100_000_000, (0.2 * n, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
+    >>> poses = track.sample(np.array([450_000_000]))
+    >>> poses.position_m.round(3).tolist()
+    [[0.9, 0.0, 1.0]]
     """
 
     def __init__(self, *, max_gap_s: float = 0.2, jump_m: float = 0.05, jump_rad: float = 0.1,

@@ -36,6 +36,16 @@ class Terrain:
     ------
     ValueError
         Shapes disagree, coordinates are not monotonic, or no height is known.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.geometry import MapGrid
+    >>> from sar_imaging.geometry.terrain import Terrain
+    >>> slope = Terrain(np.array([0.0, 100.0]), np.array([0.0, 50.0]),
+    ...                 np.array([[0.0, 10.0], [0.0, 10.0]]))
+    >>> slope.heights(MapGrid((50.0, 25.0, 0.0), 3, 1, 20.0)).round(6).tolist()
+    [[3.0, 5.0, 7.0]]
     """
 
     x_m: np.ndarray

@@ -63,6 +63,18 @@ def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *,
     ValueError
         Shapes disagree, the frequencies are not equally spaced, something is not finite, or the
         backend offers no correlation.
+
+    Examples
+    --------
+    >>> from sar_imaging import concatenate
+    >>> from sar_imaging.imaging.correlation import correlate
+    >>> from sar_imaging.signal.spectra import band_spectrum
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(pulses_per_block=20))
+    >>> frequencies_hz, spectra = band_spectrum(block)
+    >>> value = correlate(frequencies_hz, spectra, block.tx_m, block.rx_m, [[10_000.0, 0.0, 0.0]])
+    >>> print(f'{abs(value[0]):.2f}: every pulse and channel in phase')
+    100.00: every pulse and channel in phase
     """
     frequencies = np.asarray(frequencies_hz, np.float64)
     spectra = np.ascontiguousarray(spectra, np.complex128)
@@ -124,6 +136,15 @@ def correlate_profiles(block: PulseBlock, points, *, illumination: AntennaPatter
     ----------
     J. J. Knab, Interpolation of band-limited functions using the approximate prolate series, IEEE
     Transactions on Information Theory 25, 1979.
+
+    Examples
+    --------
+    >>> from sar_imaging.imaging.correlation import correlate_profiles
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(pulses_per_block=20))
+    >>> image, covered = correlate_profiles(block, [[10_000.0, 0.0, 0.0], [10_023.0, 0.0, 0.0]])
+    >>> print(f'{abs(image[0]):.2f}', covered.tolist())  # the second is at the profiles' end
+    100.00 [True, False]
     """
     radar, points = block.radar, np.ascontiguousarray(points, np.float64)
     if not block.compressed or not block.has_positions:

@@ -42,6 +42,17 @@ class Report:
     plan : Plan, str or None
         How the imager goes about it: its words, where the report was read from a file; None where
         it has no plan to show.
+
+    Examples
+    --------
+    >>> from sar_imaging import MapGrid, plan_image
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(50))
+    >>> grid = MapGrid((10_000.0, 0.0, 0.0), 25, 25, 0.5)
+    >>> imager = plan_image(grid, block.radar, block.n_samples, block.tx_m, block.rx_m)
+    >>> report = imager.report                                    # known before a pulse is imaged
+    >>> report.method, report.target_db, bool(report.predicted_error_db < -60.0)
+    ('exact', -60.0, True)
     """
 
     method: str
@@ -93,6 +104,20 @@ class Image:
         Time of the middle pulse, nanoseconds since the epoch of the pulses' clock; 0 for none.
     counters : (P,) int64
         Counters of the pulses in it, ascending.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid, concatenate, plan_image
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> profiles = concatenate(list(SCENARIOS['psf']().blocks()))
+    >>> grid = MapGrid((10_000.0, 0.0, 0.0), 25, 25, 0.5)
+    >>> image = plan_image(grid, profiles.radar, profiles.n_samples)(profiles)
+    >>> row, column = np.unravel_index(np.abs(image).argmax(), image.shape)
+    >>> print(f'brightest at x = {grid.x_m[column]:.1f} m, y = {grid.y_m[row]:.1f} m')
+    brightest at x = 10000.0 m, y = 0.0 m
+    >>> image.samples.dtype.name, image.n_pulses, image.missing.size
+    ('complex64', 200, 0)
     """
 
     samples: np.ndarray

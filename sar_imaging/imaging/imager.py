@@ -106,9 +106,14 @@ def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
 
     Examples
     --------
-    >>> imager = plan_image(grid, profiles.radar, profiles.n_samples)      # doctest: +SKIP
-    >>> image = imager(profiles)                                          # doctest: +SKIP
-    >>> print(image.report)                                               # doctest: +SKIP
+    >>> from sar_imaging import MapGrid, concatenate, plan_image
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> profiles = concatenate(list(SCENARIOS['psf']().blocks()))
+    >>> grid = MapGrid((10_000.0, 0.0, 0.0), n_x=24, n_y=24, spacing_m=0.5)
+    >>> imager = plan_image(grid, profiles.radar, profiles.n_samples)
+    >>> image = imager(profiles)
+    >>> image.shape, image.report.method, bool(image.report.predicted_error_db < -60)
+    ((24, 24), 'exact', True)
     """
     if illumination is not None and backend == AUTO:
         backend = BACKENDS[0]  # of which devices know nothing yet
@@ -136,6 +141,20 @@ class Imager:
         Name of the method, or ``'auto'``.
     report : Report or None
         Of the latest plan or image; None before the first.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid, plan_image
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> blocks = list(SCENARIOS['psf']().blocks(pulses_per_block=50))
+    >>> grid = MapGrid((10_000.0, 0.0, 0.0), 25, 25, 0.5)
+    >>> imager = plan_image(grid, blocks[0].radar, blocks[0].n_samples, method='exact')
+    >>> image = imager.new_image(blocks[0].n_channels)
+    >>> for block in blocks:                                      # as they arrive
+    ...     imager.accumulate(block, image)
+    >>> print(f'{image.n_pulses} pulses, peak {np.abs(image).max():.0f}')
+    200 pulses, peak 1000
     """
 
     def __init__(self, grid: Grid, radar: RadarParameters, n_samples: int,

@@ -73,6 +73,26 @@ class Method:
         Of the plan.
     illumination : Illumination or None
         Of the echoes that are planned for; None where all light all pixels alike.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid, plan_image
+    >>> from sar_imaging.imaging.correlation import correlate_profiles
+    >>> from sar_imaging.imaging.methods import Method
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> class Correlation(Method):
+    ...     NAME = 'my correlation'
+    ...     def plan(self, tx_m, rx_m):
+    ...         return self.describe(predicted_error_db=-100.0)
+    ...     def form(self, block):
+    ...         values, _ = correlate_profiles(block, self.grid.points().reshape(-1, 3))
+    ...         return values.astype(np.complex64).reshape(self.grid.shape)
+    >>> block = next(SCENARIOS['psf']().blocks(pulses_per_block=20))
+    >>> grid = MapGrid((10_000.0, 0.0, 0.0), 9, 9, 0.5)
+    >>> image = plan_image(grid, block.radar, block.n_samples, method=Correlation)(block)
+    >>> image.report.method, image.shape
+    ('my correlation', (9, 9))
     """
 
     NAME: str

@@ -22,7 +22,19 @@ _REQUIRED = object()
 
 
 class DescriptionError(ValueError):
-    """A description or the data that it describes cannot be used; the text says why."""
+    """A description or the data that it describes cannot be used; the text says why.
+
+    Examples
+    --------
+    >>> from sar_imaging.loading import DescriptionError, read_description
+    >>> with open('wrong.yaml', 'w') as file:
+    ...     _ = file.write('radio: {carrier_hz: 77e9}')
+    >>> try:
+    ...     read_description('wrong.yaml')
+    ... except DescriptionError as error:
+    ...     print(error)
+    wrong.yaml: unknown key radio; did you mean radar?
+    """
 
 
 class Section:
@@ -203,6 +215,14 @@ def read_description(path: Path | str, changes: Mapping[str, object] | None = No
     ------
     DescriptionError
         It cannot be read, is no YAML, or has unknown sections.
+
+    Examples
+    --------
+    >>> from sar_imaging.loading import find_description, read_description
+    >>> rail = read_description(find_description('team5_rail'), {'alignment.time_offset_s': 9.3})
+    >>> rail.text('name'), rail.section('alignment', ['time_offset_s', 'range_bias_m']).number(
+    ...     'time_offset_s')
+    ('team5_rail', 9.3)
     """
     try:
         check_file(path, MOST_BYTES)

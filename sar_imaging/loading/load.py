@@ -65,6 +65,26 @@ class Loaded:
         Pattern of the antenna, where it is told. Pulses with positions have their pointing.
     mount : Mount or None
         What tells the pointing, where there are poses.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.loading import load
+    >>> along = np.linspace(-0.5, 0.5, 32)
+    >>> np.savez('rail.npz', echoes=np.ones((32, 64), np.complex64),
+    ...          place=np.stack([0 * along, along, 0 * along], axis=-1))
+    >>> with open('rail.yaml', 'w') as file:
+    ...     _ = file.write('''
+    ... name: rail
+    ... samples: {file: rail.npz, variable: echoes, axes: [pulse, sample]}
+    ... radar: {waveform: stepped_frequency, carrier_hz: 10e9, bandwidth_hz: 1e9}
+    ... times: {first_s: 0.0, interval_s: 0.01}
+    ... positions: {variable: place}
+    ... scene: {centre_m: [5, 0, 0], size_m: [4, 4], spacing_m: 0.1}
+    ... ''')
+    >>> loaded = load('rail.yaml')
+    >>> loaded.name, loaded.block.samples.shape, loaded.scene.grid.shape, loaded.poses
+    ('rail', (32, 1, 64), (41, 41), None)
     """
 
     name: str
@@ -106,6 +126,24 @@ def load(description: Path | str, data: Path | str | None = None, *,
         The description or the data cannot be used; the text says where and why.
     MissingExtraError
         A file needs a library that is not installed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.loading import load
+    >>> np.savez('rail.npz', echoes=np.ones((32, 64), np.complex64))
+    >>> with open('rail.yaml', 'w') as file:
+    ...     _ = file.write('''
+    ... name: rail
+    ... samples: {file: rail.npz, variable: echoes, axes: [pulse, sample]}
+    ... radar: {waveform: stepped_frequency, carrier_hz: 10e9, bandwidth_hz: 1e9}
+    ... times: {first_s: 0.0, interval_s: 0.01}
+    ... positions: {line: {first_m: [0, -0.5, 1], last_m: [0, 0.5, 1]}}
+    ... scene: {centre_m: [5, 0, 0], size_m: [4, 4], spacing_m: 0.1}
+    ... ''')
+    >>> block = load('rail.yaml').block
+    >>> block.phase_centre_m[[0, -1]].tolist()
+    [[0.0, -0.5, 1.0], [0.0, 0.5, 1.0]]
     """
     description = find_description(description)
     top = read_description(description, changes)

@@ -42,6 +42,16 @@ class PoseTable:
         Metres, z up.
     quaternion : (N, 4) float64
         x, y, z, w: turns body vectors into the frame of the positions.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.loading import PoseTable
+    >>> second = 1_000_000_000
+    >>> poses = PoseTable(np.arange(3) * second, np.zeros((3, 3)),
+    ...                   np.tile([0.0, 0.0, 0.0, 1.0], (3, 1)))
+    >>> poses.select(poses.time_ns >= second).time_ns.tolist()
+    [1000000000, 2000000000]
     """
 
     time_ns: np.ndarray

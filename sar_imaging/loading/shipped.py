@@ -9,7 +9,14 @@ from .description import DescriptionError
 
 
 def shipped_names() -> list[str]:
-    """Names of the descriptions in `config/recordings`."""
+    """Names of the descriptions in `config/recordings`.
+
+    Examples
+    --------
+    >>> from sar_imaging.loading import shipped_names
+    >>> [name for name in shipped_names() if 'rail' in name]
+    ['team5_rail', 'team6_rail', 'team6_rail_fitted']
+    """
     return sorted(path.stem for path in _folder().glob('*.yaml'))
 
 
@@ -25,6 +32,12 @@ def find_description(name: Path | str) -> Path:
     ------
     DescriptionError
         Neither of both exists.
+
+    Examples
+    --------
+    >>> from sar_imaging.loading import find_description
+    >>> find_description('gotcha').name
+    'gotcha.yaml'
     """
     if Path(name).is_file():
         return Path(name)

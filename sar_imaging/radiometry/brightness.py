@@ -43,6 +43,20 @@ def brightness(image, response: ImageResponse, constant: RadarConstant,
     ------
     ValueError
         The image has another shape, or there is no such quantity.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid, RadarParameters
+    >>> from sar_imaging.radiometry import RadarConstant, brightness, image_response
+    >>> radar = RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6e-7)
+    >>> track = np.zeros((64, 1, 3))
+    >>> track[:, 0, 1:] = np.stack([np.linspace(-5, 5, 64), np.full(64, 50.0)], axis=-1)
+    >>> grid = MapGrid((80.0, 0.0, 0.0), 16, 16, 0.5)
+    >>> response = image_response(grid, radar, track, track)
+    >>> sigma0 = brightness(np.full(grid.shape, 0.01j), response, RadarConstant(gain=100.0))
+    >>> print(f'{10 * np.log10(np.median(sigma0)):.1f} dB')
+    -26.3 dB
     """
     image = np.asarray(image)
     if image.shape != response.amplitude.shape:
@@ -71,6 +85,20 @@ def calibrated(image: Image, response: ImageResponse, constant: RadarConstant,
     ------
     ValueError
         As `brightness`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid, concatenate, plan_image
+    >>> from sar_imaging.radiometry import RadarConstant, brightness, calibrated, image_response
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = concatenate(list(SCENARIOS['psf']().blocks()))
+    >>> grid = MapGrid((9_800.0, 0.0, -1_990.0), 12, 12, 0.5)
+    >>> image = plan_image(grid, block.radar, block.n_samples)(block)
+    >>> response = image_response(grid, block.radar, block.tx_m, block.rx_m)
+    >>> scaled = calibrated(image, response, RadarConstant(gain=1e8))
+    >>> bool(np.allclose(np.abs(scaled) ** 2, brightness(image, response, RadarConstant(1e8))))
+    True
     """
     if image.shape != response.amplitude.shape:
         raise ValueError(_shape_error(image, response))
@@ -92,6 +120,19 @@ def noise_equivalent(response: ImageResponse, constant: RadarConstant,
     -------
     (n_y, n_x) float64
         Linear; NaN where nothing is lit or the constant knows no noise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid, RadarParameters
+    >>> from sar_imaging.radiometry import RadarConstant, image_response, noise_equivalent
+    >>> radar = RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6e-7)
+    >>> track = np.zeros((64, 1, 3))
+    >>> track[:, 0, 1:] = np.stack([np.linspace(-5, 5, 64), np.full(64, 50.0)], axis=-1)
+    >>> response = image_response(MapGrid((80.0, 0.0, 0.0), 16, 16, 0.5), radar, track, track)
+    >>> level = noise_equivalent(response, RadarConstant(gain=100.0, noise_power=1e-8))
+    >>> print(f'{10 * np.log10(np.median(level)):.1f} dB')
+    -48.2 dB
     """
     return (constant.noise_power * response.noise_gain
             / (constant.gain * response.amplitude) ** 2 / _divisor(response, quantity))

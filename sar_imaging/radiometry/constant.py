@@ -32,6 +32,20 @@ class RadarConstant:
     ------
     ValueError
         The gain is not positive and finite, or the noise is negative.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid, RadarParameters
+    >>> from sar_imaging.radiometry import RadarConstant, image_response
+    >>> radar = RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6e-7)
+    >>> track = np.zeros((64, 1, 3))
+    >>> track[:, 0, 1:] = np.stack([np.linspace(-5, 5, 64), np.full(64, 50.0)], axis=-1)
+    >>> response = image_response(MapGrid((80.0, 0.0, 0.0), 16, 16, 0.5), radar, track, track)
+    >>> constant = RadarConstant.from_reflector(amplitude=0.8, pixel=(8, 8), response=response,
+    ...                                         cross_section_m2=37.7)
+    >>> print(f'gain {constant.gain:.1f} m')
+    gain 18.2 m
     """
 
     gain: float
@@ -93,6 +107,7 @@ def trihedral_cross_section_m2(edge_m: float, wavelength_m: float) -> float:
 
     Examples
     --------
+    >>> from sar_imaging.radiometry import trihedral_cross_section_m2
     >>> round(trihedral_cross_section_m2(0.3, 0.03), 1)
     37.7
     """
@@ -114,6 +129,17 @@ def noise_power(profiles: np.ndarray) -> float:
     ------
     ValueError
         There are fewer than 16 samples.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.radiometry import noise_power
+    >>> rng = np.random.default_rng(1)
+    >>> noise = rng.standard_normal((2, 200, 1, 256)) / 10
+    >>> profiles = noise[0] + 1j * noise[1]
+    >>> profiles[..., 100:120] += 5.0                             # echoes
+    >>> print(f'{noise_power(profiles):.3f}')
+    0.019
     """
     profiles = np.asarray(profiles)
     n = profiles.shape[-1] // _QUIET_SHARE

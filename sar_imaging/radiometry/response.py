@@ -54,6 +54,18 @@ class ImageResponse:
         Angle between the surface's normal and the mean direction to the radar, radians.
     noise_gain : (n_y, n_x) float64
         Image power of noise of power 1 in the samples of the profiles.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid, RadarParameters
+    >>> from sar_imaging.radiometry import image_response
+    >>> radar = RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6e-7)
+    >>> track = np.zeros((64, 1, 3))
+    >>> track[:, 0, 1:] = np.stack([np.linspace(-5, 5, 64), np.full(64, 50.0)], axis=-1)
+    >>> response = image_response(MapGrid((80.0, 0.0, 0.0), 16, 16, 0.5), radar, track, track)
+    >>> print(f'incidence {np.degrees(response.incidence_rad[8, 8]):.1f} degrees')
+    incidence 58.1 degrees
     """
 
     amplitude: np.ndarray
@@ -100,6 +112,20 @@ def image_response(grid: Grid, radar: RadarParameters, tx_m, rx_m, *,
     -----
     All is computed on 49 x 49 pixels and interpolated, which departs by less than 0.01 dB where
     the pattern is wider than a twentieth of the image.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid, RadarParameters
+    >>> from sar_imaging.radiometry import image_response
+    >>> radar = RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6e-7)
+    >>> track = np.zeros((64, 1, 3))
+    >>> track[:, 0, 1:] = np.stack([np.linspace(-5, 5, 64), np.full(64, 50.0)], axis=-1)
+    >>> response = image_response(MapGrid((80.0, 0.0, 0.0), 16, 16, 0.5), radar, track, track)
+    >>> response.area_m2.shape
+    (16, 16)
+    >>> print(f'{response.area_m2[8, 8]:.3f} m^2 of ground in a resolution cell')
+    0.082 m^2 of ground in a resolution cell
     """
     tx_m, rx_m = np.asarray(tx_m, np.float64), np.asarray(rx_m, np.float64)
     if len(grid.shape) != 2:

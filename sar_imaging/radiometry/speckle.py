@@ -24,6 +24,14 @@ def multilook(power: np.ndarray, looks: tuple[int, int]) -> np.ndarray:
     ------
     ValueError
         A block is not smaller than the image, or has no pixel.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.radiometry import multilook
+    >>> power = np.arange(16.0).reshape(4, 4)
+    >>> multilook(power, (2, 2)).tolist()
+    [[2.5, 4.5], [10.5, 12.5]]
     """
     power = np.asarray(power, np.float64)
     rows, columns = looks
@@ -49,6 +57,14 @@ def equivalent_looks(power: np.ndarray) -> float:
     ----------
     power : array_like
         Of the area, any shape; NaN is left out.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.radiometry import equivalent_looks, multilook
+    >>> power = np.random.default_rng(1).exponential(size=(400, 400))    # of one image of grass
+    >>> print(f'{equivalent_looks(power):.1f}, {equivalent_looks(multilook(power, (2, 2))):.1f}')
+    1.0, 4.0
     """
     power = np.asarray(power, np.float64)
     power = power[np.isfinite(power)]

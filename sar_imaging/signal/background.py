@@ -41,8 +41,16 @@ class BackgroundFilter:
 
     Examples
     --------
-    >>> remove = BackgroundFilter(1.0)                  # doctest: +SKIP
-    >>> profiles = compressor(remove(block))            # doctest: +SKIP
+    >>> import dataclasses
+    >>> import numpy as np
+    >>> from sar_imaging.signal.background import BackgroundFilter
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> remove = BackgroundFilter(time_constant_s=1.0)
+    >>> for block in SCENARIOS['psf']().blocks(50):
+    ...     coupled = dataclasses.replace(block, samples=block.samples + 100.0)
+    ...     clean = remove(coupled)
+    >>> print(f'{abs(coupled.samples).mean():.0f} before, {abs(clean.samples).mean():.1f} after')
+    100 before, 0.0 after
     """
 
     def __init__(self, time_constant_s: float):

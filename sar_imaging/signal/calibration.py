@@ -28,7 +28,19 @@ _FIELDS = ('amplitude', 'phase_deg', 'delay_s')
 
 
 class CalibrationError(ValueError):
-    """A calibration file cannot be read; the text says why."""
+    """A calibration file cannot be read; the text says why.
+
+    Examples
+    --------
+    >>> from sar_imaging.signal.calibration import CalibrationError, ChannelCalibration
+    >>> with open('empty.yaml', 'w') as file:
+    ...     _ = file.write('channels: none')
+    >>> try:
+    ...     ChannelCalibration.load('empty.yaml')
+    ... except CalibrationError as error:
+    ...     print(error)
+    calibration empty.yaml: expected the lists amplitude, phase_deg, delay_s and nothing else
+    """
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,6 +60,16 @@ class ChannelCalibration:
     ------
     ValueError
         Lengths differ, a number is not finite, or an amplitude is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.signal.calibration import ChannelCalibration
+    >>> found = ChannelCalibration(amplitude=np.array([1.0, 0.8]), phase_rad=np.array([0.0, 0.5]),
+    ...                            delay_s=np.zeros(2))
+    >>> found.save('channels.yaml')
+    >>> abs(ChannelCalibration.load('channels.yaml').weights).round(3).tolist()
+    [1.0, 1.25]
     """
 
     amplitude: np.ndarray

@@ -60,6 +60,7 @@ def fmcw_parameters(*, start_frequency_hz: float, slope_hz_per_s: float, sample_
 
     Examples
     --------
+    >>> from sar_imaging.signal.dechirp import fmcw_parameters
     >>> radar = fmcw_parameters(start_frequency_hz=77e9, slope_hz_per_s=40e12,
     ...                         sample_rate_hz=5e6, n_samples=256, adc_start_s=4e-6)
     >>> f'{radar.carrier_hz / 1e9:.3f} GHz, {radar.range_resolution_m * 100:.2f} cm'

@@ -111,6 +111,24 @@ def locate(block: PulseBlock, track: PoseTrack, alignment: Alignment,
     ------
     ValueError
         A pulse has no pose; the text says how many and why.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> import numpy as np
+    >>> from sar_imaging.geometry.alignment import Alignment
+    >>> from sar_imaging.geometry.poses import PoseTrack
+    >>> from sar_imaging.signal.positioning import locate
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> pulses = next(SCENARIOS['psf']().blocks(4))
+    >>> pulses = dataclasses.replace(pulses, tx_m=None, rx_m=None)
+    >>> poses = PoseTrack()
+    >>> for n in range(-5, 10):  # 5 m/s along y, 100 poses a second
+    ...     stamp_ns = int(pulses.stamp_ns[0]) + n * 10_000_000
+    ...     _ = poses.add(stamp_ns, (0.0, 0.05 * n, 2.0), (0.0, 0.0, 0.0, 1.0))
+    >>> lever_arm = Alignment(tx_m=np.array([[0.1, 0.0, 0.0]]), rx_m=np.array([[0.1, 0.0, 0.0]]))
+    >>> locate(pulses, poses, lever_arm).phase_centre_m.round(4).tolist()
+    [[0.1, 0.0, 2.0], [0.1, 0.0075, 2.0], [0.1, 0.015, 2.0], [0.1, 0.0225, 2.0]]
     """
     poses = track.sample(block.stamp_ns + alignment.time_offset_ns, final=True)
     for status in np.unique(poses.status[poses.status != PoseStatus.READY]):

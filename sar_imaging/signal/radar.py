@@ -11,7 +11,17 @@ from .magnitudes import SPEED_OF_LIGHT, check_magnitude
 
 
 class Waveform(enum.IntEnum):
-    """Kind of transmitted waveform; the number is its code on the wire."""
+    """Kind of transmitted waveform; the number is its code on the wire.
+
+    Examples
+    --------
+    >>> from sar_imaging import Waveform
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> SCENARIOS['psf_raw']().radar.waveform is Waveform.LFM
+    True
+    >>> [kind.name for kind in Waveform]
+    ['LFM', 'STEPPED_FREQUENCY', 'FMCW', 'FMCW_REAL', 'PASSBAND']
+    """
 
     LFM = 0  # linear frequency modulated pulses, sampled in fast time, demodulated to baseband
     STEPPED_FREQUENCY = 1  # phase history: one sample per frequency, ascending, carrier centred
@@ -65,6 +75,21 @@ class RadarParameters:
         A value is not finite, not positive where it must be, or of a magnitude that no radar has
         (no sonar, where the waves are as slow as sound): a unit was mistaken, and the text says
         which one was probably meant.
+
+    Examples
+    --------
+    >>> from sar_imaging import RadarParameters
+    >>> radar = RadarParameters(carrier_hz=10e9, bandwidth_hz=300e6, sample_rate_hz=400e6,
+    ...                         first_sample_delay_s=6.6e-6)
+    >>> print(f'{radar.wavelength_m * 1000:.2f} mm, null spacing {radar.range_resolution_m:.3f} m')
+    29.98 mm, null spacing 0.500 m
+    >>> print(f'sample 0 at {radar.range_start_m:.1f} m')
+    sample 0 at 989.3 m
+    >>> RadarParameters(carrier_hz=10.0, bandwidth_hz=300e6, sample_rate_hz=400e6,
+    ...                 first_sample_delay_s=6.6e-6)
+    Traceback (most recent call last):
+        ...
+    ValueError: carrier_hz=10 Hz is not a radar's; expected 1e+06 to 2e+12 Hz; it was ...
     """
 
     carrier_hz: float

@@ -65,6 +65,17 @@ def band_spectrum(block: PulseBlock) -> tuple[np.ndarray, np.ndarray]:
     ------
     ValueError
         The block holds raw pulses of another waveform; compress them first.
+
+    Examples
+    --------
+    >>> from sar_imaging.signal.spectra import band_spectrum
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(4))
+    >>> frequencies_hz, spectra = band_spectrum(block)
+    >>> spectra.shape, spectra.dtype.name
+    ((4, 5, 95), 'complex128')
+    >>> print(f'{frequencies_hz[0] / 1e9:.2f} to {frequencies_hz[-1] / 1e9:.2f} GHz')
+    9.85 to 10.15 GHz
     """
     radar, n = block.radar, block.n_samples
     frequencies = band_frequencies(radar, n, block.compressed)

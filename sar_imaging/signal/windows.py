@@ -50,8 +50,11 @@ def parse_window(name: str) -> tuple[str, tuple[float, ...]]:
 
     Examples
     --------
+    >>> from sar_imaging.signal.windows import parse_window
     >>> parse_window('taylor')
     ('taylor', (4.0, 35.0))
+    >>> parse_window('kaiser:6')
+    ('kaiser', (6.0,))
     """
     family, *given = name.split(':')
     if family not in _DEFAULTS:
@@ -104,6 +107,12 @@ def window(name: str, n: int) -> np.ndarray:
     ------
     ValueError
         `name` is not a window, or `n` is not positive.
+
+    Examples
+    --------
+    >>> from sar_imaging.signal.windows import window
+    >>> window('hamming', 5).round(3).tolist()
+    [0.168, 0.682, 1.0, 0.682, 0.168]
     """
     family, values = parse_window(name)
     if n < 1:

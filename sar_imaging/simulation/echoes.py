@@ -137,6 +137,20 @@ class EchoSimulator:
     ------
     ValueError
         The radar's parameters contradict each other, or the profile is sampled too coarsely.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import RadarParameters
+    >>> from sar_imaging.simulation import EchoSimulator
+    >>> radar = RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6e-7)
+    >>> scatterer = np.array([[100.0, 0.0, 0.0]])
+    >>> simulate = EchoSimulator(radar, 64, compressed=True, points_m=scatterer,
+    ...                          amplitudes=np.array([1.0 + 0j]))
+    >>> phase_centre = np.zeros((1, 1, 3))
+    >>> profile = simulate(phase_centre, phase_centre)[0, 0]
+    >>> print(f'{radar.range_start_m + np.abs(profile).argmax() * radar.sample_spacing_m:.1f} m')
+    100.1 m
     """
 
     def __init__(self, radar: RadarParameters, n_samples: int, *, compressed: bool,

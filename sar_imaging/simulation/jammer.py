@@ -27,6 +27,19 @@ class Jammer:
         compression, whichever is recorded; the peak of a unit scatterer is 1.
     seed : int
         Of the noise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import RadarParameters
+    >>> from sar_imaging.simulation import Jammer
+    >>> radar = RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6e-7)
+    >>> jammer = Jammer('van', position_m=(500.0, 200.0, 2.0), std=3.0)
+    >>> noise = jammer.samples(radar, 256, np.zeros((8, 2, 3)), counter=np.arange(8))
+    >>> noise.shape, noise.dtype.name
+    ((8, 2, 256), 'complex128')
+    >>> print(f'{20 * np.log10(noise.std()):.0f} dB against a unit scatterer')
+    9 dB against a unit scatterer
     """
 
     name: str

@@ -30,6 +30,15 @@ class Mover:
     ------
     ValueError
         A number is not finite, or there are not three of them.
+
+    Examples
+    --------
+    >>> from sar_imaging.simulation import Mover
+    >>> car = Mover('car', position_m=(100.0, 0.0, 0.0), velocity_m_per_s=(10.0, 5.0, 0.0))
+    >>> car.positions([-1.0, 1.0]).tolist()
+    [[90.0, -5.0, 0.0], [110.0, 5.0, 0.0]]
+    >>> print(f'{car.radial_velocity_m_per_s((0.0, 0.0, 0.0)):.1f} m/s away from the radar')
+    10.0 m/s away from the radar
     """
 
     name: str

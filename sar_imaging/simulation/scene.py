@@ -25,6 +25,13 @@ class Scatterer:
     ------
     ValueError
         A number is not finite, or the position has not three of them.
+
+    Examples
+    --------
+    >>> from sar_imaging.simulation import Scatterer
+    >>> post = Scatterer('gate post', position_m=(12.0, 3.5, 0.0), amplitude=0.1j)
+    >>> print(f'{post.name}: {post.amplitude_db:.0f} dB')
+    gate post: -20 dB
     """
 
     name: str

@@ -23,6 +23,15 @@ class Vibration:
         Frequency, hertz.
     phase_cycles : float
         Phase at time zero, cycles.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.simulation import Trajectory, Vibration
+    >>> rotor = Vibration(amplitude_m=(0.0, 0.0, 0.002), frequency_hz=50.0, phase_cycles=0.25)
+    >>> flight = Trajectory((0.0, 0.0, 50.0), (0.0, 8.0, 0.0), vibrations=(rotor,))
+    >>> [round(z, 3) for z in flight.positions(np.array([0.0, 0.01]))[:, 2].tolist()]
+    [50.002, 49.998]
     """
 
     amplitude_m: tuple[float, float, float]
@@ -52,6 +61,15 @@ class Trajectory:
         Standard deviation of noise that is independent from pulse to pulse, metres.
     seed : int
         Of the broadband noise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.simulation import Trajectory
+    >>> flight = Trajectory(centre_m=(0.0, 0.0, 50.0), velocity_m_per_s=(0.0, 8.0, 0.0),
+    ...                     polynomial=((0.25, 0.0, 0.0),))        # 0.5 m/s^2 sideways
+    >>> flight.positions(np.array([-2.0, 0.0, 2.0])).tolist()
+    [[1.0, -16.0, 50.0], [0.0, 0.0, 50.0], [1.0, 16.0, 50.0]]
     """
 
     centre_m: tuple[float, float, float]
@@ -109,6 +127,15 @@ class RasterScan:
     ------
     ValueError
         A number of places or the rate is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.simulation import RasterScan
+    >>> scan = RasterScan((0.0, 0.0, 1.0), step_m=(0.01, 0.0, 0.0), row_step_m=(0.0, 0.0, 0.01),
+    ...                   n_per_row=3, rate_hz=10.0)
+    >>> scan.positions(np.arange(6) / 10.0).round(2).tolist()      # there, one row up, and back
+    [[0.0, 0.0, 1.0], [0.01, 0.0, 1.0], [0.02, 0.0, 1.0], [0.02, 0.0, 1.01], [0.01, 0.0, ...
     """
 
     origin_m: tuple[float, float, float]

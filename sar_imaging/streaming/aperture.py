@@ -115,6 +115,17 @@ class ApertureImager(ApertureSequence):
     ------
     ValueError
         A length or fraction is out of range, or the method knows no illumination.
+
+    Examples
+    --------
+    >>> from sar_imaging import MapGrid
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> from sar_imaging.streaming.aperture import ApertureImager
+    >>> live = ApertureImager(MapGrid((10_000.0, 0.0, 0.0), 25, 25, 0.5), pulses_per_aperture=200)
+    >>> for block in SCENARIOS['psf']().blocks(50):               # as they arrive
+    ...     for image in live.add(block):
+    ...         print(len(image.counters), 'pulses,', image.image.shape)
+    200 pulses, (25, 25)
     """
 
     def __init__(self, grid: Grid, *, pulses_per_aperture: int,

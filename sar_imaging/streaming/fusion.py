@@ -213,6 +213,18 @@ class LiveFusion(EventSource):
     ------
     ValueError
         A number is out of range.
+
+    Examples
+    --------
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> from sar_imaging.streaming.fusion import LiveFusion
+    >>> from sar_imaging.streaming.subapertures import LiveSubapertures
+    >>> scenario, fusion = SCENARIOS['psf'](), LiveFusion()
+    >>> live = LiveSubapertures(scenario.grid, pulses_per_aperture=scenario.n_pulses)
+    >>> for block in scenario.blocks():                          # as they arrive
+    ...     for image in (i for part in live.add(block) for i in fusion.add(part)):
+    ...         print(f'peak {abs(image.image).max():.0f}')
+    peak 1000
     """
 
     def __init__(self, *, images_every: int = 0, min_pulse_fraction: float = 0.5,

@@ -41,6 +41,19 @@ class StripMosaic:
     ------
     ValueError
         The number is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid
+    >>> from sar_imaging.streaming.mosaic import StripMosaic
+    >>> strip = StripMosaic()
+    >>> for y in (0.0, 8.0, 16.0):  # patches that follow the platform
+    ...     patch = MapGrid((50.0, y, 0.0), 40, 40, 0.25)
+    ...     strip.add(np.ones(patch.shape, np.complex64), patch)
+    >>> image, grid = strip.form()
+    >>> image.shape, grid.centre_m
+    ((104, 40), (50.0, 8.0, 0.0))
     """
 
     def __init__(self, max_pixels: int = 2**25):

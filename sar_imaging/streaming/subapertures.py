@@ -88,6 +88,17 @@ class LiveSubapertures(ApertureSequence):
     ------
     ValueError
         A length or the target is out of range.
+
+    Examples
+    --------
+    >>> from sar_imaging import MapGrid
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> from sar_imaging.streaming.subapertures import LiveSubapertures
+    >>> grid = MapGrid((10_000.0, 0.0, 0.0), 33, 33, 0.5)
+    >>> live = LiveSubapertures(grid, pulses_per_aperture=200, pulses_per_subaperture=50)
+    >>> parts = [part for block in SCENARIOS['psf']().blocks(25) for part in live.add(block)]
+    >>> len(parts)
+    4
     """
 
     def __init__(self, grid: MapGrid, *, pulses_per_aperture: int,

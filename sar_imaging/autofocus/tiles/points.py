@@ -29,6 +29,19 @@ def bright_points(image, grid: MapGrid, block: PulseBlock, n: int) -> np.ndarray
     -------
     (K, 3) float64
         Brightest first, metres; none fainter than -30 dB of the brightest.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid
+    >>> from sar_imaging.autofocus.tiles import bright_points
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(10))
+    >>> grid = MapGrid((10_000.0, 0.0, 0.0), 40, 40, 0.5)
+    >>> image = np.zeros(grid.shape)
+    >>> image[10, 5], image[30, 20] = 2.0, 1.0
+    >>> bright_points(image, grid, block, n=5).round(2).tolist()
+    [[9992.75, 4.75, 0.0], [10000.25, -5.25, 0.0]]
     """
     power = np.square(np.abs(image), dtype=np.float64)
     faintest = power.max() * 10 ** (_FAINTEST_DB / 10)

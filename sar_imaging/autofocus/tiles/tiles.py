@@ -51,6 +51,19 @@ class Tiles:
         Segment of each sub-aperture.
     wavenumber : float
         ``4 pi / lambda``, rad/m.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.autofocus import Geometry
+    >>> from sar_imaging.autofocus.tiles import Tiles
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(40))
+    >>> geometry = Geometry(block.tx_m, block.rx_m)
+    >>> tiles = Tiles(block, geometry, [[10_000.0, 0.0, 0.0]], n_subapertures=8)
+    >>> images = tiles.focus(tiles.half_path_change(geometry))
+    >>> images.shape, int(np.abs(images[0, :, 0]).argmax())  # brightest in the middle
+    ((1, 147, 1), 73)
     """
 
     def __init__(self, block: PulseBlock, geometry: Geometry, points, n_subapertures: int,

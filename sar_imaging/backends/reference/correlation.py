@@ -29,6 +29,21 @@ def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m,
     Returns
     -------
     (N,) complex128
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.backends.reference import correlate_spectra
+    >>> from sar_imaging.signal.radar import SPEED_OF_LIGHT
+    >>> from sar_imaging.signal.spectra import band_spectrum
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(4))
+    >>> hertz, spectra = band_spectrum(block)
+    >>> cycles_per_m = hertz[0] / SPEED_OF_LIGHT, (hertz[1] - hertz[0]) / SPEED_OF_LIGHT
+    >>> value = correlate_spectra(cycles_per_m, spectra, block.tx_m, block.rx_m,
+    ...                           np.array([[10_000.0, 0.0, 0.0]]))
+    >>> print(f'{abs(value[0]):.2f} of 4 pulses and 5 channels')
+    20.00 of 4 pulses and 5 channels
     """
     first, step = cycles_per_m
     frequency = first + step * np.arange(spectra.shape[-1])
@@ -69,6 +84,18 @@ def correlate_profiles(radar: RadarParameters, samples, tx_m, rx_m, points_m, ha
         A place outside a profile adds nothing.
     covered : (K,) bool
         Whether all lit places are h samples or more from the ends of the profiles.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.backends.reference import correlate_profiles
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(4))
+    >>> image, covered = correlate_profiles(block.radar, block.samples, block.tx_m, block.rx_m,
+    ...                                     np.array([[10_000.0, 0.0, 0.0]]), half=16,
+    ...                                     sharpness=np.pi * 16 * 0.25)
+    >>> print(f'{abs(image[0]):.2f}', covered.tolist())
+    20.00 [True]
     """
     n, image = samples.shape[-1], np.zeros(len(points_m), np.complex128)
     covered = np.ones(len(points_m), bool)

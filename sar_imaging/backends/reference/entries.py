@@ -21,7 +21,24 @@ from .upsample_azimuth import upsample_azimuth
 
 
 class Backprojection:
-    """Exact backprojection, as `backends.protocol.Backprojection` describes it."""
+    """Exact backprojection, as `backends.protocol.Backprojection` describes it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid
+    >>> from sar_imaging.backends.reference import Backprojection
+    >>> from sar_imaging.planning.exact.backprojection import plan_backprojection
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(4))
+    >>> rows = [a.reshape(20, -1) for a in (block.samples, block.tx_m, block.rx_m)]
+    >>> grid = MapGrid((10_000.0, 0.0, 0.0), 9, 9, 0.5)
+    >>> plan = plan_backprojection(grid, block.radar, block.n_samples, *rows[1:], -60.0)
+    >>> image = np.zeros(grid.shape, np.complex64)
+    >>> Backprojection(plan).add(*rows, image)
+    >>> print(f'{abs(image[4, 4]):.1f} of 4 pulses and 5 channels')
+    20.0 of 4 pulses and 5 channels
+    """
 
     memory = None
 
@@ -55,7 +72,26 @@ class Backprojection:
 
 
 class SubapertureImager:
-    """First stage of AFBP, as `backends.protocol.SubapertureImager` describes it."""
+    """First stage of AFBP, as `backends.protocol.SubapertureImager` describes it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid, concatenate
+    >>> from sar_imaging.backends.reference import SubapertureImager
+    >>> from sar_imaging.planning.afbp.map_cover import cover_for_fusion
+    >>> from sar_imaging.planning.afbp.subapertures import plan_subapertures
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = concatenate(list(SCENARIOS['psf']().blocks())).select(slice(0, 40))
+    >>> grid = MapGrid((10_000.0, 0.0, 0.0), 33, 33, 0.5)
+    >>> aperture = block.tx_m, block.rx_m, block.radar, block.n_samples
+    >>> cover, polar_db = cover_for_fusion(grid, *aperture, -40.0, None)
+    >>> plan = plan_subapertures(cover.polar, block.radar, block.n_samples, block.tx_m, block.rx_m,
+    ...                          target_db=polar_db, cover=cover, pulses_per_subaperture=20)
+    >>> image = SubapertureImager(plan).image(0, block.select(plan.sampling.pulses[0]))
+    >>> print(f'{np.hypot(*image).max():.0f} of 20 pulses and 5 channels')
+    92 of 20 pulses and 5 channels
+    """
 
     def __init__(self, plan: SubaperturePlan):
         self.plan = plan
@@ -82,6 +118,27 @@ class SpectrumFusion:
     """Second stage of AFBP, as `backends.protocol.SpectrumFusion` describes it.
 
     Contributions are kept as images; their spectra are summed when an image is wanted.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid, concatenate
+    >>> from sar_imaging.backends.reference import SpectrumFusion, SubapertureImager
+    >>> from sar_imaging.planning.afbp.map_cover import cover_for_fusion
+    >>> from sar_imaging.planning.afbp.subapertures import plan_subapertures
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = concatenate(list(SCENARIOS['psf']().blocks())).select(slice(0, 40))
+    >>> grid = MapGrid((10_000.0, 0.0, 0.0), 33, 33, 0.5)
+    >>> aperture = block.tx_m, block.rx_m, block.radar, block.n_samples
+    >>> cover, polar_db = cover_for_fusion(grid, *aperture, -40.0, None)
+    >>> plan = plan_subapertures(cover.polar, block.radar, block.n_samples, block.tx_m, block.rx_m,
+    ...                          target_db=polar_db, cover=cover, pulses_per_subaperture=20)
+    >>> stage, fusion = SubapertureImager(plan), SpectrumFusion(plan.fusion_grid)
+    >>> for number, pulses in enumerate(plan.sampling.pulses):
+    ...     image = stage.image(number, block.select(pulses))
+    ...     fusion.add(number, image, plan.sampling.centre[number])
+    >>> sorted(fusion.included), fusion.polar_image().dtype.name
+    ([0, 1], 'float32')
     """
 
     def __init__(self, grid: UnifiedPolarGrids, *, keep: bool = False):
@@ -127,7 +184,30 @@ class SpectrumFusion:
 
 def form_map(polar_image, fusion: UnifiedPolarGrids, grid: MapGrid, centre_m: float = 0.0, *,
              overwrite: bool = False) -> np.ndarray:
-    """Interpolate a fused image to a map, as `backends.protocol.Backend` describes it."""
+    """Interpolate a fused image to a map, as `backends.protocol.Backend` describes it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid, concatenate
+    >>> from sar_imaging.backends.reference import SpectrumFusion, SubapertureImager, form_map
+    >>> from sar_imaging.planning.afbp.map_cover import cover_for_fusion
+    >>> from sar_imaging.planning.afbp.subapertures import plan_subapertures
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = concatenate(list(SCENARIOS['psf']().blocks())).select(slice(0, 40))
+    >>> grid = MapGrid((10_000.0, 0.0, 0.0), 33, 33, 0.5)
+    >>> aperture = block.tx_m, block.rx_m, block.radar, block.n_samples
+    >>> cover, polar_db = cover_for_fusion(grid, *aperture, -40.0, None)
+    >>> plan = plan_subapertures(cover.polar, block.radar, block.n_samples, block.tx_m, block.rx_m,
+    ...                          target_db=polar_db, cover=cover, pulses_per_subaperture=20)
+    >>> stage, fusion = SubapertureImager(plan), SpectrumFusion(plan.fusion_grid)
+    >>> for number, pulses in enumerate(plan.sampling.pulses):
+    ...     image = stage.image(number, block.select(pulses))
+    ...     fusion.add(number, image, plan.sampling.centre[number])
+    >>> image = form_map(fusion.polar_image(), plan.fusion_grid, grid)
+    >>> image.shape, f'{abs(image[16, 16]):.0f} of 40 pulses and 5 channels'
+    ((33, 33), '200 of 40 pulses and 5 channels')
+    """
     fusion.check_for_map()
     polar = fusion.polar
     along = design_interpolator(fusion.range_oversampling, taps=TAPS, degree=DEGREE)

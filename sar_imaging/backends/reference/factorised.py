@@ -22,6 +22,20 @@ class FactorisedImager:
     The image of a sub-aperture is that of its pulses, or the sum of the images of its parts, read
     at its own pixels: ``b(x) = exp(-j k (r(x) - r_0)) sum_p b_p(x) exp(+j k (r_p(x) - r_p0))``,
     ``k = 4 pi / lambda``, with the distances r from its origin and r_p from those of its parts.
+
+    Examples
+    --------
+    >>> from sar_imaging import MapGrid, concatenate
+    >>> from sar_imaging.backends.reference import FactorisedImager
+    >>> from sar_imaging.planning.baselines.ffbp_choice import plan_ffbp
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = concatenate(list(SCENARIOS['psf']().blocks())).select(slice(0, 32))
+    >>> grid = MapGrid((10_000.0, 0.0, 0.0), 9, 9, 0.5)
+    >>> plan = plan_ffbp(grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+    ...                  target_db=-20.0)
+    >>> image = FactorisedImager(plan).image(block)
+    >>> print(f'{abs(image).max():.0f} of 32 pulses and 5 channels')
+    150 of 32 pulses and 5 channels
     """
 
     def __init__(self, plan: FfbpPlan):

@@ -25,6 +25,14 @@ def half_paths(tx_m, rx_m, points_m) -> np.ndarray:
     -------
     (...) float64
         Metres.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.backends.reference.project_points import half_paths
+    >>> points = np.array([[100.0, 0.0, 0.0], [0.0, 50.0, 0.0]])
+    >>> half_paths(np.zeros(3), np.zeros(3), points).tolist()
+    [100.0, 50.0]
     """
     return 0.5 * (np.linalg.norm(points_m - tx_m, axis=-1)
                   + np.linalg.norm(points_m - rx_m, axis=-1))
@@ -67,7 +75,23 @@ def project_points(source: RangeGate | PhaseHistory, samples, n_padded: int, tx_
 
 
 class TrialImages:
-    """See `backends.protocol.TrialImages`: profiles are linear between their samples."""
+    """See `backends.protocol.TrialImages`: profiles are linear between their samples.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.backends.reference import TrialImages
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(10))
+    >>> rows = [a.reshape(50, -1) for a in (block.samples, block.tx_m, block.rx_m)]
+    >>> trial = TrialImages(block.radar, rows[0])
+    >>> step_m = np.array([0.25, 0.0, 0.0])
+    >>> first = np.array([[10_000.0, 0.0, 0.0]]) - (trial.length // 2) * step_m
+    >>> real, imaginary = trial.image(*rows[1:], first, step_m)
+    >>> peak = int(np.hypot(real, imaginary)[0].argmax())
+    >>> print(f'brightest at x = {first[0, 0] + peak * step_m[0]:.0f} m')
+    brightest at x = 10000 m
+    """
 
     length = 16
 

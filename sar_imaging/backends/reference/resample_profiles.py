@@ -28,6 +28,18 @@ def profile_spectra(source: RangeGate | PhaseHistory, samples, n_padded: int) ->
     -------
     (R, N) complex128
         By frequency number, from the lowest one, ``-(N // 2)``, on.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.backends.reference.resample_profiles import profile_spectra
+    >>> from sar_imaging.planning.profiles.range_gate import RangeGate
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(4))
+    >>> gate = RangeGate.whole(block.radar, block.n_samples)
+    >>> spectra = profile_spectra(gate, block.samples[:, 0], n_padded=128)
+    >>> spectra.shape, spectra.dtype.name
+    ((4, 128), 'complex128')
     """
     spectra = np.asarray(samples, np.complex128)
     if not source.periodic:

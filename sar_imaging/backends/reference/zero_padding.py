@@ -23,6 +23,19 @@ def image_zero_padded(plan: ZeroPaddingPlan, block: PulseBlock) -> np.ndarray:
     -------
     complex64 array
         Of the shape of the plan's grid.
+
+    Examples
+    --------
+    >>> from sar_imaging import MapGrid
+    >>> from sar_imaging.backends.reference import image_zero_padded
+    >>> from sar_imaging.planning.baselines.zero_padding import plan_zero_padding
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(4))
+    >>> grid = MapGrid((10_000.0, 0.0, 0.0), 9, 9, 0.5)
+    >>> plan = plan_zero_padding(grid, block.radar, block.n_samples, block.tx_m, block.rx_m)
+    >>> image = image_zero_padded(plan, block)
+    >>> print(f'{abs(image[4, 4]):.1f} of 4 pulses and 5 channels')
+    20.0 of 4 pulses and 5 channels
     """
     radar, points = plan.radar, plan.grid.points()
     n, n_dense = plan.n_samples, plan.ratio * plan.n_samples

@@ -23,6 +23,20 @@ def channel_findings(block: PulseBlock) -> list[Finding]:
     Returns
     -------
     list of Finding
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> from sar_imaging import concatenate
+    >>> from sar_imaging.diagnosis.signals import channel_findings
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = concatenate(list(SCENARIOS['psf_raw']().blocks()))
+    >>> samples = block.samples.copy()
+    >>> samples[:, 2] = 0.0
+    >>> for finding in channel_findings(dataclasses.replace(block, samples=samples)):
+    ...     print(finding.evidence)
+    channel 2 is 299 dB or more below the others
+    channels 0 and 1, 1 and 3, 3 and 4 hold the same samples
     """
     if block.n_channels < 2 or not block.n_pulses:
         return []

@@ -29,6 +29,21 @@ def coupling_findings(block: PulseBlock) -> list[Finding]:
     -------
     list of Finding
         At most one.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> from sar_imaging import concatenate
+    >>> from sar_imaging.diagnosis.signals import coupling_findings
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = concatenate(list(SCENARIOS['spotlight']().blocks()))
+    >>> coupling_findings(block)
+    []
+    >>> samples = block.samples.copy()
+    >>> samples[..., 20] += 500.0                                 # from antenna to antenna
+    >>> coupled = dataclasses.replace(block, samples=samples)
+    >>> [finding.fault for finding in coupling_findings(coupled)]
+    ['coupling']
     """
     if block.n_pulses < _FEWEST:
         return []

@@ -17,6 +17,14 @@ class Finding:
         What was measured, a sentence with figures.
     advice : str
         What to change, a sentence.
+
+    Examples
+    --------
+    >>> from sar_imaging.diagnosis.signals import Finding
+    >>> finding = Finding('clipping', '3 % of the samples lie at the end of the scale',
+    ...                   'lower the gain of the receiver')
+    >>> print(finding)
+    clipping: 3 % of the samples lie at the end of the scale. Lower the gain of the receiver.
     """
 
     fault: str

@@ -46,6 +46,20 @@ def sample_findings(block: PulseBlock) -> list[Finding]:
     Returns
     -------
     list of Finding
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> import numpy as np
+    >>> from sar_imaging import concatenate
+    >>> from sar_imaging.diagnosis.signals import sample_findings
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = concatenate(list(SCENARIOS['psf_raw']().blocks()))
+    >>> sample_findings(block)
+    []
+    >>> real = dataclasses.replace(block, samples=block.samples.real.astype(np.complex64))
+    >>> [finding.fault for finding in sample_findings(real)]
+    ['real samples']
     """
     if not block.n_pulses:
         return []

@@ -41,6 +41,20 @@ def slope_findings(block: PulseBlock) -> list[Finding]:
     -------
     list of Finding
         At most one.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> from sar_imaging import concatenate
+    >>> from sar_imaging.diagnosis.signals import slope_findings
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = concatenate(list(SCENARIOS['spotlight']().blocks()))
+    >>> slope_findings(block)
+    []
+    >>> slope = block.radar.chirp_rate_hz_per_s
+    >>> radar = dataclasses.replace(block.radar, chirp_rate_hz_per_s=-slope)
+    >>> [finding.fault for finding in slope_findings(dataclasses.replace(block, radar=radar))]
+    []
     """
     radar = block.radar
     if block.compressed or radar.waveform != Waveform.LFM or not radar.chirp_rate_hz_per_s:

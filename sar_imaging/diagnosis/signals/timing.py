@@ -28,6 +28,20 @@ def timing_findings(block: PulseBlock) -> list[Finding]:
     Returns
     -------
     list of Finding
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import concatenate
+    >>> from sar_imaging.diagnosis.signals import timing_findings
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = concatenate(list(SCENARIOS['psf']().blocks()))
+    >>> timing_findings(block)
+    []
+    >>> kept = np.delete(np.arange(200), [40, 41, 90])            # lost on the way
+    >>> for finding in timing_findings(block.select(kept)):
+    ...     print(finding.evidence)
+    3 of 200 pulses are missing in 2 gaps of their numbers, up to 2 in a row
     """
     if block.n_pulses < _FEWEST:
         return []

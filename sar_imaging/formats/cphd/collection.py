@@ -42,6 +42,18 @@ class Collection:
     ------
     CphdError
         A kind is not one of the standard, or a text is empty that must not be.
+
+    Examples
+    --------
+    >>> from sar_imaging.formats.cphd import Collection, CphdError
+    >>> names = Collection(collector_name='drone 7', core_name='flight 12', mode_type='STRIPMAP')
+    >>> names.named(2).channels
+    ('Channel_1', 'Channel_2')
+    >>> try:
+    ...     Collection(mode_type='SPOTLIGHTS')
+    ... except CphdError as error:
+    ...     print(error)
+    mode_type='SPOTLIGHTS'; expected one of SPOTLIGHT, STRIPMAP, DYNAMIC STRIPMAP
     """
 
     collector_name: str = UNKNOWN

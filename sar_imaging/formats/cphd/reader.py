@@ -72,12 +72,18 @@ class CphdReader:
 
     Examples
     --------
-    >>> with CphdReader('scene.cphd') as reader:                      # doctest: +SKIP
-    ...     imager = plan_image(grid, reader.radar, reader.n_samples,
-    ...                         compressed=reader.compressed)
-    ...     image = imager.new_image()
-    ...     for block in reader.blocks():
-    ...         imager.accumulate(block, image)
+    >>> from sar_imaging import MapGrid
+    >>> from sar_imaging.formats.cphd import CphdReader, write_cphd
+    >>> from sar_imaging.geometry import Datum
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> area = MapGrid((10_000.0, 0.0, 0.0), 40, 40, 0.5)
+    >>> _ = write_cphd('scene.cphd', SCENARIOS['psf']().blocks(), Datum(47.0, 8.0), area,
+    ...                overwrite=True)
+    >>> with CphdReader('scene.cphd') as reader:
+    ...     print(reader.n_pulses, 'pulses,', reader.n_channels, 'channels')
+    ...     print(sum(block.n_pulses for block in reader.blocks(memory_bytes=1e6)))
+    200 pulses, 5 channels
+    200
     """
 
     def __init__(self, path: Path | str, *, datum: Datum | None = None,

@@ -40,6 +40,24 @@ def rewrite_cphd(path: Path | str, reader: CphdReader, blocks: Iterable[PulseBlo
     CphdError
         The blocks are not of this file, they were resampled when they were read, or the target
         exists.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> from sar_imaging import MapGrid
+    >>> from sar_imaging.formats.cphd import CphdReader, rewrite_cphd, write_cphd
+    >>> from sar_imaging.geometry import Datum
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> area = MapGrid((10_000.0, 0.0, 0.0), 40, 40, 0.5)
+    >>> _ = write_cphd('scene.cphd', SCENARIOS['psf']().blocks(), Datum(47.0, 8.0), area,
+    ...                overwrite=True)
+    >>> with CphdReader('scene.cphd') as reader:
+    ...     louder = [dataclasses.replace(b, samples=2 * b.samples) for b in reader.blocks()]
+    ...     rewrite_cphd('louder.cphd', reader, louder)
+    >>> with CphdReader('louder.cphd') as reader:
+    ...     peak = max(abs(block.samples).max() for block in reader.blocks())
+    >>> print(f'{peak:.2f}')
+    2.00
     """
     path = Path(path).resolve()
     if path.is_dir() or (path.exists() and not overwrite):

@@ -68,6 +68,17 @@ def write_cphd(path: Path | str, blocks: Iterable[PulseBlock], datum: Datum, gri
         The pulses cannot be written, or the file exists.
     MissingExtraError
         sarkit is not installed.
+
+    Examples
+    --------
+    >>> from sar_imaging import MapGrid
+    >>> from sar_imaging.formats.cphd import Collection, write_cphd
+    >>> from sar_imaging.geometry import Datum
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> area = MapGrid((10_000.0, 0.0, 0.0), 40, 40, 0.5)
+    >>> write_cphd('scene.cphd', SCENARIOS['psf']().blocks(), Datum(47.0, 8.0, 450.0), area,
+    ...            collection=Collection(collector_name='simulator'), overwrite=True)
+    200
     """
     path = Path(path).resolve()
     require('sarkit.cphd', PURPOSE)

@@ -116,6 +116,16 @@ def sicd_grid(acquisition: Acquisition, centre_m, range_size_m: float, cross_siz
     ------
     ValueError
         The geometry spans no such plane, or a size is not positive.
+
+    Examples
+    --------
+    >>> from sar_imaging.formats import Acquisition, sicd_grid
+    >>> from sar_imaging.tools.recordings import read_blocks
+    >>> acquisition = Acquisition.of(read_blocks('bags/spotlight'))
+    >>> grid = sicd_grid(acquisition, (0.0, 0.0, 0.0), range_size_m=40.0, cross_size_m=30.0)
+    >>> down, right = (float((step @ step) ** 0.5) for step in grid.steps_m)
+    >>> print(f'{grid.shape}: {down:.2f} m from row to row, {right:.2f} m between columns')
+    (179, 246): 0.23 m from row to row, 0.12 m between columns
     """
     centre = np.asarray(centre_m, np.float64)
     for name, size in (('range_size_m', range_size_m), ('cross_size_m', cross_size_m)):

@@ -53,6 +53,23 @@ def read_sicd(path: os.PathLike | str) -> ImageProduct:
         The file is no SICD, is damaged or cut off, or stores its pixels compressed.
     MissingExtraError
         sarkit is not installed.
+
+    Examples
+    --------
+    >>> from sar_imaging import plan_image
+    >>> from sar_imaging.formats import Acquisition, read_sicd, sicd_grid, write_sicd
+    >>> from sar_imaging.geometry import Datum
+    >>> from sar_imaging.tools.recordings import read_blocks
+    >>> block = next(read_blocks('bags/spotlight'))
+    >>> acquisition = Acquisition.of(block)
+    >>> grid = sicd_grid(acquisition, (0.0, 0.0, 0.0), 8.0, 8.0)
+    >>> image = plan_image(grid, block.radar, block.n_samples, compressed=False)(block)
+    >>> write_sicd('image.nitf', image, Datum(47.0, 8.0, 450.0), acquisition)
+    >>> back = read_sicd('image.nitf')
+    >>> back.image.shape == image.shape, bool((back.image.samples == image.samples).all())
+    (True, True)
+    >>> back.datum
+    Datum(latitude_deg=47.0, longitude_deg=8.0, height_m=450.0, heading_deg=0.0)
     """
     require('sarkit.sicd', 'reading SICD')
     try:

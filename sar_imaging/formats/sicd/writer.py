@@ -51,6 +51,21 @@ def write_sicd(path: os.PathLike | str, image: Image, datum: Datum, acquisition:
         acquisition do not belong together.
     MissingExtraError
         sarkit is not installed.
+
+    Examples
+    --------
+    >>> import os
+    >>> from sar_imaging import plan_image
+    >>> from sar_imaging.formats import Acquisition, sicd_grid, write_sicd
+    >>> from sar_imaging.geometry import Datum
+    >>> from sar_imaging.tools.recordings import read_blocks
+    >>> block = next(read_blocks('bags/spotlight'))
+    >>> acquisition = Acquisition.of(block, polarisation='V:V', collector='drone 7')
+    >>> grid = sicd_grid(acquisition, (0.0, 0.0, 0.0), 8.0, 8.0)
+    >>> image = plan_image(grid, block.radar, block.n_samples, compressed=False)(block)
+    >>> write_sicd('image.nitf', image, Datum(47.0, 8.0, 450.0), acquisition)
+    >>> os.path.getsize('image.nitf') > image.samples.nbytes
+    True
     """
     sicd = require('sarkit.sicd', 'writing SICD')
     _check(image, acquisition)

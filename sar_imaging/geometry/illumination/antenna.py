@@ -46,6 +46,19 @@ class Antenna:
     ------
     ValueError
         The kind is unknown, or its numbers are missing or make no sense.
+
+    Examples
+    --------
+    >>> import math
+    >>> from sar_imaging.geometry.illumination import Antenna
+    >>> antenna = Antenna('gaussian', azimuth_width_deg=10.0, elevation_width_deg=30.0)
+    >>> pattern = antenna.amplitudes()
+    >>> print(f'{pattern.azimuth.at(math.radians(5.0)):.2f} of the amplitude, 5 degrees off')
+    0.50 of the amplitude, 5 degrees off
+    >>> Antenna('gaussian')
+    Traceback (most recent call last):
+        ...
+    ValueError: antenna azimuth width 0 degrees; expected more than 0 and at most 180, ...
     """
 
     pattern: str

@@ -25,6 +25,21 @@ class AmplitudeSpread:
     frequency, share : (J,) floats
         The faint rest, what lies around some far higher frequencies of either sign: these, and the
         share of the power.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.geometry.illumination import (
+    ...     NO_SPREAD, AmplitudeSpread, AntennaPattern, Illumination, PatternCut, Pointing)
+    >>> centre = np.zeros((4, 1, 3))
+    >>> pointing = Pointing.steered(centre[:, 0], (0.0, 50.0, 0.0))
+    >>> seen = Illumination.of_pulses(AntennaPattern(PatternCut.gaussian(0.2)), pointing,
+    ...                               centre, centre)
+    >>> spread = seen.spread(np.array([[3.0, 50.0, 0.0]]), np.array([[1.0, 0.0, 0.0]]))
+    >>> print(f'{spread.rms:.2f} rad/m across the beam, 50 m away')
+    0.17 rad/m across the beam, 50 m away
+    >>> AmplitudeSpread(0.0) == NO_SPREAD               # an amplitude that is the same everywhere
+    True
     """
 
     rms: float
@@ -49,6 +64,19 @@ class Illumination:
         The antenna's right, boresight and up at each, as rows.
     foreseen : bool
         The pulses are still to come: any of them may light any point.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.geometry.illumination import (
+    ...     AntennaPattern, Illumination, PatternCut, Pointing)
+    >>> centre = np.zeros((2, 1, 3))
+    >>> centre[1, 0, 0] = 30.0                          # two pulses, 30 m apart along x
+    >>> pointing = Pointing.beside_track(centre[:, 0], side=1)
+    >>> seen = Illumination.of_pulses(AntennaPattern(PatternCut.uniform(0.2)), pointing,
+    ...                               centre, centre)
+    >>> seen.amplitude([[0.0, 100.0, 0.0], [30.0, 100.0, 0.0]]).round(2).tolist()
+    [[1.0, 0.0], [0.0, 1.0]]
     """
 
     pattern: AntennaPattern

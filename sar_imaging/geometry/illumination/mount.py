@@ -44,6 +44,18 @@ class Mount:
     ------
     ValueError
         The kind is unknown, or a number makes no sense for it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.geometry.illumination import Mount
+    >>> track = np.stack([np.arange(3.0), np.zeros(3), np.full(3, 100.0)], axis=-1)
+    >>> mount = Mount('track', side='left', depression_deg=30.0)
+    >>> pointing = mount.pointing(np.arange(3), track)
+    >>> pointing.boresight[1].round(3).tolist()
+    [0.0, 0.866, -0.5]
+    >>> mount.needs_attitude
+    False
     """
 
     kind: str

@@ -48,6 +48,18 @@ class PatternCut:
     ValueError
         There are fewer than two points, an amplitude is negative or not finite, all are zero, or
         the sines leave -1 to 1.
+
+    Examples
+    --------
+    >>> import math
+    >>> from sar_imaging.geometry.illumination import PatternCut
+    >>> cut = PatternCut.cosine(math.radians(20.0))
+    >>> print(f'{math.degrees(cut.width_rad):.1f} degrees one way')
+    20.0 degrees one way
+    >>> print(f'{math.degrees(cut.two_way_width_rad):.1f} degrees both ways')
+    14.6 degrees both ways
+    >>> cut.at([0.0, math.radians(25.0)]).round(3).tolist()
+    [1.0, 0.0]
     """
 
     start: float
@@ -226,6 +238,7 @@ class AntennaPattern:
 
     Examples
     --------
+    >>> from sar_imaging.geometry.illumination import AntennaPattern, PatternCut
     >>> pattern = AntennaPattern(PatternCut.sinc(0.02), PatternCut.cosine(0.3))
     >>> round(float(pattern.azimuth.at(0.01)), 3)
     0.5

@@ -31,6 +31,18 @@ class Pointing:
     ------
     ValueError
         Shapes disagree, a number is not finite, or a boresight has no length or runs along up.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.geometry.illumination import Pointing
+    >>> track = np.array([[0.0, -5.0, 40.0], [0.0, 0.0, 40.0], [0.0, 5.0, 40.0]])
+    >>> spotlight = Pointing.steered(track, target_m=(30.0, 0.0, 0.0))
+    >>> spotlight.boresight[1].round(3).tolist()
+    [0.6, 0.0, -0.8]
+    >>> stripmap = Pointing.beside_track(track, side=-1, depression_rad=np.radians(45.0))
+    >>> stripmap.boresight[1].round(3).tolist()
+    [0.707, 0.0, -0.707]
     """
 
     boresight: np.ndarray

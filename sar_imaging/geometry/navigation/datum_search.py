@@ -32,6 +32,14 @@ class FoundDatum:
     heading_std_deg : float
         How well the heading is known, degrees: what fixes that are wrong by their standard
         deviation, or by the residual, mean over the baseline. NaN where the heading was given.
+
+    Examples
+    --------
+    >>> from sar_imaging.geometry.navigation import DatumSearch, Fix
+    >>> found = DatumSearch(heading_deg=0.0).add(Fix(0, 47.0, 8.0, 450.0).ecef_m, (0.0, 0.0, 0.0))
+    >>> print(f'{found.datum.latitude_deg:.4f}, {found.datum.longitude_deg:.4f}, '
+    ...       f'{found.n_fixes} fix')
+    47.0000, 8.0000, 1 fix
     """
 
     datum: Datum
@@ -56,6 +64,14 @@ def datum_through(ecef_m, place_m, heading_deg: float) -> Datum:
     ------
     ValueError
         The place is so far from the origin that the frame can be no tangent plane.
+
+    Examples
+    --------
+    >>> from sar_imaging.geometry.navigation import Fix, datum_through
+    >>> antenna = Fix(0, 47.0, 8.0, 450.0).ecef_m
+    >>> datum = datum_through(antenna, (100.0, 0.0, 2.0), heading_deg=0.0)
+    >>> print(f'{datum.latitude_deg:.5f}, {datum.longitude_deg:.5f}, {datum.height_m:.2f} m')
+    47.00000, 7.99869, 448.00 m
     """
     ecef_m, place_m = np.asarray(ecef_m, np.float64), np.asarray(place_m, np.float64)
     _check_extent(place_m)
@@ -88,6 +104,21 @@ class DatumSearch:
     ----------
     reason : str
         Why there is no datum yet.
+
+    Examples
+    --------
+    >>> from sar_imaging.geometry import Datum
+    >>> from sar_imaging.geometry.navigation import DatumSearch
+    >>> truth = Datum(47.0, 8.0, 450.0, heading_deg=30.0)
+    >>> search = DatumSearch(baseline_m=20.0)
+    >>> for x in (0.0, 25.0, 50.0):                     # the platform drives along the frame's x
+    ...     found = search.add(truth.to_ecef([x, 0.0, 0.0]), (x, 0.0, 0.0))
+    ...     if found is None:
+    ...         print(search.reason)
+    1 good fixes at places up to 0 m apart; the heading needs 3 and 20 m
+    2 good fixes at places up to 25 m apart; the heading needs 3 and 20 m
+    >>> print(f'heading {found.datum.heading_deg:.3f} degrees')
+    heading 30.000 degrees
     """
 
     def __init__(self, heading_deg: float = 0.0, baseline_m: float = 0.0):

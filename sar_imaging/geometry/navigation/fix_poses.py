@@ -19,7 +19,17 @@ _NORM_TOLERANCE = 0.01  # of quaternions
 
 
 class FramePose(NamedTuple):
-    """A pose as `PoseTrack.add` takes it: ns, metres, quaternion x, y, z, w."""
+    """A pose as `PoseTrack.add` takes it: ns, metres, quaternion x, y, z, w.
+
+    Examples
+    --------
+    >>> from sar_imaging.geometry import Datum
+    >>> from sar_imaging.geometry.navigation import Fix, FixPoses
+    >>> poses = FixPoses(datum=Datum(47.0, 8.0, 450.0), with_attitude=False)
+    >>> [pose] = poses.add_fix(Fix(1_000_000_000, 47.0, 8.0, 452.0))
+    >>> pose.stamp_ns, [round(x, 3) + 0.0 for x in pose.position_m]
+    (1000000000, [0.0, 0.0, 2.0])
+    """
 
     stamp_ns: int
     position_m: tuple[float, float, float]
@@ -54,6 +64,18 @@ class FixPoses:
     n_unused : int
         Attitudes in a gap or a jump of the fixes, and those that are no rotation; not those before
         the first fix.
+
+    Examples
+    --------
+    >>> from sar_imaging.geometry import Datum
+    >>> from sar_imaging.geometry.navigation import Fix, FixPoses
+    >>> poses = FixPoses(datum=Datum(47.0, 8.0, 450.0), with_attitude=False)
+    >>> for second in range(3):                         # flying north by 1e-5 degrees a second
+    ...     for pose in poses.add_fix(Fix(second * 10**9, 47.0 + second * 1e-5, 8.0, 450.0)):
+    ...         print(f'{second} s: {pose.position_m[1]:.2f} m')
+    0 s: 0.00 m
+    1 s: 1.11 m
+    2 s: 2.22 m
     """
 
     def __init__(self, *, datum: Datum | None = None, antenna_m=(0.0, 0.0, 0.0),

@@ -33,6 +33,15 @@ class RangeGate:
     n_rise, n_fall : int
         Samples over which the window rises at its start and falls at its end; 0 where it ends
         with the profile.
+
+    Examples
+    --------
+    >>> from sar_imaging import RadarParameters
+    >>> from sar_imaging.planning.profiles.range_gate import RangeGate
+    >>> radar = RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6e-7)
+    >>> gate = RangeGate.around(radar, n_samples=1024, range_m=(150.0, 170.0))
+    >>> print(f'{gate.n_samples} samples from {gate.range_start_m:.1f} m on')
+    246 samples from 113.9 m on
     """
 
     radar: RadarParameters

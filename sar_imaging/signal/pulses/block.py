@@ -53,6 +53,21 @@ class PulseBlock:
         Shapes disagree, only one of the position arrays is given, a position is not finite, times
         are no integers, all pulses have the same number, or the pointing is for other pulses. The
         text names what was probably meant: seconds, transposed samples, positions left out.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import PulseBlock, RadarParameters
+    >>> radar = RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6.6e-6)
+    >>> track = np.zeros((3, 1, 3))
+    >>> track[:, 0, 1] = [-0.3, 0.0, 0.3]                         # three pulses along y
+    >>> block = PulseBlock(radar, compressed=True, stamp_ns=np.arange(3) * 1_500_000,
+    ...                    counter=np.arange(3), samples=np.ones((3, 1, 126)), tx_m=track,
+    ...                    rx_m=track)
+    >>> block.n_pulses, block.n_channels, block.n_samples, block.samples.dtype.name
+    (3, 1, 126, 'complex64')
+    >>> block.select(slice(1, 3)).phase_centre_m.tolist()
+    [[0.0, 0.0, 0.0], [0.0, 0.3, 0.0]]
     """
 
     radar: RadarParameters
@@ -135,6 +150,14 @@ def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
     ------
     ValueError
         There is no block, or the blocks do not match.
+
+    Examples
+    --------
+    >>> from sar_imaging import concatenate
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> blocks = list(SCENARIOS['psf']().blocks(pulses_per_block=25))
+    >>> len(blocks), blocks[0].n_pulses, concatenate(blocks).n_pulses
+    (8, 25, 200)
     """
     if not blocks:
         raise ValueError('concatenate needs at least one block')
@@ -162,6 +185,18 @@ def check_frame(block: PulseBlock, frame: str) -> None:
     ------
     ValueError
         The block names another frame.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> from sar_imaging.signal.pulses import check_frame
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = dataclasses.replace(next(SCENARIOS['psf']().blocks(1)), frame='odom')
+    >>> check_frame(block, 'odom')
+    >>> check_frame(block, 'map')
+    Traceback (most recent call last):
+        ...
+    ValueError: the phase centres are in frame 'odom', the image grid is in ...
     """
     if block.has_positions and block.frame and block.frame.lstrip('/') != frame.lstrip('/'):
         raise ValueError(f'the phase centres are in frame {block.frame!r}, the image grid is in '
@@ -178,6 +213,17 @@ def check_profiles(block: PulseBlock, radar: RadarParameters, n_samples: int, *,
     ValueError
         The pulses are raw where profiles are expected or the other way round, have no phase
         centres, are of another radar or length, or hold samples that are not finite.
+
+    Examples
+    --------
+    >>> from sar_imaging.signal.pulses import check_profiles
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(SCENARIOS['psf']().blocks(2))
+    >>> check_profiles(block, block.radar, block.n_samples)
+    >>> check_profiles(block, block.radar, block.n_samples, compressed=False)
+    Traceback (most recent call last):
+        ...
+    ValueError: the block holds range profiles; this plan is for raw pulses
     """
     if compressed and not block.compressed:
         raise ValueError('the block holds raw pulses; apply range compression first')

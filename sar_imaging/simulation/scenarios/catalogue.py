@@ -161,6 +161,16 @@ def moving_targets(seed: int = 6, *, movers: tuple[Mover, ...] | None = None,
     Returns
     -------
     Scenario
+
+    Examples
+    --------
+    >>> from sar_imaging.simulation.scenarios import moving_targets
+    >>> scenario = moving_targets()
+    >>> for car in scenario.movers:
+    ...     print(car.name, [round(float(v), 1) for v in car.velocity_m_per_s])
+    car_1 [2.1, 0.0, 0.0]
+    car_2 [-2.9, 1.0, 0.0]
+    car_3 [4.4, -1.0, 0.0]
     """
     n = 1200  # one for every two resolution cells
     # The power of Gaussian numbers is exponential: uniform by its own distribution, Gamma in sums.

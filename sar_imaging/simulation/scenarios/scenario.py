@@ -75,6 +75,17 @@ class Scenario:
         Pattern by which scatterers and clutter return; movers and jammers are lit alike.
     mount : Mount, optional
         What tells where it looks; needed with `antenna`.
+
+    Examples
+    --------
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> scenario = SCENARIOS['two_scatterers']()
+    >>> print(scenario.name, scenario.n_pulses, 'pulses,', scenario.n_channels, 'channels')
+    two_scatterers 200 pulses, 5 channels
+    >>> [f'{s.name} {s.position_m[0]:.0f} m' for s in scenario.scatterers]
+    ['centre 10000 m', 'corner 10003 m']
+    >>> next(scenario.blocks(pulses_per_block=10)).samples.shape
+    (10, 5, 126)
     """
 
     name: str
@@ -204,5 +215,11 @@ def receive_array(n_channels: int, spacing_m: float) -> tuple[tuple[float, float
     """Offsets ``d_n = n spacing`` along y, n from ``-(N-1)/2`` to ``(N-1)/2``.
 
     Rosenberg & Gray, equation 2; their ``(n - 1) spacing`` contradicts their range of n.
+
+    Examples
+    --------
+    >>> from sar_imaging.simulation.scenarios import receive_array
+    >>> [y for _, y, _ in receive_array(5, spacing_m=0.25)]
+    [-0.5, -0.25, 0.0, 0.25, 0.5]
     """
     return tuple((0.0, (n - (n_channels - 1) / 2) * spacing_m, 0.0) for n in range(n_channels))

@@ -64,6 +64,16 @@ class DroneFlight:
         The true one: lever arm and offset of the clocks.
     grid : MapGrid
         Where to image.
+
+    Examples
+    --------
+    >>> from sar_imaging.simulation.trials import drone_flight
+    >>> flight = drone_flight(1, motion='turn', radar_kind='uwb', n_pulses=32)
+    >>> flight.track().__class__.__name__, flight.position_m.shape[1], flight.block.has_positions
+    ('PoseTrack', 3, False)
+    >>> late = flight.misaligned(0.25)
+    >>> print(f'{late.time_offset_s - flight.alignment.time_offset_s:+.2f} s')
+    +0.25 s
     """
 
     motion: str
@@ -117,6 +127,13 @@ def drone_flight(seed: int, *, motion: str | None = None, radar_kind: str | None
     ------
     ValueError
         The motion or the radar is unknown.
+
+    Examples
+    --------
+    >>> from sar_imaging.simulation.trials import drone_flight
+    >>> flight = drone_flight(1, motion='hover', radar_kind='fmcw', n_pulses=32)
+    >>> flight.block.n_pulses, flight.block.radar.waveform.name, flight.grid.shape
+    (32, 'FMCW', (240, 240))
     """
     rng = np.random.default_rng(seed)
     motion, radar_kind = (given or str(rng.choice(kinds)) for given, kinds in (

@@ -39,6 +39,13 @@ class RandomCase:
         What correlation takes: phase histories that the profiles were made of, or the profiles.
     traits : dict of str to int, float or str
         What tells cases apart: seed, track, range, elevation, channels and so on.
+
+    Examples
+    --------
+    >>> from sar_imaging.simulation.trials import random_case
+    >>> case = random_case(4)
+    >>> case.profiles.compressed, case.traits['seed']
+    (True, 4)
     """
 
     grid: MapGrid
@@ -67,6 +74,13 @@ def random_case(seed: int, track: str | None = None) -> RandomCase:
         Of everything.
     track : str, optional
         One of `TRACKS`; the seed chooses if left out.
+
+    Examples
+    --------
+    >>> from sar_imaging.simulation.trials import random_case
+    >>> case = random_case(3)
+    >>> print(case.traits['track'], case.grid.shape, case.profiles.n_pulses, 'pulses')
+    climbing (66, 69) 36 pulses
     """
     rng = np.random.default_rng(seed)
     # Drawn in any case, so that a track can be asked for.

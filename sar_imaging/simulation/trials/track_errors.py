@@ -41,6 +41,15 @@ class FlawedAperture:
         How many are bright: 0 to -10 dB.
     grid : MapGrid
         Where to image.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.simulation.trials import flawed_aperture
+    >>> case = flawed_aperture('smooth', 2.0, seed=1, n_pulses=32)
+    >>> wrong = np.linalg.norm(case.stated.phase_centre_m - case.true.phase_centre_m, axis=-1)
+    >>> print(f'{wrong.max() / case.true.radar.wavelength_m:.1f} wavelengths')
+    2.1 wavelengths
     """
 
     kind: str
@@ -87,6 +96,13 @@ def flawed_aperture(kind: str, size: float, seed: int, *, n_pulses: int = 512,
         Pulses of the aperture.
     half_scene_m, spacing_m : float
         Half the side of the scene, and pixel spacing, metres.
+
+    Examples
+    --------
+    >>> from sar_imaging.simulation.trials import flawed_aperture
+    >>> case = flawed_aperture('vibration', 0.1, seed=1, n_pulses=32)
+    >>> case.n_bright, case.stated.n_pulses, case.grid.shape
+    (24, 32, (240, 240))
     """
     rng = np.random.default_rng(seed)
     points = np.zeros((_N_BRIGHT + _N_FAINT, 3))

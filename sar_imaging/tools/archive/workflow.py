@@ -76,6 +76,21 @@ def run_archive(job: Job, *, workers: int | None = None, scheduler: str | None =
         There are no workers that can do it.
     OSError
         The output folder cannot be written.
+
+    Examples
+    --------
+    >>> from sar_imaging.tools.archive.jobs import read_job
+    >>> from sar_imaging.tools.archive.workflow import run_archive
+    >>> with open('survey.yaml', 'w') as file:
+    ...     _ = file.write('''
+    ... recordings: bags/psf
+    ... output: survey
+    ... spacing_m: 0.5
+    ... tile: 64
+    ... ''')
+    >>> summary = run_archive(read_job('survey.yaml'), workers=1, tell=lambda text: None)
+    >>> summary.exit_status, summary.losses
+    (0, ())
     """
     with _opened(job, workers, scheduler, tell) as opened:
         summary, scans = _scan(opened)

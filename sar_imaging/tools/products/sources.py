@@ -181,6 +181,16 @@ def open_source(path: Path | str, *, aperture: int | None = None,
         There is no such file, it has another format, or it lacks what imaging needs.
     BagError, CphdError, MissingExtraError, UnknownKindError
         It cannot be read.
+
+    Examples
+    --------
+    >>> from sar_imaging.tools.products.sources import open_source
+    >>> source = open_source('bags/spotlight')
+    >>> source.kind, source.n_pulses, source.compressed
+    ('recording', 128, False)
+    >>> [profiles] = source.profiles(n_bytes=1e9)                  # compressed where they are not
+    >>> profiles.compressed
+    True
     """
     path = Path(path)
     if _kind(path) == RECORDING:

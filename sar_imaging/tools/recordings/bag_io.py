@@ -34,7 +34,17 @@ TRUTH_VERSION = 1
 
 
 class BagError(RuntimeError):
-    """A recording is missing, exists already, or is not one of ours."""
+    """A recording is missing, exists already, or is not one of ours.
+
+    Examples
+    --------
+    >>> from sar_imaging.tools.recordings import BagError, read_blocks
+    >>> try:
+    ...     next(read_blocks('bags'))
+    ... except BagError as error:
+    ...     print(error)
+    bags is not a rosbag2 recording: it has no metadata.yaml
+    """
 
 
 def _rosbag2():
@@ -106,6 +116,20 @@ def write_bag(path: Path | str, blocks: Iterable[PulseBlock], truth: dict, *,
     ------
     BagError
         `path` exists and may not be replaced, or there is no block.
+
+    Examples
+    --------
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> from sar_imaging.tools.recordings import make_truth, read_recording, write_bag
+    >>> scenario = SCENARIOS['psf']()
+    >>> blocks = list(scenario.blocks(pulses_per_block=50))
+    >>> truth = make_truth(scenario='psf', description='one scatterer', scatterers=[],
+    ...                    grid=scenario.grid, pulses_per_aperture=200, n_pulses=200, n_channels=5,
+    ...                    cut_half_width_m=(3.0, 15.0), radar=scenario.radar, compressed=True)
+    >>> write_bag('first_flight', blocks, truth)
+    4
+    >>> len(read_recording('first_flight').counter)
+    200
     """
     path = Path(path).resolve()
     check_target(path, overwrite=overwrite)
@@ -197,7 +221,14 @@ def pose_messages(path: Path | str) -> Iterator[tuple[int, bytes]]:
 
 
 def read_poses(path: Path | str) -> RecordedPoses | None:
-    """Poses of a recording; None when it has no `/odometry`."""
+    """Poses of a recording; None when it has no `/odometry`.
+
+    Examples
+    --------
+    >>> from sar_imaging.tools.recordings import read_poses
+    >>> read_poses('bags/psf') is None                            # its pulses have phase centres
+    True
+    """
     return RecordedPoses.from_messages(_store(), [cdr for _, cdr in pose_messages(path)])
 
 
@@ -216,7 +247,16 @@ def _messages(path: Path | str, topic: str, message_type: str, start_ns: int | N
 
 
 def read_blocks(path: Path | str) -> Iterator[PulseBlock]:
-    """Pulse blocks of a recording, in the order recorded; raises as `raw_messages` does."""
+    """Pulse blocks of a recording, in the order recorded; raises as `raw_messages` does.
+
+    Examples
+    --------
+    >>> from sar_imaging.tools.recordings import read_blocks
+    >>> for block in read_blocks('bags/psf'):
+    ...     print(block.samples.shape, block.compressed)
+    ...     break
+    (25, 5, 126) True
+    """
     for _, cdr in raw_messages(path):
         yield deserialise(cdr)
 
@@ -228,6 +268,13 @@ def read_truth(path: Path | str) -> dict | None:
     ------
     BagError
         The folder is no bag, or its truth is of a version this program does not know.
+
+    Examples
+    --------
+    >>> from sar_imaging.tools.recordings import read_truth
+    >>> truth = read_truth('bags/psf')
+    >>> [(s['name'], s['position_m']) for s in truth['scatterers']]
+    [('centre', [10000.0, 0.0, 0.0])]
     """
     with _opened(path) as reader:
         text = (reader.storage.metadata.custom or {}).get(TRUTH_KEY)
@@ -276,6 +323,20 @@ def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], g
     -------
     dict
         Of JSON types only.
+
+    Examples
+    --------
+    >>> from sar_imaging import MapGrid, RadarParameters
+    >>> from sar_imaging.tools.recordings import make_truth
+    >>> truth = make_truth(
+    ...     scenario='first_flight', description='a reflector beside the track',
+    ...     scatterers=[{'name': 'trihedral', 'position_m': [130.0, 4.0, 0.0],
+    ...                  'amplitude_db': 0.0}],
+    ...     grid=MapGrid((130.0, 0.0, 0.0), 240, 240, 0.25), pulses_per_aperture=256, n_pulses=256,
+    ...     n_channels=1, cut_half_width_m=(5.0, 5.0),
+    ...     radar=RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6e-7), compressed=True)
+    >>> truth['grid']['spacing_m'], truth['radar']['waveform']
+    (0.25, 'LFM')
     """
     range_m, azimuth_m = cut_half_width_m
     return {

@@ -27,6 +27,17 @@ class RecordedPoses:
         x, y, z, w.
     frame_id, child_frame_id : str
         Frame of the positions and name of the body.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.tools.recordings import RecordedPoses
+    >>> second = 1_000_000_000
+    >>> poses = RecordedPoses(np.arange(20) * (second // 20), np.zeros((20, 3)),
+    ...                       np.tile([0.0, 0.0, 0.0, 1.0], (20, 1)))
+    >>> track = poses.track(max_gap_s=0.1)
+    >>> poses.frame_id, poses.child_frame_id
+    ('map', 'base_link')
     """
 
     stamp_ns: np.ndarray

@@ -78,6 +78,15 @@ class Recording:
         recorded with them; None when the recording has neither.
     by_poses : bool
         Whether they come from poses.
+
+    Examples
+    --------
+    >>> from sar_imaging.tools.recordings import read_recording
+    >>> recording = read_recording('bags/spotlight')
+    >>> for aperture in recording.apertures(recording.truth['pulses_per_aperture']):
+    ...     print(f'aperture {aperture.number}: {aperture.n_pulses} pulses')
+    aperture 0: 128 pulses
+    aperture 1: 128 pulses
     """
 
     path: Path
@@ -198,6 +207,15 @@ def read_recording(path: Path | str) -> Recording:
     ------
     BagError
         The folder is no bag with `/pulses`, or no message holds a pulse block.
+
+    Examples
+    --------
+    >>> from sar_imaging.tools.recordings import read_recording
+    >>> recording = read_recording('bags/psf')
+    >>> recording.n_messages, len(recording.counter), recording.compressed
+    (8, 200, True)
+    >>> recording.grid.shape
+    (401, 81)
     """
     truth = read_truth(path)
     poses = read_poses(path)

@@ -47,6 +47,19 @@ def read_job(path: Path | str) -> Job:
     ------
     JobError
         It is no job; one line says where, what was expected, what came and what to do.
+
+    Examples
+    --------
+    >>> from sar_imaging.tools.archive.jobs import read_job
+    >>> with open('survey.yaml', 'w') as file:
+    ...     _ = file.write('''
+    ... recordings: bags/psf
+    ... output: survey
+    ... spacing_m: 0.5
+    ... ''')
+    >>> job = read_job('survey.yaml')
+    >>> job.spacing_m, job.method, job.products.mosaic
+    (0.5, 'auto', True)
     """
     path = Path(path)
     whole = read_yaml(path)

@@ -81,6 +81,24 @@ def check_mosaic(output: Path, n_pixels: int = 100, *, seed: int = 0,
     ------
     ValueError
         There is no aperture, or the mosaic has no pixel.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from sar_imaging.tools.archive.jobs import read_job
+    >>> from sar_imaging.tools.archive.products import check_mosaic
+    >>> from sar_imaging.tools.archive.workflow import run_archive
+    >>> with open('survey.yaml', 'w') as file:
+    ...     _ = file.write('''
+    ... recordings: bags/psf
+    ... output: survey
+    ... spacing_m: 0.5
+    ... tile: 64
+    ... ''')
+    >>> _ = run_archive(read_job('survey.yaml'), workers=1, tell=lambda text: None)
+    >>> checked = check_mosaic(Path('survey'), n_pixels=10)
+    >>> len(checked.power), bool(checked.error_db < -50.0)
+    (10, True)
     """
     job, scans = load_job(output), [s for s in all_scans(output) if s.name not in lost]
     if not scans:
