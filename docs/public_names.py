@@ -1,0 +1,96 @@
+"""Which names are public: those of the API reference, each with an example that runs.
+
+A name is public if a package lists it in `__all__`, or if it is among `MODULES` below: names that
+users import from the module itself, since its package loads nothing beforehand. Everything else
+may change without notice. `docs/conf.py` and `test/test_examples.py` read this file.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pathlib
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+
+# Packages that list names for their neighbours, not for users, and why.
+INTERNAL = {
+    'sar_imaging.nodes': 'programs: users meet their topics and parameters, see docs/nodes',
+    'sar_imaging.tools.archive.jobs':
+        'steps of the command `archive`: users write job.yaml and call `run_archive`',
+    'sar_imaging.tools.archive.products':
+        'steps of the command `archive`, which writes and describes its products',
+}
+
+# Names that pages import from modules, or from packages whose other names are internal.
+MODULES = {
+    'msg_conversions.navigation': ('datum_from_message', 'datum_to_message'),
+    'sar_imaging.autofocus.live': ('live_autofocus',),
+    'sar_imaging.autofocus.phase_gradient': ('PhaseGradient',),
+    'sar_imaging.autofocus.track': ('PhaseCentreTrack',),
+    'sar_imaging.backends.reference.project_points': ('half_paths',),
+    'sar_imaging.backends.reference.resample_profiles': ('profile_spectra',),
+    'sar_imaging.configuration.parameters': ('default_file', 'read_configuration'),
+    'sar_imaging.geometry.alignment': ('Alignment',),
+    'sar_imaging.geometry.poses': ('PoseTrack',),
+    'sar_imaging.geometry.terrain': ('Terrain',),
+    'sar_imaging.imaging.correlation': ('correlate', 'correlate_profiles'),
+    'sar_imaging.imaging.image': ('Report',),
+    'sar_imaging.imaging.methods': ('Method',),
+    'sar_imaging.planning.profiles.range_gate': ('RangeGate',),
+    'sar_imaging.quality.verification': ('Verification', 'measure_error'),
+    'sar_imaging.signal.background': ('BackgroundFilter',),
+    'sar_imaging.signal.calibration': ('CalibrationError', 'ChannelCalibration'),
+    'sar_imaging.signal.dechirp': ('fmcw_parameters',),
+    'sar_imaging.signal.positioning': ('locate',),
+    'sar_imaging.signal.pulses.buffer': ('PulseBuffer',),
+    'sar_imaging.signal.spectra': ('band_spectrum',),
+    'sar_imaging.signal.windows': ('parse_window', 'window'),
+    'sar_imaging.streaming.aperture': ('ApertureImager',),
+    'sar_imaging.streaming.fusion': ('LiveFusion',),
+    'sar_imaging.streaming.mosaic': ('StripMosaic',),
+    'sar_imaging.streaming.subapertures': ('LiveSubapertures',),
+    'sar_imaging.tools.archive.jobs': ('read_job',),
+    'sar_imaging.tools.archive.products': ('check_mosaic',),
+    'sar_imaging.tools.archive.workflow': ('run_archive',),
+    'sar_imaging.tools.products.sources': ('open_source',),
+}
+
+
+def _is_internal(package: str) -> bool:
+    return any(f'{package}.'.startswith(f'{internal}.') for internal in INTERNAL)
+
+
+def _packages() -> list[str]:
+    files = [path for top in ('sar_imaging', 'msg_conversions')
+             for path in sorted((ROOT / top).rglob('__init__.py'))]
+    return ['.'.join(path.parent.relative_to(ROOT).parts) for path in files]
+
+
+def public_names() -> dict[str, tuple[str, ...]]:
+    """Public names of each package and module, by the name of this.
+
+    A name that several packages list counts for each of them.
+    """
+    names = {}
+    for package in _packages():
+        if not _is_internal(package):
+            if listed := getattr(importlib.import_module(package), '__all__', ()):
+                names[package] = tuple(listed)
+    for module, listed in MODULES.items():
+        names[module] = (*names.get(module, ()), *listed)
+    return names
+
+
+def public_objects() -> dict[str, object]:
+    """Public classes and functions by the module and name that define them, each once.
+
+    Constants are left out: their module's page tells their values.
+    """
+    objects = {}
+    for module, names in public_names().items():
+        for name in names:
+            value = getattr(importlib.import_module(module), name)
+            if inspect.isclass(value) or inspect.isfunction(value):
+                objects[f'{value.__module__}.{value.__qualname__}'] = value
+    return dict(sorted(objects.items()))

@@ -1,0 +1,97 @@
+"""Every public name has an example in its docstring, and every example shows what happens."""
+
+from __future__ import annotations
+
+import ast
+import doctest
+import importlib
+import pathlib
+import re
+
+import pytest
+
+from docs.public_names import INTERNAL, public_names, public_objects
+
+ROOT = pathlib.Path(__file__).parent.parent
+PAGES = [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]
+OPTIONS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+
+
+def _module(path) -> str:
+    return '.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__')
+
+
+MODULES = [_module(path) for package in ('sar_imaging', 'msg_conversions')
+           for path in sorted((ROOT / package).rglob('*.py')) if '>>> ' in path.read_text()]
+PAGES_WITH_EXAMPLES = [page for page in PAGES if '\n>>> ' in page.read_text()]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty folder beside the recordings of `bags`, in which examples read and write."""
+    (tmp_path / 'bags').symlink_to(ROOT / 'bags')
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize('name', sorted(public_objects()))
+def test_a_public_name_has_an_example(name):
+    text = public_objects()[name].__doc__ or ''
+    assert re.search(r'^ *Examples\n *-{8}\n *>>> ', text, re.MULTILINE)
+
+
+def _examples(name: str) -> list[doctest.DocTest]:
+    """Examples of a module by its name, or of a page by its path, the text of it all."""
+    # Without the names of the module: what a reader copies has to import what it uses.
+    if not name.endswith('.md'):
+        return doctest.DocTestFinder().find(importlib.import_module(name), globs={})
+    text = re.sub('^```.*$', '', (ROOT / name).read_text(), flags=re.MULTILINE)
+    return [doctest.DocTestParser().get_doctest(text, {}, name, name, 0)]
+
+
+@pytest.mark.parametrize(
+    'name', [*MODULES, *(page.relative_to(ROOT).as_posix() for page in PAGES_WITH_EXAMPLES)])
+def test_examples_show_what_happens(name, folder):
+    runner, failures = doctest.DocTestRunner(optionflags=OPTIONS, verbose=False), []
+    for example in _examples(name):
+        assert not any(doctest.SKIP in part.options for part in example.examples), (
+            f'{example.name}: an example that is left out shows nothing')
+        runner.run(example, out=failures.append)
+    if any('MissingExtraError: ' in text for text in failures):
+        pytest.skip('needs a library of an extra')
+    assert not failures, ''.join(failures)
+
+
+def test_examples_that_show_something_else_are_noticed():
+    example = doctest.DocTestParser().get_doctest('>>> 1 + 1\n3\n', {}, 'wrong', None, 0)
+    shown = []
+    assert doctest.DocTestRunner(optionflags=OPTIONS).run(example, out=shown.append).failed == 1
+    assert 'Expected:\n    3\nGot:\n    2' in ''.join(shown)
+
+
+def _imports(page) -> set[tuple[str, str]]:
+    """Modules and names that the Python code of a page imports of this package."""
+    found = set()
+    for code in re.findall(r'^```python\n(.*?)^```', page.read_text(), re.DOTALL | re.MULTILINE):
+        for node in ast.walk(ast.parse(code)):
+            if isinstance(node, ast.ImportFrom) and (node.module or '').startswith(
+                    ('sar_imaging', 'msg_conversions')):
+                found.update((node.module, alias.name) for alias in node.names)
+    return found
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_what_pages_import_is_public(page):
+    public = [getattr(importlib.import_module(module), name)
+              for module, names in public_names().items() for name in names]
+    for module, name in sorted(_imports(page)):
+        value = getattr(importlib.import_module(module), name, None)
+        if value is None or type(value).__name__ == 'module':
+            continue  # a module, whose own names count
+        assert any(value is other for other in public), (
+            f'{page.name} imports {name} of {module}, which is not public: list it in the '
+            "package's __all__ or in docs/public_names.py")
+
+
+def test_reasons_are_given_for_packages_that_are_not_public():
+    for package, reason in INTERNAL.items():
+        assert (ROOT / package.replace('.', '/') / '__init__.py').is_file() and len(reason) > 20
