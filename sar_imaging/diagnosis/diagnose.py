@@ -120,7 +120,7 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none') -> Diagn
     >>> found.focused, found.mistake
     (False, 'samples conjugated')
     >>> print(found.advice)
-    the samples are probably conjugated, or Q and I exchanged; pass samples.conj()
+    the samples are probably conjugated, or Q and I exchanged; pass samples.conj(), ...
     """
     check_profiles(block, block.radar, block.n_samples, compressed=block.compressed)
     attempt = _Attempts(grid, window)

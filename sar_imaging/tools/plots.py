@@ -56,6 +56,18 @@ def save_image_png(path: Path | str, image, grid: MapGrid, *, truth: Sequence[di
     ------
     ValueError
         The image does not have the shape of the grid.
+
+    Examples
+    --------
+    >>> import os
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid
+    >>> from sar_imaging.tools.plots import save_image_png
+    >>> grid = MapGrid((100.0, 0.0, 0.0), 32, 32, 0.5)
+    >>> noise = np.random.default_rng(1).standard_normal((32, 64)).view(complex)
+    >>> save_image_png('image.png', noise, grid, title='noise')
+    >>> os.path.getsize('image.png') > 1000
+    True
     """
     image = np.asarray(image)
     grid.check_image(image)
