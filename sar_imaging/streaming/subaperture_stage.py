@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from ..backends import backend
@@ -9,6 +11,7 @@ from ..planning.afbp.edge_brightness import EdgeBrightness
 from ..planning.afbp.lit_subapertures import seen_subapertures
 from ..planning.afbp.live import LivePlan
 from ..signal.pulses import PulseBlock
+from ..signal.pulses.apertures import AperturePulses
 
 
 class SubapertureStage:
@@ -45,3 +48,17 @@ class SubapertureStage:
         brightness = EdgeBrightness(plan.fusion_grid, plan.sampling.coverage)
         brightness.add(parts)
         return image, brightness.uneven_db
+
+
+@dataclasses.dataclass
+class Target:
+    """An image to be: apertures that it is made of, and the plan of their sub-apertures."""
+
+    first: int  # aperture
+    n_apertures: int
+    sequence: int
+    apertures: list[AperturePulses] = dataclasses.field(default_factory=list)
+    stage: SubapertureStage | None = None
+    revision: int = 0
+    waits: bool = False  # for the whole track
+    refused: bool = False

@@ -18,7 +18,7 @@ from ..signal.pulses.apertures import AperturePulses, ApertureSequence, Aperture
 from ..signal.pulses.sequence import COUNTER_MASK
 from .mosaic import patch_beside
 from .subaperture_image import SubapertureImage
-from .subaperture_stage import SubapertureStage
+from .subaperture_stage import SubapertureStage, Target
 
 _LEAST_PULSES = 16  # from which a track is carried on, where nothing came before
 _SHARE_TO_PLAN_AHEAD = 0.75  # of an aperture that must be known
@@ -33,20 +33,6 @@ class LiveStatistics(ApertureStatistics):
     plans: int = 0
     plans_anew: int = 0
     plan_seconds: float = 0.0
-
-
-@dataclasses.dataclass
-class _Target:
-    """An image to be: apertures that it is made of, and the plan of their sub-apertures."""
-
-    first: int  # aperture
-    n_apertures: int
-    sequence: int
-    apertures: list[AperturePulses] = dataclasses.field(default_factory=list)
-    stage: SubapertureStage | None = None
-    revision: int = 0
-    waits: bool = False  # for the whole track
-    refused: bool = False
 
 
 class LiveSubapertures(ApertureSequence):
@@ -152,7 +138,7 @@ class LiveSubapertures(ApertureSequence):
             return
         try:
             # Another cut has to wait: the aperture being filled is cut like this to its end.
-            stage = self._stage_for(_Target(number, self._n_apertures, 0), self._cut, slack=1.0)
+            stage = self._stage_for(Target(number, self._n_apertures, 0), self._cut, slack=1.0)
         except ValueError:
             return
         self.statistics.plans += 1
@@ -167,15 +153,15 @@ class LiveSubapertures(ApertureSequence):
     def _begin_sequence(self) -> None:
         super()._begin_sequence()
         self._cut = self._wanted_cut
-        self._targets: list[_Target] = []
+        self._targets: list[Target] = []
         # Images that can wait: target, its revision, aperture and number of the sub-aperture.
-        self._waiting: list[tuple[_Target, int, AperturePulses, int]] = []
-        self._ahead: _Target | None = None
+        self._waiting: list[tuple[Target, int, AperturePulses, int]] = []
+        self._ahead: Target | None = None
         self._tried: int | None = None  # aperture that was to be planned ahead
         self._previous: AperturePulses | None = None
         self._memory.clear()
         self._warned = False
-        self._former: _Target | None = None  # the latest that ended, and its plan
+        self._former: Target | None = None  # the latest that ended, and its plan
         self._again = False  # the leg before was flown again
         self._flight: np.ndarray | None = None  # direction of the leg that a strip follows
 
@@ -194,9 +180,9 @@ class LiveSubapertures(ApertureSequence):
             target.apertures.append(aperture)
         return aperture
 
-    def _new_target(self, number: int, step: int = 1) -> _Target:
+    def _new_target(self, number: int, step: int = 1) -> Target:
         self._sequence = (self._sequence + step) & COUNTER_MASK
-        return _Target(number, self._n_apertures, self._sequence)
+        return Target(number, self._n_apertures, self._sequence)
 
     def _fill(self, aperture: AperturePulses, block: PulseBlock) -> list[SubapertureImage]:
         results = self.catch_up()
@@ -254,7 +240,7 @@ class LiveSubapertures(ApertureSequence):
         self.statistics.images += len(results)
         return results
 
-    def _image(self, target: _Target, aperture: AperturePulses, number: int
+    def _image(self, target: Target, aperture: AperturePulses, number: int
                ) -> list[SubapertureImage]:
         """Image one sub-aperture, or all so far where the plan does not suit it."""
         if target.stage is None and not target.refused:
@@ -266,7 +252,7 @@ class LiveSubapertures(ApertureSequence):
             images = self._fly_again(target)
         return self._image_again(target) if images is None else images
 
-    def _fly_again(self, target: _Target) -> list[SubapertureImage] | None:
+    def _fly_again(self, target: Target) -> list[SubapertureImage] | None:
         """Images with the plan of the aperture before; None where this is not its leg."""
         former, foreseen = self._former, target.stage
         if (target.revision or former is None or former.stage in (None, foreseen)
@@ -283,7 +269,7 @@ class LiveSubapertures(ApertureSequence):
                      'and takes over its plan')
         return images
 
-    def _image_again(self, target: _Target, slack: float | None = None) -> list[SubapertureImage]:
+    def _image_again(self, target: Target, slack: float | None = None) -> list[SubapertureImage]:
         """Plan an aperture anew and image what it has so far."""
         self._again = False
         while target.revision < _MOST_REVISIONS or slack == 0.0:
@@ -297,18 +283,18 @@ class LiveSubapertures(ApertureSequence):
         self._wait(target)
         return []
 
-    def _wait(self, target: _Target) -> None:
+    def _wait(self, target: Target) -> None:
         target.waits = True
         self._report('plan', f'the track of aperture {target.first} cannot be foreseen well '
                      f'enough for target_db={self._target_db:g}; its end is awaited')
 
-    def _closed_parts(self, target: _Target) -> list[tuple[AperturePulses, slice]]:
+    def _closed_parts(self, target: Target) -> list[tuple[AperturePulses, slice]]:
         """Sub-apertures that are not to grow any more."""
         parts = ((aperture, aperture.part(number, self._cut)) for aperture in target.apertures
                  for number in range(-(-aperture.next // self._cut)))
         return [(aperture, part) for aperture, part in parts if aperture.seen[part].any()]
 
-    def _form(self, target: _Target, parts) -> list[SubapertureImage] | None:
+    def _form(self, target: Target, parts) -> list[SubapertureImage] | None:
         """Images of sub-apertures; None where one does not suit the plan."""
         found = []
         for aperture, part in parts:
@@ -320,7 +306,7 @@ class LiveSubapertures(ApertureSequence):
             found.append((aperture, part, block, *band))
         return [self._formed(target, *some) for some in found]
 
-    def _formed(self, target: _Target, aperture: AperturePulses, part: slice, block: PulseBlock,
+    def _formed(self, target: Target, aperture: AperturePulses, part: slice, block: PulseBlock,
                 centre_m: float, error_db: float, power_db: float) -> SubapertureImage:
         # Apertures are equally long but for the last before the counter wraps around.
         counts = [self._count_parts(target.first + i) for i in range(target.n_apertures)]
@@ -339,7 +325,7 @@ class LiveSubapertures(ApertureSequence):
         n_pulses = min(self._length, COUNTER_MASK + 1 - number * self._length)
         return max(1, -(-n_pulses // self._cut))
 
-    def _make_plan(self, target: _Target, slack: float | None = None) -> None:
+    def _make_plan(self, target: Target, slack: float | None = None) -> None:
         """Plan an aperture from what is known, or refuse it."""
         slack = 2.0 ** target.revision if slack is None else slack
         begin = time.perf_counter()
@@ -373,7 +359,7 @@ class LiveSubapertures(ApertureSequence):
             for aperture in target.apertures:
                 aperture.next = aperture.next // self._cut * self._cut
 
-    def _stage_for(self, target: _Target, cut: int, slack: float) -> SubapertureStage:
+    def _stage_for(self, target: Target, cut: int, slack: float) -> SubapertureStage:
         apertures = {a.number: a for a in target.apertures}
         apertures |= {a.number: a for a in (self._previous, self._open)
                       if a is not None and a.number < target.first}
