@@ -269,5 +269,5 @@ installed:
 	mv "$(VENV)/requirements.txt" "$(INSTALLED)" && echo 'Environment ready.'
 
 clean:
-	rm -rf out build install log *.egg-info .pytest_cache .ruff_cache .hypothesis docs/api/generated docs/examples/built
+	rm -rf out build install log *.egg-info .pytest_cache .ruff_cache .hypothesis docs/api/generated docs/auto_examples docs/sg_execution_times.rst
 	find sar_imaging msg_conversions test benchmarks -name __pycache__ -prune -exec rm -rf {} +

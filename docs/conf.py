@@ -20,12 +20,14 @@ extensions = [
     'sphinx.ext.autosummary',
     'sphinx.ext.viewcode',
     'sphinx_copybutton',
+    'sphinx_gallery.gen_gallery',
     # of docs/extensions
     'drawings',
     'links',
     'mathml',
 ]
-exclude_patterns = ['_contents.md', '_templates', 'extensions']
+exclude_patterns = ['_contents.md', 'sg_execution_times.rst', '_templates', 'examples',
+                    'extensions']
 templates_path = ['_templates']
 
 # Markdown is written for GitHub: headings have its anchors, `$` and ```mermaid work as there.
@@ -41,6 +43,18 @@ autosummary_context = {'first': sar_imaging.__all__}  # other packages refer to 
 autodoc_typehints = 'none'  # numpydoc's sections state them
 autodoc_member_order = 'bysource'
 numpydoc_show_class_members = False
+
+# The examples run when the site is built; `-D plot_gallery=0` leaves that out.
+sphinx_gallery_conf = {
+    'examples_dirs': 'examples',
+    'gallery_dirs': 'auto_examples',
+    'filename_pattern': '',
+    'ignore_pattern': '__init__',
+    'within_subsection_order': 'FileNameSortKey',
+    'abort_on_example_error': True,
+    'download_all_examples': False,
+    'min_reported_time': 1e9,
+}
 
 html_theme = 'furo'
 html_title = f'sar_imaging {release}'
