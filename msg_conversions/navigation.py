@@ -85,6 +85,20 @@ def attitude_from_message(message: Imu) -> tuple[int, tuple[float, float, float,
 def datum_to_message(datum: Datum, frame_id: str, stamp: Time) -> TransformStamped:
     """Transform from `EARTH_FRAME` to the frame whose datum it is.
 
+    Parameters
+    ----------
+    datum : Datum
+        Place and heading of the frame.
+    frame_id : str
+        Name of the frame.
+    stamp : builtin_interfaces.msg.Time
+        From when on it holds.
+
+    Returns
+    -------
+    geometry_msgs.msg.TransformStamped
+        From `EARTH_FRAME`, metres.
+
     Examples
     --------
     >>> from builtin_interfaces.msg import Time
@@ -106,6 +120,16 @@ def datum_to_message(datum: Datum, frame_id: str, stamp: Time) -> TransformStamp
 
 def datum_from_message(message: TransformStamped) -> Datum:
     """Datum of the frame that the transform from `EARTH_FRAME` leads to.
+
+    Parameters
+    ----------
+    message : geometry_msgs.msg.TransformStamped
+        As `datum_to_message` writes it; its z axis points up where it leads.
+
+    Returns
+    -------
+    Datum
+        Degrees and metres, WGS 84.
 
     Raises
     ------

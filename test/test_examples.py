@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import ast
 import doctest
+import enum
 import importlib
+import inspect
 import pathlib
 import re
+from typing import Protocol
 
 import pytest
 
@@ -14,6 +17,8 @@ from docs.public_names import INTERNAL, public_names, public_objects
 
 ROOT = pathlib.Path(__file__).parent.parent
 PAGES = [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]
+# Classes whose arguments are no business of users.
+MADE_BY_OTHERS = {'sar_imaging.imaging.imager.Imager'}  # `plan_image`
 OPTIONS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
@@ -37,6 +42,21 @@ def folder(tmp_path, monkeypatch):
 def test_a_public_name_has_an_example(name):
     text = public_objects()[name].__doc__ or ''
     assert re.search(r'^ *Examples\n *-{8}\n *>>> ', text, re.MULTILINE)
+
+
+@pytest.mark.parametrize('name', sorted(public_objects()))
+def test_a_public_name_explains_its_arguments_and_result(name):
+    value = public_objects()[name]
+    text = inspect.getdoc(value) or ''
+    if isinstance(value, type) and (issubclass(value, (Exception, enum.Enum, Protocol))
+                                    or name in MADE_BY_OTHERS):
+        return
+    signature = inspect.signature(value)
+    for argument in signature.parameters:
+        line = rf'^[\w, *]*\b{argument}\b[\w, *]*( :.*)?$'
+        assert re.search(line, text, re.MULTILINE), argument
+    if inspect.isfunction(value) and signature.return_annotation not in ('None', None):
+        assert re.search(r'^(Returns|Yields)\n-{6}', text, re.MULTILINE)
 
 
 def _examples(name: str) -> list[doctest.DocTest]:

@@ -61,7 +61,7 @@ class _Answer(NamedTuple):
 
 
 class Autofocus:
-    """Correct phase centres of whole apertures from their image alone.
+    """Estimate errors of the phase centres from an image, and image again without them.
 
     Parameters
     ----------

@@ -116,6 +116,16 @@ class GeometryModel:
 def nominal(block: PulseBlock) -> GeometryModel:
     """Model without unknowns: the phase centres that came with the pulses.
 
+    Parameters
+    ----------
+    block : PulseBlock
+        Pulses with phase centres.
+
+    Returns
+    -------
+    GeometryModel
+        Of no parameters.
+
     Raises
     ------
     ValueError
@@ -140,7 +150,7 @@ def nominal(block: PulseBlock) -> GeometryModel:
 
 def with_track_error(model: GeometryModel, *, degree: int = 5, scale_m: float = 0.05,
                      axes: Sequence[Sequence[float]] = np.eye(3), time_s=None) -> GeometryModel:
-    """Add a smooth displacement: Legendre polynomials of the pulses' times.
+    """Add an unknown smooth displacement: Legendre polynomials of the pulses' times.
 
     Parameters
     ----------
@@ -154,6 +164,11 @@ def with_track_error(model: GeometryModel, *, degree: int = 5, scale_m: float = 
         Directions of the displacement; x, y and z unless told otherwise.
     time_s : (P,) array_like, optional
         Ascending times of the pulses, seconds; at equal intervals if left out.
+
+    Returns
+    -------
+    GeometryModel
+        With the parameters ``track_A_K_m``: metres along axis A of polynomial K.
 
     Examples
     --------
@@ -186,7 +201,7 @@ def with_track_error(model: GeometryModel, *, degree: int = 5, scale_m: float = 
 
 
 def with_time_offset(model: GeometryModel, time_s, *, scale_s: float) -> GeometryModel:
-    """Add an offset between the clocks of pulses and positions.
+    """Add an unknown offset between the clocks of pulses and positions.
 
     Positions belong to the times of the pulses plus the offset. Phase centres between pulses
     follow a cubic spline; beyond the ends it is continued.
@@ -199,6 +214,11 @@ def with_time_offset(model: GeometryModel, time_s, *, scale_s: float) -> Geometr
         Ascending times of the pulses, seconds.
     scale_s : float
         Expected size of the offset, seconds.
+
+    Returns
+    -------
+    GeometryModel
+        With the parameter ``time_offset_s``, seconds.
 
     Examples
     --------
@@ -224,7 +244,19 @@ def with_time_offset(model: GeometryModel, time_s, *, scale_s: float) -> Geometr
 
 
 def with_range_bias(model: GeometryModel, *, scale_m: float) -> GeometryModel:
-    """Add a constant that the measured half path has more than the true one, metres.
+    """Add an unknown bias of the measured half path, the same for all pulses.
+
+    Parameters
+    ----------
+    model : GeometryModel
+        To extend.
+    scale_m : float
+        Expected size of the bias, metres.
+
+    Returns
+    -------
+    GeometryModel
+        With the parameter ``range_bias_m``, metres.
 
     Examples
     --------
@@ -241,7 +273,19 @@ def with_range_bias(model: GeometryModel, *, scale_m: float) -> GeometryModel:
 
 
 def apply_geometry(block: PulseBlock, geometry: Geometry) -> PulseBlock:
-    """Block with other phase centres, its delays corrected for the range bias.
+    """Pulses with the phase centres and the range bias of a geometry.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        Pulses.
+    geometry : Geometry
+        Phase centres for each, and the range bias of their delays.
+
+    Returns
+    -------
+    PulseBlock
+        With the same samples, whose first one is nearer by the bias.
 
     Examples
     --------

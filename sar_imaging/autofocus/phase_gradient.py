@@ -69,7 +69,7 @@ class PhaseGradientResult:
 
 
 class PhaseGradient:
-    """Planned phase gradient autofocus of polar images of one grid.
+    """Phase gradient autofocus (PGA) of polar images, planned for one grid.
 
     Parameters
     ----------

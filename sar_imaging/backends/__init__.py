@@ -26,7 +26,7 @@ _ENTRIES = ('Backprojection', 'SubapertureImager', 'SpectrumFusion', 'form_map')
 
 
 def backend(name: str | Backend = AUTO, plan: Plan | None = None) -> Backend:
-    """What computes plans.
+    """Choose the backend that computes plans.
 
     Parameters
     ----------
@@ -72,16 +72,19 @@ def backend(name: str | Backend = AUTO, plan: Plan | None = None) -> Backend:
 
 
 def optional_entry(name: str | Backend, entry: str) -> Callable:
-    """Entry that a backend may lack: those of `baselines.Baselines`, and ``'TrialImages'``.
-
-    A backend in the making may lack others, too.
+    """Find an entry of a backend that it may lack, such as correlation.
 
     Parameters
     ----------
     name : str or Backend
         As for `backend`.
     entry : str
-        Name of the entry.
+        Name of one of `baselines.Baselines`, or ``'TrialImages'``.
+
+    Returns
+    -------
+    callable
+        As `backends.baselines.Baselines` describes it.
 
     Raises
     ------
@@ -122,6 +125,13 @@ def compile_beforehand(*entries: str, name: str | Backend = AUTO) -> None:
     """Have a backend compile what some of its entries need, so that the first pulse does not wait.
 
     Nothing happens where a backend compiles nothing: it then has no `compile_kernels`.
+
+    Parameters
+    ----------
+    *entries : str
+        Their names, such as ``'SpectrumFusion'``.
+    name : str or Backend
+        As for `backend`.
 
     Examples
     --------

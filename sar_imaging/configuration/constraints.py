@@ -16,7 +16,7 @@ _ROUNDING = 1 + 1e-9
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong.
+    """One error or warning about a configuration.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Finding:
 
 def check(acquisition: Acquisition, imaging: Imaging, machine: Machine,
           derived: Derived) -> list[Finding]:
-    """Errors and warnings of a configuration, errors first.
+    """Find errors and warnings of a configuration, errors first.
 
     Parameters
     ----------

@@ -29,7 +29,9 @@ _WINDOW_BINS = 201
 
 @dataclasses.dataclass(frozen=True)
 class Derived:
-    """Derived quantities; metres, seconds, hertz, bytes, direction cosines.
+    """What follows from a configuration: resolution, ambiguities, times and memory.
+
+    In metres, seconds, hertz, bytes and direction cosines.
 
     Parameters
     ----------
@@ -118,7 +120,7 @@ class Derived:
 
 
 def derive(acquisition: Acquisition, imaging: Imaging, machine: Machine) -> Derived:
-    """Derived quantities of a configuration.
+    """Compute what follows from a configuration: resolution, ambiguities, times and memory.
 
     Parameters
     ----------

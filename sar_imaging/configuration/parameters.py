@@ -113,6 +113,11 @@ class Configuration:
 def default_file() -> Path:
     """File with every parameter of every node and its default.
 
+    Returns
+    -------
+    pathlib.Path
+        ``config/sar_imaging.yaml`` of the package.
+
     Examples
     --------
     >>> from sar_imaging.configuration.parameters import default_file

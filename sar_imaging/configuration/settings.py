@@ -236,7 +236,7 @@ class Imaging:
 
 @dataclasses.dataclass(frozen=True)
 class Machine:
-    """What the computer can do.
+    """Speed and memory of the computer that images.
 
     Parameters
     ----------

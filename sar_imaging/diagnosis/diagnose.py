@@ -34,7 +34,7 @@ FEWEST_PULSES = 16
 
 @dataclasses.dataclass(frozen=True)
 class Diagnosis:
-    """What is probably wrong with an aperture.
+    """Whether an aperture focuses, and which mistake probably keeps it from it.
 
     Parameters
     ----------

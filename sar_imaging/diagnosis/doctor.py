@@ -58,7 +58,7 @@ class Examination:
 
 def examine(block: PulseBlock, grid: MapGrid | None = None, *,
             window: str = 'none') -> Examination:
-    """Look for faults of samples, times, channels and, where it can be imaged, of the geometry.
+    """Look for faults of samples, times and channels, and for what keeps the image from focusing.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ _REGULAR = 0.15  # deviation of steps from their neighbours
 
 
 def track_doubts(block: PulseBlock) -> tuple[str, ...]:
-    """What is odd about positions and times of an aperture, each with what it probably means.
+    """Find what is odd about positions and times, each with what it probably means.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ UNKNOWN = 'UNKNOWN'
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Acquisition:
-    """The pulses of an image without their samples.
+    """Radar, times and phase centres of the pulses of an image, without their samples.
 
     Parameters
     ----------

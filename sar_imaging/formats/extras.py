@@ -21,7 +21,7 @@ class MissingExtraError(ImportError):
 
 
 def require(module: str, purpose: str, extra: str = 'formats') -> ModuleType:
-    """Import a library of an extra.
+    """Import a library that an optional extra installs.
 
     Parameters
     ----------
@@ -31,6 +31,11 @@ def require(module: str, purpose: str, extra: str = 'formats') -> ModuleType:
         What needs it, such as ``'reading CPHD'``.
     extra : str
         Extra of this package that installs it.
+
+    Returns
+    -------
+    module
+        The library.
 
     Raises
     ------

@@ -129,6 +129,11 @@ def _band(samples: np.ndarray, content: str) -> tuple[np.ndarray, float | None]:
 def read_geotiff(path: os.PathLike | str) -> ImageProduct:
     """Read a complex GeoTIFF that `write_geotiff` wrote.
 
+    Parameters
+    ----------
+    path : path
+        File of ``content='complex'``.
+
     Returns
     -------
     ImageProduct

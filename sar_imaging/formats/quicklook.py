@@ -47,7 +47,7 @@ def image_corners(grid, datum: Datum) -> np.ndarray:
 
 def write_quicklook(path: os.PathLike | str, image: Image, datum: Datum, *,
                     crs=None) -> list[pathlib.Path]:
-    """Write an image in decibels as an 8 bit PNG, with where it lies.
+    """Write an image as a PNG picture in decibels that says where on the Earth it lies.
 
     White is what a thousandth of the pixels exceeds; black is 5 dB below the median, within 30
     to 60 dB below white; 0 is where there is no image. Beside ``image.png`` come ``image.pgw``

@@ -37,7 +37,7 @@ _ROLES = {'.png': ['overview'], '.kml': ['overview'], '.json': ['metadata'],
 def write_stac_item(path: os.PathLike | str, image: Image, datum: Datum,
                     acquisition: Acquisition, assets: Mapping[str, os.PathLike | str], *,
                     name: str = ''):
-    """Write the item of an image that lies in one file or several.
+    """Write the STAC item of an image and its files, for catalogues.
 
     Parameters
     ----------

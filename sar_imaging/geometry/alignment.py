@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 @dataclasses.dataclass(frozen=True)
 class Alignment:
-    """What lies between the poses of a platform and the pulses of the radar on it.
+    """Lever arms, clock offset and range bias between the poses of a platform and its radar.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ _LEAST_SINE = 1e-6  # between the steps of a grid: below it they span no plane o
 
 @dataclasses.dataclass(frozen=True)
 class PlaneGrid:
-    """Parallelogram of pixels on a plane of any orientation.
+    """Pixels at equal steps on a plane of any orientation.
 
     Images on it have shape ``(n_v, n_u)``: pixel ``[row, column]`` lies at ``origin_m + column *
     step_u_m + row * step_v_m``. The constructors put row 0 at the top of walls and sections and at
@@ -171,7 +171,7 @@ class PlaneGrid:
 
 @dataclasses.dataclass(frozen=True)
 class VolumeGrid:
-    """Parallelepiped of voxels.
+    """Voxels at equal steps along three directions.
 
     Images on it have shape ``(n_z, n_y, n_x)``: voxel ``[i, j, k]`` lies at ``origin_m + k *
     step_x_m + j * step_y_m + i * step_z_m``. The steps may point anywhere; `above` builds volumes

@@ -67,7 +67,7 @@ class TerrainGrid:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PointGrid:
-    """Any positions, in an array of any shape; the image has the same.
+    """Pixels at any positions, in an array of any shape; the image has the same.
 
     Parameters
     ----------

@@ -10,7 +10,9 @@ import numpy as np
 
 @dataclasses.dataclass(frozen=True)
 class PolarGrid:
-    """Unified polar coordinates on a horizontal plane (Zhang et al., figure 2b).
+    """Pixels by range and direction cosine on a plane: unified polar coordinates.
+
+    See Zhang et al., figure 2b.
 
     A point is given by its distance r from the origin and by ``alpha``, the cosine of the angle
     between the direction to it and the track. Images on the grid have shape

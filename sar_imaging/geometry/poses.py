@@ -70,7 +70,7 @@ class Poses:
 
 
 class PoseTrack:
-    """Poses in the order of their times; a bounded number of them.
+    """Poses of a platform in the order of their times, interpolated between them.
 
     Times between two poses at most `max_gap_s` apart are interpolated, see
     `pose_interpolation`; wider gaps are refused, and no interpolation looks across them. A time

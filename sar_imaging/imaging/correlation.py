@@ -28,7 +28,7 @@ def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *,
               propagation_speed_m_per_s: float = SPEED_OF_LIGHT,
               illumination: Illumination | None = None,
               backend: str | Backend = AUTO, progress: bool = False):
-    """Correlate the spectra with the exact reference of every point.
+    """Time-domain correlation (TDC) of spectra with the exact reference of every point.
 
     ``f(x) = sum_m sum_n sum_f S_mn(f) exp(+j 2 pi f tau_mn(x))`` with the two-way delay
     ``tau_mn(x) = (|tx_mn - x| + |rx_mn - x|) / c``; with illumination each term is multiplied by
@@ -97,7 +97,7 @@ def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *,
 
 def correlate_profiles(block: PulseBlock, points, *, illumination: AntennaPattern | None = None,
                        backend: str | Backend = AUTO) -> tuple[np.ndarray, np.ndarray]:
-    """Correlate range profiles with the exact reference of every point.
+    """Time-domain correlation (TDC) of range profiles with the exact reference of every point.
 
     ``f(x) = sum_m sum_n s_mn(tau_mn(x)) exp(+j 2 pi f_c tau_mn(x))``. The profile s is read at the
     place u of the delay, in samples, by Knab's approximate prolate series (Knab

@@ -83,7 +83,7 @@ class Report:
 
 @dataclasses.dataclass(eq=False)
 class Image:
-    """Complex image of some pulses.
+    """Complex image: its samples, their grid, and how it was formed.
 
     NumPy takes it for its samples: ``np.abs(image)``.
 

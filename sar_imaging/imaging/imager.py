@@ -38,7 +38,7 @@ def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
                pulse_weights=None, illumination: AntennaPattern | None = None,
                pointing: Pointing | None = None, backend: str | Backend = AUTO,
                progress: bool = False, **own) -> Imager:
-    """Plan an image, or as many as come of the same radar.
+    """Plan how pulses of a radar become images on a grid.
 
     Parameters
     ----------

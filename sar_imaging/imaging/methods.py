@@ -48,7 +48,7 @@ class Options:
 
 
 class Method:
-    """One algorithm on one grid, planned for pulses from some places.
+    """Base of an imaging method: one algorithm on one grid, planned for pulses from some places.
 
     Subclasses have a `NAME`, `plan` and `form`, as docs/extending.md shows.
 

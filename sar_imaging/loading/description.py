@@ -196,7 +196,7 @@ def _number(text: str) -> float | None:
 
 
 def read_description(path: Path | str, changes: Mapping[str, object] | None = None) -> Section:
-    """Read a description.
+    """Read a YAML description of measured data.
 
     Parameters
     ----------

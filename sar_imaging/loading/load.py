@@ -45,7 +45,7 @@ _MOST_AT_REST = 0.2  # share of the pulses
 
 @dataclasses.dataclass(frozen=True)
 class Loaded:
-    """What a description and its data hold.
+    """Measured data: pulses, poses and the scene.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ def load(description: Path | str, data: Path | str | None = None, *,
          changes: Mapping[str, object] | None = None,
          read_bag: Callable[[Path, str | None], PoseTable] | None = None,
          read_frames: Callable[..., Iterable[tuple[object, int]]] | None = None) -> Loaded:
-    """Load measured data.
+    """Load measured data by a YAML description.
 
     Parameters
     ----------
@@ -119,6 +119,11 @@ def load(description: Path | str, data: Path | str | None = None, *,
     read_frames : callable, optional
         Reads raw messages of a bag from its path, the name of a topic, sizes and axes; see
         `sar_imaging.loading.frames.convert_all`.
+
+    Returns
+    -------
+    Loaded
+        Pulses, poses where they have a clock of their own, and the scene.
 
     Raises
     ------

@@ -11,6 +11,11 @@ from .description import DescriptionError
 def shipped_names() -> list[str]:
     """Names of the descriptions in `config/recordings`.
 
+    Returns
+    -------
+    list of str
+        In alphabetical order.
+
     Examples
     --------
     >>> from sar_imaging.loading import shipped_names
@@ -21,12 +26,17 @@ def shipped_names() -> list[str]:
 
 
 def find_description(name: Path | str) -> Path:
-    """File of a description.
+    """Find the file of a description, one of the shipped ones by its name.
 
     Parameters
     ----------
     name : path
         A file, or the name of a shipped description.
+
+    Returns
+    -------
+    pathlib.Path
+        The YAML file.
 
     Raises
     ------

@@ -108,7 +108,7 @@ def crop(image, grid: MapGrid, centre_xy, half_size_m) -> tuple[np.ndarray, MapG
 
 def sample_image(image, grid: MapGrid, points_xy, *, aperture_centre_m,
                  wavenumber_rad_per_m: float) -> np.ndarray:
-    """Values of a complex map image between its pixels, at range baseband.
+    """Read a complex map image between its pixels, at range baseband.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ class FocusFigure:
 
 
 def focus_figure(image) -> FocusFigure:
-    """Figures of an image's focus, in one pass over it and the median of a part.
+    """Measure how well an image is focused.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ class UnmeasurableError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class ImpulseResponse:
-    """Figures of one cut through a point response.
+    """Width, sidelobe ratios and position of a cut through a point response.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class ImpulseResponse:
 def impulse_response(cut, spacing_m: float, *, half_width_m: float | None = None,
                      peak_near_m: float | None = None,
                      oversampling: int = 32) -> ImpulseResponse:
-    """Measure a cut through a point response.
+    """Measure width, sidelobe ratios and position of a cut through a point response.
 
     The main lobe ends at the first minimum either side of the peak. An unweighted sinc over six
     nulls either side has an ISLR of -10.5 dB, a PSLR of -13.3 dB and an IRW of 0.886 of the

@@ -23,7 +23,7 @@ def _energy(values) -> float:
 
 
 def error_db(image, reference) -> float:
-    """Energy of the difference to the reference over the energy of the reference, decibels.
+    """Error of an image: energy of its difference to a reference over that of the reference, dB.
 
     ``10 log10(sum |image - reference|^2 / sum |reference|^2)``; minus infinity when they agree.
 
@@ -31,6 +31,11 @@ def error_db(image, reference) -> float:
     ----------
     image, reference : arrays of one shape, complex or float
         Image under test and reference.
+
+    Returns
+    -------
+    float
+        dB.
 
     Raises
     ------
@@ -61,6 +66,11 @@ def signal_to_distortion_db(image, reference) -> float:
     image, reference : arrays of one shape, complex or float
         Image Y under test and reference D, in the paper time-domain correlation.
 
+    Returns
+    -------
+    float
+        dB.
+
     Raises
     ------
     ValueError
@@ -84,6 +94,11 @@ def mean_square_error(image, reference) -> float:
     ----------
     image, reference : arrays of one shape, complex or float
         Image Y under test and reference D, in the paper time-domain correlation.
+
+    Returns
+    -------
+    float
+        In the squared unit of the images.
 
     Raises
     ------
@@ -122,6 +137,11 @@ def entropy(image) -> float:
     image : array, complex or float
         Image.
 
+    Returns
+    -------
+    float
+        Nats.
+
     Raises
     ------
     ValueError
@@ -152,6 +172,11 @@ def contrast(image) -> float:
     ----------
     image : array, complex or float
         Image.
+
+    Returns
+    -------
+    float
+        Without unit.
 
     Raises
     ------

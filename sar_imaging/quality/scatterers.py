@@ -19,7 +19,7 @@ LABELS = ('range', 'azimuth')
 
 @dataclasses.dataclass(frozen=True)
 class ScattererQuality:
-    """Measured point response; NaN where it could not be measured, with the reason.
+    """Position, widths and sidelobe ratios of a scatterer; NaN where they were not measured.
 
     Range is the horizontal direction from the aperture centre to the scatterer, azimuth is range
     turned by +90 degrees about the vertical.

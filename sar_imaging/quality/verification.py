@@ -25,7 +25,7 @@ _PIXELS_AT_ONCE = 2 ** 22
 
 @dataclasses.dataclass(frozen=True)
 class Verification:
-    """What `measure_error` found.
+    """Error of an image as `measure_error` found it.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Verification:
 def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int = 200,
                   fit_scale: bool = False, seed: int = 0, progress: bool = False,
                   illumination: AntennaPattern | None = None) -> Verification:
-    """Compare some pixels of an image with float64 correlation of the pulses it was made of.
+    """Estimate the error of an image from exact correlation of some of its pixels.
 
     The error of a whole image is ``10 log10(sum |img - ref|^2 / sum |ref|^2)`` over its pixels,
     `ref` being `correlate_profiles` or, of raw pulses, `correlate`. `error_db` estimates just

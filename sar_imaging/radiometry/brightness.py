@@ -20,7 +20,7 @@ QUANTITIES = {
 
 def brightness(image, response: ImageResponse, constant: RadarConstant,
                quantity: str = 'sigma0') -> np.ndarray:
-    """Calibrated brightness of an image.
+    """Calibrated brightness of an image: beta, sigma or gamma nought, or cross section.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def brightness(image, response: ImageResponse, constant: RadarConstant,
 
 def calibrated(image: Image, response: ImageResponse, constant: RadarConstant,
                quantity: str = 'sigma0') -> Image:
-    """The image with its samples scaled so that their squared magnitude is a brightness.
+    """Scale an image so that its squared magnitude is a calibrated brightness.
 
     Phases stay, and so does everything that is written or measured of images.
 
@@ -109,7 +109,7 @@ def calibrated(image: Image, response: ImageResponse, constant: RadarConstant,
 
 def noise_equivalent(response: ImageResponse, constant: RadarConstant,
                      quantity: str = 'sigma0') -> np.ndarray:
-    """Brightness that noise alone has on average, by pixel: the noise-equivalent level.
+    """Noise-equivalent level by pixel: brightness that noise alone has on average.
 
     Parameters
     ----------

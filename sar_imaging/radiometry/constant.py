@@ -15,7 +15,7 @@ _QUIET_SHARE = 16  # of the profile: the piece without echoes that noise is meas
 
 @dataclasses.dataclass(frozen=True)
 class RadarConstant:
-    """Amplitude of a target of known cross section, and power of the noise.
+    """Radar constant and noise: what turns image power into brightness.
 
     The peak in the range profile of a target of cross section sigma, at distances R_t and R_r from
     the phase centres, is ``gain sqrt(sigma) w / (R_t R_r)`` with the two-way amplitude w of the
@@ -105,6 +105,11 @@ def trihedral_cross_section_m2(edge_m: float, wavelength_m: float) -> float:
     wavelength_m : float
         Of the carrier, metres; the edge should be several of them.
 
+    Returns
+    -------
+    float
+        Square metres.
+
     Examples
     --------
     >>> from sar_imaging.radiometry import trihedral_cross_section_m2
@@ -124,6 +129,11 @@ def noise_power(profiles: np.ndarray) -> float:
     ----------
     profiles : (..., N) complex
         Range profiles of many pulses.
+
+    Returns
+    -------
+    float
+        In the squared unit of the samples.
 
     Raises
     ------

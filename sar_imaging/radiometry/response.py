@@ -78,7 +78,7 @@ class ImageResponse:
 def image_response(grid: Grid, radar: RadarParameters, tx_m, rx_m, *,
                    illumination: Illumination | None = None, weighted: bool = False,
                    weighting: str = 'none', pulse_weights=None) -> ImageResponse:
-    """Response of an image, before or after it is formed.
+    """Compute what an image makes of targets, surfaces and noise, before or after it is formed.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ import numpy as np
 
 
 def multilook(power: np.ndarray, looks: tuple[int, int]) -> np.ndarray:
-    """Mean power of blocks of pixels, each of which becomes one pixel.
+    """Average the power of blocks of pixels, each of which becomes one pixel.
 
     Parameters
     ----------
@@ -57,6 +57,11 @@ def equivalent_looks(power: np.ndarray) -> float:
     ----------
     power : array_like
         Of the area, any shape; NaN is left out.
+
+    Returns
+    -------
+    float
+        Looks.
 
     Examples
     --------

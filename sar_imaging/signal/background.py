@@ -18,7 +18,7 @@ FEWEST_PULSES = 8  # within a time constant; fewer would take the echoes for bac
 
 
 class BackgroundFilter:
-    """Subtract the exponential moving average of the pulses of each channel and sample.
+    """Remove what does not move: the running average of each channel and sample.
 
     The average of pulses at the times t_n begins with their mean and then forgets with the time
     constant T: ``b_n = b_(n-1) + w_n (x_n - b_(n-1))`` with

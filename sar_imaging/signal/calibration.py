@@ -45,7 +45,7 @@ class CalibrationError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class ChannelCalibration:
-    """Errors of the channels of one radar.
+    """Errors of amplitude, phase and delay of the channels of one radar.
 
     Parameters
     ----------

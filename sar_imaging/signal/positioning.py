@@ -86,7 +86,7 @@ def with_positions(block: PulseBlock, poses: Poses, alignment: Alignment,
 
 def locate(block: PulseBlock, track: PoseTrack, alignment: Alignment,
            mount: Mount | None = None) -> PulseBlock:
-    """Positions for a whole recording, with all its poses at hand.
+    """Give the pulses of a whole recording their phase centres from poses.
 
     This is the forward model of time offset, range bias and lever arms: call it again with
     another alignment to try that one.

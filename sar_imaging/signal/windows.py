@@ -28,7 +28,7 @@ _DEFAULTS = {'none': (), 'hamming': (), 'hann': (), 'taylor': (4.0, 35.0), 'kais
 
 
 def parse_window(name: str) -> tuple[str, tuple[float, ...]]:
-    """Family and parameters of a window's name, defaults filled in.
+    """Family and parameters of a window by its name, such as ``'taylor:4:35'``.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def _check_range(name: str, family: str, values: tuple[float, ...]) -> None:
 
 
 def window(name: str, n: int) -> np.ndarray:
-    """Weights of `n` adjoining frequency bins that together fill the band.
+    """Weights of a spectral window over `n` adjoining frequency bins that fill the band.
 
     The continuous window spans the band from the lower edge of the first bin to the upper edge
     of the last and is sampled at the bins' middles, so that ``'none'`` has exactly the width

@@ -107,7 +107,7 @@ def _phasor(cycles: np.ndarray) -> np.ndarray:
 
 
 class EchoSimulator:
-    """Planned simulation of one radar: call it with phase centres, get noise-free samples.
+    """Simulate the noise-free pulses of one radar from any phase centres; planned once.
 
     - raw LFM: the pulse of `sar_imaging.signal.waveforms`, delayed exactly, through an
       anti-alias filter that is flat for ``|f| <= B/2`` and falls as a raised cosine to zero at

@@ -25,7 +25,7 @@ _MARGIN = 3.0  # of the pieces beyond the tile for geometry to move, range resol
 
 
 class Tiles:
-    """Sub-aperture images of tiles, and their focus for a change of the geometry.
+    """Small image tiles, kept by sub-aperture, whose focus follows a change of the geometry.
 
     Parameters
     ----------

@@ -11,7 +11,9 @@ from .project_points import half_paths
 
 def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m,
                       illumination: Illumination | None = None) -> np.ndarray:
-    """``f(x) = sum_r w_r(x) sum_k S_rk exp(+j 2 pi (first + k step) path_r(x))``.
+    """Correlate spectra with the exact reference of every point.
+
+    ``f(x) = sum_r w_r(x) sum_k S_rk exp(+j 2 pi (first + k step) path_r(x))``.
 
     Parameters
     ----------
@@ -58,7 +60,9 @@ def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m,
 def correlate_profiles(radar: RadarParameters, samples, tx_m, rx_m, points_m, half: int,
                        sharpness: float, illumination: Illumination | None = None
                        ) -> tuple[np.ndarray, np.ndarray]:
-    """``f(x) = sum_r w_r(x) s_r(D_r(x)) exp(+j 4 pi D_r(x) / lambda)``, read by Knab's series.
+    """Correlate range profiles with the exact reference of every point.
+
+    ``f(x) = sum_r w_r(x) s_r(D_r(x)) exp(+j 4 pi D_r(x) / lambda)``, s_r read by Knab's series.
 
     At the place u, in samples, ``s(u) = sum_k s[k] sinc(u - k) cosh(a sqrt(1 - ((u - k) / h)^2))
     / cosh(a)`` (Knab 1979).

@@ -23,6 +23,13 @@ from .upsample_azimuth import upsample_azimuth
 class Backprojection:
     """Exact backprojection, as `backends.protocol.Backprojection` describes it.
 
+    Parameters
+    ----------
+    plan : BackprojectionPlan
+        What is computed.
+    memory : optional
+        Of no use here; other backends share it between imagers.
+
     Examples
     --------
     >>> import numpy as np
@@ -74,6 +81,11 @@ class Backprojection:
 class SubapertureImager:
     """First stage of AFBP, as `backends.protocol.SubapertureImager` describes it.
 
+    Parameters
+    ----------
+    plan : SubaperturePlan
+        Sub-apertures, grids and profiles.
+
     Examples
     --------
     >>> import numpy as np
@@ -118,6 +130,13 @@ class SpectrumFusion:
     """Second stage of AFBP, as `backends.protocol.SpectrumFusion` describes it.
 
     Contributions are kept as images; their spectra are summed when an image is wanted.
+
+    Parameters
+    ----------
+    grid : UnifiedPolarGrids
+        Grids of the sub-apertures and of their fused image.
+    keep : bool
+        Keep contributions, so that they can be replaced and removed.
 
     Examples
     --------
@@ -185,6 +204,29 @@ class SpectrumFusion:
 def form_map(polar_image, fusion: UnifiedPolarGrids, grid: MapGrid, centre_m: float = 0.0, *,
              overwrite: bool = False) -> np.ndarray:
     """Interpolate a fused image to a map, as `backends.protocol.Backend` describes it.
+
+    Parameters
+    ----------
+    polar_image : (2, n_alpha, n_range) float32
+        Fused image at range baseband, see `SpectrumFusion.polar_image`.
+    fusion : UnifiedPolarGrids
+        Its grids.
+    grid : MapGrid
+        The map.
+    centre_m : float
+        As given to `SpectrumFusion.polar_image`, metres.
+    overwrite : bool
+        Whether the map may lie in the memory of the polar image.
+
+    Returns
+    -------
+    (n_y, n_x) complex64
+        Image with the carrier phase of each pixel's range.
+
+    Raises
+    ------
+    ValueError
+        The grid is not for a map.
 
     Examples
     --------

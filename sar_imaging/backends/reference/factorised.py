@@ -23,6 +23,11 @@ class FactorisedImager:
     at its own pixels: ``b(x) = exp(-j k (r(x) - r_0)) sum_p b_p(x) exp(+j k (r_p(x) - r_p0))``,
     ``k = 4 pi / lambda``, with the distances r from its origin and r_p from those of its parts.
 
+    Parameters
+    ----------
+    plan : FfbpPlan
+        Tree of sub-apertures and their grids.
+
     Examples
     --------
     >>> from sar_imaging import MapGrid, concatenate

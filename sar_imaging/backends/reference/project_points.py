@@ -75,7 +75,16 @@ def project_points(source: RangeGate | PhaseHistory, samples, n_padded: int, tx_
 
 
 class TrialImages:
-    """See `backends.protocol.TrialImages`: profiles are linear between their samples.
+    """Quick images for the search of autofocus: profiles are linear between their samples.
+
+    As `backends.protocol.TrialImages` describes it.
+
+    Parameters
+    ----------
+    radar : RadarParameters
+        Of the profiles.
+    samples : (R, N) complex64
+        Profiles.
 
     Examples
     --------

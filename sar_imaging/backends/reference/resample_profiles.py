@@ -9,7 +9,7 @@ from ...planning.profiles.range_gate import RangeGate, rise
 
 
 def profile_spectra(source: RangeGate | PhaseHistory, samples, n_padded: int) -> np.ndarray:
-    """Fourier coefficients of what an image needs of some profiles.
+    """Fourier coefficients of the part of range profiles that an image needs.
 
     ``S[n] = g[n] sum_i w[i] s[i] exp(-j 2 pi n i / N)`` with the window w, which rises and falls
     where it cuts the profile, and the gain g of the plan, a taper outside the radar's band. A

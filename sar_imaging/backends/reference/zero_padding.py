@@ -10,7 +10,9 @@ from .project_points import half_paths
 
 
 def image_zero_padded(plan: ZeroPaddingPlan, block: PulseBlock) -> np.ndarray:
-    """``f(x) = sum_r s_r(tau_r(x)) exp(+j w_c tau_r(x))``, s_r read as the plan says.
+    """Backproject zero-padded profiles.
+
+    ``f(x) = sum_r s_r(tau_r(x)) exp(+j w_c tau_r(x))``, s_r read as the plan says.
 
     Parameters
     ----------

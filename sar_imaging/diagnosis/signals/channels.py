@@ -13,7 +13,7 @@ _EQUAL = 0.9999  # correlation of the samples of two channels
 
 
 def channel_findings(block: PulseBlock) -> list[Finding]:
-    """Faults of the channels of a block.
+    """Find dead, equal and unbalanced channels.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ _MOST_PULSES = 512
 
 
 def coupling_findings(block: PulseBlock) -> list[Finding]:
-    """Whether something stays in the profiles that is stronger than all echoes of the scene.
+    """Find an echo that does not move with the platform and is stronger than the scene.
 
     Parameters
     ----------

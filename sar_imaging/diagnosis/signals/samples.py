@@ -35,7 +35,7 @@ _MORE_FOCUSED = 1.6  # concentration of the profiles in another order of samples
 
 
 def sample_findings(block: PulseBlock) -> list[Finding]:
-    """Faults of raw samples.
+    """Find faults of raw samples: clipping, missing or exchanged I and Q, bursts.
 
     Parameters
     ----------

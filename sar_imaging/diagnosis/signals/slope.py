@@ -26,7 +26,7 @@ def concentration(block: PulseBlock) -> float:
 
 
 def slope_findings(block: PulseBlock) -> list[Finding]:
-    """Whether echoes are sharper in range with another slope of the chirp.
+    """Find whether another slope of the chirp compresses the pulses better.
 
     A wrong slope leaves a quadratic phase over the band and smears each echo by the error of the
     pulse length. This tells chirps that are compressed by a filter (`Waveform.LFM`). Those that

@@ -18,7 +18,7 @@ _SHARED = 0.5  # of the pulses, that have the stamp of the one before
 
 
 def timing_findings(block: PulseBlock) -> list[Finding]:
-    """Faults of counters and times.
+    """Find lost pulses and times that are not those of transmission.
 
     Parameters
     ----------

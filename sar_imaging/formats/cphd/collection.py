@@ -17,7 +17,7 @@ _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
 
 @dataclasses.dataclass(frozen=True)
 class Collection:
-    """Names and kinds that a file has to tell and that no samples do.
+    """Names and kinds that a CPHD file has to tell beside its samples.
 
     Parameters
     ----------

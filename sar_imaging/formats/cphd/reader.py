@@ -27,7 +27,7 @@ _TOLD_TROPOSPHERE_S = 1e-12  # 0.15 mm of range
 
 
 class CphdReader:
-    """An open CPHD file whose vectors are read as pulses.
+    """Read the pulses of a CPHD file.
 
     Channels of the file whose vectors were transmitted at the same times become channels of the
     blocks. A vector's number becomes the counter of its pulse.

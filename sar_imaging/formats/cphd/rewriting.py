@@ -16,7 +16,7 @@ from .reader import CphdReader
 
 def rewrite_cphd(path: Path | str, reader: CphdReader, blocks: Iterable[PulseBlock], *,
                  overwrite: bool = False) -> None:
-    """Write a copy of an open file whose samples are those of some blocks.
+    """Write a copy of a CPHD file with other samples.
 
     For pulses that were filtered or corrected: metadata and parameters of the vectors, domain,
     SGN, AmpSF and type of the samples stay as they are. So do pulses of which no block comes.

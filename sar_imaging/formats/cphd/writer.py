@@ -30,7 +30,7 @@ _COPIED_BYTES = 2**24  # at a time, from the spool to the file
 def write_cphd(path: Path | str, blocks: Iterable[PulseBlock], datum: Datum, grid: MapGrid, *,
                collection: Collection | None = None, domain: str | None = None, sign: int = -1,
                sample_type: str = 'CF8', overwrite: bool = False) -> int:
-    """Write pulses as CPHD 1.1.0, all of the file or nothing.
+    """Write pulses as a CPHD 1.1.0 file, complete or not at all.
 
     Phase histories (stepped frequency) are written in domain FX, everything else as range
     profiles in domain TOA; raw pulses are compressed first. The reference point is the middle of

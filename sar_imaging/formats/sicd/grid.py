@@ -87,7 +87,7 @@ def sicd_axes(acquisition: Acquisition, centre_m,
 
 def sicd_grid(acquisition: Acquisition, centre_m, range_size_m: float, cross_size_m: float, *,
               plane: str = 'ground', spacing_m: tuple[float, float] | None = None) -> PlaneGrid:
-    """Grid on which an image is formed that `write_sicd` writes.
+    """Make a grid for an image that `write_sicd` writes without resampling.
 
     Rows run along range, away from the radar, so that shadows fall downward; columns run to the
     right as seen from above. The carrier turns by a whole number of quarter turns from row to

@@ -38,6 +38,11 @@ def read_sicd(path: os.PathLike | str) -> ImageProduct:
     there; those of others (RGAZIM, RGZERO, ...) lie where the image projection of SICD puts them
     (``sarkit.sicd.image_to_ground_plane``), which is on that plane at the scene centre point only.
 
+    Parameters
+    ----------
+    path : path
+        NITF file.
+
     Returns
     -------
     ImageProduct

@@ -16,7 +16,7 @@ _STEP = 0.002  # of the angle that is lit, for a derivative
 
 @dataclasses.dataclass(frozen=True)
 class AmplitudeSpread:
-    """Frequencies of an amplitude along some direction.
+    """How quickly the amplitude of echoes changes along a direction.
 
     Attributes
     ----------

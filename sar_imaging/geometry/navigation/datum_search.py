@@ -60,6 +60,11 @@ def datum_through(ecef_m, place_m, heading_deg: float) -> Datum:
     heading_deg : float
         Bearing of the frame's y axis at its origin, degrees clockwise from north.
 
+    Returns
+    -------
+    Datum
+        WGS 84, degrees and metres.
+
     Raises
     ------
     ValueError

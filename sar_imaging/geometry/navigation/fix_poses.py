@@ -21,6 +21,15 @@ _NORM_TOLERANCE = 0.01  # of quaternions
 class FramePose(NamedTuple):
     """A pose as `PoseTrack.add` takes it: ns, metres, quaternion x, y, z, w.
 
+    Parameters
+    ----------
+    stamp_ns : int
+        Time, nanoseconds.
+    position_m : (3,) floats
+        In the imaging frame, metres.
+    quaternion : (4,) floats
+        x, y, z, w: turns body vectors into the imaging frame.
+
     Examples
     --------
     >>> from sar_imaging.geometry import Datum

@@ -22,10 +22,12 @@ _WORTHWHILE = 0.9  # longer windows are not worth a copy
 
 @dataclasses.dataclass(frozen=True)
 class RangeGate:
-    """Window of a profile, with smooth ends where it cuts.
+    """Part of the range profiles that an image needs, with smooth ends where it cuts.
 
     Attributes
     ----------
+    radar : RadarParameters
+        Of the profiles.
     first, n_samples : int
         First sample and number of samples.
     range_start_m : float

@@ -146,6 +146,16 @@ class PulseBlock:
 def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
     """Join blocks of the same radar along the pulse axis, in the order given.
 
+    Parameters
+    ----------
+    blocks : sequence of PulseBlock
+        Blocks, in the order of their pulses.
+
+    Returns
+    -------
+    PulseBlock
+        All their pulses.
+
     Raises
     ------
     ValueError
@@ -181,6 +191,13 @@ def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
 def check_frame(block: PulseBlock, frame: str) -> None:
     """Check that phase centres are in the frame that the grid is in.
 
+    Parameters
+    ----------
+    block : PulseBlock
+        Pulses with phase centres; one that names no frame passes.
+    frame : str
+        Name of the grid's frame.
+
     Raises
     ------
     ValueError
@@ -207,6 +224,17 @@ def check_frame(block: PulseBlock, frame: str) -> None:
 def check_profiles(block: PulseBlock, radar: RadarParameters, n_samples: int, *,
                    compressed: bool = True) -> None:
     """Check that a block holds what an imager was planned for.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        Pulses.
+    radar : RadarParameters
+        For which the imager was planned.
+    n_samples : int
+        Samples of a pulse for which it was planned.
+    compressed : bool
+        Whether range profiles are expected.
 
     Raises
     ------

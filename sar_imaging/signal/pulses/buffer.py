@@ -38,7 +38,7 @@ class BufferStatistics:
 
 
 class PulseBuffer(EventSource):
-    """Turn blocks as a radar delivers them into ordered blocks within apertures.
+    """Put pulses back in order, find gaps, and cut blocks within apertures.
 
     Pulses with the same ``counter // pulses_per_aperture`` belong to one aperture. Blocks are cut
     at multiples of `pulses_per_block` counted from the start of the aperture and at its end, so

@@ -25,7 +25,7 @@ _PHASE_HISTORIES = (Waveform.STEPPED_FREQUENCY, Waveform.FMCW, Waveform.FMCW_REA
 
 
 class RangeCompressor:
-    """Planned range compression of pulse blocks of one radar.
+    """Turn raw pulses of one radar into range profiles; planned once.
 
     What is kept of the delay axis:
 

@@ -143,7 +143,7 @@ _CARS = (('car_1', -12.0, 4.0, 2.1, 0.0, 0.19), ('car_2', 9.0, -11.0, -2.9, 1.0,
 
 def moving_targets(seed: int = 6, *, movers: tuple[Mover, ...] | None = None,
                    texture_shape: int = 2) -> Scenario:
-    """Cars on spiky clutter, five channels 0.17 m apart, two apertures.
+    """Scenario of cars on spiky clutter: five channels 0.17 m apart, two apertures.
 
     The array does not fit the pulse rate: the phase centres of neighbouring channels stand 0.85
     of the way from pulse to pulse apart.

@@ -24,7 +24,7 @@ START_NS = 1_700_000_000_000_000_000  # of every recording: the clock of a simul
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
-    """Everything that a simulated recording follows from.
+    """A radar, its track and a scene: everything that a simulated recording follows from.
 
     Parameters
     ----------
@@ -212,9 +212,23 @@ def _on_grid(offsets_m) -> np.ndarray:
 
 
 def receive_array(n_channels: int, spacing_m: float) -> tuple[tuple[float, float, float], ...]:
-    """Offsets ``d_n = n spacing`` along y, n from ``-(N-1)/2`` to ``(N-1)/2``.
+    """Offsets of the receivers of an evenly spaced array along y.
+
+    ``d_n = n spacing``, n from ``-(N-1)/2`` to ``(N-1)/2``.
 
     Rosenberg & Gray, equation 2; their ``(n - 1) spacing`` contradicts their range of n.
+
+    Parameters
+    ----------
+    n_channels : int
+        Receivers N.
+    spacing_m : float
+        From one to the next, metres.
+
+    Returns
+    -------
+    tuple of (3,) floats
+        Metres, the first receiver at the least y.
 
     Examples
     --------

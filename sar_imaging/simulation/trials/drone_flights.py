@@ -44,7 +44,7 @@ _NOISE_DB = -14.0  # of a sample of the profiles, relative to the strongest scat
 
 @dataclasses.dataclass(frozen=True)
 class DroneFlight:
-    """Pulses and poses of a flight, and what belongs together.
+    """Pulses, poses and true alignment of a simulated flight.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class DroneFlight:
 
 def drone_flight(seed: int, *, motion: str | None = None, radar_kind: str | None = None,
                  n_pixels: int = _PIXELS, n_pulses: int | None = None) -> DroneFlight:
-    """A random flight.
+    """Simulate a random flight of a drone, with poses on a clock of their own.
 
     5 to 9 s long, seen over 5 to 30 degrees (logarithmically even) from 7 to 11 m (UWB, 3.2 to
     4.7 GHz) or 10 to 16 m (FMCW, 10 GHz, 1 GHz). Gusts move it by 0.03 to 0.2 m rms at 0.1 to
@@ -122,6 +122,11 @@ def drone_flight(seed: int, *, motion: str | None = None, radar_kind: str | None
         Along each side of the image.
     n_pulses : int, optional
         Pulses of the aperture; 380 of UWB and 512 of FMCW if left out.
+
+    Returns
+    -------
+    DroneFlight
+        Pulses, poses and the truth.
 
     Raises
     ------

@@ -60,7 +60,7 @@ class RandomCase:
 
 
 def random_case(seed: int, track: str | None = None) -> RandomCase:
-    """Draw a case.
+    """Simulate pulses of a random radar, track and scene.
 
     Carriers of 1 to 40 GHz, aperture angles of 0.3 to 30 degrees, bandwidths to 30 % of the
     carrier, ranges of 100 m to 50 km, elevations to 75 degrees, 1 to 5 channels, maps of 64 to
@@ -74,6 +74,11 @@ def random_case(seed: int, track: str | None = None) -> RandomCase:
         Of everything.
     track : str, optional
         One of `TRACKS`; the seed chooses if left out.
+
+    Returns
+    -------
+    RandomCase
+        The same one for the same seed.
 
     Examples
     --------

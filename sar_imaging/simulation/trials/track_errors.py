@@ -76,7 +76,9 @@ def random_size(kind: str, rng: np.random.Generator) -> float:
 
 def flawed_aperture(kind: str, size: float, seed: int, *, n_pulses: int = 512,
                     half_scene_m: float = 28.0, spacing_m: float = 0.25) -> FlawedAperture:
-    """X-band drone at 1 km ground range, 200 m high, flying 30 m along x, looking to +y.
+    """Simulate an aperture of a drone whose stated positions are wrong.
+
+    X band, at 1 km ground range, 200 m high, flying 30 m along x, looking to +y.
 
     300 MHz of bandwidth, resolution 0.5 m both ways; 24 bright scatterers of 0 to -10 dB and 200
     of -25 dB at random places, noise 10 dB below the strongest echo in every sample. Smooth and
@@ -96,6 +98,11 @@ def flawed_aperture(kind: str, size: float, seed: int, *, n_pulses: int = 512,
         Pulses of the aperture.
     half_scene_m, spacing_m : float
         Half the side of the scene, and pixel spacing, metres.
+
+    Returns
+    -------
+    FlawedAperture
+        Profiles, stated and true positions.
 
     Examples
     --------

@@ -48,7 +48,7 @@ class _Opened:
 
 def run_archive(job: Job, *, workers: int | None = None, scheduler: str | None = None,
                 tell: Callable[[str], None] = print) -> Summary:
-    """Make all products of a job that its output folder does not have yet.
+    """Image the recordings of an archive: all products of a job that are not there yet.
 
     Parameters
     ----------

@@ -88,7 +88,7 @@ def deserialise(cdr: bytes) -> PulseBlock:
 
 def write_bag(path: Path | str, blocks: Iterable[PulseBlock], truth: dict, *,
               overwrite: bool = False, poses: RecordedPoses | None = None) -> int:
-    """Write a recording, all of it or nothing.
+    """Write a recording (rosbag2), all of it or nothing.
 
     The bag is written beside its place and moved there when complete, so an interruption leaves
     neither half a bag nor a damaged older one.
@@ -119,17 +119,10 @@ def write_bag(path: Path | str, blocks: Iterable[PulseBlock], truth: dict, *,
 
     Examples
     --------
-    >>> from sar_imaging.simulation import SCENARIOS
-    >>> from sar_imaging.tools.recordings import make_truth, read_recording, write_bag
-    >>> scenario = SCENARIOS['psf']()
-    >>> blocks = list(scenario.blocks(pulses_per_block=50))
-    >>> truth = make_truth(scenario='psf', description='one scatterer', scatterers=[],
-    ...                    grid=scenario.grid, pulses_per_aperture=200, n_pulses=200, n_channels=5,
-    ...                    cut_half_width_m=(3.0, 15.0), radar=scenario.radar, compressed=True)
-    >>> write_bag('first_flight', blocks, truth)
+    >>> from sar_imaging.tools.recordings import read_blocks, read_truth, write_bag
+    >>> blocks = list(read_blocks('bags/psf'))
+    >>> write_bag('half_of_it', blocks[:4], read_truth('bags/psf'))
     4
-    >>> len(read_recording('first_flight').counter)
-    200
     """
     path = Path(path).resolve()
     check_target(path, overwrite=overwrite)
@@ -221,7 +214,17 @@ def pose_messages(path: Path | str) -> Iterator[tuple[int, bytes]]:
 
 
 def read_poses(path: Path | str) -> RecordedPoses | None:
-    """Poses of a recording; None when it has no `/odometry`.
+    """Read the poses of a recording; None when it has no `/odometry`.
+
+    Parameters
+    ----------
+    path : path
+        Bag folder.
+
+    Returns
+    -------
+    RecordedPoses or None
+        Nanoseconds, metres and quaternions.
 
     Examples
     --------
@@ -247,7 +250,17 @@ def _messages(path: Path | str, topic: str, message_type: str, start_ns: int | N
 
 
 def read_blocks(path: Path | str) -> Iterator[PulseBlock]:
-    """Pulse blocks of a recording, in the order recorded; raises as `raw_messages` does.
+    """Read the pulse blocks of a recording one by one; raises as `raw_messages` does.
+
+    Parameters
+    ----------
+    path : path
+        Bag folder.
+
+    Yields
+    ------
+    PulseBlock
+        Of one message each.
 
     Examples
     --------
@@ -262,7 +275,17 @@ def read_blocks(path: Path | str) -> Iterator[PulseBlock]:
 
 
 def read_truth(path: Path | str) -> dict | None:
-    """Truth stored with a recording, or None when it has none.
+    """Read the truth stored with a recording; None when it has none.
+
+    Parameters
+    ----------
+    path : path
+        Bag folder.
+
+    Returns
+    -------
+    dict or None
+        As `make_truth` makes it.
 
     Raises
     ------
@@ -292,7 +315,7 @@ def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], g
                cut_half_width_m: tuple[float, float], radar: RadarParameters, compressed: bool,
                notes: str = '', window: str = 'none', alignment: Alignment | None = None,
                frame: str = 'map', datum: Datum | None = None) -> dict:
-    """Truth dictionary of a recording.
+    """Describe the scene of a recording, with which its evaluation compares.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ ODOMETRY_TYPE = 'nav_msgs/msg/Odometry'
 
 @dataclasses.dataclass(frozen=True)
 class RecordedPoses:
-    """Poses of a recording.
+    """Poses of the platform as a recording holds them.
 
     Parameters
     ----------

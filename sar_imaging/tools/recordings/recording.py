@@ -45,7 +45,7 @@ class Aperture:
 
 @dataclasses.dataclass(frozen=True)
 class Recording:
-    """Index of a recording.
+    """Index of a recording: its pulses, messages and apertures, without the samples.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ class Recording:
 
 
 def read_recording(path: Path | str) -> Recording:
-    """Read through a recording once.
+    """Read through a recording once and index it.
 
     Parameters
     ----------

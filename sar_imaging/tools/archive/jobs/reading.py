@@ -30,7 +30,7 @@ _MOST_PIXELS = 1e12
 
 
 def read_job(path: Path | str) -> Job:
-    """Read a job file.
+    """Read the job file of an archive.
 
     Relative paths in it start at its folder.
 

@@ -60,7 +60,7 @@ class PixelCheck:
 
 def check_mosaic(output: Path, n_pixels: int = 100, *, seed: int = 0,
                  lost: Collection[str] = ()) -> PixelCheck:
-    """Compare random pixels of a job's mosaic with correlation.
+    """Compare random pixels of an archive's mosaic with exact correlation.
 
     Parameters
     ----------
