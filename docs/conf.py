@@ -7,6 +7,7 @@ DOCS = pathlib.Path(__file__).parent
 sys.path[:0] = [str(DOCS.parent), str(DOCS / 'extensions')]
 
 import sar_imaging  # noqa: E402
+from docs.public_names import pages  # noqa: E402
 
 project = 'sar_imaging'
 author = 'SAR Imaging maintainers'
@@ -36,10 +37,10 @@ myst_heading_anchors = 4
 myst_fence_as_directive = ['mermaid']
 html_math_renderer = 'mathml'
 
-# A page for each name that a package exports.
+# A page for each public name, which `public_names.py` finds.
 autosummary_generate = True
 autosummary_ignore_module_all = False
-autosummary_context = {'first': sar_imaging.__all__}  # other packages refer to their pages
+autosummary_context = {'pages': pages()}
 autodoc_typehints = 'none'  # numpydoc's sections state them
 autodoc_member_order = 'bysource'
 numpydoc_show_class_members = False

@@ -83,6 +83,22 @@ def public_names() -> dict[str, tuple[str, ...]]:
     return names
 
 
+def pages() -> dict[str, dict[str, str]]:
+    """Full names under which the reference describes the names of each package.
+
+    A name that several packages list is described with the one of them that is highest up.
+    """
+    names, homes = public_names(), {}
+    for package, listed in names.items():
+        for name in listed:
+            value = getattr(importlib.import_module(package), name)
+            same = [other for other, others in names.items() if name in others
+                    and getattr(importlib.import_module(other), name) is value]
+            home = min(same, key=lambda other: (other.count('.'), other))
+            homes.setdefault(package, {})[name] = f'{home}.{name}'
+    return homes
+
+
 def public_objects() -> dict[str, object]:
     """Public classes and functions by the module and name that define them, each once.
 

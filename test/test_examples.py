@@ -13,7 +13,13 @@ from typing import Protocol
 
 import pytest
 
-from docs.public_names import INTERNAL, public_names, public_objects
+from docs.public_names import (
+    INTERNAL,
+    MODULES as FROM_MODULES,
+    pages,
+    public_names,
+    public_objects,
+)
 
 ROOT = pathlib.Path(__file__).parent.parent
 PAGES = [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]
@@ -110,6 +116,26 @@ def test_what_pages_import_is_public(page):
         assert any(value is other for other in public), (
             f'{page.name} imports {name} of {module}, which is not public: list it in the '
             "package's __all__ or in docs/public_names.py")
+
+
+def test_the_reference_lists_what_is_public():
+    listed = re.findall(r'^   ([\w.]+)$', (ROOT / 'docs/api/index.rst').read_text(), re.MULTILINE)
+    names = public_names()
+    packages = {name for name in names if name not in INTERNAL and name not in FROM_MODULES}
+    of_modules = {f'{module}.{name}' for module, of in FROM_MODULES.items() for name in of}
+    empty = {name for name in listed if name not in packages | of_modules}
+    assert packages | of_modules <= set(listed) and len(listed) == len(set(listed))
+    # What says what a package is for, and exports nothing.
+    assert not [n for n in empty if getattr(importlib.import_module(n), '__all__', ())]
+
+
+def test_a_name_of_several_packages_has_one_page():
+    found = pages()
+    assert found['sar_imaging.signal.pulses']['PulseBlock'] == 'sar_imaging.PulseBlock'
+    assert found['sar_imaging.formats.sicd']['read_sicd'] == 'sar_imaging.formats.read_sicd'
+    # Another function of the same name.
+    assert (found['sar_imaging.backends.reference']['correlate_profiles']
+            == 'sar_imaging.backends.reference.correlate_profiles')
 
 
 def test_reasons_are_given_for_packages_that_are_not_public():
