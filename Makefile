@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check colcon environment clean prediction-campaign obstacle-campaign format-campaign cphd-memory archive-campaign gpu
+.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check colcon environment clean prediction-campaign obstacle-campaign format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline
 .DEFAULT_GOAL := help
 
 help:
@@ -58,7 +58,7 @@ help:
 	@echo '             archives by 1, 2 and 4 workers and in two network namespaces; their workers, or all'
 	@echo '             processes, killed at random moments, 20 times each; half an hour'
 	@echo 'make gpu     on a machine with an NVIDIA device and the extra cuda: tests of its kernels and images, the same'
-	@echo '             under compute-sanitizer, rates and errors; PYTHON of the device, ten minutes and some'
+	@echo '             under compute-sanitizer, rates and errors, rooflines; PYTHON of the device, half an hour at most'
 	@echo 'make cphd-memory'
 	@echo '             a CPHD file of 4 GB, written and imaged within 2 GB of memory, ten minutes; BYTES=1e9 for a small one'
 	@echo 'make bags    write the recordings in bags/ again'
@@ -101,16 +101,26 @@ release-check: environment
 processors: environment
 	@$(RUN) -m pytest -m campaign test/backends/test_processors.py
 
-# With the interpreter that has CuPy and numba-cuda. Results go to benchmarks/results/gpu.json.
+# With the interpreter that has CuPy and numba-cuda. Each of the three parts ends within ten
+# minutes. Results go to benchmarks/results/gpu.json and build/gpu-roofline.txt.
 GPU_TESTS = -m pytest -p no:cacheprovider test/backends/cuda
-NCU = ncu --set roofline --kernel-name-base demangled --launch-skip 2 --launch-count 20
-gpu:
-	$(PYTHON) -m pytest -p no:cacheprovider test/backends/test_cuda_compiles.py
-	$(PYTHON) $(GPU_TESTS)
-	compute-sanitizer --tool memcheck --error-exitcode 9 $(PYTHON) $(GPU_TESTS) -k kernels
-	compute-sanitizer --tool racecheck --error-exitcode 9 $(PYTHON) $(GPU_TESTS) -k kernels
-	$(PYTHON) -m benchmarks.gpu
+SANITIZER = timeout 180 compute-sanitizer --error-exitcode 9 --tool
+NCU = timeout 240 ncu --set roofline --kernel-name-base demangled --launch-skip 2 --launch-count 20
+gpu: gpu-tests gpu-benchmark gpu-roofline
+
+gpu-tests:
+	timeout 200 $(PYTHON) -m pytest -p no:cacheprovider test/backends/test_cuda_compiles.py
+	timeout 200 $(PYTHON) $(GPU_TESTS)
+	$(SANITIZER) memcheck $(PYTHON) $(GPU_TESTS) -k kernels
+	$(SANITIZER) racecheck $(PYTHON) $(GPU_TESTS) -k kernels
+
+gpu-benchmark:
+	timeout 590 $(PYTHON) -m benchmarks.gpu
+
+gpu-roofline:
+	mkdir -p build
 	$(NCU) $(PYTHON) -m benchmarks.gpu --case 4096 > build/gpu-roofline.txt
+	$(NCU) $(PYTHON) -m benchmarks.gpu --case 'AFBP 4096' >> build/gpu-roofline.txt
 
 # Results go to benchmarks/results; what is fetched lies in build/aarch64.
 aarch64: environment

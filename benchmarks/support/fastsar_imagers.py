@@ -23,14 +23,14 @@ from sar_imaging.signal.spectra import phase_history_frequencies
 class _Collection:
     """A block and a map centred on the origin, in FastSAR's terms."""
 
-    def __init__(self, block: PulseBlock, grid: MapGrid):
+    def __init__(self, block: PulseBlock, grid: MapGrid, backend: str = 'cpu'):
         radar, n = block.radar, block.n_samples
         frequencies = phase_history_frequencies(radar.carrier_hz, radar.bandwidth_hz, n)
         centres = np.ascontiguousarray((0.5 * (block.tx_m + block.rx_m)).reshape(-1, 3))
         # Its first axis is azimuth and its second range, as its documentation puts them.
         self.arguments = (centres, frequencies[0], radar.bandwidth_hz / n, n, grid.n_y, grid.n_x,
                           grid.spacing_m, grid.spacing_m, (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
-        self.options = {'backend': 'cpu', 'window': False,
+        self.options = {'backend': backend, 'window': False,
                         'ref': np.full(len(centres), radar.range_start_m)}
         self.history = np.ascontiguousarray(block.samples.reshape(-1, n))
 
@@ -48,10 +48,11 @@ def exact(block: PulseBlock, grid: MapGrid, interpolation: str) -> Callable[[], 
                                        interp=interpolation, upsample=8))
 
 
-def factorised(block: PulseBlock, grid: MapGrid) -> tuple[Callable[[], np.ndarray], float]:
+def factorised(block: PulseBlock, grid: MapGrid, backend: str = 'cpu'
+               ) -> tuple[Callable[[], np.ndarray], float]:
     """Fast factorised backprojection, and its predicted error in dB."""
     import fastsar
 
-    collection = _Collection(block, grid)
+    collection = _Collection(block, grid, backend)
     former = fastsar.ImageFormer(*collection.arguments, **collection.options)
     return collection.call(former), float(former.predicted_error_db)

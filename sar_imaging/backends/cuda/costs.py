@@ -30,7 +30,7 @@ class DeviceCosts(CostModel):
     Attributes
     ----------
     transferred_byte : float
-        Of samples to the device, and of an image there and back.
+        Of samples to the device, and of an image from there.
     """
 
     line_pixel: float = 1e-3
@@ -71,13 +71,11 @@ def costs() -> DeviceCosts:
 
 def operations(plan: BackprojectionPlan | AfbpPlan) -> dict[str, float]:
     """How often a plan does the operations of `DeviceCosts`."""
-    if isinstance(plan, BackprojectionPlan):
-        n_samples, n_images = plan.way.lattice.n_padded, 2  # images go there and back
-    else:
-        n_samples, n_images = plan.subapertures.n_samples, 1
+    n_samples = (plan.way.lattice.n_padded if isinstance(plan, BackprojectionPlan)
+                 else plan.subapertures.n_samples)
     n_rows = plan.tx_m.size // 3
     return plan.operations | {'transferred_byte': _SAMPLE_BYTES * n_samples * n_rows
-                              + n_images * IMAGE_BYTES * math.prod(plan.grid.shape)}
+                              + IMAGE_BYTES * math.prod(plan.grid.shape)}
 
 
 def seconds(plan: BackprojectionPlan | AfbpPlan) -> float:

@@ -1,0 +1,27 @@
+"""The benchmark of the device runs from end to end, at sizes for the simulator."""
+
+import json
+
+from benchmarks import gpu
+
+
+def test_benchmark_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr(gpu, 'COMPARED', 5)
+    output = tmp_path / 'gpu.json'
+    assert gpu.main(['--small', '--output', str(output)]) == 0
+    found = json.loads(output.read_text())
+    assert set(found['cases']) == {*gpu.SMALL, gpu.LIVE_SMALL} and not found['left_out']
+    for row in found['cases'].values():
+        # far from either target there would be a mistake; so few pulses are predicted poorly
+        assert row['error_db'] < gpu.CORRECT_DB
+
+
+def test_no_case_begins_after_the_limit(tmp_path):
+    output = tmp_path / 'gpu.json'
+    assert gpu.main(['--limit', '-1', '--output', str(output)]) == 0
+    assert not output.exists()
+
+
+def test_every_case_has_a_size():
+    sized = {**gpu.EXACT, **gpu.AFBP, **gpu.SMALL, **gpu.GROWING, gpu.LETTER: None}
+    assert set(gpu.NAMES) <= set(sized)
