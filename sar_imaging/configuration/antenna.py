@@ -21,7 +21,7 @@ _USED = {TRACK: ('antenna.side', 'antenna.squint', 'antenna.depression'),
          POINT: ('antenna.target',),
          ROTATION: ('antenna.depression', 'antenna.rotation_rate', 'antenna.rotation_start',
                     'antenna.rotation_start_s')}
-_WITHOUT_ATTITUDE = {BLOCK: 'the pulses tell positions alone', 'fix': 'fixes tell no attitude'}
+_WITHOUT_ATTITUDE = {BLOCK: 'pulses have positions only', 'fix': 'fixes have no attitude'}
 
 
 def antenna_of(parameters: Mapping[str, object]) -> Antenna | None:

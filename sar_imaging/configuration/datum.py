@@ -95,7 +95,7 @@ def check_fixes(values: Parameters) -> None:
         turned += [name for name in _ARM_FRAMES if values[name].strip()]
         if turned:
             raise ValueError(f'{", ".join(turned)}: lever arms turn with the platform, and '
-                             'pose.source=fix tells no attitude: set pose.source to fix_imu, or '
+                             'pose.source=fix has no attitude: set pose.source to fix_imu, or '
                              'the lever arms to 0.0')
 
 

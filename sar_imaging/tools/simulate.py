@@ -142,7 +142,7 @@ def _write_configured(arguments: argparse.Namespace) -> str:
         return _write(scenario, arguments, window=imaging.window, frame=node['frame_id'],
                       datum=configured_datum(node))
     except ValueError as error:
-        raise ConfigurationFileError(f'{arguments.config}: {error}; check_config tells more'
+        raise ConfigurationFileError(f'{arguments.config}: {error}; check_config says more'
                                      ) from error
 
 

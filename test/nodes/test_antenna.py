@@ -66,7 +66,7 @@ def test_pulses_of_a_platform_at_rest_are_dropped_and_counted(psf):
 
 @pytest.mark.parametrize(('step', 'parameters', 'text'), [
     (PulseBufferStep, {'antenna.pointing': 'platform'}, 'expected pose.source odometry, pose, tf'),
-    (PulseBufferStep, {'antenna.pointing': 'platform', 'pose.source': 'fix'}, 'tell no attitude'),
+    (PulseBufferStep, {'antenna.pointing': 'platform', 'pose.source': 'fix'}, 'have no attitude'),
     (PulseBufferStep, {'antenna.pointing': 'platform', 'pose.source': 'odometry',
                        'antenna.boresight': [0.0, 0.0, 1.0]}, 'antenna boresight'),
     (BackprojectionStep, {'antenna.pattern': 'sinc'}, 'azimuth width 0 degrees; expected more'),

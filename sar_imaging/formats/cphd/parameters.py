@@ -105,7 +105,7 @@ def vector_parameters(pulses: Pulses) -> np.ndarray:
         Times do not increase, or there are too few pulses for velocities.
     """
     if len(pulses.stamp_ns) < 2:
-        raise CphdError('one pulse alone tells no velocity, which CPHD needs; write two or more')
+        raise CphdError('one pulse has no velocity, which CPHD needs; write two or more')
     if (np.diff(pulses.stamp_ns) <= 0).any():
         worst = int((np.diff(pulses.stamp_ns) <= 0).argmax())
         raise CphdError(f'pulse {worst + 1} was transmitted at {pulses.stamp_ns[worst + 1]} ns, '

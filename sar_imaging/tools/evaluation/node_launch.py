@@ -127,7 +127,7 @@ def _parameters(truth: Mapping, mode: str, folder: Path) -> dict[str, dict]:
     try:
         return parameters_from_truth(truth, mode, pattern_file=str(file.resolve()))
     except ValueError as error:
-        raise LaunchError(f'the recording tells no antenna: {error}') from error
+        raise LaunchError(f'the antenna of the recording cannot be used: {error}') from error
 
 
 def _mode(arguments: argparse.Namespace, files: Sequence[Path]) -> str:

@@ -157,7 +157,7 @@ class Observer:
             self.spin(check)
         values = future.result().values if future and future.done() else []
         if not values or values[0].integer_value < 1:
-            raise ObserverError(f'node {self._nodes[0]} does not tell its parameter {name}')
+            raise ObserverError(f'node {self._nodes[0]} does not give its parameter {name}')
         return values[0].integer_value
 
     @property

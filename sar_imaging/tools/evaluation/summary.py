@@ -11,7 +11,7 @@ Every column has two figures, along range (away from the radar) and along azimut
 IRW: impulse response width, of a point at half of its power. PSLR: peak sidelobe ratio, the
 highest sidelobe over the peak. ISLR: integrated sidelobe ratio, the energy of all sidelobes over
 that of the main lobe. error: measured minus true position. -: could not be measured, see below
-its line or in quality.json. docs/evaluate.md tells how they are measured."""
+its line or in quality.json. docs/evaluate.md explains how they are measured."""
 
 
 def summary(quality: dict) -> str:

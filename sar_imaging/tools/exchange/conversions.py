@@ -37,14 +37,14 @@ def recording_to_cphd(source: Path, target: Path, arguments: argparse.Namespace)
     Raises
     ------
     BagError
-        The recording cannot be read, or does not tell where it was made or what it shows.
+        The recording cannot be read, or does not state where it was made or what it shows.
     CphdError
         Its pulses are no CPHD.
     """
     recording = read_recording(source)
     datum = datum_of(arguments) or recording.datum
     if datum is None:
-        raise BagError(f'{source} does not tell where on the Earth its frame stands; add --datum '
+        raise BagError(f'{source} does not state where on the Earth its frame stands; add --datum '
                        'LATITUDE LONGITUDE HEIGHT')
     told = (recording.truth or {}).get('collection', {})
     try:
@@ -132,7 +132,7 @@ def _scene(arguments: argparse.Namespace, recording: Recording) -> MapGrid:
         spacing = recording.radar.range_resolution_m / _PIXELS_PER_RESOLUTION
         return MapGrid.from_size((x, y, z), width, height, spacing)
     if recording.grid is None:
-        raise BagError(f'{recording.path} does not tell what it shows; add --scene X Y Z WIDTH '
+        raise BagError(f'{recording.path} does not state what it shows; add --scene X Y Z WIDTH '
                        'HEIGHT')
     return recording.grid
 

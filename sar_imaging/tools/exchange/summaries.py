@@ -50,13 +50,13 @@ def of_recording(path: Path) -> Summary:
                   - len(np.unique(recording.counter)))
     rows = [('what', _joined(f'recording {path.name}', truth.get('description'))),
             ('when', _when(recording.stamp_ns.min(), recording.stamp_ns.max())),
-            ('where', _datum(recording.datum) if recording.datum else 'not told'),
+            ('where', _datum(recording.datum) if recording.datum else 'not stated'),
             ('radar', _radar(radar, compressed=truth.get('compressed', False))),
             ('resolution', f'{_length(radar.range_resolution_m)} in range'),
-            ('scene', 'not told' if recording.grid is None else
+            ('scene', 'not stated' if recording.grid is None else
              f'{recording.grid.n_x} by {recording.grid.n_y} pixels of '
              f'{_length(recording.grid.spacing_m)} around {_point(recording.grid.centre_m)} m'),
-            ('channels', str(truth.get('n_channels', 'not told'))),
+            ('channels', str(truth.get('n_channels', 'not stated'))),
             ('pulses', f'{len(recording.counter)} in {recording.n_messages} messages'),
             ('size', _bytes(sum(f.stat().st_size for f in path.iterdir() if f.is_file())))]
     warnings = []
@@ -118,7 +118,7 @@ def of_sicd(path: Path) -> Summary:
                   f'{_length(spacing[1])}, {fields.text("Grid/ImagePlane", "plane").lower()} '
                   f'plane, {fields.text("ImageData/PixelType", "")}'),
         ('footprint', f'{_length(rows * spacing[0])} by {_length(columns * spacing[1])}'),
-        ('polarisation', fields.text('ImageFormation/TxRcvPolarizationProc', 'not told')),
+        ('polarisation', fields.text('ImageFormation/TxRcvPolarizationProc', 'not stated')),
         ('size', _bytes(path.stat().st_size))))
 
 
@@ -128,10 +128,10 @@ def of_geotiff(path: Path) -> Summary:
     warp = require('rasterio.warp', 'reading GeoTIFF')
     try:
         with rasterio.open(path, driver='GTiff') as file:
-            warnings = [] if file.crs else ['it does not tell where on the Earth it is']
+            warnings = [] if file.crs else ['it does not state where on the Earth it is']
             corners = [file.transform * c for c in ((0, 0), (file.width, 0),
                                                     (file.width, file.height), (0, file.height))]
-            where = 'not told'
+            where = 'not stated'
             if file.crs:
                 longitudes, latitudes = warp.transform(file.crs, 'EPSG:4326',
                                                        *zip(*corners, strict=True))
@@ -140,7 +140,7 @@ def of_geotiff(path: Path) -> Summary:
                      float(np.hypot(file.transform.b, file.transform.e))]
             return Summary((
                 ('what', f'GeoTIFF, {file.count} bands of {file.dtypes[0]}'),
-                ('when', file.tags().get('TIFFTAG_DATETIME', 'not told')),
+                ('when', file.tags().get('TIFFTAG_DATETIME', 'not stated')),
                 ('where', where),
                 ('projection', 'none' if not file.crs else file.crs.to_string()[:60]),
                 ('image', f'{file.height} by {file.width} pixels of {steps[1]:.4g} by '

@@ -97,14 +97,14 @@ def choose(source: Source, arguments: argparse.Namespace,
     Raises
     ------
     SourceError
-        The file does not tell where its scene is, and neither do the arguments.
+        The file does not state where its scene is, and neither do the arguments.
     """
     a = arguments
     _check_count('--centre', a.centre, 2, 3, 'x, y and z')
     _check_count('--size', a.size, 1, 2, 'both sides')
     if a.centre is None and source.area_m is None:
         near, far = source.coverage().swath_m
-        raise SourceError(f'{source.path} does not tell where its scene is: give --centre X Y Z, '
+        raise SourceError(f'{source.path} does not state where its scene is: give --centre X Y Z, '
                           f'a place {near:.0f} to {far:.0f} m from the track, whose middle is '
                           f'({_place(source.track_m.mean(axis=0))}) m')
     told = source.grid

@@ -48,7 +48,7 @@ ERRORS = (BagError, SourceError, MissingExtraError, OSError, ValueError, MemoryE
 
 _EPILOG = """\
 Writes image.npy (complex64), the formats asked for, quality.json and report.html. What the file
-does not tell is chosen, and the report says what was chosen and how to change it.
+does not state is chosen, and the report says what was chosen and how to change it.
 
   sar-imaging image bags/countryside --output out/countryside
   sar-imaging image scene.cphd --output out/scene --format sicd,geotiff,png
@@ -139,7 +139,7 @@ def _check_formats(arguments: argparse.Namespace, source: Source) -> None:
     """Refuse before the work what cannot be written after it."""
     placed = [name for name in arguments.format if name in _NEEDS]
     if placed and source.datum is None:
-        raise SourceError(f'{source.path} does not tell where on the Earth it is, which '
+        raise SourceError(f'{source.path} does not state where on the Earth it is, which '
                           f'{" and ".join(placed)} need: give --datum LATITUDE LONGITUDE HEIGHT')
     maps = [name for name in arguments.format if name in _MAPS]
     if arguments.plane == 'slant' and maps:

@@ -326,7 +326,7 @@ def _aperture(recording: Recording, length: int | None, number: int | None,
     """First counter, and the one after the last, of the pulses to image."""
     if length is None:
         if number is not None:
-            raise SourceError(f'{recording.path} does not tell the length of its apertures; '
+            raise SourceError(f'{recording.path} does not state the length of its apertures; '
                               '--aperture needs it')
         return 0, 2**32
     apertures = recording.apertures(length)

@@ -232,7 +232,7 @@ IMPOSSIBLE = [
     ({'datum.source': 'fix'}, 'pose.source=block has none: set datum.source to parameters'),
     ({'pose.source': 'fix'}, 'pose.source=fix needs to know where the frame is: set datum.source'),
     ({'pose.source': 'fix', 'datum.source': 'fix', 'antenna.rx': [0.0, 0.1, 0.0]},
-     'antenna.rx: lever arms turn with the platform, and pose.source=fix tells no attitude'),
+     'antenna.rx: lever arms turn with the platform, and pose.source=fix has no attitude'),
     ({'pose.source': 'fix_imu', 'datum.source': 'fix', 'datum.heading_baseline_m': 5.0},
      'datum.heading_baseline_m=5 compares fixes with other poses'),
     ({'pose.source': 'odometry', 'datum.source': 'fix', 'datum.heading_baseline_m': 5.0,

@@ -112,7 +112,7 @@ def test_info_of_recording_and_cphd(tmp_path, capsys):
     capsys.readouterr()
     assert main(['info', str(source)]) == 0
     told = capsys.readouterr().out
-    for word in ('recording countryside', 'where         not told', 'GHz', 'UTC', 'channels',
+    for word in ('recording countryside', 'where         not stated', 'GHz', 'UTC', 'channels',
                  'size'):
         assert word in told, told
     assert main(['info', str(tmp_path / 'a.cphd')]) == 0

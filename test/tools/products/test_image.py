@@ -212,7 +212,7 @@ def bare(spotlight, tmp_path_factory):
 def test_a_recording_without_truth_needs_its_middle_and_no_more(bare, run, tmp_path):
     status, _, err = run('image', bare, '--output', tmp_path)
     assert status == 1
-    assert 'does not tell where its scene is: give --centre X Y Z' in err
+    assert 'does not state where its scene is: give --centre X Y Z' in err
     status, _, err = run('image', bare, '--output', tmp_path, '--centre', 0, 0,
                          '--target-db=-50')
     assert status == 0, err

@@ -113,7 +113,7 @@ def _area(source: Source, job: Job) -> np.ndarray:
                 'the area that it names is a line or a point; correct it in the recording, or '
                 'leave it out') from error
     if job.area_m is None:
-        raise OutOfSightError('it does not tell where its scene is; add area_m to the job')
+        raise OutOfSightError('it does not state where its scene is; add area_m to the job')
     return _box(np.array(job.area_m).reshape(2, 2))
 
 

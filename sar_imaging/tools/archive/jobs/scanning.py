@@ -163,9 +163,9 @@ def _own_datum(source: Source, job: Job, warnings: list[str]) -> Datum | None:
     if source.datum is None and job.datum is not None:
         if job.datum_from:
             raise OutOfSightError(
-                f'it tells no datum, and the map has that of {job.datum_from}; add one to the '
+                f'it has no datum, and the map has that of {job.datum_from}; add one to the '
                 'recording, or a datum to the job where both stand in one frame')
-        warnings.append('tells no datum; taken to stand in the frame of the job')
+        warnings.append('has no datum; its frame is taken for that of the job')
         return job.datum
     return source.datum
 

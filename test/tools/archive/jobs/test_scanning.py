@@ -158,7 +158,7 @@ def _at(grid, x, y, size):
 
 
 WRONG = {
-    'no datum': (dict(datum=None), {}, 'tells no datum, and the map has that of flight-0000'),
+    'no datum': (dict(datum=None), {}, 'has no datum, and the map has that of flight-0000'),
     'impossible datum': (dict(datum={'latitude_deg': 99.0, 'longitude_deg': 0.0}), {},
                          'latitude_deg=99'),
     'datum elsewhere': (dict(datum={'latitude_deg': -10.0, 'longitude_deg': 0.0}), {},
@@ -210,7 +210,7 @@ def test_a_datum_of_the_job_is_that_of_recordings_without_one(archive, job, tmp_
     path = _rewritten(archive, tmp_path / 'placed', datum=None)
     told = dataclasses.replace(job, datum_from='')
     scan = scan_recording(path, 'placed', told, job.output)
-    assert 'taken to stand in the frame of the job' in scan.apertures[0].warnings[0]
+    assert 'its frame is taken for that of the job' in scan.apertures[0].warnings[0]
     assert scan.apertures[0].datum == job.datum
 
 
@@ -223,7 +223,7 @@ def test_an_area_of_the_job_serves_recordings_that_name_none(archive, job, tmp_p
     (path / 'metadata.yaml').write_text(metadata.replace('sar_imaging.truth', 'someone.else'))
     local = Job((str(path),), job.output, 0.25)
     scan = scan_recording(path, 'bare', local, job.output)
-    assert 'does not tell where its scene is; add area_m to the job' in scan.losses[0].reason
+    assert 'does not state where its scene is; add area_m to the job' in scan.losses[0].reason
     local = dataclasses.replace(local, area_m=(-4.0, -10.0, 4.0, 9.0))
     [aperture] = scan_recording(path, 'bare', local, job.output).apertures
     assert aperture.window == Window(-36, 41, -16, 17)
