@@ -24,7 +24,15 @@ INTERNAL = {
 
 # Names that pages import from modules, or from packages whose other names are internal.
 MODULES = {
-    'msg_conversions.navigation': ('datum_from_message', 'datum_to_message'),
+    'msg_conversions.images': (
+        'amplitude_from_message', 'amplitude_to_message', 'complex_from_message',
+        'complex_to_message', 'map_metadata_from_message', 'map_metadata_to_message',
+        'occupancy_from_message', 'occupancy_to_message', 'quicklook_to_message'),
+    'msg_conversions.navigation': (
+        'attitude_from_message', 'datum_from_message', 'datum_to_message', 'fix_from_message'),
+    'msg_conversions.point_cloud': ('from_message', 'to_message'),
+    'msg_conversions.pulse_block': ('from_bare_cube', 'from_message', 'to_message'),
+    'msg_conversions.subaperture_image': ('from_message', 'to_message'),
     'sar_imaging.autofocus.live': ('live_autofocus',),
     'sar_imaging.autofocus.phase_gradient': ('PhaseGradient',),
     'sar_imaging.autofocus.track': ('PhaseCentreTrack',),

@@ -17,21 +17,61 @@ from std_msgs.msg import Header
 from sar_imaging.geometry.grids import MapGrid
 
 from .errors import WireFormatError
+from .quicklook import PEAK, quicklook
 
-MAX_DYNAMIC_RANGE_DB = 200.0
 UNKNOWN = -1  # occupancy of pixels that nothing is known about
-ANCHORS = CLUTTER, PEAK = ('clutter', 'peak')  # what the brightness of a quicklook refers to
-FLOOR_DB = 10.0  # below the median, where a quicklook is black: 7 % of speckle lie lower
-_MOST_FOR_MEDIAN = 2**18  # pixels; of larger images every k-th, good to 0.01 dB
 
 
 def complex_to_message(image: np.ndarray, header: Header) -> Image:
-    """Complex image (n_y, n_x) as 32FC2: real and imaginary part."""
+    """Write a complex image as 32FC2: real and imaginary part.
+
+    Parameters
+    ----------
+    image : (n_y, n_x) complex64
+        Row 0 at the largest y.
+    header : std_msgs.msg.Header
+        Time and frame.
+
+    Returns
+    -------
+    sensor_msgs.msg.Image
+        Its rows in the same order.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from std_msgs.msg import Header
+    >>> from msg_conversions import images
+    >>> message = images.complex_to_message(np.ones((3, 4), np.complex64), Header(frame_id='map'))
+    >>> message.encoding, message.height, message.width
+    ('32FC2', 3, 4)
+    """
     return _to_message(image, np.complex64, '32FC2', header)
 
 
 def amplitude_to_message(image_abs: np.ndarray, header: Header) -> Image:
-    """Linear amplitude (n_y, n_x), real, as 32FC1."""
+    """Write a linear amplitude as 32FC1.
+
+    Parameters
+    ----------
+    image_abs : (n_y, n_x) float
+        Linear amplitude.
+    header : std_msgs.msg.Header
+        Time and frame.
+
+    Returns
+    -------
+    sensor_msgs.msg.Image
+        float32.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from std_msgs.msg import Header
+    >>> from msg_conversions import images
+    >>> images.amplitude_to_message(np.ones((3, 4)), Header(frame_id='map')).encoding
+    '32FC1'
+    """
     if np.iscomplexobj(image_abs):
         raise ValueError(f'image_abs.dtype={image_abs.dtype}; expected real amplitudes; pass '
                          'np.abs(image)')
@@ -40,78 +80,39 @@ def amplitude_to_message(image_abs: np.ndarray, header: Header) -> Image:
 
 def quicklook_to_message(amplitude: np.ndarray, header: Header, *,
                          dynamic_range_db: float, anchor: str = PEAK) -> Image:
-    """Amplitude as mono8 for people to look at; see `quicklook`."""
-    return _to_message(quicklook(amplitude, dynamic_range_db, anchor), np.uint8, 'mono8', header)
-
-
-def quicklook(amplitude: np.ndarray, dynamic_range_db: float, anchor: str = PEAK) -> np.ndarray:
-    """Amplitude in dB, mapped linearly to 0..255.
-
-    Anchored at the peak, the brightest pixel decides about all others, and beside a corner
-    reflector clutter is black. Anchored at the clutter, whose level is the median, clutter is dark
-    grey beside whatever else there is.
+    """Write an amplitude as mono8 for people to look at; see `quicklook`.
 
     Parameters
     ----------
     amplitude : (n_y, n_x) float
-        Linear amplitude, finite, not negative.
+        Linear amplitude.
+    header : std_msgs.msg.Header
+        Time and frame.
     dynamic_range_db : float
-        From what becomes 0 to what becomes 255 and more; dB, above 0, at most 200.
+        As for `quicklook`, dB.
     anchor : str
-        ``'peak'``: the maximum becomes 255. ``'clutter'``: what is `FLOOR_DB` below the median of
-        the pixels that are not zero becomes 0, and the maximum 255 where it is nearer than
-        `dynamic_range_db`.
+        As for `quicklook`.
 
     Returns
     -------
-    (n_y, n_x) uint8
-        All zeros where the image is all zeros.
+    sensor_msgs.msg.Image
+        Eight bits of the amplitude in dB.
 
-    Raises
-    ------
-    ValueError
-        The image is empty, its maximum is not finite, the dynamic range is out of bounds, or the
-        anchor is unknown.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from std_msgs.msg import Header
+    >>> from msg_conversions import images
+    >>> message = images.quicklook_to_message(np.array([[1.0, 0.1, 0.01]]), Header(),
+    ...                                       dynamic_range_db=40.0)
+    >>> message.encoding, list(message.data)
+    ('mono8', [255, 128, 0])
     """
-    if anchor not in ANCHORS:
-        raise ValueError(f'anchor={anchor!r} is unknown; use one of {", ".join(ANCHORS)}')
-    amplitude = np.asarray(amplitude, np.float32)
-    if not 0 < dynamic_range_db <= MAX_DYNAMIC_RANGE_DB:
-        raise ValueError(f'dynamic_range_db={dynamic_range_db}; expected above 0 and at most '
-                         f'{MAX_DYNAMIC_RANGE_DB:g}; 40 to 80 suits most scenes')
-    if amplitude.size == 0:
-        raise ValueError(f'amplitude.shape={amplitude.shape} is empty; expected at least one '
-                         'pixel')
-    peak = amplitude.max()
-    if not np.isfinite(peak):
-        raise ValueError(f'largest amplitude is {peak}; expected finite amplitudes; check the '
-                         'samples that the image was formed from')
-    if peak <= 0:
-        return np.zeros(amplitude.shape, np.uint8)
-    white_db = 0.0  # over the peak
-    if anchor == CLUTTER:
-        floor_db = _median_db(amplitude, peak) - FLOOR_DB
-        white_db = min(0.0, floor_db + dynamic_range_db)
-        dynamic_range_db = white_db - floor_db
-    levels = np.maximum(amplitude / peak, np.float32(10 ** ((white_db - dynamic_range_db) / 20)))
-    np.log10(levels, out=levels)
-    levels *= 255 * 20 / dynamic_range_db
-    levels += 255 * (1 - white_db / dynamic_range_db)
-    np.minimum(levels, 255, out=levels)
-    return np.rint(levels, out=levels).astype(np.uint8)
-
-
-def _median_db(amplitude: np.ndarray, peak) -> float:
-    """Median of the amplitudes that are not zero over the largest one, dB, no less than -250."""
-    some = amplitude.ravel()[::-(-amplitude.size // _MOST_FOR_MEDIAN)]
-    if not (some > 0).any():
-        some = amplitude
-    median = np.median(some[some > 0].astype(np.float64))  # a mean of two: no overflow
-    return max(20 * math.log10(median / float(peak)), -250.0)
+    return _to_message(quicklook(amplitude, dynamic_range_db, anchor), np.uint8, 'mono8', header)
 
 
 def occupancy_to_message(cells: np.ndarray, grid: MapGrid, header: Header) -> OccupancyGrid:
-    """Cells of a map for planners, with their place; the bottom row comes first.
+    """Write the cells of a map for planners, with their place; the bottom row comes first.
 
     Parameters
     ----------
@@ -122,10 +123,26 @@ def occupancy_to_message(cells: np.ndarray, grid: MapGrid, header: Header) -> Oc
     header : std_msgs.msg.Header
         Time and frame.
 
+    Returns
+    -------
+    nav_msgs.msg.OccupancyGrid
+        As planners take it.
+
     Raises
     ------
     ValueError
         The cells have another shape or type, or one is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from std_msgs.msg import Header
+    >>> from msg_conversions import images
+    >>> from sar_imaging import MapGrid
+    >>> cells = np.array([[0, 100], [0, -1]], np.int8)  # row 0 in the north
+    >>> message = images.occupancy_to_message(cells, MapGrid((5.0, 0.0, 0.0), 2, 2, 0.5), Header())
+    >>> list(message.data), message.info.resolution
+    ([0, -1, 0, 100], 0.5)
     """
     grid.check_image(cells)
     if cells.dtype != np.int8 or cells.min() < UNKNOWN or cells.max() > 100:
@@ -137,12 +154,36 @@ def occupancy_to_message(cells: np.ndarray, grid: MapGrid, header: Header) -> Oc
 
 
 def occupancy_from_message(msg: OccupancyGrid) -> tuple[np.ndarray, MapGrid]:
-    """Cells (n_y, n_x) int8, row 0 the largest y, and their grid.
+    """Read the cells of a map, and their grid.
+
+    Parameters
+    ----------
+    msg : nav_msgs.msg.OccupancyGrid
+        As `occupancy_to_message` writes it.
+
+    Returns
+    -------
+    cells : (n_y, n_x) int8
+        Row 0 at the largest y.
+    grid : MapGrid
+        Where the cells are.
 
     Raises
     ------
     WireFormatError
         The metadata describe no grid, or the number of cells is another one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from std_msgs.msg import Header
+    >>> from msg_conversions import images
+    >>> from sar_imaging import MapGrid
+    >>> cells = np.array([[0, 100], [0, -1]], np.int8)
+    >>> message = images.occupancy_to_message(cells, MapGrid((5.0, 0.0, 0.0), 2, 2, 0.5), Header())
+    >>> back, grid = images.occupancy_from_message(message)
+    >>> back.tolist(), grid
+    ([[0, 100], [0, -1]], MapGrid(centre_m=(5.0, 0.0, 0.0), n_x=2, n_y=2, spacing_m=0.5))
     """
     grid = map_metadata_from_message(msg.info)
     if len(msg.data) != grid.n_x * grid.n_y:
@@ -152,20 +193,64 @@ def occupancy_from_message(msg: OccupancyGrid) -> tuple[np.ndarray, MapGrid]:
 
 
 def complex_from_message(msg: Image) -> np.ndarray:
-    """(n_y, n_x) complex64 of a 32FC2 image; see `amplitude_from_message`."""
-    return _from_message(msg, np.complex64, '32FC2')
+    """Read a complex image from 32FC2; see `amplitude_from_message`.
 
+    Parameters
+    ----------
+    msg : sensor_msgs.msg.Image
+        As `complex_to_message` writes it.
 
-def amplitude_from_message(msg: Image) -> np.ndarray:
-    """(n_y, n_x) float32 of a 32FC1 image.
-
-    A read-only view of ``msg.data`` when it is in the byte order of this machine, a copy
-    otherwise.
+    Returns
+    -------
+    (n_y, n_x) complex64
+        A view of the data where it can be.
 
     Raises
     ------
     WireFormatError
         The encoding is another one, or sizes, step and data do not fit together.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from std_msgs.msg import Header
+    >>> from msg_conversions import images
+    >>> message = images.complex_to_message(np.full((3, 4), 1 + 2j, np.complex64), Header())
+    >>> complex(images.complex_from_message(message)[0, 0])
+    (1+2j)
+    """
+    return _from_message(msg, np.complex64, '32FC2')
+
+
+def amplitude_from_message(msg: Image) -> np.ndarray:
+    """Read a linear amplitude from 32FC1.
+
+    A read-only view of ``msg.data`` when it is in the byte order of this machine, a copy
+    otherwise.
+
+    Parameters
+    ----------
+    msg : sensor_msgs.msg.Image
+        As `amplitude_to_message` writes it.
+
+    Returns
+    -------
+    (n_y, n_x) float32
+        Linear amplitude.
+
+    Raises
+    ------
+    WireFormatError
+        The encoding is another one, or sizes, step and data do not fit together.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from std_msgs.msg import Header
+    >>> from msg_conversions import images
+    >>> message = images.amplitude_to_message(np.full((3, 4), 0.5), Header())
+    >>> images.amplitude_from_message(message)[0].tolist()
+    [0.5, 0.5, 0.5, 0.5]
     """
     return _from_message(msg, np.float32, '32FC1')
 
@@ -176,7 +261,7 @@ def quicklook_from_message(msg: Image) -> np.ndarray:
 
 
 def map_metadata_to_message(grid: MapGrid, stamp: Time) -> MapMetaData:
-    """Pixel spacing, size and place of an image.
+    """Write pixel spacing, size and place of an image.
 
     Parameters
     ----------
@@ -191,6 +276,15 @@ def map_metadata_to_message(grid: MapGrid, stamp: Time) -> MapMetaData:
         The origin is the outer lower-left corner of the lower-left pixel, in the imaging frame,
         metres. The resolution is one float32: spacings of up to seven decimal digits survive
         exactly, others with a relative error of 2**-24.
+
+    Examples
+    --------
+    >>> from builtin_interfaces.msg import Time
+    >>> from msg_conversions import images
+    >>> from sar_imaging import MapGrid
+    >>> message = images.map_metadata_to_message(MapGrid((5.0, 0.0, 0.0), 4, 2, 0.5), Time(sec=7))
+    >>> message.width, message.height, message.origin.position.x
+    (4, 2, 4.0)
     """
     msg = MapMetaData(map_load_time=stamp, width=int(grid.n_x), height=int(grid.n_y),
                       resolution=float(grid.spacing_m))
@@ -203,12 +297,31 @@ def map_metadata_to_message(grid: MapGrid, stamp: Time) -> MapMetaData:
 
 
 def map_metadata_from_message(msg: MapMetaData) -> MapGrid:
-    """Grid of an image from its metadata.
+    """Read the grid of an image from its metadata.
+
+    Parameters
+    ----------
+    msg : nav_msgs.msg.MapMetaData
+        As `map_metadata_to_message` writes it.
+
+    Returns
+    -------
+    MapGrid
+        Metres.
 
     Raises
     ------
     WireFormatError
         A size or number is impossible, or the map is rotated.
+
+    Examples
+    --------
+    >>> from builtin_interfaces.msg import Time
+    >>> from msg_conversions import images
+    >>> from sar_imaging import MapGrid
+    >>> message = images.map_metadata_to_message(MapGrid((5.0, 0.0, 0.0), 4, 2, 0.5), Time())
+    >>> images.map_metadata_from_message(message)
+    MapGrid(centre_m=(5.0, 0.0, 0.0), n_x=4, n_y=2, spacing_m=0.5)
     """
     q = msg.origin.orientation
     if max(abs(q.x), abs(q.y), abs(q.z)) > 1e-9 or not math.isclose(abs(q.w), 1.0, abs_tol=1e-9):

@@ -27,7 +27,7 @@ _NORM_TOLERANCE = 0.01  # of quaternions
 
 
 def fix_from_message(message: NavSatFix, *, max_std_m: float = math.inf) -> Fix:
-    """Fix of a message.
+    """Read a fix of satellite navigation.
 
     Parameters
     ----------
@@ -36,10 +36,25 @@ def fix_from_message(message: NavSatFix, *, max_std_m: float = math.inf) -> Fix:
     max_std_m : float
         Largest horizontal standard deviation, metres; of fixes that tell one.
 
+    Returns
+    -------
+    Fix
+        Nanoseconds, degrees and metres.
+
     Raises
     ------
     WireFormatError
         It is no fix, no place on the Earth, or not good enough; the text says which.
+
+    Examples
+    --------
+    >>> from sensor_msgs.msg import NavSatFix, NavSatStatus
+    >>> from msg_conversions.navigation import fix_from_message
+    >>> fix = fix_from_message(NavSatFix(
+    ...     status=NavSatStatus(status=NavSatStatus.STATUS_FIX), latitude=47.0, longitude=8.0,
+    ...     altitude=450.0))
+    >>> fix.latitude_deg, fix.longitude_deg, fix.height_m
+    (47.0, 8.0, 450.0)
     """
     if message.status.status < NavSatStatus.STATUS_FIX:
         raise WireFormatError(f'status {message.status.status}: no fix')
@@ -66,12 +81,33 @@ def _std_m(message: NavSatFix) -> float:
 
 
 def attitude_from_message(message: Imu) -> tuple[int, tuple[float, float, float, float]]:
-    """Time in ns and quaternion x, y, z, w from the body into east, north, up (REP 145).
+    """Read time and attitude: from the body into east, north, up (REP 145).
+
+    Parameters
+    ----------
+    message : sensor_msgs.msg.Imu
+        With an orientation.
+
+    Returns
+    -------
+    stamp_ns : int
+        Nanoseconds.
+    quaternion : (4,) floats
+        x, y, z, w.
 
     Raises
     ------
     WireFormatError
         The message tells no orientation.
+
+    Examples
+    --------
+    >>> from geometry_msgs.msg import Quaternion
+    >>> from sensor_msgs.msg import Imu
+    >>> from msg_conversions.navigation import attitude_from_message
+    >>> stamp_ns, quaternion = attitude_from_message(Imu(orientation=Quaternion(z=1.0, w=0.0)))
+    >>> stamp_ns, [float(v) for v in quaternion]
+    (0, [0.0, 0.0, 1.0, 0.0])
     """
     q = message.orientation
     turn = q.x, q.y, q.z, q.w
@@ -83,7 +119,7 @@ def attitude_from_message(message: Imu) -> tuple[int, tuple[float, float, float,
 
 
 def datum_to_message(datum: Datum, frame_id: str, stamp: Time) -> TransformStamped:
-    """Transform from `EARTH_FRAME` to the frame whose datum it is.
+    """Write the datum of a frame as the transform from `EARTH_FRAME` to it.
 
     Parameters
     ----------
@@ -119,7 +155,7 @@ def datum_to_message(datum: Datum, frame_id: str, stamp: Time) -> TransformStamp
 
 
 def datum_from_message(message: TransformStamped) -> Datum:
-    """Datum of the frame that the transform from `EARTH_FRAME` leads to.
+    """Read the datum of the frame that a transform from `EARTH_FRAME` leads to.
 
     Parameters
     ----------

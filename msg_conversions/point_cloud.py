@@ -28,7 +28,7 @@ GEOGRAPHIC_FIELDS = ('latitude', 'longitude', 'altitude')
 
 def to_message(points: np.ndarray, header: Header, fields: tuple[str, ...] = FIELDS,
                geographic: np.ndarray | None = None) -> PointCloud2:
-    """Point cloud of moving targets, obstacles or cells.
+    """Write moving targets, obstacles or bright cells as a point cloud.
 
     Parameters
     ----------
@@ -51,6 +51,16 @@ def to_message(points: np.ndarray, header: Header, fields: tuple[str, ...] = FIE
     ------
     ValueError
         The array has another shape.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from std_msgs.msg import Header
+    >>> from msg_conversions import point_cloud
+    >>> targets = np.zeros((2, len(point_cloud.FIELDS)))
+    >>> message = point_cloud.to_message(targets, Header(frame_id='map'))
+    >>> message.width, [field.name for field in message.fields][:3]
+    (2, ['x', 'y', 'z'])
     """
     points = np.asarray(points, float)
     if points.ndim != 2 or points.shape[1] != len(fields):
@@ -76,15 +86,38 @@ def to_message(points: np.ndarray, header: Header, fields: tuple[str, ...] = FIE
 
 
 def from_message(message: PointCloud2, fields: tuple[str, ...] = FIELDS) -> np.ndarray:
-    """(n, len(fields)) float64 targets of a point cloud, columns in the order of the fields.
+    """Read the points of a cloud, columns in the order of the fields.
 
     `GEOGRAPHIC_FIELDS` may be among the fields. The message may have further fields, others in
     between, and any order.
+
+    Parameters
+    ----------
+    message : sensor_msgs.msg.PointCloud2
+        As `to_message` writes it.
+    fields : tuple of str
+        Wanted ones, see `to_message`.
+
+    Returns
+    -------
+    (n, len(fields)) float64
+        In the units of the fields.
 
     Raises
     ------
     WireFormatError
         A field is missing or has another type, or sizes and data do not fit together.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from std_msgs.msg import Header
+    >>> from msg_conversions import point_cloud
+    >>> targets = np.zeros((2, len(point_cloud.FIELDS)))
+    >>> targets[1, 0] = 12.5
+    >>> message = point_cloud.to_message(targets, Header(frame_id='map'))
+    >>> point_cloud.from_message(message)[:, 0].tolist()
+    [0.0, 12.5]
     """
     known = {field.name: field for field in message.fields}
     missing = [name for name in fields if name not in known]

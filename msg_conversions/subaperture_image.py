@@ -13,10 +13,32 @@ from .layout import DEFAULT_MAX_ELEMENTS
 def to_message(subaperture: SubapertureImage) -> Float32MultiArray:
     """Write a sub-aperture image into a message; its pixels are copied once.
 
+    Parameters
+    ----------
+    subaperture : SubapertureImage
+        Of one sub-aperture.
+
+    Returns
+    -------
+    std_msgs.msg.Float32MultiArray
+        As docs/wire_format.md describes it.
+
     Raises
     ------
     WireFormatError
         The image does not fit into the format; see `msg_conversions.subaperture_wire.to_array`.
+
+    Examples
+    --------
+    >>> from msg_conversions import subaperture_image
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> from sar_imaging.streaming.subapertures import LiveSubapertures
+    >>> scenario = SCENARIOS['psf']()
+    >>> live = LiveSubapertures(scenario.grid, pulses_per_aperture=200)
+    >>> part = next(part for block in scenario.blocks() for part in live.add(block))
+    >>> message = subaperture_image.to_message(part)
+    >>> [dim.label for dim in message.layout.dim]
+    ['angle', 'range', 'iq']
     """
     return multi_array.from_parts(
         subaperture_wire.preamble(subaperture), subaperture.image,
@@ -45,6 +67,18 @@ def from_message(msg: Float32MultiArray, *,
     WireFormatError
         The message does not follow the format, or its time is outside the range of
         ``builtin_interfaces/Time``.
+
+    Examples
+    --------
+    >>> from msg_conversions import subaperture_image
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> from sar_imaging.streaming.subapertures import LiveSubapertures
+    >>> scenario = SCENARIOS['psf']()
+    >>> live = LiveSubapertures(scenario.grid, pulses_per_aperture=200)
+    >>> part = next(part for block in scenario.blocks() for part in live.add(block))
+    >>> back = subaperture_image.from_message(subaperture_image.to_message(part))
+    >>> bool((back.image == part.image).all())
+    True
     """
     subaperture = subaperture_wire.from_array(
         msg.data, multi_array.dims(msg), msg.layout.data_offset, max_elements=max_elements)

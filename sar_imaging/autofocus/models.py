@@ -72,7 +72,7 @@ class GeometryModel:
     ...     centres = np.stack([x, y, 0 * angle], axis=-1)[:, None]
     ...     return Geometry(centres, centres)
     >>> model = GeometryModel(['radius_m'], [0.20], [0.01], on_circle)
-    >>> model([0.25]).tx_m[2, 0].round(6).tolist()                # the middle of a larger circle
+    >>> model([0.25]).tx_m[2, 0].round(6).tolist()  # the middle of a larger circle
     [0.0, 0.25, 0.0]
     """
 
@@ -224,7 +224,7 @@ def with_time_offset(model: GeometryModel, time_s, *, scale_s: float) -> Geometr
     --------
     >>> from sar_imaging.autofocus import nominal, with_time_offset
     >>> from sar_imaging.simulation import SCENARIOS
-    >>> block = next(SCENARIOS['psf']().blocks(10))               # flies at 200 m/s along y
+    >>> block = next(SCENARIOS['psf']().blocks(10))  # flies at 200 m/s along y
     >>> time_s = (block.stamp_ns - block.stamp_ns[0]) * 1e-9
     >>> model = with_time_offset(nominal(block), time_s, scale_s=0.01)
     >>> moved = model([0.002]).tx_m - block.tx_m

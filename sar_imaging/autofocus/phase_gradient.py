@@ -102,7 +102,7 @@ class PhaseGradient:
     >>> image = plan_image(polar, profiles.radar, profiles.n_samples)(profiles)
     >>> refocus = PhaseGradient(polar, profiles.radar, aperture_m=(-30.0, 30.0))
     >>> bend_m = 0.01 * np.cos(refocus.position_m / 5.0)
-    >>> found = refocus(refocus.correct(image, bend_m))           # a track that bends by 1 cm
+    >>> found = refocus(refocus.correct(image, bend_m))  # a track that bends by 1 cm
     >>> found.accepted, found.contrast_after > found.contrast_before
     (True, True)
     """

@@ -39,7 +39,7 @@ class PhaseCentreTrack:
     --------
     >>> from sar_imaging.autofocus.track import PhaseCentreTrack
     >>> from sar_imaging.simulation import SCENARIOS
-    >>> blocks = list(SCENARIOS['psf']().blocks(50))              # flies at 200 m/s along y
+    >>> blocks = list(SCENARIOS['psf']().blocks(50))  # flies at 200 m/s along y
     >>> track = PhaseCentreTrack.of_pulses(blocks)
     >>> stamp_ns = blocks[0].stamp_ns[20:21]
     >>> now, later = (track.at(stamp_ns, offset_s)[0][0, 0, 1] for offset_s in (0.0, 0.1))

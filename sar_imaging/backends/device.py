@@ -22,7 +22,7 @@ class DeviceError(RuntimeError):
     >>> from sar_imaging.backends import DeviceError, backend
     >>> try:
     ...     chosen = backend('cuda').__name__
-    ... except DeviceError:                                       # no device here: the processor
+    ... except DeviceError:  # no device here: the processor
     ...     chosen = backend('cpu').__name__
     >>> chosen in ('sar_imaging.backends.cuda', 'sar_imaging.backends.cpu')
     True

@@ -81,7 +81,7 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *,
     >>> from sar_imaging.simulation import SCENARIOS
     >>> block = concatenate(list(SCENARIOS['psf_raw']().blocks()))
     >>> samples = block.samples.copy()
-    >>> samples[:, 3] = 0.0                    # a receiver that is not connected
+    >>> samples[:, 3] = 0.0  # a receiver that is not connected
     >>> for finding in examine(dataclasses.replace(block, samples=samples)).findings:
     ...     print(finding.fault)
     dead channel

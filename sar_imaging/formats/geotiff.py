@@ -76,7 +76,7 @@ def write_geotiff(path: os.PathLike | str, image: Image, datum: Datum, *,
     >>> grid = MapGrid((0.0, 0.0, 0.0), 64, 48, 0.5)
     >>> image = Image(np.ones(grid.shape, np.complex64), grid, 10e9, Report('exact', '', -60.0))
     >>> place = write_geotiff('map.tif', image, Datum(47.0, 8.0, 450.0))
-    >>> place.crs.to_epsg(), place.error_m < 0.0025              # metres
+    >>> place.crs.to_epsg(), place.error_m < 0.0025  # metres
     (32632, True)
     """
     if content not in CONTENTS:

@@ -44,7 +44,7 @@ class PlaneGrid:
     ...                       height_m=1.0, spacing_m=0.5)
     >>> wall.shape
     (3, 5)
-    >>> wall.positions(0, 0).tolist()          # top left, as the radar south of it sees it
+    >>> wall.positions(0, 0).tolist()  # top left, as the radar south of it sees it
     [-1.0, 3.0, 1.5]
     """
 
@@ -199,7 +199,7 @@ class VolumeGrid:
     >>> volume = VolumeGrid.above(ground, height_m=3.0, spacing_m=1.0)
     >>> volume.shape
     (4, 4, 8)
-    >>> volume.slice(3).points()[..., 2].max().item()   # the highest layer, metres
+    >>> volume.slice(3).points()[..., 2].max().item()  # the highest layer, metres
     3.0
     """
 

@@ -87,7 +87,7 @@ class MapGrid:
     >>> grid = MapGrid((100.0, 0.0, 0.0), n_x=5, n_y=3, spacing_m=0.5)
     >>> grid.shape
     (3, 5)
-    >>> grid.positions(0, 0).tolist()          # the north-western pixel
+    >>> grid.positions(0, 0).tolist()  # the north-western pixel
     [99.0, 0.5, 0.0]
     >>> row, column = grid.to_pixels(100.25, 0.0)
     >>> print(f'row {row:.1f}, column {column:.1f}')

@@ -50,7 +50,7 @@ class PolarGrid:
     ...                   alpha_start=-0.1, alpha_spacing=0.05, n_alpha=5)
     >>> polar.shape
     (5, 41)
-    >>> polar.positions(2, 20).round(6).tolist()        # 100 m to the right of the track
+    >>> polar.positions(2, 20).round(6).tolist()  # 100 m to the right of the track
     [100.0, 0.0, 0.0]
     >>> range_m, alpha = polar.from_map(80.0, 60.0)
     >>> print(f'{range_m:.1f} m, direction cosine {alpha:.1f}')

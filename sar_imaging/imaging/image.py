@@ -50,7 +50,7 @@ class Report:
     >>> block = next(SCENARIOS['psf']().blocks(50))
     >>> grid = MapGrid((10_000.0, 0.0, 0.0), 25, 25, 0.5)
     >>> imager = plan_image(grid, block.radar, block.n_samples, block.tx_m, block.rx_m)
-    >>> report = imager.report                                    # known before a pulse is imaged
+    >>> report = imager.report  # known before a pulse is imaged
     >>> report.method, report.target_db, bool(report.predicted_error_db < -60.0)
     ('exact', -60.0, True)
     """

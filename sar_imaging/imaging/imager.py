@@ -151,7 +151,7 @@ class Imager:
     >>> grid = MapGrid((10_000.0, 0.0, 0.0), 25, 25, 0.5)
     >>> imager = plan_image(grid, blocks[0].radar, blocks[0].n_samples, method='exact')
     >>> image = imager.new_image(blocks[0].n_channels)
-    >>> for block in blocks:                                      # as they arrive
+    >>> for block in blocks:  # as they arrive
     ...     imager.accumulate(block, image)
     >>> print(f'{image.n_pulses} pulses, peak {np.abs(image).max():.0f}')
     200 pulses, peak 1000

@@ -138,7 +138,7 @@ def sample_image(image, grid: MapGrid, points_xy, *, aperture_centre_m,
     >>> from sar_imaging.quality import sample_image
     >>> grid = MapGrid((100.0, 0.0, 0.0), 32, 32, 0.25)
     >>> k = RadarParameters(10e9, 300e6, 400e6, 6e-7).wavenumber_rad_per_m
-    >>> image = np.exp(1j * k * np.linalg.norm(grid.points(), axis=-1))   # even, with its carrier
+    >>> image = np.exp(1j * k * np.linalg.norm(grid.points(), axis=-1))  # even, with its carrier
     >>> values = sample_image(image, grid, [[100.1, 0.05]], aperture_centre_m=(0.0, 0.0, 0.0),
     ...                       wavenumber_rad_per_m=k)
     >>> print(f'{abs(values[0]):.2f}')
@@ -178,7 +178,7 @@ def project_on_plane(position_m, aperture_centre_m, plane_z_m: float) -> np.ndar
     Examples
     --------
     >>> from sar_imaging.quality import project_on_plane
-    >>> roof = (100.0, 0.0, 10.0)                                 # 10 m above the image plane
+    >>> roof = (100.0, 0.0, 10.0)  # 10 m above the image plane
     >>> seen = project_on_plane(roof, aperture_centre_m=(0.0, 0.0, 50.0), plane_z_m=0.0)
     >>> print(f'appears {100.0 - seen[0]:.2f} m nearer')
     appears 4.61 m nearer

@@ -99,7 +99,7 @@ def focus_figure(image) -> FocusFigure:
     >>> from sar_imaging.quality import focus_figure
     >>> rng = np.random.default_rng(1)
     >>> image = rng.standard_normal((64, 64)) + 1j * rng.standard_normal((64, 64))
-    >>> image[20, 30] += 100.0                                    # a scatterer
+    >>> image[20, 30] += 100.0  # a scatterer
     >>> figure = focus_figure(image)
     >>> print(f'{figure.peak_over_median_db:.1f} dB above the median')
     38.7 dB above the median

@@ -20,7 +20,7 @@ class UnmeasurableError(ValueError):
     >>> from sar_imaging.quality import UnmeasurableError, impulse_response
     >>> try:
     ...     impulse_response(np.linspace(0.0, 1.0, 32), spacing_m=0.1)
-    ... except UnmeasurableError as error:                        # it rises up to its end
+    ... except UnmeasurableError as error:  # it rises up to its end
     ...     print(error)
     the cut ends before the first null of the main lobe; it must reach beyond the main ...
     """
@@ -110,7 +110,7 @@ def impulse_response(cut, spacing_m: float, *, half_width_m: float | None = None
     --------
     >>> import numpy as np
     >>> from sar_imaging.quality import impulse_response
-    >>> cut = np.sinc(np.arange(-32, 33) / 2)                     # nulls 2 samples from the peak
+    >>> cut = np.sinc(np.arange(-32, 33) / 2)  # nulls 2 samples from the peak
     >>> found = impulse_response(cut, spacing_m=0.25, half_width_m=3.0)
     >>> print(f'{found.irw_m:.3f} m, PSLR {found.pslr_db:.1f} dB, ISLR {found.islr_db:.1f} dB')
     0.443 m, PSLR -13.3 dB, ISLR -10.5 dB

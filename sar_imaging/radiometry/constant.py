@@ -147,7 +147,7 @@ def noise_power(profiles: np.ndarray) -> float:
     >>> rng = np.random.default_rng(1)
     >>> noise = rng.standard_normal((2, 200, 1, 256)) / 10
     >>> profiles = noise[0] + 1j * noise[1]
-    >>> profiles[..., 100:120] += 5.0                             # echoes
+    >>> profiles[..., 100:120] += 5.0  # echoes
     >>> print(f'{noise_power(profiles):.3f}')
     0.019
     """

@@ -67,7 +67,7 @@ def equivalent_looks(power: np.ndarray) -> float:
     --------
     >>> import numpy as np
     >>> from sar_imaging.radiometry import equivalent_looks, multilook
-    >>> power = np.random.default_rng(1).exponential(size=(400, 400))    # of one image of grass
+    >>> power = np.random.default_rng(1).exponential(size=(400, 400))  # of one image of grass
     >>> print(f'{equivalent_looks(power):.1f}, {equivalent_looks(multilook(power, (2, 2))):.1f}')
     1.0, 4.0
     """

@@ -67,7 +67,7 @@ class Trajectory:
     >>> import numpy as np
     >>> from sar_imaging.simulation import Trajectory
     >>> flight = Trajectory(centre_m=(0.0, 0.0, 50.0), velocity_m_per_s=(0.0, 8.0, 0.0),
-    ...                     polynomial=((0.25, 0.0, 0.0),))        # 0.5 m/s^2 sideways
+    ...                     polynomial=((0.25, 0.0, 0.0),))  # 0.5 m/s^2 sideways
     >>> flight.positions(np.array([-2.0, 0.0, 2.0])).tolist()
     [[1.0, -16.0, 50.0], [0.0, 0.0, 50.0], [1.0, 16.0, 50.0]]
     """
@@ -134,7 +134,7 @@ class RasterScan:
     >>> from sar_imaging.simulation import RasterScan
     >>> scan = RasterScan((0.0, 0.0, 1.0), step_m=(0.01, 0.0, 0.0), row_step_m=(0.0, 0.0, 0.01),
     ...                   n_per_row=3, rate_hz=10.0)
-    >>> scan.positions(np.arange(6) / 10.0).round(2).tolist()      # there, one row up, and back
+    >>> scan.positions(np.arange(6) / 10.0).round(2).tolist()  # there, one row up, and back
     [[0.0, 0.0, 1.0], [0.01, 0.0, 1.0], [0.02, 0.0, 1.0], [0.02, 0.0, 1.01], [0.01, 0.0, ...
     """
 

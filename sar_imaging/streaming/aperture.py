@@ -122,7 +122,7 @@ class ApertureImager(ApertureSequence):
     >>> from sar_imaging.simulation import SCENARIOS
     >>> from sar_imaging.streaming.aperture import ApertureImager
     >>> live = ApertureImager(MapGrid((10_000.0, 0.0, 0.0), 25, 25, 0.5), pulses_per_aperture=200)
-    >>> for block in SCENARIOS['psf']().blocks(50):               # as they arrive
+    >>> for block in SCENARIOS['psf']().blocks(50):  # as they arrive
     ...     for image in live.add(block):
     ...         print(len(image.counters), 'pulses,', image.image.shape)
     200 pulses, (25, 25)

@@ -221,7 +221,7 @@ class LiveFusion(EventSource):
     >>> from sar_imaging.streaming.subapertures import LiveSubapertures
     >>> scenario, fusion = SCENARIOS['psf'](), LiveFusion()
     >>> live = LiveSubapertures(scenario.grid, pulses_per_aperture=scenario.n_pulses)
-    >>> for block in scenario.blocks():                          # as they arrive
+    >>> for block in scenario.blocks():  # as they arrive
     ...     for image in (i for part in live.add(block) for i in fusion.add(part)):
     ...         print(f'peak {abs(image.image).max():.0f}')
     peak 1000

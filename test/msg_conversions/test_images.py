@@ -13,6 +13,7 @@ from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
 from msg_conversions import WireFormatError, images
+from msg_conversions.quicklook import quicklook
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.memory import IMAGE_BYTES, PUBLISHED_BYTES
 
@@ -139,7 +140,7 @@ def test_quicklook_is_linear_in_db():
 @given(hnp.arrays(np.float32, SHAPES, elements=st.floats(0, 2.0**127, width=32)),
        st.floats(1e-3, 200.0))
 def test_quicklook_follows_its_definition(amplitude, dynamic_range_db):
-    levels = images.quicklook(amplitude, dynamic_range_db)
+    levels = quicklook(amplitude, dynamic_range_db)
     assert levels.dtype == np.uint8
     if amplitude.max() == 0:
         assert not levels.any()
@@ -163,18 +164,18 @@ def speckle(reflector_db, n=256):
 @pytest.mark.parametrize('reflector_db', [60.0, 80.0, 140.0])
 def test_clutter_is_dark_grey_beside_any_reflector(reflector_db):
     amplitude = speckle(reflector_db)
-    levels = images.quicklook(amplitude, 60.0, 'clutter')
+    levels = quicklook(amplitude, 60.0, 'clutter')
     assert levels.max() == levels[128, 128] == 255
     # The median is 10 of 60 dB above black; the rest of it is the rounding of the level.
     assert np.median(levels) == pytest.approx(255 * 10 / 60, abs=1)
     # exp(-0.1 ln 2): the share of speckle above a tenth of its median intensity
     assert np.mean(levels > 0) == pytest.approx(2 ** -0.1, abs=0.01)
-    shown = np.mean(images.quicklook(amplitude, 60.0, 'peak') > 0)
+    shown = np.mean(quicklook(amplitude, 60.0, 'peak') > 0)
     assert shown < (0.6 if reflector_db == 60.0 else 0.001)  # by the peak it is half or all black
 
 
 def test_a_quicklook_of_little_contrast_uses_all_levels():
-    levels = images.quicklook(speckle(20.0), 60.0, 'clutter')
+    levels = quicklook(speckle(20.0), 60.0, 'clutter')
     assert levels.max() == 255
     assert np.median(levels) == pytest.approx(255 * 10 / 30, abs=1)  # 10 dB down, 20 dB up
 
@@ -183,7 +184,7 @@ def test_a_quicklook_of_little_contrast_uses_all_levels():
        st.floats(1.0, 200.0))
 @example(np.full((1, 2), 2.0**127, np.float32), 1.0)  # whose sum overflows
 def test_a_quicklook_by_the_clutter_follows_its_definition(amplitude, dynamic_range_db):
-    levels = images.quicklook(amplitude, dynamic_range_db, 'clutter')
+    levels = quicklook(amplitude, dynamic_range_db, 'clutter')
     known = amplitude[amplitude > 0].astype(float)
     if not known.size:
         assert not levels.any()
@@ -202,7 +203,7 @@ def test_a_quicklook_by_the_clutter_follows_its_definition(amplitude, dynamic_ra
 
 def test_an_unknown_anchor_is_refused():
     with pytest.raises(ValueError, match="anchor='noise' is unknown; use one of clutter, peak"):
-        images.quicklook(PICTURE, 60.0, 'noise')
+        quicklook(PICTURE, 60.0, 'noise')
 
 
 @pytest.mark.parametrize('amplitude, text', [
@@ -217,7 +218,7 @@ def test_amplitudes_without_maximum_are_refused(amplitude, text):
 @pytest.mark.parametrize('dynamic_range_db', [0.0, -3.0, 201.0, np.nan, np.inf])
 def test_impossible_dynamic_ranges_are_refused(dynamic_range_db):
     with pytest.raises(ValueError, match='dynamic_range_db=.*; expected above 0 and at most 200'):
-        images.quicklook(PICTURE, dynamic_range_db)
+        quicklook(PICTURE, dynamic_range_db)
 
 
 # ------------------------------------------------------------------------------- map metadata

@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 
-from msg_conversions import images as images_of_messages, subaperture_image
+from msg_conversions import subaperture_image
 from msg_conversions.images import (
     complex_from_message,
     map_metadata_from_message,
@@ -233,7 +233,7 @@ def test_every_product_goes_to_who_listens(grid, profiles):
         np.testing.assert_array_equal(complex_from_message(message), image.image)
         np.testing.assert_array_equal(
             quicklook_from_message(quicklook),
-            images_of_messages.quicklook(np.abs(image.image), 40.0, 'clutter'))
+            quicklook(np.abs(image.image), 40.0, 'clutter'))
         stamp = message.header.stamp
         assert stamp.sec * 10**9 + stamp.nanosec == image.stamp_ns
         assert 0 <= stamp.nanosec < 10**9

@@ -40,7 +40,7 @@ def coupling_findings(block: PulseBlock) -> list[Finding]:
     >>> coupling_findings(block)
     []
     >>> samples = block.samples.copy()
-    >>> samples[..., 20] += 500.0                                 # from antenna to antenna
+    >>> samples[..., 20] += 500.0  # from antenna to antenna
     >>> coupled = dataclasses.replace(block, samples=samples)
     >>> [finding.fault for finding in coupling_findings(coupled)]
     ['coupling']

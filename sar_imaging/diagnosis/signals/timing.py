@@ -38,7 +38,7 @@ def timing_findings(block: PulseBlock) -> list[Finding]:
     >>> block = concatenate(list(SCENARIOS['psf']().blocks()))
     >>> timing_findings(block)
     []
-    >>> kept = np.delete(np.arange(200), [40, 41, 90])            # lost on the way
+    >>> kept = np.delete(np.arange(200), [40, 41, 90])  # lost on the way
     >>> for finding in timing_findings(block.select(kept)):
     ...     print(finding.evidence)
     3 of 200 pulses are missing in 2 gaps of their numbers, up to 2 in a row

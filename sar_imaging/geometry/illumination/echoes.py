@@ -38,7 +38,7 @@ class AmplitudeSpread:
     >>> spread = seen.spread(np.array([[3.0, 50.0, 0.0]]), np.array([[1.0, 0.0, 0.0]]))
     >>> print(f'{spread.rms:.2f} rad/m across the beam, 50 m away')
     0.17 rad/m across the beam, 50 m away
-    >>> AmplitudeSpread(0.0) == NO_SPREAD               # an amplitude that is the same everywhere
+    >>> AmplitudeSpread(0.0) == NO_SPREAD  # an amplitude that is the same everywhere
     True
     """
 
@@ -71,7 +71,7 @@ class Illumination:
     >>> from sar_imaging.geometry.illumination import (
     ...     AntennaPattern, Illumination, PatternCut, Pointing)
     >>> centre = np.zeros((2, 1, 3))
-    >>> centre[1, 0, 0] = 30.0                          # two pulses, 30 m apart along x
+    >>> centre[1, 0, 0] = 30.0  # two pulses, 30 m apart along x
     >>> pointing = Pointing.beside_track(centre[:, 0], side=1)
     >>> seen = Illumination.of_pulses(AntennaPattern(PatternCut.uniform(0.2)), pointing,
     ...                               centre, centre)

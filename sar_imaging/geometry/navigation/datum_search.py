@@ -116,7 +116,7 @@ class DatumSearch:
     >>> from sar_imaging.geometry.navigation import DatumSearch
     >>> truth = Datum(47.0, 8.0, 450.0, heading_deg=30.0)
     >>> search = DatumSearch(baseline_m=20.0)
-    >>> for x in (0.0, 25.0, 50.0):                     # the platform drives along the frame's x
+    >>> for x in (0.0, 25.0, 50.0):  # the platform drives along the frame's x
     ...     found = search.add(truth.to_ecef([x, 0.0, 0.0]), (x, 0.0, 0.0))
     ...     if found is None:
     ...         print(search.reason)

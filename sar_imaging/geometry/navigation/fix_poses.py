@@ -79,7 +79,7 @@ class FixPoses:
     >>> from sar_imaging.geometry import Datum
     >>> from sar_imaging.geometry.navigation import Fix, FixPoses
     >>> poses = FixPoses(datum=Datum(47.0, 8.0, 450.0), with_attitude=False)
-    >>> for second in range(3):                         # flying north by 1e-5 degrees a second
+    >>> for second in range(3):  # flying north by 1e-5 degrees a second
     ...     for pose in poses.add_fix(Fix(second * 10**9, 47.0 + second * 1e-5, 8.0, 450.0)):
     ...         print(f'{second} s: {pose.position_m[1]:.2f} m')
     0 s: 0.00 m

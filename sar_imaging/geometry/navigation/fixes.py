@@ -30,7 +30,7 @@ class Fix:
     --------
     >>> from sar_imaging.geometry.navigation import Fix
     >>> fix = Fix(stamp_ns=0, latitude_deg=0.0, longitude_deg=90.0, height_m=100.0, std_m=0.02)
-    >>> fix.ecef_m.round(3).tolist()                    # the equator's radius and 100 m along y
+    >>> fix.ecef_m.round(3).tolist()  # the equator's radius and 100 m along y
     [0.0, 6378237.0, 0.0]
     """
 

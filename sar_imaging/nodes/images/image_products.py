@@ -13,14 +13,12 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
 from msg_conversions.images import (
-    ANCHORS,
-    CLUTTER,
-    MAX_DYNAMIC_RANGE_DB,
     amplitude_to_message,
     complex_to_message,
     map_metadata_to_message,
     quicklook_to_message,
 )
+from msg_conversions.quicklook import ANCHORS, CLUTTER, MAX_DYNAMIC_RANGE_DB
 from sar_imaging.geometry.grids import MapGrid
 
 from ..runtime.managed import LATCHED

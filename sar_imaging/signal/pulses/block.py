@@ -60,7 +60,7 @@ class PulseBlock:
     >>> from sar_imaging import PulseBlock, RadarParameters
     >>> radar = RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6.6e-6)
     >>> track = np.zeros((3, 1, 3))
-    >>> track[:, 0, 1] = [-0.3, 0.0, 0.3]                         # three pulses along y
+    >>> track[:, 0, 1] = [-0.3, 0.0, 0.3]  # three pulses along y
     >>> block = PulseBlock(radar, compressed=True, stamp_ns=np.arange(3) * 1_500_000,
     ...                    counter=np.arange(3), samples=np.ones((3, 1, 126)), tx_m=track,
     ...                    rx_m=track)

@@ -75,7 +75,7 @@ class PulseBuffer(EventSource):
     >>> from sar_imaging.simulation import SCENARIOS
     >>> blocks = list(SCENARIOS['psf']().blocks(pulses_per_block=25))
     >>> buffer = PulseBuffer(pulses_per_aperture=200, pulses_per_block=50)
-    >>> late_first = [blocks[1], blocks[0], *blocks[2:]]          # the network changed the order
+    >>> late_first = [blocks[1], blocks[0], *blocks[2:]]  # the network changed the order
     >>> ordered = [b for block in late_first for b in buffer.push(block)] + buffer.flush()
     >>> [int(block.counter[0]) for block in ordered], buffer.statistics.missing
     ([0, 50, 100, 150], 0)

@@ -75,7 +75,7 @@ class RangeCompressor:
     >>> import numpy as np
     >>> from sar_imaging import RangeCompressor
     >>> from sar_imaging.simulation import SCENARIOS
-    >>> raw = next(SCENARIOS['psf_raw']().blocks())               # chirps of 1 microsecond
+    >>> raw = next(SCENARIOS['psf_raw']().blocks())  # chirps of 1 microsecond
     >>> compress = RangeCompressor.for_block(raw, window='hamming')
     >>> profiles = compress(raw)
     >>> raw.samples.shape, profiles.samples.shape

@@ -188,7 +188,7 @@ def open_source(path: Path | str, *, aperture: int | None = None,
     >>> source = open_source('bags/spotlight')
     >>> source.kind, source.n_pulses, source.compressed
     ('recording', 128, False)
-    >>> [profiles] = source.profiles(n_bytes=1e9)                  # compressed where they are not
+    >>> [profiles] = source.profiles(n_bytes=1e9)  # compressed where they are not
     >>> profiles.compressed
     True
     """

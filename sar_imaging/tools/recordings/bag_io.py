@@ -229,7 +229,7 @@ def read_poses(path: Path | str) -> RecordedPoses | None:
     Examples
     --------
     >>> from sar_imaging.tools.recordings import read_poses
-    >>> read_poses('bags/psf') is None                            # its pulses have phase centres
+    >>> read_poses('bags/psf') is None  # its pulses have phase centres
     True
     """
     return RecordedPoses.from_messages(_store(), [cdr for _, cdr in pose_messages(path)])
