@@ -86,7 +86,6 @@ def run_archive(job: Job, *, workers: int | None = None, scheduler: str | None =
     ... recordings: bags/psf
     ... output: survey
     ... spacing_m: 0.5
-    ... tile: 64
     ... ''')
     >>> summary = run_archive(read_job('survey.yaml'), workers=1, tell=lambda text: None)
     >>> summary.exit_status, summary.losses

@@ -93,7 +93,6 @@ def check_mosaic(output: Path, n_pixels: int = 100, *, seed: int = 0,
     ... recordings: bags/psf
     ... output: survey
     ... spacing_m: 0.5
-    ... tile: 64
     ... ''')
     >>> _ = run_archive(read_job('survey.yaml'), workers=1, tell=lambda text: None)
     >>> checked = check_mosaic(Path('survey'), n_pixels=10)
@@ -103,8 +102,9 @@ def check_mosaic(output: Path, n_pixels: int = 100, *, seed: int = 0,
     job, scans = load_job(output), [s for s in all_scans(output) if s.name not in lost]
     if not scans:
         raise ValueError(f'{output} has no aperture')
-    mosaic = union(s.window for s in all_scans(output)).on_tiles(job.tile)
-    row, column, power, looks = _chosen(output, mosaic, job, n_pixels, seed)
+    area = union(s.window for s in all_scans(output))
+    mosaic = area.on_tiles(job.tile)
+    row, column, power, looks = _chosen(output, area, job, n_pixels, seed)
     total, counted = np.zeros(len(row)), np.zeros(len(row), np.int64)
     points = _points(row, column, mosaic, job)
     for scan in scans:
@@ -135,9 +135,9 @@ def _covers(scan, row: np.ndarray, column: np.ndarray, job: Job) -> np.ndarray:
     return out
 
 
-def _chosen(output: Path, mosaic: Window, job: Job, n_pixels: int, seed: int):
-    """Numbers, power and looks of random pixels that have a look."""
-    power, looks = stored_looks(output, '', mosaic, job.tile)
+def _chosen(output: Path, area: Window, job: Job, n_pixels: int, seed: int):
+    """Numbers, power and looks of random pixels of a window that have a look."""
+    power, looks = stored_looks(output, '', area.on_tiles(job.tile), job.tile)
     rng = np.random.default_rng(seed)
     tiles = [tile for tile in power.tiles() if power.has(tile)]
     if not tiles:
@@ -147,8 +147,10 @@ def _chosen(output: Path, mosaic: Window, job: Job, n_pixels: int, seed: int):
         if len(found) == n_pixels:
             break
         tile = tiles[rng.integers(len(tiles))]
-        row, column = (int(rng.integers(*ends)) for ends in (
-            (tile.row0, tile.row1), (tile.column0, tile.column1)))
+        row, column = (int(rng.integers(max(first, least), min(last, most)))
+                       for first, last, least, most in (
+            (tile.row0, tile.row1, area.row0, area.row1),
+            (tile.column0, tile.column1, area.column0, area.column1)))
         pixel = Window(row, row + 1, column, column + 1)
         n = int(looks.read(pixel)[0, 0])
         if n:
