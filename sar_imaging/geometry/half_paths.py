@@ -47,6 +47,16 @@ class Paths:
         source[dark] = lit[np.arange(len(dark)) * _STRIDE % len(lit)]
         return values.reshape(*values.shape[:-2], -1)[..., source].reshape(values.shape)
 
+    def of_lit_rows(self, values) -> np.ndarray:
+        """Values (R, S) in which the mean of a row's lit ones stands for its others.
+
+        Rows without any have that of the lit rows before and after.
+        """
+        count, number = self.lit.sum(axis=1), np.arange(len(self.lit))
+        some = count > 0
+        mean = (values * self.lit).sum(axis=1)[some] / count[some]
+        return np.where(self.lit, values, np.interp(number, number[some], mean)[:, None])
+
     def of_lit(self, values, rows=slice(None)) -> np.ndarray:
         """Values of lit pairs alone, (n,), from those of all pairs or of some rows."""
         return values if self.lit is None else values[self.lit[rows]]

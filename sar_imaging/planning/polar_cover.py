@@ -140,7 +140,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     along_alpha = k * slope_alpha
     if paths.lit is not None:
         along_range, along_alpha = (paths.with_lit(v) for v in (along_range, along_alpha))
-        slope, slope_alpha = (paths.with_lit(v) for v in (slope, slope_alpha))
+        slope, slope_alpha = paths.with_lit(slope), paths.of_lit_rows(slope_alpha)
     even, along_alpha = along_alpha, spread_frequencies(along_alpha, spread.rms)
     weight = echo_power(tx_m, rx_m, grid.centre_m, grid.spacing_m * np.array(
         [[grid.n_x, 0, 0], [0, grid.n_y, 0]]), radar)

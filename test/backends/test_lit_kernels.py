@@ -113,5 +113,6 @@ def test_plans_with_illumination_compare_and_count_lit_pixels_alone():
         plan_backprojection(*args))
     assert isinstance(plan, Plan) and plan == again and plan != bare
     share = (lit.amplitude(grid.points()) > 0).mean()
-    assert share <= plan.way.lit.share <= min(1.0, 2.2 * share + 0.1)
+    # of some thousand random pairs, and of tiles that are lit in part
+    assert share - 0.03 <= plan.way.lit.share <= min(1.0, 2.2 * share + 0.1)
     assert 'illumination' not in bare.errors_db

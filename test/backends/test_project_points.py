@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cpu.points.kernels import _project_points, _work_space
+from sar_imaging.backends.cpu.points.kernels import NOT_LIT, _project_points, _work_space
 from sar_imaging.backends.reference.project_points import half_paths
 
 
@@ -61,7 +61,7 @@ def test_sums_of_given_polynomials(seed, n_rows, n_y, n_x, tile, kind, near, in_
     per_step = 2 * step_m / wavelength_m
     _project_points(coefficients.reshape(-1), (n_rows, n_cells), tx, rx, *args, (n_y, n_x), tile,
                     zero_m, step_m, per_step, cycles, reach_m, image.reshape(-1), *_work_space(),
-                    *[None] * 6)
+                    *NOT_LIT)
 
     wanted = before.copy()
     for some, way in zip(coefficients.astype(float), path, strict=True):

@@ -75,27 +75,6 @@ def two_way_amplitude(lit, echo, x, y, z):
 
 
 @njit(inline='always')
-def dark_sphere(lit, ends, echo, x, y, z, radius):
-    """1 where an echo lights nothing within a radius of a position, metres.
-
-    How far a point lies beyond an end of the pattern, ``d a - sine |d|`` in azimuth, changes by at
-    most ``1 + sine`` times the radius.
-    """
-    x, y, z = x - lit.centre[echo, 0], y - lit.centre[echo, 1], z - lit.centre[echo, 2]
-    axes = lit.axes
-    right = x * axes[echo, 0, 0] + y * axes[echo, 0, 1] + z * axes[echo, 0, 2]
-    ahead = x * axes[echo, 1, 0] + y * axes[echo, 1, 1] + z * axes[echo, 1, 2]
-    up = x * axes[echo, 2, 0] + y * axes[echo, 2, 1] + z * axes[echo, 2, 2]
-    distance = np.sqrt(right * right + ahead * ahead + up * up)
-    if (right - ends[0] * distance > (1.0 + abs(ends[0])) * radius
-            or ends[1] * distance - right > (1.0 + abs(ends[1])) * radius
-            or up * ends[2] - ahead * ends[3] > radius
-            or ahead * ends[5] - up * ends[4] > radius or ahead < -radius):
-        return 1
-    return 0
-
-
-@njit(inline='always')
 def _at_sine(table, start, per_sine, sine):
     last = len(table) - 1.0
     sine = sine if sine < 1.0 else 1.0

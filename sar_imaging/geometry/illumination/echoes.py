@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from ..half_paths import Paths
 from .pattern import AntennaPattern
 from .pointing import Pointing
 
-_TAIL = np.geomspace(2.5, 100.0, 7)  # times the rms frequency
+_TAIL = np.geomspace(2.0, 100.0, 25)  # times the rms frequency
 _STEP = 0.002  # of the angle that is lit, for a derivative
 
 
@@ -144,7 +145,8 @@ class Illumination:
         frequency, beyond = self.pattern.azimuth.spectrum()
         edges = rms * _TAIL
         share = -np.diff(np.interp(edges, frequency, beyond, right=0.0), append=0.0)
-        return AmplitudeSpread(rms, tuple(edges.tolist()), tuple(share.tolist()))
+        middle = edges * math.sqrt(_TAIL[1] / _TAIL[0])
+        return AmplitudeSpread(rms, tuple(middle.tolist()), tuple(share.tolist()))
 
     def amplitude(self, points_m) -> np.ndarray:
         """(R, ...) float64 two-way amplitude of each echo at points (..., 3), metres."""

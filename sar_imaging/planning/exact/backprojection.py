@@ -108,7 +108,8 @@ class BackprojectionPlan(Plan):
             counts |= {'map_pixel': n_pixels, 'upsampled_part': n_parts,
                        'upsampled_pixel': n_parts * way.polar.n_alpha * way.polar.n_range}
             n_pixels = grid.n_alpha * grid.n_range
-        share = 1.0 if way.lit is None else way.lit.share
+        share = 1.0 if way.lit is None else way.lit.share * (
+            way.lit.dearer if isinstance(way, PointPlan) else 1.0)
         return counts | way.lattice.operations(len(self.tx_m), n_pixels * share)
 
     @property
@@ -116,6 +117,9 @@ class BackprojectionPlan(Plan):
         """Memory that adding the echoes takes besides the image, bytes."""
         way, lit = self.way, 0 if self.illumination is None else self.illumination.n_bytes
         if isinstance(way, PointPlan):
+            *layers, n_y, n_x = (1, 1, *self.grid.shape)
+            if way.lit is not None:
+                lit += math.prod(layers) * way.lit.n_bytes((n_y, n_x), way.tile)
             return coordinate_bytes(self.grid) + lit
         if isinstance(way, PolarPlan):
             size, image = (way.polar if way.parts is None else way.parts.coarse).shape, (

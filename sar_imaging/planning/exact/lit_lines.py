@@ -1,4 +1,4 @@
-"""How amplitudes of echoes are interpolated over image lines and tiles of points, and how well.
+"""How amplitudes of echoes are interpolated over image lines, and how well.
 
 Computing an echo's amplitude at every pixel would take longer than backprojection. It is computed
 at knots instead: along a line at both ends and in the middle of each segment, with a parabola
@@ -16,7 +16,7 @@ import numpy as np
 from ...geometry.half_paths import Paths
 from ...geometry.illumination import Illumination
 from ...signal.radar import RadarParameters
-from ..error_budget import EXACT_SHARES, error_budget, total_db
+from ..error_budget import EXACT_SHARES, error_budget
 from ..profiles.range_resampling import ECHOES_PER_PASS, RangeResampling
 
 LINES = 32  # whose geometry is computed together; knots of every group begin anew
@@ -25,7 +25,7 @@ _PAIRS = 4096  # of an echo and a pixel, at which amplitudes are looked at
 _LIT_PAIRS = 1024  # enough for the error
 _LEAST_LIT = 32  # with fewer the share is looked for among more pairs
 MOST_PAIRS = 1 << 18
-_LEAST_DB = -160.0
+LEAST_DB = -160.0
 _LEAST_SEGMENT = 8
 _ROWS_FOR_TURNS = 256
 
@@ -122,7 +122,7 @@ def plan_lit_lines(illumination: Illumination, locate: Callable, n_lines: int, n
 
     echoes, (line, pixel), share = draw_pairs(illumination, positions, (n_lines, n_pixels))
     if not len(echoes):
-        return LitLines(APART[0], share, _LEAST_DB)
+        return LitLines(APART[0], share, LEAST_DB)
     half, rng = max(segment // 2, 1), np.random.default_rng(1)
     # tiles of which a part is lit are computed whole
     wider = _share_of_tiles(illumination, positions, echoes, line, pixel, segment, share)
@@ -147,7 +147,7 @@ def plan_lit_lines(illumination: Illumination, locate: Callable, n_lines: int, n
         turn = half_turn_rad
         wrong += (np.mean(slope ** 2) * (turn ** 3 / 6) ** 2
                   + np.mean(bend ** 2) * (turn ** 2 / 2) ** 2) / 128
-        error_db = 10 * math.log10(wrong / max(power, 1e-300) + 10 ** (_LEAST_DB / 10))
+        error_db = 10 * math.log10(wrong / max(power, 1e-300) + 10 ** (LEAST_DB / 10))
         if error_db <= wanted_db:
             break
     return LitLines(apart, wider, error_db)
@@ -199,54 +199,3 @@ def _half_turn(paths: Paths, wavenumber: float) -> float:
     beside = np.minimum(some + ECHOES_PER_PASS // 2, n - 1)
     difference = paths.of_lit(slope[some] - slope[beside], some)
     return float(wavenumber * np.sqrt(np.mean(difference ** 2))) if difference.size else 0.0
-
-
-@dataclasses.dataclass(frozen=True)
-class LitPoints:
-    """How amplitudes are found at points.
-
-    Attributes
-    ----------
-    each : bool
-        At each point by itself; False for straight lines between the corners of a tile.
-    share : float
-        Of all pairs of an echo and a point, what is lit and computed.
-    predicted_error_db : float
-        Error of the image because amplitudes are interpolated, dB.
-    """
-
-    each: bool
-    share: float
-    predicted_error_db: float
-
-
-def plan_lit_points(illumination: Illumination, positions: Callable, shape: tuple[int, int],
-                    tile: tuple[int, int], wanted_db: float) -> LitPoints:
-    """Choose straight lines between the corners of tiles where these meet an error.
-
-    `positions` gives points (n, 3), metres, from rows and columns of the image.
-    """
-    echoes, index, share = draw_pairs(illumination, positions, shape)
-    if not len(echoes):
-        return LitPoints(True, share, _LEAST_DB)
-    corner = [i // side * side for i, side in zip(index, tile, strict=True)]
-    last = [np.minimum(c + side, size) - 1
-            for c, side, size in zip(corner, tile, shape, strict=True)]
-    rng = np.random.default_rng(1)
-    index = [rng.integers(c, stop + 1) for c, stop in zip(corner, last, strict=True)]
-    v, u = ((i - c) / np.maximum(stop - c, 1)
-            for i, c, stop in zip(index, corner, last, strict=True))
-    (top, left), (bottom, right) = corner, last
-    a, b, c, d, true = (pair_amplitude(illumination, echoes, positions(i, j)) for i, j in (
-        (top, left), (top, right), (bottom, left), (bottom, right), index))
-    found = (1 - v) * ((1 - u) * a + u * b) + v * ((1 - u) * c + u * d)
-    known = np.isfinite(found + true)
-    power = np.mean(true[known] ** 2) if known.any() else 0.0
-    if power == 0:
-        return LitPoints(True, share, _LEAST_DB)
-    error_db = 10 * math.log10(np.mean((found - true)[known] ** 2) / power
-                               + 10 ** (_LEAST_DB / 10))
-    dark = np.mean([a == 0, b == 0, c == 0, d == 0])
-    share = min(1.0, share * (1 + float(dark)))
-    return LitPoints(error_db > wanted_db, share,
-                     _LEAST_DB if error_db > wanted_db else total_db(error_db))

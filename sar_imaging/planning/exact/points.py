@@ -21,7 +21,7 @@ from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import RangeResampling, plan_point_resampling
 
 if TYPE_CHECKING:
-    from .lit_lines import LitPoints
+    from .lit_points import LitPoints
 
 # Rms error of a path in float32 over the radius of its tile; 1.4e-8 to 1.7e-8 were measured
 _ROUNDING = 3e-8
@@ -30,7 +30,6 @@ _SAMPLED_PIXELS, _SAMPLED_ECHOES = 500, 33
 _COORDINATE_BYTES = 8  # float64
 TILE_SIDE = 256  # of the longest tile
 _SIDES = ((1, 256), (1, 64), (1, 16)), ((16, 16), (8, 8), (4, 4))  # of rows, and of images
-_EACH_NS = 12.0  # of an amplitude at a point by itself (measured)
 
 
 class ImagePoints:
@@ -238,7 +237,7 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
         bright = illumination.select(some).amplitude(some_m) > 0
         length = length[bright] if bright.any() else length
         tile, lit = _lit_tile(points, illumination, tile, positions, shape, target_db)
-        cost = lit.share * (cost + lit.each * _EACH_NS)
+        cost *= lit.share * lit.dearer
     errors = {
         'range profiles': lattice.predicted_error_db,
         'rounded paths': 20 * math.log10(rounding_per_m * min(reach_m, radius_m) + 1e-12),
@@ -251,14 +250,10 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
 
 def _lit_tile(points: ImagePoints, illumination: Illumination, tile, positions, shape,
               target_db: float) -> tuple[tuple[int, int], LitPoints]:
-    """Largest tile, up to one given, over which amplitudes are straight enough."""
-    from .lit_lines import plan_lit_points  # only images with illumination need it
+    """Largest tile, up to one given, over which amplitudes are smooth enough."""
+    from .lit_points import plan_lit_points  # only images with illumination need it
 
-    wanted_db = error_budget(target_db, EXACT_SHARES)['illumination']
-    positions, shape = positions or points.positions, shape or points.size
-    sides = [side for side in _SIDES[points.size[0] > 1] if side <= tile]
-    for side in sides:
-        lit = plan_lit_points(illumination, positions, shape, side, wanted_db)
-        if not lit.each:
-            return side, lit
-    return tile, plan_lit_points(illumination, positions, shape, tile, wanted_db)
+    return plan_lit_points(
+        illumination, positions or points.positions, shape or points.size,
+        [side for side in _SIDES[points.size[0] > 1] if side <= tile],
+        error_budget(target_db, EXACT_SHARES)['illumination'])

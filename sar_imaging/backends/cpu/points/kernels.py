@@ -19,13 +19,15 @@ import numpy as np
 from ....compilation import njit, numba
 from ....geometry.illumination import Illumination
 from ....planning.exact.points import ImagePoints, PointPlan
-from ..illumination import LitEchoes, dark_sphere, two_way_amplitude
+from ..illumination import LitEchoes
 from ..line_kernels import _cos_cycles, _fraction, _sin_cycles
+from ..lit.points import PointEchoes, TileKnots, amplitude_of, dark_sphere
 from ..memory import WorkSpace
 from ..profiles import Profiles
 from .transposed_loads import PIXELS, RUN, load_columns
 
 TILE = 256  # largest number of points in a tile
+NOT_LIT = (None,) * 13  # of the loop's arguments, where all points are lit alike
 NEAREST = 16.0  # least distance of a phase centre in tile radii: the series below holds to 1e-7
 _GROUPS_PER_THREAD = 4  # evens the load out
 
@@ -58,25 +60,28 @@ def project_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m
     """
     profiles = Profiles(plan.window, plan.lattice, plan.range_m, memory)
     work = _work_space()
+    knots = [plan.lit and TileKnots(points, plan.tile, plan.lit.degree) for points in layers]
     for echoes in profiles.chunks(len(samples)):
         planes = profiles.planes(samples[echoes])
         coefficients = np.ascontiguousarray(planes[:, 0].transpose(0, 2, 1))
-        for points, part in zip(layers, np.split(image, len(layers)), strict=True):
+        for points, part, tiles in zip(layers, np.split(image, len(layers)), knots, strict=True):
             _project_points(
                 coefficients.reshape(-1), coefficients.shape[:2], tx_m[echoes], rx_m[echoes],
                 *points.coordinates, points.strides, points.size, plan.tile,
                 profiles.range_at(0), plan.lattice.step_m, profiles.cycles_per_step,
                 profiles.cycles_at(0), plan.reach_m, part, *work,
-                *_lit(plan, illumination, echoes))
+                *(NOT_LIT if illumination is None else _lit(
+                    plan, illumination.select(echoes), tiles)))
 
 
-def _lit(plan: PointPlan, illumination: Illumination | None, echoes: slice) -> tuple:
-    """Arguments of the compiled loop that tell amplitudes; none where all are lit alike."""
-    if illumination is None:
-        return (None,) * 6
-    lit = LitEchoes.of(illumination.select(echoes))
+def _lit(plan: PointPlan, illumination: Illumination, tiles: TileKnots) -> tuple:
+    """Arguments of the compiled loop that tell the amplitudes of some echoes."""
+    echoes = PointEchoes.of(illumination)
     n = numba.get_num_threads() * _GROUPS_PER_THREAD * TILE
-    return lit, lit.ends, int(plan.lit.each), *np.empty((3, n), np.float32)
+    return (*echoes, LitEchoes.of(illumination).ends, int(plan.lit.each),
+            np.array(plan.lit.degree), tiles.line, tiles.unknown,
+            tiles.amplitudes(echoes), np.empty(n, np.float32),
+            *(v.astype(np.float32) for v in np.divmod(np.arange(TILE), plan.tile[1])))
 
 
 def _work_space() -> tuple[np.ndarray, ...]:
@@ -89,7 +94,8 @@ def _work_space() -> tuple[np.ndarray, ...]:
 @njit(parallel=True)
 def _project_points(coefficients, shape, tx, rx, xs, ys, zs, strides, size, tile, range_zero, step,
                     cycles_per_step, cycles_zero, reach, image, places, offsets, index, part,
-                    cycles, real, imag, columns, lit, ends, each, amplitude, down, across):
+                    cycles, real, imag, columns, centre, axes, table, place, ends, each, degree,
+                    line, unknown, knots, amplitude, down, across):
     """Tile by tile of the points of `ImagePoints`; free of views, see `line_kernels`.
 
     `coefficients` are those of each interval side by side, the first and the last ones zero; half
@@ -139,29 +145,70 @@ def _project_points(coefficients, shape, tx, rx, xs, ys, zs, strides, size, tile
                 real[to + k] = 0.0
                 imag[to + k] = 0.0
             alone = 0
-            if lit is not None:
-                bottom, right = min(top + height, n_y) - 1, min(left + width, n_x) - 1
-                alone = each | _unknown_corner(xs, ys, zs, strides, top, left, bottom, right)
-                for k in range(count):
-                    down[to + k] = np.float32(np.int64(k) // width / max(bottom - top, 1))
-                    across[to + k] = np.float32(np.int64(k) % width / max(right - left, 1))
+            if knots is not None:
+                # rows and columns from the first knot of the tile to the last
+                rows, wide = min(height, n_y - 1 - top), min(width, n_x - 1 - left)
+                corner = np.int64((number // tiles_x * degree[0]) * line
+                                  + number % tiles_x * degree[1])
+                alone = each | _unknown_knot(unknown, corner, degree, line)
+                # Differences between knots by the pixel; none of second order for lines.
+                iy, ix = np.float32(1.0 / max(rows, 1)), np.float32(1.0 / max(wide, 1))
+                y_bent, x_bent = degree[0] // 2 * (rows // 2), degree[1] // 2 * (wide // 2)
+                above = np.float32(min(y_bent, 1) * iy / max(y_bent, 1))
+                below = np.float32(min(y_bent, 1) * iy / max(rows - y_bent, 1))
+                before = np.float32(min(x_bent, 1) * ix / max(x_bent, 1))
+                after = np.float32(min(x_bent, 1) * ix / max(wide - x_bent, 1))
             for echo in range(n_echoes):
-                if lit is not None:
-                    if dark_sphere(lit, ends, echo, cx, cy, cz, radius) == 1:
-                        continue
+                if knots is not None:
                     if alone == 1:
+                        if dark_sphere(centre, axes, ends, np.uint64(echo), cx, cy, cz,
+                                       radius) == 1:
+                            continue
                         for k in range(count):
-                            amplitude[to + k] = two_way_amplitude(
-                                lit, echo, places[px + k], places[py + k], places[pz + k])
+                            amplitude[to + k] = amplitude_of(
+                                centre, axes, table, place, np.uint64(echo), places[px + k],
+                                places[py + k], places[pz + k])
+                    elif degree[0] < 2 and degree[1] < 2:
+                        at, to_last = corner * n_echoes + echo, degree[0] * line * n_echoes
+                        a0, a1 = knots[at], knots[at + to_last]
+                        at += degree[1] * n_echoes
+                        b0, b1 = knots[at], knots[at + to_last]
+                        if a0 + a1 + b0 + b1 == 0.0:
+                            continue
+                        b0, b1 = (b0 - a0) * ix, (b1 - a1) * ix
+                        a1, b1 = (a1 - a0) * iy, (b1 - b0) * iy
+                        for k in range(count):
+                            w, s = across[k], down[k]
+                            amplitude[to + k] = a0 + w * b0 + s * (a1 + w * b1)
                     else:
-                        w0 = _amplitude_at(lit, echo, xs, ys, zs, strides, top, left)
-                        w1 = _amplitude_at(lit, echo, xs, ys, zs, strides, top, right) - w0
-                        w2 = _amplitude_at(lit, echo, xs, ys, zs, strides, bottom, left) - w0
-                        w3 = _amplitude_at(lit, echo, xs, ys, zs, strides, bottom, right) - w0
-                        w3 -= w1 + w2
+                        # parabolas along rows of knots, whose coefficients are such along columns
+                        at, to_mid = corner * n_echoes + echo, degree[0] // 2 * line * n_echoes
+                        to_last = degree[0] * line * n_echoes
+                        mid, end = degree[1] // 2 * n_echoes, degree[1] * n_echoes
+                        a0, a1, a2 = knots[at], knots[at + to_mid], knots[at + to_last]
+                        b0, b1, b2 = (knots[at + end], knots[at + to_mid + end],
+                                      knots[at + to_last + end])
+                        c0, c1, c2 = (knots[at + mid], knots[at + to_mid + mid],
+                                      knots[at + to_last + mid])
+                        if a0 + a1 + a2 + b0 + b1 + b2 + c0 + c1 + c2 == 0.0:
+                            continue
+                        c0 = _bend(a0, c0, b0, before, after)
+                        c1 = _bend(a1, c1, b1, before, after)
+                        c2 = _bend(a2, c2, b2, before, after)
+                        length = np.float32(wide)
+                        b0, b1, b2 = ((b0 - a0) * ix - c0 * length, (b1 - a1) * ix - c1 * length,
+                                      (b2 - a2) * ix - c2 * length)
+                        length = np.float32(rows)
+                        d = _bend(a0, a1, a2, above, below)
+                        a1, a2 = (a2 - a0) * iy - d * length, d
+                        d = _bend(b0, b1, b2, above, below)
+                        b1, b2 = (b2 - b0) * iy - d * length, d
+                        d = _bend(c0, c1, c2, above, below)
+                        c1, c2 = (c2 - c0) * iy - d * length, d
                         for k in range(count):
-                            amplitude[to + k] = w0 + across[to + k] * w1 + down[to + k] * (
-                                w2 + across[to + k] * w3)
+                            w, s = across[k], down[k]
+                            amplitude[to + k] = a0 + w * (b0 + w * c0) + s * (
+                                a1 + w * (b1 + w * c1) + s * (a2 + w * (b2 + w * c2)))
                 ax, ay, az, da = _vector(tx, echo, cx, cy, cz)
                 bx, by, bz, db = _vector(rx, echo, cx, cy, cz)
                 if radius < min(reach, min(da, db) * (1.0 / NEAREST)):
@@ -213,7 +260,7 @@ def _project_points(coefficients, shape, tx, rx, xs, ys, zs, strides, size, tile
                         columns[i2 + k] + t * columns[i3 + k]))
                     c = cycles[to + k]
                     sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
-                    if lit is not None:
+                    if knots is not None:
                         re, im = re * amplitude[to + k], im * amplitude[to + k]
                     real[to + k] += re * cosine - im * sine
                     imag[to + k] += re * sine + im * cosine
@@ -227,20 +274,19 @@ def _project_points(coefficients, shape, tx, rx, xs, ys, zs, strides, size, tile
 
 
 @njit(inline='always')
-def _unknown_corner(xs, ys, zs, strides, top, left, bottom, right):
-    """1 where a corner of a tile has no position."""
-    for i in range(top, bottom + 1, max(bottom - top, 1)):
-        for j in range(left, right + 1, max(right - left, 1)):
-            x, y, z = _place(xs, ys, zs, strides, i, j)
-            if x + y + z != x + y + z:
-                return 1
-    return 0
+def _unknown_knot(unknown, corner, degree, line):
+    """1 where a knot of a tile has no position."""
+    found = 0
+    for i in range(degree[0] + 1):
+        for j in range(degree[1] + 1):
+            found |= unknown[corner + i * line + j]
+    return found
 
 
 @njit(inline='always')
-def _amplitude_at(lit, echo, xs, ys, zs, strides, i, j):
-    x, y, z = _place(xs, ys, zs, strides, i, j)
-    return np.float32(two_way_amplitude(lit, echo, x, y, z))
+def _bend(low, between, high, before, after):
+    """Second difference of three knots; `before` and `after` are 0 for a line."""
+    return (high - between) * after - (between - low) * before
 
 
 @njit(inline='always')
