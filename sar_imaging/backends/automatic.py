@@ -8,9 +8,14 @@ from __future__ import annotations
 
 import logging
 import os
+from collections.abc import Mapping
 
 import numpy as np
 
+from ..geometry.grids import MapGrid
+from ..planning.afbp.polar_grids import UnifiedPolarGrids
+from ..planning.afbp.subapertures import SubaperturePlan
+from ..planning.costs import costs
 from ..planning.exact.backprojection import BackprojectionPlan
 from ..planning.plan import Plan
 from . import cpu, device
@@ -18,6 +23,7 @@ from .device import DeviceError
 from .protocol import Backend
 
 _logger = logging.getLogger(__name__)
+_BYTES = 8  # of a complex sample
 
 
 def __getattr__(name):
@@ -25,9 +31,19 @@ def __getattr__(name):
 
 
 def quicker(plan: Plan) -> Backend:
-    """The backend that computes a plan sooner, by the times that both predict."""
+    """The backend that computes a plan sooner, by predicted times; the log says why."""
     there = device.device_backend()
-    return there if there.seconds(plan) < plan.seconds / _processors() else cpu
+    return _sooner(there, there.seconds(plan), plan.seconds, 'the image')
+
+
+def _sooner(there: Backend, device_s: float, thread_s: float, what: str) -> Backend:
+    """The device's backend where its predicted time is less than that of all processors."""
+    here_s = thread_s / _processors()
+    chosen = there if device_s < here_s else cpu
+    _logger.info(f'{what} takes {device_s:.2g} s on the CUDA device, transfers included, and '
+                 f'{here_s:.2g} s on the processor: the '
+                 f'{"processor" if chosen is cpu else "device"} computes it')
+    return chosen
 
 
 class Backprojection:
@@ -70,6 +86,128 @@ class Backprojection:
     def _give_up(self, error: DeviceError) -> None:
         _logger.warning(f'{error}; the processor computes')
         self.name, self._sum = 'cpu', None
+
+
+class _Handed:
+    """Work that a device begins and the processor goes on with where the device fails."""
+
+    def __init__(self, device_s: float, thread_s: float, what: str, *made, **options):
+        self._made, self._options, self._on_device, self._work = made, options, False, None
+        there = device.device_backend()
+        if _sooner(there, device_s, thread_s, what) is not cpu:
+            try:
+                self._work = getattr(there, type(self).__name__)(*made, **options)
+                self._on_device = True
+            except ValueError as error:  # what the device's backend does not compute
+                _logger.info(f'{error}; the processor computes')
+            except DeviceError as error:
+                _logger.warning(f'{error}; the processor computes')
+        if self._work is None:
+            self._work = self._begin_here()
+
+    def _begin_here(self):
+        """The processor's, as far as the work has come."""
+        return getattr(cpu, type(self).__name__)(*self._made, **self._options)
+
+    def _do(self, entry: str, *arguments):
+        if self._on_device:
+            try:
+                return _to_host(getattr(self._work, entry)(*arguments))
+            except DeviceError as error:
+                _logger.warning(f'{error}; the processor computes')
+                self._on_device, self._work = False, self._begin_here()
+        return getattr(self._work, entry)(*arguments)
+
+
+class SubapertureImager(_Handed):
+    """Images of sub-apertures in the host's memory, see `backends.protocol.SubapertureImager`."""
+
+    def __init__(self, plan: SubaperturePlan):
+        self.plan = plan
+        n_echoes = plan.sampling.pulses[0].stop * plan.n_channels
+        counts = plan.image_operations(n_echoes)
+        n_bytes = _BYTES * (n_echoes * plan.n_samples + plan.coarse.n_alpha * plan.coarse.n_range)
+        super().__init__(_device_seconds({**counts, 'subaperture': 1}, n_bytes),
+                         costs().seconds(counts), 'a sub-aperture image', plan)
+
+    def image(self, number: int, block, weights=None, out=None) -> np.ndarray:
+        """See `backends.protocol.SubapertureImager`."""
+        return self._do('image', number, block, weights, out)
+
+
+class SpectrumFusion(_Handed):
+    """Sub-aperture images fused while they come, see `backends.protocol.SpectrumFusion`.
+
+    Spectra and sums stay on the device. What was added is remembered in the host's memory, so that
+    the processor can go on with all of it.
+    """
+
+    def __init__(self, grid: UnifiedPolarGrids, *, keep: bool = False):
+        self.grid, self._added = grid, {}
+        counts = grid.operations(1)
+        super().__init__(
+            _device_seconds(counts, _BYTES * grid.polar.n_alpha * grid.polar.n_range),
+            costs().seconds(counts), 'a fused image', grid, keep=keep)
+
+    @property
+    def included(self) -> frozenset[int]:
+        """Sub-apertures in the image."""
+        return self._work.included
+
+    def add(self, number: int, image, centre_m: float) -> None:
+        """See `backends.protocol.SpectrumFusion`."""
+        self._do('add', number, image, centre_m)
+        self._added[number] = image, centre_m
+
+    def remove(self, number: int) -> None:
+        """See `backends.protocol.SpectrumFusion`."""
+        self._do('remove', number)
+        del self._added[number]
+
+    def polar_image(self, centre_m: float = 0.0) -> np.ndarray:
+        """See `backends.protocol.SpectrumFusion`."""
+        return self._do('polar_image', centre_m)
+
+    def take_polar_image(self) -> np.ndarray:
+        """See `backends.protocol.SpectrumFusion`."""
+        image = self._do('take_polar_image')
+        self._added.clear()
+        return image
+
+    def clear(self) -> None:
+        """See `backends.protocol.SpectrumFusion`."""
+        self._do('clear')
+        self._added.clear()
+
+    def _begin_here(self):
+        made = super()._begin_here()
+        for number, added in self._added.items():
+            made.add(number, *added)
+        return made
+
+
+def form_map(polar_image: np.ndarray, fusion: UnifiedPolarGrids, grid: MapGrid,
+             centre_m: float = 0.0, *, overwrite: bool = False) -> np.ndarray:
+    """Map in the host's memory from a polar image there, see `backends.protocol.Backend`."""
+    counts, n_pixels = {'map_pixel': grid.n_x * grid.n_y}, polar_image[0].size
+    there = _sooner(device.device_backend(),
+                    _device_seconds(counts, _BYTES * (n_pixels + grid.n_x * grid.n_y)),
+                    costs().seconds(counts), 'a map')
+    if there is not cpu:
+        try:
+            return _to_host(there.form_map(polar_image, fusion, grid, centre_m))
+        except DeviceError as error:
+            _logger.warning(f'{error}; the processor computes')
+    return cpu.form_map(polar_image, fusion, grid, centre_m, overwrite=overwrite)
+
+
+def _device_seconds(counts: Mapping[str, float], n_bytes: float) -> float:
+    return device.device_backend().device_costs().seconds({**counts, 'transferred_byte': n_bytes})
+
+
+def _to_host(found):
+    """An array of the device as one of the host; anything else as it is."""
+    return found.get() if callable(getattr(found, 'get', None)) else found
 
 
 def _processors() -> int:

@@ -12,6 +12,7 @@ from sar_imaging import backends
 from sar_imaging.backends import DeviceError, automatic, backend, device
 from sar_imaging.backends.cpu.backprojection import Backprojection
 from sar_imaging.imaging.imager import plan_image
+from sar_imaging.planning.afbp.plan import plan_afbp
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 
 
@@ -131,6 +132,16 @@ def test_the_processor_goes_on_where_the_device_fails(monkeypatch, planned, capl
     assert chosen.name == 'cpu' and chosen.memory is not None
 
 
+def test_the_log_says_why(monkeypatch, planned, caplog):
+    _, plan = planned
+    with_device(monkeypatch, 0.0)
+    with caplog.at_level(logging.INFO):
+        backend('auto').Backprojection(plan)
+    assert len(caplog.messages) == 1
+    assert caplog.messages[0].startswith('the image takes 0 s on the CUDA device, transfers ')
+    assert caplog.messages[0].endswith(' s on the processor: the device computes it')
+
+
 @pytest.mark.parametrize(('error', 'level'), [
     (DeviceError('an image needs 9 MB'), 'WARNING'), (ValueError('no beams yet'), 'INFO')])
 def test_what_the_device_refuses_the_processor_does(monkeypatch, planned, caplog, error, level):
@@ -142,7 +153,7 @@ def test_what_the_device_refuses_the_processor_does(monkeypatch, planned, caplog
     with_device(monkeypatch, 0.0, __init__=refuse)
     with caplog.at_level(logging.INFO):
         assert backend('auto').Backprojection(plan).name == 'cpu'
-    assert [(r.levelname, r.message) for r in caplog.records] == [
+    assert [(r.levelname, r.message) for r in caplog.records[1:]] == [
         (level, f'{error}; the processor computes')]
 
 
@@ -174,3 +185,53 @@ def test_afbp_goes_on_where_the_device_fails(monkeypatch, make_scene, caplog, se
                                     **options)(block) for name in ('auto', 'cpu'))
     assert [text for text in caplog.messages if 'device' in text] == messages
     np.testing.assert_array_equal(image.samples, wanted.samples)
+
+
+@pytest.mark.parametrize('failing', [None, 'image', 'add', 'polar_image', 'form_map'])
+@pytest.mark.parametrize('keep', [False, True])
+def test_live_afbp_goes_on_where_the_device_fails(monkeypatch, make_scene, caplog, failing, keep):
+    """Wherever it fails, nothing of the aperture is lost."""
+    scene, cpu = make_scene(1000.0, n=16, pulses=16), backend('cpu')
+    block, grid = scene.block, scene.grid
+    plan = plan_afbp(grid, block.radar, block.n_samples, block.tx_m, block.rx_m, target_db=-50.0,
+                     pulses_per_subaperture=8).subapertures
+
+    def fails(entry, work, after=0):
+        calls = iter(range(100))
+
+        def call(*arguments, **options):
+            if entry == failing and next(calls) >= after:
+                raise DeviceError('the CUDA device failed: gone')
+            return work(*arguments, **options)
+
+        return call
+
+    class Imager(cpu.SubapertureImager):
+        image = fails('image', cpu.SubapertureImager.image, after=1)
+
+    class Fusion(cpu.SpectrumFusion):
+        add = fails('add', cpu.SpectrumFusion.add, after=1)
+        polar_image = fails('polar_image', cpu.SpectrumFusion.polar_image)
+
+    free = types.SimpleNamespace(seconds=lambda counts: 0.0)
+    fake = types.SimpleNamespace(SubapertureImager=Imager, SpectrumFusion=Fusion,
+                                 form_map=fails('form_map', cpu.form_map),
+                                 device_costs=lambda: free)
+    monkeypatch.setattr(backends, 'device_backend', lambda: fake)
+    monkeypatch.setattr(device, 'device_backend', lambda: fake)
+    images = []
+    for made in (backend('auto'), cpu):
+        imager = made.SubapertureImager(plan)
+        fusion = made.SpectrumFusion(plan.fusion_grid, keep=keep)
+        for number, some in enumerate(plan.sampling.pulses):
+            fusion.add(number, imager.image(number, block.select(some)),
+                       plan.sampling.centre[number])
+        if keep:
+            fusion.remove(0)
+        assert fusion.included == ({1} if keep else {0, 1})
+        images.append(made.form_map(fusion.polar_image(), plan.fusion_grid, grid))
+        fusion.clear()
+        assert not fusion.included
+    np.testing.assert_array_equal(*images)
+    assert [text for text in caplog.messages if 'gone' in text] == (
+        ['the CUDA device failed: gone; the processor computes'] if failing else [])

@@ -7,7 +7,8 @@ Its entries are imported when they are used first; nothing of CUDA is imported b
 import importlib
 
 _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'afbp.subapertures',
-            'SpectrumFusion': 'afbp.fusion', 'form_map': 'afbp.fusion', 'seconds': 'costs'}
+            'SpectrumFusion': 'afbp.fusion', 'form_map': 'afbp.fusion', 'seconds': 'costs',
+            'device_costs': 'costs'}
 
 
 def __getattr__(name):

@@ -57,7 +57,7 @@ class DeviceCosts(CostModel):
 DEFAULT = DeviceCosts()
 
 
-def costs() -> DeviceCosts:
+def device_costs() -> DeviceCosts:
     """Costs from the file that the environment names, or the default.
 
     Raises
@@ -80,4 +80,4 @@ def operations(plan: BackprojectionPlan | AfbpPlan) -> dict[str, float]:
 
 def seconds(plan: BackprojectionPlan | AfbpPlan) -> float:
     """Predicted time of the image of a plan, end to end: samples and image are the host's."""
-    return costs().seconds(operations(plan))
+    return device_costs().seconds(operations(plan))
