@@ -54,6 +54,7 @@ MODULES = {
     'sar_imaging.signal.pulses.buffer': ('PulseBuffer',),
     'sar_imaging.signal.spectra': ('band_spectrum',),
     'sar_imaging.signal.windows': ('parse_window', 'window'),
+    'sar_imaging.simulation.survey': ('Survey',),
     'sar_imaging.streaming.aperture': ('ApertureImager',),
     'sar_imaging.streaming.fusion': ('LiveFusion',),
     'sar_imaging.streaming.mosaic': ('StripMosaic',),
@@ -63,6 +64,7 @@ MODULES = {
     'sar_imaging.tools.archive.workflow': ('run_archive',),
     'sar_imaging.tools.plots': ('save_image_png',),
     'sar_imaging.tools.products.sources': ('open_source',),
+    'sar_imaging.tools.simulate_archive': ('write_archive',),
 }
 
 

@@ -27,6 +27,7 @@ ROOT = pathlib.Path(__file__).parent.parent
 PAGES = [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]
 # Classes whose arguments are no business of users.
 MADE_BY_OTHERS = {'sar_imaging.imaging.imager.Imager'}  # `plan_image`
+EXAMPLES = sorted((ROOT / 'docs' / 'examples').rglob('*.py'))  # of the gallery
 OPTIONS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
@@ -99,7 +100,9 @@ def test_examples_that_show_something_else_are_noticed():
 def _imports(page) -> set[tuple[str, str]]:
     """Modules and names that the Python code of a page imports of this package."""
     found = set()
-    for code in re.findall(r'^```python\n(.*?)^```', page.read_text(), re.DOTALL | re.MULTILINE):
+    text = page.read_text()
+    for code in [text] if page.suffix == '.py' else re.findall(
+            r'^```python\n(.*?)^```', text, re.DOTALL | re.MULTILINE):
         for node in ast.walk(ast.parse(code)):
             if isinstance(node, ast.ImportFrom) and (node.module or '').startswith(
                     ('sar_imaging', 'msg_conversions')):
@@ -107,7 +110,8 @@ def _imports(page) -> set[tuple[str, str]]:
     return found
 
 
-@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+@pytest.mark.parametrize('page', [*PAGES, *EXAMPLES],
+                         ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_what_pages_import_is_public(page):
     public = [getattr(importlib.import_module(module), name)
               for module, names in public_names().items() for name in names]

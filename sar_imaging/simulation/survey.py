@@ -40,7 +40,7 @@ _BETWEEN_PASSES_NS = 24 * 3600 * 10**9
 
 @dataclasses.dataclass(frozen=True)
 class Survey:
-    """All that the recordings of a survey follow from.
+    """A simulated survey of many recordings: lines of flight, ground and radar.
 
     Parameters
     ----------
@@ -74,6 +74,15 @@ class Survey:
     ------
     ValueError
         A number is out of range, or the recordings do not make whole passes and lines.
+
+    Examples
+    --------
+    >>> from sar_imaging.simulation.survey import Survey
+    >>> survey = Survey(n_recordings=4, lines=2, pixels=64)
+    >>> [recording.name for recording in survey.recordings()]
+    ['flight-0000', 'flight-0001', 'flight-0002', 'flight-0003']
+    >>> print(f'squares of {survey.size_m:.0f} m, {survey.pulses_per_aperture} pulses for each')
+    squares of 16 m, 32 pulses for each
     """
 
     n_recordings: int = 100

@@ -75,6 +75,15 @@ def write_archive(survey: Survey, folder: Path, *, file_format: str = 'bag', bro
     ------
     BagError
         The folder exists and is not empty, or more is to be broken than there is.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from sar_imaging.simulation.survey import Survey
+    >>> from sar_imaging.tools.simulate_archive import write_archive
+    >>> truth = write_archive(Survey(n_recordings=2, pixels=32), Path('flights'))
+    >>> sorted(path.name for path in Path('flights').iterdir())
+    ['archive.json', 'flight-0000', 'flight-0001']
     """
     if folder.exists() and any(folder.iterdir()):
         raise BagError(f'{folder} exists and is not empty; choose another folder')
