@@ -85,7 +85,7 @@ demo: environment
 	@echo 'Replaying bags/countryside through pulse_buffer, range_compression and backprojection ...'
 	@$(RUN) -m sar_imaging.tools.evaluate bags/countryside --output out/demo --launch-nodes
 
-test: lint archive
+test: lint docs-libraries
 	@echo 'pytest, in two processes ...'
 	@$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
@@ -180,7 +180,7 @@ format-campaign: formats
 # Results of real pieces go to benchmarks/results.
 archive-campaign: archive
 	@ARCHIVE_RESULTS=benchmarks/results/archive_campaign.json \
-	    $(RUN) -m pytest -m campaign test/tools/archive
+	    $(RUN) -m pytest -m campaign test/tools/archive test/docs
 
 # Results go to benchmarks/results; the file lies in out/ meanwhile, and samples that wait beside it.
 cphd-memory: formats

@@ -6,10 +6,10 @@ names are digests of the blocks: a block that was changed has no drawing until `
 
 from __future__ import annotations
 
-import hashlib
 import pathlib
 import re
 
+from digest import digest
 from docutils import nodes
 from sphinx.util.docutils import SphinxDirective
 
@@ -19,7 +19,7 @@ SHADES = ('light', 'dark')
 
 def drawing(block: str, shade: str) -> pathlib.Path:
     """File that holds the drawing of a block, in one of `SHADES`."""
-    return FOLDER / f'{hashlib.sha256(block.strip().encode()).hexdigest()[:16]}-{shade}.svg'
+    return FOLDER / f'{digest(block)}-{shade}.svg'
 
 
 class Mermaid(SphinxDirective):
