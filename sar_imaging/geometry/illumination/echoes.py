@@ -144,6 +144,10 @@ class Illumination:
         # Along direction cosines of the track the sine of azimuth grows about as they do.
         frequency, beyond = self.pattern.azimuth.spectrum()
         edges = rms * _TAIL
+        # Ends of the pattern have most of these, and weigh more where nothing brighter is seen.
+        seen, whole = 0.25 * power * ahead.size / np.count_nonzero(ahead + behind), (
+            np.mean(self.pattern.azimuth.amplitude ** 2))
+        beyond = np.minimum(beyond * max(1.0, whole / seen), 1.0)
         share = -np.diff(np.interp(edges, frequency, beyond, right=0.0), append=0.0)
         middle = edges * math.sqrt(_TAIL[1] / _TAIL[0])
         return AmplitudeSpread(rms, tuple(middle.tolist()), tuple(share.tolist()))
