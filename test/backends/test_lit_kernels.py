@@ -121,6 +121,9 @@ def test_plans_with_illumination_compare_and_count_lit_pixels_alone():
     # of some thousand random pairs, and of tiles that are lit in part
     assert share - 0.03 <= plan.way.lit.share <= min(1.0, 2.2 * share + 0.1)
     assert 'illumination' not in bare.errors_db
+    # knots of the largest pass: three coordinates in float64, 32 amplitudes in float32
+    knots = plan.way.lit.n_bytes((grid.n_y, grid.n_x), plan.way.tile) // (24 + 32 * 4)
+    assert knots >= 1 and plan.n_bytes >= lit.n_bytes + knots * (24 + 32 * 4)
 
 
 @settings(max_examples=10)
