@@ -292,8 +292,9 @@ def clock_offset(case, rng):
     some = block.select(slice(max(0, shift), block.n_pulses + min(0, shift)))
     moved = block.select(slice(max(0, -shift), block.n_pulses - max(0, shift)))
     back = (moved.tx_m - some.tx_m).mean(axis=(0, 1))  # the scene stays where it is
-    return _with(case, stamp_ns=moved.stamp_ns, counter=moved.counter, samples=moved.samples,
-                 tx_m=some.tx_m + back, rx_m=some.rx_m + back)
+    return dataclasses.replace(case, block=dataclasses.replace(
+        some, stamp_ns=moved.stamp_ns, counter=moved.counter, samples=moved.samples,
+        tx_m=some.tx_m + back, rx_m=some.rx_m + back))
 
 
 def outside(case, rng):

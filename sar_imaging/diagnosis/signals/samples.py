@@ -31,6 +31,7 @@ _CUT = 1 / 32  # of a pulse that is zero at its end
 _FEWEST_MOVING = 32  # pulses that tell what stays
 _BURST = 10.0  # power of a pulse over the median
 _UNDONE = 3.0  # times by which the right order lowers the mirrored spectrum
+_NOTICED, _GONE = 4.0, 2.5  # standard deviations of an image that is there, and of none
 _MORE_FOCUSED = 1.6  # concentration of the profiles in another order of samples
 
 
@@ -213,26 +214,42 @@ def _order(block: PulseBlock) -> Finding | None:
         return None
     better = sharp / _concentration(some)
     # exchanged words mirror a part of the spectrum, which the exchange undoes
-    image = _mirrored_by_exchange(some)
-    mirrored = image and better > 1 and _mirrored_by_exchange(exchanged) < image / _UNDONE
-    if better < _MORE_FOCUSED and not mirrored:
+    image = _undone_image(_moving(some), _moving(exchanged)) if better > 1 else 0.0
+    if better < _MORE_FOCUSED and not image:
         return None
     return Finding('order of I and Q', (
         f'with the second and third of every four words exchanged the profiles are {better:.2f} '
         f'times as concentrated' + (
             f', and the mirrored spectrum of {20 * math.log10(image):.0f} dB goes'
-            if mirrored else '')),
+            if image else '')),
         'read the words as I0 I1 Q0 Q1 where I0 Q0 I1 Q1 was read, or the other way round')
 
 
-def _mirrored_by_exchange(block: PulseBlock) -> float:
-    """Largest amplitude of a mirrored spectrum as exchanged words make it.
+def _undone_image(given: np.ndarray, exchanged: np.ndarray) -> float:
+    """Amplitude of the mirrored spectrum that an exchange of words takes away; 0 for none.
 
     A tone at the frequency w, radians per sample, is mirrored with the amplitude
     ``cot(w / 2 + pi / 4)``: about ``cos(w) / 2`` near a quarter of the sampling rate, where the
-    sign changes and the mean of all frequencies shows nothing.
+    sign changes and the mean of all frequencies shows nothing. The image of unequal I and Q loses
+    its phase by the exchange, not its power.
     """
-    return max(abs(_image(block, odd)[0]) for odd in (False, True))
+    image, deviation = max(_amplitudes(given))
+    rest, _ = max(_amplitudes(exchanged))
+    if image < _NOTICED * deviation or rest > max(image / _UNDONE, _GONE * deviation):
+        return 0.0
+    pairs = [[_mirrored_pairs(samples[:, c])[:2] for c in range(given.shape[1])]
+             for samples in (given, exchanged)]
+    signal = sum(_power(signal) for signal, _ in pairs[0])
+    before, after = (sum(_power(image) for _, image in some) for some in pairs)
+    scatter = before / math.sqrt(sum(image.size for _, image in pairs[0]))
+    return image if before - after > image**2 * signal / 2 - _NOTICED * scatter else 0.0
+
+
+def _amplitudes(samples: np.ndarray) -> list[tuple[float, float]]:
+    """Magnitudes of mirrored spectra of all channels, even and odd, and their deviations."""
+    found = (image_amplitude(samples[:, c], odd) for c in range(samples.shape[1])
+             for odd in (False, True))
+    return [(abs(amplitude), deviation) for amplitude, deviation in found]
 
 
 def image_amplitude(samples: np.ndarray, odd: bool = False) -> tuple[complex, float]:
@@ -243,17 +260,10 @@ def image_amplitude(samples: np.ndarray, odd: bool = False) -> tuple[complex, fl
     bins of opposite frequency. Where `odd`, it is the rms amplitude of an image that is in
     proportion to the cosine of the frequency in radians per sample.
     """
-    spectrum = fft.fft(samples - samples.mean(axis=-1, keepdims=True), axis=-1)
-    n = samples.shape[-1]
-    k = np.arange(2, n - 1)  # without zero frequency and its neighbours
-    k = k[k != n // 2]
-    one, mirrored = spectrum[..., k], spectrum[..., -k].conj()
-    # of each pair the stronger one is the signal
-    strong = np.sum(np.square(np.abs(one)), axis=0) > np.sum(np.square(np.abs(mirrored)), axis=0)
-    signal, image = mirrored[..., ~strong], one[..., ~strong]
+    signal, image, frequency = _mirrored_pairs(samples)
     whole = _power(signal)
     if odd:
-        signal = signal * np.cos(2 * np.pi / n * k[~strong])
+        signal = signal * np.cos(frequency)
     power = _power(signal)
     if power == 0:
         return 0j, math.inf
@@ -262,6 +272,18 @@ def image_amplitude(samples: np.ndarray, odd: bool = False) -> tuple[complex, fl
                   dtype=float)
     share = math.sqrt(power / whole)
     return amplitude * share, math.sqrt(rest) / power * share
+
+
+def _mirrored_pairs(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Conjugated bins of the signal, those of the opposite frequency, and this in rad/sample."""
+    spectrum = fft.fft(samples - samples.mean(axis=-1, keepdims=True), axis=-1)
+    n = samples.shape[-1]
+    k = np.arange(2, n - 1)  # without zero frequency and its neighbours
+    k = k[k != n // 2]
+    one, mirrored = spectrum[..., k], spectrum[..., -k].conj()
+    # of each pair the stronger one is the signal
+    weak = np.sum(np.square(np.abs(one)), axis=0) <= np.sum(np.square(np.abs(mirrored)), axis=0)
+    return mirrored[..., weak], one[..., weak], 2 * np.pi / n * k[weak]
 
 
 def _power(values: np.ndarray) -> float:
@@ -274,12 +296,12 @@ def _moving(block: PulseBlock) -> np.ndarray:
     return (block if few else subtract_background(block)).samples
 
 
-def _image(block: PulseBlock, odd: bool = False) -> tuple[complex, int]:
+def _image(block: PulseBlock) -> tuple[complex, int]:
     """Largest significant amplitude of a mirrored spectrum, 0 for none, and its channel."""
     samples = _moving(block)
     worst, at = 0j, 0
     for channel in range(block.n_channels):
-        amplitude, deviation = image_amplitude(samples[:, channel], odd)
+        amplitude, deviation = image_amplitude(samples[:, channel])
         if abs(amplitude) > max(abs(worst), _IMAGE, _SIGNIFICANT * deviation):
             worst, at = amplitude, channel
     return worst, at

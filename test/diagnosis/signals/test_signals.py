@@ -39,6 +39,16 @@ def test_fault_is_named_and_no_other_one(name):
 
 
 @pytest.mark.parametrize(('name', 'seed'), [
+    ('words in another order', 9064), ('words in another order', 9109),
+    ('unequal I and Q', 9041), ('unequal I and Q', 9128)])
+def test_order_and_inequality_near_a_quarter_of_the_sampling_rate(name, seed):
+    """There exchanged words hardly mirror the spectrum, and the exchange hides unequal I and Q."""
+    inject, wanted = FAULTS[name]
+    case = inject(right_case(seed), np.random.default_rng([seed, 7]))
+    assert {finding.fault for finding in sample_findings(case.block)} == set(wanted)
+
+
+@pytest.mark.parametrize(('name', 'seed'), [
     ('clocks drift apart', 1), ('wrong slope', 5), ('scene outside the window', 3),
     ('I and Q exchanged', 1), ('phase of a channel', 4), ('clock offset', 7)])
 def test_geometry_is_examined_in_the_image(name, seed):
