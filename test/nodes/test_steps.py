@@ -15,6 +15,7 @@ from msg_conversions.images import (
     occupancy_from_message,
     quicklook_from_message,
 )
+from msg_conversions.quicklook import quicklook
 from sar_imaging import backends
 from sar_imaging.backends import DeviceError
 from sar_imaging.geometry.grids import MapGrid
@@ -228,16 +229,16 @@ def test_every_product_goes_to_who_listens(grid, profiles):
     assert {topic: len(messages) for topic, messages in sent.items()} == {
         'image_complex': 2, 'image': 0, 'image_quicklook': 2, 'map_metadata': 1,
         'obstacle_map': 0, 'obstacles': 0}
-    for image, message, quicklook in zip(images, sent['image_complex'], sent['image_quicklook'],
+    for image, message, levels in zip(images, sent['image_complex'], sent['image_quicklook'],
                                          strict=True):
         np.testing.assert_array_equal(complex_from_message(message), image.image)
         np.testing.assert_array_equal(
-            quicklook_from_message(quicklook),
+            quicklook_from_message(levels),
             quicklook(np.abs(image.image), 40.0, 'clutter'))
         stamp = message.header.stamp
         assert stamp.sec * 10**9 + stamp.nanosec == image.stamp_ns
         assert 0 <= stamp.nanosec < 10**9
-        assert message.header.frame_id == quicklook.header.frame_id == 'odom'
+        assert message.header.frame_id == levels.header.frame_id == 'odom'
     assert map_metadata_from_message(sent['map_metadata'][0]) == images[0].grid
     # Who comes late gets the map of the latest image, once.
     for _ in range(2):

@@ -154,7 +154,7 @@ def _by_polar_images() -> Iterator[Experiment]:
             with using(dataclasses.replace(DEFAULT, upsampled_pixel=pixel, upsampled_part=1.0)):
                 way = plan_polar(scene.grid, plan.tx_m, plan.rx_m, block.radar, block.n_samples,
                                  -80.0)
-            n_parts = 1 if way.parts is None else len(way.parts.rows)
+            n_parts = 1 if way.parts is None else len(way.parts.echoes)
             yield _exact(f'polar image in {n_parts}', dataclasses.replace(plan, way=way), block)
 
 
