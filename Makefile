@@ -250,6 +250,7 @@ SPHINX = $(DOCS)/bin/python -m sphinx -j 2 -d build/docs/doctrees
 
 docs:
 	@$(MAKE) --no-print-directory docs-libraries VENV=$(DOCS)
+	@rm -rf docs/api/generated build/docs/html  # pages of names that are gone
 	@$(SPHINX) -q -W --keep-going -b html docs build/docs/html
 	@echo 'The site is in build/docs/html/index.html'
 
@@ -279,5 +280,5 @@ installed:
 	mv "$(VENV)/requirements.txt" "$(INSTALLED)" && echo 'Environment ready.'
 
 clean:
-	rm -rf out build install log *.egg-info .pytest_cache .ruff_cache .hypothesis docs/api/generated docs/auto_examples docs/sg_execution_times.rst
+	rm -rf out build install log *.egg-info .pytest_cache .ruff_cache .hypothesis docs/api/generated docs/auto_examples
 	find sar_imaging msg_conversions test benchmarks -name __pycache__ -prune -exec rm -rf {} +

@@ -27,8 +27,7 @@ extensions = [
     'links',
     'mathml',
 ]
-exclude_patterns = ['_contents.md', 'sg_execution_times.rst', '_templates', 'examples',
-                    'extensions']
+exclude_patterns = ['_contents.md', '_templates', 'examples', 'extensions']
 templates_path = ['_templates']
 
 # Markdown is written for GitHub: headings have its anchors, `$` and ```mermaid work as there.
@@ -55,10 +54,12 @@ sphinx_gallery_conf = {
     'abort_on_example_error': True,
     'download_all_examples': False,
     'min_reported_time': 1e9,
+    'write_computation_times': False,  # its page takes scripts from the network
 }
 
 html_theme = 'furo'
 html_title = f'sar_imaging {release}'
+html_favicon = '_static/icon.svg'
 html_static_path = ['_static']
 html_css_files = ['site.css']
 html_copy_source = False

@@ -14,7 +14,7 @@ import yaml
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 DOCS = ROOT / 'docs'
-MADE = ('generated', 'auto_examples', 'sg_execution_times.rst', '__pycache__')
+MADE = ('generated', 'auto_examples', '__pycache__')
 MARKDOWN = [*sorted(ROOT.glob('*.md')), *sorted(DOCS.rglob('*.md'))]
 
 
