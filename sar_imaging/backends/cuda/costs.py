@@ -73,8 +73,8 @@ def operations(plan: BackprojectionPlan | AfbpPlan) -> dict[str, float]:
     """How often a plan does the operations of `DeviceCosts`."""
     n_samples = (plan.way.lattice.n_padded if isinstance(plan, BackprojectionPlan)
                  else plan.subapertures.n_samples)
-    n_rows = plan.tx_m.size // 3
-    return plan.operations | {'transferred_byte': _SAMPLE_BYTES * n_samples * n_rows
+    n_echoes = plan.tx_m.size // 3
+    return plan.operations | {'transferred_byte': _SAMPLE_BYTES * n_samples * n_echoes
                               + IMAGE_BYTES * math.prod(plan.grid.shape)}
 
 

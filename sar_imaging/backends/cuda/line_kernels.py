@@ -20,7 +20,7 @@ from .arrays import cuda, function, kernel, load_pair
 from .phasors import fraction, phasor, short_fraction
 
 THREADS, LINES, PIXELS = 256, 8, 2
-ROWS = 32  # echoes that share the reference for the phase: `ECHOES_PER_PASS` of the plans
+ECHOES = 32  # echoes that share the reference for the phase: `ECHOES_PER_PASS` of the plans
 _ITEMS = 512  # echoes times lines of a block whose geometry lies in shared memory
 FOLD = 5  # cells of a block, 32, whose coefficients of one power stand together
 _BLOCK, _BLOCK_PAIRS = 1 << FOLD, np.uint64(5 << FOLD)  # cells, and coefficients: of degree 4
@@ -57,15 +57,15 @@ def distances(lines, number, line, x, y, z):
 
 
 @function
-def half_path(lines, number, line, centres, row):
+def half_path(lines, number, line, centres, echo):
     """Half path to a segment's middle and its derivatives; `centres` are tx and rx, (R, 6)."""
-    a, a1, a2, a3 = distances(lines, number, line, centres[row, 0], centres[row, 1],
-                              centres[row, 2])
-    if (centres[row, 0] == centres[row, 3] and centres[row, 1] == centres[row, 4]
-            and centres[row, 2] == centres[row, 5]):  # one antenna
+    a, a1, a2, a3 = distances(lines, number, line, centres[echo, 0], centres[echo, 1],
+                              centres[echo, 2])
+    if (centres[echo, 0] == centres[echo, 3] and centres[echo, 1] == centres[echo, 4]
+            and centres[echo, 2] == centres[echo, 5]):  # one antenna
         return a, a1, a2, a3
-    b, b1, b2, b3 = distances(lines, number, line, centres[row, 3], centres[row, 4],
-                              centres[row, 5])
+    b, b1, b2, b3 = distances(lines, number, line, centres[echo, 3], centres[echo, 4],
+                              centres[echo, 5])
     return 0.5 * (a + b), 0.5 * (a1 + b1), 0.5 * (a2 + b2), 0.5 * (a3 + b3)
 
 
@@ -129,7 +129,7 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
     lane, group = thread % lanes, thread // lanes
     n_together = THREADS // lanes * LINES  # lines of the block
     top = cuda.blockIdx.y * n_together
-    n_lines, n_rows, half = layout[0], centres.shape[0], segment // 2
+    n_lines, n_all, half = layout[0], centres.shape[0], segment // 2
     n_some = min(n_lines - top, n_together)
     inverse_step, turns = 1.0 / step, np.float32(cycles_per_step)
     radians, short_half = _TURN * turns, np.float32(half)
@@ -138,9 +138,9 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
     n_needed = -(-n_some // LINES) * LINES  # the last thread's lines may end beyond the image
     mine = group * LINES < n_some
 
-    for start in range(0, n_rows, ROWS):
-        stop = min(start + ROWS, n_rows)
-        # Rows are near each other: what their phases have in common comes last.
+    for start in range(0, n_all, ECHOES):
+        stop = min(start + ECHOES, n_all)
+        # Echoes are near each other: what their phases have in common comes last.
         cuda.syncthreads()
         for item in range(thread, n_needed, THREADS):
             _, d1, d2, d3 = half_path(lines, segment_number, min(top + item, n_lines - 1), centres,
@@ -155,10 +155,10 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
             n_echoes = min(most, stop - first)
             cuda.syncthreads()
             for item in range(thread, n_echoes * n_together, THREADS):
-                row, j = first + item // n_together, item % n_together
+                echo, j = first + item // n_together, item % n_together
                 if j < n_needed:
                     line = min(top + j, n_lines - 1)
-                    d, d1, d2, d3 = half_path(lines, segment_number, line, centres, row)
+                    d, d1, d2, d3 = half_path(lines, segment_number, line, centres, echo)
                     v = (d - range_zero) * inverse_step
                     n = math.floor(v)
                     cell = math.floor((n + 0.5) / n_phases)
@@ -174,7 +174,7 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
                                   radians * (k3 - shared_drift[2, j]), short_half, turn, item)
                     # a segment outside the profile reads padding only
                     cell = min(max(cell, -1.0 * half), n_cells - 2.0 * segment + half)
-                    base[item] = np.int32((row * n_phases + phase) * n_cells + cell + half)
+                    base[item] = np.int32((echo * n_phases + phase) * n_cells + cell + half)
             cuda.syncthreads()
             for echo in range(n_echoes if mine else 0):
                 loaded, at = np.int32(-1), np.uint64(echo * n_together + group * LINES)

@@ -11,7 +11,7 @@ from ...planning.profiles.phase_history import PhaseHistory
 from ...planning.profiles.range_gate import RangeGate
 from ...planning.profiles.range_resampling import RangeResampling
 from .arrays import launch, pairs, xp
-from .line_kernels import FOLD, ROWS, THREADS, add_lines, block_lines
+from .line_kernels import ECHOES, FOLD, THREADS, add_lines, block_lines
 from .profiles import Profiles
 from .transfers import in_pieces
 
@@ -56,11 +56,11 @@ class Lines:
         segment = lattice.segment
         blocks = -(-len(self._ramp) // segment), -(-self._n_lines // block_lines(segment))
         centres = xp.asarray(np.concatenate([tx_m, rx_m], axis=1))
-        for rows, some in in_pieces(samples, profiles.chunks(len(samples), ROWS)):
+        for echoes, some in in_pieces(samples, profiles.chunks(len(samples), ECHOES)):
             planes = profiles.planes(some)
             for lines, layout in self._layers:
                 launch(add_lines, blocks, THREADS, pairs(planes), lattice.n_phases,
-                       profiles.n_cells, segment, centres[rows], lines,
+                       profiles.n_cells, segment, centres[echoes], lines,
                        profiles.range_at(segment), lattice.step_m, profiles.cycles_per_step,
                        profiles.cycles_at(segment), self._ramp, image, layout)
 

@@ -42,9 +42,10 @@ def root_series(s):
 
 
 @function
-def distance(centres, row, first, x, y, z):
+def distance(centres, echo, first, x, y, z):
     """Distance of a point from a phase centre, metres."""
-    a, b, c = (x - centres[row, first], y - centres[row, first + 1], z - centres[row, first + 2])
+    a, b = x - centres[echo, first], y - centres[echo, first + 1]
+    c = z - centres[echo, first + 2]
     return math.sqrt(a * a + b * b + c * c)
 
 
@@ -83,9 +84,10 @@ def bound_tiles(xs, ys, zs, strides, size, tile, tiles):
 
 
 @function
-def set_leg(centres, row, first, x, y, z, inverse_step, step, legs, at, item):
+def set_leg(centres, echo, first, x, y, z, inverse_step, step, legs, at, item):
     """Numbers of a leg to a tile's centre: those of ``q / 2`` in steps, and of s; its length."""
-    a, b, c = (x - centres[row, first], y - centres[row, first + 1], z - centres[row, first + 2])
+    a, b = x - centres[echo, first], y - centres[echo, first + 1]
+    c = z - centres[echo, first + 2]
     d = math.sqrt(a * a + b * b + c * c)
     scale = inverse_step / d
     legs[at, item], legs[at + 1, item] = np.float32(a * scale), np.float32(b * scale)
@@ -120,7 +122,7 @@ def add_points(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles,
     legs = cuda.shared.array((_LEGS, _ITEMS), np.float32)
     place = cuda.shared.array((_PLACE, _ITEMS), np.float32)
     exact = cuda.shared.array(_ITEMS, np.int32)
-    thread, n_rows = cuda.threadIdx.x, centres.shape[0]
+    thread, n_all = cuda.threadIdx.x, centres.shape[0]
     n_points = tile[0] * tile[1]  # of a tile
     n_own = THREADS // n_points  # tiles of the block
     mine = thread // n_points
@@ -142,15 +144,15 @@ def add_points(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles,
     inverse_step, turns = 1.0 / step, np.float32(cycles_per_step)
     last, most = n_cells - 1, _ITEMS // n_own
     real, imag = np.float32(0.0), np.float32(0.0)
-    for start in range(0, n_rows, most):
-        n_echoes = min(most, n_rows - start)
+    for start in range(0, n_all, most):
+        n_echoes = min(most, n_all - start)
         cuda.syncthreads()
         for item in range(thread, n_echoes * n_own, THREADS):
-            row, own = start + item // n_own, cuda.blockIdx.x * n_own + item % n_own
+            echo, own = start + item // n_own, cuda.blockIdx.x * n_own + item % n_own
             if own < tiles.shape[0]:
                 cx, cy, cz, radius = tiles[own, 0], tiles[own, 1], tiles[own, 2], tiles[own, 3]
-                da = set_leg(centres, row, 0, cx, cy, cz, inverse_step, step, legs, 0, item)
-                db = set_leg(centres, row, 3, cx, cy, cz, inverse_step, step, legs, 5, item)
+                da = set_leg(centres, echo, 0, cx, cy, cz, inverse_step, step, legs, 0, item)
+                db = set_leg(centres, echo, 3, cx, cy, cz, inverse_step, step, legs, 5, item)
                 exact[item] = not radius < min(reach, min(da, db) * (1.0 / NEAREST))
                 v = (0.5 * (da + db) - range_zero) * inverse_step
                 cell = math.floor(v)
@@ -159,11 +161,11 @@ def add_points(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles,
                 # far outside stays outside whatever the offset
                 place[2, item] = np.float32(min(max(cell, -4e6), 4e6))
         cuda.syncthreads()
-        for echo in range(n_echoes if known else 0):
-            item, row = echo * n_own + mine, start + echo
+        for nth in range(n_echoes if known else 0):
+            item, echo = nth * n_own + mine, start + nth
             if exact[item]:
-                v = (0.5 * (distance(centres, row, 0, x, y, z)
-                            + distance(centres, row, 3, x, y, z)) - range_zero) * inverse_step
+                v = (0.5 * (distance(centres, echo, 0, x, y, z)
+                            + distance(centres, echo, 3, x, y, z)) - range_zero) * inverse_step
                 n = math.floor(v)
                 t, at = np.float32(v - n), int(min(max(n, 0.0), float(last)))
                 cycles = np.float32(fraction(cycles_per_step * v + cycles_zero))
@@ -180,7 +182,7 @@ def add_points(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles,
                 t -= n
                 cycles = short_fraction(place[1, item] + turns * shift)
             # 32 bytes, which memory delivers at once
-            cell = np.uint64(row * n_cells + at) * np.uint64(4)
+            cell = np.uint64(echo * n_cells + at) * np.uint64(4)
             re, im = load_pair(planes, cell + np.uint64(3))
             for power in range(2, -1, -1):
                 c, d = load_pair(planes, cell + np.uint64(power))
@@ -227,9 +229,9 @@ class Points:
         centres = xp.asarray(np.concatenate([tx_m, rx_m], axis=1))
         parts = image.reshape(len(self._layers), -1)
         own = THREADS // (plan.tile[0] * plan.tile[1])
-        for rows, some in in_pieces(samples, profiles.chunks(len(samples), _TOGETHER)):
+        for echoes, some in in_pieces(samples, profiles.chunks(len(samples), _TOGETHER)):
             planes = pairs(profiles.planes(some))
             for made, part in zip(self._layers, parts, strict=True):
                 launch(add_points, -(-len(made[-1]) // own), THREADS, planes, profiles.n_cells,
-                       centres[rows], *made, profiles.range_at(0), plan.lattice.step_m,
+                       centres[echoes], *made, profiles.range_at(0), plan.lattice.step_m,
                        profiles.cycles_per_step, profiles.cycles_at(0), plan.reach_m, part)

@@ -64,10 +64,10 @@ def pad_band(spectrum, zero: int, gain, n_out: int):
     Positive frequencies start at bin `zero` of the spectra (R, N), negative ones end before it;
     returns (R, n_out) complex64.
     """
-    n_rows, n = spectrum.shape
+    n_echoes, n = spectrum.shape
     keep = min(n, n_out)
     upper, lower, negative = (keep + 1) // 2, keep // 2, (zero - keep // 2) % n
-    padded = xp.zeros((n_rows, n_out), np.complex64)
+    padded = xp.zeros((n_echoes, n_out), np.complex64)
     padded[:, :upper] = spectrum[:, zero:zero + upper] * gain[zero:zero + upper]
     if lower:
         padded[:, -lower:] = (spectrum[:, negative:negative + lower]
@@ -124,18 +124,18 @@ class Profiles:
         path_m = self.range_at(cell) - self._source.phase_range_m
         return math.fmod(2 * path_m / self.wavelength_m, 1.0)
 
-    def chunks(self, n_rows: int, together: int):
-        """Slices of rows whose polynomials fit the memory, of a multiple of `together` rows."""
+    def chunks(self, n_echoes: int, together: int):
+        """Slices of echoes, a multiple of `together`, whose polynomials fit the memory."""
         lattice = self.lattice
         dense = lattice.n_cells * lattice.n_phases
-        row = (4 * lattice.interpolator.n_planes * lattice.n_phases * self.n_cells
-               + 8 * (5 * lattice.n_padded + 3 * dense))  # with what copies and transforms take
-        rows = min(_MOST_BYTES, free_bytes() // _SHARE) // row
-        if not rows // together:
-            check_memory(min(together, n_rows) * row, f'one pass of {together} range profiles',
-                         "use backend='cpu'")
-        step = max(rows // together, 1) * together
-        return (slice(lo, min(lo + step, n_rows)) for lo in range(0, n_rows, step))
+        echo_bytes = (4 * lattice.interpolator.n_planes * lattice.n_phases * self.n_cells
+                      + 8 * (5 * lattice.n_padded + 3 * dense))  # with copies and transforms
+        echoes = min(_MOST_BYTES, free_bytes() // _SHARE) // echo_bytes
+        if not echoes // together:
+            check_memory(min(together, n_echoes) * echo_bytes,
+                         f'one pass of {together} range profiles', "use backend='cpu'")
+        step = max(echoes // together, 1) * together
+        return (slice(lo, min(lo + step, n_echoes)) for lo in range(0, n_echoes, step))
 
     def planes(self, samples):
         """Polynomial coefficients of some profiles.
@@ -150,14 +150,14 @@ class Profiles:
         (R, U, n / B, degree + 1, B) complex64 array of the device
             Coefficients of each phase and cell, in blocks of B cells.
         """
-        lattice, source, n_rows = self.lattice, self._source, len(samples)
+        lattice, source, n_echoes = self.lattice, self._source, len(samples)
         n_powers, n_phases = len(lattice.interpolator.weights), lattice.n_phases
         spectrum = profile_spectra(source, complex_samples(samples), lattice.n_padded)
         padded = pad_band(spectrum, source.zero, self._gain, lattice.n_cells * n_phases)
         dense = xp.fft.ifft(padded, axis=-1, norm='forward').astype(np.complex64, copy=False)
-        planes = xp.empty((n_rows, n_phases, self.n_cells >> self._fold, n_powers,
+        planes = xp.empty((n_echoes, n_phases, self.n_cells >> self._fold, n_powers,
                            1 << self._fold), np.complex64)
-        launch(farrow_coefficients, (-(-self.n_cells // _THREADS), n_phases, n_rows), _THREADS,
+        launch(farrow_coefficients, (-(-self.n_cells // _THREADS), n_phases, n_echoes), _THREADS,
                pairs(dense), dense.shape[1], self._weights, self._first,
                lattice.interpolator.first, self._pad, source.periodic, self.n_cells, n_phases,
                self._fold, pairs(planes))
@@ -190,7 +190,7 @@ def farrow_coefficients(dense, length, weights, first_cell, first, pad, periodic
     shared = cuda.shared.array(_MOST_WEIGHTS, np.float32)
     real = cuda.local.array(_TAPS, np.float32)
     imag = cuda.local.array(_TAPS, np.float32)
-    thread, phase, row = cuda.threadIdx.x, cuda.blockIdx.y, cuda.blockIdx.z
+    thread, phase, echo = cuda.threadIdx.x, cuda.blockIdx.y, cuda.blockIdx.z
     n_powers = weights.shape[0]
     for k in range(thread, n_powers * _TAPS, cuda.blockDim.x):
         shared[k] = weights[k // _TAPS, k % _TAPS]
@@ -198,7 +198,7 @@ def farrow_coefficients(dense, length, weights, first_cell, first, pad, periodic
     cell = cuda.blockIdx.x * cuda.blockDim.x + thread
     if cell >= n_cells:
         return
-    at, begins = (first_cell + cell) * n_phases + phase + first, row * length
+    at, begins = (first_cell + cell) * n_phases + phase + first, echo * length
     if periodic:
         at %= length
     for k in range(_TAPS):
@@ -208,7 +208,7 @@ def farrow_coefficients(dense, length, weights, first_cell, first, pad, periodic
         at += 1
         if periodic and at == length:
             at = 0
-    block = (row * n_phases + phase) * (n_cells >> fold) + (cell >> fold)
+    block = (echo * n_phases + phase) * (n_cells >> fold) + (cell >> fold)
     out = (block * n_powers << fold) + (cell & ((1 << fold) - 1))
     for q in range(n_powers):
         re, im = np.float32(0.0), np.float32(0.0)

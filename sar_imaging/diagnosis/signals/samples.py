@@ -228,6 +228,7 @@ def _order(block: PulseBlock) -> Finding | None:
 def _undone_image(given: np.ndarray, exchanged: np.ndarray) -> float:
     """Amplitude of the mirrored spectrum that an exchange of words takes away; 0 for none.
 
+    Samples (P, C, N) complex are those that were given, and the same with words exchanged.
     A tone at the frequency w, radians per sample, is mirrored with the amplitude
     ``cot(w / 2 + pi / 4)``: about ``cos(w) / 2`` near a quarter of the sampling rate, where the
     sign changes and the mean of all frequencies shows nothing. The image of unequal I and Q loses
@@ -246,7 +247,7 @@ def _undone_image(given: np.ndarray, exchanged: np.ndarray) -> float:
 
 
 def _amplitudes(samples: np.ndarray) -> list[tuple[float, float]]:
-    """Magnitudes of mirrored spectra of all channels, even and odd, and their deviations."""
+    """Magnitudes of mirrored spectra in samples (P, C, N), even and odd, and their deviations."""
     found = (image_amplitude(samples[:, c], odd) for c in range(samples.shape[1])
              for odd in (False, True))
     return [(abs(amplitude), deviation) for amplitude, deviation in found]

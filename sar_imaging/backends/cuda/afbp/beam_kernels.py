@@ -12,8 +12,8 @@ from ..arrays import cuda, kernel
 from ..phasors import fraction, phasor, short_fraction
 
 THREADS, BEAMS = 128, 8  # bins of a block of threads, and beams of a thread
-_ROWS = 32  # whose numbers lie in shared memory
-_ITEMS, _SUMS = _ROWS * BEAMS, BEAMS
+_ECHOES = 32  # whose numbers lie in shared memory
+_ITEMS, _SUMS = _ECHOES * BEAMS, BEAMS
 _BEAM_TAPS, _CELL_TAPS, _POWERS = BEAM_TAPS, CELL_TAPS, DEGREE + 1
 _BEAM_WEIGHTS, _CELL_WEIGHTS = BEAM_TAPS * (DEGREE + 1), CELL_TAPS * (DEGREE + 1)
 
@@ -28,9 +28,9 @@ def form_beams(spectra, path, slope, cycles_per_m, numbers, table, per_step, bea
     Parameters
     ----------
     spectra : (R, N) complex64
-        Of the rows, with what changes them by bin alone.
+        Of the echoes, with what changes them by bin alone.
     path, slope : (M, R) float64
-        Extra paths L of the rows in each beam's direction, metres, and dL by beam.
+        Extra paths L of the echoes in each beam's direction, metres, and dL by beam.
     cycles_per_m : (2,) float64
         Of half path: at the carrier, and from bin to bin.
     numbers : (N,) int32
@@ -48,7 +48,7 @@ def form_beams(spectra, path, slope, cycles_per_m, numbers, table, per_step, bea
     real = cuda.local.array(_SUMS, np.float32)
     imag = cuda.local.array(_SUMS, np.float32)
     thread, first = cuda.threadIdx.x, cuda.blockIdx.y * BEAMS
-    n_rows, n_beams, n_cells = spectra.shape[0], beams.shape[0], beams.shape[1]
+    n_echoes, n_beams, n_cells = spectra.shape[0], beams.shape[0], beams.shape[1]
     bin_ = cuda.blockIdx.x * THREADS + thread
     known = bin_ < spectra.shape[1]
     number = numbers[bin_] if known else np.int32(0)
@@ -57,20 +57,20 @@ def form_beams(spectra, path, slope, cycles_per_m, numbers, table, per_step, bea
     for b in range(_SUMS):
         real[b] = 0.0
         imag[b] = 0.0
-    for start in range(0, n_rows, _ROWS):
-        n_some = min(_ROWS, n_rows - start)
+    for start in range(0, n_echoes, _ECHOES):
+        n_some = min(_ECHOES, n_echoes - start)
         cuda.syncthreads()
         for item in range(thread, n_some * BEAMS, THREADS):
-            row, beam = start + item // BEAMS, min(first + item % BEAMS, n_beams - 1)
-            carrier[item] = np.float32(fraction(cycles_per_m[0] * path[beam, row]))
-            growth[item] = np.float32(cycles_per_m[1] * path[beam, row])
-            steps[item] = np.float32(cycles_per_m[0] * slope[beam, row] * per_step)
-            stretch[item] = np.float32(cycles_per_m[1] * slope[beam, row] * per_step)
+            echo, beam = start + item // BEAMS, min(first + item % BEAMS, n_beams - 1)
+            carrier[item] = np.float32(fraction(cycles_per_m[0] * path[beam, echo]))
+            growth[item] = np.float32(cycles_per_m[1] * path[beam, echo])
+            steps[item] = np.float32(cycles_per_m[0] * slope[beam, echo] * per_step)
+            stretch[item] = np.float32(cycles_per_m[1] * slope[beam, echo] * per_step)
         cuda.syncthreads()
-        for row in range(n_some if known else 0):
-            re, im = spectra[start + row, bin_].real, spectra[start + row, bin_].imag
+        for echo in range(n_some if known else 0):
+            re, im = spectra[start + echo, bin_].real, spectra[start + echo, bin_].imag
             for b in range(BEAMS):
-                item = np.uint64(row * BEAMS + b)
+                item = np.uint64(echo * BEAMS + b)
                 # the table is read linearly
                 at = min(abs(steps[item] + n * stretch[item]), last)
                 below = min(np.float32(math.floor(at)), last - np.float32(1.0))

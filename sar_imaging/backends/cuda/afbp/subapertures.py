@@ -69,11 +69,11 @@ class SubapertureImager:
             Window over the pulses.
         """
         plan = self.plan
-        rows = complex_samples(samples).reshape(-1, plan.n_samples)
+        echoes = complex_samples(samples).reshape(-1, plan.n_samples)
         if weights is not None:
-            rows = rows * xp.asarray(np.repeat(weights, plan.n_channels))[:, None]
+            echoes = echoes * xp.asarray(np.repeat(weights, plan.n_channels))[:, None]
         there = xp.zeros((2, plan.coarse.n_alpha, plan.coarse.n_range), np.float32)
-        self._lines.add(rows, tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), there.reshape(-1))
+        self._lines.add(echoes, tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), there.reshape(-1))
         return there
 
 
@@ -107,7 +107,7 @@ class _Beams:
         Raises
         ------
         ValueError
-            The plane is too steep below the rows for their directions to be told apart.
+            The plane is too steep below the echoes for their directions to be told apart.
         """
         polar, sampling = self._plan.coarse, self._plan.beams
         geometry = BeamGeometry.of(polar, self._edges, tx_m, rx_m)
