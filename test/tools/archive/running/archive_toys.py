@@ -4,6 +4,7 @@ import errno
 import hashlib
 import os
 import signal
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,6 +32,8 @@ def compute(piece, output):
     """Every call leaves a line in `calls`, so that tests can count them."""
     with (output / 'calls').open('a') as file:
         file.write(piece.key + '\n')
+    while piece.needs and (output / 'hold').exists():  # no job ends before a test wants it to
+        time.sleep(0.01)
     misbehave(piece, output)
     digest = hashlib.sha256(str(piece.value).encode())
     for key in piece.needs:

@@ -88,11 +88,13 @@ def test_campaign_of_kill_9(toys, tmp_path, one_worker, seed):
 
 def test_ctrl_c_in_a_terminal_is_quiet_and_the_job_goes_on(toys, tmp_path, one_worker):
     """A terminal sends it to the workers, too."""
+    (tmp_path / 'hold').touch()  # sums wait, so that the job cannot end before the signal
     process = start(tmp_path)
     for _ in range(3):
         process.stdout.readline()
     os.killpg(process.pid, signal.SIGINT)
     summary, err = finish(process)
+    (tmp_path / 'hold').unlink()
     assert process.returncode == summary['exit_status'] == 130
     assert err == ''
     assert finish(start(tmp_path))[0]['exit_status'] == 0
