@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from .pose_interpolation import REACH, interpolate_poses
 
-CAPACITY = 32_768  # poses; the older half goes when it is full
+CAPACITY = 32_768  # poses that a live track keeps
 RESTART_POSES = 5  # in a row behind the newest pose: the clock went back
 _LARGEST_ACCELERATION = 20.0  # m/s^2, of a platform that does not jump
 _LARGEST_TURN_RATE = 7.0  # rad/s
@@ -90,6 +90,9 @@ class PoseTrack:
         Departure from the predicted position, metres, and from the last attitude, radians.
     first_frame : int
         Number of the first frame.
+    capacity : int
+        Poses that are kept; the older half goes when there are more. A whole recording needs
+        as many as it has.
 
     Raises
     ------
@@ -109,17 +112,17 @@ class PoseTrack:
     """
 
     def __init__(self, *, max_gap_s: float = 0.2, jump_m: float = 0.05, jump_rad: float = 0.1,
-                 first_frame: int = 0):
+                 first_frame: int = 0, capacity: int = CAPACITY):
         for name, value in (('max_gap_s', max_gap_s), ('jump_m', jump_m),
-                            ('jump_rad', jump_rad)):
+                            ('jump_rad', jump_rad), ('capacity', capacity)):
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f'{name}={value} must be positive and finite')
         self._limits = dict(max_gap_s=max_gap_s, jump_m=jump_m, jump_rad=jump_rad)
-        self._stamp = np.empty(CAPACITY, np.int64)
-        self._position = np.empty((CAPACITY, 3))
-        self._quaternion = np.empty((CAPACITY, 4))
-        self._segment = np.empty(CAPACITY, np.int64)
-        self._frame = np.empty(CAPACITY, np.int64)
+        self._stamp = np.empty(capacity, np.int64)
+        self._position = np.empty((capacity, 3))
+        self._quaternion = np.empty((capacity, 4))
+        self._segment = np.empty(capacity, np.int64)
+        self._frame = np.empty(capacity, np.int64)
         self._n = 0
         self._first_frame = first_frame
         self._behind: list[tuple[int, list[float], list[float]]] = []
@@ -173,7 +176,7 @@ class PoseTrack:
 
     def successor(self) -> PoseTrack:
         """The track that begins with the poses that made the clock go back."""
-        track = PoseTrack(**self._limits, first_frame=self.frame + 1)
+        track = PoseTrack(**self._limits, first_frame=self.frame + 1, capacity=len(self._stamp))
         for pose in self._behind:
             track.add(*pose)
         return track
@@ -306,10 +309,11 @@ class PoseTrack:
 
     def _append(self, stamp_ns: int, position: list[float], turn: list[float],
                 verdict: PoseVerdict) -> None:
-        if self._n == CAPACITY:
-            keep = CAPACITY // 2
+        capacity = len(self._stamp)
+        if self._n == capacity:
+            keep = capacity // 2
             for a in (self._stamp, self._position, self._quaternion, self._segment, self._frame):
-                a[:keep] = a[CAPACITY - keep:].copy()
+                a[:keep] = a[capacity - keep:].copy()
             self._n = keep
         n = self._n
         segment, frame = (int(self._segment[n - 1]), self.frame) if n else (0, self._first_frame)

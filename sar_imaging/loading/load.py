@@ -342,7 +342,8 @@ def _at_own_times(pulses: PulseBlock, poses: PoseTable, alignment: Alignment,
     parts = []
     for first in range(0, pulses.n_pulses, _LOCATED):
         part = pulses.select(slice(first, first + _LOCATED))
-        near, track = _around(poses, part, alignment), PoseTrack()
+        near = _around(poses, part, alignment)
+        track = PoseTrack(capacity=len(near.time_ns))
         for pose in zip(near.time_ns.tolist(), near.position_m, near.quaternion, strict=True):
             track.add(*pose)
         try:

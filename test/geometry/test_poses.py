@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.geometry import poses
 from sar_imaging.geometry.poses import PoseStatus, PoseTrack, PoseVerdict
 
 MS = 1_000_000
@@ -174,9 +173,8 @@ def test_a_stuck_clock_is_no_restart():
     assert set(verdicts[2:-1]) == {PoseVerdict.OLD}
 
 
-def test_the_memory_is_bounded(monkeypatch):
-    monkeypatch.setattr(poses, 'CAPACITY', 64)
-    track, _ = make_track(range(0, 2000, 10))
+def test_the_memory_is_bounded():
+    track, _ = make_track(range(0, 2000, 10), capacity=64)
     assert len(track) <= 64
     assert status(track, [1955, 100]) == ['READY', 'BEFORE']
 

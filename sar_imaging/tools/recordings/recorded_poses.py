@@ -85,8 +85,8 @@ class RecordedPoses:
                    read[0].header.frame_id, read[0].child_frame_id)
 
     def track(self, **limits) -> PoseTrack:
-        """The track of these poses; limits as of `PoseTrack`."""
-        track = PoseTrack(**limits)
+        """The track of all these poses; limits as of `PoseTrack`."""
+        track = PoseTrack(**limits, capacity=max(len(self.stamp_ns), 1))
         for pose in zip(self.stamp_ns.tolist(), self.position_m, self.quaternion, strict=True):
             track.add(*pose)
         return track

@@ -94,3 +94,12 @@ def test_a_recording_without_odometry_has_no_poses(tmp_path, make_block):
     truth = {'version': 1}
     bag_io.write_bag(tmp_path / 'bag', [block], truth)
     assert bag_io.read_poses(tmp_path / 'bag') is None
+
+
+def test_a_long_recording_keeps_its_first_poses():
+    """100 s at 400 Hz: more than a live track keeps."""
+    stamp = START_NS + np.arange(40_000) * 2_500_000
+    poses = RecordedPoses(stamp, np.c_[np.arange(40_000) * 0.01, np.zeros((40_000, 2))],
+                          np.tile([0.0, 0.0, 0.0, 1.0], (40_000, 1)))
+    found = poses.track().sample(stamp[[10, -10]] + 1_250_000)
+    np.testing.assert_allclose(found.position_m[:, 0], [0.105, 399.905], atol=1e-9)
