@@ -41,6 +41,7 @@ from sar_imaging.tools.node_processes import (
 )
 from sar_imaging.tools.recordings import bag_io
 from sar_imaging.tools.recordings.recorded_poses import RecordedPoses
+from sar_imaging.tools.recordings.truth import make_truth
 from sar_imaging.tools.recordings.writing import split
 
 from .autofocus_flights import FOCUSED
@@ -100,7 +101,7 @@ def true_contrast(case: Case) -> tuple[float, object]:
 def through_nodes(case: Case, alignment, folder: pathlib.Path, *, pipeline: bool,
                   expected_s: float) -> tuple[np.ndarray, str]:
     """Image and log of the nodes that image a bag."""
-    truth = bag_io.make_truth(
+    truth = make_truth(
         scenario='autofocus', description=case.name, scatterers=[], grid=case.grid,
         pulses_per_aperture=case.block.n_pulses, n_pulses=case.block.n_pulses, n_channels=1,
         cut_half_width_m=(1.0, 1.0), radar=case.block.radar, compressed=False,

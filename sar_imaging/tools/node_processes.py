@@ -50,7 +50,7 @@ def parameters_from_truth(truth: Mapping, mode: str = 'image', *,
     Parameters
     ----------
     truth : mapping
-        Truth of the recording, see `bag_io.make_truth`.
+        Truth of the recording, see `recordings.make_truth`.
     mode : str
         Of backprojection, `MODES` or another that forms what is in the truth.
     pattern_file : str

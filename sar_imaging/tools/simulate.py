@@ -20,7 +20,8 @@ from sar_imaging.simulation.scenarios.configured import configured_scenario
 from sar_imaging.simulation.scenarios.scenario import Scenario
 
 from .launching import named_config
-from .recordings.bag_io import antenna_truth, check_target, make_truth, write_bag
+from .recordings.bag_io import check_target, write_bag
+from .recordings.truth import antenna_truth, make_truth
 from .recordings.writing import run_writing, with_progress
 
 _EPILOG = """\
@@ -40,7 +41,7 @@ check_config:
 
 def scenario_truth(scenario: Scenario, *, window: str = 'none', frame: str = 'map',
                    datum: Datum | None = None) -> dict:
-    """Truth to store with a recording of the scenario, see `bag_io.make_truth`."""
+    """Truth to store with a recording of the scenario, see `recordings.make_truth`."""
     truth = make_truth(
         scenario=scenario.name, description=scenario.description,
         scatterers=[{'name': s.name, 'position_m': list(s.position_m),

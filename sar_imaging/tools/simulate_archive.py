@@ -22,7 +22,8 @@ from sar_imaging.geometry.earth import Datum
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.simulation.survey import Survey, SurveyRecording
 
-from .recordings.bag_io import BagError, make_truth, write_bag
+from .recordings.bag_io import BagError, write_bag
+from .recordings.truth import make_truth
 from .recordings.writing import run_writing
 
 TRUTH_FILE = 'archive.json'

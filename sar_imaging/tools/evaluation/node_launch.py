@@ -85,7 +85,7 @@ def plan_launch(arguments: argparse.Namespace, truth: Mapping | None) -> Launch:
     arguments : argparse.Namespace
         With `bag`, `mode`, `pipeline`, `output` and what `add_arguments` adds.
     truth : mapping or None
-        Of the recording, see `bag_io.make_truth`; it proposes grid and aperture without a
+        Of the recording, see `recordings.make_truth`; it proposes grid and aperture without a
         configuration.
 
     Returns

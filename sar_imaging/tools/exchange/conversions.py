@@ -15,15 +15,9 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
 
-from ..recordings.bag_io import (
-    BagError,
-    check_target,
-    make_truth,
-    read_blocks,
-    read_poses,
-    write_bag,
-)
+from ..recordings.bag_io import BagError, check_target, read_blocks, read_poses, write_bag
 from ..recordings.recording import Recording, read_recording
+from ..recordings.truth import make_truth
 from ..recordings.writing import split, with_progress
 
 _TOLD = ('collector_name', 'core_name', 'classification', 'release_info', 'mode_type')

@@ -17,8 +17,9 @@ from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.loading import DescriptionError, Loaded, PoseTable, load, shipped_names
 from sar_imaging.loading.frames import FrameError
 
-from ..recordings.bag_io import antenna_truth, check_target, make_truth, write_bag
+from ..recordings.bag_io import check_target, write_bag
 from ..recordings.recorded_poses import RecordedPoses
+from ..recordings.truth import antenna_truth, make_truth
 from ..recordings.writing import run_writing, split, with_progress
 from .bag_frames import read_bag_frames
 from .bag_poses import read_bag_poses

@@ -52,7 +52,7 @@ class Recording:
     path : Path
         Bag folder.
     truth : dict or None
-        What `bag_io.make_truth` stored with it.
+        What `recordings.make_truth` stored with it.
     radar : RadarParameters
         Of its first readable message.
     n_samples : int

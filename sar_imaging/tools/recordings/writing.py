@@ -33,7 +33,7 @@ def convert(read: Callable[[], PulseBlock], truth: Callable[[PulseBlock], dict],
     read : callable
         Reads the whole measurement; called once the target was checked.
     truth : callable
-        Truth of the recording, see `bag_io.make_truth`.
+        Truth of the recording, see `recordings.make_truth`.
     output : Path
         Bag folder to make.
     overwrite : bool

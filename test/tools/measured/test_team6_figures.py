@@ -12,6 +12,7 @@ from matplotlib.image import imread
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.tools.measured import team6_figures
 from sar_imaging.tools.recordings import bag_io
+from sar_imaging.tools.recordings.truth import make_truth
 
 GRID = MapGrid.from_size((2.0, 1.0, 0.0), 4.0, 6.0, 0.05)
 PLACE = [2.5, 0.0, 0.0]
@@ -20,7 +21,7 @@ PLACE = [2.5, 0.0, 0.0]
 @pytest.fixture
 def folders(tmp_path, make_block):
     block = make_block(0, 5)
-    truth = bag_io.make_truth(
+    truth = make_truth(
         scenario='team6_rail', description='', grid=GRID, pulses_per_aperture=5, n_pulses=5,
         scatterers=[{'name': 'r', 'position_m': PLACE, 'amplitude_db': 0.0}],
         n_channels=1, cut_half_width_m=(1.0, 1.0), radar=block.radar, compressed=True)

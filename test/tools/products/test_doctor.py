@@ -10,7 +10,8 @@ import numpy as np
 
 from benchmarks.support.doctor_cases import FAULTS, right_case
 from sar_imaging.tools.products import doctor
-from sar_imaging.tools.recordings.bag_io import make_truth, write_bag
+from sar_imaging.tools.recordings.bag_io import write_bag
+from sar_imaging.tools.recordings.truth import make_truth
 
 ROOT = pathlib.Path(__file__).parents[3]
 

@@ -13,9 +13,10 @@ from sar_imaging.geometry.illumination import Antenna, Mount, Pointing
 from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.tools.node_processes import parameters_from_truth
 from sar_imaging.tools.products.sources import open_source
-from sar_imaging.tools.recordings.bag_io import BagError, antenna_truth, write_bag
+from sar_imaging.tools.recordings.bag_io import BagError, write_bag
 from sar_imaging.tools.recordings.recorded_poses import RecordedPoses
 from sar_imaging.tools.recordings.recording import read_recording
+from sar_imaging.tools.recordings.truth import antenna_truth
 from sar_imaging.tools.simulate import scenario_truth
 
 MEASURED = Antenna('measured', azimuth_deg=(-5, 0, 5), azimuth_gain_db=(-10, 0, -9))

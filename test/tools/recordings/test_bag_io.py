@@ -13,6 +13,7 @@ from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.tools.recordings import bag_io
 from sar_imaging.tools.recordings.bag_io import BagError
+from sar_imaging.tools.recordings.truth import radar_to_dict
 
 TRUTH = {'version': 1, 'scenario': 'test', 'scatterers': [
     {'name': 'post', 'position_m': [0.1, -2e-9, 3.0], 'amplitude_db': -3.5}]}
@@ -52,7 +53,7 @@ def test_truth_comes_back(bag):
 @pytest.mark.parametrize(('speed', 'written'), [(SPEED_OF_LIGHT, {}), (1e8, {1e8})])
 def test_the_truth_names_a_speed_that_is_not_light_s(speed, written):
     radar = RadarParameters(1e9, 1e8, 2e8, 1e-8, propagation_speed_m_per_s=speed)
-    fields = bag_io.radar_to_dict(radar)
+    fields = radar_to_dict(radar)
     assert {v for k, v in fields.items() if k == 'propagation_speed_m_per_s'} == set(written)
 
 

@@ -11,6 +11,7 @@ from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.tools.recordings import bag_io, recording
 from sar_imaging.tools.recordings.recorded_poses import RecordedPoses
+from sar_imaging.tools.recordings.truth import make_truth
 
 START_NS = 1_700_000_000_000_000_000
 OFFSET_S = 2.5
@@ -34,7 +35,7 @@ def poses():
 def bag(tmp_path, make_block, poses, alignment):
     blocks = [dataclasses.replace(make_block(first, 5), tx_m=None, rx_m=None)
               for first in (0, 5, 10)]
-    truth = bag_io.make_truth(
+    truth = make_truth(
         scenario='test', description='', scatterers=[],
         grid=MapGrid((1.0, 2.0, 0.0), 5, 7, 0.5), pulses_per_aperture=8, n_pulses=15,
         n_channels=1, cut_half_width_m=(1.0, 1.0), radar=blocks[0].radar, compressed=True,

@@ -5,13 +5,13 @@ import pytest
 
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.tools.recordings import bag_io, recording
+from sar_imaging.tools.recordings import bag_io, recording, truth as recorded_truth
 
 START_NS = 1_700_000_000_000_000_000
 
 
 def make_truth(radar, **more):
-    return bag_io.make_truth(
+    return recorded_truth.make_truth(
         scenario='test', description='', scatterers=[],
         grid=MapGrid((1.0, 2.0, 0.0), 5, 7, 0.5), pulses_per_aperture=8, n_pulses=20,
         n_channels=1, cut_half_width_m=(1.0, 1.0), radar=radar, compressed=True, **more)

@@ -28,7 +28,8 @@ from sar_imaging.tools.archive.jobs import (
     write_scan,
 )
 from sar_imaging.tools.archive.products import compute
-from sar_imaging.tools.recordings.bag_io import make_truth, read_blocks, write_bag
+from sar_imaging.tools.recordings.bag_io import read_blocks, write_bag
+from sar_imaging.tools.recordings.truth import make_truth
 
 DATUM = Datum(47.0, 8.0, 400.0, 30.0)
 SPACING_M, TILE = 1.0, 64

@@ -12,7 +12,8 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.signal import PulseBlock
 from sar_imaging.tools.archive.jobs import Division, ImagePiece, Window, write_job
 from sar_imaging.tools.archive.products import compute
-from sar_imaging.tools.recordings.bag_io import make_truth, write_bag
+from sar_imaging.tools.recordings.bag_io import write_bag
+from sar_imaging.tools.recordings.truth import make_truth
 
 from .conftest import SPACING_M, START_NS, fly, make_archive
 
