@@ -1,4 +1,4 @@
-"""Check the source of positions: frames, lever arms, clock and antenna of a configuration."""
+"""Check the source of positions, and what images are weighed and calibrated by."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from .antenna import check_antenna
 from .constraints import Finding
 from .datum import check_datum, datum_rows
+from .radiometry import check_radiometry
 from .settings import Acquisition
 
 BLOCK = 'block'
@@ -16,7 +17,7 @@ _ARMS = ('antenna.tx', 'antenna.rx')
 
 def check_positions(nodes: Mapping[str, Mapping],
                     acquisition: Acquisition | None) -> list[Finding]:
-    """What is wrong with frames, lever arms and the antenna.
+    """What is wrong with frames, lever arms, the antenna and calibrated brightness.
 
     Parameters
     ----------
@@ -29,7 +30,8 @@ def check_positions(nodes: Mapping[str, Mapping],
     -------
     list of Finding
     """
-    found = [*_check_frames(nodes), *check_datum(nodes), *check_antenna(nodes)]
+    found = [*_check_frames(nodes), *check_datum(nodes), *check_antenna(nodes),
+             *check_radiometry(nodes)]
     buffer = nodes[_BUFFER]
     if buffer['pose.source'] != BLOCK:
         found += _check_pose_frame(buffer)

@@ -17,7 +17,7 @@ from .georeference import TOLERANCE_M, Georeference, georeference, named_crs, ut
 from .product import ImageProduct
 from .raster import write_cog
 from .resampling import MapPixels, covering_pixels, resample
-from .tags import image_from_text, image_to_text
+from .tags import image_from_text, image_to_text, quantity_of, told_of
 
 COMPLEX, DECIBELS, QUICKLOOK = CONTENTS = 'complex', 'decibels', 'quicklook'
 _LARGEST_RATIO = 1032  # of what DEFLATE compresses
@@ -46,6 +46,7 @@ def write_geotiff(path: os.PathLike | str, image: Image, datum: Datum, *,
     content : str
         ``'decibels'``: float32 amplitude, dB, NaN where there is none; ``'quicklook'``: eight
         bits of it, 0 where there is none; ``'complex'``: complex64, every bit of the samples.
+        Bands are named by what their squared magnitude is, see `sar_imaging.radiometry`.
     crs : optional
         ``None``: UTM where the transform is exact to 2.5 mm, transverse Mercator about the image
         otherwise; ``'local'``: that one; or what pyproj takes for a CRS, such as ``25832``.
@@ -87,13 +88,23 @@ def write_geotiff(path: os.PathLike | str, image: Image, datum: Datum, *,
     place, samples = _placed(image, datum, crs, acquisition, north_up)
     band, nodata = _band(samples, content)
     tags = {_TAG: image_to_text(image, datum), 'CONTENT': content,
-            'PLACE_ERROR_M': f'{place.error_m:.2g}'}
+            'PLACE_ERROR_M': f'{place.error_m:.2g}', **told_of(image)}
     if samples is not image.samples:
         tags[_RESAMPLED] = 'YES'
+    quantity = quantity_of(image)
     # phases of neighbours would cancel
     write_cog(path, [band], place, nodata=nodata, tags=tags,
+              names=[quantity], units=[_unit(image, content)],
               overviews='NEAREST' if content == COMPLEX else 'AVERAGE')
     return place
+
+
+def _unit(image: Image, content: str) -> str:
+    """Unit of a band."""
+    unit = '1' if image.radiometry is None else image.radiometry.unit
+    if content == COMPLEX:
+        return f'sqrt({unit})' if unit != '1' else unit
+    return 'dB' if content == DECIBELS else ''
 
 
 def _placed(image: Image, datum: Datum, crs, acquisition: Acquisition | None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import pathlib
 import tempfile
@@ -14,11 +15,13 @@ from ..imaging.image import Image
 from .decibels import decibels, grey_levels, limits_db
 from .extras import require
 from .georeference import check_level, georeference
+from .tags import quantity_of
 
 _KML = """<?xml version="1.0" encoding="UTF-8"?>
 <kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2">
   <GroundOverlay>
     <name>{name}</name>
+    <description>{levels}</description>
     <Icon><href>{picture}</href></Icon>
     <altitudeMode>clampToGround</altitudeMode>
     <gx:LatLonQuad><coordinates>{corners}</coordinates></gx:LatLonQuad>
@@ -52,7 +55,7 @@ def write_quicklook(path: os.PathLike | str, image: Image, datum: Datum, *,
     White is what a thousandth of the pixels exceeds; black is 5 dB below the median, within 30
     to 60 dB below white; 0 is where there is no image. Beside ``image.png`` come ``image.pgw``
     (its affine transform), ``image.prj`` (the projection that goes with that) and ``image.kml``
-    (an overlay by its four corners).
+    (an overlay by its four corners, which says what black and white are).
 
     Parameters
     ----------
@@ -102,7 +105,8 @@ def write_quicklook(path: os.PathLike | str, image: Image, datum: Datum, *,
     check_level(image.grid)
     place = georeference(image.grid, datum, crs)
     levels = decibels(image.samples)
-    grey = grey_levels(levels, *limits_db(levels))
+    limits = limits_db(levels)
+    grey = grey_levels(levels, *limits)
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         parts = [pathlib.Path(folder, path.name).with_suffix(suffix)
                  for suffix in ('.png', '.pgw', '.prj', '.kml')]
@@ -115,7 +119,8 @@ def write_quicklook(path: os.PathLike | str, image: Image, datum: Datum, *,
                 shutil.copy(plain, parts[0], driver='PNG')
         parts[1].write_text(_world_file(place.affine))
         parts[2].write_text(place.crs.to_wkt('WKT1_ESRI') + '\n')
-        parts[3].write_text(_overlay(path, image_corners(image.grid, datum)))
+        parts[3].write_text(_overlay(path, image_corners(image.grid, datum),
+                                     _levels(image, *limits)))
         return [part.replace(path.with_suffix(part.suffix if i else path.suffix))
                 for i, part in enumerate(parts)]
 
@@ -126,7 +131,17 @@ def _world_file(affine: np.ndarray) -> str:
     return ''.join(f'{value!r}\n' for value in map(float, (a, d, b, e, x, y)))
 
 
-def _overlay(path: pathlib.Path, corners: np.ndarray) -> str:
+def _levels(image: Image, black_db: float, white_db: float) -> str:
+    """What the greys of a picture are."""
+    told = image.radiometry
+    noise = '' if told is None or math.isnan(told.noise_equivalent_db) else (
+        f'; noise-equivalent {told.noise_equivalent_db:.1f} dB')
+    unit = ' m^2' if told is not None and told.quantity == 'rcs' else ''
+    return (f'{quantity_of(image)} from {black_db:.1f} dB{unit} (black) to {white_db:.1f} '
+            f'dB{unit} (white){noise}')
+
+
+def _overlay(path: pathlib.Path, corners: np.ndarray, levels: str) -> str:
     coordinates = ' '.join(f'{longitude:.9f},{latitude:.9f},0' for latitude, longitude in corners)
     return _KML.format(name=saxutils.escape(path.stem), picture=saxutils.escape(path.name),
-                       corners=coordinates)
+                       corners=coordinates, levels=saxutils.escape(levels))

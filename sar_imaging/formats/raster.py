@@ -64,7 +64,7 @@ def write_raster(path: os.PathLike | str, bands: Mapping[str, np.ndarray], grid,
 
 
 def write_cog(path: os.PathLike | str, bands: Sequence[np.ndarray], place: Georeference, *,
-              names: Sequence[str] = (), nodata: float | None = None,
+              names: Sequence[str] = (), units: Sequence[str] = (), nodata: float | None = None,
               tags: Mapping[str, str] | None = None, overviews: str = 'NEAREST') -> None:
     """Write bands of one shape and type.
 
@@ -77,6 +77,8 @@ def write_cog(path: os.PathLike | str, bands: Sequence[np.ndarray], place: Geore
     place : Georeference
         Projection and transform.
     names : sequence of str
+        Of the bands.
+    units : sequence of str
         Of the bands.
     nodata : float, optional
         Value that stands for nothing.
@@ -105,6 +107,8 @@ def write_cog(path: os.PathLike | str, bands: Sequence[np.ndarray], place: Geore
                     plain.write(band, number)
                 for number, name in enumerate(names, 1):
                     plain.set_band_description(number, name)
+                if units:
+                    plain.units = list(units)
                 plain.update_tags(**(tags or {}))
             with memory.open() as plain:
                 shutil.copy(plain, part, driver='COG', COMPRESS='DEFLATE', BIGTIFF='IF_SAFER',

@@ -6,13 +6,13 @@ import collections
 
 import numpy as np
 
-from ..signal.pulses import PulseBlock
+from ..signal.pulses import PulseBlock, concatenate
 from ..signal.radar import RadarParameters
 from .acquisition import Acquisition
 
 
 class RecentPulses:
-    """Remembers where the latest pulses were sent, for the acquisition of an image of them.
+    """Remembers where the latest pulses were sent, for what an image of them is to be told of.
 
     Parameters
     ----------
@@ -33,19 +33,26 @@ class RecentPulses:
         """Remember the pulses of a block, without their samples; another radar begins anew."""
         if not block.has_positions or not block.n_pulses:
             return
-        if self._blocks and self._blocks[-1].radar != block.radar:
+        own = PulseBlock(
+            block.radar, block.compressed, block.stamp_ns.copy(), block.counter.copy(),
+            np.zeros((block.n_pulses, block.n_channels, 0), np.complex64), block.tx_m.copy(),
+            block.rx_m.copy(), pointing=block.pointing)
+        if self._blocks and not self._blocks[-1].matches(own):
             self._blocks.clear()
             self._n = 0
-        self._blocks.append(PulseBlock(
-            block.radar, block.compressed, block.stamp_ns.copy(), block.counter.copy(),
-            np.zeros((block.n_pulses, 1, 0), np.complex64),
-            block.tx_m.mean(axis=1, keepdims=True), block.rx_m.mean(axis=1, keepdims=True)))
+        self._blocks.append(own)
         self._n += block.n_pulses
         while self._n - self._blocks[0].n_pulses >= self._n_pulses:
             self._n -= self._blocks.popleft().n_pulses
 
     def acquisition(self, counters: np.ndarray) -> Acquisition:
-        """Acquisition of the pulses with these counters; of equal ones the latest counts.
+        """Acquisition of the pulses with these counters; see `pulses`."""
+        return Acquisition.of(self.pulses(counters))
+
+    def pulses(self, counters: np.ndarray) -> PulseBlock:
+        """The pulses with these counters, in the order of their times and without samples.
+
+        Of equal counters the latest counts.
 
         Raises
         ------
@@ -64,4 +71,5 @@ class RecentPulses:
         if left.size or not found:
             raise ValueError(f'{left.size or "all"} of {wanted.size} pulses are not remembered; '
                              f'expected pulses among the latest {self._n_pulses}')
-        return Acquisition.of(found)
+        joined = concatenate(found)
+        return joined.select(np.argsort(joined.stamp_ns, kind='stable'))

@@ -11,6 +11,8 @@ from ..geometry.earth import Datum
 from ..geometry.even_grids import PlaneGrid
 from ..geometry.grids import MapGrid
 from ..imaging.image import Image, Report
+from ..imaging.radiometry import Radiometry
+from ..radiometry import QUANTITIES
 
 _GRIDS = {grid.__name__: grid for grid in (MapGrid, PlaneGrid)}
 _VERSION = 1
@@ -27,7 +29,25 @@ def image_to_text(image: Image, datum: Datum) -> str:
     return json.dumps({'version': _VERSION, 'carrier_hz': image.carrier_hz,
                        'stamp_ns': image.stamp_ns, 'counters': _ranges(image.counters),
                        'datum': dataclasses.asdict(datum), 'grid': grid,
-                       'report': dataclasses.asdict(report)})
+                       'report': dataclasses.asdict(report),
+                       'radiometry': image.radiometry and dataclasses.asdict(image.radiometry)})
+
+
+def quantity_of(image: Image) -> str:
+    """What the levels of an image are, in a word or two."""
+    return 'amplitude' if image.radiometry is None else image.radiometry.quantity
+
+
+def told_of(image: Image) -> dict[str, str]:
+    """Tags about the calibrated brightness of an image, for any program; none where it has none.
+
+    The unit is that of the squared magnitude.
+    """
+    told = image.radiometry
+    return {} if told is None else {
+        'QUANTITY': told.quantity, 'QUANTITY_MEANING': QUANTITIES[told.quantity],
+        'UNIT': told.unit, 'NOISE_EQUIVALENT_DB': f'{told.noise_equivalent_db:.3f}',
+        'INCIDENCE_DEG': f'{told.incidence_deg:.3f}'}
 
 
 def image_from_text(text: str, samples: np.ndarray, *,
@@ -50,8 +70,9 @@ def image_from_text(text: str, samples: np.ndarray, *,
         grid = _grid(told['grid'])
         counters = np.concatenate([np.zeros(0, np.int64), *(
             np.arange(first, last + 1) for first, last in told['counters'])])
+        scaled = told.get('radiometry')  # files of 0.2.0 have none
         image = Image(samples, grid, float(told['carrier_hz']), report, int(told['stamp_ns']),
-                      counters)
+                      counters, scaled and Radiometry(**scaled))
     except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
         raise ValueError(f'the tag of the image cannot be understood: {error!r}') from error
     if grid.shape != samples.shape and not resampled:

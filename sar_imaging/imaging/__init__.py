@@ -1,6 +1,6 @@
 """Image formation: from range profiles or phase histories of many pulses to a focused image.
 
-- `imager`: `plan_image`, the one entry that chooses the method, and `image`, what it returns;
+- `imager`: `plan_image`, the one entry that chooses the method; `image`: what it returns;
 - `exact`: exact backprojection, over the two-way path of every channel;
 - `afbp`: accelerated fast backprojection, the quickest where many pulses make an image;
 - `correlation`: time-domain correlation, the exact reference;

@@ -11,8 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from ..geometry.grids import Grid
     from ..planning.plan import Plan
-
-_CAUSE_WIDTH = 24
+    from .radiometry import Radiometry
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,7 +72,7 @@ class Report:
         else:
             lines.append(f'error against time-domain correlation: {self.predicted_error_db:.1f} '
                          f'dB predicted, {self.target_db:g} dB wanted')
-            lines += [f'  {cause:<{_CAUSE_WIDTH}}{error:7.1f} dB'
+            lines += [f'  {cause:<24}{error:7.1f} dB'
                       + (f' of {self.shares_db[cause]:.1f} dB' if cause in self.shares_db else '')
                       for cause, error in self.errors_db.items()]
         if self.seconds is not None:
@@ -91,9 +90,8 @@ class Image:
     ----------
     samples : complex64 array
         ``f(x) = sum_m sum_n s_mn(D_mn(x)) exp(+j k_c D_mn(x))`` (Rosenberg & Gray, equation 17)
-        in the shape of the grid, row 0 of a map at the largest y; one image after the other,
-        ``(C, ...)``, where each channel has its own. The carrier is in it: from pixel to pixel
-        the phase turns with the two-way path.
+        in the shape of the grid, row 0 of a map at the largest y; ``(C, ...)`` where each channel
+        has its image. The carrier is in it: the phase turns with the two-way path.
     grid : Grid
         Where the pixels are, imaging frame.
     carrier_hz : float
@@ -104,6 +102,8 @@ class Image:
         Time of the middle pulse, nanoseconds since the epoch of the pulses' clock; 0 for none.
     counters : (P,) int64
         Counters of the pulses in it, ascending.
+    radiometry : Radiometry or None
+        What the squared magnitude is, where the samples were calibrated.
 
     Examples
     --------
@@ -126,6 +126,7 @@ class Image:
     report: Report
     stamp_ns: int = 0
     counters: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0, np.int64))
+    radiometry: Radiometry | None = None
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -8,6 +8,7 @@ from sar_imaging.imaging.methods import AFBP, EXACT
 from .images import (
     antenna_pattern,
     autofocus,
+    image_brightness,
     image_files,
     image_products,
     obstacle_products,
@@ -56,6 +57,7 @@ PARAMETERS = (
     *autofocus.PARAMETERS,
     *pose_input.TRACK_PARAMETERS,
     *antenna_pattern.PARAMETERS,
+    *image_brightness.PARAMETERS,
     *image_products.PARAMETERS,
     *image_files.PARAMETERS,
     *obstacle_products.PARAMETERS,

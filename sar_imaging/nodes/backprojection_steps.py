@@ -20,10 +20,17 @@ from sar_imaging.signal.pulses.sequence import describe_counters
 from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
 
 from .backprojection_parameters import BACKEND, IMAGE, PARAMETERS, VOLUME
-from .images import autofocus, focus_watch, obstacle_products, volume_cloud
+from .images import (
+    autofocus,
+    focus_watch,
+    image_brightness,
+    obstacle_products,
+    volume_cloud,
+)
 from .images.antenna_pattern import PATTERN, pattern_from
 from .images.autofocus import FocusedImage, ImageFocus
 from .images.focus_watch import FocusWatch, count_focus
+from .images.image_brightness import ImageBrightness
 from .images.image_files import ImageFiles
 from .images.image_grid import describe_grid, make_grid
 from .images.image_products import ImageProducts
@@ -48,9 +55,10 @@ class BackprojectionStep(Step):
                 'last_image_seconds', 'image_latency_seconds', 'last_plan_seconds',
                 'predicted_error_db', *focus_watch.COUNTERS,
                 *focus_watch.DIAGNOSIS_COUNTERS, *autofocus.COUNTERS,
+                *image_brightness.COUNTERS,
                 *obstacle_products.COUNTERS, *volume_cloud.COUNTERS)
     FAULTS = ('pulses_missing', 'pulses_late', 'pulses_duplicate', 'apertures_dropped',
-              'restarts', *obstacle_products.FAULTS)
+              'restarts', *image_brightness.FAULTS, *obstacle_products.FAULTS)
     IDLE_PARAMETER = 'aperture_timeout_s'
     FORMS_IMAGES = True
     SAVE_SERVICE = 'save_image'
@@ -203,6 +211,7 @@ class ImageStep(BackprojectionStep):
                 illumination=self._pattern, backend=chosen)
         except ValueError as error:
             raise ConfigurationError(f'parameters method and {PATTERN.name}: {error}') from error
+        self._brightness = ImageBrightness(parameters, self._pattern, health)
         self._tracks = PulseTracks(_REMEMBERED * parameters['pulses_per_aperture'])
         self._files = ImageFiles(parameters, self._datum)
         self._pulses = RecentPulses(_REMEMBERED * parameters['pulses_per_aperture'])
@@ -269,7 +278,8 @@ class ImageStep(BackprojectionStep):
         details = f'; {product.details}' if isinstance(product, FocusedImage) else ''
         figure = count_focus(product.image, self.health)
         self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, predicted error '
-                         f'{product.predicted_error_db:.0f} dB, {figure}{details}')
+                         f'{product.predicted_error_db:.0f} dB, {figure}{self._brightness.told}'
+                         f'{details}')
         self._watch.judge(product.aperture, figure)
 
     def describe(self, product: ApertureImage) -> str:
@@ -291,22 +301,26 @@ class ImageStep(BackprojectionStep):
 
     def _send(self, product: ApertureImage) -> None:
         """Publish an image, and keep it for whoever wants it as a file."""
-        self._products.publish(product.image, product.grid, product.stamp_ns)
-        if self._obstacles is not None:
-            counters = product.counters
+        counters = product.counters
+        image = self._brightness.calibrated(self._image(product),
+                                            lambda: self._pulses.pulses(counters))
+        if image is not None:
+            self._products.publish(image.samples, product.grid, product.stamp_ns)
+            self._files.keep(image, lambda: self._pulses.acquisition(counters))
+        if self._obstacles is not None:  # by the contrast to what is around: as it was formed
             lit = (None if self._pattern is None else
                    lambda: self._tracks.lit(counters, product.grid, self._pattern))
             self._obstacles.publish(product.image, product.grid, product.stamp_ns,
                                     lambda: self._tracks.view(counters), lit)
-        if self._files.wanted:
-            grid = (product.grid if self._heights_m is None
-                    else TerrainGrid(product.grid, self._heights_m))
-            report = Report(product.method, 'as configured', self.parameters['target_db'],
-                            product.predicted_error_db)
-            self._files.keep(
-                Image(product.image, grid, self._pulses.radar.carrier_hz, report,
-                      product.stamp_ns, product.counters.astype(np.int64)),
-                lambda: self._pulses.acquisition(product.counters))
+
+    def _image(self, product: ApertureImage) -> Image:
+        """The image with all that files tell of it."""
+        grid = (product.grid if self._heights_m is None
+                else TerrainGrid(product.grid, self._heights_m))
+        report = Report(product.method, 'as configured', self.parameters['target_db'],
+                        product.predicted_error_db)
+        return Image(product.image, grid, self._pulses.radar.carrier_hz, report,
+                     product.stamp_ns, product.counters.astype(np.int64))
 
     def nothing_formed(self) -> str:
         """Why the latest `flush` gave nothing."""

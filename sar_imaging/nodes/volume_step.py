@@ -8,6 +8,7 @@ from sar_imaging.streaming.aperture import ApertureImage
 
 from .backprojection_parameters import IMAGE
 from .backprojection_steps import ImageStep
+from .images.image_brightness import NONE, QUANTITY
 from .images.terrain import TERRAIN_FILE
 from .images.volume_cloud import VolumeCloud
 from .runtime.health import Health, Part
@@ -22,6 +23,9 @@ class VolumeStep(ImageStep):
         if parameters[TERRAIN_FILE.name]:
             raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: a volume has level '
                                      f'layers; use mode {IMAGE} on terrain')
+        if parameters[QUANTITY.name] != NONE:
+            raise ConfigurationError(f'parameter {QUANTITY.name}: cells of a volume have no '
+                                     f'area of the ground; use mode {IMAGE}, or {NONE}')
         super().__init__(parameters, health)
 
     def create_outputs(self, node: ManagedNode) -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 
 from ..imaging.image import Image
+from ..imaging.radiometry import Radiometry
 from .constant import RadarConstant
 from .response import ImageResponse
 
@@ -79,7 +81,7 @@ def calibrated(image: Image, response: ImageResponse, constant: RadarConstant,
     Returns
     -------
     Image
-        complex64; 0 where nothing is lit.
+        complex64; 0 where nothing is lit. Its `radiometry` says what it is.
 
     Raises
     ------
@@ -104,7 +106,20 @@ def calibrated(image: Image, response: ImageResponse, constant: RadarConstant,
         raise ValueError(_shape_error(image, response))
     scale = 1 / (constant.gain * response.amplitude * np.sqrt(_divisor(response, quantity)))
     scale = np.nan_to_num(scale).astype(np.float32)
-    return dataclasses.replace(image, samples=image.samples * scale)
+    return dataclasses.replace(image, samples=image.samples * scale,
+                               radiometry=radiometry_of(response, constant, quantity))
+
+
+def radiometry_of(response: ImageResponse, constant: RadarConstant, quantity: str) -> Radiometry:
+    """Medians over the pixels that are lit, for images that are scaled to a quantity."""
+    noise = _median(noise_equivalent(response, constant, quantity))
+    return Radiometry(quantity, constant.gain, 10 * math.log10(noise) if noise > 0 else math.nan,
+                      math.degrees(_median(response.incidence_rad)))
+
+
+def _median(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else math.nan
 
 
 def noise_equivalent(response: ImageResponse, constant: RadarConstant,

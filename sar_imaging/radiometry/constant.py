@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
+import yaml
 from scipy.ndimage import map_coordinates
 
+from ..files import check_file
 from .response import ImageResponse
 
+_LARGEST_FILE = 1_000_000  # bytes
 _QUIET_SHARE = 16  # of the profile: the piece without echoes that noise is measured in
 
 
@@ -57,6 +61,28 @@ class RadarConstant:
                              'RadarConstant.from_reflector')
         if self.noise_power < 0:
             raise ValueError(f'noise_power={self.noise_power}; expected 0 or more')
+
+    @classmethod
+    def load(cls, path: Path | str) -> RadarConstant:
+        """Of a YAML file with `gain_m` and, if known, `noise_power`.
+
+        Parameters
+        ----------
+        path : path
+            As `sar-imaging radar-constant` writes it.
+
+        Raises
+        ------
+        ValueError
+            The file cannot be read, or lacks the gain; the text names it.
+        """
+        try:
+            check_file(path, _LARGEST_FILE)
+            content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+            return cls(float(content['gain_m']), float(content.get('noise_power', math.nan)))
+        except (OSError, yaml.YAMLError, TypeError, KeyError, AttributeError, ValueError) as error:
+            raise ValueError(f'{path} is no file of a radar constant ({error}); `sar-imaging '
+                             'radar-constant` writes one, with gain_m and noise_power') from error
 
     @classmethod
     def from_reflector(cls, amplitude: float, pixel, response: ImageResponse,

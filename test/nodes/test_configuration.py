@@ -91,6 +91,8 @@ def test_the_page_of_a_node_describes_every_parameter(pytestconfig, name):
                         'antenna.pattern': 'none, uniform, gaussian, cosine, sinc, measured',
                         'pose.source': 'block, odometry, pose, tf, fix, fix_imu',
                         'datum.source': 'none, parameters, fix',
+                        'radiometry.quantity': 'none, rcs, beta0, sigma0, gamma0',
+                        'radiometry.window': 'none, hamming, hann, taylor, kaiser',
                         'save.format': 'geotiff, geotiff_complex, sicd, png',
                         'save.points_format': 'geojson, csv'}
     for choice, words in expected_choices.items():

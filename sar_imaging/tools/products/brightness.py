@@ -18,7 +18,6 @@ from sar_imaging.radiometry import (
     RadarConstant,
     calibrated,
     image_response,
-    noise_equivalent,
 )
 
 from .sources import Source, SourceError
@@ -46,7 +45,11 @@ def constant_of(arguments: argparse.Namespace) -> RadarConstant | None:
     if (arguments.brightness is None) != (arguments.radar_constant is None):
         raise SourceError('--brightness and --radar-constant belong together: give both; '
                           '`sar-imaging radar-constant` measures one at a reflector')
-    return None if arguments.radar_constant is None else read_constant(arguments.radar_constant)
+    try:
+        return (None if arguments.radar_constant is None
+                else RadarConstant.load(arguments.radar_constant))
+    except ValueError as error:
+        raise SourceError(str(error)) from error
 
 
 def respond(source: Source, choice: GridChoice) -> ImageResponse:
@@ -69,13 +72,13 @@ def calibrate_image(source: Source, choice: GridChoice, image: Image, quantity: 
     response = respond(source, choice)
     scaled = calibrated(image, response, constant, quantity)
     power = np.abs(scaled.samples).astype(np.float64) ** 2
-    noise = noise_equivalent(response, constant, quantity)
+    told = scaled.radiometry
     return scaled, {
         'quantity': quantity, 'gain_m': constant.gain,
         'median_db': _decibels(np.median(power[power > 0])) if power.any() else None,
-        'noise_equivalent_db': (None if math.isnan(constant.noise_power)
-                                else _decibels(np.nanmedian(noise))),
-        'incidence_deg': round(float(np.degrees(np.nanmedian(response.incidence_rad))), 2)}
+        'noise_equivalent_db': (None if math.isnan(told.noise_equivalent_db)
+                                else round(told.noise_equivalent_db, 3)),
+        'incidence_deg': round(told.incidence_deg, 2)}
 
 
 def _decibels(power: float) -> float | None:
@@ -90,20 +93,3 @@ def write_constant(path: Path, constant: RadarConstant, source: Source, reflecto
         'measured_in': str(source.path), 'reflector_m': [float(v) for v in reflector_m],
         'cross_section_m2': float(cross_section_m2),
         'carrier_hz': float(source.radar.carrier_hz)}, sort_keys=False))
-
-
-def read_constant(path: Path) -> RadarConstant:
-    """Read what `write_constant` wrote.
-
-    Raises
-    ------
-    SourceError
-        The file is not there, or lacks the gain.
-    """
-    try:
-        content = yaml.safe_load(Path(path).read_text())
-        return RadarConstant(float(content['gain_m']),
-                             float(content.get('noise_power', math.nan)))
-    except (OSError, yaml.YAMLError, TypeError, KeyError, AttributeError, ValueError) as error:
-        raise SourceError(f'{path} is no file of a radar constant ({error}); `sar-imaging '
-                          'radar-constant` writes one, with gain_m and noise_power') from error

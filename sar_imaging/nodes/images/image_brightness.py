@@ -1,0 +1,117 @@
+"""Parameters of calibrated brightness, and images scaled to it before they are published."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from sar_imaging.configuration.radiometry import (
+    FILE as FILE_NAME,
+    NONE,
+    QUANTITY as QUANTITY_NAME,
+    WINDOW as WINDOW_NAME,
+    constant_of,
+)
+from sar_imaging.geometry.illumination import AntennaPattern
+from sar_imaging.imaging.image import Image
+from sar_imaging.radiometry import QUANTITIES, LiveCalibration
+from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.windows import parse_window
+
+from ..runtime.health import Health, Part
+from ..runtime.parameters import ConfigurationError, Parameter, one_of
+
+QUANTITY = Parameter(
+    QUANTITY_NAME, NONE, 'What the squared magnitude of images is: '
+    f'{", ".join(QUANTITIES)}; {NONE}: as the samples are.', check=one_of(NONE, *QUANTITIES))
+CONSTANT_FILE = Parameter(
+    FILE_NAME, '', 'YAML file with the radar constant, as `sar-imaging '
+    'radar-constant` writes it.')
+WINDOW = Parameter(
+    WINDOW_NAME, NONE, 'Window of the range profiles, as of range_compression.',
+    check=parse_window)
+PARAMETERS = (QUANTITY, CONSTANT_FILE, WINDOW)
+COUNTERS = ('brightness_median_db', 'noise_equivalent_db', 'incidence_deg', 'responses_computed',
+            'calibration_seconds')
+FAULTS = ('images_not_calibrated',)
+
+
+class ImageBrightness:
+    """Scales images to a calibrated brightness, and counts what came of it.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Values of `PARAMETERS`.
+    pattern : AntennaPattern or None
+        That images are weighed by.
+    health : Health or Part
+        Counters, with `COUNTERS` and `FAULTS`, and log.
+
+    Raises
+    ------
+    ConfigurationError
+        The parameters contradict each other, or name no radar constant.
+    """
+
+    def __init__(self, parameters: Mapping[str, object], pattern: AntennaPattern | None,
+                 health: Health | Part):
+        try:
+            constant = constant_of(parameters)
+        except ValueError as error:
+            raise ConfigurationError(f'parameter {error}') from error
+        self._calibration = constant and LiveCalibration(
+            constant, parameters[QUANTITY.name], pattern=pattern,
+            weighting=parameters[WINDOW.name])
+        self._health = health
+        self._told = ''  # of the latest image
+
+    @property
+    def wanted(self) -> bool:
+        """Whether images are scaled at all."""
+        return self._calibration is not None
+
+    @property
+    def told(self) -> str:
+        """What to add to the log line of the latest image."""
+        return self._told
+
+    def calibrated(self, image: Image, pulses: Callable[[], PulseBlock]) -> Image | None:
+        """The image as brightness, or as it is where that is not wanted.
+
+        None where the brightness cannot be told, which is counted and reported.
+
+        Parameters
+        ----------
+        image : Image
+            As formed.
+        pulses : callable
+            Returns the pulses that it was formed from, or raises ValueError.
+        """
+        if not self.wanted:
+            return image
+        began, self._told = time.perf_counter(), ''
+        try:
+            scaled = self._calibration(image, pulses())
+        except ValueError as error:
+            self._health.count('images_not_calibrated')
+            self._health.warning(f'the image is not published, its brightness cannot be told: '
+                                 f'{error}')
+            return None
+        for name in ('noise_equivalent_db', 'incidence_deg'):
+            self._health.set(name, getattr(scaled.radiometry, name))
+        median = median_db(scaled.samples)
+        self._told = f', median {median:.1f} dB of {scaled.radiometry}'
+        self._health.set('brightness_median_db', median)
+        self._health.set('responses_computed', self._calibration.computed)
+        self._health.set('calibration_seconds', time.perf_counter() - began)
+        return scaled
+
+
+def median_db(samples: np.ndarray) -> float:
+    """Median power of the pixels that are lit, dB; NaN where none is."""
+    some = samples.ravel()[::max(1, samples.size // 2**16)]  # enough to a hundredth of a dB
+    power = np.square(np.abs(some[some != 0]), dtype=np.float64)
+    return float(10 * np.log10(np.median(power))) if power.size else np.nan

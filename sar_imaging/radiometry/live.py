@@ -1,0 +1,198 @@
+"""Calibrated brightness while images are formed: one response for many images of one geometry."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from ..geometry.even_grids import PlaneGrid
+from ..geometry.grids import Grid
+from ..geometry.illumination import AntennaPattern, Illumination, Pointing
+from ..geometry.point_grids import TerrainGrid
+from ..imaging.image import Image
+from ..imaging.radiometry import Radiometry
+from ..signal.pulses import PulseBlock
+from .brightness import QUANTITIES, brightness, radiometry_of
+from .constant import RadarConstant
+from .response import ImageResponse, image_response
+
+_KNOTS = 49  # along a side of the image; splines between them
+_ECHOES, _LEAST_PULSES = 256, 64  # that stand for all of an aperture
+_SAME = 1e-3  # of the range, by which phase centres may have moved: 0.02 dB
+_SAME_ANGLE = 1e-3  # of the antenna's width, by which it may have turned: 0.01 dB
+_DIM = 1e-4  # of the largest amplitude: less counts as not lit
+
+
+class _Geometry(NamedTuple):
+    """What a scale was computed for; places are relative to the middle of the grid, metres."""
+
+    kind: tuple
+    tx_m: np.ndarray
+    rx_m: np.ndarray
+    axes: np.ndarray
+    range_m: float
+    width_rad: float
+
+    def same_as(self, other: _Geometry) -> bool:
+        """Whether another one has the same scale to a few hundredths of a dB."""
+        return (self.kind == other.kind and self.tx_m.shape == other.tx_m.shape
+                and all(np.abs(own - its).max() <= _SAME * self.range_m for own, its in (
+                    (self.tx_m, other.tx_m), (self.rx_m, other.rx_m)))
+                and np.abs(self.axes - other.axes).max() <= _SAME_ANGLE * self.width_rad)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Scale:
+    """What the samples of an image are multiplied by, (n_y, n_x) float32, and what that is."""
+
+    values: np.ndarray
+    radiometry: Radiometry
+
+
+class LiveCalibration:
+    """Calibrates images as they come; the response is kept while the geometry stays.
+
+    It is computed anew where a phase centre has moved by a thousandth of the range, seen from the
+    image, where the antenna has turned by a thousandth of its width, or where the number of
+    pulses is another one. Some pulses stand for all, and splines through 49 x 49 pixels for the
+    rest, which departs from `image_response` by some hundredths of a dB.
+
+    Parameters
+    ----------
+    constant : RadarConstant
+        Of the radar.
+    quantity : str
+        One of `QUANTITIES`.
+    pattern : AntennaPattern, optional
+        Of the antenna; the pulses then have their pointing, and the images were weighed by it.
+    weighting : str
+        Spectral window of the profiles, see `sar_imaging.signal.windows`.
+
+    Raises
+    ------
+    ValueError
+        There is no such quantity.
+
+    Attributes
+    ----------
+    computed : int
+        How often a response was computed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid, concatenate, plan_image
+    >>> from sar_imaging.radiometry import LiveCalibration, RadarConstant
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = concatenate(list(SCENARIOS['psf']().blocks()))
+    >>> imager = plan_image(MapGrid((10_000.0, 0.0, 0.0), 25, 25, 0.5), block.radar,
+    ...                     block.n_samples)
+    >>> calibration = LiveCalibration(RadarConstant(gain=3e7), 'rcs')
+    >>> for _ in range(3):  # images of one geometry
+    ...     image = calibration(imager(block), block)
+    >>> print(f'{20 * np.log10(np.abs(image).max()):.1f} dB m^2, {calibration.computed} response')
+    10.5 dB m^2, 1 response
+    """
+
+    def __init__(self, constant: RadarConstant, quantity: str = 'sigma0', *,
+                 pattern: AntennaPattern | None = None, weighting: str = 'none'):
+        if quantity not in QUANTITIES:
+            raise ValueError(f'quantity={quantity!r}; expected one of {", ".join(QUANTITIES)}')
+        self._constant, self._quantity = constant, quantity
+        self._pattern, self._weighting = pattern, weighting
+        self._geometry: _Geometry | None = None
+        self._scale: _Scale | None = None
+        self.computed = 0
+
+    def __call__(self, image: Image, pulses: PulseBlock) -> Image:
+        """The image as calibrated brightness; see `calibrated`.
+
+        Parameters
+        ----------
+        image : Image
+            On a map, on terrain or on a plane.
+        pulses : PulseBlock
+            That it was formed from, as range profiles; their samples are not looked at.
+
+        Raises
+        ------
+        ValueError
+            As `image_response`, or the antenna has a pattern and the pulses have no pointing.
+        """
+        scale = self._of(image.grid, pulses)
+        return dataclasses.replace(image, samples=image.samples * scale.values,
+                                   radiometry=scale.radiometry)
+
+    def _of(self, grid: Grid, pulses: PulseBlock) -> _Scale:
+        geometry = self._seen(grid, pulses)
+        if self._geometry is None or not geometry.same_as(self._geometry):
+            self._scale = self._computed(grid, pulses)
+            self._geometry = geometry  # once that has come to its end
+            self.computed += 1
+        return self._scale
+
+    def _seen(self, grid: Grid, pulses: PulseBlock) -> _Geometry:
+        """The geometry of an image, as seen from the middle of its grid."""
+        flat = getattr(grid, 'map_grid', grid)
+        middle = flat.positions(0, 0) + 0.5 * (np.array(flat.shape) - 1) @ flat.steps_m
+        tx_m, rx_m = pulses.tx_m - middle, pulses.rx_m - middle
+        axes, width = np.zeros((pulses.n_pulses, 3, 3)), math.pi
+        if self._pattern is not None:
+            axes = Illumination.of_pulses(self._pattern, pulses.pointing, tx_m[:, :1],
+                                          rx_m[:, :1]).axes
+            width = min(cut.width_rad for cut in (self._pattern.azimuth, self._pattern.elevation))
+        place = tuple(middle) if isinstance(grid, TerrainGrid) else ()  # hills stay where they are
+        kind = (type(grid), grid.shape, flat.steps_m.tobytes(), place, pulses.radar)
+        return _Geometry(kind, tx_m, rx_m, axes,
+                         float(np.linalg.norm(tx_m, axis=-1).min()), width)
+
+    def _computed(self, grid: Grid, pulses: PulseBlock) -> _Scale:
+        coarse = grid if isinstance(grid, TerrainGrid) else _knots(grid)
+        response = self._response(coarse, pulses)
+        # Of the root of the brightness that an image of amplitude 1 has: finite where it is dark.
+        root = 1 / np.sqrt(brightness(np.ones(coarse.shape), response, self._constant,
+                                      self._quantity))
+        root = np.nan_to_num(root)
+        if coarse is not grid:
+            root = _spread(root, grid.shape)
+        lit = root > _DIM * root.max()
+        values = np.divide(1.0, root, out=np.zeros(grid.shape, np.float32), where=lit,
+                           casting='unsafe')
+        return _Scale(values, radiometry_of(response, self._constant, self._quantity))
+
+    def _response(self, grid: Grid, pulses: PulseBlock) -> ImageResponse:
+        """Response by some of the pulses, each of which stands for as many neighbours."""
+        n_pulses, channels = pulses.n_pulses, pulses.tx_m.shape[1]
+        n = min(n_pulses, max(_LEAST_PULSES, _ECHOES // channels))
+        some = ((np.arange(n) + 0.5) * (n_pulses / n) - 0.5).round().astype(int)
+        tx_m, rx_m = pulses.tx_m[some], pulses.rx_m[some]
+        pointing: Pointing | None = pulses.pointing
+        lit = None if self._pattern is None else Illumination.of_pulses(
+            self._pattern, pointing and pointing.select(some), tx_m, rx_m)
+        response = image_response(grid, pulses.radar, tx_m, rx_m, illumination=lit,
+                                  weighted=lit is not None, weighting=self._weighting,
+                                  pulse_weights=np.full(n, n_pulses / n))
+        # The noise of one pulse in place of k has k times the power of that of k.
+        return dataclasses.replace(response, noise_gain=response.noise_gain * n / n_pulses)
+
+
+def _knots(grid) -> PlaneGrid:
+    """Grid of at most 49 x 49 pixels between the same corners."""
+    sizes = [min(n, _KNOTS) for n in grid.shape]
+    steps = [step * ((n - 1) / (size - 1)) for step, n, size in zip(
+        grid.steps_m, grid.shape, sizes, strict=True)]
+    return PlaneGrid(tuple(grid.positions(0, 0)), tuple(steps[1]), tuple(steps[0]), sizes[1],
+                     sizes[0])
+
+
+def _spread(values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """(n_y, n_x) float64 values at knots between the corners of an image, at all its pixels."""
+    orders = [min(3, n - 1) for n in values.shape]
+    spline = scipy.interpolate.RectBivariateSpline(*map(np.arange, values.shape), values,
+                                                   kx=orders[0], ky=orders[1])
+    return spline(*(np.linspace(0, size - 1, n) for size, n in zip(values.shape, shape,
+                                                                   strict=True)))
