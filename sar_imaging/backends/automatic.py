@@ -12,6 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..device_arrays import to_host
 from ..geometry.grids import MapGrid
 from ..planning.afbp.polar_grids import UnifiedPolarGrids
 from ..planning.afbp.subapertures import SubaperturePlan
@@ -112,7 +113,7 @@ class _Handed:
     def _do(self, entry: str, *arguments):
         if self._on_device:
             try:
-                return _to_host(getattr(self._work, entry)(*arguments))
+                return to_host(getattr(self._work, entry)(*arguments))
             except DeviceError as error:
                 _logger.warning(f'{error}; the processor computes')
                 self._on_device, self._work = False, self._begin_here()
@@ -195,7 +196,7 @@ def form_map(polar_image: np.ndarray, fusion: UnifiedPolarGrids, grid: MapGrid,
                     costs().seconds(counts), 'a map')
     if there is not cpu:
         try:
-            return _to_host(there.form_map(polar_image, fusion, grid, centre_m))
+            return to_host(there.form_map(polar_image, fusion, grid, centre_m))
         except DeviceError as error:
             _logger.warning(f'{error}; the processor computes')
     return cpu.form_map(polar_image, fusion, grid, centre_m, overwrite=overwrite)
@@ -203,11 +204,6 @@ def form_map(polar_image: np.ndarray, fusion: UnifiedPolarGrids, grid: MapGrid,
 
 def _device_seconds(counts: Mapping[str, float], n_bytes: float) -> float:
     return device.device_backend().device_costs().seconds({**counts, 'transferred_byte': n_bytes})
-
-
-def _to_host(found):
-    """An array of the device as one of the host; anything else as it is."""
-    return found.get() if callable(getattr(found, 'get', None)) else found
 
 
 def _processors() -> int:

@@ -14,6 +14,7 @@ import numpy as np
 from tqdm import tqdm
 
 from .. import backends
+from ..device_arrays import beside, on_device, to_host
 from ..geometry.polar import PolarGrid
 from ..planning.afbp.edge_brightness import EdgeBrightness
 from ..planning.afbp.plan import AfbpPlan, plan_afbp
@@ -86,6 +87,8 @@ class Afbp(Method):
             brightness.add(image)
             fusion.add(number, image, s.centre[number])
         samples = image_of_polar(self._plan, fusion.take_polar_image(), backend, overwrite=True)
+        if not on_device(block.samples if onto is None else onto):
+            samples = to_host(samples)
         if onto is not None:
             onto += samples
             samples = onto
@@ -110,21 +113,16 @@ def image_of_polar(plan: AfbpPlan, polar_image: np.ndarray, backend: Backend, *,
     Returns
     -------
     (n_y, n_x) or (n_alpha, n_range) complex64
+        On the device where a device fused it.
     """
     if not isinstance(plan.grid, PolarGrid):
-        return _to_host(backend.form_map(polar_image, plan.subapertures.fusion_grid, plan.grid,
-                                         overwrite=overwrite))
-    polar_image = _to_host(polar_image)
+        return backend.form_map(polar_image, plan.subapertures.fusion_grid, plan.grid,
+                                overwrite=overwrite)
     polar = plan.subapertures.polar
     cycles = np.fmod(2 * (polar.range_m - polar.range_start_m)
                      / plan.subapertures.radar.wavelength_m, 1.0)
     samples = polar_image[0] + np.complex64(1j) * polar_image[1]
-    return samples * np.exp(2j * np.pi * cycles).astype(np.complex64)
-
-
-def _to_host(array) -> np.ndarray:
-    """An array of a device, or of the host, as one of the host."""
-    return array if isinstance(array, np.ndarray) else array.get()
+    return samples * beside(np.exp(2j * np.pi * cycles).astype(np.complex64), samples)
 
 
 def _judged(report: Report, uneven_db: float) -> Report:

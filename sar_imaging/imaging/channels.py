@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from ..device_arrays import beside
 from ..signal.pulses import PulseBlock
 
 
@@ -62,6 +63,6 @@ class Channels:
         if self._weights is None and not (self.per_channel or self.midpoint):
             return [block]
         if self._weights is not None:
-            samples = samples * self._weights[:, None]
+            samples = samples * beside(self._weights[:, None], samples)
         return [dataclasses.replace(block, samples=samples[:, cut], tx_m=tx[:, cut],
                                     rx_m=rx[:, cut]) for cut in self.cuts(block.n_channels)]

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .. import backends
+from ..device_arrays import contiguous, zeros_beside
 from ..geometry.grids import EvenGrid, MapGrid
 from ..memory import IMAGE_BYTES
 from ..planning.error_budget import EXACT_SHARES, error_budget
@@ -77,12 +78,10 @@ class Exact(Method):
     def image(self, block: PulseBlock, onto=None) -> tuple[np.ndarray, Report]:
         """See `Method`; takes no memory for another image."""
         check_profiles(block, self.radar, self.n_samples)
-        if onto is None:
-            onto = np.zeros(self.grid.shape, np.complex64)
+        onto = zeros_beside(self.grid.shape, block.samples) if onto is None else onto
         if self._sum is not None:
-            samples = np.ascontiguousarray(self.weighted(block).samples)
-            self._sum.add(samples.reshape(-1, self.n_samples), _echoes(block.tx_m),
-                          _echoes(block.rx_m), onto)
+            samples = contiguous(self.weighted(block).samples).reshape(-1, self.n_samples)
+            self._sum.add(samples, _echoes(block.tx_m), _echoes(block.rx_m), onto)
         return onto, self.report
 
 

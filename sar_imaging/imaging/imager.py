@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..backends import AUTO, BACKENDS
+from ..device_arrays import on_device, zeros_beside
 from ..geometry.grids import Grid, MapGrid
 from ..geometry.illumination import AntennaPattern, Pointing
 from ..geometry.point_grids import as_grid
@@ -23,6 +24,7 @@ from ..signal.range_compression import RangeCompressor
 from .channels import Channels
 from .image import Image, Report
 from .methods import AFBP, EXACT, Method, Options, method_class
+from .on_device import FormedThere, check_device_arrays
 
 if TYPE_CHECKING:
     from ..backends.protocol import Backend
@@ -85,7 +87,8 @@ def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
     backend : str or Backend
         What computes it, see `sar_imaging.backends`: ``'cpu'``, ``'cuda'``, ``'reference'``;
         ``'auto'`` takes the quickest there is. An object with the four entries of a backend is
-        used likewise.
+        used likewise. Blocks whose samples lie on a CUDA device, as arrays of CuPy, are imaged
+        there, and their images stay there.
     progress : bool
         Show a progress bar on standard error.
     **own
@@ -193,7 +196,7 @@ class Imager:
         MemoryError
             The image does not fit into memory.
         """
-        image = self.new_image(block.n_channels)
+        image = self.new_image(block.n_channels, block.samples)
         if self._channels.per_channel or not block.n_pulses:
             self.accumulate(block, image)
         else:  # without a sum with zeros
@@ -205,8 +208,10 @@ class Imager:
         self._told.update(image.report.warnings)
         return image
 
-    def new_image(self, n_channels: int = 1) -> Image:
+    def new_image(self, n_channels: int = 1, like=None) -> Image:
         """Image without pulses, for `accumulate` of blocks of this number of channels.
+
+        It lies on the device where the array `like` lies there, in the host's memory otherwise.
 
         Raises
         ------
@@ -216,12 +221,13 @@ class Imager:
         shape = self._channels.shape(self.grid.shape, n_channels)
         self._check_memory(shape)
         report = Report(self.method, 'no pulses yet', self._options.target_db)
-        return Image(np.zeros(shape, np.complex64), self.grid, self.radar.carrier_hz, report)
+        return Image(zeros_beside(shape, like), self.grid, self.radar.carrier_hz, report)
 
     def accumulate(self, block: PulseBlock, image: Image) -> None:
         """Add the pulses of a block to an image, which is a sum (equation 17), in place.
 
-        Live images grow this way, block by block; an empty block adds nothing.
+        Live images grow this way, block by block; an empty block adds nothing. An image that
+        lies on the device stays there; the block may lie there or not.
 
         Raises
         ------
@@ -278,6 +284,10 @@ class Imager:
         if not block.has_positions:
             raise ValueError('the block has no phase centres; imaging needs the transmit and '
                              'receive position of every pulse and channel')
+        if on_device(block.samples) or on_device(onto):
+            if self._options.backend == AUTO:
+                return self._formed_there(number, block, onto)
+            check_device_arrays(self._options.backend)
         where = block.tx_m, block.rx_m, block.pointing
         planned = self._planned(number, *where)
         if self._asked is None and planned.NAME != EXACT:
@@ -289,6 +299,13 @@ class Imager:
                 number, method_class(EXACT), where, f'{planned.NAME} would miss the target by '
                 f'{missed_db:.1f} dB: the surroundings are bright')
         return planned.image(self._prepared(planned, block), onto)
+
+    @functools.cached_property
+    def _formed_there(self) -> FormedThere:
+        """The same on the device."""
+        return FormedThere(self, lambda options: Imager(
+            self.grid, self.radar, self.n_samples, self._asked or AUTO, options, self._channels,
+            self._own))
 
     def _planned(self, number: int, *where) -> Method:
         """The method for some phase centres and directions; that of the latest ones is kept."""

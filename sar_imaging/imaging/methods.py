@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..backends import AUTO, check_illumination
+from ..device_arrays import beside
 from ..geometry.grids import Grid
 from ..geometry.illumination import AntennaPattern, Illumination, Pointing
 from ..geometry.point_grids import TerrainGrid
@@ -185,7 +186,7 @@ class Method:
         """The block under its window."""
         weights = self.weights(block)
         return block if weights is None else dataclasses.replace(
-            block, samples=block.samples * weights[:, None, None])
+            block, samples=block.samples * beside(weights[:, None, None], block.samples))
 
     def describe(self, **known) -> Report:
         """Report with the name of the method, the target, and what is known besides.

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 
 from ..backends import backend
+from ..device_arrays import to_host
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..imaging.afbp import image_of_polar
@@ -69,7 +70,7 @@ class RevisableImage:
 
     def image(self) -> Image:
         """The present image."""
-        samples = image_of_polar(self.plan, self._fusion.polar_image(), backend())
+        samples = to_host(image_of_polar(self.plan, self._fusion.polar_image(), backend()))
         return Image(samples, self._grid, self.block.radar.carrier_hz, self._imager.report,
                      int(np.sort(self.block.stamp_ns)[self.block.n_pulses // 2]),
                      np.sort(self.block.counter.astype(np.int64)))

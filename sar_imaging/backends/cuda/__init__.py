@@ -6,6 +6,8 @@ Its entries are imported when they are used first; nothing of CUDA is imported b
 
 import importlib
 
+DEVICE_ARRAYS = True  # of CuPy are taken as well
+
 _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'afbp.subapertures',
             'SpectrumFusion': 'afbp.fusion', 'form_map': 'afbp.fusion', 'seconds': 'costs',
             'device_costs': 'costs'}

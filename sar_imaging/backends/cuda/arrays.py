@@ -16,6 +16,7 @@ from numba import config
 
 from ...memory import available_bytes
 from ..device import DeviceError
+from ..simulated import SimulatedArray
 
 SIMULATED = bool(config.ENABLE_CUDASIM)
 _INSTALL = "backend='cuda' needs CuPy and numba-cuda: pip install 'sar_imaging[cuda]'"
@@ -159,8 +160,18 @@ def launch(work, blocks, threads, *arguments) -> None:
 
 
 def on_device(array) -> bool:
-    """Whether an array lies in the device's memory; none does in the simulator."""
-    return not SIMULATED and isinstance(array, xp.ndarray)
+    """Whether somebody gave an array that lies in the device's memory."""
+    return isinstance(array, SimulatedArray if SIMULATED else xp.ndarray)
+
+
+def taken(array):
+    """An array that somebody gave as this backend works on it: in the simulator, NumPy's."""
+    return array.values if SIMULATED and on_device(array) else array
+
+
+def given(array):
+    """An array of this backend as others get it: one of the device, in the simulator, too."""
+    return SimulatedArray(array) if SIMULATED and not on_device(array) else array
 
 
 def complex_samples(samples):
@@ -168,6 +179,7 @@ def complex_samples(samples):
 
     Half the bytes travel so, where a radar delivers int16.
     """
+    samples = taken(samples)
     if samples.dtype.kind != 'i':
         return xp.ascontiguousarray(xp.asarray(samples), dtype=np.complex64)
     pairs = xp.ascontiguousarray(xp.asarray(samples).astype(np.float32))

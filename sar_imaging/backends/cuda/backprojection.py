@@ -8,7 +8,7 @@ from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
 from ...planning.exact.points import image_layers
 from ...planning.exact.polar_image import PolarPlan
 from . import tiles
-from .arrays import on_device, reports_failures, require_device, synchronise, xp
+from .arrays import on_device, reports_failures, require_device, synchronise, taken, xp
 from .azimuth_upsampling import AzimuthUpsampling
 from .known import refuse_unknown
 from .lines import Lines, line_profiles, polar_lines, ramp
@@ -51,7 +51,11 @@ class Backprojection:
         """Add echoes to an image, see `backends.protocol.Backprojection`."""
         echoes = samples, tx_m, rx_m
         if on_device(image):
-            self._way(tiles.whole(self.plan)).add(*echoes, image.reshape(-1).view(np.float32))
+            whole = tiles.whole(self.plan)
+            there = xp.zeros(whole.shape, np.complex64)
+            self._way(whole).add(*echoes, there.reshape(-1).view(np.float32))
+            onto = whole.part_of(taken(image))
+            onto += there
             return
         sums = []
         for tile in self.tiles:  # sums wait, that a failure leaves the image as it was

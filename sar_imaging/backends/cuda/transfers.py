@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from .arrays import SIMULATED, on_device, xp
+from .arrays import SIMULATED, on_device, taken, xp
 
 _PIECE_BYTES = 1 << 25  # of an image: what is copied at once
 _THREADS, _LEAST_BYTES = 4, 1 << 20  # of the host; one alone has a part of the bus's rate
@@ -100,7 +100,7 @@ def in_pieces(samples, pieces: Iterable[slice], copies: Copies | None = None
     """
     pieces = list(pieces)
     if on_device(samples) or not pieces:
-        yield from ((piece, samples[piece]) for piece in pieces)
+        yield from ((piece, taken(samples)[piece]) for piece in pieces)
         return
     copies = copies or Copies()
     kind = samples.dtype if samples.dtype.kind == 'i' else np.complex64
@@ -173,8 +173,8 @@ def add_to_host(there, image: np.ndarray, copies: Copies | None = None,
 
 def to_host(array) -> np.ndarray:
     """Copy of an array of the device in page-locked memory; one of the host as it is."""
-    if not on_device(array):
-        return array
+    if SIMULATED or not on_device(array):
+        return taken(array)
     copies, there = Copies(), xp.ascontiguousarray(array)
     here = page_locked(there.shape, there.dtype)
     copies.finish(copies.fetch(here, there, copies.mark()))

@@ -48,7 +48,7 @@ class EdgeBrightness:
         inside = image[(slice(None), *self._inside)]
         lines, ranges = (np.asarray(wanted, like=image) for wanted in self._wanted)
         self._power[4] += float(np.einsum('ijk,ijk,k->j', inside, inside, ranges) @ lines) / max(
-            len(image) * lines.sum() * ranges.sum(), 1e-30)
+            len(image) * self._wanted[0].sum() * self._wanted[1].sum(), 1e-30)
 
     @property
     def excess_db(self) -> float:

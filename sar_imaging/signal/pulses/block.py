@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...device_arrays import beside, on_device
 from ...geometry.illumination import Pointing
 from ...geometry.track_frame import mean_centres
 from ..radar import RadarParameters
@@ -15,6 +16,7 @@ from .checks import (
     check_positions,
     check_samples,
     check_shapes,
+    complex_samples,
     integer_stamps,
     running_counters,
 )
@@ -38,7 +40,7 @@ class PulseBlock:
     counter : (P,) uint32
         Running number that the radar gave each pulse; gaps mean lost pulses.
     samples : (P, C, N) complex64
-        Fast-time samples of each pulse and channel.
+        Fast-time samples of each pulse and channel; an array of CuPy stays on its device.
     tx_m, rx_m : (P, C, 3) float64 or None
         Transmit and receive phase centre of each pulse and channel in the imaging frame,
         metres; None when positions come from elsewhere.
@@ -85,7 +87,7 @@ class PulseBlock:
             raise ValueError('tx_m and rx_m must be given together or not at all')
         fields = {'stamp_ns': integer_stamps(self.stamp_ns),
                   'counter': running_counters(self.counter),
-                  'samples': np.asarray(self.samples, np.complex64)}
+                  'samples': complex_samples(self.samples)}
         if self.has_positions:
             fields |= {name: np.asarray(getattr(self, name), np.float64)
                        for name in ('tx_m', 'rx_m')}
@@ -129,9 +131,10 @@ class PulseBlock:
         def pick(a):
             return None if a is None else a[index]
 
+        there = index if isinstance(index, slice) else beside(np.asarray(index), self.samples)
         return dataclasses.replace(
             self, stamp_ns=self.stamp_ns[index], counter=self.counter[index],
-            samples=self.samples[index], tx_m=pick(self.tx_m), rx_m=pick(self.rx_m),
+            samples=self.samples[there], tx_m=pick(self.tx_m), rx_m=pick(self.rx_m),
             pointing=None if self.pointing is None else self.pointing.select(index))
 
     def matches(self, other: PulseBlock) -> bool:
@@ -139,6 +142,7 @@ class PulseBlock:
         return (self.radar == other.radar and self.compressed == other.compressed
                 and self.frame == other.frame
                 and self.samples.shape[1:] == other.samples.shape[1:]
+                and on_device(self.samples) == on_device(other.samples)
                 and self.has_positions == other.has_positions
                 and (self.pointing is None) == (other.pointing is None))
 
@@ -175,8 +179,9 @@ def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
     if len(blocks) == 1:
         return first
     if not all(first.matches(b) for b in blocks[1:]):
-        raise ValueError('blocks differ in radar parameters, frame, channels or samples; '
-                         'concatenate blocks of one configuration only')
+        raise ValueError('blocks differ in radar parameters, frame, channels or samples, or some '
+                         'lie on a device and some do not; concatenate blocks of one '
+                         'configuration only')
 
     def join(name):
         return np.concatenate([getattr(b, name) for b in blocks])

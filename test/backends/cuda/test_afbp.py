@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.backends import backend
+from sar_imaging.backends.cuda.arrays import given, on_device, xp
 from sar_imaging.backends.cuda.transfers import to_host
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.afbp.beams import plan_beams
@@ -70,9 +71,13 @@ def test_fusion_is_that_of_the_formulas(plan, error_db):
 
 
 def test_maps_are_those_of_the_processor(scene, error_db):
+    """From samples on the device, where the map stays."""
     block = scene.block
+    there = dataclasses.replace(block, samples=given(xp.asarray(block.samples)))
     found, wanted = (plan_image(scene.grid, block.radar, block.n_samples, method='afbp',
                                 target_db=TARGET_DB, pulses_per_subaperture=8,
-                                backend=name)(block) for name in ('cuda', 'cpu'))
-    assert error_db(found.samples, wanted.samples) < -100.0
+                                backend=name)(some) for name, some in (('cuda', there),
+                                                                       ('cpu', block)))
+    assert on_device(found.samples)
+    assert error_db(to_host(found.samples), wanted.samples) < -100.0
     assert found.report.predicted_error_db == pytest.approx(wanted.report.predicted_error_db)

@@ -12,7 +12,17 @@ from ....planning.afbp.polar_grids import UnifiedPolarGrids
 from ....planning.guard_taper import guard_taper
 from ....planning.interpolators import design_interpolator
 from ....planning.polar_to_map import DEGREE, TAPS, range_axis
-from ..arrays import check_memory, cuda, kernel, launch, reports_failures, require_device, xp
+from ..arrays import (
+    check_memory,
+    cuda,
+    given,
+    kernel,
+    launch,
+    reports_failures,
+    require_device,
+    taken,
+    xp,
+)
 from ..polar_to_map import polar_to_map
 
 _THREADS = 128
@@ -61,7 +71,7 @@ class SpectrumFusion:
         if number in self._contributions and not self._keep:
             raise ValueError(f'sub-aperture {number} is in the image already; fuse with keep=True '
                              'to replace contributions')
-        there = xp.asarray(image)
+        there = xp.asarray(taken(image))
         if there.dtype.kind != 'c':
             there = there[0] + np.complex64(1j) * there[1]
         folded = xp.fft.fft2(there * self._taper[0][:, None] * self._taper[1])
@@ -103,7 +113,7 @@ class SpectrumFusion:
         cycles = cycles - 2 * centre_m * (polar.alpha - polar.alpha_start) / grid.wavelength_m
         scale = np.exp(2j * np.pi * np.fmod(cycles, 1.0)) / (grid.n_coarse * grid.n_coarse_range)
         image = image * xp.asarray(scale.astype(np.complex64))[:, None]
-        return xp.stack([image.real, image.imag]).astype(np.float32, copy=False)
+        return given(xp.stack([image.real, image.imag]).astype(np.float32, copy=False))
 
     def take_polar_image(self):
         """As `polar_image`; nothing is included any more."""
@@ -170,8 +180,8 @@ def form_map(polar_image, fusion: UnifiedPolarGrids, grid: MapGrid, centre_m: fl
     fusion.check_for_map()
     along = design_interpolator(fusion.range_oversampling, taps=TAPS, degree=DEGREE)
     image = xp.zeros(grid.shape, np.complex64)
-    polar_to_map(xp.ascontiguousarray(xp.asarray(polar_image)), fusion.polar, grid, image,
+    polar_to_map(xp.ascontiguousarray(xp.asarray(taken(polar_image))), fusion.polar, grid, image,
                  axis=range_axis(fusion.polar, grid), wavelength_m=fusion.wavelength_m,
                  between=fusion.between, along=along,
                  cycles_per_alpha=2 * centre_m / fusion.wavelength_m)
-    return image
+    return given(image)

@@ -12,6 +12,7 @@ from ....planning.afbp.subapertures import SubaperturePlan
 from ....signal.pulses import PulseBlock
 from ..arrays import (
     complex_samples,
+    given,
     launch,
     on_device,
     reports_failures,
@@ -51,7 +52,7 @@ class SubapertureImager:
         plan.check_block(number, block)
         there = self.project(block.samples, block.tx_m, block.rx_m, weights)
         if out is None or on_device(out):
-            return there
+            return given(there)
         out[...] = to_host(there)
         return out
 
