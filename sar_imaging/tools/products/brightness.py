@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from sar_imaging.configuration.scene_grid import GridChoice
-from sar_imaging.geometry.illumination import Illumination, Pointing
+from sar_imaging.geometry.illumination import Illumination
 from sar_imaging.imaging.image import Image
 from sar_imaging.radiometry import (
     QUANTITIES,
@@ -20,9 +20,8 @@ from sar_imaging.radiometry import (
     image_response,
 )
 
+from .antenna import pointing_of
 from .sources import Source, SourceError
-
-_BLOCK_BYTES = 1e8  # of samples that are read for their pointing
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,16 +53,11 @@ def constant_of(arguments: argparse.Namespace) -> RadarConstant | None:
 
 def respond(source: Source, choice: GridChoice) -> ImageResponse:
     """Response of an image of all pulses of a source, weighed by its antenna as the image is."""
-    if source.illumination is None:
-        return image_response(choice.grid, source.radar, source.tx_m, source.rx_m)
-    blocks = [(b.stamp_ns, b.tx_m, b.rx_m, b.pointing.boresight, b.pointing.up)
-              for b in source.read(_BLOCK_BYTES)]
-    stamps, *parts = (np.concatenate(some) for some in zip(*blocks, strict=True))
-    order = np.argsort(stamps, kind='stable')
-    tx_m, rx_m, boresight, up = (part[order] for part in parts)
-    pointing = Pointing(boresight, up)
-    lit = Illumination.of_pulses(source.illumination, pointing, tx_m, rx_m)
-    return image_response(choice.grid, source.radar, tx_m, rx_m, illumination=lit, weighted=True)
+    looks = pointing_of(source)
+    lit = None if looks is None else Illumination.of_pulses(source.illumination, looks,
+                                                            source.tx_m, source.rx_m)
+    return image_response(choice.grid, source.radar, source.tx_m, source.rx_m, illumination=lit,
+                          weighted=lit is not None)
 
 
 def calibrate_image(source: Source, choice: GridChoice, image: Image, quantity: str,

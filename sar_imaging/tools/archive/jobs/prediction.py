@@ -10,6 +10,7 @@ import numpy as np
 from sar_imaging.backends import AUTO
 from sar_imaging.geometry.earth import SEMI_MAJOR_M
 from sar_imaging.geometry.grids import Grid, MapGrid
+from sar_imaging.geometry.illumination import AntennaPattern, Pointing
 from sar_imaging.geometry.point_grids import TerrainGrid
 from sar_imaging.imaging.image import Report
 from sar_imaging.imaging.imager import plan_image
@@ -67,6 +68,10 @@ class Pulses:
         Phase centres in the map's frame, metres.
     raw_samples : int
         Recorded samples of a pulse and channel that have to be compressed; 0 of profiles.
+    illumination : AntennaPattern or None
+        That images are weighed by.
+    pointing : Pointing or None
+        Where the antenna looked at the pulses, with `illumination`.
     """
 
     radar: RadarParameters
@@ -74,6 +79,8 @@ class Pulses:
     tx_m: np.ndarray
     rx_m: np.ndarray
     raw_samples: int = 0
+    illumination: AntennaPattern | None = None
+    pointing: Pointing | None = None
 
     @property
     def n_pulses(self) -> int:
@@ -92,7 +99,15 @@ class Pulses:
 
     def part(self, start: int, stop: int) -> Pulses:
         """Some of the pulses."""
-        return dataclasses.replace(self, tx_m=self.tx_m[start:stop], rx_m=self.rx_m[start:stop])
+        cut = slice(start, stop)
+        return dataclasses.replace(self, tx_m=self.tx_m[cut], rx_m=self.rx_m[cut],
+                                   pointing=self.pointing and self.pointing.select(cut))
+
+    def report(self, grid: Grid, method: str, target_db: float) -> Report:
+        """Report of an image of them, as it is planned."""
+        return plan_image(grid, self.radar, self.n_samples, self.tx_m, self.rx_m, method=method,
+                          target_db=target_db, illumination=self.illumination,
+                          pointing=self.pointing).report
 
 
 def machine_pace() -> float:
@@ -141,8 +156,7 @@ def _held(job: Job, grid: Grid, pulses: Pulses, method: str) -> tuple[float, flo
     """Seconds and bytes of a method that images all pulses at once."""
     held = 2 * pulses.n_pulses * pulses.pulse_bytes
     with using(DEFAULT), granting(max(room_bytes(job) - held, 0)):
-        report = plan_image(grid, pulses.radar, pulses.n_samples, pulses.tx_m, pulses.rx_m,
-                            method=method, target_db=job.target_db).report
+        report = pulses.report(grid, method, job.target_db)
     return report.seconds or 0.0, report.n_bytes + held, report
 
 
@@ -181,8 +195,7 @@ def _streamed(job: Job, grid: Grid, pulses: Pulses) -> tuple[float, float]:
     middle = (pulses.n_pulses - block) // 2
     some = pulses.part(middle, middle + block)
     with using(DEFAULT), granting(room_bytes(job)):
-        report = plan_image(grid, pulses.radar, pulses.n_samples, some.tx_m, some.rx_m,
-                            method=EXACT, target_db=job.target_db).report
+        report = some.report(grid, EXACT, job.target_db)
     return (report.seconds * pulses.n_pulses / block,
             report.n_bytes + BLOCK_COPIES * block * pulses.pulse_bytes)
 

@@ -12,10 +12,13 @@ from sar_imaging.configuration.scene_grid import Coverage
 from sar_imaging.formats import MissingExtraError
 from sar_imaging.formats.cphd import CphdError
 from sar_imaging.geometry.earth import Datum
+from sar_imaging.geometry.illumination import Pointing
 
 from ...exchange.kinds import UnknownKindError
+from ...products.antenna import pointing_of
 from ...products.sources import Source, SourceError, open_apertures
 from ...recordings.bag_io import BagError
+from .antennas import antenna_arrays, turned
 from .apertures import UndividableError, divide_aperture
 from .footprint import OutOfSightError, footprint, moved
 from .job import Job
@@ -100,7 +103,7 @@ def scan_recording(path: Path, name: str, job: Job, output: Path) -> RecordingSc
         try:
             apertures.append(_aperture(source, own, name, job, output, fingerprint,
                                        alone=len(sources) == 1, longest=longest))
-        except (OutOfSightError, UndividableError, ValueError) as error:
+        except (OutOfSightError, UndividableError, SourceError, BagError, ValueError) as error:
             losses.append(Loss(own, path, _told(error)))
     return RecordingScan(name, tuple(apertures), tuple(losses))
 
@@ -140,11 +143,13 @@ def _aperture(source: Source, name: str, recording: str, job: Job, output: Path,
                              (compressor.output_radar, compressor.n_output, source.n_samples))
     coverage = Coverage(radar, n_samples, tx_m, rx_m)
     seen = footprint(source, coverage, job, alone=alone)
-    division = divide_aperture(job, Pulses(radar, n_samples, tx_m, rx_m, raw), seen.window)
+    looks = turned(pointing_of(source), own, job.datum)
+    division = divide_aperture(job, Pulses(radar, n_samples, tx_m, rx_m, raw,
+                                           source.illumination, looks), seen.window)
     middle = seen.window.grid(job.spacing_m, job.height_m).centre_m
     warnings += _drop_warning(job, middle)
     centres = f'{SCANS}/{name}.npz'
-    _write_centres(output / centres, source, tx_m, rx_m)
+    _write_centres(output / centres, source, tx_m, rx_m, looks)
     stamps = source.stamp_ns
     return ApertureScan(
         name=name, path=source.path.absolute(), recording=recording, aperture=source.aperture,
@@ -195,15 +200,16 @@ def _drop_warning(job: Job, middle) -> list[str]:
             'what lies on the ground by about as much: surface: ellipsoid follows it']
 
 
-def _write_centres(path: Path, source: Source, tx_m: np.ndarray, rx_m: np.ndarray) -> None:
-    """Write counters, times and phase centres in the map's frame, all or nothing."""
+def _write_centres(path: Path, source: Source, tx_m: np.ndarray, rx_m: np.ndarray,
+                   looks: Pointing | None) -> None:
+    """Write counters, times, phase centres and antenna in the map's frame, all or nothing."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = part_of(path)
     times = np.zeros(0, np.int64) if source.message_ns is None else source.message_ns
     try:
         with open(part, 'wb') as file:
             np.savez(file, counter=source.counter, stamp_ns=source.stamp_ns, tx_m=tx_m,
-                     rx_m=rx_m, message_ns=times)
+                     rx_m=rx_m, message_ns=times, **antenna_arrays(source.illumination, looks))
         bring_to_disk(part)
         part.replace(path)
     finally:

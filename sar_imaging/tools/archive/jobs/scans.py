@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from sar_imaging.geometry.earth import Datum
+from sar_imaging.geometry.illumination import AntennaPattern, Pointing
 from sar_imaging.signal.radar import RadarParameters
 
+from .antennas import antenna_of_arrays
 from .windows import Window
 
 
@@ -153,6 +155,11 @@ class ApertureScan:
         """(P,) int64 times at which messages with the pulses were recorded; none of CPHD."""
         with np.load(output / self.centres) as file:
             return file['message_ns']
+
+    def antenna(self, output: Path) -> tuple[AntennaPattern | None, Pointing | None]:
+        """Pattern and pointing of the antenna in the map's frame; None where nobody tells."""
+        with np.load(output / self.centres) as file:
+            return antenna_of_arrays(file)
 
     def phase_centres(self, output: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Counters (P,), times (P,) ns, and phase centres tx and rx (P, C, 3) in the map's frame.

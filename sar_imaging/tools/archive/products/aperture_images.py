@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numba import get_num_threads, set_num_threads
 
+from sar_imaging.geometry.illumination import AntennaPattern
 from sar_imaging.imaging.correlation import correlate_profiles
 from sar_imaging.imaging.image import Image, Report
 from sar_imaging.imaging.imager import plan_image
@@ -64,10 +65,11 @@ class Checked:
         index = np.sort(index)
         return cls(index, np.zeros(len(index), np.complex128), np.ones(len(index), bool))
 
-    def add(self, block: PulseBlock, points_m: np.ndarray) -> None:
+    def add(self, block: PulseBlock, points_m: np.ndarray,
+            illumination: AntennaPattern | None) -> None:
         """Add the pulses of a block."""
         if len(self.index):
-            values, covered = correlate_profiles(block, points_m)
+            values, covered = correlate_profiles(block, points_m, illumination=illumination)
             self.reference[:] += values
             self.covered[:] &= covered
 
@@ -141,15 +143,15 @@ def _formed(pulses: AperturePulses, job: Job, window: Window, method: str,
     room = room_bytes(job) - (0 if method == EXACT else 2 * pulses.profile_bytes)
     with granting(max(room, 0)):
         imager = plan_image(grid, pulses.radar, pulses.n_samples, method=method,
-                            target_db=job.target_db)
+                            target_db=job.target_db, illumination=pulses.illumination)
         if method == EXACT:
             image = imager.new_image()
             for block in pulses.profiles(BLOCK_SHARE * room):
                 imager.accumulate(block, image)
-                checked.add(block, points)
+                checked.add(block, points, pulses.illumination)
             return image
         [block] = pulses.profiles(pulses.profile_bytes)
-        checked.add(block, points)
+        checked.add(block, points, pulses.illumination)
         return imager(block)
 
 

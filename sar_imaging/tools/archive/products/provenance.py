@@ -112,10 +112,12 @@ def check_mosaic(output: Path, n_pixels: int = 100, *, seed: int = 0,
         if not covered.any():
             continue
         values = np.zeros(int(covered.sum()), np.complex128)
-        for block in AperturePulses(scan, output).profiles(_BLOCK_BYTES):
-            values += correlate_profiles(block, points[covered])[0]
+        pulses = AperturePulses(scan, output)
+        for block in pulses.profiles(_BLOCK_BYTES):
+            values += correlate_profiles(block, points[covered],
+                                         illumination=pulses.illumination)[0]
         total[covered] += np.abs(values) ** 2
-        counted[covered] += 1
+        counted[covered] += values != 0  # what no pulse lights counts no look
     return PixelCheck(row, column, power, total / np.maximum(counted, 1), looks, counted)
 
 

@@ -39,6 +39,8 @@ class AperturePulses:
         Of the profiles.
     n_samples : int
         Their length.
+    illumination : AntennaPattern or None
+        Of the recording's antenna; the profiles then have their pointing, in the map's frame.
     """
 
     def __init__(self, scan: ApertureScan, output: Path,
@@ -47,6 +49,8 @@ class AperturePulses:
         found = scan.phase_centres(output)
         self.scan, self._first = scan, cut.start
         self.counter, self.stamp_ns, self.tx_m, self.rx_m = (part[cut] for part in found)
+        self.illumination, looks = scan.antenna(output)
+        self._pointing = None if looks is None else looks.select(cut)
         self._times_ns = _message_times(output / scan.centres, cut)
         self._compressor = None if scan.compressed else RangeCompressor(scan.radar,
                                                                         scan.n_samples)
@@ -95,9 +99,10 @@ class AperturePulses:
         blocks = self._cphd(n_bytes) if self.scan.kind == CPHD else self._recorded()
         for index, block in blocks:
             # the radar of the scan is without the range bias that poses correct
+            looks = None if self._pointing is None else self._pointing.select(index)
             yield dataclasses.replace(block, radar=self.scan.radar, frame='',
                                       stamp_ns=self.stamp_ns[index], tx_m=self.tx_m[index],
-                                      rx_m=self.rx_m[index])
+                                      rx_m=self.rx_m[index], pointing=looks)
 
     def _cphd(self, n_bytes: float) -> Iterator[tuple[np.ndarray, PulseBlock]]:
         """Blocks and the numbers of their pulses among these, which a file has in order."""

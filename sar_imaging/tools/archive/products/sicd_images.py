@@ -54,7 +54,8 @@ def _image(source: Source, grid: PlaneGrid, target_db: float, n_bytes: float):
     compressor = source.compressor()
     radar, n = ((source.radar, source.n_samples) if compressor is None
                 else (compressor.output_radar, compressor.n_output))
-    imager = plan_image(grid, radar, n, method=EXACT, target_db=target_db)
+    imager = plan_image(grid, radar, n, method=EXACT, target_db=target_db,
+                        illumination=source.illumination)
     image = imager.new_image()
     for block in source.profiles(n_bytes):
         imager.accumulate(block, image)
