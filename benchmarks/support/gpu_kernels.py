@@ -33,17 +33,25 @@ def _a(kind, n_axes: int, layout: str = 'C') -> types.Array:
 
 PAIRS = _a(_N, 1)  #: Complex numbers, complex64 in the simulator; see `arrays.pairs`.
 
+_LINES = (PAIRS, _N, _N, _N, _a(_D, 2), _a(_D, 3), _D, _D, _D, _D, _a(types.complex64, 1),
+          _a(_F, 1), _a(_N, 1))
+_POINTS = (PAIRS, _N, _a(_D, 2), *[_a(_D, 1)] * 3, _a(_N, 2), _a(_N, 1), _a(_N, 1), _a(_D, 2),
+           _D, _D, _D, _D, _D, _a(_F, 1))
+
+_BEAMS = (_a(types.complex64, 2), *[_a(_D, 1)] * 3, _a(_F, 2), _a(_F, 2), _N, _N, _a(_F, 3))
+
 #: By module of the backend and name.
 TYPES: dict[str, tuple[tuple, ...]] = {
     'profiles.farrow_coefficients': (
         (PAIRS, _N, _a(_F, 2), _N, _N, _N, types.boolean, _N, _N, _N, PAIRS),),
-    'line_kernels.add_lines': (
-        (PAIRS, _N, _N, _N, _a(_D, 2), _a(_D, 3), _D, _D, _D, _D, _a(types.complex64, 1),
-         _a(_F, 1), _a(_N, 1)),),
-    'points.bound_tiles': ((*[_a(_D, 1)] * 3, _a(_N, 2), _a(_N, 1), _a(_N, 1), _a(_D, 2)),),
-    'points.add_points': (
-        (PAIRS, _N, _a(_D, 2), *[_a(_D, 1)] * 3, _a(_N, 2), _a(_N, 1), _a(_N, 1), _a(_D, 2),
-         _D, _D, _D, _D, _D, _a(_F, 1)),),
+    'illumination.light_knots': ((_a(_D, 2), _a(_D, 1), _a(_D, 1), _a(_D, 2), _a(_F, 2)),),
+    'lines.kernels.add_lines': (_LINES,),
+    'lines.kernels.add_lit_lines': ((*_LINES, _a(_F, 2), _a(_F, 1), _N, _N),),
+    'points.kernels.bound_tiles': (
+        (*[_a(_D, 1)] * 3, _a(_N, 2), _a(_N, 1), _a(_N, 1), _a(_D, 2)),),
+    'points.kernels.add_points': (_POINTS,),
+    'points.kernels.add_lit_points': (
+        (*_POINTS, _a(_F, 2), _a(_N, 1), _a(_D, 2), _a(_F, 1), _a(_F, 1), _a(_D, 1)),),
     'azimuth_upsampling.merge_parts': (
         (_a(_F, 4), _a(types.complex64, 2), _a(types.int32, 1), _a(_F, 2),
          _a(types.complex64, 2), _a(_F, 3)),),
@@ -56,8 +64,10 @@ TYPES: dict[str, tuple[tuple, ...]] = {
     'afbp.beam_kernels.form_beams': (
         (_a(types.complex64, 2), _a(_D, 2), _a(_D, 2), _a(_D, 1), _a(types.int32, 1), _a(_F, 1),
          _D, _a(types.complex64, 2)),),
-    'afbp.beam_kernels.interpolate_beams': (
-        (_a(types.complex64, 2), *[_a(_D, 1)] * 3, _a(_F, 2), _a(_F, 2), _N, _N, _a(_F, 3)),)}
+    'afbp.beam_kernels.interpolate_beams': (_BEAMS,),
+    'afbp.beam_kernels.interpolate_lit_beams': ((*_BEAMS, _a(_F, 3), _N),),
+    'afbp.beam_kernels.fit_parabolas': (
+        (_a(_D, 2), _a(_D, 1), _a(_D, 1), _a(_D, 2), _a(_D, 1), _a(_D, 2), _a(_F, 2)),)}
 
 
 @contextlib.contextmanager

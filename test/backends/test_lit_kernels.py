@@ -8,12 +8,12 @@ from hypothesis import given, settings, strategies as st
 
 from sar_imaging.backends import cpu, reference
 from sar_imaging.backends.cpu.illumination import LitEchoes
-from sar_imaging.backends.cpu.lit.tiles import LitTiles, knot_positions
+from sar_imaging.backends.cpu.lit.tiles import LitTiles
 from sar_imaging.geometry import MapGrid, TerrainGrid
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.planning.error_budget import total_db
 from sar_imaging.planning.exact.backprojection import plan_backprojection
-from sar_imaging.planning.exact.lit_lines import draw_pairs
+from sar_imaging.planning.exact.lit_lines import draw_pairs, knot_positions
 from sar_imaging.planning.exact.lit_points import _error_db
 from sar_imaging.planning.exact.points import ImagePoints, plan_points
 from sar_imaging.planning.plan import Plan

@@ -6,13 +6,14 @@ import numpy as np
 
 from ...geometry.grids import MapGrid
 from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
+from ...planning.exact.lit_lines import knot_positions
 from ...planning.exact.points import PointPlan, image_layers
 from ...planning.exact.polar_image import PolarPlan
 from .azimuth_upsampling import AzimuthUpsampling
 from .illumination import LitEchoes
 from .line_kernels import project_lines
 from .lines import PolarLines, line_middles, shared_phase
-from .lit.tiles import LitTiles, knot_positions
+from .lit.tiles import LitTiles
 from .memory import WorkSpace
 from .points.kernels import project_points
 from .polar_to_map import polar_to_map

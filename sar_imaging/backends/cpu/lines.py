@@ -6,10 +6,10 @@ import numpy as np
 
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
-from ...planning.exact.lit_lines import LitLines
+from ...planning.exact.lit_lines import LitLines, knot_positions
 from .illumination import LitEchoes
 from .line_kernels import LINES, project_lines
-from .lit.tiles import LitTiles, knot_positions
+from .lit.tiles import LitTiles
 from .profiles import Profiles
 
 

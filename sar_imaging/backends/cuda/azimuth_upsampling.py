@@ -32,6 +32,8 @@ class AzimuthUpsampling:
     ----------
     coarse, fine : PolarGrid
         Lines of the parts that are read, and those of the sum.
+    read : slice
+        The former among those of the parts.
     """
 
     def __init__(self, parts: AzimuthParts, lines: slice | None = None):
@@ -42,9 +44,10 @@ class AzimuthUpsampling:
         powers = (v - floor)[:, None] ** np.arange(len(interpolator.weights))
         weights = powers @ interpolator.weights.astype(np.float64)
         start = (floor + interpolator.first).astype(np.int32)
+        self.read = slice(0, coarse.n_alpha)
         if lines is not None:
             start, weights = start[lines], weights[lines]
-            read = slice(int(start[0]), int(start[-1]) + TAPS)
+            read = self.read = slice(int(start[0]), int(start[-1]) + TAPS)
             coarse, fine = lines_of_grid(coarse, read), lines_of_grid(fine, lines)
             start = start - np.int32(read.start)
         self._start = xp.asarray(start)

@@ -11,8 +11,8 @@ from . import tiles
 from .arrays import on_device, reports_failures, require_device, synchronise, taken, xp
 from .azimuth_upsampling import AzimuthUpsampling
 from .known import refuse_unknown
-from .lines import Lines, line_profiles, polar_lines, ramp
-from .points import Points
+from .lines.lines import Lines, line_profiles, polar_lines, ramp
+from .points.points import Points
 from .polar_to_map import polar_to_map
 from .tiles import Tile
 from .transfers import add_to_host, to_host
@@ -71,8 +71,8 @@ class Backprojection:
         """What adds echoes to a tile; that of the latest one is kept."""
         if self._latest[0] != tile:
             self._latest = None, None  # its memory first
-            ways = {PolarPlan: _Polar, LinePlan: _along_lines}
-            self._latest = tile, ways.get(type(self.plan.way), _onto_points)(self.plan, tile)
+            ways = {PolarPlan: _Polar, LinePlan: _AlongLines}
+            self._latest = tile, ways.get(type(self.plan.way), _OntoPoints)(self.plan, tile)
         return self._latest[1]
 
 
@@ -80,48 +80,62 @@ class _Polar:
     """By a polar image, in parts that are merged or as a whole, interpolated to the map."""
 
     def __init__(self, plan: BackprojectionPlan, tile: Tile):
-        way = self._way = plan.way
-        self._grid, self._polar, merging = plan.grid, way.polar, None
+        way, self._illumination = plan.way, plan.illumination
+        self._way = way
+        self._grid, self._polar, merging, lines = plan.grid, way.polar, None, None
         if tile.rows is not None:
             self._grid = tiles.strip_of_map(plan.grid, way.axis, tile.rows)
             lines = tiles.lines_of_strip(way.polar, self._grid, way.between.first,
                                          way.between.centred.shape[1])
             self._polar = tiles.lines_of_grid(way.polar, lines)
         if way.parts is not None:
-            merging = AzimuthUpsampling(way.parts, None if tile.rows is None else lines)
+            merging = AzimuthUpsampling(way.parts, lines)
         profiles = line_profiles(way.window, way.lattice, way.range_m)
-        self._lines = polar_lines(merging.coarse if merging else self._polar, profiles)
+        self._lines = polar_lines(way.polar, profiles, lines, way.lit) if merging is None else (
+            polar_lines(way.parts.coarse, profiles, merging.read, way.lit))
         self._merging = merging
 
     def add(self, samples, tx_m, rx_m, image) -> None:
         way, echoes = self._way, (samples, tx_m, rx_m)
         total = xp.zeros((2, *self._polar.shape), np.float32)
         if self._merging is None:
-            self._lines.add(*echoes, total.reshape(-1))
+            self._lines.add(*echoes, total.reshape(-1), self._illumination)
         else:
             self._merging.add_all(lambda number, part: self._lines.add(
-                *(a[way.parts.echoes[number]] for a in echoes), part), total)
+                *(a[way.parts.echoes[number]] for a in echoes), part,
+                self._illumination and self._illumination.select(way.parts.echoes[number])), total)
         polar_to_map(total, self._polar, self._grid,
                      image.view(np.complex64).reshape(self._grid.shape), axis=way.axis,
                      wavelength_m=way.wavelength_m, between=way.between, along=way.along)
 
 
-def _along_lines(plan: BackprojectionPlan, tile: Tile) -> Lines:
+class _AlongLines:
     """Along the lines of the grid itself."""
-    way, lines = plan.way, plan.way.lines
-    profiles = line_profiles(way.window, way.lattice, lines.range_m)
-    if tile.rows is None:
-        layers = [(lines.locate(layer), layout) for layer, layout in enumerate(lines.layouts)]
-    else:
-        locate, first = lines.locate(tile.layer), tile.rows.start
-        layers = [(lambda pixel, line: locate(pixel, first + line),
-                   (tile.shape[0], 0, 2 * lines.n_pixels, 2, 1))]
-    return Lines(profiles, layers, lines.n_pixels,
-                 ramp(profiles.cycles_per_step * way.lattice.n_phases, lines.n_pixels))
+
+    def __init__(self, plan: BackprojectionPlan, tile: Tile):
+        way, lines = plan.way, plan.way.lines
+        profiles = line_profiles(way.window, way.lattice, lines.range_m)
+        if tile.rows is None:
+            layers = [(lines.locate(layer), layout) for layer, layout in enumerate(lines.layouts)]
+        else:
+            layers = [(lines.locate(tile.layer), (tile.shape[0], 0, 2 * lines.n_pixels, 2, 1))]
+        self._illumination = plan.illumination
+        self._lines = Lines(profiles, layers, lines.n_pixels,
+                            ramp(profiles.cycles_per_step * way.lattice.n_phases, lines.n_pixels),
+                            way.lit, tile.rows, lines.n_lines)
+
+    def add(self, samples, tx_m, rx_m, image) -> None:
+        self._lines.add(samples, tx_m, rx_m, image, self._illumination)
 
 
-def _onto_points(plan: BackprojectionPlan, tile: Tile) -> Points:
-    layers = image_layers(plan.grid)
-    if tile.rows is not None:
-        layers = [tiles.rows_of_points(layers[tile.layer], tile.rows)]
-    return Points(plan.way, layers)
+class _OntoPoints:
+    """Point by point."""
+
+    def __init__(self, plan: BackprojectionPlan, tile: Tile):
+        layers = image_layers(plan.grid)
+        self._points = Points(plan.way, layers if tile.rows is None else [layers[tile.layer]],
+                              tile.rows)
+        self._illumination = plan.illumination
+
+    def add(self, samples, tx_m, rx_m, image) -> None:
+        self._points.add(samples, tx_m, rx_m, image, self._illumination)

@@ -9,18 +9,20 @@ from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
 from ...planning.exact.points import PointPlan
 from ...planning.exact.polar_image import PolarPlan
 
-_WAY = {'window', 'lattice', 'errors_db', 'cost'}
-_KNOWN = {BackprojectionPlan: {'grid', 'radar', 'tx_m', 'rx_m', 'range_m', 'way', 'warnings'},
+_WAY = {'window', 'lattice', 'errors_db', 'cost', 'lit'}
+_KNOWN = {BackprojectionPlan: {'grid', 'radar', 'tx_m', 'rx_m', 'range_m', 'way', 'warnings',
+                              'illumination'},
           LinePlan: _WAY | {'lines'},
           PointPlan: _WAY | {'range_m', 'tile', 'reach_m'},
           PolarPlan: _WAY | {'polar', 'range_m', 'axis', 'between', 'along', 'parts',
                              'wavelength_m'},
           SubaperturePlan: {'polar', 'given', 'source', 'n_samples', 'n_channels', 'sampling',
-                            'fusion_grid', 'lattice', 'beams', 'range_m', 'limits', 'warnings'}}
+                            'fusion_grid', 'lattice', 'beams', 'range_m', 'limits', 'warnings',
+                            'lit'}}
 
 
 def refuse_unknown(plan) -> None:
-    """Refuse a plan that says more than this backend computes, such as weights of pixels.
+    """Refuse a plan that says more than this backend computes.
 
     Raises
     ------

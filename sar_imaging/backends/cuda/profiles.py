@@ -124,12 +124,16 @@ class Profiles:
         path_m = self.range_at(cell) - self._source.phase_range_m
         return math.fmod(2 * path_m / self.wavelength_m, 1.0)
 
-    def chunks(self, n_echoes: int, together: int):
-        """Slices of echoes, a multiple of `together`, whose polynomials fit the memory."""
+    def chunks(self, n_echoes: int, together: int, more_bytes: int = 0):
+        """Slices of echoes, a multiple of `together`, whose polynomials fit the memory.
+
+        `more_bytes` are what else an echo takes there.
+        """
         lattice = self.lattice
         dense = lattice.n_cells * lattice.n_phases
         echo_bytes = (4 * lattice.interpolator.n_planes * lattice.n_phases * self.n_cells
-                      + 8 * (5 * lattice.n_padded + 3 * dense))  # with copies and transforms
+                      + 8 * (5 * lattice.n_padded + 3 * dense)  # with copies and transforms
+                      + more_bytes)
         echoes = min(_MOST_BYTES, free_bytes() // _SHARE) // echo_bytes
         if not echoes // together:
             check_memory(min(together, n_echoes) * echo_bytes,

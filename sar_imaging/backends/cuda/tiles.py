@@ -83,6 +83,8 @@ def _lines(plan: BackprojectionPlan):
     lines, segment = plan.way.lines, plan.way.lattice.segment
     n_segments = -(-lines.n_pixels // segment)
     row_bytes = IMAGE_BYTES * lines.n_pixels + _LINE_BYTES * n_segments
+    if plan.way.lit is not None:
+        row_bytes += plan.way.lit.n_bytes(lines.n_lines, lines.n_pixels, segment) / lines.n_lines
 
     def tiles(rows: slice) -> Iterator[Tile]:
         shape = rows.stop - rows.start, lines.n_pixels
@@ -101,6 +103,8 @@ def _points(plan: BackprojectionPlan):
     (n_rows, n_columns), height = layers[0].size, plan.way.tile[0]
     row_bytes = IMAGE_BYTES * n_columns + _COORDINATE_BYTES * sum(
         n_columns if stride[1] else 1 for stride in layers[0].strides if stride[0])
+    if plan.way.lit is not None:
+        row_bytes += plan.way.lit.n_bytes((n_rows, n_columns), plan.way.tile) / n_rows
 
     def tiles(rows: slice) -> Iterator[Tile]:
         for layer in range(len(layers)):
@@ -119,6 +123,9 @@ def _strips(plan: BackprojectionPlan):
     # as many lines of the polar image as rows of the map, or more
     lines = max(1.0, way.polar.n_alpha / n_rows)
     row_bytes = IMAGE_BYTES * (n_pixels + lines * way.polar.n_range)
+    if way.lit is not None:
+        coarse = way.polar if way.parts is None else way.parts.coarse
+        row_bytes += way.lit.n_bytes(*coarse.shape, way.lattice.segment) / n_rows
     step = max(1, round(_LEAST_LINES / lines))
 
     def tiles(rows: slice) -> Iterator[Tile]:

@@ -56,6 +56,40 @@ class LitLines:
                          + segments * ECHOES_PER_PASS)
 
 
+def knot_positions(locate: Callable, n_lines: int, n_pixels: int, segment: int, apart: int
+                   ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions of the knots over some lines, and how lines lie between them.
+
+    Parameters
+    ----------
+    locate : callable
+        ``locate(pixel, line)`` gives positions (..., 3), metres, and their derivatives.
+    n_lines, n_pixels, segment : int
+        Size of the image, and pixels of a segment.
+    apart : int
+        Lines between knots.
+
+    Returns
+    -------
+    positions : (3, G, 2 S + 1, K) float64
+        Of G groups of `LINES` lines, at the ends and middles of S segments and at K lines, metres.
+    knot, between : (G, LINES) int64, float32
+        Knot before each line of a group, and the share of the next.
+    """
+    n_groups, half = -(-n_lines // LINES), segment // 2
+    first = np.arange(n_groups)[:, None] * LINES
+    # the last knot of a group lies on the first line of the next, or on the last one of all
+    knots = np.minimum(first + np.arange(LINES // apart + 1) * apart, n_lines - 1)
+    places = np.arange(2 * -(-n_pixels // segment) + 1) * half
+    positions = locate(places[:, None], knots[:, None])[0]
+    line = np.minimum(first + np.arange(LINES), n_lines - 1)
+    knot = np.broadcast_to(np.arange(LINES) // apart, line.shape)
+    before, after = (np.take_along_axis(knots, knot + i, axis=1) for i in (0, 1))
+    between = np.where(after > before, (line - before) / np.maximum(after - before, 1), 0.0)
+    return (np.ascontiguousarray(np.moveaxis(positions, -1, 0)), np.ascontiguousarray(knot),
+            between.astype(np.float32))
+
+
 def draw_pairs(illumination: Illumination, positions: Callable, shape: tuple[int, ...],
                most: int = MOST_PAIRS) -> tuple[np.ndarray, list[np.ndarray], float]:
     """Random pairs of an echo and a pixel that it lights, and the share of such pairs.

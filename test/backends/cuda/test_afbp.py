@@ -8,6 +8,7 @@ import pytest
 from sar_imaging.backends import backend
 from sar_imaging.backends.cuda.arrays import given, on_device, xp
 from sar_imaging.backends.cuda.transfers import to_host
+from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.afbp.beams import plan_beams
 from sar_imaging.planning.afbp.plan import plan_afbp
@@ -41,6 +42,29 @@ def test_images_from_beams_are_those_of_the_formulas(scene, plan, error_db):
     assert error_db(image, wanted) < -92.0
     with pytest.raises(ValueError, match='number=2; the plan has sub-apertures 0 to 1'):
         backend('cuda').SubapertureImager(plan).image(2, some)
+
+
+def test_images_of_lit_echoes(scene, error_db):
+    """From beams as of the formulas, directly as of the processor; one pulse lights little."""
+    squint = 0.05 * np.linspace(-1.0, 1.0, 16) + 0.4 * (np.arange(16) == 7)
+    block = dataclasses.replace(scene.block, pointing=Pointing(np.stack(
+        [np.cos(squint), np.sin(squint), 0 * squint], axis=-1)))
+    pattern = AntennaPattern(PatternCut.gaussian(0.3), PatternCut.cosine(0.5))
+    light = Illumination.of_pulses(pattern, block.pointing, block.tx_m, block.rx_m)
+    plan = plan_afbp(scene.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+                     target_db=-40.0, pulses_per_subaperture=8, illumination=light).subapertures
+    assert plan.beams is None
+    some = block.select(plan.sampling.pulses[0])
+    found, wanted = (to_host(backend(name).SubapertureImager(plan).image(0, some))
+                     for name in ('cuda', 'cpu'))
+    assert error_db(found, wanted) < -100.0
+    beams = plan_beams(plan.coarse, plan.radar, plan.lattice, [(some.tx_m[:, 0], some.rx_m[:, 0])],
+                       TARGET_DB, plan.range_m[1] - plan.range_m[0])
+    plan = dataclasses.replace(plan, beams=beams, lit=dataclasses.replace(
+        plan.lit, lines=None, apart=1))
+    found, wanted = (to_host(backend(name).SubapertureImager(plan).image(0, some))
+                     for name in ('cuda', 'reference'))
+    assert error_db(found, wanted) < -92.0  # as without illumination
 
 
 def test_fusion_is_that_of_the_formulas(plan, error_db):

@@ -3,10 +3,13 @@
 import dataclasses
 import inspect
 
+import numpy as np
 import pytest
 
 from sar_imaging.backends import backend, protocol
-from sar_imaging.backends.cuda.costs import DEFAULT, VARIABLE, DeviceCosts
+from sar_imaging.backends.cuda.costs import DEFAULT, VARIABLE, DeviceCosts, operations
+from sar_imaging.geometry import MapGrid
+from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.planning.costs import CostModel
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 
@@ -43,6 +46,19 @@ def test_predicted_time_counts_transfers(make_scene, monkeypatch, tmp_path):
     assert backend('cuda').seconds(plan) - seconds == pytest.approx(
         1e-9 * DEFAULT.transferred_byte * n_bytes)
     assert DeviceCosts.read(tmp_path / 'costs.json') == costs
+
+
+def test_predicted_time_counts_lit_pixels(make_scene):
+    scene = make_scene(1000.0, n=12, pulses=4, aperture_m=4.0)
+    block, pulses = scene.block, np.arange(4)
+    pointing = Pointing(np.stack([np.cos(pulses), np.sin(pulses), 0 * pulses], axis=-1))
+    light = Illumination.of_pulses(AntennaPattern(PatternCut.gaussian(0.3)), pointing, block.tx_m,
+                                   block.rx_m)
+    grid = MapGrid(scene.grid.centre_m, 512, 512, 0.25)
+    seconds = [operations(plan_backprojection(grid, block.radar, block.n_samples,
+                                              *scene.echoes[1:], -60.0, given))['line_pixel']
+               for given in (None, light)]
+    assert seconds[1] == pytest.approx(seconds[0] / 4, rel=0.1)  # the first pulse alone
 
 
 def test_every_cost_is_the_devices_own():

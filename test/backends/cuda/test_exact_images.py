@@ -101,9 +101,13 @@ def test_one_imager_for_processor_and_device(make_scene, error_db):
 def test_what_plans_say_besides_is_refused(make_scene):
     scene = make_scene(1000.0, n=12, pulses=4)
     plan = planned(scene, scene.grid)
-    with pytest.raises(ValueError, match='does not compute illumination of BackprojectionPlan '
-                                         'yet; use'):
-        backend('cuda').Backprojection(dataclasses.replace(plan, illumination=np.ones(3)))
+
+    @dataclasses.dataclass(frozen=True, eq=False)
+    class Windowed(type(plan)):
+        window: object = 'hann'
+
+    with pytest.raises(ValueError, match='does not compute window of Windowed yet; use'):
+        backend('cuda').Backprojection(Windowed(**vars(plan)))
 
 
 def test_what_does_not_fit_is_refused_with_numbers(make_scene):

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from sar_imaging.backends.cuda.arrays import launch, pairs, xp
-from sar_imaging.backends.cuda.line_kernels import THREADS, add_lines, block_lines
-from sar_imaging.backends.cuda.lines import segment_middles
+from sar_imaging.backends.cuda.lines.kernels import THREADS, add_lines, block_lines
+from sar_imaging.backends.cuda.lines.lines import segment_middles
 from sar_imaging.backends.cuda.transfers import to_host
 
 DEGREE = 4
@@ -78,8 +78,8 @@ def test_sums_of_given_polynomials(seed, n_rows, segment, n_phases, transposed):
     launch(add_lines, blocks, THREADS, pairs(xp.asarray(in_blocks(planes))), n_phases, n_cells,
            segment,
            xp.asarray(np.concatenate([tx, rx], axis=1)),
-           xp.asarray(segment_middles(locate, n_lines, n_pixels, segment)), range_m, step_m,
-           cycles, 0.0, xp.asarray(ramp), image.reshape(-1), xp.asarray(np.array(layout)))
+           xp.asarray(segment_middles(locate, slice(0, n_lines), n_pixels, segment)), range_m,
+           step_m, cycles, 0.0, xp.asarray(ramp), image.reshape(-1), xp.asarray(np.array(layout)))
     after = to_host(image)
     added = (after.swapaxes(0, 1) if transposed else after) - before
     wanted = ramp * expected(planes, segment, range_m, step_m, cycles, start_m, pitch_m,

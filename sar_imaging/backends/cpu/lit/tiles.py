@@ -1,9 +1,9 @@
 """Amplitudes of echoes at the knots of image lines, tile by tile: which tiles they light.
 
-A tile is a segment of `LINES` lines. Most tiles are dark for most echoes of a stripmap; they are
-told by the corners of larger blocks. The directions beyond one end of a pattern, behind the
-antenna among them, form a convex cone: where all corners of a flat block lie in the same cone, so
-does the block.
+A tile is a segment of `planning.exact.lit_lines.LINES` lines. Most tiles are dark for most echoes
+of a stripmap; they are told by the corners of larger blocks. The directions beyond one end of a
+pattern, behind the antenna among them, form a convex cone: where all corners of a flat block lie
+in the same cone, so does the block.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 import numpy as np
 
 from ....compilation import njit, numba
-from ....planning.exact.lit_lines import LINES
 from ..illumination import LitEchoes, two_way_amplitude
 
 _BLOCK = 8  # segments that are looked at together
@@ -26,7 +25,7 @@ class LitTiles:
     echoes : LitEchoes
         All echoes that are added.
     positions : (3, G, 2 S + 1, K) float64
-        Of the knots, see `knot_positions`.
+        Of the knots, see `planning.exact.lit_lines.knot_positions`.
     knot, between : (G, LINES) int64, float32
         Knot before each line of a group, and the share of the next.
     """
@@ -55,26 +54,6 @@ class LitTiles:
         amplitude = np.empty((len(numbers), n_groups, n_places, n_knots), np.float32)
         _light_tiles(self._echoes, self._ends, self._positions, numbers, lit, amplitude)
         return lit, lit.any(axis=0).view(np.uint8), amplitude, self._knot, self._between
-
-
-def knot_positions(locate, n_lines: int, n_pixels: int, segment: int, apart: int
-                   ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions of the knots of a layer, and how lines lie between them: those of `LitTiles`.
-
-    Arguments are as of `lines.line_middles`; knots lie `apart` lines apart.
-    """
-    n_groups, half = -(-n_lines // LINES), segment // 2
-    first = np.arange(n_groups)[:, None] * LINES
-    # the last knot of a group lies on the first line of the next, or on the last one of all
-    knots = np.minimum(first + np.arange(LINES // apart + 1) * apart, n_lines - 1)
-    places = np.arange(2 * -(-n_pixels // segment) + 1) * half
-    positions = locate(places[:, None], knots[:, None])[0]
-    line = np.minimum(first + np.arange(LINES), n_lines - 1)
-    knot = np.broadcast_to(np.arange(LINES) // apart, line.shape)
-    before, after = (np.take_along_axis(knots, knot + i, axis=1) for i in (0, 1))
-    between = np.where(after > before, (line - before) / np.maximum(after - before, 1), 0.0)
-    return (np.ascontiguousarray(np.moveaxis(positions, -1, 0)), np.ascontiguousarray(knot),
-            between.astype(np.float32))
 
 
 def _cones(echoes: LitEchoes) -> np.ndarray:

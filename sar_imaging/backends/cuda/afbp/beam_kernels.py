@@ -8,13 +8,15 @@ import numpy as np
 
 from ....planning.afbp.beam_gain import BEAM_TAPS, DEGREE
 from ....planning.afbp.beams import CELL_TAPS
-from ..arrays import cuda, kernel
+from ..arrays import cuda, function, kernel
+from ..illumination import amplitude, in_axes
 from ..phasors import fraction, phasor, short_fraction
 
 THREADS, BEAMS = 128, 8  # bins of a block of threads, and beams of a thread
 _ECHOES = 32  # whose numbers lie in shared memory
 _ITEMS, _SUMS = _ECHOES * BEAMS, BEAMS
 _BEAM_TAPS, _CELL_TAPS, _POWERS = BEAM_TAPS, CELL_TAPS, DEGREE + 1
+_SAME = 1e-9  # radians by which phases differ that are taken for the same
 _BEAM_WEIGHTS, _CELL_WEIGHTS = BEAM_TAPS * (DEGREE + 1), CELL_TAPS * (DEGREE + 1)
 
 
@@ -118,6 +120,77 @@ def interpolate_beams(beams, grid, middle, scale, between, along, first_between,
     image : (2, n_alpha, n_range) float32
         Real and imaginary part.
     """
+    _interpolate(beams, grid, middle, scale, between, along, first_between, first_along, image,
+                 None)
+
+
+@kernel()
+def interpolate_lit_beams(beams, grid, middle, scale, between, along, first_between, first_along,
+                          image, parabolas, apart):
+    """As `interpolate_beams`, of echoes whose amplitude is a parabola of their phase.
+
+    Parameters
+    ----------
+    beams, grid, middle, scale, between, along, first_between, first_along, image :
+        As of `interpolate_beams`.
+    parabolas : (n_alpha, K, 3) float32
+        Coefficients A, B and C, see `fit_parabolas`, at knots along range.
+    apart : int
+        Pixels between knots.
+    """
+    _interpolate(beams, grid, middle, scale, between, along, first_between, first_along, image,
+                 (parabolas, apart))
+
+
+@kernel()
+def fit_parabolas(axes, table, place, positions, geometry, phase, parabolas):
+    """Amplitude of a sub-aperture's echoes as a parabola through three; a thread for each knot.
+
+    p is the phase of an echo from beam to beam at the carrier: the amplitude is
+    ``A + B p + C p^2``.
+
+    Parameters
+    ----------
+    axes, table, place :
+        As of `illumination.Antennas`, of the three echoes.
+    positions : (3, K) float64
+        Of the knots, metres.
+    geometry : (7,) float64
+        Middle of the sub-aperture, metres; direction of the track (x, y); direction cosine of the
+        first beam, and spacing.
+    phase : (M, 3) float64
+        p of the three echoes in the direction of each beam.
+    parabolas : (K, 3) float32
+        A, B and C.
+    """
+    knot = cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x
+    if knot >= parabolas.shape[0]:
+        return
+    px, py, pz = positions[0, knot], positions[1, knot], positions[2, knot]
+    x, y, z = px - geometry[0], py - geometry[1], pz - geometry[2]
+    direction = (x * geometry[3] + y * geometry[4]) / math.sqrt(x * x + y * y + z * z)
+    beam = (direction - geometry[5]) / geometry[6]
+    n = min(max(int(beam), 0), phase.shape[0] - 2)
+    t = beam - n
+    x0 = phase[n, 0] + t * (phase[n + 1, 0] - phase[n, 0])
+    x1 = phase[n, 1] + t * (phase[n + 1, 1] - phase[n, 1])
+    x2 = phase[n, 2] + t * (phase[n + 1, 2] - phase[n, 2])
+    y0 = amplitude(table, place, *in_axes(axes, 0, px, py, pz))
+    y1 = amplitude(table, place, *in_axes(axes, 1, px, py, pz))
+    y2 = amplitude(table, place, *in_axes(axes, 2, px, py, pz))
+    a, b, c = y1, 0.0, 0.0
+    if abs(x2 - x0) > _SAME and x1 != x0 and x2 != x1:
+        slope = (y1 - y0) / (x1 - x0)
+        c = ((y2 - y1) / (x2 - x1) - slope) / (x2 - x0)
+        b = slope - c * (x0 + x1)
+        a = y0 - x0 * (b + c * x0)
+    parabolas[knot, 0], parabolas[knot, 1], parabolas[knot, 2] = a, b, c
+
+
+@function
+def _interpolate(beams, grid, middle, scale, between, along, first_between, first_along, image,
+                 light):
+    """What both kernels do; `light` is None where echoes light all pixels alike."""
     beam_weights = cuda.shared.array(_BEAM_WEIGHTS, np.float32)
     cell_weights = cuda.shared.array(_CELL_WEIGHTS, np.float32)
     reading = cuda.local.array(_CELL_TAPS, np.float32)
@@ -148,6 +221,13 @@ def interpolate_beams(beams, grid, middle, scale, between, along, first_between,
     n = min(math.floor(place), highest)
     s, cell = np.float32(place - n), int(n) + first_along
     bend = np.float32((1.0 - direction * direction) * (1.0 / distance - middle[1]) * middle[2])
+    if light is not None:
+        parabolas, apart = light
+        knot = i // apart
+        share = np.float32(i - knot * apart) / np.float32(apart)
+        a, b, c = (_between(parabolas, line, knot, share, 0),
+                   _between(parabolas, line, knot, share, 1),
+                   _between(parabolas, line, knot, share, 2))
     for k in range(_CELL_TAPS):
         w = cell_weights[(_POWERS - 1) * _CELL_TAPS + k]
         for power in range(_POWERS - 2, -1, -1):
@@ -166,10 +246,22 @@ def interpolate_beams(beams, grid, middle, scale, between, along, first_between,
         for power in range(_POWERS - 1, 1, -1):
             second = (np.float32(power * (power - 1)) * beam_weights[power * _BEAM_TAPS + m]
                       + t * second)
-        second *= bend
-        real += w * re - second * im
-        imag += w * im + second * re
+        turned = second * bend
+        if light is not None:
+            once = np.float32(0.0)
+            for power in range(_POWERS - 1, 0, -1):
+                once = np.float32(power) * beam_weights[power * _BEAM_TAPS + m] + t * once
+            w, turned = a * w - c * second, a * turned - b * once
+        real += w * re - turned * im
+        imag += w * im + turned * re
     cosine, sine = phasor(np.float32(fraction(scale[4] * (distance - (r - grid[0])
                                                           - middle[3]))))
     image[0, line, i] = real * cosine - imag * sine
     image[1, line, i] = real * sine + imag * cosine
+
+
+@function
+def _between(parabolas, line, knot, share, order):
+    """A coefficient between two knots of a line."""
+    low, high = parabolas[line, knot, order], parabolas[line, knot + 1, order]
+    return low + share * (high - low)

@@ -6,9 +6,13 @@ import math
 
 import numpy as np
 
+from ....geometry.illumination import Illumination
+from ....geometry.polar import PolarGrid
 from ....planning.afbp.beam_geometry import BeamGeometry, grid_edges
 from ....planning.afbp.beams import CELL_TAPS
+from ....planning.afbp.lit_subapertures import node_pulses
 from ....planning.afbp.subapertures import SubaperturePlan
+from ....planning.exact.polar_image import positions_of
 from ....signal.pulses import PulseBlock
 from ..arrays import (
     complex_samples,
@@ -19,11 +23,19 @@ from ..arrays import (
     require_device,
     xp,
 )
+from ..illumination import Antennas
 from ..known import refuse_unknown
-from ..lines import line_profiles, polar_lines
+from ..lines.lines import line_profiles, polar_lines
 from ..profiles import profile_spectra
 from ..transfers import to_host
-from .beam_kernels import BEAMS, THREADS, form_beams, interpolate_beams
+from .beam_kernels import (
+    BEAMS,
+    THREADS,
+    fit_parabolas,
+    form_beams,
+    interpolate_beams,
+    interpolate_lit_beams,
+)
 
 
 class SubapertureImager:
@@ -43,21 +55,24 @@ class SubapertureImager:
         refuse_unknown(plan)
         self.plan = plan
         self._lines = _Beams(plan) if plan.beams else polar_lines(
-            plan.coarse, line_profiles(plan.source, plan.lattice, plan.range_m))
+            plan.coarse, line_profiles(plan.source, plan.lattice, plan.range_m),
+            lit=plan.lit and plan.lit.lines)
 
     @reports_failures
     def image(self, number: int, block: PulseBlock, weights=None, out=None):
         """Backproject one sub-aperture, see `backends.protocol.SubapertureImager`."""
         plan = self.plan
         plan.check_block(number, block)
-        there = self.project(block.samples, block.tx_m, block.rx_m, weights)
+        there = self.project(block.samples, block.tx_m, block.rx_m, weights,
+                             plan.illumination_of(block))
         if out is None or on_device(out):
             return given(there)
         out[...] = to_host(there)
         return out
 
     @reports_failures
-    def project(self, samples, tx_m, rx_m, weights=None):
+    def project(self, samples, tx_m, rx_m, weights=None,
+                illumination: Illumination | None = None):
         """The same of samples that may lie on the device, unchecked.
 
         Parameters
@@ -68,13 +83,16 @@ class SubapertureImager:
             Phase centres, metres.
         weights : (P,) float32, optional
             Window over the pulses.
+        illumination : Illumination, optional
+            Of the echoes, where the plan has it.
         """
         plan = self.plan
         echoes = complex_samples(samples).reshape(-1, plan.n_samples)
         if weights is not None:
             echoes = echoes * xp.asarray(np.repeat(weights, plan.n_channels))[:, None]
         there = xp.zeros((2, plan.coarse.n_alpha, plan.coarse.n_range), np.float32)
-        self._lines.add(echoes, tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), there.reshape(-1))
+        self._lines.add(echoes, tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), there.reshape(-1),
+                        illumination)
         return there
 
 
@@ -101,8 +119,9 @@ class _Beams:
         self._table = xp.asarray(np.exp(sampling.between.log_gain).astype(np.float32))
         self._weights = [xp.asarray(v.weights) for v in (sampling.between.interpolator,
                                                          sampling.along)]
+        self._lit = plan.lit and _LitLines(plan.coarse, plan.lit.apart * sampling.segment)
 
-    def add(self, samples, tx_m, rx_m, image) -> None:
+    def add(self, samples, tx_m, rx_m, image, illumination: Illumination | None = None) -> None:
         """Image of some echoes at range baseband, (2 * n_alpha * n_range,) float32, in place.
 
         Raises
@@ -119,7 +138,10 @@ class _Beams:
         start, spacing, n_beams = sampling.directions(geometry, tx_m, rx_m)
         path = geometry.beam_path(tx_m, rx_m, start + spacing * np.arange(n_beams))
         beams = self._beams(samples, path)
-        self._read(beams, geometry, start, spacing, image.reshape(2, *polar.shape))
+        lit = () if self._lit is None else self._lit.parabolas(
+            illumination, geometry, (tx_m, rx_m), start + spacing * np.arange(n_beams),
+            self._cycles_per_m)
+        self._read(beams, geometry, start, spacing, image.reshape(2, *polar.shape), lit)
 
     def _beams(self, samples, path):
         """(M, n_cells) complex64 beams at range baseband."""
@@ -134,7 +156,8 @@ class _Beams:
         beams[:, self._known[1]:] = 0.0
         return beams
 
-    def _read(self, beams, geometry: BeamGeometry, start: float, spacing: float, image) -> None:
+    def _read(self, beams, geometry: BeamGeometry, start: float, spacing: float, image,
+              lit: tuple) -> None:
         polar, source, sampling = self._plan.coarse, self._plan.source, self._plan.beams
         centre = geometry.centre_m
         grid = np.array([polar.range_start_m, polar.range_spacing_m, polar.alpha_start,
@@ -146,6 +169,45 @@ class _Beams:
                            source.phase_range_m])
         scale = np.array([start, spacing, self._range_start_m, self._plan.lattice.cell_m,
                           self._cycles_per_m])
-        launch(interpolate_beams, (-(-polar.n_range // THREADS), polar.n_alpha), THREADS, beams,
+        launch(interpolate_lit_beams if lit else interpolate_beams, (
+            -(-polar.n_range // THREADS), polar.n_alpha), THREADS, beams,
                *(xp.asarray(v) for v in (grid, middle, scale)), *self._weights,
-               sampling.between.interpolator.first, sampling.along.first, image)
+               sampling.between.interpolator.first, sampling.along.first, image, *lit)
+
+
+class _LitLines:
+    """Knots of the amplitudes along the lines of a coarse grid, so many pixels apart."""
+
+    def __init__(self, polar: PolarGrid, apart: int):
+        self._apart, self._shape = apart, (polar.n_alpha, -(-polar.n_range // apart) + 1)
+        positions = positions_of(polar)(np.arange(self._shape[1]) * apart,
+                                        np.arange(polar.n_alpha)[:, None])[0]
+        self._positions = xp.asarray(np.ascontiguousarray(positions.reshape(-1, 3).T))
+
+    def parabolas(self, illumination: Illumination, geometry: BeamGeometry, echoes, directions,
+                  cycles_per_m: float) -> tuple:
+        """The last arguments of `interpolate_lit_beams`.
+
+        Parameters
+        ----------
+        illumination : Illumination
+            Of the echoes.
+        geometry : BeamGeometry
+            Of the sub-aperture.
+        echoes : (tx_m, rx_m)
+            Phase centres of the echoes, (R, 3) float64 each, metres.
+        directions : (M,) float64
+            Of the beams.
+        cycles_per_m : float
+            Carrier phase per metre of half path, cycles.
+        """
+        nodes, spacing = node_pulses(len(echoes[0])), directions[1] - directions[0]
+        slope = geometry.slope(*(c[nodes] for c in echoes), directions)
+        antennas = Antennas(illumination.select(nodes))
+        found = xp.empty((self._positions.shape[1], 3), np.float32)
+        launch(fit_parabolas, -(-len(found) // THREADS), THREADS, antennas.axes, antennas.table,
+               antennas.place, self._positions,
+               xp.asarray(np.array([*geometry.centre_m, *geometry.polar.track, directions[0],
+                                    spacing])),
+               xp.asarray(2 * math.pi * cycles_per_m * spacing * slope), found)
+        return found.reshape(*self._shape, 3), self._apart

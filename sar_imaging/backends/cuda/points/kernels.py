@@ -1,4 +1,4 @@
-"""Backprojection onto arbitrary points on the device.
+"""Backprojection onto arbitrary points: the kernels.
 
 Points are taken in tiles of neighbours, as on the processor. The path to the centre of a tile is
 computed in float64, once for each echo, and for each point only what its offset from there adds,
@@ -14,21 +14,18 @@ float64 point by point. A thread has one point; neighbours read neighbouring cel
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
-from ...planning.exact.points import ImagePoints, PointPlan
-from .arrays import cuda, function, kernel, launch, load_pair, pairs, xp
-from .phasors import fraction, phasor, short_fraction
-from .profiles import Profiles
-from .transfers import in_pieces
+from ..arrays import cuda, function, kernel, load_pair
+from ..illumination import amplitude, in_axes
+from ..phasors import fraction, phasor, short_fraction
 
-_TOGETHER = 32  # echoes of a chunk of profiles come in multiples of this
 THREADS = 256  # points of a block: of one tile, or of several smaller ones
 NEAREST = 16.0  # least distance of a phase centre in tile radii: the series below holds to 1e-7
 _ITEMS = 128  # echoes times tiles whose geometry lies in shared memory
-_LEGS, _PLACE = 10, 3  # numbers of an item
+_LEGS, _PLACE, _WEIGHTS = 10, 3, 9  # numbers of an item
+_DARK, _BETWEEN, _ALONE = (np.int32(v) for v in (0, 1, 2))  # how an echo lights a tile
 
 # 1 / (1 + sqrt(1 + s)) = 1/2 - s/8 + s^2/16 - 5 s^3/128 + ...
 _B0, _B1, _B2, _B3, _B4, _B5 = (np.float32(v) for v in (
@@ -119,9 +116,156 @@ def add_points(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles,
     image : (2 * n_points,) float32
         Added to: real and imaginary parts in turn.
     """
+    _add(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles, range_zero, step,
+         cycles_per_step, cycles_zero, reach, image, None)
+
+
+@kernel()
+def add_lit_points(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles, range_zero,
+                   step, cycles_per_step, cycles_zero, reach, image, knots, how, axes, table,
+                   scale, ends):
+    """As `add_points`, of echoes that light points by an amplitude; what is dark is left out.
+
+    Parameters
+    ----------
+    planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles, range_zero, step, \
+cycles_per_step, cycles_zero, reach, image :
+        As of `add_points`.
+    knots : (K, R) float32
+        Amplitudes at the knots of all tiles, NaN where one has no position: amplitudes are then
+        found at each point.
+    how : (6,) int64
+        Degree of the interpolation along rows and columns; knots of a row; 1 where amplitudes are
+        found at each point of all tiles; rows and columns to the last point of the image.
+    axes, ends : (R, 12), (6,) float64
+        As of `illumination.Antennas`.
+    table, scale : (T,), (6,) float32
+        Its `table` and `place`.
+    """
+    _add(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles, range_zero, step,
+         cycles_per_step, cycles_zero, reach, image, (knots, how, axes, table, scale, ends))
+
+
+@function
+def _dark_sphere(axes, ends, echo, x, y, z, radius):
+    """Whether an echo lights nothing within a radius of a position, metres.
+
+    How far a point lies beyond an end of the pattern, ``d a - sine |d|`` in azimuth, changes by at
+    most ``1 + sine`` times the radius.
+    """
+    right, ahead, up = in_axes(axes, echo, x, y, z)
+    distance = math.sqrt(right * right + ahead * ahead + up * up)
+    return (right - ends[0] * distance > (1.0 + abs(ends[0])) * radius
+            or ends[1] * distance - right > (1.0 + abs(ends[1])) * radius
+            or up * ends[2] - ahead * ends[3] > radius
+            or ahead * ends[5] - up * ends[4] > radius or ahead < -radius)
+
+
+@function
+def _bend(low, between, high, before, after):
+    """Second difference of three knots; `before` and `after` are 0 for a line."""
+    return (high - between) * after - (between - low) * before
+
+
+@function
+def _steps(degree, n):
+    """For knots n points apart: 1 / n, and those of `_bend`."""
+    whole = np.float32(1.0) / np.float32(max(n, 1))
+    bent = degree // 2 * (n // 2)
+    if not bent:
+        return whole, np.float32(0.0), np.float32(0.0)
+    return whole, whole / np.float32(bent), whole / np.float32(n - bent)
+
+
+@function
+def _row_of_knots(knots, at, degree, echo, n, line, item):
+    """Parabola along a row of knots of a tile: its coefficients go to the item's `line`."""
+    low, middle, high = (knots[at, echo], knots[at + degree // 2, echo],
+                         knots[at + degree, echo])
+    whole, before, after = _steps(degree, n)
+    bend = _bend(low, middle, high, before, after)
+    line[0, item], line[1, item] = low, (high - low) * whole - bend * np.float32(n)
+    line[2, item] = bend
+    return low + middle + high
+
+
+@function
+def _set_weights(knots, how, number, across, tile, echo, weights, item):
+    """Amplitude over a tile as a polynomial of rows and columns; the sum of its knots.
+
+    Parabolas along rows of knots have coefficients that are parabolas along columns.
+    """
+    down, beside = number // across, number % across
+    rows = min(tile[0], how[4] - 1 - down * tile[0])
+    columns = min(tile[1], how[5] - 1 - beside * tile[1])
+    corner = down * how[0] * how[2] + beside * how[1]
+    total = _row_of_knots(knots, corner, how[1], echo, columns, weights[:3], item)
+    total += _row_of_knots(knots, corner + how[0] // 2 * how[2], how[1], echo, columns,
+                           weights[3:6], item)
+    total += _row_of_knots(knots, corner + how[0] * how[2], how[1], echo, columns,
+                           weights[6:9], item)
+    whole, before, after = _steps(how[0], rows)
+    for power in range(3):
+        low, middle, high = (weights[power, item], weights[3 + power, item],
+                             weights[6 + power, item])
+        bend = _bend(low, middle, high, before, after)
+        weights[3 + power, item] = (high - low) * whole - bend * np.float32(rows)
+        weights[6 + power, item] = bend
+    return total
+
+
+@function
+def _light_tile(light, number, across, tile, place, echo, weights, item):
+    """How an echo lights a tile, `_DARK`, `_BETWEEN` or `_ALONE`, by what is left in `weights`.
+
+    `place` is the middle of the tile and its radius, metres. In `weights` are the polynomial
+    between knots, or the antenna's right, boresight and up for points of their own.
+    """
+    knots, how, axes, _, _, ends = light
+    if not how[3]:
+        total = _set_weights(knots, how, number, across, tile, echo, weights, item)
+        if not math.isnan(total):
+            return _BETWEEN if total > np.float32(0.0) else _DARK
+    x, y, z, radius = place
+    if _dark_sphere(axes, ends, echo, x, y, z, radius):
+        return _DARK
+    for k in range(_WEIGHTS):
+        weights[k, item] = np.float32(axes[echo, 3 + k])
+    return _ALONE
+
+
+@function
+def _amplitude_alone(light, echo, x, y, z, weights, item):
+    """Two-way amplitude towards a point, metres, by the antenna's axes in `weights`."""
+    _, _, axes, table, scale, _ = light
+    x, y, z = (np.float32(x - axes[echo, 0]), np.float32(y - axes[echo, 1]),
+               np.float32(z - axes[echo, 2]))
+    return amplitude(table, scale,
+                     x * weights[0, item] + y * weights[1, item] + z * weights[2, item],
+                     x * weights[3, item] + y * weights[4, item] + z * weights[5, item],
+                     x * weights[6, item] + y * weights[7, item] + z * weights[8, item])
+
+
+@function
+def _amplitude_between(row, column, weights, item):
+    """Amplitude at a row and column of a tile, by the polynomial in `weights`."""
+    low, slope, bend = weights[0, item], weights[3, item], weights[6, item]
+    low += column * (weights[1, item] + column * weights[2, item])
+    slope += column * (weights[4, item] + column * weights[5, item])
+    bend += column * (weights[7, item] + column * weights[8, item])
+    return low + row * (slope + row * bend)
+
+
+@function
+def _add(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles, range_zero, step,
+         cycles_per_step, cycles_zero, reach, image, light):
+    """What both kernels do; `light` is None where echoes light all points alike."""
     legs = cuda.shared.array((_LEGS, _ITEMS), np.float32)
     place = cuda.shared.array((_PLACE, _ITEMS), np.float32)
     exact = cuda.shared.array(_ITEMS, np.int32)
+    if light is not None:
+        lit = cuda.shared.array(_ITEMS, np.int32)
+        weights = cuda.shared.array((_WEIGHTS, _ITEMS), np.float32)
     thread, n_all = cuda.threadIdx.x, centres.shape[0]
     n_points = tile[0] * tile[1]  # of a tile
     n_own = THREADS // n_points  # tiles of the block
@@ -151,6 +295,11 @@ def add_points(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles,
             echo, own = start + item // n_own, cuda.blockIdx.x * n_own + item % n_own
             if own < tiles.shape[0]:
                 cx, cy, cz, radius = tiles[own, 0], tiles[own, 1], tiles[own, 2], tiles[own, 3]
+                if light is not None:
+                    lit[item] = _light_tile(light, own, across, tile, (cx, cy, cz, radius), echo,
+                                            weights, item)
+                    if lit[item] == _DARK:
+                        continue
                 da = set_leg(centres, echo, 0, cx, cy, cz, inverse_step, step, legs, 0, item)
                 db = set_leg(centres, echo, 3, cx, cy, cz, inverse_step, step, legs, 5, item)
                 exact[item] = not radius < min(reach, min(da, db) * (1.0 / NEAREST))
@@ -163,6 +312,9 @@ def add_points(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles,
         cuda.syncthreads()
         for nth in range(n_echoes if known else 0):
             item, echo = nth * n_own + mine, start + nth
+            if light is not None:
+                if lit[item] == _DARK:
+                    continue
             if exact[item]:
                 v = (0.5 * (distance(centres, echo, 0, x, y, z)
                             + distance(centres, echo, 3, x, y, z)) - range_zero) * inverse_step
@@ -187,6 +339,13 @@ def add_points(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles,
             for power in range(2, -1, -1):
                 c, d = load_pair(planes, cell + np.uint64(power))
                 re, im = c + t * re, d + t * im
+            if light is not None:
+                if lit[item] == _BETWEEN:
+                    weight = _amplitude_between(np.float32(k // tile[1]), np.float32(k % tile[1]),
+                                                weights, item)
+                else:
+                    weight = _amplitude_alone(light, echo, x, y, z, weights, item)
+                re, im = weight * re, weight * im
             cosine, sine = phasor(cycles)
             real += re * cosine
             real -= im * sine
@@ -195,43 +354,3 @@ def add_points(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles,
     if known:
         image[2 * (i * size[1] + j)] += real
         image[2 * (i * size[1] + j) + 1] += imag
-
-
-class Points:
-    """Pixels at any positions, prepared for adding any number of echoes.
-
-    Parameters
-    ----------
-    plan : PointPlan
-        How they are added.
-    layers : sequence of ImagePoints
-        Where the pixels are, one part of the image after the other.
-    """
-
-    def __init__(self, plan: PointPlan, layers: Sequence[ImagePoints]):
-        self._plan, self._profiles = plan, Profiles(plan.window, plan.lattice, plan.range_m)
-        self._tile = xp.asarray(np.array(plan.tile, np.int64))
-        self._layers = [self._prepared(points) for points in layers]
-
-    def _prepared(self, points: ImagePoints) -> tuple:
-        """Coordinates, strides, size, tile and tiles of a layer, as the kernels take them."""
-        (n_y, n_x), (height, width) = points.size, self._plan.tile
-        tiles = xp.empty((-(-n_y // height) * -(-n_x // width), 4), np.float64)
-        made = (*(xp.asarray(np.ascontiguousarray(c)) for c in points.coordinates),
-                xp.asarray(points.strides.astype(np.int64)),
-                xp.asarray(np.array(points.size, np.int64)), self._tile, tiles)
-        launch(bound_tiles, -(-len(tiles) // THREADS), THREADS, *made)
-        return made
-
-    def add(self, samples, tx_m, rx_m, image) -> None:
-        """Add echoes to an image, (K,) float32 array of the device; see `Lines.add`."""
-        profiles, plan = self._profiles, self._plan
-        centres = xp.asarray(np.concatenate([tx_m, rx_m], axis=1))
-        parts = image.reshape(len(self._layers), -1)
-        own = THREADS // (plan.tile[0] * plan.tile[1])
-        for echoes, some in in_pieces(samples, profiles.chunks(len(samples), _TOGETHER)):
-            planes = pairs(profiles.planes(some))
-            for made, part in zip(self._layers, parts, strict=True):
-                launch(add_points, -(-len(made[-1]) // own), THREADS, planes, profiles.n_cells,
-                       centres[echoes], *made, profiles.range_at(0), plan.lattice.step_m,
-                       profiles.cycles_per_step, profiles.cycles_at(0), plan.reach_m, part)

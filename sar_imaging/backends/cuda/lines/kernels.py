@@ -16,8 +16,9 @@ import math
 
 import numpy as np
 
-from .arrays import cuda, function, kernel, load_pair
-from .phasors import fraction, phasor, short_fraction
+from ....planning.exact.lit_lines import LINES as LIT_LINES
+from ..arrays import cuda, function, kernel, load_pair
+from ..phasors import fraction, phasor, short_fraction
 
 THREADS, LINES, PIXELS = 256, 8, 2
 ECHOES = 32  # echoes that share the reference for the phase: `ECHOES_PER_PASS` of the plans
@@ -26,6 +27,7 @@ FOLD = 5  # cells of a block, 32, whose coefficients of one power stand together
 _BLOCK, _BLOCK_PAIRS = 1 << FOLD, np.uint64(5 << FOLD)  # cells, and coefficients: of degree 4
 _FOLD, _IN_BLOCK = np.uint32(FOLD), np.uint32(_BLOCK - 1)
 _REGISTERS = 128  # that two blocks may run at once
+_DARK = np.int32(-1)  # in place of the first cell of a line that an echo does not light
 _SUMS, _CELLS = LINES * PIXELS, 5 * PIXELS  # registers of a thread
 _PLACE, _PHASOR, _DRIFT = 3, 8, 3  # numbers of an item, and of a line of the shared reference
 _R2, _R6, _R8, _R24 = (np.float32(1 / v) for v in (2, 6, 8, 24))
@@ -88,6 +90,24 @@ def expand_phasor(cycles, a, b, c, half, out, item):
     out[6, item], out[7, item] = cosine * r3 - sine * i3, cosine * i3 + sine * r3
 
 
+@function
+def weigh_phasor(out, item, half, begin, middle, end):
+    """Multiply the phasor of a segment by an amplitude, a parabola through three values.
+
+    Of the product the cubic is kept, and its quartic term economised as that of the phasor is.
+    """
+    square = half * half
+    w1, w2 = _R2 * (end - begin) / half, (_R2 * (end + begin) - middle) / square
+    for part in range(2):
+        c0, c1, c2, c3 = out[part, item], out[2 + part, item], out[4 + part, item], (
+            out[6 + part, item])
+        c4 = c3 * w1 + c2 * w2
+        out[part, item] = c0 * middle - square * square * _R8 * c4
+        out[2 + part, item] = c1 * middle + c0 * w1
+        out[4 + part, item] = c2 * middle + c1 * w1 + c0 * w2 + square * c4
+        out[6 + part, item] = c3 * middle + c2 * w1 + c1 * w2
+
+
 @kernel(registers=_REGISTERS)
 def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, step,
               cycles_per_step, cycles_zero, ramp, image, layout):
@@ -115,6 +135,75 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
         Number of lines; first pixel's real part; steps to the next line, to the next pixel, and
         to the imaginary part.
     """
+    _add(planes, n_phases, n_cells, segment, centres, lines, range_zero, step, cycles_per_step,
+         cycles_zero, ramp, image, layout, None)
+
+
+@kernel(registers=_REGISTERS)
+def add_lit_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, step,
+                  cycles_per_step, cycles_zero, ramp, image, layout, amplitude, between, apart,
+                  first):
+    """As `add_lines`, of echoes that light pixels by an amplitude; what is dark is left out.
+
+    Parameters
+    ----------
+    planes, n_phases, n_cells, segment, centres, lines, range_zero, step, cycles_per_step, \
+cycles_zero, ramp, image, layout :
+        As of `add_lines`.
+    amplitude : (K, R) float32
+        At the knots of `lit_lines.knot_positions`: groups of lines, places, knots; those of the
+        group that the first line is in come first.
+    between : (n_lines,) float32
+        How far a line lies from the knot before it to the next.
+    apart, first : int
+        Lines between knots, and number of the first line in its group.
+    """
+    _add(planes, n_phases, n_cells, segment, centres, lines, range_zero, step, cycles_per_step,
+         cycles_zero, ramp, image, layout, (amplitude, between, apart, first))
+
+
+@function
+def _choose_lit(amplitude, apart, number, n_segments, lowest, highest, start, stop, chosen):
+    """How many echoes light a part of some lines' segment; `chosen` holds their numbers.
+
+    `lowest` and `highest` are the first line and the last, counted from the first group's first;
+    all threads of the block take part.
+    """
+    lit = cuda.shared.array(ECHOES, np.int32)
+    thread = cuda.threadIdx.x
+    if thread < ECHOES:
+        lit[thread] = 0
+    cuda.syncthreads()
+    echo, n_knots = start + thread % ECHOES, 3 * (LIT_LINES // apart + 1)  # of a tile
+    first_group = lowest // LIT_LINES
+    n_all = (highest // LIT_LINES - first_group + 1) * n_knots
+    for k in range(thread // ECHOES, n_all if echo < stop else 0, THREADS // ECHOES):
+        group = first_group + k // n_knots
+        knot = ((group * (2 * n_segments + 1) + 2 * number) * (n_knots // 3)) + k % n_knots
+        if amplitude[knot, echo] > np.float32(0.0):
+            lit[thread % ECHOES] = 1
+    cuda.syncthreads()
+    n_lit = 0
+    for k in range(stop - start):
+        if lit[k]:
+            if thread == 0:
+                chosen[n_lit] = start + k
+            n_lit += 1
+    cuda.syncthreads()
+    return n_lit
+
+
+@function
+def _amplitude_at(amplitude, place, between, knot, echo):
+    """Amplitude of an echo on a line between two knots, at a place of a segment."""
+    low, high = amplitude[knot + place, echo], amplitude[knot + place + 1, echo]
+    return low + between * (high - low)
+
+
+@function
+def _add(planes, n_phases, n_cells, segment, centres, lines, range_zero, step, cycles_per_step,
+         cycles_zero, ramp, image, layout, light):
+    """What both kernels do; `light` is None where echoes light all pixels alike."""
     place = cuda.shared.array((_PLACE, _ITEMS), np.float32)
     turn = cuda.shared.array((_PHASOR, _ITEMS), np.float32)
     base = cuda.shared.array(_ITEMS, np.int32)
@@ -140,6 +229,15 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
 
     for start in range(0, n_all, ECHOES):
         stop = min(start + ECHOES, n_all)
+        begin, end = start, stop
+        if light is not None:
+            chosen = cuda.shared.array(ECHOES, np.int32)
+            amplitude, between, apart, offset = light
+            begin, end = 0, _choose_lit(
+                amplitude, apart, segment_number, lines.shape[0], top + offset,
+                top + offset + n_some - 1, start, stop, chosen)
+            if end == 0:
+                continue
         # Echoes are near each other: what their phases have in common comes last.
         cuda.syncthreads()
         for item in range(thread, n_needed, THREADS):
@@ -151,11 +249,13 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
         for k in range(_SUMS):
             real[k] = 0.0
             imag[k] = 0.0
-        for first in range(start, stop, most):
-            n_echoes = min(most, stop - first)
+        for first in range(begin, end, most):
+            n_echoes = min(most, end - first)
             cuda.syncthreads()
             for item in range(thread, n_echoes * n_together, THREADS):
                 echo, j = first + item // n_together, item % n_together
+                if light is not None:
+                    echo = chosen[echo]
                 if j < n_needed:
                     line = min(top + j, n_lines - 1)
                     d, d1, d2, d3 = half_path(lines, segment_number, line, centres, echo)
@@ -175,11 +275,25 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
                     # a segment outside the profile reads padding only
                     cell = min(max(cell, -1.0 * half), n_cells - 2.0 * segment + half)
                     base[item] = np.int32((echo * n_phases + phase) * n_cells + cell + half)
+                    if light is not None:
+                        n_knots, at = LIT_LINES // apart + 1, line + offset
+                        knot = ((at // LIT_LINES * (2 * lines.shape[0] + 1) + 2 * segment_number)
+                                * n_knots + at % LIT_LINES // apart)
+                        low, middle, high = (
+                            _amplitude_at(amplitude, 0, between[line], knot, echo),
+                            _amplitude_at(amplitude, n_knots, between[line], knot, echo),
+                            _amplitude_at(amplitude, 2 * n_knots, between[line], knot, echo))
+                        weigh_phasor(turn, item, short_half, low, middle, high)
+                        if low + middle + high == np.float32(0.0):
+                            base[item] = _DARK
             cuda.syncthreads()
             for echo in range(n_echoes if mine else 0):
-                loaded, at = np.int32(-1), np.uint64(echo * n_together + group * LINES)
+                loaded, at = _DARK, np.uint64(echo * n_together + group * LINES)
                 for j in range(LINES):
                     item = at + np.uint64(j)
+                    if light is not None:
+                        if base[item] == _DARK:
+                            continue
                     if base[item] != loaded:
                         loaded = base[item]
                         for p in range(PIXELS):

@@ -1,0 +1,1 @@
+"""Backprojection along image lines: `lines` prepares them, `kernels` add echoes."""

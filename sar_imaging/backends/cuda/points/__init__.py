@@ -1,0 +1,1 @@
+"""Backprojection onto arbitrary points: `points` prepares them, `kernels` add echoes."""
