@@ -38,6 +38,7 @@ MODULES = {
     'sar_imaging.autofocus.track': ('PhaseCentreTrack',),
     'sar_imaging.backends.reference.project_points': ('half_paths',),
     'sar_imaging.backends.reference.resample_profiles': ('profile_spectra',),
+    'sar_imaging.backends.samples': ('compress', 'to_device'),
     'sar_imaging.configuration.parameters': ('default_file', 'read_configuration'),
     'sar_imaging.geometry.alignment': ('Alignment',),
     'sar_imaging.geometry.poses': ('PoseTrack',),

@@ -82,7 +82,7 @@ class Backprojection:
                 self._give_up(error)
         if self._sum is None:
             self._sum = cpu.Backprojection(self.plan, self._memory)
-        return self._sum.add(np.asarray(samples), tx_m, rx_m, image)
+        return self._sum.add(to_host(samples), tx_m, rx_m, image)
 
     def _give_up(self, error: DeviceError) -> None:
         _logger.warning(f'{error}; the processor computes')
@@ -200,6 +200,12 @@ def form_map(polar_image: np.ndarray, fusion: UnifiedPolarGrids, grid: MapGrid,
         except DeviceError as error:
             _logger.warning(f'{error}; the processor computes')
     return cpu.form_map(polar_image, fusion, grid, centre_m, overwrite=overwrite)
+
+
+def sooner_there(counts: Mapping[str, float], n_samples: int, what: str) -> bool:
+    """Whether the device does operations sooner, with so many samples sent there or fetched."""
+    device_s = _device_seconds(counts, _BYTES * n_samples)
+    return _sooner(device.device_backend(), device_s, costs().seconds(counts), what) is not cpu
 
 
 def _device_seconds(counts: Mapping[str, float], n_bytes: float) -> float:

@@ -63,6 +63,7 @@ class Afbp(Method):
                 raise
             _logger.warning(f'{error}; the processor computes')
             self._backend, self._stages = backends.backend('cpu'), None
+            block = dataclasses.replace(block, samples=to_host(block.samples))
             return self._image(block, onto)
 
     def _image(self, block: PulseBlock, onto) -> tuple[np.ndarray, Report]:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..backends import AUTO, BACKENDS
+from ..backends import AUTO
+from ..backends.samples import check_device_arrays
 from ..device_arrays import on_device, zeros_beside
 from ..geometry.grids import Grid, MapGrid
 from ..geometry.illumination import AntennaPattern, Pointing
@@ -24,7 +25,7 @@ from ..signal.range_compression import RangeCompressor
 from .channels import Channels
 from .image import Image, Report
 from .methods import AFBP, EXACT, Method, Options, method_class
-from .on_device import FormedThere, check_device_arrays
+from .on_device import FormedThere, prepared
 
 if TYPE_CHECKING:
     from ..backends.protocol import Backend
@@ -118,8 +119,6 @@ def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
     >>> image.shape, image.report.method, bool(image.report.predicted_error_db < -60)
     ((24, 24), 'exact', True)
     """
-    if illumination is not None and backend == AUTO:
-        backend = BACKENDS[0]  # of which devices know nothing yet
     options = Options(float(target_db), compressed, weighting, pulse_weights, backend, progress,
                       illumination)
     imager = Imager(as_grid(grid, height_m), radar, n_samples, method, options,
@@ -291,14 +290,14 @@ class Imager:
         where = block.tx_m, block.rx_m, block.pointing
         planned = self._planned(number, *where)
         if self._asked is None and planned.NAME != EXACT:
-            samples, report = planned.image(self._prepared(planned, block))
+            samples, report = self._image(planned, block)
             missed_db = report.predicted_error_db - self._options.target_db
             if missed_db <= 0:
                 return (samples if onto is None else np.add(onto, samples, out=onto)), report
             planned = self._plan_anew(
                 number, method_class(EXACT), where, f'{planned.NAME} would miss the target by '
                 f'{missed_db:.1f} dB: the surroundings are bright')
-        return planned.image(self._prepared(planned, block), onto)
+        return self._image(planned, block, onto)
 
     @functools.cached_property
     def _formed_there(self) -> FormedThere:
@@ -360,11 +359,13 @@ class Imager:
     def _compressor(self) -> RangeCompressor:
         return RangeCompressor(self.radar, self.n_samples, window=self._options.weighting)
 
-    def _prepared(self, planned: Method, block: PulseBlock) -> PulseBlock:
-        """The block as the method takes it."""
+    def _image(self, planned: Method, block: PulseBlock, onto=None) -> tuple[np.ndarray, Report]:
+        """Image of a block by a method, which may want range profiles."""
         if planned.options.compressed and not self._options.compressed:
-            return self._compressor(block)
-        return block
+            raw, block = block, prepared(planned, self._compressor, block)
+            if onto is None and on_device(block.samples):  # profiles went there, not the image
+                onto = zeros_beside(self.grid.shape, raw.samples)
+        return planned.image(block, onto)
 
     @staticmethod
     def _check_memory(shape: tuple[int, ...]) -> None:

@@ -9,31 +9,37 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..backends import AUTO, CUDA, DeviceError, backend
+from ..backends import CUDA, DeviceError
+from ..backends.samples import compress
 from ..device_arrays import beside, to_host
 from ..signal.pulses import PulseBlock
+from ..signal.range_compression import RangeCompressor
 from .image import Report
-from .methods import Options
+from .methods import Method, Options
 
 if TYPE_CHECKING:
-    from ..backends.protocol import Backend
     from .imager import Imager
 
 _logger = logging.getLogger(__name__)
 
 
-def check_device_arrays(name: str | Backend) -> None:
-    """Check that a backend takes samples that lie on a CUDA device.
+def prepared(planned: Method, compressor: RangeCompressor, block: PulseBlock) -> PulseBlock:
+    """Range profiles of raw pulses, on the device where a device will image them."""
+    if _images_there(planned):
+        try:
+            return compress(compressor, block, CUDA)
+        except DeviceError as error:
+            if planned.options.backend == CUDA:
+                raise
+            _logger.warning(f'{error}; the processor computes')
+    return compress(compressor, block, planned.options.backend)
 
-    Raises
-    ------
-    ValueError
-        It does not say so: it has no true attribute ``DEVICE_ARRAYS``.
-    """
-    if not getattr(backend(name), 'DEVICE_ARRAYS', False):
-        raise ValueError(f'the samples lie on a CUDA device, where backend={name!r} does not '
-                         f'reach them; use backend={CUDA!r} or {AUTO!r}, or copy them to the host '
-                         'with samples.get()')
+
+def _images_there(planned: Method) -> bool:
+    """Whether a device will form the images of a method, which may have the choice."""
+    chosen = getattr(planned, '_sum', None) or getattr(planned, '_backend', None)
+    name = getattr(chosen, 'name', '') or getattr(chosen, '__name__', '').rpartition('.')[2]
+    return CUDA in (name, planned.options.backend)
 
 
 class FormedThere:

@@ -12,11 +12,12 @@ import math
 import numpy as np
 from scipy import fft
 
-from ...compilation import numba
+from ...device_arrays import beside, contiguous, zeros_beside
 from ..radar import RadarParameters
 from ..waveforms import check_lfm, lfm_spectrum, n_pulse_samples
 from ..windows import window as window_weights
 from .phase_history import fast_length
+from .transforms import forward, inverse
 
 
 class BandFilter:
@@ -144,7 +145,7 @@ class BandFilter:
         Parameters
         ----------
         samples : (P, C, N) complex64
-            As planned for.
+            As planned for; profiles of those on a device lie there.
         gain : (K,) or (C, K) complex64
             Factor of each frequency and channel.
 
@@ -152,8 +153,8 @@ class BandFilter:
         -------
         (P, C, n_output) complex64
         """
-        spectra = fft.fft(samples, self._n_in, workers=numba.get_num_threads())
-        out = np.zeros((*samples.shape[:2], self._n_out), np.complex64)
+        spectra, gain = forward(samples, self._n_in), beside(gain, samples)
+        out = zeros_beside((*samples.shape[:2], self._n_out), samples)
         centre, negative = self._centre_bin, self._n_negative
         above = slice(centre, centre + self._n_positive + 1)
         np.multiply(spectra[..., above], gain[..., negative:],
@@ -162,8 +163,7 @@ class BandFilter:
             # bins below zero are the last ones of the transform
             below = slice((centre - negative) or None, centre or None)
             np.multiply(spectra[..., below], gain[..., :negative], out=out[..., -negative:])
-        profiles = fft.ifft(out, overwrite_x=True, workers=numba.get_num_threads())
-        profiles = np.ascontiguousarray(profiles[..., :self.n_output])
+        profiles = contiguous(inverse(out, self._n_out)[..., :self.n_output])
         if self._ramp is not None:
-            profiles *= self._ramp
+            profiles *= beside(self._ramp, profiles)
         return profiles

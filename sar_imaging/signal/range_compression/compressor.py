@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from ...device_arrays import beside, contiguous
 from ..calibration import ChannelCalibration
 from ..pulses import PulseBlock
 from ..pulses.checks import check_samples
@@ -178,14 +179,29 @@ class RangeCompressor:
         Returns
         -------
         PulseBlock
-            Compressed, samples ``(P, C, n_output)`` complex64, positions and times unchanged.
-            Profiles that need neither window nor another rate come back as they are, uncopied.
+            Compressed, samples ``(P, C, n_output)`` complex64, positions and times unchanged; on
+            the device where those of the block lie there. Profiles that need neither window nor
+            another rate come back as they are, uncopied.
 
         Raises
         ------
         ValueError
             The block is of another radar, length or kind than planned for, has another number
             of channels than the calibration, or holds samples that are not finite.
+        """
+        self.check(block)
+        check_samples(block.samples, block.counter)
+        if self._pass_through and self.n_output == block.n_samples:
+            return block
+        return self.compressed_block(block, self.profiles(block.samples))
+
+    def check(self, block: PulseBlock) -> None:
+        """Check that a block is what was planned for, but for its samples.
+
+        Raises
+        ------
+        ValueError
+            As a call.
         """
         got = (block.radar, block.n_samples, block.compressed)
         if got != (self.radar, self.n_samples, self.compressed):
@@ -196,13 +212,27 @@ class RangeCompressor:
                 'RangeCompressor.for_block')
         if self._calibration is not None:
             self._calibration.check_channels(block.n_channels)
-        check_samples(block.samples, block.counter)
-        samples = block.samples
+
+    def profiles(self, samples):
+        """Range profiles of samples, unchecked.
+
+        Parameters
+        ----------
+        samples : (P, C, n_samples) complex64
+            Of the planned radar.
+
+        Returns
+        -------
+        (P, C, n_output) complex64
+            On the device where the samples lie there.
+        """
         if not self._pass_through:
             samples = self._plan(samples, self._gain)
             if self._turn is not None:
-                samples *= self._turn
-        elif self.n_output == block.n_samples:
-            return block
+                samples *= beside(self._turn, samples)
+        return contiguous(samples[..., self._kept])
+
+    def compressed_block(self, block: PulseBlock, profiles) -> PulseBlock:
+        """A block with its range profiles in place of its samples."""
         return dataclasses.replace(block, radar=self._output_radar, compressed=True,
-                                   samples=np.ascontiguousarray(samples[..., self._kept]))
+                                   samples=profiles)

@@ -17,9 +17,11 @@ import numpy as np
 from scipy import fft
 
 from ...compilation import njit, numba
+from ...device_arrays import beside, on_device
 from ..dechirp import check_fmcw
 from ..radar import RadarParameters, Waveform
 from ..windows import window as window_weights
+from .transforms import inverse
 
 _ROWS_PER_CALL = 256  # bounds the work space
 GUARD_SAMPLES = 16  # repeated at both ends of a periodic profile
@@ -150,7 +152,7 @@ class PhaseHistoryPlan:
         Parameters
         ----------
         samples : (P, C, N) complex64
-            Phase histories.
+            Phase histories; profiles of those on a device lie there.
         gain : (N,) or (C, N) complex64
             Factor of each frequency, ascending, and channel.
 
@@ -161,12 +163,15 @@ class PhaseHistoryPlan:
         if self._falling:
             samples = samples[..., ::-1]
         pulses, channels, _ = samples.shape
+        if on_device(samples):
+            profiles = inverse(samples * beside(gain, samples), self._period)
+            source = (self._first + np.arange(self.n_output)) % self._period
+            return profiles[..., beside(source, samples)] * beside(self._ramp, samples)
         out = np.empty((pulses, channels, self.n_output), np.complex64)
         step = max(1, _ROWS_PER_CALL // max(channels, 1))
         for start in range(0, pulses, step):
             part = slice(start, start + step)
-            profiles = fft.ifft(samples[part] * gain, self._period, overwrite_x=True,
-                                workers=numba.get_num_threads())
+            profiles = inverse(samples[part] * gain, self._period)
             _wrap_and_turn(profiles.reshape(-1, self._period), self._first, self._ramp,
                            out[part].reshape(-1, self.n_output))
         return out
