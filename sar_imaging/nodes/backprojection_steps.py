@@ -302,11 +302,15 @@ class ImageStep(BackprojectionStep):
     def _send(self, product: ApertureImage) -> None:
         """Publish an image, and keep it for whoever wants it as a file."""
         counters = product.counters
-        image = self._brightness.calibrated(self._image(product),
-                                            lambda: self._pulses.pulses(counters))
+
+        def pulses() -> PulseBlock:
+            return self._pulses.pulses(counters)
+
+        image = self._brightness.calibrated(self._image(product), pulses)
         if image is not None:
             self._products.publish(image.samples, product.grid, product.stamp_ns)
-            self._files.keep(image, lambda: self._pulses.acquisition(counters))
+            self._files.keep(image, lambda: self._pulses.acquisition(counters),
+                             self._brightness.factors(image, pulses))
         if self._obstacles is not None:  # by the contrast to what is around: as it was formed
             lit = (None if self._pattern is None else
                    lambda: self._tracks.lit(counters, product.grid, self._pattern))

@@ -127,6 +127,16 @@ class LiveCalibration:
         return dataclasses.replace(image, samples=image.samples * scale.values,
                                    radiometry=scale.radiometry)
 
+    def response(self, image: Image, pulses: PulseBlock) -> tuple[ImageResponse, RadarConstant]:
+        """Response of an image at all its pixels, and the constant, for files of it.
+
+        Raises
+        ------
+        ValueError
+            As a call.
+        """
+        return self._response(image.grid, pulses), self._constant
+
     def _of(self, grid: Grid, pulses: PulseBlock) -> _Scale:
         geometry = self._seen(grid, pulses)
         if self._geometry is None or not geometry.same_as(self._geometry):

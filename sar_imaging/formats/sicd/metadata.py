@@ -10,16 +10,19 @@ import numpy as np
 
 from ... import __version__
 from ...geometry.earth import Datum
+from ...imaging.radiometry import Radiometry
 from ...signal.radar import SPEED_OF_LIGHT, Waveform
 from ..acquisition import UNKNOWN, Acquisition
 from ..extras import require
 from .elements import Elements
 from .layout import Layout
+from .radiometric import Radiometric, radiometric_element
 from .track import Track, evaluate
 
 MONOSTATIC, BISTATIC = 'urn:SICD:1.3.0', 'urn:SICD:1.4.0'
 DATUM, SCALE, RESIDUAL = ('sar_imaging datum', 'sar_imaging amplitude scale',
                           'sar_imaging track residual, metres')
+CALIBRATED, FACTORS_RESIDUAL = 'sar_imaging radiometry', 'sar_imaging scale factor residual, dB'
 _SPECTRUM_ORDER = 3  # of the polynomials of the local spectra
 
 
@@ -39,6 +42,10 @@ class Description:
         What our samples were multiplied by, where they were.
     classification : str
         Of the file.
+    radiometric : Radiometric or None
+        Scale factors of the pixels, where they are known.
+    calibrated : Radiometry or None
+        What the squared magnitude of the pixels is, where the image was calibrated.
     """
 
     layout: Layout
@@ -49,6 +56,8 @@ class Description:
     amplitudes: np.ndarray | None
     scale: float | None
     classification: str
+    radiometric: Radiometric | None = None
+    calibrated: Radiometry | None = None
 
 
 def sicd_tree(description: Description):
@@ -60,6 +69,8 @@ def sicd_tree(description: Description):
         _collection, _creation, _image_data, _geo_data, _grid, _timeline, _position,
         _radar_collection, _image_formation)))
     root.append(sicd.compute_scp_coa(root.getroottree()))
+    if description.radiometric is not None:
+        root.append(radiometric_element(make, description.radiometric))
     return root.getroottree()
 
 
@@ -68,7 +79,9 @@ def _collection(make: Elements, own: Description):
     name = acquisition.name or f'{acquisition.collector}_{track.start:%Y%m%dT%H%M%S%f}'
     datum = json.dumps(dataclasses.asdict(own.datum))
     parameters = {DATUM: datum, RESIDUAL: f'{track.residual_m:.2g}',
-                  SCALE: None if own.scale is None else repr(own.scale)}
+                  SCALE: None if own.scale is None else repr(own.scale),
+                  CALIBRATED: own.calibrated and json.dumps(dataclasses.asdict(own.calibrated)),
+                  FACTORS_RESIDUAL: own.radiometric and f'{own.radiometric.residual_db:.2g}'}
     illuminator = acquisition.illuminator or (UNKNOWN if track.bistatic else '')
     return make('CollectionInfo', make('CollectorName', acquisition.collector),
                 make('IlluminatorName', illuminator) if illuminator else None,

@@ -11,6 +11,7 @@ import numpy as np
 from ...geometry.earth import Datum, ecef_to_geographic
 from ...geometry.even_grids import PlaneGrid
 from ...imaging.image import Image, Report
+from ...imaging.radiometry import Radiometry
 from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
 from ..acquisition import UNKNOWN, Acquisition
 from ..extras import require
@@ -18,7 +19,7 @@ from ..product import ImageProduct
 from .container import SicdContainer
 from .fields import Fields
 from .layout import turned
-from .metadata import DATUM, SCALE
+from .metadata import CALIBRATED, DATUM, SCALE
 from .pixels import AMPLITUDE_PHASE, DTYPES, INTEGER, decoded
 from .track import evaluate, stamp_of
 
@@ -103,8 +104,18 @@ def _product(container: SicdContainer, fields: Fields) -> ImageProduct:
     report = Report('SICD', f'{fields.text("ImageFormation/ImageFormAlgo", "of a file")}, '
                     f'grid {fields.text("Grid/Type", "PLANE")}', math.nan)
     middle = int(acquisition.stamp_ns[acquisition.n_pulses // 2])
-    return ImageProduct(Image(samples, grid, acquisition.radar.carrier_hz, report, middle), datum,
-                        acquisition)
+    image = Image(samples, grid, acquisition.radar.carrier_hz, report, middle,
+                  radiometry=_radiometry(fields))
+    return ImageProduct(image, datum, acquisition)
+
+
+def _radiometry(fields: Fields) -> Radiometry | None:
+    """What the squared magnitude is, where our writer told."""
+    told = fields.parameter(CALIBRATED)
+    try:
+        return None if told is None else Radiometry(**json.loads(told))
+    except TypeError as error:
+        raise ValueError(f'parameter {CALIBRATED!r} is damaged: {error}') from None
 
 
 def _datum(fields: Fields) -> Datum:

@@ -9,19 +9,23 @@ import numpy as np
 
 from ...geometry.earth import Datum
 from ...imaging.image import Image
+from ...radiometry import ImageResponse, RadarConstant
 from ...signal.radar import SPEED_OF_LIGHT
 from ..acquisition import Acquisition
 from ..extras import require
 from . import pixels
 from .layout import lay_out
 from .metadata import Description, sicd_tree
+from .radiometric import radiometric
 from .track import fit_track
 
 _STATION = 'SARIMAGING'  # ten letters at most
 
 
 def write_sicd(path: os.PathLike | str, image: Image, datum: Datum, acquisition: Acquisition, *,
-               pixel_type: str = pixels.FLOAT, classification: str = 'UNCLASSIFIED') -> None:
+               pixel_type: str = pixels.FLOAT, classification: str = 'UNCLASSIFIED',
+               response: ImageResponse | None = None,
+               constant: RadarConstant | None = None) -> None:
     """Write an image as SICD 1.3, bistatic ones as 1.4 (NGA.STND.0024).
 
     The image lies on a plane: a grid of `sicd_grid`, or a map, whose axes are exchanged and
@@ -42,13 +46,17 @@ def write_sicd(path: os.PathLike | str, image: Image, datum: Datum, acquisition:
         ``'RE32F_IM32F'``, ``'RE16I_IM16I'`` or ``'AMP8I_PHS8I'``.
     classification : str
         Of the contents; its first letter goes to the NITF headers.
+    response, constant : ImageResponse and RadarConstant, optional
+        Response of the image (`sar_imaging.radiometry.image_response`) and constant of the radar:
+        the file then has scale factors by which its pixels become cross sections, beta, sigma and
+        gamma nought, whether the image is calibrated or not.
 
     Raises
     ------
     ValueError
         SICD does not describe such an image: on terrain, on an upright plane, aliased, of waves
         that do not travel as light does, of a radar that does not move. Or the image and the
-        acquisition do not belong together.
+        acquisition or the response do not belong together, or scale factors are no polynomials.
     MissingExtraError
         sarkit is not installed.
 
@@ -69,11 +77,15 @@ def write_sicd(path: os.PathLike | str, image: Image, datum: Datum, acquisition:
     """
     sicd = require('sarkit.sicd', 'writing SICD')
     _check(image, acquisition)
+    if (response is None) != (constant is None):
+        raise ValueError('response and constant belong together; give both, or none')
     layout = lay_out(image.grid, acquisition)
     track = fit_track(acquisition, datum, layout.scp_m)
     stored, amplitudes, scale = pixels.encoded(layout.at_baseband(image.samples), pixel_type)
+    factors = (None if response is None else
+               radiometric(image, layout, response, constant, scale))
     tree = sicd_tree(Description(layout, track, acquisition, datum, pixel_type, amplitudes, scale,
-                                 classification))
+                                 classification, factors, image.radiometry))
     security = sicd.NitfSecurityFields(clas=_letter(classification))
     metadata = sicd.NitfMetadata(
         xmltree=tree,

@@ -78,6 +78,20 @@ class ImageBrightness:
         """What to add to the log line of the latest image."""
         return self._told
 
+    def factors(self, image: Image, pulses: Callable[[], PulseBlock]
+                ) -> Callable[[], dict[str, object]]:
+        """Function that returns what `write_sicd` takes for scale factors; nothing uncalibrated.
+
+        The arguments are those of `calibrated`, whose ValueError it raises.
+        """
+        def tell() -> dict[str, object]:
+            if not self.wanted:
+                return {}
+            response, constant = self._calibration.response(image, pulses())
+            return {'response': response, 'constant': constant}
+
+        return tell
+
     def calibrated(self, image: Image, pulses: Callable[[], PulseBlock]) -> Image | None:
         """The image as brightness, or as it is where that is not wanted.
 

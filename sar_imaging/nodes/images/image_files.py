@@ -42,14 +42,15 @@ class ImageFiles:
 
     def __init__(self, parameters: Mapping[str, object], datum: FrameDatum):
         self._parameters, self._datum = parameters, datum
-        self._latest: tuple[Image, Callable[[], Acquisition]] | None = None
+        self._latest: tuple[Image, Callable[[], Acquisition], Callable[[], dict]] | None = None
 
     @property
     def wanted(self) -> bool:
         """Whether images are kept."""
         return bool(self._parameters[SAVE_FOLDER.name])
 
-    def keep(self, image: Image, acquisition: Callable[[], Acquisition]) -> None:
+    def keep(self, image: Image, acquisition: Callable[[], Acquisition],
+             factors: Callable[[], dict[str, object]] = dict) -> None:
         """Keep an image in the place of the last one.
 
         Parameters
@@ -58,8 +59,10 @@ class ImageFiles:
             Its samples are kept as they are until another one comes.
         acquisition : callable
             Returns that of the image, or raises ValueError where it is not known.
+        factors : callable
+            Returns what SICD takes for scale factors; nothing where they are not known.
         """
-        self._latest = (image, acquisition) if self.wanted else None
+        self._latest = (image, acquisition, factors) if self.wanted else None
 
     def saving(self, strip: Callable[[], tuple[np.ndarray, MapGrid]] | None = None
                ) -> Callable[[], str]:
@@ -82,13 +85,14 @@ class ImageFiles:
             raise ValueError(f'no image was formed since {SAVE_FOLDER.name} was set')
         if self._datum.value is None:
             raise ValueError(self._datum.reason)
-        image, acquisition = self._latest
+        image, acquisition, factors = self._latest
         kind = self._parameters['save.format']
         # Copied: the next image may be formed in the same memory.
         image = dataclasses.replace(image, samples=image.samples.copy())
         write = functools.partial(_write, kind=kind, datum=self._datum.value,
                                   folder=Path(self._parameters[SAVE_FOLDER.name]),
-                                  acquisition=acquisition() if kind == SICD else None)
+                                  acquisition=acquisition() if kind == SICD else None,
+                                  factors=factors() if kind == SICD else {})
         try:
             samples, grid = strip() if strip is not None else (None, None)
         except ValueError:
@@ -100,7 +104,7 @@ class ImageFiles:
 
 
 def _write(image: Image, name: str, *, kind: str, datum: Datum, folder: Path,
-           acquisition: Acquisition | None) -> str:
+           acquisition: Acquisition | None, factors: Mapping[str, object]) -> str:
     """Write a file, complete or not at all; returns what was written."""
     folder.mkdir(parents=True, exist_ok=True)
     stem = folder / f'{name}_{file_stem(image.stamp_ns)}'
@@ -111,5 +115,5 @@ def _write(image: Image, name: str, *, kind: str, datum: Datum, folder: Path,
         place = write_geotiff(path, image, datum, content=_CONTENT[kind])
         return f'wrote {path}, {place.crs.name}'
     path = stem.with_name(f'{stem.name}.nitf')
-    write_sicd(path, image, datum, acquisition)
+    write_sicd(path, image, datum, acquisition, **factors)
     return f'wrote {path}'

@@ -60,10 +60,9 @@ def respond(source: Source, choice: GridChoice) -> ImageResponse:
                           weighted=lit is not None)
 
 
-def calibrate_image(source: Source, choice: GridChoice, image: Image, quantity: str,
+def calibrate_image(response: ImageResponse, image: Image, quantity: str,
                     constant: RadarConstant) -> tuple[Image, dict]:
     """The image as calibrated brightness, and its figures in dB."""
-    response = respond(source, choice)
     scaled = calibrated(image, response, constant, quantity)
     power = np.abs(scaled.samples).astype(np.float64) ** 2
     told = scaled.radiometry

@@ -11,7 +11,7 @@ import json
 import logging
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -119,11 +119,14 @@ def run(arguments: argparse.Namespace) -> str:
     image, seconds = forming.form(source, choice, arguments.target_db, n_bytes)
     measured = forming.verify(source, image, n_bytes)
     quality = describe(source, choice, image, seconds, measured)
+    calibration = {}
     if constant is not None:
+        response = brightness.respond(source, choice)
         image, quality['brightness'] = brightness.calibrate_image(
-            source, choice, image, arguments.brightness, constant)
+            response, image, arguments.brightness, constant)
+        calibration = {'response': response, 'constant': constant}
     written = write_products(arguments.output, arguments.format, source, choice, image,
-                             arguments.brightness)
+                             calibration)
     (arguments.output / 'quality.json').write_text(
         json.dumps(quality, indent=2, allow_nan=False) + '\n')
     _write_report(arguments.output, source, choice, image, quality)
@@ -150,11 +153,13 @@ def _check_formats(arguments: argparse.Namespace, source: Source) -> None:
 
 
 def write_products(folder: Path, formats: Sequence[str], source: Source, choice: GridChoice,
-                   image: Image, quantity: str | None = None) -> list[str]:
+                   image: Image, calibration: Mapping[str, object]) -> list[str]:
     """Write the image in some formats, and always a picture; returns the names of the files.
 
-    Pictures of calibrated images show the quantity's own decibels.
+    Pictures of calibrated images show the quantity's own decibels. `calibration` is what
+    `write_sicd` takes for scale factors.
     """
+    quantity = None if image.radiometry is None else image.radiometry.quantity
     np.save(folder / 'image.npy', image.samples)
     grid, axes = forming.drawn_grid(choice)
     known = source.scatterers if isinstance(choice.grid, MapGrid) else ()
@@ -170,7 +175,7 @@ def write_products(folder: Path, formats: Sequence[str], source: Source, choice:
         written.append(FILES['geotiff'])
     if 'sicd' in files:
         write_sicd(files['sicd'], image, source.datum, source.acquisition(),
-                   classification=source.collection.classification)
+                   classification=source.collection.classification, **calibration)
         written.append(FILES['sicd'])
     if 'kml' in files:
         written += [path.name for path in write_quicklook(files['kml'], image, source.datum)]

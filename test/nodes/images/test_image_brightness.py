@@ -1,6 +1,8 @@
 """Calibrated brightness of the nodes: over real DDS, and what is refused."""
 
 import dataclasses
+import importlib.util
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -59,6 +61,10 @@ def test_a_trihedral_has_its_cross_section_in_every_product(make_chain, psf, con
         assert np.nanmax(file.read(1)) == pytest.approx(10 * np.log10(SIZE_M2), abs=0.1)
     assert (tags['QUANTITY'], tags['UNIT']) == ('rcs', 'm^2')
     assert float(tags['NOISE_EQUIVALENT_DB']) == pytest.approx(expected, abs=0.1)
+    if importlib.util.find_spec('sarkit') is not None:
+        assert observer.set_parameter('sar_pipeline', 'save.format', 'sicd')[0]
+        [path] = written(observer.trigger('sar_pipeline/save_image'))
+        assert b'<SigmaZeroSFPoly' in Path(path).read_bytes()
 
 
 @pytest.mark.parametrize(('parameters', 'text'), [
