@@ -35,6 +35,7 @@ from .support.machine import machine
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'doctor.json'
 RECORDS = pathlib.Path('out/doctor_campaign.jsonl')
 RIGHT = 'none'
+PARTS = ('simulated', 'measured')
 _WITH_IMAGE = 2  # cases in which the image is looked at for faults of signals, too
 _MEASURED_DRAWS = 2  # of each fault in each measured recording
 _MOST_SEEDS = 4  # for each case that a fault needs; not all radars can have all faults
@@ -116,6 +117,7 @@ def tallied(entries, *, real: bool) -> dict:
         rows = [e for e in entries if e['fault'] == name]
         missed = [e for e in rows if not set(e['found']) & set(wanted)]
         faults[name] = {
+            'first_seed': min((e['seed'] for e in rows), default=0),
             'injected': len(rows), 'named': len(rows) - len(missed),
             'missed': [[e['recording'], e['seed'], e['found']] for e in missed],
             'other_findings': Counter(
@@ -124,6 +126,16 @@ def tallied(entries, *, real: bool) -> dict:
             'right_with_a_finding': [[e['recording'], e['seed'], e['found']]
                                      for e in right if e['found']],
             'faults': faults}
+
+
+def merged(part: str, tally: dict) -> dict:
+    """Results of a part; of what this campaign has no case of, those of the one before."""
+    if not RESULTS.exists():
+        return tally
+    before = json.loads(RESULTS.read_text())[part]
+    faults = {name: row if row['injected'] else before['faults'].get(name, row)
+              for name, row in tally['faults'].items()}
+    return (tally if tally['right'] else before) | {'faults': faults}
 
 
 def main() -> None:
@@ -141,16 +153,17 @@ def main() -> None:
         simulated(records, arguments.only, arguments.first, arguments.cases)
     if arguments.part in (None, 'measured'):
         measured(records, arguments.only, arguments.first)
-    results = {'machine': machine(), 'first_seed': arguments.first,
-               'simulated': tallied(records.entries.values(), real=False),
-               'measured': tallied(records.entries.values(), real=True)}
+    results = {'machine': machine()} | {
+        part: merged(part, tallied(records.entries.values(), real=part == 'measured'))
+        for part in PARTS}
     RESULTS.write_text(json.dumps(results, indent=1) + '\n')
     for name in FAULTS:
-        cells = [results[part]['faults'][name] for part in ('simulated', 'measured')]
-        others = ', '.join(f'{other} ({n})' for other, n in cells[0]['other_findings'])
+        cells = [results[part]['faults'][name] for part in PARTS]
+        others = ', '.join(f'{other} ({n})' for cell in cells
+                           for other, n in cell['other_findings'])
         print('| ' + ' | '.join([name, *(f'{c["named"]} of {c["injected"]}' if c['injected']
                                         else '–' for c in cells), others or '–']) + ' |')
-    for part in ('simulated', 'measured'):
+    for part in PARTS:
         false = results[part]['right_with_a_finding']
         print(f'{part} recordings without fault, with a finding: {len(false)} of '
               f'{results[part]["right"]} {false or ""}')

@@ -15,6 +15,7 @@ import numpy as np
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
+from .array_phases import FEWEST, array_phases
 from .coherence import BUDGET, OVERSAMPLING, CoherenceProbe, resolved
 from .signals import Finding
 
@@ -42,18 +43,23 @@ def channel_phases(block: PulseBlock, grid: MapGrid, *, window: str = 'none') ->
     Returns
     -------
     (C,) float64
-        Radians, 0 where the scene tells none: one channel, channels that lie across the track
-        (their phases tell the place of the scene as well), or that see different things.
+        Radians, 0 where the scene tells none: one channel, channels that see different things,
+        or fewer than four that lie across the track, where phases tell the place of the scene
+        as well.
     """
     n = block.n_channels
     none = np.zeros(n)
-    if not 2 <= n <= _MOST_CHANNELS or not _along_the_track(block):
+    along = _along_the_track(block)
+    places = None if along or n < FEWEST else _on_a_line(block)
+    if not 2 <= n <= _MOST_CHANNELS or not along and places is None:
         return none
     window = 'none' if block.compressed else window
     profiles = RangeCompressor.for_block(block, window=window, oversampling=OVERSAMPLING)(block)
     probe = CoherenceProbe(resolved(grid, block), BUDGET, _TILE).fixed(profiles)
     images = np.stack([probe.sums(_channel(profiles, c)) for c in range(n)]).astype(complex)
     power = np.sum(np.square(np.abs(images)), axis=1)
+    if places is not None:
+        return array_phases(images, places) if power.min() > _DEAD * power.max() else none
     alive = power > _DEAD * power.max()
     # the brightest pixels decide, of noise all are alike
     weight = np.sum(np.square(np.abs(images)), axis=0)
@@ -122,6 +128,18 @@ def _along_the_track(block: PulseBlock) -> bool:
     along = np.ptp(track @ direction)
     return bool(np.linalg.norm(beside, axis=1).max() < _ALONG * block.radar.wavelength_m
                 and np.ptp(places @ direction) < along)
+
+
+def _on_a_line(block: PulseBlock) -> np.ndarray | None:
+    """(C,) places of the channels along their line, metres; None where they lie on none."""
+    places = (block.tx_m + block.rx_m)[0] / 2
+    places = places - places.mean(axis=0)
+    direction = np.linalg.svd(places, full_matrices=False)[2][0]
+    beside = places - np.outer(places @ direction, direction)
+    if np.linalg.norm(beside, axis=1).max() > _ALONG * block.radar.wavelength_m:
+        return None
+    along = places @ direction
+    return along if np.ptp(along) > 0 else None
 
 
 def _channel(block: PulseBlock, number: int) -> PulseBlock:

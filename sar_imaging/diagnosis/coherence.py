@@ -102,6 +102,11 @@ class CoherenceProbe:
         rows = _Rows.of(profiles)
         return rows.sums(self._points(rows))[0]
 
+    @property
+    def points(self) -> np.ndarray:
+        """(K, 3) pixels of a probe that `fixed` made, metres."""
+        return self._places
+
     def fixed(self, profiles: PulseBlock) -> CoherenceProbe:
         """A probe of the pixels that this one chooses for some profiles, whatever is asked."""
         probe = CoherenceProbe(self.grid, self._budget, self._tile)
@@ -145,6 +150,46 @@ class CoherenceProbe:
         inside = (y < grid.n_y) & (x < grid.n_x)
         x_m, y_m = grid.x_m[x[inside]], grid.y_m[y[inside]]
         return np.stack([x_m, y_m, np.full(len(x_m), grid.z_m)], axis=-1)
+
+
+class GroupSums:
+    """Sums of each group of pulses at few points.
+
+    Parameters
+    ----------
+    profiles : PulseBlock
+        Range profiles with phase centres; samples of other profiles of the same pulses may be
+        summed, too.
+    """
+
+    def __init__(self, profiles: PulseBlock):
+        self._profiles = profiles
+
+    def __call__(self, points: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Sums of the groups at points (K, 3) of samples (P, C, N).
+
+        Returns
+        -------
+        (K, G) complex128
+            Sums over the pulses of each group.
+        (K, G) float64
+            Mean half path to the pulses of each group, metres.
+        """
+        rows = _Rows.of(dataclasses.replace(self._profiles, samples=samples))
+        radar = rows.radar
+        half_path = sum(np.linalg.norm(points[:, None] - centres, axis=-1)
+                        for centres in (rows.tx_m, rows.rx_m)) / 2
+        place = (half_path - radar.range_start_m) / radar.sample_spacing_m
+        inside = (place >= 0) & (place < rows.samples.shape[1] - 1)
+        cell = np.where(inside, place, 0).astype(int)
+        t = np.where(inside, place - cell, 0)
+        row = np.arange(len(rows.group))
+        values = (1 - t) * rows.samples[row, cell] + t * rows.samples[row, cell + 1]
+        values *= inside * np.exp(4j * np.pi / radar.wavelength_m * half_path)
+        starts = np.flatnonzero(np.r_[True, np.diff(rows.group) != 0])
+        sizes = np.diff(np.r_[starts, len(rows.group)])
+        return (np.add.reduceat(values, starts, axis=1),
+                np.add.reduceat(half_path, starts, axis=1) / sizes)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -48,6 +48,8 @@ class Diagnosis:
         What to change, a sentence; empty when there is nothing to say.
     corrected : float
         Focus figure with the mistake undone; that of the data where nothing was.
+    evidence : str
+        What tells the mistake, where it is not the focus.
 
     Examples
     --------
@@ -63,6 +65,7 @@ class Diagnosis:
     mistake: str = ''
     advice: str = ''
     corrected: float = 0.0
+    evidence: str = ''
 
     @property
     def focused(self) -> bool:

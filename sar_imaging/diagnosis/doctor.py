@@ -12,6 +12,7 @@ from ..signal.range_compression import RangeCompressor
 from ..signal.uwb import subtract_background
 from .channel_phases import phase_findings
 from .diagnose import Diagnosis
+from .jumps import jump_findings
 from .reach import distances, reach_advice
 from .signals import (
     Finding,
@@ -102,15 +103,26 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *,
     # what is heard all the time hides what is to be focused
     coupled = any(finding.fault == 'coupling' for finding in found)
     clean = subtract_background(block) if coupled else block
-    off, clean = phase_findings(clean, grid, window=window)
-    diagnosis = diagnose_thoroughly(clean, grid, window=window)
-    found += off
-    if diagnosis.mistake:
-        found.append(Finding(diagnosis.mistake, (
+    off, diagnosis = _focused(clean, grid, window)
+    jumps = jump_findings(clean)
+    found += off + jumps
+    if diagnosis.mistake and not jumps:
+        found.append(Finding(diagnosis.mistake, diagnosis.evidence or (
             f'the focus figure {diagnosis.coherence:.2f} becomes {diagnosis.corrected:.2f} '
             'without this mistake' if diagnosis.corrected > diagnosis.coherence else
             f'the focus figure is {diagnosis.coherence:.2f}'), diagnosis.advice))
     return Examination(tuple(found), diagnosis)
+
+
+def _focused(block: PulseBlock, grid: MapGrid, window: str) -> tuple[list[Finding], Diagnosis]:
+    """What is said of phases of channels, and of the image with equal ones."""
+    off, equal = phase_findings(block, grid, window=window)
+    diagnosis = diagnose_thoroughly(equal, grid, window=window)
+    if off:  # phases of channels may also follow from what is wrong with their places
+        as_they_are = diagnose_thoroughly(block, grid, window=window)
+        if as_they_are.mistake and as_they_are.corrected > diagnosis.corrected:
+            return [], as_they_are
+    return off, diagnosis
 
 
 def _seen(block: PulseBlock, grid: MapGrid, start_m: float, stop_m: float) -> float:

@@ -14,6 +14,7 @@ from .profile_changes import PHASE_HISTORIES, RAMPS, conjugations, reversed_slop
 
 _FEWEST_PULSES = 16  # for offsets of the clock
 _LEAST_CELLS = 4.0  # that a wrong delay shifts profiles by
+_LEAST_EXTENT = 1.0  # wavelengths, of an aperture
 _FELT_RAD = 1.0  # rms phase that an offset may leave
 _LARGEST_DRIFT = 0.26  # of the rate of a clock
 _FEWEST_RATES, _MOST_RATES = 12, 60  # on each side
@@ -33,12 +34,15 @@ class Hypothesis:
         From a block to the blocks that it should have been, none where it does not apply.
     of_samples : bool
         True when it leaves positions and ranges of the pulses alone.
+    isometry : bool
+        True when it mirrors the track: the mirrored scene is as much in focus.
     """
 
     name: str
     advice: str
     undo: Callable[[PulseBlock], list[PulseBlock]]
     of_samples: bool = False
+    isometry: bool = False
 
 
 def _moved(change: Callable[[np.ndarray], np.ndarray]):
@@ -70,7 +74,13 @@ def _given_delays_s(block: PulseBlock) -> list[float]:
 
 
 def _scaled(factor: float):
-    return _moved(lambda centres: factor * centres)
+    def undo(block: PulseBlock) -> list[PulseBlock]:
+        changed = dataclasses.replace(block, tx_m=factor * block.tx_m, rx_m=factor * block.rx_m)
+        # From one place all pulses agree everywhere, which is not focus.
+        centres = (changed.tx_m + changed.rx_m) / 2
+        extent = np.ptp(centres, axis=(0, 1)).max()
+        return [changed] if extent > _LEAST_EXTENT * block.radar.wavelength_m else []
+    return undo
 
 
 GEOMETRY = (
@@ -82,13 +92,14 @@ GEOMETRY = (
                'multiply tx_m and rx_m by 1000', _scaled(1e3)),
     Hypothesis('x and y exchanged', 'x and y of the phase centres are probably exchanged, as '
                'between north-east-down and east-north-up; swap them',
-               _moved(lambda p: p[..., [1, 0, 2]])),
+               _moved(lambda p: p[..., [1, 0, 2]]), isometry=True),
     Hypothesis('track mirrored in x', 'the sign of x of the phase centres is probably wrong; '
-               'the track is mirrored', _moved(lambda p: p * [-1, 1, 1])),
+               'the track is mirrored', _moved(lambda p: p * [-1, 1, 1]), isometry=True),
     Hypothesis('track mirrored in y', 'the sign of y of the phase centres is probably wrong; '
-               'the track is mirrored', _moved(lambda p: p * [1, -1, 1])),
+               'the track is mirrored', _moved(lambda p: p * [1, -1, 1]), isometry=True),
     Hypothesis('track mirrored in z', 'the sign of z of the phase centres is probably wrong; '
-               'z points up in the imaging frame', _moved(lambda p: p * [1, 1, -1])),
+               'z points up in the imaging frame', _moved(lambda p: p * [1, 1, -1]),
+               isometry=True),
     Hypothesis('delay one way', 'first_sample_delay_s is probably counted one way; it is '
                'two-way, 2 R / c: double it', _delayed(2.0)),
     Hypothesis('delay twice', 'first_sample_delay_s is probably twice too long; it is 2 R / c: '
@@ -141,7 +152,8 @@ def clock_offsets(block: PulseBlock, towards_m, most_s: float, n_most: int, *,
         return max(_left_rad(block, with_offset(block, offset), towards_m)
                    for offset in (-offset_s, offset_s))
 
-    if phase(0.5 * reach) < 0.5 * _FELT_RAD:
+    if (phase(0.5 * reach) < 0.5 * _FELT_RAD
+            or _besides_rigid_rad(block, with_offset(block, 0.5 * reach)) < 0.5 * _FELT_RAD):
         return np.empty(0)
     step = float(np.median(np.diff(time_s)))
     while step < reach / 2 and phase(step) < felt_rad:
@@ -189,6 +201,23 @@ def _left_rad(block: PulseBlock, moved: PulseBlock, towards_m) -> float:
     return float(rest.std(axis=0).max()) * block.radar.wavenumber_rad_per_m
 
 
+def _besides_rigid_rad(block: PulseBlock, moved: PulseBlock) -> float:
+    """Rms phase of what a turn about the vertical and a shift leave of other positions, radians.
+
+    A track that is turned as a whole, as an arc at constant speed is by another time, images the
+    scene turned, in focus.
+    """
+    if moved.n_pulses < _FEWEST_PULSES // 2:
+        return 0.0
+    a, b = (p - p.mean(axis=0) for p in (
+        block.phase_centre_m[np.isin(block.counter, moved.counter)], moved.phase_centre_m))
+    flat_a, flat_b = (p[:, 0] + 1j * p[:, 1] for p in (a, b))
+    turn = np.vdot(flat_b, flat_a)
+    turn /= max(abs(turn), 1e-300)
+    rest = np.mean(np.square(np.abs(flat_a - turn * flat_b)) + np.square(a[:, 2] - b[:, 2]))
+    return float(np.sqrt(rest)) * block.radar.wavenumber_rad_per_m
+
+
 def clock_offset(offset_s: float) -> Hypothesis:
     """The clocks of pulses and positions are apart."""
     sign = '+' if offset_s > 0 else '-'
@@ -196,7 +225,7 @@ def clock_offset(offset_s: float) -> Hypothesis:
         'clock offset', f'the clocks of pulses and positions are probably {abs(offset_s):.2g} s '
         'apart: a pulse stamped t was sent where the platform is said to be at t '
         f'{sign} {abs(offset_s):.2g} s; correct the stamps, set pose.time_offset_s, or use '
-        'autofocus', lambda b: [b])
+        'autofocus', lambda b: [with_offset(b, offset_s)])
 
 
 def clock_drift(rate: float) -> Hypothesis:
@@ -204,7 +233,8 @@ def clock_drift(rate: float) -> Hypothesis:
     return Hypothesis(
         'clock drift', 'the clocks of pulses and positions probably run at different rates: '
         f'positions fit where the times of the pulses are stretched {rate:.3g} times; check '
-        'the pulse repetition frequency with which pulses were stamped', lambda b: [b])
+        'the pulse repetition frequency with which pulses were stamped, or the speed with '
+        'which positions were computed', lambda b: [with_offset(b, 0.0, rate)])
 
 
 def wrong_slope(factor: float, radar: RadarParameters) -> Hypothesis:
@@ -212,7 +242,8 @@ def wrong_slope(factor: float, radar: RadarParameters) -> Hypothesis:
     right = factor * radar.chirp_rate_hz_per_s
     return Hypothesis(
         'wrong slope', f'the slope of the ramp (chirp_rate_hz_per_s) is probably {right:.4g} '
-        f'Hz/s, {factor:.3g} times what is given', lambda b: [b], of_samples=True)
+        f'Hz/s, {factor:.3g} times what is given', lambda b: [with_slope(b, factor)],
+        of_samples=True)
 
 
 def with_offset(block: PulseBlock, offset_s: float, rate: float = 1.0) -> PulseBlock:

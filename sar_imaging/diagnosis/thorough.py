@@ -41,6 +41,7 @@ from .hypotheses import (
     wrong_slope,
 )
 from .profile_changes import RAMPS
+from .range_walk import walk_scale
 from .track import track_doubts
 
 _logger = logging.getLogger(__name__)
@@ -60,7 +61,11 @@ _BETTER_VALUE = 1.15  # with a value searched for: right ones agree best as they
 _CERTAIN = 10.0  # times its agreement, from which on nothing else is tried
 _LIKELIER = 1.1  # times the agreement of another mistake, for one that is searched for
 _DARKER = 0.8  # times the contrast
+_AS_DARK = 0.7  # of the contrast, which those that agree more have to reach
 _LEAST_COVERAGE = 0.25
+_WALK = 0.07  # by which scatterers walk too far, or too little
+_WALK_TELLS, _WALK_REFUTES = 4.0, 3.0  # standard deviations
+_WALK_STEPS = 2
 # A mistake, the coherence without it, and that of the same pulses with it
 _Tried = tuple[Hypothesis, Coherence, Coherence]
 
@@ -105,15 +110,23 @@ def diagnose_thoroughly(block: PulseBlock, grid: MapGrid, *, window: str = 'none
     if not doubts and (found is None or found[0] is ORDER or _gain(found) < _CERTAIN):
         one = _one_channel(block)
         alone = attempt if one is block else _Attempts(one, grid, window)
-        found = _likelier(found, _best(alone.searches(), _BETTER_VALUE))
+        searched = [tried for tried in alone.searches() if not alone.refuted(tried[0])]
+        found = _likelier(found, _best(searched, _BETTER_VALUE))
     if found is not None:
         return explained(first, *found[:2])
+    walked = None if doubts else attempt.slope_by_walk()
+    if walked is not None:
+        return walked
     return unexplained(first, doubts if first.contrast < FOCUSED else [])
 
 
 def _best(results: Iterable[_Tried], least: float = _BETTER) -> _Tried | None:
     """The mistake without which pulses agree clearly better than as they are."""
-    return max((tried for tried in results if _helps(tried, least)), key=_gain, default=None)
+    helping = [tried for tried in results if _helps(tried, least)]
+    most = max((result.contrast for _, result, _ in helping), default=0.0)
+    # short arrays agree over wide parts of a scene that is not in focus
+    return max((tried for tried in helping if tried[1].contrast > _AS_DARK * most), key=_gain,
+               default=None)
 
 
 def _gain(tried: _Tried) -> float:
@@ -122,8 +135,10 @@ def _gain(tried: _Tried) -> float:
 
 
 def _helps(tried: _Tried, least: float) -> bool:
-    _, result, as_it_is = tried
+    hypothesis, result, as_it_is = tried
     lit = as_it_is.contrast if as_it_is.agreement > _NOISE else 0.0
+    if hypothesis.isometry and lit > _AS_DARK * result.contrast:
+        return False  # the mirrored scene is in focus, and as right as this one
     return (result.coverage >= _LEAST_COVERAGE and _gain(tried) > least
             and result.agreement > _ABOVE_NOISE * _NOISE
             and result.contrast > max(_LEAST, _DARKER * lit))
@@ -144,6 +159,7 @@ class _Attempts:
         self._profiles = self._compressed(block)
         self._probe = CoherenceProbe(grid, BUDGET, _TILE)
         self.first = self._probe(self._profiles)
+        self._tells_slope = not block.compressed and block.radar.waveform in RAMPS
 
     def _compressed(self, block: PulseBlock) -> PulseBlock:
         window = 'none' if block.compressed else self._window
@@ -182,9 +198,39 @@ class _Attempts:
             rate, result = self._searched(
                 profiles, rates, lambda some, rate: with_offset(some, 0.0, rate))
             yield clock_drift(rate), *result
-        if not block.compressed and block.radar.waveform in RAMPS:
+        if self._tells_slope:
             factor, result = self._searched(block, _SLOPES, with_slope)
             yield wrong_slope(factor, block.radar), *result
+            factor *= walk_scale(self._changed(block, factor, with_slope), self._grid).scale
+            if _SLOPES[0] <= factor <= _SLOPES[-1]:
+                changed = self._changed(block, factor, with_slope)
+                yield wrong_slope(factor, block.radar), self._probe(changed), self.first
+
+    def refuted(self, tried: Hypothesis) -> bool:
+        """Whether scatterers still walk as with another slope of the ramp."""
+        return self._tells_slope and any(
+            walk_scale(self._compressed(changed), self._grid).off(_WALK, _WALK_REFUTES, 2)
+            for changed in tried.undo(self._block))
+
+    def slope_by_walk(self) -> Diagnosis | None:
+        """The slope of a ramp with which scatterers in focus walk as far as their phase says."""
+        block = self._block
+        if not self._tells_slope:
+            return None
+        as_it_is = walk_scale(self._profiles, self._grid)
+        if not as_it_is.off(_WALK, _WALK_TELLS, 3):
+            return None
+        factor = as_it_is.scale
+        for _ in range(_WALK_STEPS):  # where ranges change, so do places and the walk
+            changed = self._compressed(with_slope(block, factor))
+            left = walk_scale(changed, self._grid)
+            if left.n_scatterers:
+                factor *= left.scale
+        mistake = wrong_slope(factor, block.radar)
+        return dataclasses.replace(
+            explained(self.first, mistake, self._probe(changed)), evidence=(
+                f'{as_it_is.n_scatterers} bright scatterers walk {as_it_is.scale:.2f} +- '
+                f'{as_it_is.deviation:.2f} times as far through range as their phase says'))
 
     def _searched(self, block: PulseBlock, values: np.ndarray,
                   change: Callable[[PulseBlock, float], PulseBlock]

@@ -1,0 +1,179 @@
+"""Rules of the doctor for what hardly shows in the focus: walk through range, jumps, arrays."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from benchmarks.support.mistake_recordings import DATA, arcsar, mimo
+from sar_imaging.diagnosis.array_phases import array_phases
+from sar_imaging.diagnosis.channel_phases import channel_phases, phase_findings
+from sar_imaging.diagnosis.coherence import OVERSAMPLING
+from sar_imaging.diagnosis.doctor import examine
+from sar_imaging.diagnosis.hypotheses import GEOMETRY, clock_offsets, with_slope
+from sar_imaging.diagnosis.jumps import jump_findings
+from sar_imaging.diagnosis.range_walk import walk_scale
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.signal.dechirp import fmcw_parameters
+from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.simulation.echoes import EchoSimulator
+
+RADAR = fmcw_parameters(start_frequency_hz=77e9, slope_hz_per_s=39e12, sample_rate_hz=2.65e6,
+                        n_samples=128, adc_start_s=4e-6)
+GRID = MapGrid.from_size((0.0, 2.0, 0.0), 2.0, 1.6, 0.02)
+POINTS_M = [[-0.6, 1.5, 0.0], [0.1, 2.0, 0.0], [0.5, 1.8, 0.0], [-0.2, 2.5, 0.0]]
+measured = pytest.mark.skipif(not DATA.is_dir(), reason='measured data are not here')
+
+
+def recorded(tx_m, rx_m=None, noise=0.3) -> PulseBlock:
+    """Pulses (P, C, 3) of the radar over the four points, 0.1 s apart."""
+    rng = np.random.default_rng(1)
+    rx_m = tx_m if rx_m is None else rx_m
+    samples = EchoSimulator(RADAR, 128, compressed=False, points_m=POINTS_M,
+                            amplitudes=np.ones(4))(tx_m, rx_m)
+    samples = samples + noise * (rng.standard_normal(samples.shape)
+                                 + 1j * rng.standard_normal(samples.shape))
+    n = len(tx_m)
+    return PulseBlock(RADAR, False, 10**9 + 10**8 * np.arange(n), np.arange(n), samples, tx_m,
+                      rx_m)
+
+
+def arc(n=160) -> np.ndarray:
+    """(P, 1, 3) places on an arc of 0.2 m and 80 degrees."""
+    angle = np.linspace(np.radians(50), np.radians(130), n)
+    return (0.2 * np.c_[np.cos(angle), np.sin(angle), 0 * angle])[:, None]
+
+
+def raster() -> np.ndarray:
+    """(P, 1, 3) places of three columns of 48 pulses."""
+    z = np.tile(0.002 * np.arange(48), 3)
+    return np.c_[np.repeat([0.0, 0.02, 0.04], 48), 0 * z, z][:, None]
+
+
+@pytest.mark.parametrize('factor', [0.9, 1.0, 1.2])
+def test_scatterers_walk_by_the_error_of_the_slope(factor):
+    wrong = with_slope(recorded(arc()), factor)
+    profiles = RangeCompressor.for_block(wrong, oversampling=OVERSAMPLING)(wrong)
+    walk = walk_scale(profiles, GRID)
+    # the beat is that of the true slope: ranges are 1 / factor times as long. Places move with
+    # them, and a half of what sharpness the arc has, so that the walk tells 0.06 too little
+    assert walk.n_scatterers >= 2
+    assert walk.scale == pytest.approx(1 / factor, abs=0.08)
+
+
+def test_slope_that_leaves_the_focus_is_named():
+    wrong = with_slope(recorded(arc()), 1.2)
+    [finding] = examine(wrong, GRID).findings
+    assert finding.fault == 'wrong slope'
+    right = float(finding.advice.split(' Hz/s, ')[1].split(' times')[0])
+    assert right == pytest.approx(1 / 1.2, rel=0.05)
+
+
+def test_no_clock_offset_is_sought_on_an_arc_at_constant_speed():
+    """It turns the track, and with it the image."""
+    block = recorded(arc())
+    assert not len(clock_offsets(block, GRID.points()[::40, ::40].reshape(-1, 3), 2.0, 40))
+    uneven = dataclasses.replace(block, stamp_ns=10**9 + np.rint(
+        1e8 * (np.arange(160) + 8 * np.sin(np.arange(160) / 12))).astype(np.int64))
+    assert len(clock_offsets(uneven, GRID.points()[::40, ::40].reshape(-1, 3), 2.0, 40))
+
+
+def test_positions_that_shrink_to_a_point_are_no_correction():
+    undo = {h.name: h.undo for h in GEOMETRY}['positions in millimetres']
+    block = recorded(arc())
+    assert undo(block) == []
+    in_mm = dataclasses.replace(block, tx_m=1e3 * block.tx_m, rx_m=1e3 * block.rx_m)
+    [right] = undo(in_mm)
+    np.testing.assert_allclose(right.tx_m, block.tx_m, rtol=1e-12)
+
+
+@pytest.mark.parametrize('late', [-14, 0, 17])
+def test_echoes_that_jump_at_other_times_tell_the_offset(late):
+    places = raster()
+    block = recorded(places)
+    n = len(places)
+    given = slice(max(0, late), n + min(0, late))
+    heard = slice(max(0, -late), n - max(0, late))
+    block = dataclasses.replace(block.select(heard), tx_m=places[given], rx_m=places[given])
+    found = jump_findings(block)
+    if not late:
+        assert found == []
+        return
+    [finding] = found
+    assert finding.fault == 'clock offset'
+    # places of `late` pulses later are given: those at t - 0.1 s * late are right
+    assert f'at t {"-" if late > 0 else "+"} {0.1 * abs(late):.2g} s' in finding.advice
+
+
+def test_echoes_that_jump_at_another_rate_tell_it():
+    places = raster()
+    middle = (len(places) - 1) / 2
+    at = np.rint(middle + 0.9 * (np.arange(len(places)) - middle)).astype(int)
+    block = recorded(places)
+    [finding] = jump_findings(dataclasses.replace(block, tx_m=places[at], rx_m=places[at]))
+    assert finding.fault == 'clock drift'
+    told = float(finding.advice.split('stretched ')[1].split(' times')[0])
+    assert told == pytest.approx(1 / 0.9, abs=0.03)  # a pulse in 24, between middle and jump
+
+
+def test_tracks_without_jumps_tell_nothing_of_the_clock():
+    assert jump_findings(recorded(arc())) == []
+
+
+def array() -> PulseBlock:
+    """Six channels upright on a track along x."""
+    track = np.c_[np.linspace(-0.1, 0.1, 120), np.zeros((120, 2))]
+    up = 0.002 * (np.arange(6) - 2.5)[:, None] * [0.0, 0.0, 1.0]
+    return recorded(track[:, None] + up)
+
+
+def test_phase_of_a_channel_across_the_track_is_measured():
+    right = array()
+    assert not channel_phases(right, GRID).any()
+    turns = np.ones((6, 1), np.complex64)
+    turns[1] = np.exp(1.8j)
+    wrong = dataclasses.replace(right, samples=right.samples * turns)
+    phases = channel_phases(wrong, GRID)
+    assert phases[1] == pytest.approx(1.8, abs=0.2)
+    assert np.abs(np.delete(phases, 1)).max() < 0.2
+    [finding], _ = phase_findings(wrong, GRID)
+    assert 'channel 1 by +1' in finding.evidence
+
+
+def test_phases_that_grow_along_an_array_are_no_error():
+    rng = np.random.default_rng(3)
+    image = rng.standard_normal(400) ** 3 * np.exp(6.3j * rng.random(400))
+    places = 0.002 * np.arange(6)
+    turned = np.exp(1j * 1.1 * np.arange(6))[:, None] * image
+    assert not array_phases(turned, places).any()
+    turned[4] *= np.exp(1.5j)
+    phases = array_phases(turned, places)
+    assert phases[4] == pytest.approx(1.5, abs=0.05)
+
+
+@measured
+@pytest.mark.parametrize('exchanged', [False, True])
+def test_faults_that_leave_the_arc_in_focus_are_named(exchanged):
+    arm = arcsar()
+    if exchanged:
+        block = dataclasses.replace(arm.block, tx_m=arm.block.tx_m[..., [1, 0, 2]],
+                                    rx_m=arm.block.rx_m[..., [1, 0, 2]])
+    else:
+        block = with_slope(arm.block, 1.2)
+    found = [finding.fault for finding in examine(block, arm.grid, window=arm.window).findings]
+    assert found == ['x and y exchanged' if exchanged else 'wrong slope']
+
+
+@measured
+def test_phase_of_a_channel_of_the_slider_is_measured():
+    slider = mimo()
+    assert not np.any(np.abs(channel_phases(slider.block, slider.grid, window='hamming')) > 0.5)
+    turns = np.ones((8, 1), np.complex64)
+    turns[5] = np.exp(-2j)
+    wrong = dataclasses.replace(slider.block, samples=slider.block.samples * turns)
+    phases = channel_phases(wrong, slider.grid, window='hamming')
+    # its channels differ by up to 20 degrees as they are
+    assert phases[5] == pytest.approx(-2.0, abs=0.4)
