@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from std_msgs.msg import Float32MultiArray
 
+from sar_imaging.device_arrays import to_host
 from sar_imaging.streaming.subaperture_image import SubapertureImage
 
 from . import multi_array, subaperture_wire
@@ -41,7 +42,7 @@ def to_message(subaperture: SubapertureImage) -> Float32MultiArray:
     ['angle', 'range', 'iq']
     """
     return multi_array.from_parts(
-        subaperture_wire.preamble(subaperture), subaperture.image,
+        subaperture_wire.preamble(subaperture), to_host(subaperture.image),
         subaperture_wire.LAYOUT.dimensions(subaperture.image.shape))
 
 

@@ -23,6 +23,11 @@ def beside(array, other):
     return array
 
 
+def alike(array, other):
+    """An array where another one lies: on the device or in the memory of the host."""
+    return beside(array, other) if on_device(other) else to_host(array)
+
+
 def contiguous(array):
     """An array contiguous in C order, where it lies."""
     if on_device(array):

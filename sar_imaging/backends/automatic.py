@@ -6,25 +6,28 @@ the processor does the same, after one line in the log.
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import os
 from collections.abc import Mapping
 
 import numpy as np
 
-from ..device_arrays import to_host
+from ..device_arrays import on_device
 from ..geometry.grids import MapGrid
 from ..planning.afbp.polar_grids import UnifiedPolarGrids
 from ..planning.afbp.subapertures import SubaperturePlan
 from ..planning.costs import costs
 from ..planning.exact.backprojection import BackprojectionPlan
 from ..planning.plan import Plan
+from ..signal.pulses import PulseBlock
 from . import cpu, device
 from .device import DeviceError
 from .protocol import Backend
 
 _logger = logging.getLogger(__name__)
 _BYTES = 8  # of a complex sample
+DEVICE_ARRAYS = True  # are taken where a device computes, and where it fails
 
 
 def __getattr__(name):
@@ -82,7 +85,7 @@ class Backprojection:
                 self._give_up(error)
         if self._sum is None:
             self._sum = cpu.Backprojection(self.plan, self._memory)
-        return self._sum.add(to_host(samples), tx_m, rx_m, image)
+        return self._sum.add(_fetched(samples), tx_m, rx_m, image)
 
     def _give_up(self, error: DeviceError) -> None:
         _logger.warning(f'{error}; the processor computes')
@@ -113,15 +116,15 @@ class _Handed:
     def _do(self, entry: str, *arguments):
         if self._on_device:
             try:
-                return to_host(getattr(self._work, entry)(*arguments))
+                return getattr(self._work, entry)(*arguments)
             except DeviceError as error:
                 _logger.warning(f'{error}; the processor computes')
                 self._on_device, self._work = False, self._begin_here()
-        return getattr(self._work, entry)(*arguments)
+        return getattr(self._work, entry)(*map(_here, arguments))
 
 
 class SubapertureImager(_Handed):
-    """Images of sub-apertures in the host's memory, see `backends.protocol.SubapertureImager`."""
+    """Images of sub-apertures where they are formed, see `backends.protocol.SubapertureImager`."""
 
     def __init__(self, plan: SubaperturePlan):
         self.plan = plan
@@ -139,8 +142,8 @@ class SubapertureImager(_Handed):
 class SpectrumFusion(_Handed):
     """Sub-aperture images fused while they come, see `backends.protocol.SpectrumFusion`.
 
-    Spectra and sums stay on the device. What was added is remembered in the host's memory, so that
-    the processor can go on with all of it.
+    Spectra and sums stay on the device. What was added is remembered, all but the latest in the
+    host's memory, so that the processor can go on with it.
     """
 
     def __init__(self, grid: UnifiedPolarGrids, *, keep: bool = False):
@@ -158,6 +161,9 @@ class SpectrumFusion(_Handed):
     def add(self, number: int, image, centre_m: float) -> None:
         """See `backends.protocol.SpectrumFusion`."""
         self._do('add', number, image, centre_m)
+        if self._added:  # the device is done with it
+            latest, (former, former_m) = next(reversed(self._added.items()))
+            self._added[latest] = _fetched(former), former_m
         self._added[number] = image, centre_m
 
     def remove(self, number: int) -> None:
@@ -183,23 +189,36 @@ class SpectrumFusion(_Handed):
     def _begin_here(self):
         made = super()._begin_here()
         for number, added in self._added.items():
-            made.add(number, *added)
+            made.add(number, *map(_fetched, added))
         return made
 
 
 def form_map(polar_image: np.ndarray, fusion: UnifiedPolarGrids, grid: MapGrid,
              centre_m: float = 0.0, *, overwrite: bool = False) -> np.ndarray:
-    """Map in the host's memory from a polar image there, see `backends.protocol.Backend`."""
+    """Map where it is formed, see `backends.protocol.Backend`; a polar image of a device there."""
     counts, n_pixels = {'map_pixel': grid.n_x * grid.n_y}, polar_image[0].size
-    there = _sooner(device.device_backend(),
-                    _device_seconds(counts, _BYTES * (n_pixels + grid.n_x * grid.n_y)),
-                    costs().seconds(counts), 'a map')
+    there = device.device_backend()
+    if not on_device(polar_image):
+        there = _sooner(there, _device_seconds(counts, _BYTES * (n_pixels + grid.n_x * grid.n_y)),
+                        costs().seconds(counts), 'a map')
     if there is not cpu:
         try:
-            return to_host(there.form_map(polar_image, fusion, grid, centre_m))
+            return there.form_map(polar_image, fusion, grid, centre_m)
         except DeviceError as error:
             _logger.warning(f'{error}; the processor computes')
-    return cpu.form_map(polar_image, fusion, grid, centre_m, overwrite=overwrite)
+    return cpu.form_map(_fetched(polar_image), fusion, grid, centre_m, overwrite=overwrite)
+
+
+def _here(argument):
+    """An array or a block of the device as one of the host; anything else as it is."""
+    if isinstance(argument, PulseBlock):
+        return dataclasses.replace(argument, samples=_fetched(argument.samples))
+    return _fetched(argument)
+
+
+def _fetched(array):
+    """An array of the device as one of the host; DeviceError where that fails."""
+    return device.require_device().to_host(array) if on_device(array) else array
 
 
 def sooner_there(counts: Mapping[str, float], n_samples: int, what: str) -> bool:

@@ -24,6 +24,7 @@ from .images.image_grid import MAX_IMAGE_PIXELS
 from .images.image_products import ImageProducts
 from .images.obstacle_products import ObstacleProducts
 from .poses.frame_datum import DatumInput
+from .runtime.backends import BACKEND, backend_of
 from .runtime.health import Health, Part
 from .runtime.inlet import SubapertureImages
 from .runtime.managed import ManagedNode, run
@@ -34,6 +35,7 @@ from .runtime.step import Step
 PARAMETERS = (
     Parameter('images_every', 0, 'Sub-apertures from one image of an aperture underway to the '
               'next; 0 for none.', 'sub-apertures', 0, 2**31 - 1, changes=ANY_TIME),
+    BACKEND,
     MIN_PULSE_FRACTION,
     MAX_IMAGE_PIXELS,
     Parameter('fusion_timeout_s', 10.0, 'An aperture is closed when no sub-aperture came for this '
@@ -70,7 +72,8 @@ class FusionStep(Step):
         super().__init__(parameters, health)
         self._fusion = LiveFusion(images_every=parameters['images_every'],
                                   min_pulse_fraction=parameters['min_pulse_fraction'],
-                                  max_image_pixels=parameters['max_image_pixels'])
+                                  max_image_pixels=parameters['max_image_pixels'],
+                                  backend=backend_of(parameters))
         if parameters[PHASE_GRADIENT.name]:
             self._fusion.focus = PolarFocus(health)
         most = parameters['strip_max_pixels']

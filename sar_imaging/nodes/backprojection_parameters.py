@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sar_imaging.backends import AUTO, CUDA
+from sar_imaging.backends import AUTO
 from sar_imaging.imaging.methods import AFBP, EXACT
 
 from .images import (
@@ -17,15 +17,13 @@ from .images import (
 from .images.image_grid import GRID_PARAMETERS
 from .images.terrain import TERRAIN_FILE
 from .poses import pose_input
+from .runtime.backends import BACKEND
 from .runtime.parameters import ANY_TIME, Parameter, one_of
 
 IMAGE, SUBAPERTURES, VOLUME = 'image', 'subapertures', 'volume'
 MIN_PULSE_FRACTION = Parameter(
     'min_pulse_fraction', 0.5, 'Least share of its pulses that an aperture needs to be imaged.',
     '', 0.0, 1.0, changes=ANY_TIME)
-BACKEND = Parameter(
-    'backend', AUTO, f'What computes images: the processor, or a device by {CUDA}, which must be '
-    f'there; {AUTO}: whichever is quicker.', check=one_of(AUTO, 'cpu', CUDA))
 
 PARAMETERS = (
     Parameter('mode', IMAGE, f'{IMAGE}: exact images of whole apertures; {SUBAPERTURES}: '

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from sar_imaging.backends import DeviceError, backend, compile_beforehand
+from sar_imaging.backends import compile_beforehand
 from sar_imaging.configuration.startup import TrackWarnings, report_block, settings_of
 from sar_imaging.exploitation.obstacles.aperture_view import PulseTracks
 from sar_imaging.formats.recent_pulses import RecentPulses
@@ -19,7 +19,7 @@ from sar_imaging.signal.pulses.apertures import ApertureSequence
 from sar_imaging.signal.pulses.sequence import describe_counters
 from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
 
-from .backprojection_parameters import BACKEND, IMAGE, PARAMETERS, VOLUME
+from .backprojection_parameters import IMAGE, PARAMETERS, VOLUME
 from .images import (
     autofocus,
     focus_watch,
@@ -37,6 +37,7 @@ from .images.image_products import ImageProducts
 from .images.obstacle_products import ObstacleProducts
 from .images.terrain import TERRAIN_FILE, terrain_heights
 from .poses.frame_datum import DatumInput
+from .runtime.backends import backend_of
 from .runtime.health import Health, Part
 from .runtime.managed import ManagedNode
 from .runtime.parameters import ConfigurationError
@@ -200,7 +201,7 @@ class ImageStep(BackprojectionStep):
         self._focus = ImageFocus.wanted(parameters, self._grid, health, self._datum)
         self._positions = None if self._focus is None else self._focus.positions
         self._heights_m = terrain_heights(parameters, self._grid)
-        chosen = _backend(parameters)
+        chosen = backend_of(parameters)
         try:
             self._imager = ApertureImager(
                 self._pixels, pulses_per_aperture=parameters['pulses_per_aperture'],
@@ -344,13 +345,3 @@ class ImageStep(BackprojectionStep):
                  ) -> list[ApertureImage]:
         """Those images that autofocus is through with; its time is work on them."""
         return super()._follow(lambda: self._focus.take(images, final=final))
-
-
-def _backend(parameters: Mapping[str, object]) -> str:
-    """Backend that the parameters name, if it is there."""
-    name = parameters[BACKEND.name]
-    try:
-        backend(name)
-    except DeviceError as error:
-        raise ConfigurationError(f'parameter {BACKEND.name}: {error}') from error
-    return name

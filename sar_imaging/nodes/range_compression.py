@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import sys
 from collections.abc import Mapping
 
 from msg_conversions.pulse_block import as_received
+from sar_imaging.backends.samples import compress
+from sar_imaging.device_arrays import to_host
 from sar_imaging.signal.background import BackgroundFilter
 from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.range_compression import RANGE_FILTERS, RangeCompressor
 from sar_imaging.signal.windows import WINDOW_NAMES, parse_window
 
+from .runtime.backends import BACKEND, backend_of
 from .runtime.block_output import BlockOutput
 from .runtime.health import Health, Part
 from .runtime.managed import ManagedNode, run
@@ -46,6 +50,7 @@ PARAMETERS = (
     Parameter('background_s', 0.0, 'Time constant of the moving average over the pulses that is '
               'subtracted as static background, such as the direct path; 0.0: none.', 's', 0.0,
               86_400.0, changes=ANY_TIME),
+    BACKEND,
 )
 
 
@@ -61,6 +66,7 @@ class RangeCompressionStep(Step):
         self._plan: RangeCompressor | None = None
         self._planned_for: tuple | None = None
         self._background: BackgroundFilter | None = None
+        self._backend = backend_of(parameters)
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publisher of the profiles; see `Step`."""
@@ -76,7 +82,8 @@ class RangeCompressionStep(Step):
     def process(self, block: PulseBlock) -> list[PulseBlock]:
         """Range profiles of a block."""
         check_frame(block, self.parameters['frame_id'])
-        profiles = as_received(self._plan_for(block)(self._without_background(block)))
+        found = compress(self._plan_for(block), self._without_background(block), self._backend)
+        profiles = as_received(dataclasses.replace(found, samples=to_host(found.samples)))
         self.health.count('blocks_compressed')
         return [profiles]
 
@@ -100,7 +107,8 @@ class RangeCompressionStep(Step):
 
     def _plan_for(self, block: PulseBlock) -> RangeCompressor:
         """Plan for blocks like this one; made anew when the radar or a parameter changed."""
-        settings = [self.parameters[p.name] for p in PARAMETERS if p.name != 'background_s']
+        settings = [self.parameters[p.name] for p in PARAMETERS if p.name not in (
+            'background_s', BACKEND.name)]
         key = (block.radar, block.n_samples, block.compressed, *settings)
         if key != self._planned_for:
             self._plan, self._planned_for = self._planned(block), key

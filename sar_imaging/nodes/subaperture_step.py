@@ -17,6 +17,7 @@ from .backprojection_parameters import IMAGE
 from .backprojection_steps import BackprojectionStep
 from .images.image_grid import describe_grid
 from .images.terrain import TERRAIN_FILE
+from .runtime.backends import backend_of
 from .runtime.health import Health, Part
 from .runtime.managed import ManagedNode
 from .runtime.parameters import ConfigurationError
@@ -34,12 +35,13 @@ class SubapertureStep(BackprojectionStep):
                                      f'a plane; use mode {IMAGE} on terrain')
         follow_m = ((p['subapertures.follow_ahead'], p['subapertures.follow_left'])
                     if p['subapertures.follow'] else None)
+        chosen = backend_of(p)
         try:
             self._imager = LiveSubapertures(
                 self._grid, pulses_per_aperture=p['pulses_per_aperture'],
                 pulses_per_subaperture=p['subapertures.pulses'],
                 target_db=p['subapertures.target_db'], sliding=p['subapertures.sliding'],
-                follow_m=follow_m, illumination=self._pattern)
+                follow_m=follow_m, illumination=self._pattern, backend=chosen)
         except ValueError as error:
             raise ConfigurationError(f'subapertures: {error}') from error
         compile_beforehand('SubapertureImager')  # the first sub-aperture must not wait for it

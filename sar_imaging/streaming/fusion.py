@@ -4,52 +4,19 @@ from __future__ import annotations
 
 import collections
 import dataclasses
-import math
-from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from ..backends import backend
-from ..geometry.grids import MapGrid
+from ..backends import AUTO, backend as find_backend
 from ..memory import IMAGE_BYTES, PUBLISHED_BYTES, check_memory
 from ..planning.afbp.map_cover import covers
-from ..planning.afbp.polar_grids import UnifiedPolarGrids
 from ..signal.pulses.sequence import EventSource, counter_distance
+from .fusing import Focus, FusedImage, Fusing, kind_of
 from .subaperture_image import SubapertureImage
 
+if TYPE_CHECKING:
+    from ..backends.protocol import Backend
+
 _SESSIONS = 16  # former senders that are remembered
-Focus = Callable[[np.ndarray, UnifiedPolarGrids, tuple[float, float]], tuple[np.ndarray, object]]
-
-
-@dataclasses.dataclass(frozen=True)
-class FusedImage:
-    """Image of one aperture, or of a part of it.
-
-    Parameters
-    ----------
-    image, grid, aperture, predicted_error_db :
-        As of `ApertureImage`.
-    stamp_ns : int
-        Time of the middle of the aperture, or of its part so far, nanoseconds since the epoch of
-        the pulses' clock.
-    n_pulses, n_missing, n_subapertures : int
-        Pulses in the image, pulses that it lacks, and sub-apertures in it.
-    final : bool
-        The aperture is closed; False for an image of what came so far.
-    focus : object
-        What `LiveFusion.focus` has to tell; None where it was not called.
-    """
-
-    image: np.ndarray
-    grid: MapGrid
-    stamp_ns: int
-    aperture: int
-    n_pulses: int
-    n_missing: int
-    n_subapertures: int
-    final: bool
-    predicted_error_db: float
-    focus: object | None = None
 
 
 @dataclasses.dataclass
@@ -64,116 +31,6 @@ class FusionStatistics:
     restarts: int = 0
     images: int = 0
     apertures_dropped: int = 0
-
-
-@dataclasses.dataclass(frozen=True)
-class _Header:
-    """What is remembered of a sub-aperture once it is fused."""
-
-    first_counter: int
-    n_pulses: int
-    n_missing: int
-    stamp_ns: int
-    centre_m: float
-    error: float
-
-    @property
-    def length(self) -> int:
-        return self.n_pulses + self.n_missing
-
-
-class _Fusing:
-    """An aperture being fused."""
-
-    def __init__(self, example: SubapertureImage, *, first: bool, turn: int):
-        self.kind, self.revision = _kind(example), example.revision
-        (fusion, self.grid, self.n_subapertures, self.n_window, self._length) = self.kind
-        self.sliding = self.n_window < self.n_subapertures
-        self.begins_stream = first  # there is no aperture before that it overlaps with
-        self.fusion = backend().SpectrumFusion(fusion, keep=self.sliding)
-        self.headers: dict[int, _Header] = {}
-        self._n_parts = min(self.n_window, self.n_subapertures)  # of one aperture
-        before = self._n_parts - 1
-        is_last = before and example.number % self._n_parts == before
-        self._cut = (self._length - example.length) // before if is_last else example.length
-        self.newest = -1
-        self.aperture = example.aperture
-        self.imaged = False  # since the latest sub-aperture came
-        self.turn = turn  # of the images of a sliding aperture
-
-    def add(self, sub: SubapertureImage) -> None:
-        self.fusion.add(sub.number, sub.image, sub.centre_m)
-        self.headers[sub.number] = _Header(sub.first_counter, sub.n_pulses, sub.n_missing,
-                                           sub.stamp_ns, sub.centre_m,
-                                           10 ** (sub.predicted_error_db / 10))
-        if sub.number > self.newest:
-            self.newest, self.aperture = sub.number, sub.aperture
-        self.imaged = False
-        for number in [n for n in self.headers if n <= self.newest - self.n_window]:
-            self.fusion.remove(number)
-            del self.headers[number]
-
-    @property
-    def complete(self) -> bool:
-        return len(self.headers) == self.n_subapertures
-
-    def counts(self, *, final: bool) -> tuple[int, int]:
-        """Pulses in the image and missing ones; in those of a closed aperture all that lack."""
-        n_pulses = sum(h.n_pulses for h in self.headers.values())
-        start, stop = self._extent(final=final)
-        return n_pulses, max(0, stop - start - n_pulses)
-
-    def stamp_ns(self, *, final: bool) -> int:
-        """Time of the middle, from the line through the first and last sub-aperture's stamps."""
-        first, last = self._ends()
-        begin, end = (self._start(n) + (self.headers[n].length - 1) / 2 for n in (first, last))
-        begin_ns, end_ns = self.headers[first].stamp_ns, self.headers[last].stamp_ns
-        if begin == end:
-            return begin_ns
-        middle = (sum(self._extent(final=final)) - 1) / 2
-        return begin_ns + round((end_ns - begin_ns) * ((middle - begin) / (end - begin)))
-
-    def _ends(self) -> tuple[int, int]:
-        return min(self.headers), max(self.headers)
-
-    def _start(self, number: int) -> int:
-        """First pulse of a sub-aperture, from the first one of sub-aperture 0."""
-        aperture, part = divmod(number, self._n_parts)
-        return aperture * self._length + part * self._cut
-
-    def _extent(self, *, final: bool) -> tuple[int, int]:
-        """First pulse of an image and the one after its last, whether they came or not."""
-        first, last = self._ends()
-        if final:
-            first, last = (0, self.n_subapertures - 1) if not self.sliding else (
-                max(0, self.newest + 1 - self.n_window), max(self.newest, self.n_window - 1))
-        return self._start(first), self._start(last + 1)
-
-    def image(self, *, final: bool, focus: Focus | None = None) -> FusedImage:
-        n_pulses, n_missing = self.counts(final=final)
-        headers = self.headers.values()
-        centres = [h.centre_m for h in headers]
-        # The grid of a sliding aperture is as fine as one of its windows needs.
-        centre_m = 0.5 * (min(centres) + max(centres)) if self.sliding else 0.0
-        polar = (self.fusion.take_polar_image() if final and not self.sliding
-                 else self.fusion.polar_image(centre_m))
-        self.imaged, told = True, None
-        if focus is not None and not self.sliding:
-            focused, told = focus(polar[0] + 1j * polar[1], self.fusion.grid, self._ends_m())
-            polar = np.stack([focused.real, focused.imag])
-        return FusedImage(
-            backend().form_map(polar, self.fusion.grid, self.grid, centre_m), self.grid,
-            self.stamp_ns(final=final), self.aperture, n_pulses, n_missing, len(self.headers),
-            final, 10 * math.log10(np.average([h.error for h in headers], weights=[
-                h.n_pulses for h in headers])), told)
-
-    def _ends_m(self) -> tuple[float, float]:
-        """Ends of the aperture along its track, metres from the middle."""
-        first, last = (self.headers[n] for n in self._ends())
-        pulses = last.first_counter - first.first_counter + (last.length - first.length) / 2
-        step = (last.centre_m - first.centre_m) / max(pulses, 1.0)
-        ends = first.centre_m - step * first.length / 2, last.centre_m + step * last.length / 2
-        return min(ends), max(ends)
 
 
 class LiveFusion(EventSource):
@@ -201,6 +58,8 @@ class LiveFusion(EventSource):
         too.
     max_image_pixels : int
         Maps with more are refused.
+    backend : str or Backend
+        As for `plan_image`. Spectra and fused images stay on the device until the map is formed.
 
     Attributes
     ----------
@@ -228,7 +87,7 @@ class LiveFusion(EventSource):
     """
 
     def __init__(self, *, images_every: int = 0, min_pulse_fraction: float = 0.5,
-                 max_image_pixels: int = 2**25):
+                 max_image_pixels: int = 2**25, backend: str | Backend = AUTO):
         if images_every < 0:
             raise ValueError(f'images_every={images_every}; expected 0 or more')
         if not 0.0 <= min_pulse_fraction <= 1.0:
@@ -238,10 +97,10 @@ class LiveFusion(EventSource):
         self.min_pulse_fraction = min_pulse_fraction
         self.statistics = FusionStatistics()
         self.focus: Focus | None = None
-        self._max_image_pixels = max_image_pixels
+        self._max_image_pixels, self._backend = max_image_pixels, find_backend(backend)
         self._session: int | None = None
         self._former: collections.deque[int] = collections.deque(maxlen=_SESSIONS)
-        self._open: dict[int, _Fusing] = {}  # by sequence
+        self._open: dict[int, Fusing] = {}  # by sequence
         self._newest: int | None = None  # sequence
 
     def add(self, sub: SubapertureImage) -> list[FusedImage]:
@@ -263,7 +122,8 @@ class LiveFusion(EventSource):
         if current is not None and sub.revision > current.revision:
             self._check(sub)
             # Windows that were imaged are not imaged again.
-            self._open[sub.sequence] = _Fusing(sub, first=current.begins_stream, turn=current.turn)
+            self._open[sub.sequence] = Fusing(
+                sub, self._backend, first=current.begins_stream, turn=current.turn)
             self.statistics.revisions += 1
             self._report('plan', f'aperture {sub.aperture} is fused anew: its track had been '
                          'foreseen too poorly')
@@ -277,7 +137,7 @@ class LiveFusion(EventSource):
         if sub.number in current.headers:
             self.statistics.duplicate += 1
             return []
-        if _kind(sub) != current.kind:
+        if kind_of(sub) != current.kind:
             self.statistics.refused += 1
             raise ValueError(f'sub-aperture {sub.number} of aperture {sub.aperture} has another '
                              'grid, map, length or number of sub-apertures than those before of '
@@ -317,7 +177,7 @@ class LiveFusion(EventSource):
         images = self._close_all(keeping=before if overlaps else None)
         # Images of the first half of a sliding aperture are of the one before.
         turn = sub.n_window // (self.images_every or 1) if overlaps else 0
-        self._open[sub.sequence] = _Fusing(sub, first=not overlaps, turn=turn)
+        self._open[sub.sequence] = Fusing(sub, self._backend, first=not overlaps, turn=turn)
         self._session, self._newest = sub.session, sub.sequence
         return images
 
@@ -354,7 +214,7 @@ class LiveFusion(EventSource):
             return [fusing.image(final=False)]
         return []
 
-    def _slide(self, fusing: _Fusing, number: int) -> list[FusedImage]:
+    def _slide(self, fusing: Fusing, number: int) -> list[FusedImage]:
         """Image of the window, where it belongs to this aperture and not to the one before."""
         first = fusing.n_window - (1 if fusing.begins_stream else 0)
         turn = (number + 1) // (self.images_every or 1)
@@ -375,7 +235,7 @@ class LiveFusion(EventSource):
             return []
         return self._final(fusing)
 
-    def _final(self, fusing: _Fusing) -> list[FusedImage]:
+    def _final(self, fusing: Fusing) -> list[FusedImage]:
         n_pulses, n_missing = fusing.counts(final=True)
         if n_pulses < self.min_pulse_fraction * (n_pulses + n_missing):
             self.statistics.apertures_dropped += 1
@@ -391,9 +251,3 @@ class LiveFusion(EventSource):
         self._report('late', f'dropped sub-aperture {sub.number} of aperture {sub.aperture}: '
                      'closed before, or planned anew since')
         return []
-
-
-def _kind(sub: SubapertureImage) -> tuple:
-    """What all sub-apertures of an aperture agree in."""
-    return (sub.fusion, sub.map_grid, sub.n_subapertures, sub.n_window,
-            sub.pulses_per_aperture)

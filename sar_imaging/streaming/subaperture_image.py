@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from ..device_arrays import on_device
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..planning.afbp.polar_grids import UnifiedPolarGrids
@@ -32,7 +33,7 @@ class SubapertureImage:
     ----------
     image : (n_alpha, n_range) complex64
         On ``fusion.coarse``, at range baseband: ``f(x) exp(-j 4 pi (r - r_0) / wavelength)`` with
-        r_0 the first range of that grid.
+        r_0 the first range of that grid. On the device where a device formed it.
     fusion : UnifiedPolarGrids
         Grids that the sub-apertures of the aperture share.
     centre_m : float
@@ -90,7 +91,8 @@ class SubapertureImage:
     predicted_error_db: float
 
     def __post_init__(self):
-        object.__setattr__(self, 'image', np.asarray(self.image, np.complex64))
+        if not on_device(self.image):
+            object.__setattr__(self, 'image', np.asarray(self.image, np.complex64))
         expected = (self.grid.n_alpha, self.grid.n_range)
         if self.image.shape != expected:
             raise ValueError(f'image.shape={self.image.shape} does not match the grid; expected '

@@ -3,23 +3,45 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..backends import backend
+from ..backends import AUTO, backend as find_backend
+from ..device_arrays import on_device
 from ..planning.afbp.edge_brightness import EdgeBrightness
 from ..planning.afbp.lit_subapertures import seen_subapertures
 from ..planning.afbp.live import LivePlan
 from ..signal.pulses import PulseBlock
-from ..signal.pulses.apertures import AperturePulses
+from ..signal.pulses.apertures import AperturePulses, ApertureStatistics
+
+if TYPE_CHECKING:
+    from ..backends.protocol import Backend
+
+
+@dataclasses.dataclass
+class LiveStatistics(ApertureStatistics):
+    """Counts of `LiveSubapertures`; `images` are those of sub-apertures."""
+
+    plans: int = 0
+    plans_anew: int = 0
+    plan_seconds: float = 0.0
 
 
 class SubapertureStage:
-    """Backprojects sub-apertures by the `LivePlan` of their aperture."""
+    """Backprojects sub-apertures by the `LivePlan` of their aperture.
 
-    def __init__(self, plan: LivePlan):
+    Parameters
+    ----------
+    plan : LivePlan
+        What is computed.
+    backend : str or Backend
+        As for `plan_image`.
+    """
+
+    def __init__(self, plan: LivePlan, backend: str | Backend = AUTO):
         self.plan = plan
-        self._imager = backend().SubapertureImager(plan.subapertures)
+        self._imager = find_backend(backend).SubapertureImager(plan.subapertures)
 
     def image(self, block: PulseBlock) -> tuple[np.ndarray, float]:
         """Backproject the range profiles of a sub-aperture.
@@ -27,7 +49,8 @@ class SubapertureStage:
         Returns
         -------
         image : (n_alpha, n_range) complex64
-            On the coarse grid of the plan, at range baseband.
+            On the coarse grid of the plan, at range baseband; on the device where a device formed
+            it.
         uneven_db : float
             By how much its error exceeds the predicted one, because what lies right beyond the
             edges is brighter than the image, dB.
@@ -43,8 +66,11 @@ class SubapertureStage:
                                          plan.n_channels):
             return np.zeros((plan.coarse.n_alpha, plan.coarse.n_range), np.complex64), 0.0
         parts = self._imager.image(0, block)
-        image = np.empty(parts.shape[1:], np.complex64)
-        image.real, image.imag = parts
+        if on_device(parts):
+            image = parts[0] + np.complex64(1j) * parts[1]
+        else:
+            image = np.empty(parts.shape[1:], np.complex64)
+            image.real, image.imag = parts
         brightness = EdgeBrightness(plan.fusion_grid, plan.sampling.coverage)
         brightness.add(parts)
         return image, brightness.uneven_db

@@ -2,37 +2,32 @@
 
 from __future__ import annotations
 
-import dataclasses
 import secrets
 import time
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..backends import AUTO
 from ..geometry.grids import MapGrid
 from ..geometry.illumination import AntennaPattern, Illumination, Pointing
 from ..geometry.track_frame import mean_centres, unit_vector
 from ..geometry.track_prediction import predict_track
 from ..planning.afbp.live import extension, plan_live
 from ..signal.pulses import PulseBlock
-from ..signal.pulses.apertures import AperturePulses, ApertureSequence, ApertureStatistics
+from ..signal.pulses.apertures import AperturePulses, ApertureSequence
 from ..signal.pulses.sequence import COUNTER_MASK
 from .mosaic import patch_beside
 from .subaperture_image import SubapertureImage
-from .subaperture_stage import SubapertureStage, Target
+from .subaperture_stage import LiveStatistics, SubapertureStage, Target
+
+if TYPE_CHECKING:
+    from ..backends.protocol import Backend
 
 _LEAST_PULSES = 16  # from which a track is carried on, where nothing came before
 _SHARE_TO_PLAN_AHEAD = 0.75  # of an aperture that must be known
 _SAME_LEG = np.cos(np.deg2rad(15.0))
 _MOST_REVISIONS = 3  # after which the whole track is awaited
-
-
-@dataclasses.dataclass
-class LiveStatistics(ApertureStatistics):
-    """Counts of `LiveSubapertures`; `images` are those of sub-apertures."""
-
-    plans: int = 0
-    plans_anew: int = 0
-    plan_seconds: float = 0.0
 
 
 class LiveSubapertures(ApertureSequence):
@@ -69,6 +64,8 @@ class LiveSubapertures(ApertureSequence):
         differs by 15 degrees.
     illumination : AntennaPattern, optional
         As for `plan_image`; pulses then tell where the antenna looked.
+    backend : str or Backend
+        As for `plan_image`; images that a device forms stay there.
 
     Raises
     ------
@@ -90,13 +87,15 @@ class LiveSubapertures(ApertureSequence):
     def __init__(self, grid: MapGrid, *, pulses_per_aperture: int,
                  pulses_per_subaperture: int = 0, target_db: float = -60.0,
                  sliding: bool = False, follow_m: tuple[float, float] | None = None,
-                 illumination: AntennaPattern | None = None):
+                 illumination: AntennaPattern | None = None,
+                 backend: str | Backend = AUTO):
         if not 0 <= pulses_per_subaperture <= pulses_per_aperture:
             raise ValueError(f'pulses_per_subaperture={pulses_per_subaperture}; expected 0 (to be '
                              f'planned) to pulses_per_aperture={pulses_per_aperture}')
         if not -85.0 <= target_db <= -20.0:
             raise ValueError(f'target_db={target_db}; expected -85 to -20 dB')
         self.grid, self._follow_m, self._pattern = grid, follow_m, illumination
+        self._backend = backend
         self._target_db, self._wanted_cut = target_db, pulses_per_subaperture
         self._n_apertures = 2 if sliding else 1
         self._session, self._sequence = secrets.randbits(32), 0
@@ -380,7 +379,8 @@ class LiveSubapertures(ApertureSequence):
         return SubapertureStage(plan_live(
             self._map(tx_m, rx_m), self._plan.radar, self._plan.n_samples, tx_m, rx_m,
             target_db=self._target_db, pulses_per_subaperture=cut or None, slack=slack,
-            n_window=self._length if self._n_apertures > 1 else 0, illumination=lit))
+            n_window=self._length if self._n_apertures > 1 else 0, illumination=lit),
+            self._backend)
 
     def _map(self, tx_m, rx_m) -> MapGrid:
         """Map of an aperture with these phase centres."""

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from .arrays import SIMULATED, on_device, taken, xp
+from .arrays import SIMULATED, on_device, reports_failures, taken, xp
 
 _PIECE_BYTES = 1 << 25  # of an image: what is copied at once
 _THREADS, _LEAST_BYTES = 4, 1 << 20  # of the host; one alone has a part of the bus's rate
@@ -171,6 +171,7 @@ def add_to_host(there, image: np.ndarray, copies: Copies | None = None,
             copies.finish(end)
 
 
+@reports_failures
 def to_host(array) -> np.ndarray:
     """Copy of an array of the device in page-locked memory; one of the host as it is."""
     if SIMULATED or not on_device(array):

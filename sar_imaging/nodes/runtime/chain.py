@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 
+from sar_imaging.backends import DeviceError
+
 from .step import Step
 
 
@@ -83,7 +85,7 @@ class Chain:
         step = self.steps[number]
         try:
             products = step.process(item)
-        except (ValueError, MemoryError) as error:
+        except (ValueError, MemoryError, DeviceError) as error:
             self._reject(step.INLET.describe(item), error)
             return
         finally:

@@ -17,6 +17,7 @@ from std_srvs.srv import Trigger
 
 from msg_conversions import WireFormatError
 from msg_conversions.wire import DEFAULT_MAX_ELEMENTS
+from sar_imaging.backends import DeviceError
 from sar_imaging.compilation import counted, interruptible
 from sar_imaging.configuration.datum import NONE, SOURCES, configured_datum
 
@@ -239,7 +240,12 @@ class Stage(ManagedNode):
             self._work_failed(future.exception())
 
     def _work_failed(self, error: BaseException) -> None:
-        if self.context.ok():  # publishing fails once Ctrl-C has shut the context down
+        if not self.context.ok():  # publishing fails once Ctrl-C has shut the context down
+            return
+        if isinstance(error, DeviceError):
+            self.health.count('errors')
+            self.health.error(f'{error}; the node continues')
+        else:
             self.report_error(error, 'error while working, the node continues')
 
     # ------------------------------------------------------------------------- services

@@ -85,8 +85,9 @@ class Step:
 
         Raises
         ------
-        ValueError, MemoryError
-            The item is impossible or too large; it is rejected, counted and logged.
+        ValueError, MemoryError, DeviceError
+            The item is impossible or too large, or a device fails that was asked for; the item is
+            rejected, counted and logged.
         """
         raise NotImplementedError(f'{type(self).__name__} must implement process')
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...device_arrays import beside, on_device
+from ...device_arrays import alike, beside
 from ...geometry.illumination import Pointing
 from ...geometry.track_frame import mean_centres
 from ..radar import RadarParameters
@@ -142,7 +142,6 @@ class PulseBlock:
         return (self.radar == other.radar and self.compressed == other.compressed
                 and self.frame == other.frame
                 and self.samples.shape[1:] == other.samples.shape[1:]
-                and on_device(self.samples) == on_device(other.samples)
                 and self.has_positions == other.has_positions
                 and (self.pointing is None) == (other.pointing is None))
 
@@ -158,7 +157,7 @@ def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
     Returns
     -------
     PulseBlock
-        All their pulses.
+        All their pulses, on the device where the first ones lie there.
 
     Raises
     ------
@@ -179,9 +178,8 @@ def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
     if len(blocks) == 1:
         return first
     if not all(first.matches(b) for b in blocks[1:]):
-        raise ValueError('blocks differ in radar parameters, frame, channels or samples, or some '
-                         'lie on a device and some do not; concatenate blocks of one '
-                         'configuration only')
+        raise ValueError('blocks differ in radar parameters, frame, channels or samples; '
+                         'concatenate blocks of one configuration only')
 
     def join(name):
         return np.concatenate([getattr(b, name) for b in blocks])
@@ -189,8 +187,9 @@ def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
     positions = {'tx_m': join('tx_m'), 'rx_m': join('rx_m')} if first.has_positions else {}
     if first.pointing is not None:
         positions['pointing'] = Pointing.join([b.pointing for b in blocks])
+    samples = np.concatenate([alike(b.samples, first.samples) for b in blocks])
     return dataclasses.replace(first, stamp_ns=join('stamp_ns'), counter=join('counter'),
-                               samples=join('samples'), **positions)
+                               samples=samples, **positions)
 
 
 def check_frame(block: PulseBlock, frame: str) -> None:
