@@ -117,6 +117,17 @@ class Container:
         layout = self.channels[channel]
         return self._array(layout.pvp_offset, layout.n_vectors, self.pvp_type)
 
+    def read_support_array(self, name: str) -> np.ndarray:
+        """(rows, columns) gain and phase of a support array of an antenna."""
+        kind = np.dtype([('Gain', '>f4'), ('Phase', '>f4')])
+        for node in self.tree.findall('{*}Data/{*}SupportArray'):
+            if node.findtext('{*}Identifier') == name:
+                rows, columns = (self._count(node, f'Num{what}') for what in ('Rows', 'Cols'))
+                place = self._place(node, name, 'ArrayByteOffset', self._block('SUPPORT'),
+                                    rows * columns * kind.itemsize)
+                return self._array(place, rows * columns, kind).reshape(rows, columns)
+        raise CphdError(f'{self.path}: there is no support array {name!r}')
+
     def read_samples(self, channel: str, start: int, stop: int) -> np.ndarray:
         """Samples of some vectors of a channel, as the file has them.
 
@@ -263,7 +274,7 @@ class Container:
     def _place(self, node, channel: str, field: str, block: tuple[int, int], size: int) -> int:
         offset = self._count(node, field)
         if offset + size > block[1]:
-            raise CphdError(f'{self.path}: channel {channel!r} takes {size} bytes from {offset} '
+            raise CphdError(f'{self.path}: {channel!r} takes {size} bytes from {offset} '
                             f'({field}) of a block of {block[1]}; the metadata or the file are '
                             'damaged')
         return block[0] + offset

@@ -11,6 +11,7 @@ import sar_imaging
 from ...geometry.earth import ecef_to_geographic
 from ...geometry.grids import MapGrid
 from ..extras import require
+from .antenna_writing import OF_CHANNEL, PARAMETERS
 from .collection import Collection, start_text
 from .container import PURPOSE
 from .errors import CphdError
@@ -62,9 +63,12 @@ def make_metadata(pulses: Pulses, vectors: np.ndarray, grid: MapGrid, collection
         'Global': _global(pulses, vectors, sign),
         'SceneCoordinates': _scene(pulses, grid),
         'Data': _data(pulses, vectors, collection, sample_type),
-        'Channel': _channels(vectors, collection),
+        'Channel': _channels(pulses, vectors, collection),
         'PVP': _layout(pulses),
+        **({} if pulses.antenna is None else {'SupportArray': pulses.antenna.support_array()}),
         'Dwell': _dwell(vectors),
+        **({} if pulses.antenna is None else {'Antenna': pulses.antenna.metadata(
+            vectors['TxTime'][0], pulses.radar.carrier_hz)}),
         'ProductInfo': {'Parameter': [({'name': 'Application'},
                                        f'sar_imaging {sar_imaging.__version__}')]}}
     for name, value in content.items():
@@ -168,7 +172,8 @@ def _data(pulses: Pulses, vectors: np.ndarray, collection: Collection, sample_ty
                      'NumSamples': pulses.n_samples, 'SignalArrayByteOffset': i * signal,
                      'PVPArrayByteOffset': i * n_vectors * vectors.itemsize}
                     for i, name in enumerate(collection.channels)],
-        'NumSupportArrays': 0}
+        'NumSupportArrays': int(pulses.antenna is not None),
+        **({} if pulses.antenna is None else {'SupportArray': pulses.antenna.data()})}
 
 
 def _fixed(vectors: np.ndarray, first: str, second: str) -> bool:
@@ -176,7 +181,8 @@ def _fixed(vectors: np.ndarray, first: str, second: str) -> bool:
                 and (vectors[second] == vectors[second].flat[0]).all())
 
 
-def _channels(vectors: np.ndarray, collection: Collection) -> dict:
+def _channels(pulses: Pulses, vectors: np.ndarray, collection: Collection) -> dict:
+    antenna = {} if pulses.antenna is None else {'Antenna': OF_CHANNEL}
     n_vectors = vectors.shape[1]
 
     def parameters(own, name, polarisation):
@@ -187,7 +193,7 @@ def _channels(vectors: np.ndarray, collection: Collection) -> dict:
                 'Polarization': {'TxPol': polarisation[0], 'RcvPol': polarisation[1]},
                 'FxC': (low + high) / 2, 'FxBW': high - low,
                 'TOASaved': own['TOA2'].max() - own['TOA1'].min(),
-                'DwellTimes': {'CODId': 'all', 'DwellId': 'all'}}
+                'DwellTimes': {'CODId': 'all', 'DwellId': 'all'}, **antenna}
 
     return {'RefChId': collection.channels[0], 'FXFixedCPHD': _fixed(vectors, 'FX1', 'FX2'),
             'TOAFixedCPHD': _fixed(vectors, 'TOA1', 'TOA2'), 'SRPFixedCPHD': True,
@@ -198,7 +204,9 @@ def _channels(vectors: np.ndarray, collection: Collection) -> dict:
 def _layout(pulses: Pulses) -> dict:
     out, offset = {}, 0
     for name, kind in pulses.layout.items():
-        out[name] = {'Offset': offset, 'Size': words(kind), 'Format': kind}
+        side = next((element for element, own in PARAMETERS.items() if name in own), None)
+        target = out if side is None else out.setdefault(side, {})
+        target[name] = {'Offset': offset, 'Size': words(kind), 'Format': kind}
         offset += words(kind)
     return out
 

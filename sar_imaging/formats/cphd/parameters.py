@@ -8,6 +8,7 @@ import numpy as np
 
 from ...geometry.earth import Datum
 from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
+from .antenna_writing import PARAMETERS, WrittenAntenna
 from .errors import CphdError
 from .vectors import NORMAL
 
@@ -23,13 +24,14 @@ LAYOUT = {'TxTime': 'F8', 'TxPos': _XYZ, 'TxVel': _XYZ, 'RcvTime': 'F8', 'RcvPos
 
 def words(kind: str) -> int:
     """Words of 8 bytes that a parameter takes."""
-    return 3 if kind == _XYZ else 1
+    return kind.count(';') or 1
 
 
 def vector_type(layout: dict[str, str]) -> np.dtype:
     """Type of a vector's parameters."""
-    kinds = {'F8': np.dtype('f8'), 'I8': np.dtype('i8'), _XYZ: np.dtype(('f8', (3,)))}
-    return np.dtype([(name, kinds[kind]) for name, kind in layout.items()])
+    kinds = {'F8': np.dtype('f8'), 'I8': np.dtype('i8')}
+    return np.dtype([(name, kinds.get(kind, np.dtype(('f8', (words(kind),)))))
+                     for name, kind in layout.items()])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,6 +58,8 @@ class Pulses:
         Factors of the samples, where they are integers.
     has_signal : (P, C) bool
         False where all samples of a vector are zero.
+    antenna : WrittenAntenna or None
+        Where it is known.
     """
 
     radar: RadarParameters
@@ -68,6 +72,7 @@ class Pulses:
     rx_m: np.ndarray
     amplitude: np.ndarray | None
     has_signal: np.ndarray
+    antenna: WrittenAntenna | None = None
 
     @property
     def start_ns(self) -> int:
@@ -77,7 +82,10 @@ class Pulses:
     @property
     def layout(self) -> dict[str, str]:
         """Parameters of the vectors and their formats."""
-        return {n: k for n, k in LAYOUT.items() if n != 'AmpSF' or self.amplitude is not None}
+        antenna = {} if self.antenna is None else {
+            name: kind for own in PARAMETERS.values() for name, kind in own.items()}
+        return {n: k for n, k in LAYOUT.items()
+                if n != 'AmpSF' or self.amplitude is not None} | antenna
 
     @property
     def collect_type(self) -> str:
@@ -124,6 +132,9 @@ def vector_parameters(pulses: Pulses) -> np.ndarray:
                      + _range_rate(pulses.rx_m - pulses.reference_m, rx_v)).T / SPEED_OF_LIGHT
     if pulses.amplitude is not None:
         out['AmpSF'] = pulses.amplitude.T
+    if pulses.antenna is not None:  # the same at both ends of a pulse's way
+        for side in ('Tx', 'Rcv'):
+            out[f'{side}ACX'], out[f'{side}ACY'] = pulses.antenna.x_axis, pulses.antenna.y_axis
     out['SIGNAL'] = np.where(pulses.has_signal, NORMAL, 0).T
     (_phase_history_window if pulses.domain == 'FX' else _profile_window)(pulses, delay_s, out)
     return out

@@ -9,7 +9,9 @@ import numpy as np
 
 from ...geometry.earth import Datum, ecef_to_geographic, geographic_to_ecef
 from ...geometry.grids import MapGrid
+from ...geometry.illumination import AntennaPattern, Pointing
 from ...signal.pulses import PulseBlock
+from .antenna_reading import read_antenna
 from .collection import read_collection, read_start_ns
 from .container import Container
 from .errors import CphdError, reported
@@ -60,6 +62,9 @@ class CphdReader:
         Times of the pulses, nanoseconds since 1970.
     tx_m, rx_m : (P, C, 3) float64
         Phase centres in the frame, metres.
+    illumination : AntennaPattern or None
+        Pattern of the antenna, where the file tells one that can be used; its blocks then have
+        their pointing.
     warnings : list of str
         What a person should know of the file.
 
@@ -116,6 +121,7 @@ class CphdReader:
         self.tx_m, self.rx_m = (self.datum.from_ecef(m) for m in (vectors.tx_m, vectors.rx_m))
         self.stamp_ns = read_start_ns(container) + np.rint(vectors.tx_s * 1e9).astype(np.int64)
         self.warnings = self._samples.warnings + self._told()
+        self.illumination, self._pointing = self._antenna()
 
     def close(self) -> None:
         """Close the file."""
@@ -185,7 +191,8 @@ class CphdReader:
                             f'vectors are NaN or infinite, first of number '
                             f'{index[(~finite).argmax()]}; the file is damaged')
         return PulseBlock(self.radar, self.compressed, self.stamp_ns[rows], index, samples,
-                          self.tx_m[rows], self.rx_m[rows], 'map')
+                          self.tx_m[rows], self.rx_m[rows], 'map',
+                          self._pointing and self._pointing.select(rows))
 
     def _read(self, channel: str, number: int, rows: slice) -> np.ndarray:
         """(P, N) complex64 samples of the file, of the package's sign."""
@@ -322,6 +329,21 @@ class CphdReader:
             point = self._vectors.reference_m.mean(axis=(0, 1))
         latitude, longitude, height = ecef_to_geographic(point)
         return Datum(float(latitude), float(longitude), float(height))
+
+    def _antenna(self) -> tuple[AntennaPattern | None, Pointing | None]:
+        """Pattern and pointing that the file tells; a warning says why it tells none."""
+        try:
+            with reported(self.container.path, 'antenna'), np.errstate(all='ignore'):
+                found = read_antenna(self.container, self.channels, self._vectors)
+                if found is None:
+                    return None, None
+                pointing = Pointing(*map(self.datum.vectors_from_ecef,
+                                         (found.boresight, found.up)))
+        except CphdError as error:
+            self.warnings.append(f'the antenna is not used, all is lit alike: {error}')
+            return None, None
+        self.warnings += found.warnings
+        return found.pattern, pointing
 
     def _told(self) -> list[str]:
         """What a person should know besides what the samples tell."""

@@ -12,10 +12,12 @@ import numpy as np
 
 from ...geometry.earth import Datum
 from ...geometry.grids import MapGrid
+from ...geometry.illumination import AntennaPattern, Pointing
 from ...signal.pulses import PulseBlock
 from ...signal.radar import SPEED_OF_LIGHT, Waveform
 from ...signal.range_compression import RangeCompressor
 from ..extras import require
+from .antenna_writing import TABLE, WrittenAntenna
 from .collection import Collection
 from .container import PURPOSE
 from .errors import CphdError
@@ -29,7 +31,8 @@ _COPIED_BYTES = 2**24  # at a time, from the spool to the file
 
 def write_cphd(path: Path | str, blocks: Iterable[PulseBlock], datum: Datum, grid: MapGrid, *,
                collection: Collection | None = None, domain: str | None = None, sign: int = -1,
-               sample_type: str = 'CF8', overwrite: bool = False) -> int:
+               sample_type: str = 'CF8', antenna: AntennaPattern | None = None,
+               overwrite: bool = False) -> int:
     """Write pulses as a CPHD 1.1.0 file, complete or not at all.
 
     Phase histories (stepped frequency) are written in domain FX, everything else as range
@@ -54,6 +57,9 @@ def write_cphd(path: Path | str, blocks: Iterable[PulseBlock], datum: Datum, gri
         SGN; -1 is that of this package.
     sample_type : {'CF8', 'CI4', 'CI2'}
         Complex floats of 8 bytes, or integers of 4 or 2 with a factor for each vector.
+    antenna : AntennaPattern, optional
+        Pattern of the antenna; the pulses then tell where it looked. It is written as
+        polynomials over its main lobe and as a table, which `CphdReader` takes.
     overwrite : bool
         Replace an existing file.
 
@@ -95,12 +101,12 @@ def write_cphd(path: Path | str, blocks: Iterable[PulseBlock], datum: Datum, gri
                        sample_type)
         for block in blocks:
             spool.add(block)
-        pulses = spool.pulses()
+        pulses = spool.pulses(antenna)
         vectors = vector_parameters(pulses)
         named = (collection or Collection()).named(len(vectors))
         tree = make_metadata(pulses, vectors, grid, named, sample_type, sign)
         partial = Path(folder) / path.name
-        _assemble(partial, tree, vectors, named, spool)
+        _assemble(partial, tree, vectors, named, spool, pulses.antenna)
         partial.replace(path)
     return len(pulses.stamp_ns)
 
@@ -116,6 +122,7 @@ class _Spool:
         self._first: PulseBlock | None = None
         self._compressor: RangeCompressor | None = None
         self._told: list[tuple[np.ndarray, ...]] = []
+        self._looks: list[Pointing | None] = []
 
     def add(self, block: PulseBlock) -> None:
         """Write the samples of a block."""
@@ -140,6 +147,7 @@ class _Spool:
                               self._sample_type).tobytes())
         self._told.append((block.stamp_ns, block.tx_m, block.rx_m, amplitude,
                            block.samples.any(axis=-1)))
+        self._looks.append(block.pointing)
 
     def _begin(self, block: PulseBlock) -> None:
         radar = block.radar
@@ -178,25 +186,33 @@ class _Spool:
                      earlier * step, block.n_samples)
         return (block.samples * turns.reshape(shape)).astype(np.complex64)
 
-    def pulses(self) -> Pulses:
+    def pulses(self, pattern: AntennaPattern | None) -> Pulses:
         """What was written, without its samples."""
         if not self._told:
             raise CphdError('there is no pulse to write')
+        antenna = None
+        if pattern is not None:
+            if None in self._looks:
+                raise CphdError('pulses do not tell where the antenna looked; give them their '
+                                'pointing, or leave the antenna out')
+            antenna = WrittenAntenna.of(pattern, Pointing.join(self._looks), self._datum)
         stamp_ns, tx_m, rx_m, amplitude, has_signal = map(np.concatenate,
                                                           zip(*self._told, strict=True))
         return Pulses(self.radar, self._n_samples, self._domain, self._datum, self._reference_m,
                       stamp_ns, tx_m, rx_m, None if self._sample_type == 'CF8' else amplitude,
-                      has_signal)
+                      has_signal, antenna)
 
 
 def _assemble(path: Path, tree, vectors: np.ndarray, collection: Collection,
-              spool: _Spool) -> None:
+              spool: _Spool, antenna: WrittenAntenna | None) -> None:
     """Header, metadata and parameters by sarkit; behind them the samples of each channel."""
     sarkit = require('sarkit.cphd', PURPOSE)
     with open(path, 'w+b') as file:
         writer = sarkit.Writer(file, sarkit.Metadata(xmltree=tree))
         for name, own in zip(collection.channels, vectors, strict=True):
             writer.write_pvp(name, own)
+        if antenna is not None:
+            writer.write_support_array(TABLE, antenna.table)
         file.seek(0)
         _, header = sarkit.read_file_header(file)
         file.seek(int(header['SIGNAL_BLOCK_BYTE_OFFSET']))

@@ -20,6 +20,8 @@ _CUTS = {UNIFORM: PatternCut.uniform, GAUSSIAN: PatternCut.gaussian, COSINE: Pat
 _TABLES = ('azimuth_deg', 'azimuth_gain_db', 'elevation_deg', 'elevation_gain_db')
 _LARGEST_FILE = 1_000_000  # bytes
 _LEAST_AMPLITUDE = 1e-6  # two-way, of gains that are given as next to nothing
+_DARK = 1e-12  # that is written for none
+_MOST_POINTS = 257  # of a cut that is written as a table
 
 
 @dataclasses.dataclass(frozen=True)
@@ -130,6 +132,21 @@ class Antenna:
         except ValueError as error:
             raise ValueError(f'the angles {axis}_deg of a measured antenna: expected ascending '
                              'ones from -90 to 90 degrees, and finite gains') from error
+
+    @classmethod
+    def of(cls, pattern: AntennaPattern) -> Antenna:
+        """Measured antenna of a pattern, as recordings hold it; 257 points of a cut at most."""
+        tables = {}
+        for axis in ('azimuth', 'elevation'):
+            cut = getattr(pattern, axis)
+            if axis == 'elevation' and np.ptp(cut.amplitude) == 0 and len(cut.amplitude) == 2:
+                continue  # all alike
+            last = len(cut.amplitude) - 1
+            sine = cut.start + cut.step * np.linspace(0, last, min(last, _MOST_POINTS - 1) + 1)
+            tables[f'{axis}_deg'] = np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
+            amplitude = cut.at_sine(np.clip(sine, cut.start, cut.start + cut.step * last))
+            tables[f'{axis}_gain_db'] = 10 * np.log10(np.maximum(amplitude, _DARK))
+        return cls(MEASURED, **{name: tuple(v.tolist()) for name, v in tables.items()})
 
     def as_dict(self) -> dict:
         """Fields that are given, of JSON types; see `from_dict`."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,12 +13,14 @@ from sar_imaging.formats.cphd import Collection, CphdReader, write_cphd
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.illumination import Antenna
+from sar_imaging.signal.pointing import PointingFinder
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
 
 from ..recordings.bag_io import BagError, check_target, read_blocks, read_poses, write_bag
 from ..recordings.recording import Recording, read_recording
-from ..recordings.truth import make_truth
+from ..recordings.truth import antenna_truth, make_truth
 from ..recordings.writing import split, with_progress
 
 _TOLD = ('collector_name', 'core_name', 'classification', 'release_info', 'mode_type')
@@ -45,11 +48,17 @@ def recording_to_cphd(source: Path, target: Path, arguments: argparse.Namespace)
         collection = Collection(**told)
     except TypeError as error:
         raise BagError(f'{source}: the collection of the recording: {error}') from error
+    blocks = _located(source, recording)
+    first = next(blocks)
+    antenna = recording.antenna and recording.antenna.amplitudes()
+    warning = '' if antenna is None or first.pointing is not None else (
+        '\nwarning: written without its antenna: pulses do not tell where it looked')
     n = write_cphd(
-        target, with_progress(_located(source, recording), len(recording.counter)), datum,
+        target, with_progress(itertools.chain([first], blocks), len(recording.counter)), datum,
         _scene(arguments, recording), collection=_named(collection, arguments),
-        domain=arguments.domain, sample_type=arguments.sample_type, overwrite=arguments.force)
-    return f'{target}: {n} pulses'
+        domain=arguments.domain, sample_type=arguments.sample_type,
+        antenna=None if warning else antenna, overwrite=arguments.force)
+    return f'{target}: {n} pulses{warning}'
 
 
 def cphd_to_recording(source: Path, target: Path, arguments: argparse.Namespace) -> str:
@@ -66,6 +75,7 @@ def cphd_to_recording(source: Path, target: Path, arguments: argparse.Namespace)
             radar=reader.radar, compressed=reader.compressed, notes='; '.join(reader.warnings),
             datum=reader.datum)
         truth['collection'] = dataclasses.asdict(collection)
+        truth |= antenna_truth(reader.illumination and Antenna.of(reader.illumination))
         messages = (message for block in reader.blocks() for message in split(block))
         count = write_bag(target, with_progress(messages, reader.n_pulses), truth,
                           overwrite=arguments.force)
@@ -78,7 +88,7 @@ def cphd_to_cphd(source: Path, target: Path, arguments: argparse.Namespace) -> s
         write_cphd(target, with_progress(reader.blocks(), reader.n_pulses), reader.datum,
                    reader.map_grid(), collection=_named(reader.collection, arguments),
                    domain=arguments.domain, sample_type=arguments.sample_type,
-                   overwrite=arguments.force)
+                   antenna=reader.illumination, overwrite=arguments.force)
         return _report(target, f'{reader.n_pulses} pulses', reader)
 
 
@@ -132,10 +142,12 @@ def _scene(arguments: argparse.Namespace, recording: Recording) -> MapGrid:
 
 
 def _located(source: Path, recording: Recording) -> Iterator[PulseBlock]:
-    """Blocks of a recording, with phase centres from its poses where they have none."""
-    poses = read_poses(source)
+    """Blocks of a recording, with phase centres and pointing from its poses where they lack."""
+    poses, mount = read_poses(source), recording.mount
+    by_attitude = mount is not None and mount.needs_attitude
+    finder = None if mount is None or by_attitude else PointingFinder(mount)
     for block in read_blocks(source):
         if not block.has_positions and poses is not None:
             alignment = Alignment(**(recording.truth or {}).get('alignment', {}))
-            block = locate(block, poses.track(), alignment)
-        yield block
+            block = locate(block, poses.track(), alignment, mount if by_attitude else None)
+        yield block if finder is None else finder(block)

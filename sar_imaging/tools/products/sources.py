@@ -250,7 +250,8 @@ def _cphd(path: Path, datum: Datum | None) -> Source:
 
         return Source(path, CPHD, reader.radar, reader.n_samples, reader.compressed, counter,
                       reader.stamp_ns, reader.tx_m, reader.rx_m, reader.datum, reader.area_m,
-                      None, (), read, tuple(reader.warnings), None, reader.collection)
+                      None, (), read, tuple(reader.warnings), None, reader.collection,
+                      illumination=reader.illumination)
 
 
 def _recording(path: Path, aperture: int | None, datum: Datum | None) -> Source:

@@ -1,5 +1,6 @@
 """Truncated, damaged and absurd files: one kind of error, no memory beyond the file's, no hang."""
 
+import dataclasses
 import os
 import signal
 import tracemalloc
@@ -9,11 +10,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from sar_imaging.formats.cphd import CphdError, CphdReader, write_cphd
+from sar_imaging.geometry.illumination import AntennaPattern, PatternCut, Pointing
 
 from .conftest import DATUM, GRID, pulses
 from .mutations import mutated
 
-KINDS = {'phase histories': (False, {'sign': 1}), 'profiles': (True, {'sample_type': 'CI4'})}
+KINDS = {'phase histories': (False, {'sign': 1}), 'profiles': (True, {'sample_type': 'CI4'}),
+         'antenna': (True, {'antenna': AntennaPattern(PatternCut.sinc(0.02))})}
 MEMORY = 10**6  # for blocks; the files have 100 kB
 LIMIT = 4 * 10**6  # measured over 10,000 files: 2.1 MB, of which the metadata take 1.4 MB
 HANGING_S = 60
@@ -26,13 +29,16 @@ class Made:
         self.files, self.folder = files, folder
 
     def check(self, seed):
-        return check(self.files[seed % 2], self.folder / 'damaged.cphd', seed)
+        return check(self.files[seed % len(self.files)], self.folder / 'damaged.cphd', seed)
 
 
 def sources(folder):
     out = []
     for name, (compressed, options) in KINDS.items():
-        write_cphd(folder / name, [pulses(compressed, 2, 20)], DATUM, GRID, **options)
+        block = pulses(compressed, 2, 20)
+        looks = Pointing.steered(block.phase_centre_m, (0.0, 0.0, 0.0))
+        write_cphd(folder / name, [dataclasses.replace(block, pointing=looks)], DATUM, GRID,
+                   **options)
         out.append((folder / name).read_bytes())
     return out
 

@@ -9,10 +9,13 @@ import pytest
 
 from sar_imaging.formats.cphd import CphdReader
 from sar_imaging.geometry.earth import Datum
+from sar_imaging.geometry.illumination import Antenna, Pointing
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.tools.command import main
+from sar_imaging.tools.products.sources import open_source
 from sar_imaging.tools.recordings import bag_io, read_recording
+from sar_imaging.tools.recordings.truth import antenna_truth
 
 ROOT = Path(__file__).resolve().parents[3]
 GOTCHA = ROOT.parent / 'shared/data/gotcha_pass1_hh'
@@ -201,3 +204,43 @@ def test_integers_and_other_domain(tmp_path):
         assert other.collection.mode_type == 'STRIPMAP'
         [first], [second] = one.blocks(), other.blocks()
         assert level_db(second, first) < -130
+
+
+def lit_recording(path, pointing=True):
+    """A recording that tells its antenna, whose beam is narrower than its scene."""
+    block = bag_io.read_blocks(ROOT / 'bags' / 'psf')
+    block = concatenate(list(block))
+    looks = Pointing.steered(block.phase_centre_m, (10_000.0, 8.0, 0.0))
+    truth = bag_io.read_truth(ROOT / 'bags' / 'psf') | antenna_truth(
+        Antenna('gaussian', azimuth_width_deg=0.3, elevation_width_deg=20.0))
+    bag_io.write_bag(path, [dataclasses.replace(block, pointing=looks if pointing else None)],
+                     truth)
+    return path
+
+
+def test_the_antenna_of_a_recording_goes_to_cphd_and_back(tmp_path, capsys):
+    """Images of both files are weighed alike."""
+    source = lit_recording(tmp_path / 'lit')
+    assert main(['convert', str(source), str(tmp_path / 'a.cphd'), *HERE]) == 0
+    assert main(['convert', str(tmp_path / 'a.cphd'), str(tmp_path / 'b.cphd')]) == 0
+    assert main(['convert', str(tmp_path / 'b.cphd'), str(tmp_path / 'back'), *HERE]) == 0
+    assert 'warning' not in capsys.readouterr().out
+    here, images = Datum(47, 8, 450, 30), []
+    for path in (source, tmp_path / 'a.cphd', tmp_path / 'back'):
+        opened = open_source(path, datum=here)
+        [block] = opened.profiles(1e9)
+        images.append(plan_image(part_of(read_recording(source).grid), block.radar,
+                                 block.n_samples, method='correlation',
+                                 illumination=opened.illumination)(block))
+    plain = plan_image(images[0].grid, block.radar, block.n_samples, method='correlation')(block)
+    assert level_db(plain, images[0]) > -30  # the antenna does darken it
+    for image in images[1:]:
+        # -117 dB measured: tables of 257 points, of DCX and then of angles
+        assert level_db(image, images[0]) < -100
+
+
+def test_an_antenna_whose_pulses_tell_no_pointing_is_left_out(tmp_path, capsys):
+    source = lit_recording(tmp_path / 'lit', pointing=False)
+    assert main(['convert', str(source), str(tmp_path / 'a.cphd'), *HERE]) == 0
+    assert 'written without its antenna' in capsys.readouterr().out
+    assert open_source(tmp_path / 'a.cphd').illumination is None

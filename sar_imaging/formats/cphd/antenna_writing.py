@@ -1,0 +1,172 @@
+"""The antenna of written files: pattern as polynomials and as a table, frames of every vector.
+
+In the antenna's frame x is our right, y is down and z the boresight, so that the direction cosine
+DCX is the sine of azimuth (NGA.STND.0068-1, section 7). Gains are those of one way, dB, relative
+to the boresight: the two-way amplitude is the power gain of one way.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from ...geometry.earth import Datum
+from ...geometry.illumination import AntennaPattern, Pointing
+from .errors import CphdError
+
+FRAME, PHASE_CENTRE, PATTERN, TABLE = 'frame', 'phase centre', 'pattern', 'gain'
+#: Parameters of the vectors, by the element that holds them.
+PARAMETERS = {side: {f'{short}ACX': 'X=F8;Y=F8;Z=F8;', f'{short}ACY': 'X=F8;Y=F8;Z=F8;',
+                     f'{short}EB': 'DCX=F8;DCY=F8;'}
+              for side, short in (('TxAntenna', 'Tx'), ('RcvAntenna', 'Rcv'))}
+TABLE_TYPE = np.dtype([('Gain', 'f4'), ('Phase', 'f4')])
+DARK_DB = -120.0  # what stands for no gain at all
+_POINTS = 257  # of a cut in the table
+_MAIN_LOBE_DB = -15.0  # one way, down to which polynomials are fitted
+_ORDER, _FRAME_ORDER = 6, 5
+_FITTED = 41  # points along either direction
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class WrittenAntenna:
+    """An antenna in the standard's terms.
+
+    Attributes
+    ----------
+    first, step : (2,) float64
+        Direction cosines DCX and DCY of the table's first value, and between values.
+    gain_db : (N, M) float32
+        One way, relative to the boresight, by DCX and DCY.
+    polynomial : (7, 7) float64
+        The same over the main lobe, by powers of DCX and DCY.
+    x_axis, y_axis : (P, 3) float64
+        Axes of the frame at each vector, ECEF.
+    """
+
+    first: np.ndarray
+    step: np.ndarray
+    gain_db: np.ndarray
+    polynomial: np.ndarray
+    x_axis: np.ndarray
+    y_axis: np.ndarray
+
+    @classmethod
+    def of(cls, pattern: AntennaPattern, pointing: Pointing, datum: Datum) -> WrittenAntenna:
+        """Antenna of a pattern and its pointing.
+
+        Raises
+        ------
+        CphdError
+            The pattern has no gain on boresight, to which the standard refers.
+        """
+        if not (pattern.azimuth.at_sine(0.0) > 0 and pattern.elevation.at_sine(0.0) > 0):
+            raise CphdError('the antenna has no gain on its boresight, to which CPHD refers all '
+                            'gains; turn the pointing towards its main lobe')
+        cuts = pattern.azimuth, pattern.elevation
+        sizes = [min(len(cut.amplitude), _POINTS) for cut in cuts]
+        ends = np.array([[cut.start, cut.start + cut.step * (len(cut.amplitude) - 1)]
+                         for cut in cuts])
+        ends[1] = -ends[1, ::-1]  # y is down
+        ends = np.clip(ends, -1.0, 1.0)
+        step = np.diff(ends)[:, 0] / (np.array(sizes) - 1)
+        cosines = [first + gap * np.arange(n) for first, gap, n in zip(ends[:, 0], step, sizes,
+                                                                      strict=True)]
+        axes = pointing.axes
+        return cls(ends[:, 0], step, _gain_db(pattern, *cosines).astype(np.float32),
+                   _polynomial(pattern, cosines), datum.vectors_to_ecef(axes[:, 0]),
+                   datum.vectors_to_ecef(-axes[:, 2]))
+
+    @property
+    def table(self) -> np.ndarray:
+        """(N, M) gain and phase, as the support array holds them."""
+        out = np.zeros(self.gain_db.shape, TABLE_TYPE)
+        out['Gain'] = self.gain_db
+        return out
+
+    def metadata(self, time_s: np.ndarray, carrier_hz: float) -> dict:
+        """Element Antenna, by times of the vectors, seconds."""
+        order = min(_FRAME_ORDER, len(time_s) - 1)
+        axes = {name: {axis: _polynomial_1d(np.polynomial.Polynomial.fit(
+            time_s, values[:, i], order).convert().coef) for i, axis in enumerate('XYZ')}
+            for name, values in (('XAxisPoly', self.x_axis), ('YAxisPoly', self.y_axis))}
+        nothing = ({'order1': 0, 'order2': 0}, {'Coef': ({'exponent1': 0, 'exponent2': 0}, 0.0)})
+        return {
+            'NumACFs': 1, 'NumAPCs': 1, 'NumAntPats': 1,
+            'AntCoordFrame': {'Identifier': FRAME, **axes, 'UseACFPVP': True},
+            'AntPhaseCenter': {'Identifier': PHASE_CENTRE, 'ACFId': FRAME,
+                               'APCXYZ': dict.fromkeys('XYZ', 0.0)},
+            'AntPattern': {
+                'Identifier': PATTERN, 'FreqZero': float(carrier_hz),
+                'EB': {'DCXPoly': _polynomial_1d([0.0]), 'DCYPoly': _polynomial_1d([0.0])},
+                'Array': {'GainPoly': _polynomial_2d(self.polynomial), 'PhasePoly': nothing},
+                'Element': {'GainPoly': nothing, 'PhasePoly': nothing},
+                'GainPhaseArray': {'Freq': float(carrier_hz), 'ArrayId': TABLE}}}
+
+    def support_array(self) -> dict:
+        """Element SupportArray."""
+        return {'AntGainPhase': {
+            'Identifier': TABLE, 'ElementFormat': 'Gain=F4;Phase=F4;', 'X0': self.first[0],
+            'Y0': self.first[1], 'XSS': self.step[0], 'YSS': self.step[1]}}
+
+    def data(self) -> dict:
+        """Where the table stands, for the element Data."""
+        rows, columns = self.gain_db.shape
+        return {'Identifier': TABLE, 'NumRows': rows, 'NumCols': columns,
+                'BytesPerElement': TABLE_TYPE.itemsize, 'ArrayByteOffset': 0}
+
+
+#: Identifiers of the antenna of every channel.
+OF_CHANNEL = {'TxAPCId': PHASE_CENTRE, 'TxAPATId': PATTERN, 'RcvAPCId': PHASE_CENTRE,
+              'RcvAPATId': PATTERN}
+
+
+def _gain_db(pattern: AntennaPattern, dcx: np.ndarray, dcy: np.ndarray) -> np.ndarray:
+    """(N, M) gain of one way at direction cosines, dB relative to the boresight."""
+    across = np.sqrt(np.maximum(1 - dcx[:, None] ** 2, 1e-12))
+    elevation = np.clip(-dcy / across, -1.0, 1.0)
+    amplitude = (pattern.azimuth.at_sine(dcx)[:, None] * pattern.elevation.at_sine(elevation)
+                 / (pattern.azimuth.at_sine(0.0) * pattern.elevation.at_sine(0.0)))
+    with np.errstate(divide='ignore'):
+        return np.maximum(10 * np.log10(amplitude), DARK_DB)
+
+
+def _polynomial(pattern: AntennaPattern, cosines) -> np.ndarray:
+    """(7, 7) coefficients of the main lobe's gain, dB; none of DCX = DCY = 0."""
+    fine = [np.linspace(part[0], part[-1], 10 * _FITTED) for part in cosines]
+    lobes = [_main_lobe(part, gain) for part, gain in zip(fine, (
+        _gain_db(pattern, fine[0], np.zeros(1))[:, 0],
+        _gain_db(pattern, np.zeros(1), fine[1])[0]), strict=True)]
+    x, y = (np.linspace(*lobe, _FITTED) for lobe in lobes)
+    gain = _gain_db(pattern, x, y)
+    lit = gain > 2 * _MAIN_LOBE_DB
+    scales = [max(np.abs(part).max(), 1e-9) for part in (x, y)]
+    places = [part[lit] / scale for part, scale in zip(
+        np.meshgrid(x, y, indexing='ij'), scales, strict=True)]
+    weight = 10 ** (gain[lit] / 20)  # what is bright counts most
+    matrix = np.polynomial.polynomial.polyvander2d(*places, [_ORDER] * 2)[:, 1:]
+    found = np.concatenate([[0.0], np.linalg.lstsq(
+        matrix * weight[:, None], gain[lit] * weight, rcond=None)[0]])
+    powers = np.arange(_ORDER + 1)
+    return found.reshape(_ORDER + 1, -1) / np.multiply.outer(scales[0] ** powers,
+                                                             scales[1] ** powers)
+
+
+def _main_lobe(cosine: np.ndarray, gain_db: np.ndarray) -> tuple[float, float]:
+    """Ends of what lies around the boresight above -15 dB."""
+    middle = int(np.abs(cosine).argmin())
+    dark = np.flatnonzero(gain_db < _MAIN_LOBE_DB)
+    before, after = dark[dark < middle], dark[dark > middle]
+    return (float(cosine[before[-1] if before.size else 0]),
+            float(cosine[after[0] if after.size else -1]))
+
+
+def _polynomial_1d(coefficients) -> tuple[dict, dict]:
+    return ({'order1': len(coefficients) - 1}, {'Coef': [
+        ({'exponent1': power}, float(value)) for power, value in enumerate(coefficients)]})
+
+
+def _polynomial_2d(coefficients: np.ndarray) -> tuple[dict, dict]:
+    return ({f'order{axis + 1}': n - 1 for axis, n in enumerate(coefficients.shape)},
+            {'Coef': [({f'exponent{axis + 1}': power for axis, power in enumerate(powers)},
+                       float(value)) for powers, value in np.ndenumerate(coefficients)]})
