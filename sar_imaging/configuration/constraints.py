@@ -40,6 +40,13 @@ class Finding:
     from_track: bool = False
 
 
+_STRAIGHT_VOLUME = Finding(
+    'warning', 'mode: volume, and a straight track is assumed, which tells no heights unless '
+    'receivers lie across it: aperture, azimuth resolution and pulse rate hold for one row of a '
+    'raster or for the chord of an arc, and the resolution in height is not derived; compare with '
+    'an image of simulated scatterers', from_track=True)
+
+
 def check(acquisition: Acquisition, imaging: Imaging, machine: Machine,
           derived: Derived) -> list[Finding]:
     """Find errors and warnings of a configuration, errors first.
@@ -74,7 +81,14 @@ def check(acquisition: Acquisition, imaging: Imaging, machine: Machine,
                 *_check_strip(acquisition, imaging, derived),
                 *_check_blocks(acquisition, imaging, derived),
                 *_check_load(imaging, machine, derived)]
+    if imaging.mode == 'volume':
+        findings = [_of_one_row(f) for f in findings] + [_STRAIGHT_VOLUME]
     return sorted(findings, key=lambda f: f.severity != 'error')
+
+
+def _of_one_row(finding: Finding) -> Finding:
+    """What is impossible on a straight track need not be so on a raster or an arc."""
+    return dataclasses.replace(finding, severity='warning') if finding.from_track else finding
 
 
 def check_settings(imaging: Imaging, machine: Machine) -> list[Finding]:

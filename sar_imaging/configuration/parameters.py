@@ -6,7 +6,6 @@ A node ignores silently what a file says for a misspelt node or parameter; here 
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import importlib.resources
 import math
 import re
@@ -16,6 +15,7 @@ from pathlib import Path
 import yaml
 
 from ..geometry.grids import MapGrid
+from ..names import advice_on
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from .antenna import antenna_of
 from .constraints import Finding
@@ -190,7 +190,7 @@ def interpret(tree, defaults) -> Configuration:
         for_all = node in (COMMON, PIPELINE)
         if not for_all and node not in nodes:
             findings.append(Finding('error', f'section {node!r} names no node; '
-                                    + _suggest(node, [*nodes, PIPELINE, '/**'])))
+                                    + advice_on(node, [*nodes, PIPELINE, '/**'])))
             continue
         targets = nodes if for_all else {node: nodes[node]}
         for name, value in values.items():
@@ -318,7 +318,7 @@ def _set(targets: Mapping[str, dict], section: str, name: str, value) -> Iterato
     if not having:
         names = sorted({n for values in targets.values() for n in values})
         yield Finding('error', f'section {section!r} has {name}, which no node reads; '
-                      + _suggest(name, names))
+                      + advice_on(name, names))
     for values in having:
         default = values[name]
         kind = default if isinstance(default, type) else type(default)
@@ -340,8 +340,3 @@ def _is_finite(value) -> bool:
     if isinstance(value, list):
         return all(type(v) in (int, float) and math.isfinite(v) for v in value)
     return not isinstance(value, float) or math.isfinite(value)
-
-
-def _suggest(name: str, names) -> str:
-    close = difflib.get_close_matches(name, names, 1)
-    return f'did you mean {close[0]}?' if close else f'known are {", ".join(names)}'

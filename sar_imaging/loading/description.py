@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 
 from ..files import check_file
+from ..names import advice_on
 
 MOST_BYTES = 1_000_000
 # All sections and their keys; docs/loading.md explains each.
@@ -68,10 +69,8 @@ class Section:
         self._values = dict(values)
         for key in self._values:
             if key not in known:
-                close = (difflib.get_close_matches(str(key), known, 1)
-                         or [name for name in known if name.startswith(f'{key}_')])
-                advice = f'did you mean {close[0]}?' if close else f'known are {", ".join(known)}'
-                raise DescriptionError(f'{origin}: unknown key {self._path(key)}; {advice}')
+                raise DescriptionError(f'{origin}: unknown key {self._path(key)}; '
+                                       f'{advice_on(key, known)}')
 
     def _path(self, key) -> str:
         return f'{self._name}.{key}' if self._name else str(key)

@@ -119,6 +119,8 @@ def _check(configuration: Configuration, *, measure: bool) -> list[Finding]:
 def _forecast(acquisition: Acquisition, imaging: Imaging,
               derived: Derived) -> tuple[tuple[str, str, str], list[Finding]]:
     """Row about sub-apertures, and an error where the mode needs what is impossible."""
+    if imaging.mode == 'volume':
+        return ('sub-apertures', 'none', 'they image maps, not volumes'), []
     forecast = forecast_subapertures(acquisition, imaging, derived)
     if forecast.count:
         return ('sub-apertures', str(forecast.count),

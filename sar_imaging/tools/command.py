@@ -11,6 +11,8 @@ from pathlib import Path
 
 import sar_imaging
 
+from .standard_output import ending_with_the_reader
+
 #: Words of a command, and the module of this package whose `main` it is.
 COMMANDS = {
     ('simulate',): 'simulate',
@@ -38,7 +40,11 @@ COMMANDS = {
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; returns its exit status, 2 where there is no such command."""
-    words = list(sys.argv[1:] if argv is None else argv)
+    with ending_with_the_reader():
+        return _main(list(sys.argv[1:] if argv is None else argv))
+
+
+def _main(words: list[str]) -> int:
     if not words or words[0] in ('-h', '--help'):
         print(overview())
         return 0 if words else 2

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from sar_imaging.configuration import derive
+from sar_imaging.configuration import check, derive
 from sar_imaging.configuration.constraints import check_settings
 from sar_imaging.configuration.report import rows
 from sar_imaging.configuration.scene import see_scene
@@ -85,3 +85,14 @@ def test_a_volume_beyond_the_memory_is_an_error():
 def test_heights_that_make_no_sense_are_refused(name, value, text):
     with pytest.raises(ValueError, match=text):
         make_volume(**{name: value})
+
+
+def test_what_follows_from_a_straight_track_is_a_warning_of_volumes():
+    """A raster need not have the errors of one of its rows."""
+    slow = make_acquisition(prf_hz=20.0)
+    found = {mode: check(slow, imaging, MACHINE, derive(slow, imaging, MACHINE))
+             for mode, imaging in (('image', make_imaging()), ('volume', make_volume()))}
+    assert any(f.from_track and f.severity == 'error' for f in found['image'])
+    assert not any(f.from_track and f.severity == 'error' for f in found['volume'])
+    assert any('a straight track is assumed' in f.text for f in found['volume'])
+    assert not any('a straight track is assumed' in f.text for f in found['image'])

@@ -15,7 +15,7 @@ def described(tmp_path, text, **changes):
 
 @pytest.mark.parametrize(('text', 'message'), [
     ('sample: {}', 'unknown key sample; did you mean samples?'),
-    ('quux: 1', 'unknown key quux; known are name, description'),
+    ('quux: 1', 'unknown key quux; expected one of name, description'),
     ('- a', 'the file: expected keys with values'),
     ('a: [', 'is no YAML in line 1'),
     ('', 'the file: expected keys with values')])

@@ -1,5 +1,6 @@
 """The one program: its commands are the tools."""
 
+import signal
 import subprocess
 import sys
 
@@ -46,3 +47,14 @@ def test_no_command_loads_what_it_does_not_need():
     code = ("import sys; from sar_imaging.tools.command import main; main(['--help']);"
             "sys.exit('numpy' in sys.modules)")
     subprocess.run([sys.executable, '-c', code], check=True, stdout=subprocess.DEVNULL)
+
+
+@pytest.mark.parametrize('arguments', [['info', 'bags/psf'], ['info', '--help'], ['--help']],
+                         ids=' '.join)
+def test_commands_end_quietly_when_nobody_reads_them(arguments):
+    process = subprocess.Popen([sys.executable, '-m', 'sar_imaging.tools.command', *arguments],
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process.stdout.close()  # as head does when it has seen enough
+    _, errors = process.communicate(timeout=60)
+    assert errors == b''
+    assert process.returncode == 128 + signal.SIGPIPE

@@ -110,6 +110,10 @@ def plan_launch(arguments: argparse.Namespace, truth: Mapping | None) -> Launch:
                           "give the radar's parameter file by --config, or start them yourself, "
                           'without --launch-nodes')
     mode = _mode(arguments, files)
+    if mode not in MODES:
+        raise LaunchError(f'mode: {mode} publishes points of a volume, and evaluate measures '
+                          f'images; give --mode {MODES[0]} to measure the lowest layer, or form '
+                          'the volume by sar-imaging image --height')
     parameters = dict(_PATIENT) if config else _parameters(truth, mode, arguments.output)
     if arguments.pipeline:
         parameters = pipeline_parameters(parameters)

@@ -73,6 +73,7 @@ def test_the_mode_is_that_asked_for_last(tmp_path, options, mode, names):
     (['-p', 'grid.spacing:=wide'], "grid.spacing='wide'; expected a number"),
     (['-p', 'mode:=[image'], 'is no YAML value'),
     (['--config', 'nowhere'], 'config:=nowhere is no file; shipped are airborne_x_band'),
+    (['-p', 'mode:=volume'], 'publishes points of a volume, .* give --mode image'),
     (['--params', 'nowhere.yaml'], 'nowhere.yaml cannot be read')])
 def test_what_no_node_would_take_starts_nothing(options, reason):
     with pytest.raises(LaunchError, match=reason):

@@ -11,6 +11,7 @@ from pathlib import Path
 import yaml
 
 from sar_imaging.files import check_file
+from sar_imaging.names import advice_on
 
 from .job import JobError
 
@@ -136,10 +137,7 @@ class Value:
             where = f'{self.path}, line {key_node.start_mark.line + 1}'
             full = f'{self.key}.{name}' if self.key else name
             if name not in keys:
-                near = get_close_matches(name, keys, n=1, cutoff=0.5)
-                advice = (f'did you mean {near[0]}?' if near
-                          else f'remove it, or use one of {", ".join(keys)}')
-                raise JobError(f'{where}: there is no key {full}; {advice}')
+                raise JobError(f'{where}: there is no key {full}; {advice_on(name, keys)}')
             if name in found:
                 raise JobError(f'{where}: {full} stands here again, first in line '
                                f'{found[name].line}; remove one of them')

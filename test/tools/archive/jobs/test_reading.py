@@ -51,7 +51,7 @@ WRONG = [
     ('spacing without unit', THREE.replace('spacing_m', 'spacing'), 3,
      'there is no key spacing; did you mean spacing_m?'),
     ('misspelt', ('memory_gb', 'memory_gbit'), 16, 'did you mean memory_gb?'),
-    ('unknown', ('retries', 'colour'), 19, 'there is no key colour; remove it, or use one of'),
+    ('unknown', ('retries', 'colour'), 19, 'there is no key colour; expected one of'),
     ('misspelt within', ('strips', 'strip'), 12, 'no key products.strip; did you mean strips?'),
     ('unknown datum', ('heading_deg', 'bearing'), 4, 'no key datum.bearing'),
     ('twice', THREE + 'output: other\n', 4, 'output stands here again, first in line 2; remove'),
