@@ -188,18 +188,14 @@ def _resident_exact(plan, block: PulseBlock) -> Callable[[], object]:
 
 def _resident_afbp(plan, block: PulseBlock) -> Callable[[], object]:
     """Both stages and the map, from samples on the device."""
-    from sar_imaging.backends.cuda.arrays import synchronise, xp
+    from sar_imaging.backends.cuda.arrays import given, synchronise, xp
 
     made, stage = backend('cuda'), plan.subapertures
-    imager, fusion = made.SubapertureImager(stage), made.SpectrumFusion(stage.fusion_grid)
-    samples = xp.asarray(block.samples)
+    whole = made.ApertureFusion(stage)
+    block = dataclasses.replace(block, samples=given(xp.asarray(block.samples)))
 
     def run():
-        fusion.clear()
-        for number, some in enumerate(stage.sampling.pulses):
-            fusion.add(number, imager.project(samples[some], block.tx_m[some], block.rx_m[some]),
-                       stage.sampling.centre[number])
-        made.form_map(fusion.take_polar_image(), stage.fusion_grid, plan.grid)
+        made.form_map(whole.polar_image(block), stage.fusion_grid, plan.grid)
         synchronise()
 
     return run

@@ -38,7 +38,9 @@ _LINES = (PAIRS, _N, _N, _N, _a(_D, 2), _a(_D, 3), _D, _D, _D, _D, _a(types.comp
 _POINTS = (PAIRS, _N, _a(_D, 2), *[_a(_D, 1)] * 3, _a(_N, 2), _a(_N, 1), _a(_N, 1), _a(_D, 2),
            _D, _D, _D, _D, _D, _a(_F, 1))
 
-_BEAMS = (_a(types.complex64, 2), *[_a(_D, 1)] * 3, _a(_F, 2), _a(_F, 2), _N, _N, _a(_F, 3))
+_FORMED = (PAIRS, _a(_F, 1), _a(_N, 2), _a(_D, 3), _a(_D, 1), _a(_F, 1), _D,
+           _a(types.complex64, 1), _N, PAIRS)
+_READ = (PAIRS, _N, _N, _a(_N, 2), _a(_D, 2), _a(_D, 1), _a(_F, 2), _a(_F, 2), _N, _N, _a(_F, 4))
 
 #: By module of the backend and name.
 TYPES: dict[str, tuple[tuple, ...]] = {
@@ -60,14 +62,19 @@ TYPES: dict[str, tuple[tuple, ...]] = {
     'polar_to_map.to_pixels': tuple(
         (_a(_F, 1), _N, *[_a(_D, 1)] * 3, _a(_F, 1), _N, _a(types.complex64, 2, layout))
         for layout in 'CFA'),  # a map, one whose range follows y, and some columns of that
-    'afbp.fusion.add_band': ((_a(types.complex64, 2), _a(_N, 1), _a(types.complex64, 2)),),
-    'afbp.beam_kernels.form_beams': (
-        (_a(types.complex64, 2), _a(_D, 2), _a(_D, 2), _a(_D, 1), _a(types.int32, 1), _a(_F, 1),
-         _D, _a(types.complex64, 2)),),
-    'afbp.beam_kernels.interpolate_beams': (_BEAMS,),
-    'afbp.beam_kernels.interpolate_lit_beams': ((*_BEAMS, _a(_F, 3), _N),),
-    'afbp.beam_kernels.fit_parabolas': (
-        (_a(_D, 2), _a(_D, 1), _a(_D, 1), _a(_D, 2), _a(_D, 1), _a(_D, 2), _a(_F, 2)),)}
+    'afbp.bands.taper_images': ((_a(_F, 4), _a(_F, 1), _a(_F, 1), PAIRS),),
+    'afbp.bands.add_bands': (
+        (PAIRS, _N, _N, _a(_D, 1), _a(_D, 1), _N, _a(types.complex64, 2)),),
+    'afbp.bands.edge_powers': ((_a(_F, 4), _a(_F, 2), _a(_F, 2), _a(_D, 1)),),
+    'afbp.forming.beam_paths': (
+        (_a(_D, 2), _a(_N, 2), _a(_D, 2), _a(_D, 1), _a(_D, 3)),),
+    'afbp.forming.form_beams': (_FORMED,),
+    'afbp.forming.form_single_beams': (_FORMED,),
+    'afbp.reading.interpolate_beams': (_READ,),
+    'afbp.reading.interpolate_lit_beams': ((*_READ, _a(_F, 4), _N),),
+    'afbp.reading.fit_parabolas': (
+        (_a(_D, 2), _a(_D, 1), _a(_D, 1), _a(_D, 2), _a(_N, 2), _a(_D, 2), _a(_D, 1), _a(_D, 3),
+         _a(_F, 3)),)}
 
 
 @contextlib.contextmanager

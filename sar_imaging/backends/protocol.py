@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from ..geometry.grids import MapGrid
+    from ..planning.afbp.edge_brightness import EdgeBrightness
     from ..planning.afbp.polar_grids import UnifiedPolarGrids
     from ..planning.afbp.subapertures import SubaperturePlan
     from ..planning.exact.backprojection import BackprojectionPlan
@@ -131,6 +132,36 @@ class SpectrumFusion(Protocol):
 
     def clear(self) -> None:
         """Begin another aperture on the same grid: nothing is included any more."""
+
+
+class ApertureFusion(Protocol):
+    """Both stages of AFBP of whole apertures by one plan, some sub-apertures at a time.
+
+    A backend may lack it.
+    """
+
+    plan: SubaperturePlan
+
+    def polar_image(self, block: PulseBlock, weights: np.ndarray | None = None,
+                    brightness: EdgeBrightness | None = None, *, progress: bool = False):
+        """Fuse the images of all sub-apertures.
+
+        Parameters
+        ----------
+        block : PulseBlock
+            Pulses of the aperture.
+        weights : (P,) float32, optional
+            Window over them.
+        brightness : EdgeBrightness, optional
+            Counts the images of the sub-apertures.
+        progress : bool
+            Show a bar.
+
+        Returns
+        -------
+        (2, n_alpha, n_range) float32
+            As of `SpectrumFusion.polar_image`.
+        """
 
 
 class TrialImages(Protocol):

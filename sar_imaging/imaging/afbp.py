@@ -18,6 +18,7 @@ from ..device_arrays import beside, on_device, to_host
 from ..geometry.polar import PolarGrid
 from ..planning.afbp.edge_brightness import EdgeBrightness
 from ..planning.afbp.plan import AfbpPlan, plan_afbp
+from ..planning.afbp.subapertures import SubaperturePlan
 from ..planning.error_budget import AFBP_SHARES, error_budget
 from ..signal.pulses import PulseBlock
 from .image import Report
@@ -72,13 +73,30 @@ class Afbp(Method):
         if block.n_pulses != s.pulses[-1].stop:
             raise ValueError(f'block has {block.n_pulses} pulses; the plan is for '
                              f'{s.pulses[-1].stop}')
-        if self._stages is None:
-            self._stages = (backend.SubapertureImager(plan),
-                            backend.SpectrumFusion(plan.fusion_grid))
-        stage, fusion = self._stages
-        fusion.clear()
-        weights, image = self.weights(block), None
         brightness = EdgeBrightness(plan.fusion_grid, s.coverage)
+        form = self._together if hasattr(backend, 'ApertureFusion') else self._one_by_one
+        polar_image = form(plan, block, self.weights(block), brightness)
+        samples = image_of_polar(self._plan, polar_image, backend, overwrite=True)
+        if not on_device(block.samples if onto is None else onto):
+            samples = to_host(samples)
+        if onto is not None:
+            onto += samples
+            samples = onto
+        return samples, _judged(self.report, brightness.uneven_db)
+
+    def _together(self, plan: SubaperturePlan, block, weights, brightness):
+        """Fused polar image by a backend that takes some sub-apertures at a time."""
+        if self._stages is None:
+            self._stages = self._backend.ApertureFusion(plan)
+        return self._stages.polar_image(block, weights, brightness, progress=self.options.progress)
+
+    def _one_by_one(self, plan: SubaperturePlan, block, weights, brightness):
+        """Fused polar image, sub-aperture by sub-aperture."""
+        if self._stages is None:
+            self._stages = (self._backend.SubapertureImager(plan),
+                            self._backend.SpectrumFusion(plan.fusion_grid))
+        (stage, fusion), s, image = self._stages, plan.sampling, None
+        fusion.clear()
         for number, some in enumerate(tqdm(s.pulses, desc='sub-apertures', unit='sub-aperture',
                                            disable=not self.options.progress)):
             if plan.lit is not None and number not in plan.lit.seen:
@@ -87,13 +105,7 @@ class Afbp(Method):
                                 None if weights is None else weights[some], image)
             brightness.add(image)
             fusion.add(number, image, s.centre[number])
-        samples = image_of_polar(self._plan, fusion.take_polar_image(), backend, overwrite=True)
-        if not on_device(block.samples if onto is None else onto):
-            samples = to_host(samples)
-        if onto is not None:
-            onto += samples
-            samples = onto
-        return samples, _judged(self.report, brightness.uneven_db)
+        return fusion.take_polar_image()
 
 
 def image_of_polar(plan: AfbpPlan, polar_image: np.ndarray, backend: Backend, *,

@@ -14,7 +14,7 @@ pytest.importorskip('numba_cuda', reason="the extra 'cuda' is not installed")
 
 # Kernels whose float64 stays outside the loops over echoes, and those without any.
 WITHOUT_FLOAT64 = {'profiles.farrow_coefficients', 'azimuth_upsampling.merge_parts',
-                   'afbp.fusion.add_band'}
+                   'afbp.bands.taper_images'}
 
 
 @pytest.mark.parametrize(('name', 'signature'), [

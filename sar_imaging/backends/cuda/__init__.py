@@ -9,9 +9,10 @@ import importlib
 DEVICE_ARRAYS = True  # of CuPy are taken as well
 
 _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'afbp.subapertures',
-            'SpectrumFusion': 'afbp.fusion', 'form_map': 'afbp.fusion', 'seconds': 'costs',
-            'device_costs': 'costs', 'compress': 'samples.compression',
-            'to_device': 'samples.compression', 'to_host': 'transfers'}
+            'SpectrumFusion': 'afbp.fusion', 'ApertureFusion': 'afbp.aperture',
+            'form_map': 'afbp.fusion', 'seconds': 'costs', 'device_costs': 'costs',
+            'compress': 'samples.compression', 'to_device': 'samples.compression',
+            'to_host': 'transfers'}
 
 
 def __getattr__(name):

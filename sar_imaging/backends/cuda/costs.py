@@ -40,14 +40,14 @@ class DeviceCosts(CostModel):
     upsampled_part: float = 2e4
     map_pixel: float = 5e-2
     profile_bin: float = 3e-2
-    beam_bin: float = 2e-3
+    beam_bin: float = 1.1e-3
     beam_group: float = 1e-3
     beam_cell: float = 2e-2
     beam_pixel: float = 3e-2
     beam_segment: float = 1e-3
     coarse_pixel: float = 3e-2
     fine_pixel: float = 5e-2
-    subaperture: float = 5e5
+    subaperture: float = 2.5e5
     profile_cell: float = 5e-2
     beam_run: float = 1e-3
     image: float = 1e6

@@ -88,7 +88,7 @@ def in_pieces(samples, pieces: Iterable[slice], copies: Copies | None = None
     samples : (R, N) complex64 or (R, N, 2) integer
         Of the host, or of the device, where they are cut alone.
     pieces : iterable of slice
-        Of the echoes; none is longer than the first.
+        Of the echoes.
     copies : Copies, optional
         What copies them.
 
@@ -104,7 +104,8 @@ def in_pieces(samples, pieces: Iterable[slice], copies: Copies | None = None
         return
     copies = copies or Copies()
     kind = samples.dtype if samples.dtype.kind == 'i' else np.complex64
-    shape, turns = (len(samples[pieces[0]]), *samples.shape[1:]), min(2, len(pieces))
+    most = max(len(range(*piece.indices(len(samples)))) for piece in pieces)
+    shape, turns = (most, *samples.shape[1:]), min(2, len(pieces))
     here = [page_locked(shape, kind) for _ in range(turns)]
     there = [xp.empty(shape, kind) for _ in range(turns)]
     read, ends = [copies.mark()] * turns, [None] * turns  # of the device's and the host's buffers

@@ -33,6 +33,7 @@ class EdgeBrightness:
         self._edges = [(slice(0, line), inside[1]), (slice(-line, None), inside[1]),
                        (inside[0], slice(0, cell)), (inside[0], slice(-cell, None))]
         self._inside, self._power = inside, np.zeros(5)
+        self._shape = grid.n_coarse, grid.n_coarse_range
         self._wanted = [density_at(
             (np.arange(n)[some] - guard + 0.5) / max(n - 2 * guard, 1), density)
             for density, n, guard, some in (
@@ -49,6 +50,20 @@ class EdgeBrightness:
         lines, ranges = (np.asarray(wanted, like=image) for wanted in self._wanted)
         self._power[4] += float(np.einsum('ijk,ijk,k->j', inside, inside, ranges) @ lines) / max(
             len(image) * self._wanted[0].sum() * self._wanted[1].sum(), 1e-30)
+
+    @property
+    def factors(self) -> tuple[np.ndarray, np.ndarray]:
+        """(5, n_alpha), (5, n_range) float32 whose products weigh a pixel's power in each mean."""
+        lines, ranges = (np.zeros((5, n), np.float32) for n in self._shape)
+        for k, (line, cell) in enumerate(self._edges):
+            lines[k, line], ranges[k, cell] = 1.0, 1.0
+        lines[4, self._inside[0]], ranges[4, self._inside[1]] = self._wanted
+        total = np.maximum(2 * lines.sum(axis=1) * ranges.sum(axis=1), np.float32(1e-30))
+        return lines / total[:, None], ranges
+
+    def add_power(self, power) -> None:
+        """Count sub-aperture images by the sums that `factors` say, (5,), of all of them."""
+        self._power += power
 
     @property
     def excess_db(self) -> float:

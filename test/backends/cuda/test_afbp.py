@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from sar_imaging.backends import backend
-from sar_imaging.backends.cuda.arrays import given, on_device, xp
+from sar_imaging.backends.cuda.afbp import aperture, beams, fusion
+from sar_imaging.backends.cuda.arrays import given, launch, on_device, xp
 from sar_imaging.backends.cuda.transfers import to_host
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.afbp.beams import plan_beams
+from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
 from sar_imaging.planning.afbp.plan import plan_afbp
 
 TARGET_DB = -50.0
@@ -28,18 +30,26 @@ def plan(scene):
                      target_db=TARGET_DB, pulses_per_subaperture=8).subapertures
 
 
-def test_images_from_beams_are_those_of_the_formulas(scene, plan, error_db):
-    some = scene.block.select(plan.sampling.pulses[0])
+def from_beams(plan, block, group=8):
+    """The plan by way of beams, so many of which share phases."""
+    some = block.select(plan.sampling.pulses[0])
     beams = plan_beams(plan.coarse, plan.radar, plan.lattice, [(some.tx_m[:, 0], some.rx_m[:, 0])],
                        TARGET_DB, plan.range_m[1] - plan.range_m[0])
-    plan = dataclasses.replace(plan, beams=beams)
+    return dataclasses.replace(plan, beams=dataclasses.replace(beams, group=group))
+
+
+@pytest.mark.parametrize(('group', 'agree_db'), [
+    (1, -92.0),  # float32 phases of the rows and gains from a table; polynomials of the sine
+    (8, -65.0)])  # -67.8 measured; eight share a gain, and hardly bend
+def test_images_from_beams_are_those_of_the_formulas(scene, plan, error_db, group, agree_db):
+    some = scene.block.select(plan.sampling.pulses[0])
+    plan = from_beams(plan, scene.block, group)
     weights = np.linspace(0.5, 1.0, some.n_pulses).astype(np.float32)
     out = np.empty((2, *plan.coarse.shape), np.float32)
     image, wanted = (backend(name).SubapertureImager(plan).image(0, some, weights, out=memory)
                      for name, memory in (('cuda', out), ('reference', None)))
     assert image is out
-    # float32 phases of the rows and gains from a table; the polynomials of sine and cosine
-    assert error_db(image, wanted) < -92.0
+    assert error_db(image, wanted) < agree_db
     with pytest.raises(ValueError, match='number=2; the plan has sub-apertures 0 to 1'):
         backend('cuda').SubapertureImager(plan).image(2, some)
 
@@ -58,9 +68,7 @@ def test_images_of_lit_echoes(scene, error_db):
     found, wanted = (to_host(backend(name).SubapertureImager(plan).image(0, some))
                      for name in ('cuda', 'cpu'))
     assert error_db(found, wanted) < -100.0
-    beams = plan_beams(plan.coarse, plan.radar, plan.lattice, [(some.tx_m[:, 0], some.rx_m[:, 0])],
-                       TARGET_DB, plan.range_m[1] - plan.range_m[0])
-    plan = dataclasses.replace(plan, beams=beams, lit=dataclasses.replace(
+    plan = dataclasses.replace(from_beams(plan, block, 1), lit=dataclasses.replace(
         plan.lit, lines=None, apart=1))
     found, wanted = (to_host(backend(name).SubapertureImager(plan).image(0, some))
                      for name in ('cuda', 'reference'))
@@ -72,13 +80,13 @@ def test_fusion_is_that_of_the_formulas(plan, error_db):
     rng, grid = np.random.default_rng(5), plan.fusion_grid
     images = rng.standard_normal((4, 2, grid.n_coarse, grid.n_coarse_range)).astype(np.float32)
     made = [backend(name).SpectrumFusion(grid, keep=True) for name in ('cuda', 'reference')]
-    for fusion in made:
+    for each in made:
         for number in range(3):
-            fusion.add(number, images[number], 10.0 * number)
-        fusion.add(1, images[3][0] + 1j * images[3][1], -7.0)
-        fusion.remove(0)
-        assert fusion.included == {1, 2}
-    image, wanted = (to_host(fusion.polar_image(15.0)) for fusion in made)
+            each.add(number, images[number], 10.0 * number)
+        each.add(1, images[3][0] + 1j * images[3][1], -7.0)
+        each.remove(0)
+        assert each.included == {1, 2}
+    image, wanted = (to_host(each.polar_image(15.0)) for each in made)
     assert error_db(image, wanted) < -125.0  # float32 in transforms and tapers
     once = backend('cuda').SpectrumFusion(grid)
     once.add(1, images[3], -7.0)
@@ -92,6 +100,33 @@ def test_fusion_is_that_of_the_formulas(plan, error_db):
     once.add(0, images[0], 0.0)
     with pytest.raises(ValueError, match='already; fuse with keep=True'):
         once.add(0, images[0], 0.0)
+
+
+def test_subapertures_are_computed_together(scene, plan, monkeypatch, error_db):
+    """One launch of each kernel does them all; images and brightness are the formulas'."""
+    plan, launched = from_beams(plan, scene.block), []
+
+    def counted(work, *given):
+        launched.append((work, given))
+        launch(work, *given)
+
+    for module in (aperture, beams, fusion):
+        monkeypatch.setattr(module, 'launch', counted)
+    s = plan.sampling
+    wanted, there = (EdgeBrightness(plan.fusion_grid, s.coverage) for _ in range(2))
+    whole = backend('cuda').ApertureFusion(plan)
+    image = to_host(whole.polar_image(scene.block, brightness=there))
+    assert list(whole.groups()) == [[0, 1]] and len(launched) == 6
+    formulas = backend('reference')
+    imager, fused = formulas.SubapertureImager(plan), formulas.SpectrumFusion(plan.fusion_grid)
+    for number, some in enumerate(s.pulses):
+        one = imager.image(number, scene.block.select(some))
+        wanted.add(one)
+        fused.add(number, one, s.centre[number])
+    assert error_db(image, fused.take_polar_image()) < -65.0  # as of sub-apertures
+    assert there.excess_db == pytest.approx(wanted.excess_db, abs=0.01)
+    monkeypatch.setattr(aperture, '_TOGETHER', 1)
+    assert list(whole.groups()) == [[0], [1]]
 
 
 def test_maps_are_those_of_the_processor(scene, error_db):

@@ -56,7 +56,7 @@ def test_the_processor_goes_on_with_what_lay_there(make_scene, monkeypatch, capl
     monkeypatch.setattr(device, 'device_backend', lambda: backend('cuda'))
     monkeypatch.setattr(automatic, '_sooner', lambda there, *_: there)
     monkeypatch.setattr(device_fusion.SpectrumFusion, 'polar_image', fail)
-    monkeypatch.setattr(device_fusion.SpectrumFusion, '_add_band', lambda *_: None)
+    monkeypatch.setattr(device_fusion.SpectrumFusion, '_add_bands', lambda *_: None)
     made = [automatic.SpectrumFusion(grid, keep=keep), cpu.SpectrumFusion(grid, keep=keep)]
     for number, some in enumerate(images):
         made[0].add(number, given(xp.asarray(some)), 10.0 * number)

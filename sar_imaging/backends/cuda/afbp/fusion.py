@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,16 +15,16 @@ from ....planning.interpolators import design_interpolator
 from ....planning.polar_to_map import DEGREE, TAPS, range_axis
 from ..arrays import (
     check_memory,
-    cuda,
     given,
-    kernel,
     launch,
+    pairs,
     reports_failures,
     require_device,
     taken,
     xp,
 )
 from ..polar_to_map import polar_to_map
+from .bands import add_bands, taper_images
 
 _THREADS = 128
 
@@ -55,7 +56,7 @@ class SpectrumFusion:
         taper = (guard_taper(grid.n_coarse, grid.n_guard, grid.beta),
                  guard_taper(grid.n_coarse_range, grid.range_guard, grid.beta))
         self._taper = [xp.asarray(v.astype(np.float32)) for v in taper]
-        self._bins = xp.asarray(np.arange(n_bins) - n_bins // 2)
+        self._wavenumbers = xp.asarray(self._wavenumber.astype(np.float64))
         self._contributions: dict[int, tuple | None] = {}  # None if not kept
         self._spectrum = None
 
@@ -72,15 +73,28 @@ class SpectrumFusion:
             raise ValueError(f'sub-aperture {number} is in the image already; fuse with keep=True '
                              'to replace contributions')
         there = xp.asarray(taken(image))
-        if there.dtype.kind != 'c':
-            there = there[0] + np.complex64(1j) * there[1]
-        folded = xp.fft.fft2(there * self._taper[0][:, None] * self._taper[1])
-        folded = xp.ascontiguousarray(folded[:, self._bins], np.complex64)
+        if there.dtype.kind == 'c':
+            there = xp.stack([there.real, there.imag])
+        self._add([number], xp.ascontiguousarray(there, np.float32)[None], [centre_m])
+
+    @reports_failures
+    def add_all(self, numbers: Sequence[int], images, centres_m: Sequence[float]) -> None:
+        """Add sub-apertures that are not in the image, (G, 2, n_alpha, n_range) of the device."""
+        self._add(numbers, images, centres_m)
+
+    def _add(self, numbers: Sequence[int], images, centres_m: Sequence[float]) -> None:
+        n, _, n_lines, n_ranges = images.shape
+        tapered = xp.empty((n, n_lines, n_ranges), np.complex64)
+        launch(taper_images, (-(-n_ranges // _THREADS), n_lines, n), _THREADS, images,
+               *self._taper, pairs(tapered))
+        folded = xp.fft.fft2(tapered).astype(np.complex64, copy=False)
         if self._keep:
-            self._contributions[number], self._spectrum = (folded, centre_m), None
+            self._spectrum = None
+            for number, one, centre_m in zip(numbers, folded, centres_m, strict=True):
+                self._contributions[number] = one[None], centre_m
         else:
-            self._add_band(folded, centre_m)
-            self._contributions[number] = None
+            self._add_bands(folded, centres_m)
+            self._contributions.update(dict.fromkeys(numbers))
 
     def remove(self, number: int) -> None:
         """Take a sub-aperture out of the image; see `backends.protocol.SpectrumFusion`."""
@@ -130,44 +144,22 @@ class SpectrumFusion:
         if self._spectrum is None:
             self._spectrum = xp.zeros((self.grid.n_fine, len(self._wavenumber)), np.complex64)
             for number in sorted(self._contributions):
-                self._add_band(*self._contributions[number])
+                folded, centre_m = self._contributions[number]
+                self._add_bands(folded, [centre_m])
         return self._spectrum
 
-    def _add_band(self, folded, centre_m: float) -> None:
-        """Add the band that a coarse spectrum holds folded."""
+    def _add_bands(self, folded, centres_m: Sequence[float]) -> None:
+        """Add bands that coarse spectra (G, n_coarse, n_coarse_range) hold folded."""
         if self._spectrum is None:
             self._spectrum = xp.zeros((self.grid.n_fine, len(self._wavenumber)), np.complex64)
         grid, n_bins = self.grid, len(self._wavenumber)
-        middle = np.rint(self._wavenumber * (centre_m * grid.extent / (2 * math.pi)))
-        first = middle.astype(np.int64) - grid.n_coarse // 2
-        rows = min(grid.n_coarse, grid.n_fine)
-        launch(add_band, (-(-n_bins // _THREADS), rows), _THREADS, folded, xp.asarray(first),
-               self._spectrum)
-
-
-@kernel()
-def add_band(folded, first, spectrum):
-    """Add a band to a spectrum; a grid of (range wavenumbers, rows of the spectrum it reaches).
-
-    Parameters
-    ----------
-    folded : (n_coarse, K) complex64
-        Holds bin n of the band in row ``n mod n_coarse``.
-    first : (K,) int64
-        First bin of the band at each range wavenumber; it has n_coarse.
-    spectrum : (n_fine, K) complex64
-        Row ``n mod n_fine`` is added to.
-    """
-    column, row = cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x, cuda.blockIdx.y
-    n_coarse, n_fine = folded.shape[0], spectrum.shape[0]
-    if column >= spectrum.shape[1]:
-        return
-    real, imag = np.float32(0.0), np.float32(0.0)
-    for n in range(row, n_coarse, n_fine):  # more than one where the band overlaps itself
-        source = (first[column] + n) % n_coarse
-        real += folded[source, column].real
-        imag += folded[source, column].imag
-    spectrum[(first[column] + row) % n_fine, column] += complex(real, imag)
+        centres = np.array(centres_m, np.float64) * (grid.extent / (2 * math.pi))
+        first = np.floor(np.multiply.outer(centres, self._wavenumber[[0, -1]]) + 0.5)
+        lowest = int(first.min()) - grid.n_coarse // 2
+        n_rows = min(int(first.max() - first.min()) + grid.n_coarse, grid.n_fine)
+        launch(add_bands, (-(-n_bins // _THREADS), n_rows), _THREADS,
+               pairs(xp.ascontiguousarray(folded)), grid.n_coarse, grid.n_coarse_range,
+               xp.asarray(centres), self._wavenumbers, lowest, self._spectrum)
 
 
 @reports_failures
