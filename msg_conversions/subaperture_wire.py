@@ -11,23 +11,30 @@ import numpy as np
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.planning.afbp.polar_grids import UnifiedPolarGrids
-from sar_imaging.streaming.subaperture_image import COUNTS, SubapertureImage
+from sar_imaging.streaming.subaperture_image import (
+    COUNTS,
+    SubapertureEnds,
+    SubapertureImage,
+)
 
 from . import float_pairs
 from .errors import WireFormatError
 from .layout import DEFAULT_MAX_ELEMENTS, Dims, Layout, as_floats, check_finite, check_magic
 
 MAGIC = 0x534149  # 'SAI' in ASCII, exact in a float32
-VERSION = 5
+VERSION = 6
 LAYOUT = Layout(('angle', 'range'), content='pixels', unit='image')
 
-# Header of version 5; its even length keeps the pixels 8-byte aligned.
-HEADER_LENGTH = 90
+# Header of version 6; its even length keeps the pixels 8-byte aligned.
+HEADER_LENGTH = 144
 SIDE = 3
 STAMP = slice(4, 8)
 LIMBS = slice(8, 42)  # COUNTS, then the sizes
 SIZES = ('n_alpha', 'n_range', 'n_fine', 'n_fine_range', 'n_x', 'n_y')
 NUMBERS = slice(42, 90)
+ENDS_KNOWN, POINTING_KNOWN, WEIGHTED = 90, 91, 92
+CHANNELS = slice(94, 96)
+ENDS = slice(96, 144)
 
 
 def to_array(subaperture: SubapertureImage) -> tuple[np.ndarray, list[tuple[str, int, int]], int]:
@@ -80,7 +87,30 @@ def preamble(subaperture: SubapertureImage) -> np.ndarray:
         polar.alpha_start, polar.alpha_spacing, fusion.n_guard, fusion.beta, fusion.half_range,
         fusion.range_oversampling, subaperture.centre_m, *target.centre_m, target.spacing_m,
         fusion.alpha_oversampling, fusion.propagation_speed_m_per_s]).ravel()
+    if subaperture.ends is not None:
+        _write_ends(header, subaperture.ends)
     return header
+
+
+def _write_ends(header: np.ndarray, ends: SubapertureEnds) -> None:
+    """Where the first and the last pulse were sent; zeros for directions that nobody tells."""
+    header[ENDS_KNOWN], header[POINTING_KNOWN] = 1, bool(ends.up)
+    header[WEIGHTED] = ends.weighted
+    header[CHANNELS] = float_pairs.split_limbs(ends.n_channels, 2)
+    nothing = ((0.0,) * 3,) * 2
+    header[ENDS] = float_pairs.split_double(np.array([
+        ends.tx_m, ends.rx_m, ends.boresight or nothing, ends.up or nothing]).ravel()).ravel()
+
+
+def _read_ends(header: np.ndarray) -> SubapertureEnds | None:
+    """Raises ValueError where they are impossible."""
+    if not header[ENDS_KNOWN]:
+        return None
+    numbers = float_pairs.join_double(header[ENDS].reshape(-1, 2)).reshape(4, 2, 3)
+    low, high = header[CHANNELS].astype(np.int64)
+    looks = (numbers[2], numbers[3]) if header[POINTING_KNOWN] else ((), ())
+    return SubapertureEnds(numbers[0], numbers[1], int(low | high << 16), *looks,
+                           weighted=bool(header[WEIGHTED]))
 
 
 def as_received(subaperture: SubapertureImage) -> SubapertureImage:
@@ -148,7 +178,11 @@ def _check_header(header: np.ndarray) -> None:
     if values[SIDE] not in (-1, 1):
         raise WireFormatError(f'side (data[{SIDE}]) is {values[SIDE]:g}; expected +1, left of the '
                               'track, or -1, right of it; see docs/wire_format.md')
-    for name, fields in (('stamp', STAMP), ('count', LIMBS)):
+    for flag in (ENDS_KNOWN, POINTING_KNOWN, WEIGHTED):
+        if values[flag] not in (0, 1):
+            raise WireFormatError(f'flag data[{flag}] is {values[flag]:g}; expected 0 or 1; see '
+                                  'docs/wire_format.md')
+    for name, fields in (('stamp', STAMP), ('count', LIMBS), ('channel', CHANNELS)):
         if not float_pairs.are_limbs(header[fields]):
             raise WireFormatError(f'{name} limbs (data[{fields.start}:{fields.stop}]) are '
                                   f'{values[fields]}; expected whole numbers of 0 to 65535; split '
@@ -174,7 +208,7 @@ def _read(header: np.ndarray, image: np.ndarray) -> SubapertureImage:
         return SubapertureImage(
             image, fusion, centre_m, MapGrid((x, y, z), n_x, n_y, spacing_m), bandwidth_hz,
             stamp_ns=float_pairs.join_int64(header[STAMP]), predicted_error_db=error_db,
-            **numbers)
+            ends=_read_ends(header), **numbers)
     except ValueError as error:
         raise WireFormatError(f'header of the sub-aperture image is impossible: {error}; correct '
                               'it in the sender') from error

@@ -46,12 +46,22 @@ def check_radiometry(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:
     nodes : mapping
         Parameters of the nodes by name, see `parameters.Configuration`.
     """
-    for name in ('backprojection',):
+    for name in ('backprojection', 'afbp_fusion'):
         try:
             if constant_of(nodes[name]) is not None:
                 _check_window(nodes[name], nodes['range_compression']['window'])
+                _check_pattern(nodes[name], nodes['backprojection'])
         except ValueError as error:
             yield Finding('error', f'{name}: {error}')
+
+
+def _check_pattern(parameters: Mapping[str, object], imager: Mapping[str, object]) -> None:
+    """Fusion takes the pattern out that backprojection has weighed by."""
+    for name in ('pattern', 'azimuth_width', 'elevation_width', 'cutoff', 'pattern_file'):
+        own, wanted = (values[f'antenna.{name}'] for values in (parameters, imager))
+        if own != wanted:
+            raise ValueError(f'antenna.{name}={own}, but images are weighed with {wanted} by '
+                             'backprojection; set both alike')
 
 
 def _check_window(parameters: Mapping[str, object], window) -> None:

@@ -17,8 +17,18 @@ from sar_imaging.streaming.mosaic import StripMosaic
 from sar_imaging.streaming.subaperture_image import SubapertureImage
 
 from .backprojection_parameters import MIN_PULSE_FRACTION
-from .images import autofocus, focus_watch, image_files, image_products, obstacle_products
+from .images import (
+    antenna_pattern,
+    autofocus,
+    focus_watch,
+    image_brightness,
+    image_files,
+    image_products,
+    obstacle_products,
+)
+from .images.antenna_pattern import pattern_from
 from .images.autofocus import PHASE_GRADIENT, Note, PolarFocus
+from .images.image_brightness import ImageBrightness
 from .images.image_files import ImageFiles
 from .images.image_grid import MAX_IMAGE_PIXELS
 from .images.image_products import ImageProducts
@@ -44,6 +54,8 @@ PARAMETERS = (
     Parameter('strip_max_pixels', 0, 'Final images are also joined to a strip of at most so many '
               'pixels; 0 for no strip.', 'pixels', 0, 2**31 - 1),
     PHASE_GRADIENT,
+    *antenna_pattern.PARAMETERS,
+    *image_brightness.PARAMETERS,
     *image_products.PARAMETERS,
     *image_files.PARAMETERS,
     *obstacle_products.PARAMETERS,
@@ -60,10 +72,11 @@ class FusionStep(Step):
                 'subapertures_skipped', 'pulses_missing_in_last_aperture', 'last_image_seconds',
                 'image_latency_seconds', 'predicted_error_db', 'revisions',
                 *focus_watch.COUNTERS, *autofocus.FUSION_COUNTERS,
+                *image_brightness.COUNTERS,
                 *obstacle_products.COUNTERS)
     FAULTS = ('subapertures_missing', 'subapertures_late', 'subapertures_duplicate',
               'subapertures_refused', 'pulses_missing', 'apertures_dropped', 'restarts',
-              *obstacle_products.FAULTS)
+              *image_brightness.FAULTS, *obstacle_products.FAULTS)
     IDLE_PARAMETER = 'fusion_timeout_s'
     FORMS_IMAGES = True
     SAVE_SERVICE = 'save_image'
@@ -81,6 +94,9 @@ class FusionStep(Step):
         self._tracks = SubapertureTracks()
         self._datum = DatumInput(parameters, health)
         self._files = ImageFiles(parameters, self._datum)
+        pattern = pattern_from(parameters)
+        self._weighted = pattern is not None
+        self._brightness = ImageBrightness(parameters, pattern, health)
         self._carrier_hz = 0.0  # of the latest sub-aperture
         self._seconds = 0.0  # of work since the last image
         self._n_window = 0  # sub-apertures of a complete image
@@ -135,13 +151,10 @@ class FusionStep(Step):
 
     def publish(self, product: FusedImage) -> None:
         """Publish an image on all its topics."""
-        self._products.publish(product.image, product.grid, product.stamp_ns)
+        self._send(product)
         if product.final and self._tracks.is_new(product.aperture):
             self._obstacles.publish(product.image, product.grid, product.stamp_ns,
                                     lambda: self._tracks.view(product.aperture))
-        if product.final and self._strip is not None:
-            self._extend_strip(product)
-        self._keep(product)
         seconds, self._seconds = self._seconds, 0.0
         self.health.count('images_published')
         self.health.count('images_final' if product.final else 'images_progressive')
@@ -156,30 +169,36 @@ class FusionStep(Step):
         note = self._note(product)
         figure = focus_watch.count_focus(product.image, self.health)
         self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, predicted error '
-                         f'{product.predicted_error_db:.0f} dB, {figure}'
+                         f'{product.predicted_error_db:.0f} dB, {figure}{self._brightness.told}'
                          + (f'; {note.details}' if note else ''))
 
-    def _keep(self, product: FusedImage) -> None:
-        """Keep an image for whoever wants it as a file."""
-        if self._files.wanted:
-            report = Report(AFBP, 'fused while pulses arrived', product.predicted_error_db,
-                            product.predicted_error_db)
-            self._files.keep(Image(product.image, product.grid, self._carrier_hz, report,
-                                   product.stamp_ns), _acquisition)
+    def _send(self, product: FusedImage) -> None:
+        """Publish an image, join it to the strip, keep it for whoever wants it as a file."""
+        report = Report(AFBP, 'fused while pulses arrived', product.predicted_error_db,
+                        product.predicted_error_db)
+        image = self._brightness.calibrated(
+            Image(product.image, product.grid, self._carrier_hz, report, product.stamp_ns),
+            lambda: self._tracks.pulses(product.aperture, weighted=self._weighted))
+        if image is None:
+            return
+        self._products.publish(image.samples, product.grid, product.stamp_ns)
+        if product.final and self._strip is not None:
+            self._extend_strip(image)
+        self._files.keep(image, _acquisition)
 
     def saving(self) -> Callable[[], str]:
         """Function that writes the last image, and the strip; see `Step`."""
         return self._files.saving(None if self._strip is None else self._strip.form)
 
-    def _extend_strip(self, product: FusedImage) -> None:
+    def _extend_strip(self, image: Image) -> None:
         try:
-            self._strip.add(product.image, product.grid)
+            self._strip.add(image.samples, image.grid)
         except ValueError as error:
             self.health.warning(f'a new strip begins: {error}')
             self._strip.clear()
             return
         if self._strip_products.wanted:
-            self._strip_products.publish(*self._strip.form(), product.stamp_ns)
+            self._strip_products.publish(*self._strip.form(), image.stamp_ns)
 
     def describe(self, product: FusedImage) -> str:
         """An image in words."""

@@ -9,13 +9,81 @@ import numpy as np
 
 from ..device_arrays import on_device
 from ..geometry.grids import MapGrid
+from ..geometry.illumination import Pointing
 from ..geometry.polar import PolarGrid
 from ..planning.afbp.polar_grids import UnifiedPolarGrids
+from ..signal.pulses import PulseBlock
 from ..signal.pulses.sequence import COUNTER_MASK
 
 #: Names of the fields that count something, unsigned with 32 bits.
 COUNTS = ('session', 'sequence', 'revision', 'aperture', 'number', 'n_subapertures', 'n_window',
           'first_counter', 'n_pulses', 'n_missing', 'pulses_per_aperture')
+
+
+@dataclasses.dataclass(frozen=True)
+class SubapertureEnds:
+    """Where the first and the last pulse of a sub-aperture were sent, for calibrated brightness.
+
+    Parameters
+    ----------
+    tx_m, rx_m : (2, 3) tuples of float
+        Transmit and receive phase centre of the two pulses, the mean of their channels, metres.
+    n_channels : int
+        Channels of a pulse.
+    boresight, up : (2, 3) tuples of float, or ()
+        Directions of the antenna, unit vectors; none where nobody tells.
+    weighted : bool
+        Whether the image was weighed by the antenna's pattern.
+
+    Raises
+    ------
+    ValueError
+        Shapes differ, a number is not finite, or directions are no perpendicular unit vectors.
+    """
+
+    tx_m: tuple
+    rx_m: tuple
+    n_channels: int = 1
+    boresight: tuple = ()
+    up: tuple = ()
+    weighted: bool = False
+
+    def __post_init__(self):
+        for name in ('tx_m', 'rx_m', 'boresight', 'up'):
+            values = np.asarray(getattr(self, name), np.float64)
+            if values.shape != (2, 3) and not (values.size == 0 and name in ('boresight', 'up')):
+                raise ValueError(f'{name}.shape={values.shape}; expected (2, 3): of the first '
+                                 'pulse and of the last')
+            if not np.isfinite(values).all():
+                raise ValueError(f'{name} of the ends of a sub-aperture must be finite')
+            object.__setattr__(self, name, tuple(map(tuple, values.tolist())))
+        if not 1 <= self.n_channels <= COUNTER_MASK:
+            raise ValueError(f'n_channels={self.n_channels}; expected at least 1')
+        if len(self.boresight) != len(self.up) or (self.weighted and not self.up):
+            raise ValueError('the ends of a weighed sub-aperture lack boresight or up; expected '
+                             'both')
+        if self.up:
+            Pointing.of_unit_vectors(self.boresight, self.up)
+
+    @classmethod
+    def of(cls, block: PulseBlock, *, weighted: bool) -> SubapertureEnds:
+        """Those of some pulses, in their order."""
+        ends, looks = [0, -1], block.pointing
+        return cls(block.tx_m[ends].mean(axis=1), block.rx_m[ends].mean(axis=1),
+                   block.n_channels, () if looks is None else looks.boresight[ends],
+                   () if looks is None else looks.up[ends], weighted)
+
+    def pulses(self, n_pulses: int) -> tuple[np.ndarray, np.ndarray, Pointing | None]:
+        """Phase centres (P, C, 3), metres, and pointing of pulses evenly from end to end."""
+        share = np.linspace(0.0, 1.0, n_pulses)[:, None]
+
+        def between(ends):
+            return (1 - share) * np.array(ends[0]) + share * np.array(ends[1])
+
+        centres = (np.repeat(between(ends)[:, None], self.n_channels, axis=1)
+                   for ends in (self.tx_m, self.rx_m))
+        looks = Pointing(between(self.boresight), between(self.up)) if self.up else None
+        return *centres, looks
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,6 +132,8 @@ class SubapertureImage:
         Time of the middle of the sub-aperture, nanoseconds since the epoch of the pulses' clock.
     predicted_error_db : float
         Expected error of the fused image on the map against exact correlation, dB.
+    ends : SubapertureEnds or None
+        Where its pulses were sent; None where the sender does not tell.
 
     Raises
     ------
@@ -89,6 +159,7 @@ class SubapertureImage:
     pulses_per_aperture: int
     stamp_ns: int
     predicted_error_db: float
+    ends: SubapertureEnds | None = None
 
     def __post_init__(self):
         if not on_device(self.image):

@@ -18,7 +18,7 @@ from ..signal.pulses import PulseBlock
 from ..signal.pulses.apertures import AperturePulses, ApertureSequence
 from ..signal.pulses.sequence import COUNTER_MASK
 from .mosaic import patch_beside
-from .subaperture_image import SubapertureImage
+from .subaperture_image import SubapertureEnds, SubapertureImage
 from .subaperture_stage import LiveStatistics, SubapertureStage, Target
 
 if TYPE_CHECKING:
@@ -317,7 +317,8 @@ class LiveSubapertures(ApertureSequence):
             before + part.start // self._cut, sum(counts), counts[0],
             aperture.first + part.start, block.n_pulses, part.stop - part.start - block.n_pulses,
             len(target.apertures[0].seen), aperture.centre_ns(part),
-            error_db + max(uneven_db + min(power_db, 0.0), 0.0))
+            error_db + max(uneven_db + min(power_db, 0.0), 0.0),
+            SubapertureEnds.of(block, weighted=self._pattern is not None))
 
     def _count_parts(self, number: int) -> int:
         """Sub-apertures of an aperture."""

@@ -19,11 +19,15 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.planning.afbp.polar_grids import UnifiedPolarGrids
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
-from sar_imaging.streaming.subaperture_image import COUNTS, SubapertureImage
+from sar_imaging.streaming.subaperture_image import COUNTS, SubapertureEnds, SubapertureImage
 
 # A pair keeps 48 bits; below about 1e-30 float32 itself ends at 2**-149.
 PAIR = {'rel': 2**-48, 'abs': 2**-149}
 SIZES = ('n_coarse', 'n_fine', 'n_coarse_range', 'n_fine_range')
+
+ENDS = SubapertureEnds(((4.2e6, 1.7e5, 4.8e6), (4.2e6, 1.7e5 + 0.1, 4.8e6)),
+                       ((1.0, 2.0, 3.0), (1.5, 2.0, 3.0)), 0x00020003,
+                       ((0.6, 0.8, 0.0), (0.0, 1.0, 0.0)), ((0.0, 0.0, 1.0),) * 2, True)
 
 
 def make_fusion(**changes):
@@ -47,7 +51,8 @@ def make_image(fusion=None, **changes):
         'session': 0xDEADBEEF, 'sequence': 0x00070008, 'revision': 2, 'aperture': 0x00010002,
         'number': 3, 'n_subapertures': 5, 'n_window': 4, 'first_counter': 0xFFFF0001,
         'n_pulses': 60, 'n_missing': 0x00050004, 'pulses_per_aperture': 0x00160015,
-        'stamp_ns': 0x0123_4567_89AB_CDEF, 'predicted_error_db': -61.25} | changes)
+        'stamp_ns': 0x0123_4567_89AB_CDEF, 'predicted_error_db': -61.25,
+        'ends': ENDS} | changes)
 
 
 @st.composite
@@ -78,6 +83,20 @@ def fusions(draw):
 
 
 @st.composite
+def ends(draw):
+    place = st.floats(-6.4e6, 6.4e6)
+    places = st.tuples(*[st.tuples(place, place, place)] * 2)
+    if draw(st.booleans()):
+        return None
+    looks = {}
+    if draw(st.booleans()):
+        angle = draw(st.floats(-math.pi, math.pi))
+        looks = {'boresight': ((math.cos(angle), math.sin(angle), 0.0), (1.0, 0.0, 0.0)),
+                 'up': ((0.0, 0.0, 1.0),) * 2, 'weighted': draw(st.booleans())}
+    return SubapertureEnds(draw(places), draw(places), draw(st.integers(1, 2**32 - 1)), **looks)
+
+
+@st.composite
 def images(draw):
     fusion = draw(fusions())
     uint32 = st.integers(0, 2**32 - 1)
@@ -98,7 +117,7 @@ def images(draw):
         number, n_subapertures, draw(st.integers(1, n_subapertures)), draw(uint32),
         draw(st.integers(1, pulses_per_aperture - n_missing)), n_missing, pulses_per_aperture,
         stamp_ns=draw(st.integers(1 - 2**31 * 10**9, 2**31 * 10**9 - 1)),
-        predicted_error_db=draw(st.floats(-300.0, 0.0)))
+        predicted_error_db=draw(st.floats(-300.0, 0.0)), ends=draw(ends()))
 
 
 def assert_same(received, sent):
@@ -117,6 +136,13 @@ def assert_same(received, sent):
             (received.map_grid, sent.map_grid, vars(sent.map_grid))):
         for name in names:
             assert getattr(one, name) == pytest.approx(getattr(other, name), **PAIR)
+    assert (received.ends is None) == (sent.ends is None)
+    if sent.ends is not None:
+        for name in ('tx_m', 'rx_m', 'boresight', 'up'):
+            assert np.ravel(getattr(received.ends, name)) == pytest.approx(
+                np.ravel(getattr(sent.ends, name)), **PAIR)
+        for name in ('n_channels', 'weighted'):
+            assert getattr(received.ends, name) == getattr(sent.ends, name)
 
 
 def edited(index, value):
@@ -156,8 +182,8 @@ def test_layout_is_the_documented_one():
     sent = make_image()
     data, dims, offset = wire.to_array(sent)
     assert dims == [('angle', 2, 12), ('range', 3, 6), ('iq', 2, 2)]
-    assert offset == 90
-    assert data[:8].tolist() == [5456201, 5, 90, -1, 0xCDEF, 0x89AB, 0x4567, 0x0123]
+    assert offset == 144
+    assert data[:8].tolist() == [5456201, 6, 144, -1, 0xCDEF, 0x89AB, 0x4567, 0x0123]
     assert data[8:28].tolist() == [0xBEEF, 0xDEAD, 8, 7, 2, 0, 2, 1, 3, 0, 5, 0, 4, 0, 1, 0xFFFF,
                                    60, 0, 4, 5]
     assert data[28:30].tolist() == [0x15, 0x16]
@@ -166,7 +192,11 @@ def test_layout_is_the_documented_one():
     assert data[42:90:2].tolist() == [np.float32(value) for value in (
         9.6e9, 5e8, -61.25, *polar.origin_m, *polar.track, polar.z_m, 1500.0, 0.3, -0.05, 1e-4,
         0.25, 1.5, 12.0, 1.25, -3.25, *sent.map_grid.centre_m, 0.1, 1.5, 1e8)]
-    assert data[90:].tobytes() == sent.image.tobytes()
+    assert data[90:96].tolist() == [1, 1, 1, 0, 3, 2]
+    ends = sent.ends
+    assert data[96:144:2].tolist() == [np.float32(value) for value in np.ravel(
+        (ends.tx_m, ends.rx_m, ends.boresight, ends.up))]
+    assert data[144:].tobytes() == sent.image.tobytes()
 
 
 def test_image_is_a_read_only_view():
@@ -187,23 +217,23 @@ def test_works_without_ros():
 
 # ------------------------------------------------------------------------------- refused
 
-# The valid message has 2 angles and 3 ranges: a header of 90 floats, 102 floats in all.
+# The valid message has 2 angles and 3 ranges: a header of 144 floats, 156 floats in all.
 MALFORMED = {
     'truncated': (lambda d, m, o: (d[:-1], m, o),
-                  r'len\(data\)=101; expected 102: data_offset=90'),
-    'extended': (lambda d, m, o: (np.append(d, d[:2]), m, o), r'len\(data\)=104; expected 102'),
-    'without data': (lambda d, m, o: (d[:0], m, o), r'len\(data\)=0; expected 102'),
+                  r'len\(data\)=155; expected 156: data_offset=144'),
+    'extended': (lambda d, m, o: (np.append(d, d[:2]), m, o), r'len\(data\)=158; expected 156'),
+    'without data': (lambda d, m, o: (d[:0], m, o), r'len\(data\)=0; expected 156'),
     'a pulse block': (lambda d, m, o: (d, [('pulse', 1, 12), *m], o), r"\('angle', 'range', 'iq'"),
     'no angle': (lambda d, m, o: (d, [('angle', 0, 0), *m[1:]], o),
                  r'at least one angle and range, and 2 for iq; do not send empty images'),
     'absurd size': (lambda d, m, o: (d, wire.LAYOUT.dimensions((2**32 - 1, 2**32 - 1)), o),
                     'mean 36893488130239234050 floats of pixels; accepted are at most 67108864'),
     'wrong stride': (lambda d, m, o: (d, [('angle', 2, 6), *m[1:]], o), r'strides are \(6, 6, 2'),
-    'no header': (lambda d, m, o: (d[o:], m, 0), 'data_offset=0; expected 90: the length'),
-    'absurd offset': (lambda d, m, o: (d, m, 2**32 - 1), 'data_offset=4294967295; expected 90'),
+    'no header': (lambda d, m, o: (d[o:], m, 0), 'data_offset=0; expected 144: the length'),
+    'absurd offset': (lambda d, m, o: (d, m, 2**32 - 1), 'data_offset=4294967295; expected 144'),
     'wrong magic': (edited(0, 5456210), 'magic number 5456201; .* carry sub-aperture images'),
-    'wrong version': (edited(1, 2), 'format version is 2; expected 5'),
-    'wrong header length': (edited(2, 48), 'header length is 48 floats; expected 90'),
+    'wrong version': (edited(1, 2), 'format version is 2; expected 6'),
+    'wrong header length': (edited(2, 48), 'header length is 48 floats; expected 144'),
     'no side': (edited(3, 0), r'side \(data\[3\]\) is 0; expected \+1'),
     'fractional side': (edited(3, 0.5), r'side \(data\[3\]\) is 0.5'),
     'NaN in the header': (edited(62, np.nan), 'header holds 1 numbers that are NaN .* index 62'),
@@ -236,7 +266,11 @@ MALFORMED = {
     'empty map': (edited(38, 0), 'n_x=0, n_y=131075; expected at least one pixel'),
     'map without spacing': (edited([84, 85], 0), 'spacing_m=0.0 must be positive'),
     'standing waves': (edited(88, 0.0), 'propagation_speed_m_per_s=.* must be positive'),
-    'NaN pixel': (edited(90, np.nan), 'pixel array holds 1 numbers that are NaN .* its index 0'),
+    'a flag of 2': (edited(91, 2), r'flag data\[91\] is 2; expected 0 or 1'),
+    'no channel': (edited([94, 95], 0), 'n_channels=0; expected at least 1'),
+    'a long boresight': (edited(120, 1.5), 'no perpendicular unit vectors'),
+    'weighed, and nobody knows how': (edited(91, 0), 'lack boresight or up'),
+    'NaN pixel': (edited(144, np.nan), 'pixel array holds 1 numbers that are NaN .* its index 0'),
     'doubles': (lambda d, m, o: (d.astype(np.float64), m, o), "has format 'd'"),
 }
 
@@ -306,7 +340,7 @@ def read_or_refuse(data, dims, offset):
 
 
 @settings(max_examples=500)
-@given(changes=st.lists(st.tuples(st.integers(0, 399), st.integers(0, 255)), min_size=1))
+@given(changes=st.lists(st.tuples(st.integers(0, 615), st.integers(0, 255)), min_size=1))
 def test_corrupted_bytes_are_read_or_refused(changes):
     data, dims, offset = wire.to_array(make_image())
     for index, byte in changes:
@@ -315,7 +349,7 @@ def test_corrupted_bytes_are_read_or_refused(changes):
 
 
 @settings(max_examples=500)
-@given(changes=st.lists(st.tuples(st.integers(3, 99), st.floats(width=32)), min_size=1))
+@given(changes=st.lists(st.tuples(st.integers(3, 153), st.floats(width=32)), min_size=1))
 def test_corrupted_floats_are_read_or_refused(changes):
     data, dims, offset = wire.to_array(make_image())
     for index, value in changes:

@@ -23,7 +23,7 @@ from .step_bench import make
 RADAR = RadarParameters(10e9, 300e6, 400e6, 6.2e-6, pulse_length_s=2e-7,
                         chirp_rate_hz_per_s=1.5e15)
 # A simulated device whose third block finds no memory. The interpreter imports it at its start.
-DEVICE = '''
+DEVICE = """
 from sar_imaging.backends import DeviceError
 from sar_imaging.backends.cuda.samples import compression
 
@@ -36,7 +36,7 @@ def fail(shape):
     return room(shape)
 
 compression._room = fail
-'''
+"""
 
 
 def pulses(number, n=8):
