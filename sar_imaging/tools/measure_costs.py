@@ -1,6 +1,7 @@
 """Measure what the operations of imaging cost on this machine, for plans and predicted times.
 
 Run: python -m sar_imaging.tools.measure_costs --output costs.json
+     python -m sar_imaging.tools.measure_costs --device --output device-costs.json
 """
 
 from __future__ import annotations
@@ -11,11 +12,12 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from sar_imaging.backends import CUDA, DeviceError, backend
 from sar_imaging.planning.costs import DEFAULT, VARIABLE, CostModel
 
 _DESCRIPTION = """\
 Time small images on one thread, find the costs that explain their times best, and write them to a
-file. It takes some 20 seconds; let the machine do nothing else.
+file. It takes some 20 seconds, on a device a minute or two; let the machine do nothing else.
 """
 
 
@@ -25,43 +27,54 @@ def parser() -> argparse.ArgumentParser:
         description=_DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter)
     made.add_argument('--output', type=Path, default=Path('costs.json'),
                       help='file for the costs (%(default)s)')
+    made.add_argument('--device', action='store_true',
+                      help='costs of the CUDA device, by which plans are sent there or not, '
+                      'instead of those of one thread')
     return made
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns the exit status."""
-    path = parser().parse_args(argv).output
+    given = parser().parse_args(argv)
+    path = given.output
     if not path.absolute().parent.is_dir():  # not after all the measuring
         print(f'error: {path.absolute().parent} is no folder; make it first', file=sys.stderr)
         return 1
-    from sar_imaging.tools.costs.measurement import measure, solve
+    from sar_imaging.tools.costs import measurement
 
     try:
-        model, predicted = solve(measure(progress=True))
+        name = CUDA if given.device else 'cpu'
+        usual = backend(CUDA).DEFAULT if given.device else DEFAULT
+        model, predicted = measurement.solve(measurement.measure(name, progress=True), usual)
         model.write(path)
-    except OSError as error:
+    except (OSError, DeviceError) as error:
         print(f'error: {error}', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print('interrupted; nothing is written', file=sys.stderr)
         return 130
-    print(table(model))
+    print(table(model, usual))
     print(f'\nWith them the predicted times of {len(predicted)} experiments are '
           f'{predicted.min():.2f} to {predicted.max():.2f} of the measured ones.\n\n'
-          f'{_usage(path)}')
+          f'{_usage(path, given.device)}')
     return 0
 
 
-def table(model: CostModel) -> str:
+def table(model: CostModel, usual: CostModel = DEFAULT) -> str:
     """Costs beside their defaults, a line each."""
     rows = [f'{"nanoseconds":17s}{"default":>12s}{"measured":>12s}{"ratio":>8s}']
-    for name, usual in dataclasses.asdict(DEFAULT).items():
+    for name, default in dataclasses.asdict(usual).items():
         value = getattr(model, name)
-        rows.append(f'{name:17s}{usual:12.4g}{value:12.4g}{value / usual:8.2f}')
+        rows.append(f'{name:17s}{default:12.4g}{value:12.4g}{value / default:8.2f}')
     return '\n'.join(rows)
 
 
-def _usage(path: Path) -> str:
+def _usage(path: Path, device: bool) -> str:
+    if device:
+        return (f'Written to {path}. Programs and nodes that start with\n\n'
+                f'    export {backend(CUDA).VARIABLE}={path.absolute()}\n\n'
+                "compute on the device, with backend 'auto', what is done there sooner by these "
+                'costs.\nPlans stay the same.')
     return (f'Written to {path}. Programs and nodes that start with\n\n'
             f'    export {VARIABLE}={path.absolute()}\n\n'
             'plan with these costs. Their plans, and the last bits of their images, then differ '

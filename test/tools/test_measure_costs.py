@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from benchmarks.support.references import exact_image
+from sar_imaging import backends
 from sar_imaging.backends.cpu.subapertures import SubapertureImager
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.afbp.beams import BeamSampling
@@ -71,7 +72,7 @@ def test_a_cost_of_its_own_is_found(timings, name):
 
 def test_the_command_writes_costs_that_plans_take(timings, tmp_path, monkeypatch, capsys,
                                                   make_case):
-    monkeypatch.setattr(measurement, 'measure', lambda progress: timings)
+    monkeypatch.setattr(measurement, 'measure', lambda name, progress: timings)
     path = tmp_path / 'costs.json'
     assert command.main(['measure-costs', '--output', str(path)]) == 0
     told = capsys.readouterr().out
@@ -95,6 +96,17 @@ def test_the_command_writes_costs_that_plans_take(timings, tmp_path, monkeypatch
 def test_a_file_that_cannot_be_written_is_told_before_measuring(tmp_path, capsys):
     assert command.main(['measure-costs', '--output', str(tmp_path / 'absent' / 'c.json')]) == 1
     assert 'is no folder' in capsys.readouterr().err
+
+
+def test_a_device_that_is_not_there_is_one_line(tmp_path, capsys, monkeypatch):
+    def fail():
+        raise backends.DeviceError('the CUDA driver finds no device')
+
+    monkeypatch.setattr(backends, 'require_device', fail)
+    path = tmp_path / 'c.json'
+    assert command.main(['measure-costs', '--device', '--output', str(path)]) == 1
+    assert capsys.readouterr().err == 'error: the CUDA driver finds no device\n'
+    assert not path.exists()
 
 
 def test_a_process_plans_with_the_file_of_its_environment(tmp_path):

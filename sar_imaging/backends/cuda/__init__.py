@@ -12,7 +12,8 @@ _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'afbp.subap
             'SpectrumFusion': 'afbp.fusion', 'ApertureFusion': 'afbp.aperture',
             'form_map': 'afbp.fusion', 'seconds': 'costs', 'device_costs': 'costs',
             'compress': 'samples.compression', 'to_device': 'samples.compression',
-            'to_host': 'transfers'}
+            'to_host': 'transfers', 'synchronise': 'arrays',
+            'DEFAULT': 'costs', 'VARIABLE': 'costs'}
 
 
 def __getattr__(name):
