@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..backends import AUTO
+from ..backends import AUTO, CUDA
+from ..backends.samples import to_device
+from ..device_arrays import to_host
 from ..geometry.grids import Grid
 from ..geometry.illumination import AntennaPattern
 from ..imaging.image import Image
@@ -109,7 +111,8 @@ class ApertureImager(ApertureSequence):
         As for `plan_image`; pulses then tell where the antenna looked. Pixels that no pulse lit
         are zero.
     backend : str or Backend
-        As for `plan_image`.
+        As for `plan_image`. With ``'cuda'`` an image that grows stays on the device until its
+        aperture ends.
 
     Raises
     ------
@@ -144,6 +147,7 @@ class ApertureImager(ApertureSequence):
         self._method, self._grows, self._backend = method, method == EXACT, backend
         self._image: Image | None = None  # of the aperture being filled, where it grows
         self._illumination = illumination
+        self._like = to_device(np.zeros((1, 1), np.complex64)) if backend == CUDA else None
         for name in (EXACT, AFBP) if method == AUTO else (method,):
             kind = method_class(name)  # known, and loaded before pulses come
             if illumination is not None and method != AUTO and not kind.ILLUMINATION:
@@ -156,7 +160,7 @@ class ApertureImager(ApertureSequence):
                           illumination=self._illumination, backend=self._backend)
 
     def _begin(self, number: int) -> Aperture:
-        self._image = self._plan.new_image() if self._grows else None
+        self._image = self._plan.new_image(like=self._like) if self._grows else None
         if self._grows and not self._keep_pulses:
             return Aperture(number, self._length)
         return AperturePulses(number, self._length, self._example, [])
@@ -186,7 +190,7 @@ class ApertureImager(ApertureSequence):
             self._report('plan', f'aperture {aperture.number}: {"; ".join(report.warnings)}')
         self.statistics.images += 1
         error_db = report.predicted_error_db
-        return [ApertureImage(image.samples, self.grid, aperture.centre_ns(), aperture.number,
-                              counters.astype(np.uint32), missing,
-                              np.nan if error_db is None else float(error_db),
-                              aperture.block() if self._keep_pulses else None, report.method)]
+        return [ApertureImage(
+            to_host(image.samples), self.grid, aperture.centre_ns(), aperture.number,
+            counters.astype(np.uint32), missing, np.nan if error_db is None else float(error_db),
+            aperture.block() if self._keep_pulses else None, report.method)]

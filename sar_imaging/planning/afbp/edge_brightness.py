@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from ...device_arrays import beside, on_device, to_host
 from ..aliasing_error import EVERYTHING, PixelDensity, density_at
 from .polar_grids import UnifiedPolarGrids
 
@@ -45,11 +46,16 @@ class EdgeBrightness:
 
         It may be an array of a device.
         """
+        if on_device(image):  # few operations, and one number of each edge comes back
+            lines, ranges = (beside(values, image) for values in self.factors)
+            power = (image * image).sum(axis=0)
+            self.add_power(to_host(((lines @ power) * ranges).sum(axis=1)))
+            return
         self._power[:4] += [_mean_square(image[:, lines, ranges]) for lines, ranges in self._edges]
         inside = image[(slice(None), *self._inside)]
-        lines, ranges = (np.asarray(wanted, like=image) for wanted in self._wanted)
+        lines, ranges = self._wanted
         self._power[4] += float(np.einsum('ijk,ijk,k->j', inside, inside, ranges) @ lines) / max(
-            len(image) * self._wanted[0].sum() * self._wanted[1].sum(), 1e-30)
+            len(image) * lines.sum() * ranges.sum(), 1e-30)
 
     @property
     def factors(self) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,9 @@ from sar_imaging.backends import DeviceError, automatic, backend, cpu, device
 from sar_imaging.backends.cuda.afbp import fusion as device_fusion
 from sar_imaging.backends.cuda.arrays import given, xp
 from sar_imaging.device_arrays import on_device, to_host
+from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
 from sar_imaging.planning.afbp.plan import plan_afbp
+from sar_imaging.streaming.aperture import ApertureImager
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
 
@@ -86,3 +88,30 @@ def test_the_processor_takes_blocks_of_the_device(make_scene, monkeypatch):
     found, wanted = (made.SubapertureImager(plan).image(0, some)
                      for made, some in ((automatic, there), (cpu, part)))
     np.testing.assert_array_equal(found, wanted)
+
+
+def test_exact_images_grow_there(make_scene, error_db):
+    """Until their aperture ends."""
+    scene, images = make_scene(1000.0, n=8, pulses=4), {}
+    for name in ('cuda', 'cpu'):
+        live = ApertureImager(scene.grid, pulses_per_aperture=4, target_db=-80.0, backend=name)
+        live.add(scene.block.select(slice(0, 3)))
+        assert on_device(live._image.samples) == (name == 'cuda')
+        [images[name]] = live.add(scene.block.select(slice(3, 4)))
+    assert isinstance(images['cuda'].image, np.ndarray)
+    assert error_db(images['cuda'].image, images['cpu'].image) < -100.0
+
+
+def test_edges_are_judged_there(make_scene):
+    scene = make_scene(1000.0, n=16, pulses=16)
+    block = scene.block
+    grid = plan_afbp(scene.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+                     target_db=-50.0, pulses_per_subaperture=8).subapertures.fusion_grid
+    image = np.random.default_rng(3).standard_normal(
+        (2, grid.n_coarse, grid.n_coarse_range)).astype(np.float32)
+    image[:, :1] *= 30.0
+    made = EdgeBrightness(grid), EdgeBrightness(grid)
+    for brightness, some in zip(made, (image, given(xp.asarray(image))), strict=True):
+        brightness.add(some)
+    assert made[0].uneven_db > 3.0
+    assert made[1].uneven_db == pytest.approx(made[0].uneven_db, abs=1e-4)
