@@ -1,13 +1,12 @@
-"""Illumination: what it saves and costs, a spaceborne stripmap, and predictions at random.
+"""Illumination: what it saves and costs, and a spaceborne stripmap.
 
 - speed: exact backprojection along lines and point by point, and AFBP, with an antenna that lights
   everything and with one that lights a strip; process time on one thread, in pairs with the same
   image without illumination;
-- stripmap: 30 s from orbit with 0.64 s in the beam, block by block, against the closed form;
-- campaign: random radars, tracks, maps, patterns and pointings; errors against weighted
-  correlation less those predicted.
+- stripmap: 30 s from orbit with 0.64 s in the beam, block by block, against the closed form.
 
-Run from the repository root: ``python -m benchmarks.illumination speed stripmap campaign``.
+`illumination_campaign` measures predictions. Run from the repository root:
+``python -m benchmarks.illumination speed stripmap``.
 """
 
 from __future__ import annotations
@@ -24,19 +23,15 @@ import numpy as np
 
 from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.illumination import AntennaPattern, PatternCut, Pointing
-from sar_imaging.imaging.correlation import correlate_profiles
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.profiles.profile_reach import OutOfReach
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters
-from sar_imaging.simulation.trials.random_cases import random_case
 
 from .support.machine import machine
 from .support.stripmap import Stripmap
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'illumination.json'
 _ROUNDS = 9
-_CAMPAIGN, _PIXELS = 60, 400
-_AMBIGUOUS = 'ambiguous'
 
 
 def _clutter(n_pulses, size, spacing_m, length_m, range_m=5000.0) -> tuple[PulseBlock, MapGrid]:
@@ -147,65 +142,14 @@ def _sidelobe_db(amplitude) -> float:
     return 20 * math.log10(amplitude[after:].max() / amplitude[peak])
 
 
-def campaign(seed: int = 50_000) -> dict:
-    """Error less prediction of random cases by exact backprojection and AFBP."""
-    found, refused = [], 0
-    while len(found) < _CAMPAIGN:
-        seed += 1
-        case, rng = random_case(seed), np.random.default_rng(seed)
-        block = case.profiles
-        centre, target = block.phase_centre_m, np.array(case.grid.centre_m)
-        distance = np.linalg.norm(target - centre.mean(axis=0))
-        angle = case.grid.spacing_m * max(case.grid.shape) / distance
-        pattern = AntennaPattern(
-            [PatternCut.sinc, PatternCut.gaussian, PatternCut.cosine,
-             PatternCut.uniform][seed % 4](min(angle * rng.uniform(0.3, 3.0), 0.9)))
-        look = target - centre.mean(axis=0)
-        turn = angle * rng.uniform(-0.5, 0.5) * np.linspace(-1, 1, len(centre))
-        pointing = (Pointing.steered(centre, target), Pointing(np.tile(look, (len(centre), 1))),
-                    Pointing(look + np.cross([0, 0, 1.0], look) * turn[:, None]))[seed % 3]
-        block = PulseBlock(block.radar, True, block.stamp_ns, block.counter, block.samples,
-                           block.tx_m, block.rx_m, pointing=pointing)
-        for method in ('exact', 'afbp'):
-            target_db = float(rng.uniform(-75, -45))
-            try:
-                image = plan_image(case.grid, block.radar, block.n_samples, method=method,
-                                   target_db=target_db, illumination=pattern)(block)
-            except ValueError:
-                refused += 1
-                continue
-            points = case.grid.points().reshape(-1, 3)
-            some = rng.choice(len(points), min(_PIXELS, len(points)), replace=False)
-            expected, covered = correlate_profiles(block, points[some], illumination=pattern)
-            power = (np.abs(expected[covered]) ** 2).sum()
-            if power == 0:
-                continue
-            wrong = (np.abs(image.samples.ravel()[some] - expected)[covered] ** 2).sum()
-            error_db = 10 * math.log10(wrong / power + 1e-20)
-            found.append({
-                'seed': seed, 'method': method, 'target_db': target_db, 'error_db': error_db,
-                'excess_db': error_db - image.report.predicted_error_db,
-                'illumination_db': image.report.errors_db['illumination'],
-                'warned': any(_AMBIGUOUS not in w for w in image.report.warnings)})
-            print(found[-1], flush=True)
-    excess = np.array([f['excess_db'] for f in found])
-    silent = np.array([not f['warned'] for f in found])
-    return {'cases': len(found), 'refused': refused, 'median_db': float(np.median(excess)),
-            'worst_db': float(excess.max()), 'above_3_db_without_warning': int(
-                (excess[silent] > 3.0).sum()), 'all': found}
-
-
 def main() -> None:
     """Run parts and write what they found."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
-    parts = {'speed': speed, 'stripmap': stripmap, 'campaign': campaign}
+    parts = {'speed': speed, 'stripmap': stripmap}
     parser.add_argument('parts', nargs='+', choices=parts)
-    parser.add_argument('--seed', type=int, default=50_000, help='of the first random case')
     results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-    arguments = parser.parse_args()
-    for name in arguments.parts:
-        options = {'seed': arguments.seed} if name == 'campaign' else {}
-        results |= {name: parts[name](**options), 'machine': machine()}
+    for name in parser.parse_args().parts:
+        results |= {name: parts[name](), 'machine': machine()}
         RESULTS.write_text(json.dumps(results, indent=1) + '\n')
 
 

@@ -80,10 +80,25 @@ def sliding(case: RandomCase, rng):
 
 
 def _live(case, target_db, length, *, sliding):
-    n = case.profiles.n_pulses // length * length
-    p = case.profiles.select(slice(0, n))
-    stage = LiveSubapertures(case.grid, pulses_per_aperture=length, target_db=target_db,
-                             sliding=sliding)
+    image, predicted_db, told, pulses = form_live(case.grid, case.profiles, target_db, length,
+                                                  sliding=sliding)
+    return image, predicted_db, told, pulses, {'target_db': target_db}
+
+
+def form_live(grid, block, target_db: float, length: int, *, sliding: bool, illumination=None):
+    """Last image of all pulses of an aperture, formed while they arrive.
+
+    Returns
+    -------
+    image, predicted_db, warnings :
+        As reported; `warnings` are events that tell of more than a new plan.
+    pulses : slice
+        Of the image.
+    """
+    n = block.n_pulses // length * length
+    p = block.select(slice(0, n))
+    stage = LiveSubapertures(grid, pulses_per_aperture=length, target_db=target_db,
+                             sliding=sliding, illumination=illumination)
     parts = [s for first in range(0, n, _BLOCK_PULSES)
              for s in stage.add(p.select(slice(first, first + _BLOCK_PULSES)))] + stage.flush()
     fusion = LiveFusion()
@@ -93,9 +108,8 @@ def _live(case, target_db, length, *, sliding):
     if not images:
         raise ValueError('; '.join(told) or 'no image of all pulses')
     result = images[-1]
-    warnings = [text for text in told if 'planned anew' not in text and 'awaited' not in text]
-    return result.image, result.predicted_error_db, warnings, slice(
-        n - result.n_pulses, n), {'target_db': target_db}
+    told = [text for text in told if 'planned anew' not in text and 'awaited' not in text]
+    return result.image, result.predicted_error_db, told, slice(n - result.n_pulses, n)
 
 
 #: Imagers, and in one of how many cases each has its turn.
@@ -159,9 +173,9 @@ def run(seeds, records: pathlib.Path) -> list[dict]:
     return [known[seed] for seed in seeds]
 
 
-def summary(records: list[dict]) -> dict:
+def summary(records: list[dict], imagers=IMAGERS) -> dict:
     """Shares and distributions of each imager, and every image above its prediction."""
-    return {name: _summary([(r, r[name]) for r in records if name in r]) for name in IMAGERS}
+    return {name: _summary([(r, r[name]) for r in records if name in r]) for name in imagers}
 
 
 def _summary(entries) -> dict:

@@ -68,8 +68,7 @@ def sample_paths(tx_m, rx_m, line) -> Paths:
     `line` holds points (S, 3), metres, and their first to at most fourth derivative along the
     line; the others are zero.
     """
-    position, first, *higher = line
-    second, third, fourth = (*higher, *[np.zeros_like(position)] * (3 - len(higher)))
+    position, first, second, third, fourth = _five(line)
 
     def dot(a, b):
         return np.einsum('sk,sk->s', a, b)
@@ -79,16 +78,55 @@ def sample_paths(tx_m, rx_m, line) -> Paths:
     for centre in centres:
         offset = position - np.asarray(centre)[:, None, :]
         d = np.maximum(np.sqrt(np.einsum('rsk,rsk->rs', offset, offset)), _NEAREST_M)
-        p1, p2, p3, p4 = (np.einsum('rsk,sk->rs', offset, v)
-                          for v in (first, second, third, fourth))
-        # Leibniz' rule for d^2 = |offset|^2
-        d1 = p1 / d
-        d2 = (dot(first, first) + p2 - d1 ** 2) / d
-        d3 = (3 * dot(first, second) + p3 - 3 * d1 * d2) / d
-        d4 = (3 * dot(second, second) + 4 * dot(first, third) + p4 - 4 * d1 * d3
-              - 3 * d2 ** 2) / d
-        total = total + np.stack([d, d1, d2, d3, d4]) / len(centres)
+        total = total + _distances(d, [np.einsum('rsk,sk->rs', offset, v) for v in (
+            first, second, third, fourth)], first, second, third, dot) / len(centres)
     return Paths(total[0], tuple(total[1:]))
+
+
+def pair_paths(tx_m, rx_m, line) -> np.ndarray:
+    """(5, n) half paths and their four derivatives from phase centres (n, 3), each to one point.
+
+    Centres in metres; `line` as of `sample_paths`, of n points.
+    """
+    position, first, second, third, fourth = _five(line)
+
+    def dot(a, b):
+        return np.einsum('nk,nk->n', a, b)
+
+    total = 0.0
+    centres = _distinct(tx_m, rx_m)
+    for centre in centres:
+        offset = position - centre
+        d = np.maximum(np.sqrt(dot(offset, offset)), _NEAREST_M)
+        total = total + _distances(d, [dot(offset, v) for v in (first, second, third, fourth)],
+                                   first, second, third, dot) / len(centres)
+    return total
+
+
+def pair_lengths(tx_m, rx_m, points_m) -> np.ndarray:
+    """(n, ...) half paths from phase centres (n, 3), each to its points (n, ..., 3), metres."""
+    between = (slice(None), *[None] * (points_m.ndim - 2))
+    centres = _distinct(tx_m, rx_m)
+    return sum(np.linalg.norm(points_m - c[between], axis=-1) for c in centres) / len(centres)
+
+
+def _five(line) -> tuple[np.ndarray, ...]:
+    """Points and four derivatives, (S, 3) each, of which the last ones may be left out."""
+    return (*line, *[np.zeros_like(line[0])] * (5 - len(line)))
+
+
+def _distances(d, along, first, second, third, dot) -> np.ndarray:
+    """(5, ...) distances and their derivatives, by Leibniz' rule for the square of the distance.
+
+    `along` are the products of the offset with the four derivatives of the position.
+    """
+    p1, p2, p3, p4 = along
+    d1 = p1 / d
+    d2 = (dot(first, first) + p2 - d1 ** 2) / d
+    d3 = (3 * dot(first, second) + p3 - 3 * d1 * d2) / d
+    d4 = (3 * dot(second, second) + 4 * dot(first, third) + p4 - 4 * d1 * d3
+          - 3 * d2 ** 2) / d
+    return np.stack([d, d1, d2, d3, d4])
 
 
 def _distinct(tx_m, rx_m) -> list:

@@ -116,8 +116,9 @@ class PolarGrid:
         return (self.n_alpha, self.n_range)
 
     def positions(self, row, column) -> np.ndarray:
-        """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
-        return self.lines(self.range_m[column], self.alpha[row])[0]
+        """(..., 3) float64 positions by broadcast numbers of pixels, whole or not, metres."""
+        return self.at(self.range_start_m + np.asarray(column) * self.range_spacing_m,
+                       self.alpha_start + np.asarray(row) * self.alpha_spacing)
 
     def sampled(self, n_range: int, n_alpha: int) -> tuple[np.ndarray, np.ndarray]:
         """Ranges and directions of some pixels from edge to edge, (S,) float64 each.
@@ -131,6 +132,18 @@ class PolarGrid:
     def points(self) -> np.ndarray:
         """(n_alpha, n_range, 3) float64 positions of all pixels, metres."""
         return self.positions(*np.ogrid[:self.n_alpha, :self.n_range])
+
+    def at(self, range_m, alpha) -> np.ndarray:
+        """(..., 3) float64 positions by range, metres, and direction, broadcast together."""
+        r, a = np.broadcast_arrays(np.asarray(range_m, float), np.asarray(alpha, float))
+        return self._along_and_beside(
+            r * a, np.sqrt(r ** 2 * (1 - a ** 2) - self.height_m ** 2)) + [
+                *self.origin_m[:2], self.z_m]
+
+    def _along_and_beside(self, along, beside) -> np.ndarray:
+        """(..., 3) vectors along the track and across it."""
+        u, v = np.array([*self.track, 0.0]), np.array([*self.across, 0.0])
+        return np.multiply.outer(along, u) + np.multiply.outer(beside, v)
 
     def lines(self, range_m, alpha) -> tuple[np.ndarray, ...]:
         """Positions and their first to fourth derivative by range.
@@ -153,14 +166,19 @@ class PolarGrid:
         g2 = (squeeze - g1 ** 2) / ground
         g3 = -3 * g1 * g2 / ground
         g4 = -(4 * g1 * g3 + 3 * g2 ** 2) / ground
-        u, v = np.array([*self.track, 0.0]), np.array([*self.across, 0.0])
-
-        def vector(along, beside):
-            return np.multiply.outer(along, u) + np.multiply.outer(beside, v)
-
+        vector, zero = self._along_and_beside, np.zeros_like(r)
         position = vector(r * a, ground) + [*self.origin_m[:2], self.z_m]
-        zero = np.zeros_like(r)
         return position, vector(a, g1), vector(zero, g2), vector(zero, g3), vector(zero, g4)
+
+    def locate(self, pixel, line) -> list[np.ndarray]:
+        """Positions and their first to third derivative by the pixel number, metres.
+
+        (..., 3) float64 each, of numbers of the range and of the direction, broadcast together,
+        whole or not.
+        """
+        derivatives = self.lines(self.range_start_m + self.range_spacing_m * pixel,
+                                 self.alpha_start + self.alpha_spacing * line)
+        return [d * self.range_spacing_m ** order for order, d in enumerate(derivatives[:4])]
 
     def by_direction(self, range_m, alpha) -> np.ndarray:
         """(..., 3) float64 derivative of the position by alpha, metres."""

@@ -158,7 +158,9 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     n_line = math.ceil(extent / spacing)
     spacing *= ratio[1] / ratio[0]
     # The sampled half paths miss the extremes by what range and direction add between samples.
-    lo, hi = float(length.min()), float(length.max())
+    may = illumination and illumination.may_light(lines[0], (_SAMPLES_PER_SIDE,) * 2)
+    bounds = length if may is None else paths.length[may]
+    lo, hi = float(bounds.min()), float(bounds.max())
     slack = 2 * margin(TAPS) * spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
     range_m = lo - slack, hi + slack
     window = band or RangeGate.around(radar, n_samples, range_m)

@@ -13,8 +13,8 @@ from sar_imaging.geometry import MapGrid, TerrainGrid
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.planning.error_budget import total_db
 from sar_imaging.planning.exact.backprojection import plan_backprojection
-from sar_imaging.planning.exact.lit_lines import draw_pairs, knot_positions
-from sar_imaging.planning.exact.lit_points import _error_db
+from sar_imaging.planning.exact.lit_lines import knot_positions
+from sar_imaging.planning.exact.lit_points import draw_points, tile_error_db
 from sar_imaging.planning.exact.points import ImagePoints, plan_points
 from sar_imaging.planning.plan import Plan
 from sar_imaging.signal import SPEED_OF_LIGHT, RadarParameters
@@ -136,8 +136,8 @@ def test_amplitudes_between_knots_err_as_planned(seed, tile, degree):
     plan = plan_backprojection(grid, RADAR, N_SAMPLES, tx, rx, -75.0, lit)
     points = ImagePoints.of_grid(grid)
     way = plan_points(points, RADAR, N_SAMPLES, tx, rx, plan.range_m, -90.0, illumination=lit)
-    pairs = draw_pairs(lit, points.positions, points.size)[:2]
-    planned_db = _error_db(lit, points.positions, points.size, *pairs, tile, degree)[0]
+    pairs = draw_points(lit, points.positions, points.size, tile)
+    planned_db = tile_error_db(pairs, points.positions, points.size, tile, degree)[0]
     way = dataclasses.replace(way, tile=tile, lit=dataclasses.replace(
         way.lit, degree=degree, each=False))
     found, expected = _images(dataclasses.replace(plan, way=way), samples, tx, rx)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry.polar import PolarGrid
+from sar_imaging.planning.afbp.lit_subapertures import parabola
 from sar_imaging.planning.afbp.subapertures import _bounds
 
 
@@ -18,3 +19,11 @@ def test_bounds_hold_and_are_close(depth_m):
     near, far = _bounds(polar, track, track)
     # What may lie between the samples adds 0.20 m measured, a step between directions and pulses.
     assert path.min() - 0.3 < near <= path.min() and path.max() <= far < path.max() + 0.3
+
+
+def test_parabolas_of_a_platform_that_stands_still_are_constant():
+    place = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 3.0]])
+    found = np.array(parabola(place, np.tile([2.0, 5.0, 10.0], (4, 1))))
+    np.testing.assert_allclose(found[:, :3], [[5.0] * 3, [0.0] * 3, [0.0] * 3])
+    value = found[0, 3] + place[3] * (found[1, 3] + found[2, 3] * place[3])
+    np.testing.assert_allclose(value, [2.0, 5.0, 10.0])

@@ -42,16 +42,6 @@ def segment_middles(locate, line, n_pixels: int, segment: int) -> np.ndarray:
     return np.concatenate(locate(middle[:, None], line), axis=-1)
 
 
-def polar_positions(polar: PolarGrid):
-    """Function that gives positions and derivatives as `line_middles` wants them."""
-    def locate(pixel, line):
-        derivatives = polar.lines(polar.range_start_m + polar.range_spacing_m * pixel,
-                                  polar.alpha_start + polar.alpha_spacing * line)
-        return [d * polar.range_spacing_m ** order for order, d in enumerate(derivatives[:4])]
-
-    return locate
-
-
 class PolarLines:
     """Lines of a polar grid, prepared for adding any number of echoes.
 
@@ -62,8 +52,8 @@ class PolarLines:
         lattice = profiles.lattice
         self._polar, self._profiles = polar, profiles
         size = polar.n_alpha, polar.n_range, lattice.segment
-        self._lines = line_middles(polar_positions(polar), *size)
-        self._knots = lit and knot_positions(polar_positions(polar), *size, lit.apart)
+        self._lines = line_middles(polar.locate, *size)
+        self._knots = lit and knot_positions(polar.locate, *size, lit.apart)
         # from the phase that the kernel leaves to range baseband
         cycles = 2 * (lattice.cell_m - polar.range_spacing_m) / profiles.radar.wavelength_m
         self._ramp = _phasor(cycles * np.arange(polar.n_range))

@@ -120,6 +120,43 @@ class Illumination:
         lit = None if self.foreseen else self.amplitude(points_m) > 0
         return lit if lit is not None and lit.any() else None
 
+    def may_light(self, points_m, shape: tuple[int, ...]) -> np.ndarray | None:
+        """(R, S) bool which points of a mesh bound a cell of it that an echo may light.
+
+        Points (S, 3), metres, are a mesh of `shape`. The directions beyond one end of a pattern,
+        and those behind the antenna, form convex cones: where all corners of a flat cell lie in
+        one of them, it is dark. None where all may be lit, or none is.
+        """
+        if self.foreseen:
+            return None
+        cells = self.dark_cones(points_m).reshape(-1, *shape)
+        axes = range(1, cells.ndim)
+        for axis in axes:
+            before, after = (np.take(cells, np.arange(cells.shape[axis] - 1) + i, axis)
+                             for i in (0, 1))
+            cells = before & after
+        lit = cells == 0
+        for axis in axes:
+            beyond = [(0, 0)] * lit.ndim
+            beyond[axis] = (1, 1)
+            wider = np.pad(lit, beyond)
+            lit = np.logical_or(*(np.take(wider, np.arange(wider.shape[axis] - 1) + i, axis)
+                                  for i in (0, 1)))
+        return lit.reshape(len(lit), -1) if lit.any() else None
+
+    def dark_cones(self, points_m) -> np.ndarray:
+        """(R, S) uint8 in which of the cones beyond ends of the pattern points lie, bit by bit."""
+        right, ahead, up = np.einsum('rij,rsj->irs', self.axes,
+                                     points_m - self.centre_m[:, None])
+        distance = np.sqrt(right ** 2 + ahead ** 2 + up ** 2)
+        (first, last), (low, high) = (np.sin(cut.cutoff_rad) for cut in (
+            self.pattern.azimuth, self.pattern.elevation))
+        # a cone wider than half of all directions is not convex
+        cones = (ahead <= 0, right > max(last, 0.0) * distance, right < min(first, 0.0) * distance,
+                 up * math.sqrt(1 - high ** 2) > ahead * high,
+                 up * math.sqrt(1 - low ** 2) < ahead * low)
+        return sum(cone.astype(np.uint8) << bit for bit, cone in enumerate(cones))
+
     def of_paths(self, paths: Paths, points_m) -> Paths:
         """Paths of the echoes to points (S, 3), metres, that know which of these they light."""
         return dataclasses.replace(paths, lit=self.lights(points_m))

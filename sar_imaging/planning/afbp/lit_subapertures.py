@@ -14,20 +14,14 @@ import math
 
 import numpy as np
 
-from ...geometry.half_paths import sample_paths
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...geometry.track_frame import mean_centres
 from ...signal.radar import RadarParameters
 from ..error_budget import AFBP_SHARES, error_budget
-from ..exact.lit_lines import (
-    MOST_PAIRS,
-    LitLines,
-    draw_pairs,
-    pair_amplitude,
-    plan_lit_segments,
-)
-from ..exact.polar_image import positions_of
+from ..exact.lit_lines import LitLines, plan_lit_segments
+from ..exact.lit_phasors import Echoes, ImageLines
+from ..lit_pairs import MOST_PAIRS, LitPairs, pair_amplitude
 from ..profiles.range_resampling import RangeResampling
 from .beams import BeamSampling
 from .sampling import cut_pulses, pieces_between_gaps
@@ -35,7 +29,6 @@ from .sampling import cut_pulses, pieces_between_gaps
 NODES = tuple(0.5 + 0.5 * x for x in (-math.sqrt(0.6), 0.0, math.sqrt(0.6)))  # of Gauss' rule
 KNOTS_APART = (16, 8, 4, 2, 1)  # segments along range
 _KNOT_SHARE, _LEAST = 0.2, 1e-16  # of the error of amplitudes for knots along range
-_SAMPLES_PER_SIDE, _ROWS_FOR_PATHS = 5, 512
 _PAIRS = 1 << 14  # at which a sub-aperture is looked at while pulses arrive
 _LOOKED_AT = 33, 9  # directions and ranges, to tell which sub-apertures see the grid
 
@@ -100,10 +93,10 @@ def node_pulses(n_pulses: int) -> np.ndarray:
 def parabola(place, value) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Coefficients of the parabolas through three points each, (..., 3) places and values.
 
-    Constant where the places are the same.
+    Constant where two of the places are the same, as those of a platform that stands still are.
     """
     x, y = np.moveaxis(place, -1, 0), np.moveaxis(value, -1, 0)
-    even = np.abs(x[2] - x[0]) < 1e-12
+    even = (np.abs(x[2] - x[0]) < 1e-12) | (x[1] == x[0]) | (x[2] == x[1])
     x = np.where(even, np.array([-1.0, 0.0, 1.0]).reshape(3, *[1] * (x.ndim - 1)), x)
     y = np.where(even, y[1], y)
     first = (y[1] - y[0]) / (x[1] - x[0])
@@ -132,11 +125,9 @@ class LitError:
         self._n_channels = tx_m.shape[1]
         middles = mean_centres(tx_m, rx_m)
         self._along = (middles - middles.mean(axis=0))[:, :2] @ np.array(polar.track)
-        self._echoes, index, self.share = draw_pairs(illumination, polar.positions, polar.shape,
-                                                   most_pairs)
-        self._points = polar.positions(*index)
-        self.power = self.share * float(np.mean(pair_amplitude(
-            illumination, self._echoes, self._points) ** 2)) if len(self._echoes) else 0.0
+        pairs = LitPairs.draw(illumination, polar.positions, polar.shape, most=most_pairs)
+        self._echoes, self._points = pairs.echoes, pairs.points_m
+        self.share, self.power = pairs.share, pairs.power
         low, high = radar.wavenumbers_rad_per_m
         self._ratio = np.random.default_rng(2).uniform(
             low, high, len(self._echoes)) / radar.wavenumber_rad_per_m
@@ -185,12 +176,13 @@ class LitError:
             error = self.error(pulses) + along
             return lattice, LitSubapertures(lit, seen, apart, None, self.power,
                                             10 * math.log10(error + _LEAST))
-        step = max(1, self._tx_m[..., 0].size // _ROWS_FOR_PATHS)
-        samples = coarse.lines(*coarse.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE))
-        paths = lit.select(slice(None, None, step)).of_paths(sample_paths(
-            *(c.reshape(-1, 3)[::step] for c in (self._tx_m, self._rx_m)), samples), samples[0])
-        lattice, lines = plan_lit_segments(lit, positions_of(coarse), coarse.shape, lattice, paths,
-                                           self._radar, target_db)
+        starts = tuple(p.start * n_channels for p in pulses)
+        lattice, lines, _ = plan_lit_segments(
+            lit, ImageLines.of_polar(coarse), Echoes(self._tx_m.reshape(-1, 3),
+                                                     self._rx_m.reshape(-1, 3), starts,
+                                                     self._radar),
+            lattice, max(lattice.predicted_error_db, error_budget(
+                target_db, AFBP_SHARES)['sub-aperture images']), lit_budget_db(target_db))
         if lines is None:
             raise ValueError('amplitudes change too much from pixel to pixel of the sub-aperture '
                              'images; use exact backprojection')

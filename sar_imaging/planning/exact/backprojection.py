@@ -179,24 +179,19 @@ def _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination):
     check_reach(lines.range_m, radar, n_samples)
     window = RangeGate.around(radar, n_samples, lines.range_m)
     lattice = plan_resampling(lines.paths, 1.0, lines.n_pixels, radar, window.n_samples, target_db)
-    points, way, lit = plan_point_resampling(radar, n_samples, target_db).cost, None, None
-    cost, share = points * len(tx_m), 1.0
+    way, lit, more, share = None, None, {}, 1.0
+    cost = plan_point_resampling(radar, n_samples, target_db).cost * len(tx_m)
     if lattice is not None and illumination is not None:
-        from .lit_lines import plan_lit_segments  # only images with illumination need it
+        from .lit_lines import plan_lit_lines  # only images with illumination need it
 
-        lattice, lit = plan_lit_segments(
-            illumination, lines.locate(len(lines.layouts) // 2), (lines.n_lines, lines.n_pixels),
-            lattice, lines.paths, radar, target_db)
+        lattice, lit, more = plan_lit_lines(illumination, lines, tx_m, rx_m, radar, window,
+                                            lattice, target_db)
         share = 1.0 if lit is None else lit.share
     if lattice is not None and lattice.cost * len(tx_m) < cost:
         cost = lattice.cost * len(tx_m) * share
-        errors = {
-            'range profiles': lattice.predicted_error_db,
-            'ends of profiles': window.mean_end_error_db(
-                lines.paths.length, len(grid.shape), lattice.oversampling(radar),
-                lines.paths.lit)}
-        if lit is not None:
-            errors['illumination'] = lit.predicted_error_db
+        errors = {'range profiles': lattice.predicted_error_db,
+                  'ends of profiles': window.mean_end_error_db(
+                      lines.paths.length, len(grid.shape), lattice.oversampling(radar)), **more}
         way = LinePlan(lines, window, lattice, errors, cost, lit)
     # Polar images lie on horizontal planes, and cannot pay for fewer pulses.
     if isinstance(grid, MapGrid) and cost > costs().map_pixel:

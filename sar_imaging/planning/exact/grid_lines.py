@@ -31,6 +31,8 @@ class GridLines:
         Layers of lines that lie evenly in the image, each as `line_kernels.project_lines`
         describes it. A map or plane is one layer, and so is a volume whose lines do not run along
         its middle axis.
+    layers_together : int
+        Of the grid, in such a layer.
     paths : Paths
         Half paths to some of the pixels, with derivatives by the pixel number.
     """
@@ -55,10 +57,13 @@ class GridLines:
         forward = bool(slopes[axis].mean() >= 0)
         self.n_pixels = shape[axis]
         self.paths = paths[axis] if forward else paths[axis].reversed()
+        length = self.paths.length
+        may = illumination and illumination.may_light(points, (n,) * n_axes)
+        if may is not None:  # of cells, of which parts may be lit, all corners
+            length, slopes = length[may], {a: p.derivatives[0][may] for a, p in paths.items()}
         # Range is monotonic along lines; between sampled lines it changes by at most its slope.
         beside = sum(np.abs(slopes[a]).max() * (shape[a] / (n - 1) / 2 + 1)
                      for a in axes if a != axis or least[axis] < 0)
-        length = self.paths.of_lit(self.paths.length)
         self.range_m = float(length.min() - beside), float(length.max() + beside)
         layer, line = (a for a in range(3) if a != axis)
         floats = [2 * math.prod(shape[a + 1:]) for a in range(3)]
@@ -71,13 +76,16 @@ class GridLines:
         n_layers = shape[layer]
         if floats[layer] == shape[line] * floats[line]:  # all lines lie evenly in the image
             self.n_lines, n_layers = n_layers * shape[line], 1
+        self.layers_together = self.n_lines // self._lines_per_layer
         self.layouts = np.array([[self.n_lines, first + i * floats[layer], floats[line], pixel, 1]
                                  for i in range(n_layers)])
 
     def locate(self, layer: int):
         """Function that gives positions and derivatives of a layer for `line_middles`."""
         def positions(pixel, line):
-            number, line = np.divmod(line, self._lines_per_layer)
+            # lines beside a layer of its own lie beside it
+            number = np.clip(line // self._lines_per_layer, 0, self.layers_together - 1)
+            line = line - number * self._lines_per_layer
             position = (self._start + np.multiply.outer(pixel, self._along)
                         + np.multiply.outer(line, self._across)
                         + np.multiply.outer(layer + number, self._layer))

@@ -231,29 +231,22 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
     reach_m = 10 ** (rounded_db / 20) / rounding_per_m
     tile, radius_m = points.tile(reach_m)
     some = np.linspace(0, len(tx_m) - 1, min(len(tx_m), _SAMPLED_ECHOES)).round().astype(int)
-    some_m = points.some() if some_m is None else some_m
-    length, cost, lit = half_paths(tx_m[some], rx_m[some], some_m)[0], lattice.cost, None
-    if illumination is not None:
-        bright = illumination.select(some).amplitude(some_m) > 0
-        length = length[bright] if bright.any() else length
-        tile, lit = _lit_tile(points, illumination, tile, positions, shape, target_db)
-        cost *= lit.share * lit.dearer
+    cost, lit, oversampling = lattice.cost, None, lattice.oversampling(radar)
     errors = {
         'range profiles': lattice.predicted_error_db,
-        'rounded paths': 20 * math.log10(rounding_per_m * min(reach_m, radius_m) + 1e-12),
-        'ends of profiles': 10 * math.log10(float(window.end_error(
-            length, lattice.oversampling(radar)).mean()) + 1e-16)}
-    if lit is not None:
-        errors['illumination'] = lit.predicted_error_db
+        'rounded paths': 20 * math.log10(rounding_per_m * min(reach_m, radius_m) + 1e-12)}
+    if illumination is None:
+        length = half_paths(tx_m[some], rx_m[some], points.some() if some_m is None else some_m)[0]
+        errors['ends of profiles'] = 10 * math.log10(float(window.end_error(
+            length, oversampling).mean()) + 1e-16)
+    else:
+        from .lit_points import plan_lit_points  # only images with illumination need it
+
+        tile, lit, pairs = plan_lit_points(
+            illumination, positions or points.positions, shape or points.size,
+            [side for side in _SIDES[points.size[0] > 1] if side <= tile],
+            error_budget(target_db, EXACT_SHARES)['illumination'])
+        errors |= {'ends of profiles': pairs.ends_db(window, oversampling, tx_m, rx_m),
+                   'illumination': lit.predicted_error_db}
+        cost *= lit.share * lit.dearer
     return PointPlan(window, lattice, range_m, tile, reach_m, errors, cost * len(tx_m), lit)
-
-
-def _lit_tile(points: ImagePoints, illumination: Illumination, tile, positions, shape,
-              target_db: float) -> tuple[tuple[int, int], LitPoints]:
-    """Largest tile, up to one given, over which amplitudes are smooth enough."""
-    from .lit_points import plan_lit_points  # only images with illumination need it
-
-    return plan_lit_points(
-        illumination, positions or points.positions, shape or points.size,
-        [side for side in _SIDES[points.size[0] > 1] if side <= tile],
-        error_budget(target_db, EXACT_SHARES)['illumination'])

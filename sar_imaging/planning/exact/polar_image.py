@@ -7,6 +7,7 @@ so that image lines read the profiles in step.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -75,27 +76,29 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     PolarPlan or None
         None where the map is tiny, too near, all around, or not ahead of the aperture.
     """
-    budget = error_budget(target_db, EXACT_SHARES)
-    profiles_db = budget['range profiles']
-    cover = cover_map(grid, tx_m, rx_m, radar, n_samples, budget['polar to map'] - PASSES_DB,
-                      profiles_db, illumination=illumination)
+    budget, planner = error_budget(target_db, EXACT_SHARES), None
+    profiles_db, map_db = budget['range profiles'], budget['polar to map'] - PASSES_DB
+    cover_of = functools.partial(cover_map, grid, tx_m, rx_m, radar, n_samples,
+                                 lattice_db=profiles_db, illumination=illumination)
+    if illumination is not None:
+        from .lit_polar import LitPolar  # only images with illumination need it
+
+        planner = LitPolar(illumination, tx_m, rx_m, radar)
+    cover = planner.cover(cover_of, map_db) if planner else cover_of(map_db)
     if cover is None:
         return None
     polar, n_pixels = cover.polar, grid.n_x * grid.n_y
     if polar.n_range * polar.n_alpha > 3 * n_pixels + 100_000:
         return None
-    parts, lattice = plan_parts(cover, budget['azimuth upsampling']), None
+    parts = (planner.parts if planner else plan_parts)(cover, budget['azimuth upsampling'])
+    lattice = None
     if parts is not None:
         lattice = _lattice_of_parts(parts, cover, tx_m, rx_m, profiles_db, illumination)
     if lattice is None:
         lattice, parts = cover.lattice, None
     lit, lines = None, polar if parts is None else parts.coarse
-    if illumination is not None:
-        from .lit_lines import plan_lit_segments  # only images with illumination need it
-
-        lattice, lit = plan_lit_segments(
-            illumination, positions_of(lines), lines.shape, lattice,
-            _sampled_paths(lines, tx_m, rx_m, illumination), radar, target_db)
+    if planner:
+        lattice, lit = planner.lines(lines, lattice, parts, profiles_db, budget['illumination'])
         if lattice is None:
             return None
     errors = {'range profiles': lattice.predicted_error_db, 'polar to map': cover.resampling_db,
@@ -110,14 +113,6 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     return PolarPlan(polar, lattice, cover.window, cover.range_m, cover.axis, cover.between,
                      cover.along, parts, radar.wavelength_m, errors,
                      cost * (polar.n_range * polar.n_alpha / n_pixels) + costs().map_pixel, lit)
-
-
-def positions_of(polar: PolarGrid):
-    """Positions by the number of the range and of the line, first of a tuple."""
-    def locate(pixel, line):
-        return polar.lines(polar.range_start_m + polar.range_spacing_m * pixel,
-                           polar.alpha_start + polar.alpha_spacing * line)[:1]
-    return locate
 
 
 def _sampled_paths(polar: PolarGrid, tx_m, rx_m, illumination: Illumination | None) -> Paths:

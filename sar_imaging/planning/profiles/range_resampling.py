@@ -24,7 +24,8 @@ ECHOES_PER_PASS = 32  # echoes that share the reference for the phase along a se
 _SEGMENTS = (256, 128, 64, 32, 16, 8)
 _MAX_PHASES = 8
 _ECHOES_FOR_ERRORS = 256  # enough for averages, to which few echoes add most
-_DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
+DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
+MOST_DRIFT = 2.0  # lattice steps
 _CLOSER_DB = 10.0  # by which the worst drift may be worse than the mean one
 _LONGER, _FINER, _FEW = 1.1, 1.03, 3  # padded length, cells, and cells around the best
 _COST_TRANSFORM = 0.012  # of a pass of the transform, in shares of the whole
@@ -133,7 +134,7 @@ def _fitted(lattice, slope, errors, radar, target_db) -> RangeResampling | None:
     """A lattice with the interpolator that it needs; None where the target is missed."""
     drift, oversampling = _drift(lattice, slope), lattice.oversampling(radar)
     furthest = float(drift.max())
-    if oversampling <= 1.25 or furthest > 2:
+    if oversampling <= 1.25 or furthest > MOST_DRIFT:
         return None
     lattice = dataclasses.replace(lattice, interpolator=design_interpolator(
         oversampling, max(furthest, LEAST_MARGIN), degree=LINE_DEGREE))
@@ -151,7 +152,7 @@ def resampling_error_db(lattice: RangeResampling, paths: Paths, radar: RadarPara
     It is inf where pixels drift further than the lattice was made for.
     """
     drift = _drift(lattice, _slopes_of_some(paths))
-    if drift.max() > lattice.interpolator.margin + _DRIFT_SLACK:
+    if drift.max() > lattice.interpolator.margin + DRIFT_SLACK:
         return math.inf
     return _predicted_db(lattice, _drifting_db(lattice, drift), _expansion_errors(paths, radar))
 
@@ -186,12 +187,17 @@ def _from_shared(paths: Paths) -> list[np.ndarray]:
     """Derivatives of some echoes, less those of the middle one of the `ECHOES_PER_PASS` around."""
     n = len(paths.length)
     echoes = _some_echoes(n)
-    part = np.searchsorted(paths.parts, echoes, 'right')
-    first, stop = np.take(paths.parts, part - 1), np.append(paths.parts, n)[part]
-    start = first + (echoes - first) // ECHOES_PER_PASS * ECHOES_PER_PASS
-    middle = start + np.minimum(stop - start, ECHOES_PER_PASS) // 2
+    middle = middle_of_pass(echoes, paths.parts, n)
     found = [paths.of_lit(d[echoes] - d[middle], echoes) for d in paths.derivatives]
     return found if found[0].size else [np.zeros(1)] * len(found)
+
+
+def middle_of_pass(echoes, parts, n: int) -> np.ndarray:
+    """(K,) int64 middle of the pass of each echo, of n; `parts` are the first added by itself."""
+    part = np.searchsorted(parts, echoes, 'right')
+    first, stop = np.take(parts, part - 1), np.append(parts, n)[part]
+    start = first + (echoes - first) // ECHOES_PER_PASS * ECHOES_PER_PASS
+    return start + np.minimum(stop - start, ECHOES_PER_PASS) // 2
 
 
 def _rms(values) -> float:

@@ -11,7 +11,6 @@ from ....geometry.illumination import Illumination
 from ....geometry.polar import PolarGrid
 from ....planning.afbp.lit_subapertures import node_pulses
 from ..illumination import LitEchoes, two_way_amplitude
-from ..lines import polar_positions
 
 
 class LitLines:
@@ -27,7 +26,7 @@ class LitLines:
 
     def __init__(self, polar: PolarGrid, apart: int):
         places = np.arange(-(-polar.n_range // apart) + 1) * apart
-        positions = polar_positions(polar)(places, np.arange(polar.n_alpha)[:, None])[0]
+        positions = polar.locate(places, np.arange(polar.n_alpha)[:, None])[0]
         self._positions = np.ascontiguousarray(positions)
         self._track = np.array(polar.track)
 

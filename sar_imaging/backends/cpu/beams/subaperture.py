@@ -19,7 +19,7 @@ from ....planning.afbp.beam_gain import DEGREE, bins_per_run
 from ....planning.afbp.beam_geometry import grid_edges
 from ....planning.afbp.subapertures import SubaperturePlan
 from ..fft.rows import transform_rows
-from ..lines import polar_positions, segment_middles
+from ..lines import segment_middles
 from ..memory import WorkSpace
 from ..profiles import spectra
 from ..threads import job_counter
@@ -55,7 +55,7 @@ class BeamformedSubaperture:
         self._bins = SpectrumBins.of(
             gain * np.exp(2j * np.pi * shift), np.array([self._per_metre, per_bin]), source.zero,
             n_cells, bins_per_run(n_bins, n_bins * per_bin / self._per_metre))
-        self._lines = segment_middles(polar_positions(polar), np.arange(polar.n_alpha),
+        self._lines = segment_middles(polar.locate, np.arange(polar.n_alpha),
                                       polar.n_range, sampling.segment)
         self._edges = grid_edges(polar)
         self._lit = plan.lit and LitLines(polar, plan.lit.apart * sampling.segment)

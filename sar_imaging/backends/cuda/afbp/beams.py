@@ -13,7 +13,6 @@ from ....planning.afbp.beam_geometry import BeamGeometry, grid_edges
 from ....planning.afbp.beams import CELL_TAPS
 from ....planning.afbp.lit_subapertures import node_pulses
 from ....planning.afbp.subapertures import SubaperturePlan
-from ....planning.exact.polar_image import positions_of
 from ..arrays import launch, pairs, xp
 from ..illumination import Antennas
 from ..profiles import profile_spectra
@@ -159,8 +158,8 @@ class _LitLines:
 
     def __init__(self, polar: PolarGrid, apart: int):
         self._apart, self._shape = apart, (polar.n_alpha, -(-polar.n_range // apart) + 1)
-        positions = positions_of(polar)(np.arange(self._shape[1]) * apart,
-                                        np.arange(polar.n_alpha)[:, None])[0]
+        positions = polar.locate(np.arange(self._shape[1]) * apart,
+                                 np.arange(polar.n_alpha)[:, None])[0]
         self._positions = xp.asarray(np.ascontiguousarray(positions.reshape(-1, 3).T))
 
     def parabolas(self, illuminations: Sequence[Illumination], geometries, echoes, told: tuple,
