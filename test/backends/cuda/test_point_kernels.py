@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from sar_imaging.backends.cuda.arrays import launch, pairs, xp
-from sar_imaging.backends.cuda.points.kernels import THREADS, add_points, bound_tiles
+from sar_imaging.backends.cuda.points.kernels import BLOCK, THREADS, add_points, bound_tiles
 from sar_imaging.backends.cuda.transfers import to_host
 
 DEGREE = 3
@@ -45,7 +45,7 @@ def test_sums_of_given_polynomials(seed, tile, reach):
     range_m = 55.0 + rng.uniform(0, 6.0)  # some points lie outside
     image = xp.zeros(2 * points[..., 0].size, np.float32)
     made = tiles_of(points, tile)
-    own = THREADS // math.prod(tile)
+    own = BLOCK // math.prod(tile)
     launch(add_points, -(-len(made[-1]) // own), THREADS, pairs(xp.asarray(cell_by_cell)), n_cells,
            xp.asarray(np.concatenate([tx, rx], axis=1)), *made, range_m, step_m, cycles, 0.25,
            reach, image)

@@ -14,7 +14,7 @@ from ..illumination import Antennas
 from ..profiles import Profiles
 from ..tiles import rows_of_points
 from ..transfers import in_pieces
-from .kernels import THREADS, add_lit_points, add_points, bound_tiles
+from .kernels import BLOCK, THREADS, add_lit_points, add_points, bound_tiles
 
 _TOGETHER = 32  # echoes of a chunk of profiles come in multiples of this
 
@@ -54,7 +54,7 @@ class Points:
         profiles, plan = self._profiles, self._plan
         centres = xp.asarray(np.concatenate([tx_m, rx_m], axis=1))
         parts = image.reshape(len(self._layers), -1)
-        own = THREADS // (plan.tile[0] * plan.tile[1])
+        own = BLOCK // (plan.tile[0] * plan.tile[1])
         antennas = illumination and Antennas(illumination)
         n_bytes = max(0 if knots is None else knots.echo_bytes for knots in self._knots)
         for echoes, some in in_pieces(samples, profiles.chunks(len(samples), _TOGETHER, n_bytes)):
