@@ -55,7 +55,7 @@ TYPES: dict[str, tuple[tuple, ...]] = {
     'points.kernels.add_lit_points': (
         (*_POINTS, _a(_F, 2), _a(_N, 1), _a(_D, 2), _a(_F, 1), _a(_F, 1), _a(_D, 1)),),
     'azimuth_upsampling.merge_parts': (
-        (_a(_F, 4), _a(types.complex64, 2), _a(types.int32, 1), _a(_F, 2),
+        (_a(_F, 1), _N, _a(types.complex64, 2), _a(types.int32, 1), _a(_F, 2),
          _a(types.complex64, 2), _a(_F, 3)),),
     'polar_to_map.to_ranges': (
         (_a(_F, 1), _N, _N, _a(_D, 1), _a(_D, 1), _a(_F, 1), _N, _a(_F, 1)),),

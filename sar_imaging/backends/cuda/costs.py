@@ -35,8 +35,8 @@ class DeviceCosts(CostModel):
 
     line_pixel: float = 1e-3
     line_segment: float = 2e-2
-    point_pixel: float = 4e-3
-    upsampled_pixel: float = 2.5e-3
+    point_pixel: float = 2.6e-3
+    upsampled_pixel: float = 2.7e-3
     upsampled_part: float = 2e4
     map_pixel: float = 5e-2
     profile_bin: float = 3e-2
