@@ -13,6 +13,7 @@ BASE_BYTES = {'pulse_buffer': 170e6, 'range_compression': 340e6, 'backprojection
 PRODUCT_BYTES = 13  # of a pixel in the messages: complex, amplitude and quicklook
 PRODUCTS_KEPT = 6  # by the middleware (depth 5), and the one being serialised
 POLAR_IMAGES = 2.5  # polar image and its interpolation, relative to the image
+CALIBRATED_IMAGES = 1.5  # the image scaled, and its scale of 4 bytes a pixel
 VOLUME_IMAGES = 3  # the volume, its magnitudes and what is sorted of them
 SPECTRUM_IMAGES = 2.6  # fused spectrum and transforms, relative to the image (docs/benchmarks.md)
 
@@ -66,6 +67,7 @@ def node_memory(imaging: Imaging, n_pixels: int, *, block_bytes: int, profile_bl
 
     products = n_pixels * PRODUCT_BYTES * PRODUCTS_KEPT
     image = n_pixels * IMAGE_BYTES
+    calibrated = 0 if imaging.radiometry_quantity == 'none' else CALIBRATED_IMAGES
     w, w_profiles = waiting(block_bytes), waiting(profile_block_bytes)
     sizes = {
         'pulse_buffer': ((q + w + q) * block_bytes
@@ -80,7 +82,7 @@ def node_memory(imaging: Imaging, n_pixels: int, *, block_bytes: int, profile_bl
             f'({q} + {w_profiles}) blocks of profiles + {VOLUME_IMAGES} x 8 B/cell')
     elif imaging.mode == 'image':
         kept = aperture_bytes if imaging.keeps_pulses else 0
-        images = 1 + POLAR_IMAGES + (2 if imaging.autofocus else 0)
+        images = 1 + POLAR_IMAGES + (2 if imaging.autofocus else 0) + calibrated
         images += SPECTRUM_IMAGES if imaging.method != 'exact' else 0
         sizes['backprojection'] = (
             (q + w_profiles) * profile_block_bytes + kept + images * image + products,
@@ -93,10 +95,10 @@ def node_memory(imaging: Imaging, n_pixels: int, *, block_bytes: int, profile_bl
             (q + w_profiles) * profile_block_bytes + n * aperture_bytes + POLAR_IMAGES * image,
             f'({q} + {w_profiles}) blocks of profiles + profiles of {n} aperture(s) + '
             f'{POLAR_IMAGES:g} x 8 B/pixel')
+        images = 1 + SPECTRUM_IMAGES + POLAR_IMAGES + calibrated
         sizes['afbp_fusion'] = (
-            (1 + SPECTRUM_IMAGES + POLAR_IMAGES) * image + products,
-            f'{1 + SPECTRUM_IMAGES + POLAR_IMAGES:g} x 8 B/pixel + {PRODUCTS_KEPT} x '
-            f'{PRODUCT_BYTES} B/pixel')
+            images * image + products,
+            f'{images:g} x 8 B/pixel + {PRODUCTS_KEPT} x {PRODUCT_BYTES} B/pixel')
     return tuple(NodeMemory(node, round(BASE_BYTES[node] + n_bytes),
                             f'{BASE_BYTES[node] / 1e6:.0f} MB + {formula}')
                  for node, (n_bytes, formula) in sizes.items())

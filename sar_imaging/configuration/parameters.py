@@ -40,7 +40,8 @@ CHECKER_PARAMETERS = {
 }
 
 
-_SECTIONS = {'autofocus_': 'autofocus.', 'subaperture_': 'subapertures.', 'volume_': 'volume.'}
+_SECTIONS = {'autofocus_': 'autofocus.', 'subaperture_': 'subapertures.', 'volume_': 'volume.',
+             'radiometry_': 'radiometry.'}
 _FIELDS = {f.name: re.sub(f'^({"|".join(_SECTIONS)})', lambda m: _SECTIONS[m[0]], f.name)
            for f in dataclasses.fields(Imaging) if f.name != 'grid'}
 # Parameters of the nodes that settings are made of.
@@ -83,9 +84,11 @@ class Configuration:
         ValueError
             A value makes no sense.
         """
+        imager = self.nodes['backprojection']
+        of_images = self.nodes['afbp_fusion'] if imager['mode'] == 'subapertures' else imager
         return imaging_from_parameters(
-            {**self.nodes['pulse_buffer'], **self.nodes['range_compression'],
-             **self.nodes['backprojection']})
+            {**self.nodes['pulse_buffer'], **self.nodes['range_compression'], **imager,
+             'radiometry.quantity': of_images['radiometry.quantity']})
 
     def acquisition(self) -> Acquisition:
         """Radar and platform.

@@ -131,6 +131,8 @@ class Imaging:
     volume_height, volume_spacing : float
         Of mode ``'volume'``: extent above the grid and distance of its layers, metres; a distance
         of 0 is that of the pixels.
+    radiometry_quantity : str
+        What images are calibrated to; ``'none'`` for images as they are.
 
     Raises
     ------
@@ -172,6 +174,7 @@ class Imaging:
     autofocus_time_offset: float = 0.0
     volume_height: float = 0.0
     volume_spacing: float = 0.0
+    radiometry_quantity: str = 'none'
 
     def __post_init__(self):
         if self.mode not in MODES:

@@ -211,3 +211,16 @@ def test_an_array_only_lengthens_the_aperture(n, spacing):
 def test_a_platform_that_stands_still_is_refused(imaging, machine):
     with pytest.raises(ValueError, match='the platform stands still.*give its velocity'):
         derive(make_acquisition(velocity_m_per_s=(0.0, 0.0, 0.0)), imaging, machine)
+
+
+@pytest.mark.parametrize(('mode', 'node'), [('image', 'backprojection'),
+                                            ('subapertures', 'afbp_fusion')])
+def test_calibrated_images_take_a_scale_and_a_second_image(acquisition, imaging, machine, mode,
+                                                           node):
+    plain, calibrated = (
+        {m.node: m.n_bytes for m in derive(acquisition, dataclasses.replace(
+            imaging, mode=mode, radiometry_quantity=quantity), machine).memory}
+        for quantity in ('none', 'sigma0'))
+    more = {name: calibrated[name] - plain[name] for name in plain}
+    assert more.pop(node) == pytest.approx(12 * imaging.n_pixels, abs=1)  # 8 and 4 bytes
+    assert not any(more.values())
