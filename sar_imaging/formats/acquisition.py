@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from ..geometry.illumination import AntennaPattern, Pointing
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 
@@ -36,6 +37,10 @@ class Acquisition:
     name : str
         Name of the acquisition, unique among those of the collector; made of its name and the
         time of the first pulse where none is given.
+    antenna : AntennaPattern, optional
+        Pattern of the antenna, with `pointing`.
+    pointing : Pointing, optional
+        Where the antenna looked at each pulse.
 
     Raises
     ------
@@ -61,6 +66,8 @@ class Acquisition:
     collector: str = UNKNOWN
     illuminator: str = ''
     name: str = ''
+    antenna: AntennaPattern | None = None
+    pointing: Pointing | None = None
 
     def __post_init__(self):
         object.__setattr__(self, 'stamp_ns', np.asarray(self.stamp_ns, np.int64))
@@ -79,18 +86,26 @@ class Acquisition:
             raise ValueError(f'polarisation={self.polarisation!r}; expected the transmitted and '
                              f'the received one of {", ".join(_POLARISATIONS)}, such as "V:H", '
                              f'or {UNKNOWN!r}')
+        if self.pointing is not None and len(self.pointing) != len(self.stamp_ns):
+            raise ValueError(f'the pointing is for {len(self.pointing)} pulses, there are '
+                             f'{len(self.stamp_ns)}; give every pulse its boresight')
         order = np.argsort(self.stamp_ns, kind='stable')
+        if self.pointing is not None:
+            object.__setattr__(self, 'pointing', self.pointing.select(order))
         for name in ('stamp_ns', 'tx_m', 'rx_m'):
             object.__setattr__(self, name, getattr(self, name)[order])
 
     @classmethod
-    def of(cls, blocks: PulseBlock | Iterable[PulseBlock], **names: str) -> Acquisition:
+    def of(cls, blocks: PulseBlock | Iterable[PulseBlock], *,
+           antenna: AntennaPattern | None = None, **names: str) -> Acquisition:
         """Acquisition of one block of pulses or of many, whose samples are not kept.
 
         Parameters
         ----------
         blocks : PulseBlock or iterable of PulseBlock
-            With phase centres, in any order.
+            With phase centres, in any order; their pointing is kept where all tell it.
+        antenna : AntennaPattern, optional
+            As of the constructor.
         **names
             `polarisation`, `collector`, `illuminator`, `name`.
 
@@ -101,6 +116,7 @@ class Acquisition:
         """
         parts = [blocks] if isinstance(blocks, PulseBlock) else blocks
         kept: list[tuple] = []
+        looks: list[Pointing | None] = []
         radar = None
         for block in parts:
             if not block.has_positions:
@@ -111,9 +127,11 @@ class Acquisition:
                                  'those of one radar')
             radar = block.radar
             kept.append((block.stamp_ns, block.tx_m.mean(axis=1), block.rx_m.mean(axis=1)))
+            looks.append(block.pointing)
         if radar is None:
             raise ValueError('there is no block; expected at least one')
-        return cls(radar, *(np.concatenate(part) for part in zip(*kept, strict=True)), **names)
+        return cls(radar, *(np.concatenate(part) for part in zip(*kept, strict=True)), **names,
+                   antenna=antenna, pointing=None if None in looks else Pointing.join(looks))
 
     @property
     def n_pulses(self) -> int:

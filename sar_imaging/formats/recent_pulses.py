@@ -6,6 +6,7 @@ import collections
 
 import numpy as np
 
+from ..geometry.illumination import AntennaPattern
 from ..signal.pulses import PulseBlock, concatenate
 from ..signal.radar import RadarParameters
 from .acquisition import Acquisition
@@ -45,9 +46,10 @@ class RecentPulses:
         while self._n - self._blocks[0].n_pulses >= self._n_pulses:
             self._n -= self._blocks.popleft().n_pulses
 
-    def acquisition(self, counters: np.ndarray) -> Acquisition:
-        """Acquisition of the pulses with these counters; see `pulses`."""
-        return Acquisition.of(self.pulses(counters))
+    def acquisition(self, counters: np.ndarray,
+                    antenna: AntennaPattern | None = None) -> Acquisition:
+        """Acquisition of the pulses with these counters, and of an antenna; see `pulses`."""
+        return Acquisition.of(self.pulses(counters), antenna=antenna)
 
     def pulses(self, counters: np.ndarray) -> PulseBlock:
         """The pulses with these counters, in the order of their times and without samples.

@@ -310,7 +310,7 @@ class ImageStep(BackprojectionStep):
         image = self._brightness.calibrated(self._image(product), pulses)
         if image is not None:
             self._products.publish(image.samples, product.grid, product.stamp_ns)
-            self._files.keep(image, lambda: self._pulses.acquisition(counters),
+            self._files.keep(image, lambda: self._pulses.acquisition(counters, self._pattern),
                              self._brightness.factors(image, pulses))
         if self._obstacles is not None:  # by the contrast to what is around: as it was formed
             lit = (None if self._pattern is None else

@@ -74,7 +74,7 @@ class WrittenAntenna:
                                                                       strict=True)]
         axes = pointing.axes
         return cls(ends[:, 0], step, _gain_db(pattern, *cosines).astype(np.float32),
-                   _polynomial(pattern, cosines), datum.vectors_to_ecef(axes[:, 0]),
+                   main_lobe_polynomial(pattern, cosines), datum.vectors_to_ecef(axes[:, 0]),
                    datum.vectors_to_ecef(-axes[:, 2]))
 
     @property
@@ -131,8 +131,11 @@ def _gain_db(pattern: AntennaPattern, dcx: np.ndarray, dcy: np.ndarray) -> np.nd
         return np.maximum(10 * np.log10(amplitude), DARK_DB)
 
 
-def _polynomial(pattern: AntennaPattern, cosines) -> np.ndarray:
-    """(7, 7) coefficients of the main lobe's gain, dB; none of DCX = DCY = 0."""
+def main_lobe_polynomial(pattern: AntennaPattern, cosines) -> np.ndarray:
+    """(7, 7) coefficients of the main lobe's gain of one way, dB; none of DCX = DCY = 0.
+
+    `cosines` are the direction cosines DCX and DCY that the pattern reaches over.
+    """
     fine = [np.linspace(part[0], part[-1], 10 * _FITTED) for part in cosines]
     lobes = [_main_lobe(part, gain) for part, gain in zip(fine, (
         _gain_db(pattern, fine[0], np.zeros(1))[:, 0],

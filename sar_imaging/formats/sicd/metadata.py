@@ -14,6 +14,7 @@ from ...imaging.radiometry import Radiometry
 from ...signal.radar import SPEED_OF_LIGHT, Waveform
 from ..acquisition import UNKNOWN, Acquisition
 from ..extras import require
+from .antenna import antenna_element, two_way_antenna
 from .elements import Elements
 from .layout import Layout
 from .radiometric import Radiometric, radiometric_element
@@ -71,6 +72,10 @@ def sicd_tree(description: Description):
     root.append(sicd.compute_scp_coa(root.getroottree()))
     if description.radiometric is not None:
         root.append(radiometric_element(make, description.radiometric))
+    antenna = None if bistatic else two_way_antenna(description.acquisition, description.datum,
+                                                    description.track.pulse_s)
+    if antenna is not None:
+        root.append(antenna_element(make, antenna, description.acquisition.radar.carrier_hz))
     return root.getroottree()
 
 

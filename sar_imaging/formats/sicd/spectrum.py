@@ -65,8 +65,8 @@ def thinned(acquisition: Acquisition) -> Acquisition:
     """The same acquisition with as many pulses as a support needs, the outermost among them."""
     chosen = np.unique(np.linspace(0, acquisition.n_pulses - 1, _MAX_PULSES).round().astype(int))
     return dataclasses.replace(
-        acquisition, **{name: getattr(acquisition, name)[chosen]
-                        for name in ('stamp_ns', 'tx_m', 'rx_m')})
+        acquisition, pointing=None, **{name: getattr(acquisition, name)[chosen]
+                                       for name in ('stamp_ns', 'tx_m', 'rx_m')})
 
 
 def support(acquisition: Acquisition, point_m, axis) -> SpatialSupport:

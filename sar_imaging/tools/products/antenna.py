@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
+from sar_imaging.formats import Acquisition
 from sar_imaging.geometry.illumination import Pointing
 
 from .sources import Source, SourceError
 
 _BLOCK_BYTES = 1e8  # of samples that are read for their pointing
+
+
+def lit_acquisition(source: Source) -> Acquisition:
+    """Acquisition of a source, with its antenna where the file tells one."""
+    return dataclasses.replace(source.acquisition(), antenna=source.illumination,
+                               pointing=_by_time(source, pointing_of(source)))
+
+
+def _by_time(source: Source, looks: Pointing | None) -> Pointing | None:
+    """Pointing in the order of an acquisition."""
+    return None if looks is None else looks.select(np.argsort(source.stamp_ns, kind='stable'))
 
 
 def pointing_of(source: Source) -> Pointing | None:

@@ -35,6 +35,7 @@ from ..plots import save_image_png
 from ..recordings.bag_io import BagError
 from . import brightness, forming, volume
 from .acquisition_figure import save_acquisition_png
+from .antenna import lit_acquisition
 from .report import Section, write_report
 from .sources import Source, SourceError, open_source
 
@@ -174,7 +175,7 @@ def write_products(folder: Path, formats: Sequence[str], source: Source, choice:
         write_geotiff(files['geotiff'], image, source.datum)
         written.append(FILES['geotiff'])
     if 'sicd' in files:
-        write_sicd(files['sicd'], image, source.datum, source.acquisition(),
+        write_sicd(files['sicd'], image, source.datum, lit_acquisition(source),
                    classification=source.collection.classification, **calibration)
         written.append(FILES['sicd'])
     if 'kml' in files:

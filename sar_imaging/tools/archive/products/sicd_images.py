@@ -14,6 +14,7 @@ from sar_imaging.imaging.imager import plan_image
 from sar_imaging.imaging.methods import EXACT
 from sar_imaging.planning.costs import DEFAULT, using
 
+from ...products.antenna import lit_acquisition
 from ...products.sources import Source, open_source
 from ..jobs import ApertureScan, ArchiveDataError, Job, PieceResult, ProductPiece
 from ..jobs.division import SICD_BYTES
@@ -31,7 +32,7 @@ def write_sicd_image(piece: ProductPiece, job: Job, output: Path) -> PieceResult
             'no SICD: neither the job nor the recording tells where on the Earth it is; give '
             'datum',))
     source = open_source(scan.path, aperture=scan.aperture, datum=scan.datum)
-    acquisition = source.acquisition()
+    acquisition = lit_acquisition(source)
     grid = _grid(scan, job, acquisition, datum)
     room = room_bytes(job)
     if SICD_BYTES * np.prod(grid.shape) > room:

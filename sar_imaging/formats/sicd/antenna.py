@@ -1,0 +1,77 @@
+"""The antenna of a SICD file: both ways together, as a polynomial over its main lobe.
+
+In the antenna's frame x is our right, y is down and z the boresight (NGA.STND.0024-1, section 3,
+Antenna). SICD has no tables: a pattern that polynomials miss is left out, and so are frames that
+turn too quickly for polynomials of time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from ...geometry.earth import Datum
+from ..acquisition import Acquisition
+from ..cphd.antenna_writing import WrittenAntenna
+from .elements import Elements
+
+_ORDER = 5
+_TURNED = 0.05  # of the antenna's width, by which axes may depart from their polynomials
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TwoWayAntenna:
+    """Polynomials of an antenna.
+
+    Attributes
+    ----------
+    x_axis, y_axis : (3, n) float64
+        Axes of its frame, ECEF, by powers of seconds since the start.
+    gain_db : (7, 7) float64
+        Of both ways relative to the boresight, by powers of the direction cosines DCX and DCY.
+    """
+
+    x_axis: np.ndarray
+    y_axis: np.ndarray
+    gain_db: np.ndarray
+
+
+def two_way_antenna(acquisition: Acquisition, datum: Datum,
+                    pulse_s: np.ndarray) -> TwoWayAntenna | None:
+    """Antenna of an acquisition; None where it tells none that SICD can hold.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        With its antenna and pointing, where they are known.
+    datum : Datum
+        Place of the imaging frame.
+    pulse_s : (P,) float64
+        Times of the pulses, seconds since the start of the collection.
+    """
+    if acquisition.antenna is None or acquisition.pointing is None:
+        return None
+    try:
+        own = WrittenAntenna.of(acquisition.antenna, acquisition.pointing, datum)
+    except ValueError:  # no gain on boresight
+        return None
+    order, width = min(_ORDER, len(pulse_s) - 1), acquisition.antenna.azimuth.width_rad
+    axes = []
+    for values in (own.x_axis, own.y_axis):
+        fits = [np.polynomial.Polynomial.fit(pulse_s, part, order) for part in values.T]
+        if max(np.abs(fit(pulse_s) - part).max()
+               for fit, part in zip(fits, values.T, strict=True)) > _TURNED * width:
+            return None
+        powers = [fit.convert().coef for fit in fits]
+        axes.append(np.stack([np.pad(part, (0, order + 1 - len(part))) for part in powers]))
+    return TwoWayAntenna(*axes, 2 * own.polynomial)
+
+
+def antenna_element(make: Elements, own: TwoWayAntenna, carrier_hz: float):
+    """Element of the antenna."""
+    return make('Antenna', make(
+        'TwoWay', make.path('XAxisPoly', own.x_axis), make.path('YAxisPoly', own.y_axis),
+        make('FreqZero', float(carrier_hz)),
+        make('Array', make.polynomial('GainPoly', own.gain_db),
+             make.polynomial('PhasePoly', [[0.0]]))))
