@@ -54,6 +54,8 @@ TYPES: dict[str, tuple[tuple, ...]] = {
     'points.kernels.add_points': (_POINTS,),
     'points.kernels.add_lit_points': (
         (*_POINTS, _a(_F, 2), _a(_N, 1), _a(_D, 2), _a(_F, 1), _a(_F, 1), _a(_D, 1)),),
+    'points.trial_images.add_pieces': (
+        (PAIRS, _N, _a(_D, 2), _a(_D, 2), _a(_D, 1), _a(_D, 1), _a(_F, 3)),),
     'azimuth_upsampling.merge_parts': (
         (_a(_F, 1), _N, _a(types.complex64, 2), _a(types.int32, 1), _a(_F, 2),
          _a(types.complex64, 2), _a(_F, 3)),),

@@ -21,12 +21,14 @@ from ..planning.costs import costs
 from ..planning.exact.backprojection import BackprojectionPlan
 from ..planning.plan import Plan
 from ..signal.pulses import PulseBlock
+from ..signal.radar import RadarParameters
 from . import cpu, device
 from .device import DeviceError
 from .protocol import Backend
 
 _logger = logging.getLogger(__name__)
 _BYTES = 8  # of a complex sample
+_TRIALS, _TRIAL_PIXELS = 100, 2048  # of a search, about
 DEVICE_ARRAYS = True  # are taken where a device computes, and where it fails
 
 
@@ -111,7 +113,7 @@ class _Handed:
 
     def _begin_here(self):
         """The processor's, as far as the work has come."""
-        return getattr(cpu, type(self).__name__)(*self._made, **self._options)
+        return getattr(cpu, type(self).__name__)(*map(_here, self._made), **self._options)
 
     def _do(self, entry: str, *arguments):
         if self._on_device:
@@ -191,6 +193,25 @@ class SpectrumFusion(_Handed):
         for number, added in self._added.items():
             made.add(number, *map(_fetched, added))
         return made
+
+
+class TrialImages(_Handed):
+    """Quick images for a search, see `backends.protocol.TrialImages`: some hundred of them."""
+
+    def __init__(self, radar: RadarParameters, samples):
+        pixels = samples[..., 0].size * _TRIALS * _TRIAL_PIXELS
+        counts = {'point_pixel': pixels, 'image': _TRIALS}
+        super().__init__(_device_seconds(counts, _BYTES * samples.size), costs().seconds(counts),
+                         'a search by trial images', radar, samples)
+
+    @property
+    def length(self) -> int:
+        """Pixels of a piece of a line."""
+        return self._work.length
+
+    def image(self, tx_m, rx_m, starts_m, step_m, range_bias_m: float = 0.0) -> np.ndarray:
+        """See `backends.protocol.TrialImages.image`."""
+        return self._do('image', tx_m, rx_m, starts_m, step_m, range_bias_m)
 
 
 def form_map(polar_image: np.ndarray, fusion: UnifiedPolarGrids, grid: MapGrid,

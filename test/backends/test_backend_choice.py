@@ -160,7 +160,6 @@ def test_what_the_device_refuses_the_processor_does(monkeypatch, planned, caplog
 def test_other_entries_are_the_processors(monkeypatch):
     with_device(monkeypatch, 0.0)
     assert backend('auto').FactorisedImager is backend('cpu').FactorisedImager
-    assert backends.optional_entry('auto', 'TrialImages') is backend('cpu').TrialImages
 
 
 @pytest.mark.parametrize(('seconds', 'messages'), [
@@ -233,5 +232,41 @@ def test_live_afbp_goes_on_where_the_device_fails(monkeypatch, make_scene, caplo
         fusion.clear()
         assert not fusion.included
     np.testing.assert_array_equal(*images)
+    assert [text for text in caplog.messages if 'gone' in text] == (
+        ['the CUDA device failed: gone; the processor computes'] if failing else [])
+
+
+@pytest.mark.parametrize(('seconds', 'failing'), [(0.0, None), (0.0, 'made'), (0.0, 'image'),
+                                                  (1e9, None)])
+def test_a_search_goes_on_where_the_device_fails(monkeypatch, make_scene, caplog, seconds,
+                                                 failing):
+    scene, cpu, calls = make_scene(1000.0, n=16, pulses=8), backend('cpu'), []
+    block = scene.block
+
+    class Trials(cpu.TrialImages):
+        def __init__(self, *arguments):
+            calls.append('made')
+            if failing == 'made':
+                raise DeviceError('the CUDA device failed: gone')
+            super().__init__(*arguments)
+
+        def image(self, *arguments):
+            calls.append('image')
+            if failing == 'image':
+                raise DeviceError('the CUDA device failed: gone')
+            return super().image(*arguments)
+
+    free = types.SimpleNamespace(seconds=lambda counts: seconds)
+    fake = types.SimpleNamespace(TrialImages=Trials, device_costs=lambda: free)
+    monkeypatch.setattr(backends, 'device_backend', lambda: fake)
+    monkeypatch.setattr(device, 'device_backend', lambda: fake)
+    where = block.tx_m, block.rx_m, np.array([[998.0, 0.0, 0.0]]), np.array([0.25, 0.0, 0.0])
+    made = [backends.optional_entry(name, 'TrialImages')(block.radar, block.samples)
+            for name in ('auto', 'cpu')]
+    for _ in range(2):
+        np.testing.assert_array_equal(*(trials.image(*where) for trials in made))
+    assert made[0].length == made[1].length
+    assert calls == {None: ['made', 'image', 'image'] if seconds == 0.0 else [],
+                     'made': ['made'], 'image': ['made', 'image']}[failing]
     assert [text for text in caplog.messages if 'gone' in text] == (
         ['the CUDA device failed: gone; the processor computes'] if failing else [])

@@ -13,7 +13,7 @@ _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'afbp.subap
             'form_map': 'afbp.fusion', 'seconds': 'costs', 'device_costs': 'costs',
             'compress': 'samples.compression', 'to_device': 'samples.compression',
             'to_host': 'transfers', 'synchronise': 'arrays',
-            'DEFAULT': 'costs', 'VARIABLE': 'costs'}
+            'DEFAULT': 'costs', 'VARIABLE': 'costs', 'TrialImages': 'points.trial_images'}
 
 
 def __getattr__(name):

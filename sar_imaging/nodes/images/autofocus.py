@@ -23,6 +23,7 @@ from sar_imaging.streaming.aperture import ApertureImage
 
 from ..poses.frame_datum import FrameDatum
 from ..poses.known_positions import KnownPositions
+from ..runtime.backends import BACKEND
 from ..runtime.health import Health, Part
 from ..runtime.parameters import ConfigurationError, Parameter
 from .antenna_pattern import pattern_from
@@ -122,7 +123,8 @@ class ImageFocus:
         pattern = pattern_from(parameters)
         self._imager = pattern and (lambda pulses: plan_image(
             grid, pulses.radar, pulses.n_samples, method=EXACT,
-            target_db=parameters['target_db'], illumination=pattern)(pulses).samples)
+            target_db=parameters['target_db'], illumination=pattern,
+            backend=parameters[BACKEND.name])(pulses).samples)
         self.reach_s = BEYOND * parameters[TIME_OFFSET.name]
         self.positions = (KnownPositions(parameters, health, datum, self.reach_s)
                           if self.reach_s else None)
@@ -207,7 +209,8 @@ class ImageFocus:
             self._grid, track_error_m=p[TRACK_ERROR.name], time_offset_s=p[TIME_OFFSET.name],
             range_bias_m=p[RANGE_BIAS.name], track=track, target_db=p['target_db'],
             n_phases=N_PHASES if p[RESIDUAL_PHASES.name] else 0,
-            least_coherence=p[COHERENCE_LIMIT.name], imager=self._imager)
+            least_coherence=p[COHERENCE_LIMIT.name], imager=self._imager,
+            backend=p[BACKEND.name])
 
     def _count(self, report: AutofocusReport, seconds: float) -> None:
         if report.accepted:
