@@ -38,6 +38,7 @@ _LINES = (PAIRS, _N, _N, _N, _a(_D, 2), _a(_D, 3), _D, _D, _D, _D, _a(types.comp
 _POINTS = (PAIRS, _N, _a(_D, 2), *[_a(_D, 1)] * 3, _a(_N, 2), _a(_N, 1), _a(_N, 1), _a(_D, 2),
            _D, _D, _D, _D, _D, _a(_F, 1))
 
+_RANGES = (_a(_F, 1), _N, _N, _a(_D, 1), _a(_D, 1), _a(_F, 1), _N, _a(_F, 1))
 _FORMED = (PAIRS, _a(_F, 1), _a(_N, 2), _a(_D, 3), _a(_D, 1), _a(_F, 1), _D,
            _a(types.complex64, 1), _N, PAIRS)
 _READ = (PAIRS, _N, _N, _a(_N, 2), _a(_D, 2), _a(_D, 1), _a(_F, 2), _a(_F, 2), _N, _N, _a(_F, 4))
@@ -59,8 +60,8 @@ TYPES: dict[str, tuple[tuple, ...]] = {
     'azimuth_upsampling.merge_parts': (
         (_a(_F, 1), _N, _a(types.complex64, 2), _a(types.int32, 1), _a(_F, 2),
          _a(types.complex64, 2), _a(_F, 3)),),
-    'polar_to_map.to_ranges': (
-        (_a(_F, 1), _N, _N, _a(_D, 1), _a(_D, 1), _a(_F, 1), _N, _a(_F, 1)),),
+    'polar_to_map.to_ranges': (_RANGES,),
+    'polar_to_map.to_ranges_by_few': (_RANGES,),
     'polar_to_map.to_pixels': tuple(
         (_a(_F, 1), _N, *[_a(_D, 1)] * 3, _a(_F, 1), _N, _a(types.complex64, 2, layout))
         for layout in 'CFA'),  # a map, one whose range follows y, and some columns of that

@@ -136,7 +136,8 @@ def merge_parts(images, n_coarse, down, start, weights, up, total):
             for p in range(_PIXELS):
                 slow_re[p], slow_im[p] = 0.0, 0.0
             for k in range(_TAPS):
-                own_re[k], own_im[k] = shared_re[item + np.uint64(k)], shared_im[item + np.uint64(k)]
+                at_k = item + np.uint64(k)
+                own_re[k], own_im[k] = shared_re[at_k], shared_im[at_k]
             for k in range(_TAPS):
                 cosine, sine = own_re[k], own_im[k]
                 for p in range(_PIXELS):

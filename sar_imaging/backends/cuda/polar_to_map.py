@@ -9,13 +9,13 @@ import numpy as np
 from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...planning.interpolators import Interpolator
-from ...planning.polar_to_map import DEGREE, TAPS
+from ...planning.polar_to_map import DEAPODISED_TAPS, DEGREE, TAPS
 from .arrays import cuda, free_bytes, function, kernel, launch, xp
 from .phasors import fraction, phasor
 
 _MOST_BYTES, _SHARE = 1 << 28, 8  # of rows between the passes, and of the free memory
 _THREADS = 128
-_MOST_WEIGHTS, _POWERS = TAPS * (DEGREE + 1), DEGREE + 1
+_MOST_WEIGHTS, _POWERS, _TAPS, _FEW = TAPS * (DEGREE + 1), DEGREE + 1, TAPS, DEAPODISED_TAPS
 
 
 def polar_to_map(image, polar: PolarGrid, grid: MapGrid, onto, *, axis: int, wavelength_m: float,
@@ -47,12 +47,13 @@ def polar_to_map(image, polar: PolarGrid, grid: MapGrid, onto, *, axis: int, wav
     ahead, beside = xp.asarray(ahead), xp.asarray(beside)
     some = min(_MOST_BYTES, free_bytes() // _SHARE) // (8 * polar.n_range)
     some = max(1, min(some, len(beside)))
+    by = {TAPS: to_ranges, DEAPODISED_TAPS: to_ranges_by_few}[between.n_taps]
     rows, flat = xp.empty(2 * some * polar.n_range, np.float32), image.reshape(-1)
     # a row of the map is one of its second axis where range follows y
     pixels = onto if axis == 0 else onto.T
     for first in range(0, len(beside), some):
         part = beside[first:first + some]
-        launch(to_ranges, (-(-polar.n_range // _THREADS), len(part)), _THREADS, flat, *polar.shape,
+        launch(by, (-(-polar.n_range // _THREADS), len(part)), _THREADS, flat, *polar.shape,
                part, geometry, weights[0], between.first, rows)
         launch(to_pixels, (-(-len(ahead) // _THREADS), len(part)), _THREADS, rows,
                polar.n_range, part, ahead, geometry, weights[1], along.first,
@@ -92,13 +93,32 @@ def to_ranges(image, n_lines, n_range, beside, geometry, weights, first, rows):
         Square of the height, m^2; first range and spacing, metres; track along the rows, times
         the side on which their pixels lie, and across them; first direction and spacing; cycles
         per metre of range, and of direction; track along the rows.
-    weights, first : (6 * taps,) float32, int
+    weights, first : (6 * TAPS,) float32, int
         Of the interpolator between lines, centred, power by power, and its first neighbour.
     rows : (2 * Q * n_range,) float32
         Rows at all ranges.
     """
+    _to_ranges(image, n_lines, n_range, beside, geometry, weights, first, rows, _TAPS)
+
+
+@kernel()
+def to_ranges_by_few(image, n_lines, n_range, beside, geometry, weights, first, rows):
+    """As `to_ranges`, by an interpolator of `DEAPODISED_TAPS` neighbours.
+
+    Parameters
+    ----------
+    image, n_lines, n_range, beside, geometry, weights, first, rows :
+        As of `to_ranges`.
+    """
+    _to_ranges(image, n_lines, n_range, beside, geometry, weights, first, rows, _FEW)
+
+
+@function
+def _to_ranges(image, n_lines, n_range, beside, geometry, weights, first, rows, n_taps):
+    """What both kernels do."""
     shared = cuda.shared.array(_MOST_WEIGHTS, np.float32)
-    thread, row, n_taps = cuda.threadIdx.x, cuda.blockIdx.y, weights.size // _POWERS
+    reading = cuda.local.array(_TAPS, np.float32)
+    thread, row = cuda.threadIdx.x, cuda.blockIdx.y
     _share(weights, shared)
     i = cuda.blockIdx.x * cuda.blockDim.x + thread
     if i >= n_range:
@@ -113,10 +133,12 @@ def to_ranges(image, n_lines, n_range, beside, geometry, weights, first, rows):
     at, imaginary, out = line * n_range + i, n_lines * n_range, row * n_range + i
     real, imag = np.float32(0.0), np.float32(0.0)
     for k in range(n_taps):
-        w = _weight(shared, n_taps, k, t)
-        real += w * image[np.uint64(at)]
-        imag += w * image[np.uint64(at + imaginary)]
-        at += n_range
+        reading[k] = _weight(shared, n_taps, k, t)
+    begins, turned = np.uint64(at), np.uint64(at + imaginary)
+    for k in range(n_taps):
+        real += reading[k] * image[begins]
+        imag += reading[k] * image[turned]
+        begins, turned = begins + np.uint64(n_range), turned + np.uint64(n_range)
     rows[np.uint64(out)] = real
     rows[np.uint64(out + beside.size * n_range)] = imag
 
@@ -132,12 +154,13 @@ def to_pixels(rows, n_range, beside, ahead, geometry, weights, first, image):
     ahead : (P,) float64
         Distance of the pixels ahead of the origin, metres.
     weights, first :
-        Of the interpolator along range, centred, and its first neighbour.
+        Of the interpolator along range, of `TAPS` neighbours, centred, and its first neighbour.
     image : (Q, P) complex64
         Added to.
     """
     shared = cuda.shared.array(_MOST_WEIGHTS, np.float32)
-    thread, row, n_taps = cuda.threadIdx.x, cuda.blockIdx.y, weights.size // _POWERS
+    reading = cuda.local.array(_TAPS, np.float32)
+    thread, row = cuda.threadIdx.x, cuda.blockIdx.y
     _share(weights, shared)
     i = cuda.blockIdx.x * cuda.blockDim.x + thread
     if i >= image.shape[1]:
@@ -145,15 +168,17 @@ def to_pixels(rows, n_range, beside, ahead, geometry, weights, first, image):
     p, q = ahead[i], beside[row]
     distance = math.sqrt(p * p + q * q + geometry[0])
     beyond = distance - geometry[1]
-    highest = float(n_range - n_taps - first)
+    highest = float(n_range - _TAPS - first)
     place = min(max(beyond / geometry[2], float(-first)), highest + 1.0)
     n = min(math.floor(place), highest)
     t, at = np.float32(place - n - 0.5), row * n_range + int(n) + first
     imaginary, real, imag = beside.size * n_range, np.float32(0.0), np.float32(0.0)
-    for k in range(n_taps):
-        w = _weight(shared, n_taps, k, t)
-        real += w * rows[np.uint64(at + k)]
-        imag += w * rows[np.uint64(at + imaginary + k)]
+    for k in range(_TAPS):
+        reading[k] = _weight(shared, _TAPS, k, t)
+    begins, turned = np.uint64(at), np.uint64(at + imaginary)
+    for k in range(_TAPS):  # steps are constants of the instructions
+        real += reading[k] * rows[begins + np.uint64(k)]
+        imag += reading[k] * rows[turned + np.uint64(k)]
     alpha = (p * geometry[9] + q * geometry[4]) / distance
     cosine, sine = phasor(np.float32(fraction(
         geometry[7] * beyond + geometry[8] * (alpha - geometry[5]))))

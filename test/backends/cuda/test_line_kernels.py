@@ -91,4 +91,4 @@ def test_sums_of_given_polynomials(seed, n_rows, segment, n_phases, transposed):
 
 @pytest.mark.parametrize('segment', [8, 16, 32, 64, 128, 256])
 def test_a_block_has_all_its_threads(segment):
-    assert block_lines(segment) * segment == 4096
+    assert block_lines(segment) * segment == 2048

@@ -20,13 +20,13 @@ from ....planning.exact.lit_lines import LINES as LIT_LINES
 from ..arrays import cuda, function, kernel, load_pair
 from ..phasors import fraction, phasor, short_fraction
 
-THREADS, LINES, PIXELS = 256, 8, 2
+THREADS, LINES, PIXELS = 128, 8, 2
 ECHOES = 32  # echoes that share the reference for the phase: `ECHOES_PER_PASS` of the plans
 _ITEMS = 512  # echoes times lines of a block whose geometry lies in shared memory
 FOLD = 5  # cells of a block, 32, whose coefficients of one power stand together
 _BLOCK, _BLOCK_PAIRS = 1 << FOLD, np.uint64(5 << FOLD)  # cells, and coefficients: of degree 4
 _FOLD, _IN_BLOCK = np.uint32(FOLD), np.uint32(_BLOCK - 1)
-_REGISTERS = 128  # that two blocks may run at once
+_REGISTERS = 168  # that three blocks may run at once, and nearly nothing is spilled
 _DARK = np.int32(-1)  # in place of the first cell of a line that an echo does not light
 _SUMS, _CELLS = LINES * PIXELS, 5 * PIXELS  # registers of a thread
 _PLACE, _PHASOR, _DRIFT = 3, 8, 3  # numbers of an item, and of a line of the shared reference
