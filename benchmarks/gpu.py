@@ -10,11 +10,12 @@ Two tiny images come first: where they are wrong, nothing else is worth a measur
 *Resident* times begin with samples on the device and end with an image there. *End to end* they
 begin and end in the host's memory, plan excluded. Rates count a pixel and pulse (each channel
 counts as one) as if each were added by itself, whichever way the plan takes; `int16` is end to
-end with samples as pairs of integers. *Live* is the time from the last pulses to an image that
-grows by blocks. Errors are against float64 time-domain correlation with the exact two-way path, at
-some pixels. Results are written after each case. Cases that do not begin within the time limit
-are left out, and named. FastSAR's CUDA backend is measured beside the table's case where it can
-be imported.
+end with samples as pairs of integers. *Raw* cases begin with chirps, and time range compression by
+itself, too. *Live* is the time from the last pulses of an aperture to its image in the host's
+memory, which grew by blocks or by sub-apertures. Errors are against float64 time-domain
+correlation with the exact two-way path, at some pixels. Results are written after each case. Cases
+that do not begin within the time limit are left out, and named. FastSAR's CUDA backend is measured
+beside the table's case where it can be imported.
 
 `--case NAME` runs one case once, for profilers; `make gpu` says how.
 """
@@ -39,6 +40,7 @@ from sar_imaging.signal import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.scenarios.spotlight_letter import spotlight_letter
 
+from .support.gpu_streams import from_raw, live
 from .support.machine import machine
 from .support.scenes import N_SCATTERERS, Case, phase_history
 
@@ -55,19 +57,32 @@ EXACT = {'8192 as MatX': Case(1e4, 8192, 11566, 1, 0.25),
          '4096': Case(1e4, 4096, 2560, 1, 0.25),
          **{f'1024 at {r:g} m': Case(r, 1024, 256, 1, 0.25) for r in (1e3, 1e4, 5e4)}}
 AFBP = {f'AFBP {n}': Case(1e4, n, n, 1, 0.25) for n in (4096, 8192, 16384)}
-LETTER, LIVE, LIVE_SMALL = 'letter at full size', 'live, 1024', 'live, small'
+LETTER, RAW_SMALL = 'letter at full size', 'raw, small'
+LIVE, LIVE_AFBP, LIVE_SMALL = 'live, 1024', 'live AFBP, 1024', 'live, small'
 SMALL = {'exact, small': Case(1e3, 12, 2, 1, 0.25), 'AFBP, small': Case(1e3, 16, 8, 1, 0.25)}
-GROWING = {LIVE: (Case(1e4, 1024, 512, 1, 0.25), 32), LIVE_SMALL: (Case(1e3, 8, 2, 1, 0.25), 1)}
+#: Pulses together, target, and pulses of a sub-aperture where both stages of AFBP are live.
+GROWING = {LIVE: (Case(1e4, 1024, 512, 1, 0.25), 32, EXACT_DB, 0),
+           LIVE_AFBP: (Case(1e4, 1024, 1024, 1, 0.25), 32, AFBP_DB, 128),
+           LIVE_SMALL: (Case(1e3, 8, 2, 1, 0.25), 1, EXACT_DB, 0)}
+#: Length of the chirp, and options of the image.
+RAW = {'raw, 1024': (Case(1e4, 1024, 512, 1, 0.25), 4e-6, {'method': 'exact',
+                                                          'target_db': EXACT_DB}),
+       'raw, AFBP 4096': (Case(1e4, 4096, 4096, 1, 0.25), 10e-6, {'method': 'afbp',
+                                                                 'target_db': AFBP_DB}),
+       RAW_SMALL: (Case(1e3, 8, 2, 1, 0.25), 2e-7, {'method': 'exact', 'target_db': EXACT_DB})}
 NAMES = ('exact, small', 'AFBP, small', '8192 as MatX', '4096', '4096 by 5 channels',
          *(f'1024 at {r:g} m' for r in (1e3, 1e4, 5e4)), 'AFBP 4096', 'AFBP 8192', LIVE,
-         'AFBP 16384', LETTER)
+         LIVE_AFBP, 'raw, 1024', 'raw, AFBP 4096', 'AFBP 16384', LETTER)
 FASTSAR = '1024 at 10000 m'  # the case that it is measured beside
 
 
 def measure(name: str, *, rounds: int = ROUNDS) -> dict[str, object]:
     """Times, rates and errors of one case."""
     if name in GROWING:
-        return _live(*GROWING[name], rounds)
+        case, n_together, target_db, n_subaperture = GROWING[name]
+        return live(case, n_together, target_db, rounds, COMPARED, n_subaperture=n_subaperture)
+    if name in RAW:
+        return from_raw(*RAW[name], _best, rounds, COMPARED)
     block, grid = _recording(name)
     afbp = name.startswith('AFBP') or name == LETTER
     options = {'method': 'afbp' if afbp else 'exact',
@@ -106,28 +121,6 @@ def _of_integers(plan, block: PulseBlock) -> Callable[[], object]:
     pairs = pairs.reshape(-1, block.n_samples, 2)
     entry = backend('cuda').Backprojection(plan)
     return lambda: entry.add(pairs, plan.tx_m, plan.rx_m, np.zeros(plan.grid.shape, np.complex64))
-
-
-def _live(case: Case, n_together: int, rounds: int) -> dict[str, object]:
-    """From the last pulses of an aperture to its image, which grew by blocks before."""
-    block = phase_history(case)
-    block = RangeCompressor.for_block(block)(block)
-    imager = plan_image(case.grid, block.radar, block.n_samples, method='exact',
-                        target_db=EXACT_DB, backend='cuda')
-    seconds = []
-    for number in range(rounds + 1):
-        image = imager.new_image(block.n_channels)
-        for start in range(0, block.n_pulses, n_together):
-            some = block.select(slice(start, start + n_together))
-            begun = time.perf_counter()
-            imager.accumulate(some, image)
-        if number or not rounds:  # the first one compiles
-            seconds.append(time.perf_counter() - begun)
-    error = measure_error(image, case.grid, block, fit_scale=True, n_pixels=COMPARED,
-                          n_brightest=COMPARED)
-    return {'pixels': list(case.grid.shape), 'pulses': block.n_pulses,
-            'pulses_together': n_together, 'last_block_s': min(seconds),
-            'error_db': error.error_db}
 
 
 def _fastsar(name: str, rounds: int) -> dict[str, object]:
@@ -228,7 +221,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if given.case:
         print(json.dumps(measure(given.case, rounds=1), indent=2))
         return 0
-    begun, names = time.perf_counter(), (*SMALL, LIVE_SMALL) if given.small else NAMES
+    begun, names = time.perf_counter(), (*SMALL, LIVE_SMALL, RAW_SMALL) if given.small else NAMES
     from sar_imaging.backends.cuda.arrays import device_name
 
     found = {'device': device_name(), 'machine': machine(), 'cases': {}, 'left_out': list(names)}

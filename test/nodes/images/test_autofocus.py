@@ -272,7 +272,7 @@ def test_controls_reach_autofocus(case, monkeypatch):
     assert image.verdict == 'autofocus failed'
     assert seen == {'track_error_m': 0.05, 'time_offset_s': 0.0, 'range_bias_m': 0.2,
                     'track': None, 'target_db': -80.0, 'n_phases': 0, 'least_coherence': 0.6,
-                    'imager': None}
+                    'imager': None, 'backend': 'auto'}
 
 
 class FailingAutofocus:
