@@ -33,7 +33,12 @@ def available_bytes() -> int:
     The least that the machine, the control groups of the process (those of a container, say) and
     its own limit (``ulimit -v``) leave, or what `granting` grants; `sys.maxsize` if nobody tells.
     """
-    return _granted.get() or max(0, min(_machine_bytes(), container_bytes(), _process_bytes()))
+    return granted_bytes() or max(0, min(_machine_bytes(), container_bytes(), _process_bytes()))
+
+
+def granted_bytes() -> int:
+    """What `granting` grants, bytes, of a device's memory as well; 0 beyond its blocks."""
+    return _granted.get()
 
 
 @contextlib.contextmanager

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from numba import config
 
-from ...memory import available_bytes
+from ...memory import available_bytes, granted_bytes
 from ..device import DeviceError
 from ..simulated import SimulatedArray
 
@@ -91,8 +91,11 @@ def synchronise() -> None:
 
 
 def free_bytes() -> int:
-    """Memory of the device that can be had, bytes: what is free and what CuPy keeps unused."""
-    if SIMULATED:
+    """Memory of the device that can be had, bytes: what is free and what CuPy keeps unused.
+
+    Or what `memory.granting` grants.
+    """
+    if SIMULATED or granted_bytes():
         return available_bytes()
     return xp.cuda.runtime.memGetInfo()[0] + xp.get_default_memory_pool().free_bytes()
 

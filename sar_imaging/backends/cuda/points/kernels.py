@@ -196,7 +196,8 @@ def _add(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles, range
     for start in range(0, n_all, most):
         n_echoes = min(most, n_all - start)
         cuda.syncthreads()
-        any_exact[0] = 0
+        if thread == 0:
+            any_exact[0] = 0
         cuda.syncthreads()
         for item in range(thread, n_echoes * n_own, THREADS):
             echo, own = start + item // n_own, cuda.blockIdx.x * n_own + item % n_own
