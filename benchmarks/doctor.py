@@ -51,7 +51,9 @@ def judged(make: Callable[[], Case], seed: int, fault: str, *, image: bool) -> d
         except NotApplicable:
             return entry | {'found': None}
     began = time.process_time()
-    examination = examine(case.block, case.grid if image else None, window=case.window)
+    attitude = case.attitude if fault in (RIGHT, 'lever arm') else None  # takes ten seconds
+    examination = examine(case.block, case.grid if image else None, window=case.window,
+                          attitude=attitude)
     diagnosis = examination.diagnosis
     return entry | {
         'found': sorted({finding.fault for finding in examination.findings}),

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from sar_imaging.diagnosis.hypotheses import with_offset, with_slope
 from sar_imaging.diagnosis.signals.samples import with_words_exchanged
@@ -38,12 +39,15 @@ class Case:
         Its scene.
     window : str
         Of the range compression.
+    attitude : Rotation or None
+        Of the platform at each pulse.
     """
 
     kind: str
     block: PulseBlock
     grid: MapGrid
     window: str = 'none'
+    attitude: Rotation | None = None
 
 
 def right_case(seed: int) -> Case:
@@ -78,7 +82,19 @@ def right_case(seed: int) -> Case:
                                  ).astype(np.int64)
     block = PulseBlock(radar, False, stamps, np.arange(len(track)) + int(rng.integers(1000)),
                        samples, centres, centres)
-    return Case(kind, block, grid)
+    return Case(kind, block, grid, attitude=turning(kind, seed, len(track)))
+
+
+def turning(kind: str, seed: int, n: int) -> Rotation:
+    """Attitudes of a platform at n pulses: of a slider and a rail mostly its yaw, by a degree."""
+    rng = np.random.default_rng([seed, 23])
+    time = np.linspace(0.0, 1.0, n)[:, None]
+    waves = sum(rng.standard_normal(3) * np.sin(
+        2 * np.pi * (rng.uniform(0.6, 1.2, 3) * k * time + rng.random(3))) for k in (1, 2, 3))
+    guided = kind in ('slider', 'rail', 'arcsar', 'mimo')
+    rms_deg = rng.uniform(0.3, 1.0) * np.array([0.3, 0.3, 1.0]) if guided else rng.uniform(
+        1.5, 4.0, 3)
+    return Rotation.from_rotvec(np.radians(rms_deg) * waves / waves.std(axis=0))
 
 
 def measured_cases() -> Iterator[Case]:
@@ -365,6 +381,17 @@ def interfered(case, rng):
     return _with(case, samples=samples)
 
 
+def lever_arm(case, rng):
+    """The antenna is 0.3 to 0.8 m beside the point that the poses are of."""
+    block = case.block
+    attitude = case.attitude or turning(case.kind, int(rng.integers(1000)), block.n_pulses)
+    arm = rng.standard_normal(3)
+    moved = attitude.apply(rng.uniform(0.3, 0.8) / np.linalg.norm(arm) * arm)
+    moved = (moved - moved.mean(axis=0))[:, None]
+    return dataclasses.replace(_with(case, tx_m=block.tx_m - moved, rx_m=block.rx_m - moved),
+                               attitude=attitude)
+
+
 # Each fault and the findings that name it.
 FAULTS: dict[str, tuple[Callable, tuple[str, ...]]] = {
     'I and Q exchanged': (conjugated, ('samples conjugated',)),
@@ -390,8 +417,9 @@ FAULTS: dict[str, tuple[Callable, tuple[str, ...]]] = {
     'phase of a channel': (phases, ('phases of channels',)),
     'incomplete pulses': (incomplete, ('incomplete pulses',)),
     'interference': (interfered, ('interference',)),
+    'lever arm': (lever_arm, ('lever arm',)),
 }
 # Faults that show in the image alone, or in where the scene is.
 OF_IMAGES = ('I and Q exchanged', 'spectrum inverted', 'wrong slope', 'clocks drift apart',
              'x and y exchanged', 'clock offset', 'scene outside the window',
-             'phase of a channel')
+             'phase of a channel', 'lever arm')

@@ -5,14 +5,16 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
 from ..signal.uwb import subtract_background
 from .channel_phases import phase_findings
-from .diagnose import Diagnosis
+from .diagnose import FOCUSED, Diagnosis
 from .jumps import jump_findings
+from .lever_arm import find_lever_arm
 from .reach import distances, reach_advice
 from .signals import (
     Finding,
@@ -57,8 +59,8 @@ class Examination:
     diagnosis: Diagnosis | None = None
 
 
-def examine(block: PulseBlock, grid: MapGrid | None = None, *,
-            window: str = 'none') -> Examination:
+def examine(block: PulseBlock, grid: MapGrid | None = None, *, window: str = 'none',
+            attitude: Rotation | None = None) -> Examination:
     """Look for faults of samples, times and channels, and for what keeps the image from focusing.
 
     Parameters
@@ -69,6 +71,9 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *,
         Where the scene is; without it, or without positions, the image is not looked at.
     window : str
         Of the range compression of raw pulses.
+    attitude : scipy.spatial.transform.Rotation, optional
+        Of the platform at each pulse, from its own frame into that of the phase centres; without
+        it lever arms are not looked at.
 
     Returns
     -------
@@ -104,9 +109,9 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *,
     coupled = any(finding.fault == 'coupling' for finding in found)
     clean = subtract_background(block) if coupled else block
     off, diagnosis = _focused(clean, grid, window)
-    jumps = jump_findings(clean)
-    found += off + jumps
-    if diagnosis.mistake and not jumps:
+    moved = jump_findings(clean) or _lever_arm(clean, grid, window, attitude, diagnosis)
+    found += off + moved
+    if diagnosis.mistake and not moved:
         found.append(Finding(diagnosis.mistake, diagnosis.evidence or (
             f'the focus figure {diagnosis.coherence:.2f} becomes {diagnosis.corrected:.2f} '
             'without this mistake' if diagnosis.corrected > diagnosis.coherence else
@@ -123,6 +128,17 @@ def _focused(block: PulseBlock, grid: MapGrid, window: str) -> tuple[list[Findin
         if as_they_are.mistake and as_they_are.corrected > diagnosis.corrected:
             return [], as_they_are
     return off, diagnosis
+
+
+def _lever_arm(block: PulseBlock, grid: MapGrid, window: str, attitude: Rotation | None,
+               diagnosis: Diagnosis) -> list[Finding]:
+    """A lever arm that focuses better than what else was found; at most one finding."""
+    if attitude is None or diagnosis.coherence >= FOCUSED:
+        return []
+    arm = find_lever_arm(block, attitude, grid, window=window)
+    if arm is None or not arm.found or arm.corrected.contrast < diagnosis.corrected:
+        return []
+    return [arm.finding()]
 
 
 def _seen(block: PulseBlock, grid: MapGrid, start_m: float, stop_m: float) -> float:

@@ -108,7 +108,7 @@ def diagnose_thoroughly(block: PulseBlock, grid: MapGrid, *, window: str = 'none
     if found is not None and doubts and found[1].contrast < FOCUSED:
         found = None  # what is odd about the track explains more
     if not doubts and (found is None or found[0] is ORDER or _gain(found) < _CERTAIN):
-        one = _one_channel(block)
+        one = one_channel(block)
         alone = attempt if one is block else _Attempts(one, grid, window)
         searched = [tried for tried in alone.searches() if not alone.refuted(tried[0])]
         found = _likelier(found, _best(searched, _BETTER_VALUE))
@@ -271,7 +271,7 @@ class _Attempts:
         return changed if block.compressed else self._compressed(changed)
 
 
-def _one_channel(block: PulseBlock) -> PulseBlock:
+def one_channel(block: PulseBlock) -> PulseBlock:
     """The channel of median power, where its pulses are enough.
 
     Phases of channels are looked at apart, and need not be right here.

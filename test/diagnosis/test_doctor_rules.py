@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from benchmarks.support.mistake_recordings import DATA, arcsar, mimo
 from sar_imaging.diagnosis.array_phases import array_phases
@@ -14,6 +15,7 @@ from sar_imaging.diagnosis.coherence import OVERSAMPLING
 from sar_imaging.diagnosis.doctor import examine
 from sar_imaging.diagnosis.hypotheses import GEOMETRY, clock_offsets, with_slope
 from sar_imaging.diagnosis.jumps import jump_findings
+from sar_imaging.diagnosis.lever_arm import find_lever_arm
 from sar_imaging.diagnosis.range_walk import walk_scale
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.signal.dechirp import fmcw_parameters
@@ -152,6 +154,28 @@ def test_phases_that_grow_along_an_array_are_no_error():
     turned[4] *= np.exp(1.5j)
     phases = array_phases(turned, places)
     assert phases[4] == pytest.approx(1.5, abs=0.05)
+
+
+def turning(rms_deg) -> Rotation:
+    """Attitude of a carriage that yaws, at 160 pulses."""
+    yaw = np.sqrt(2) * np.sin(np.linspace(0, 9, 160))
+    return Rotation.from_rotvec(np.radians(rms_deg) * yaw[:, None] * [0, 0, 1])
+
+
+def test_missing_lever_arm_is_found_where_the_platform_turns():
+    track = np.c_[np.linspace(-0.15, 0.15, 160), np.zeros((160, 2))][:, None]
+    attitude = turning(0.7)
+    right = find_lever_arm(recorded(track), attitude, GRID)
+    assert not right.found and np.linalg.norm(right.arm_m) < 0.02
+    moved = attitude.apply([0.3, 0.0, 0.0])
+    moved = (moved - moved.mean(axis=0))[:, None]
+    block = dataclasses.replace(recorded(track + moved), tx_m=track, rx_m=track)
+    missing = find_lever_arm(block, attitude, GRID)
+    # 0.7 degrees of 0.03 m are 0.4 mm, a tenth of the wavelength
+    assert missing.found
+    assert missing.arm_m[0] == pytest.approx(0.3, abs=0.03)
+    assert missing.finding().fault == 'lever arm'
+    assert find_lever_arm(block, turning(0.01), GRID) is None
 
 
 @measured

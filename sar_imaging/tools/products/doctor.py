@@ -12,13 +12,16 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from scipy.spatial.transform import Rotation
+
 from sar_imaging.diagnosis.doctor import Examination, examine
 from sar_imaging.diagnosis.signals import Finding
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.poses import PoseStatus
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 
 from ..exchange.kinds import RECORDING, kind_of
-from ..recordings.bag_io import BagError, read_blocks, read_truth
+from ..recordings.bag_io import BagError, read_blocks, read_poses, read_truth
 from . import forming
 from .image import ERRORS
 from .signal_figure import save_signal_png
@@ -66,7 +69,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(arguments: argparse.Namespace) -> int:
     """Examine the file, print and write what was found; returns the exit status."""
     block, grid, notes = read_pulses(arguments)
-    examination = examine(block, grid, window=_window(arguments.file))
+    examination = examine(block, grid, window=_window(arguments.file),
+                          attitude=_attitude(arguments.file, block))
     findings = (*notes, *examination.findings)
     print(describe(block, findings, examination, grid))
     if arguments.output is not None:
@@ -128,6 +132,16 @@ def _window(path: Path) -> str:
     if path.is_dir():
         return (read_truth(path) or {}).get('window', 'none')
     return 'none'
+
+
+def _attitude(path: Path, block: PulseBlock) -> Rotation | None:
+    """Attitude of the platform at each pulse, where poses are recorded around all of them."""
+    poses = read_poses(path) if path.is_dir() else None
+    if poses is None:
+        return None
+    offset_s = (read_truth(path) or {}).get('alignment', {}).get('time_offset_s', 0.0)
+    found = poses.track().sample(block.stamp_ns + round(1e9 * offset_s), final=True)
+    return found.attitude if (found.status == PoseStatus.READY).all() else None
 
 
 def describe(block: PulseBlock, findings: Sequence[Finding], examination: Examination,
