@@ -199,7 +199,11 @@ class TrialImages(Protocol):
 
 
 class Backend(Protocol):
-    """What a backend's package must offer to the imagers."""
+    """What a backend's package must offer to the imagers.
+
+    One with a true attribute ``DEVICE_ARRAYS`` takes arrays of CuPy for samples and images as
+    well, and may return images, spectra and maps as such arrays.
+    """
 
     def Backprojection(self, plan: BackprojectionPlan, memory: object = None) -> Backprojection:
         """Exact backprojection by a plan.

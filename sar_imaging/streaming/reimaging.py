@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..backends import backend
+from ..backends import AUTO, backend as find_backend
 from ..device_arrays import to_host
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
@@ -18,6 +19,9 @@ from ..planning.afbp.plan import AfbpPlan
 from ..planning.afbp.subapertures import Limits
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
+
+if TYPE_CHECKING:
+    from ..backends.protocol import Backend
 
 
 class RevisableImage:
@@ -37,6 +41,8 @@ class RevisableImage:
     pulses_per_subaperture : int, optional
         Length of the sub-apertures; the quickest if left out. A correction of few pulses costs
         whole sub-apertures.
+    backend : str or Backend
+        As for `plan_image`.
 
     Attributes
     ----------
@@ -52,9 +58,10 @@ class RevisableImage:
     """
 
     def __init__(self, grid: MapGrid | PolarGrid, block: PulseBlock, *, target_db: float = -50.0,
-                 pulses_per_subaperture: int | None = None):
-        self._asked = {'method': AFBP, 'target_db': target_db,
+                 pulses_per_subaperture: int | None = None, backend: str | Backend = AUTO):
+        self._asked = {'method': AFBP, 'target_db': target_db, 'backend': backend,
                        'pulses_per_subaperture': pulses_per_subaperture}
+        self._backend = find_backend(backend)
         self._grid, self.block, self.plans_made = grid, block, 0
         self._image_anew()
 
@@ -70,7 +77,7 @@ class RevisableImage:
 
     def image(self) -> Image:
         """The present image."""
-        samples = to_host(image_of_polar(self.plan, self._fusion.polar_image(), backend()))
+        samples = to_host(image_of_polar(self.plan, self._fusion.polar_image(), self._backend))
         return Image(samples, self._grid, self.block.radar.carrier_hz, self._imager.report,
                      int(np.sort(self.block.stamp_ns)[self.block.n_pulses // 2]),
                      np.sort(self.block.counter.astype(np.int64)))
@@ -114,8 +121,8 @@ class RevisableImage:
         self.plans_made += 1
         plan = self.plan.subapertures
         self._within = dataclasses.replace(plan, limits=_widened(plan.limits, block.radar))
-        self._stage = backend().SubapertureImager(plan)
-        self._fusion = backend().SpectrumFusion(plan.fusion_grid, keep=True)
+        self._stage = self._backend.SubapertureImager(plan)
+        self._fusion = self._backend.SpectrumFusion(plan.fusion_grid, keep=True)
         self._cuts = plan.sampling.pulses
         for number, centre_m in enumerate(plan.sampling.centre):
             self._add(number, float(centre_m))

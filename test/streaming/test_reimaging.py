@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import types
 
 import numpy as np
 import pytest
@@ -90,3 +91,24 @@ def test_a_correction_that_cannot_be_imaged_leaves_the_image(case):
     np.testing.assert_array_equal(revisable.image(), before)
     with pytest.raises(ValueError, match='tx_m.shape'):
         revisable.revise(case.block.tx_m[:5], case.block.rx_m[:5])
+
+
+def test_the_backend_that_was_asked_for_computes(case):
+    """First images and corrected ones, to the bit."""
+    made = []
+
+    class Imager(cpu.SubapertureImager):
+        def image(self, *arguments):
+            made.append(arguments[0])
+            return super().image(*arguments)
+
+    own = types.SimpleNamespace(Backprojection=cpu.Backprojection, SubapertureImager=Imager,
+                                SpectrumFusion=cpu.SpectrumFusion, form_map=cpu.form_map)
+    images = []
+    for chosen in (own, 'cpu'):
+        revisable = RevisableImage(case.grid, case.block, pulses_per_subaperture=16,
+                                   backend=chosen)
+        revisable.revise(*shifted(case.block, slice(0, 4), 1e-3))
+        images.append(revisable.image().samples)
+    assert made == [*range(revisable.n_subapertures), 0]
+    np.testing.assert_array_equal(*images)
