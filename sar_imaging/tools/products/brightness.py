@@ -80,7 +80,8 @@ def _decibels(power: float) -> float | None:
 
 def write_constant(path: Path, constant: RadarConstant, source: Source, reflector_m,
                    cross_section_m2: float) -> None:
-    """Write a radar constant with where it comes from."""
+    """Write a radar constant with where it comes from; folders are made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(yaml.safe_dump({
         'gain_m': constant.gain, 'noise_power': constant.noise_power,
         'measured_in': str(source.path), 'reflector_m': [float(v) for v in reflector_m],

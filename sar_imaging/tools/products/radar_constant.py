@@ -1,6 +1,7 @@
 """Measure the radar constant at a reflector of known cross section and save it as YAML.
 
-Run: sar-imaging radar-constant bags/field --reflector 12 3 0 --trihedral 0.3 --output radar.yaml
+Run: sar-imaging radar-constant bags/countryside --reflector -21 17 0 --trihedral 0.3 \\
+     --output radar.yaml
 """
 
 from __future__ import annotations
