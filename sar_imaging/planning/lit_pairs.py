@@ -108,11 +108,18 @@ class LitPairs:
             *found, strict=True))
         drawn = len(cells[0]) / (len(illumination.centre_m) * _CELLS ** len(shape))
         return cls(illumination, echoes, tuple(index), points, amplitude, place,
-                   drawn * n_lit / seen)
+                   float(drawn * n_lit / seen))
 
     def __len__(self) -> int:
         """Number of pairs."""
         return len(self.echoes)
+
+    def thinned(self, step: int) -> LitPairs:
+        """One of every so many."""
+        some = slice(None, None, step)
+        return dataclasses.replace(
+            self, echoes=self.echoes[some], index=tuple(i[some] for i in self.index),
+            points_m=self.points_m[some], amplitude=self.amplitude[some], place=self.place[some])
 
     @property
     def power(self) -> float:
@@ -130,14 +137,7 @@ class LitPairs:
         `wrong`, (n,), are the errors' squares, `weight`, (n,), shares of the echoes in the power
         of the image. NaN counts as nothing.
         """
-        wrong, power = np.nan_to_num(weight * wrong), weight * self.amplitude ** 2
-        total, missed = power.sum(), wrong.sum()
-        if missed == 0:
-            return 0.0
-        if total == 0:
-            return math.inf
-        ratio = missed / total
-        return ratio + _STANDARD_ERRORS * math.sqrt(((wrong - ratio * power) ** 2).sum()) / total
+        return bounded_ratio(weight * wrong, weight * self.amplitude ** 2)
 
     def ends_db(self, window, oversampling: float, tx_m, rx_m) -> float:
         """Error because profiles end, dB; arguments as of `RangeGate.end_error` and `Echoes`."""
@@ -147,6 +147,18 @@ class LitPairs:
     def error_db(self, wrong, weight=1.0) -> float:
         """`error` in dB, `LEAST_DB` at least."""
         return 10 * math.log10(self.error(wrong, weight) + 10 ** (LEAST_DB / 10))
+
+
+def bounded_ratio(wrong, power) -> float:
+    """Sum of squared errors over that of powers, (n,) of pairs, and twice its standard error."""
+    wrong = np.nan_to_num(wrong)
+    total, missed = power.sum(), wrong.sum()
+    if missed == 0:
+        return 0.0
+    if total == 0:
+        return math.inf
+    ratio = missed / total
+    return ratio + _STANDARD_ERRORS * math.sqrt(((wrong - ratio * power) ** 2).sum()) / total
 
 
 def pair_amplitude(illumination: Illumination, echoes, points_m) -> np.ndarray:

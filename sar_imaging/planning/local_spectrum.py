@@ -77,7 +77,8 @@ def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters,
     along_alpha = polar.by_direction(r, alpha)
     tx_m, rx_m = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
     length, by_range, slope = half_paths(tx_m, rx_m, position, along_range, along_alpha)
-    lit = None if illumination is None else illumination.lights(position)
+    # Corners of a cell that is lit in part count: the scene may end within it.
+    lit = illumination and illumination.may_light(position, (SAMPLES_PER_SIDE,) * 2)
     some = by_range if lit is None else by_range[lit]
     extremes = float(some.min()), float(some.max())
     if extremes[0] <= 0.1:
@@ -119,20 +120,16 @@ def spread_frequencies(frequency, spread: float) -> np.ndarray:
     return np.concatenate([*[frequency] * 4, frequency - beside, frequency + beside])
 
 
-def tail_error(spread: AmplitudeSpread, frequency, error_at) -> float:
+def tail_error(spread: AmplitudeSpread, frequency, error_at, echoes=slice(None)) -> float:
     """Mean error of the faint frequencies of echoes' amplitudes, relative to their power.
 
-    Parameters
-    ----------
-    spread : AmplitudeSpread
-        Of the amplitudes.
-    frequency : (...) float64
-        Of echoes of even amplitude, radians per unit of direction.
-    error_at : callable
-        Error of some frequencies.
+    Of some echoes of even amplitude the frequencies are (K, R, S) float64, radians per unit of
+    direction; ``error_at`` gives the error of some.
     """
-    return sum(0.5 * share * float(np.mean(error_at(frequency + f) + error_at(frequency - f)))
-               for f, share in zip(spread.frequency, spread.share, strict=True) if share > 0)
+    weight = 1.0 if spread.by_echo is None else spread.by_echo[echoes][:, None]
+    return sum(0.5 * share * float(np.mean(
+        weight * (error_at(frequency + f) + error_at(frequency - f))))
+        for f, share in zip(spread.frequency, spread.share, strict=True) if share > 0)
 
 
 def _of_lit_points(slope, lit) -> np.ndarray:

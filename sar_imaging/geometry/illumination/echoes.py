@@ -26,6 +26,10 @@ class AmplitudeSpread:
     frequency, share : (J,) floats
         The faint rest, what lies around some far higher frequencies of either sign: these, and the
         share of the power.
+    by_echo : (R,) float64 or None
+        What each echo has of that rest, over the mean: echoes of which the pattern ends among the
+        points have most, and often the highest local frequencies as well. None where all are
+        alike.
 
     Examples
     --------
@@ -46,6 +50,7 @@ class AmplitudeSpread:
     rms: float
     frequency: tuple[float, ...] = ()
     share: tuple[float, ...] = ()
+    by_echo: np.ndarray | None = dataclasses.field(default=None, compare=False)
 
 
 NO_SPREAD = AmplitudeSpread(0.0)
@@ -187,7 +192,9 @@ class Illumination:
         beyond = np.minimum(beyond * max(1.0, whole / seen), 1.0)
         share = -np.diff(np.interp(edges, frequency, beyond, right=0.0), append=0.0)
         middle = edges * math.sqrt(_TAIL[1] / _TAIL[0])
-        return AmplitudeSpread(rms, tuple(middle.tolist()), tuple(share.tolist()))
+        bend = np.mean(slope ** 2, axis=1)
+        return AmplitudeSpread(rms, tuple(middle.tolist()), tuple(share.tolist()),
+                               bend / bend.mean())
 
     def amplitude(self, points_m) -> np.ndarray:
         """(R, ...) float64 two-way amplitude of each echo at points (..., 3), metres."""

@@ -18,15 +18,17 @@ from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...geometry.track_frame import mean_centres
 from ...signal.radar import RadarParameters
+from ..echo_power import echo_power
 from ..error_budget import AFBP_SHARES, error_budget
 from ..exact.lit_lines import LitLines, plan_lit_segments
 from ..exact.lit_phasors import Echoes, ImageLines
-from ..lit_pairs import MOST_PAIRS, LitPairs, pair_amplitude
+from ..lit_pairs import MOST_PAIRS, LitPairs, bounded_ratio, pair_amplitude
 from ..profiles.range_resampling import RangeResampling
 from .beams import BeamSampling
 from .sampling import cut_pulses, pieces_between_gaps
 
 NODES = tuple(0.5 + 0.5 * x for x in (-math.sqrt(0.6), 0.0, math.sqrt(0.6)))  # of Gauss' rule
+NODES_APART = 0.1  # of their span, at least, that nodes lie apart along the track
 KNOTS_APART = (16, 8, 4, 2, 1)  # segments along range
 _KNOT_SHARE, _LEAST = 0.2, 1e-16  # of the error of amplitudes for knots along range
 _PAIRS = 1 << 14  # at which a sub-aperture is looked at while pulses arrive
@@ -76,7 +78,7 @@ class LitSubapertures:
         `LitError`.
         """
         found = LitError(polar, radar, tx_m, rx_m, illumination, _PAIRS)
-        wrong = found.share * found.mean_squares([slice(0, len(tx_m))])[0]
+        wrong = found.share * found.mean_square([slice(0, len(tx_m))])
         return tuple(v / max(self.power, _LEAST) for v in (found.power, wrong))
 
 
@@ -93,15 +95,20 @@ def node_pulses(n_pulses: int) -> np.ndarray:
 def parabola(place, value) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Coefficients of the parabolas through three points each, (..., 3) places and values.
 
-    Constant where two of the places are the same, as those of a platform that stands still are.
+    A straight line through the outer ones where the middle one is near one of them, as where a
+    platform stands still; constant where the outer ones are the same.
     """
     x, y = np.moveaxis(place, -1, 0), np.moveaxis(value, -1, 0)
-    even = (np.abs(x[2] - x[0]) < 1e-12) | (x[1] == x[0]) | (x[2] == x[1])
-    x = np.where(even, np.array([-1.0, 0.0, 1.0]).reshape(3, *[1] * (x.ndim - 1)), x)
-    y = np.where(even, y[1], y)
-    first = (y[1] - y[0]) / (x[1] - x[0])
-    c = ((y[2] - y[1]) / (x[2] - x[1]) - first) / (x[2] - x[0])
-    b = first - c * (x[0] + x[1])
+    same = np.abs(x[2] - x[0]) < 1e-12
+    least = NODES_APART * np.abs(x[2] - x[0])
+    near = ~((np.abs(x[1] - x[0]) > least) & (np.abs(x[2] - x[1]) > least))
+    x = np.where(same, np.array([-1.0, 0.0, 1.0]).reshape(3, *[1] * (x.ndim - 1)), x)
+    y = np.where(same, y[1], y)
+    middle = 0.5 * (x[0] + x[2]), 0.5 * (y[0] + y[2])
+    x1, y1 = (np.where(near, m, v[1]) for m, v in zip(middle, (x, y), strict=True))
+    first = (y1 - y[0]) / (x1 - x[0])
+    c = ((y[2] - y1) / (x[2] - x1) - first) / (x[2] - x[0])
+    b = first - c * (x[0] + x1)
     return y[0] - x[0] * (b + c * x[0]), b, c
 
 
@@ -128,6 +135,10 @@ class LitError:
         pairs = LitPairs.draw(illumination, polar.positions, polar.shape, most=most_pairs)
         self._echoes, self._points = pairs.echoes, pairs.points_m
         self.share, self.power = pairs.share, pairs.power
+        centre, beside = polar.locate(polar.n_range // 2, polar.n_alpha // 2)[:2]
+        sides = beside * polar.n_range, polar.n_alpha * polar.alpha_spacing * polar.by_direction(
+            polar.range_m[polar.n_range // 2], polar.alpha[polar.n_alpha // 2])
+        self._weight = echo_power(tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), centre, sides, radar)
         low, high = radar.wavenumbers_rad_per_m
         self._ratio = np.random.default_rng(2).uniform(
             low, high, len(self._echoes)) / radar.wavenumber_rad_per_m
@@ -191,21 +202,25 @@ class LitError:
 
     def error(self, pulses) -> float:
         """Mean square relative to the power of the image; `pulses` are the sub-apertures'."""
-        wrong, power = self.mean_squares(pulses)
-        return wrong / power if power > 0 else float(wrong > 0)
+        wrong, power, echoes = self._squares(pulses)
+        # echoes of a platform that stands still add up coherently
+        weight = self._weight[echoes]
+        return bounded_ratio(weight * wrong, weight * power)
 
-    def mean_squares(self, pulses) -> tuple[float, float]:
-        """Of errors and of amplitudes, over pulses of sub-apertures that light a point."""
-        if not len(self._echoes):
-            return 0.0, 0.0
+    def mean_square(self, pulses) -> float:
+        """Of errors, over pulses of sub-apertures that light a point."""
+        wrong = self._squares(pulses)[0]
+        return float(wrong.mean()) if len(wrong) else 0.0
+
+    def _squares(self, pulses) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(n,) of errors and of amplitudes, and of which echoes."""
         starts = np.array([p.start for p in pulses])
         stops = np.array([p.stop for p in pulses])
-        n_c = self._n_channels
-        which = np.searchsorted(starts, self._echoes // n_c, 'right') - 1
+        pulses, channel = np.divmod(self._echoes, self._n_channels)
+        which = np.searchsorted(starts, pulses, 'right') - 1
         start, length = starts[which], stops[which] - starts[which]
         # any pulse of a sub-aperture of which one lights the point
         pulse = start + np.random.default_rng(3).integers(0, length)
-        channel = self._echoes % n_c
         node = start[:, None] + np.rint(np.array(NODES) * length[:, None] - 0.5).astype(
             int).clip(0, length[:, None] - 1)
         value = np.stack([self._amplitude(node[:, i], channel) for i in range(3)], axis=-1)
@@ -214,7 +229,7 @@ class LitError:
         # Derivatives count wavenumbers, of which the carrier's is meant.
         u = self._ratio * (self._along[pulse] - middle)
         true = self._amplitude(pulse, channel)
-        return float(np.mean((a + u * (b + u * c) - true) ** 2)), float(np.mean(true ** 2))
+        return (a + u * (b + u * c) - true) ** 2, true ** 2, pulse * self._n_channels + channel
 
     def _amplitude(self, pulse, channel) -> np.ndarray:
         return pair_amplitude(self._illumination, pulse * self._n_channels + channel,
@@ -225,7 +240,7 @@ class LitError:
         rng = np.random.default_rng(4)
         r, alpha = self._polar.from_map(self._points[:, 0], self._points[:, 1])
         error, power = 0.0, max(np.mean(self._amplitude(
-            self._echoes // self._n_channels, self._echoes % self._n_channels) ** 2), 1e-300)
+            *np.divmod(self._echoes, self._n_channels)) ** 2), 1e-300)
         for apart in KNOTS_APART:
             length = apart * segment * coarse.range_spacing_m
             share = rng.uniform(0, 1, len(r))

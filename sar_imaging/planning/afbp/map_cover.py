@@ -15,6 +15,7 @@ from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
 from ..aliasing_error import TONES, PixelDensity
 from ..error_budget import AFBP_SHARES, PASSES_DB, error_budget, remaining_db
+from ..exact.lit_polar import LitPolar
 from ..polar_cover import PolarCover, cover_map
 from ..polar_to_map import DEAPODISED_TAPS, NOT_READ, TAPS, margin, range_axis
 from ..profiles.phase_history import PhaseHistory
@@ -56,19 +57,20 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
         The map is tiny, too near, all around, or not ahead of the aperture.
     """
     step = max(1, len(tx_m) // _ECHOES)
-    echoes = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
+    echoes = [np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m)]
+    radar = radar if band is None else band.radar
+    map_db = error_budget(target_db, shares)['polar to map'] - PASSES_DB
+
+    def cover_of(error_db, lit=None):
+        return cover_map(grid, *echoes, radar, n_samples, error_db, min(target_db - 10.0, -50.0),
+                         band, fused=True, illumination=lit)
+
     if illumination is not None:
         number = np.arange(len(illumination.centre_m)).reshape(len(tx_m), -1)
         illumination = illumination.select(np.concatenate(
             [number[:-1:step], number[-1:]]).ravel())
-    arguments = (grid, *echoes, radar if band is None else band.radar, n_samples,
-                 error_budget(target_db, shares)['polar to map'] - PASSES_DB,
-                 min(target_db - 10.0, -50.0), band)
-    cover = cover_map(*arguments, fused=True, illumination=illumination)
-    if cover is None and illumination is not None:  # the narrow band of what is lit needs few
-        # ranges, along which paths may bend too much
-        cover = cover_map(*arguments, fused=True, illumination=dataclasses.replace(
-            illumination, foreseen=True))
+    cover = _lit_cover(cover_of, map_db, *echoes, radar, illumination) if illumination else (
+        cover_of(map_db))
     if cover is None:
         raise ValueError('the map is too small, too near, around or beside the aperture for a '
                          'polar image; use exact backprojection')
@@ -76,6 +78,17 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
         raise ValueError(f'amplitudes change too abruptly between the lines of a polar image for '
                          f'target_db={target_db:g}; use exact backprojection')
     return cover, remaining_db(target_db, cover.resampling_db)
+
+
+def _lit_cover(cover_of, error_db: float, tx_m, rx_m, radar, illumination) -> PolarCover | None:
+    """Cover, and what reading amplitudes errs; ``cover_of(error_db, illumination)`` gives one."""
+    planner = LitPolar(illumination, tx_m, rx_m, radar)
+    found = planner.cover(lambda wanted: cover_of(wanted, illumination), error_db)
+    if found is not None:
+        return found
+    # The narrow band of what is lit needs few ranges, along which paths may bend too much.
+    every = dataclasses.replace(illumination, foreseen=True)
+    return planner.cover(lambda wanted: cover_of(wanted, every), error_db)
 
 
 def map_density(polar: PolarGrid, cover: PolarCover) -> PixelDensity:

@@ -276,7 +276,7 @@ def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centr
                            coverage.along_alpha)
     # What amplitudes have beyond the coarse grid's frequencies is missing, and appears elsewhere.
     error += tail_error(bands.spread, even / per_radian,
-                        lambda f: 2.0 * (np.abs(f) > s.n_coarse / 2 / per_radian))
+                        lambda f: 2.0 * (np.abs(f) > s.n_coarse / 2 / per_radian), echoes)
     error += correction_error(coverage, s.n_fine, s.n_guard * s.n_fine / s.n_coarse, s.beta)
     # Along range the same happens over a length that grows with the distance from the centre.
     away = np.broadcast_to(np.abs(np.ravel(centre_m)), len(slope))

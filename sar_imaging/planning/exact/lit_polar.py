@@ -29,6 +29,7 @@ from .lit_phasors import Echoes, ImageLines
 
 _TRIES = 4  # of finer and finer sampling
 _CLOSE_DB = 0.5  # below what is wanted
+_GAIN_TAPS, _THINNED = 96, 4  # over which deapodisation mixes lines; of fewer pairs
 
 
 class LitPolar:
@@ -62,8 +63,9 @@ class LitPolar:
             found = dataclasses.replace(
                 cover, along_db=read.along_db(cover),
                 between_db=read.between_db(cover.polar, cover.between, np.zeros(len(self._tx_m))),
-                profile_db=read.pairs.ends_db(cover.window, cover.lattice.oversampling(
-                    cover.window.radar), self._tx_m, self._rx_m))
+                profile_db=cover.profile_db if cover.window.periodic else read.pairs.ends_db(
+                    cover.window, cover.lattice.oversampling(cover.window.radar), self._tx_m,
+                    self._rx_m))
             above_db = max(found.between_db, found.along_db) - wanted_db
             if above_db <= 0:
                 break
@@ -115,6 +117,8 @@ class _PolarReading:
         self.pairs = pairs = LitPairs.draw(
             illumination, functools.partial(even_positions, grid), grid.shape,
             (math.ceil(reach_m / grid.spacing_m),) * 2)
+        if cover.between.deapodised:
+            self.pairs = pairs = pairs.thinned(_THINNED)
         self._centres = tx_m[pairs.echoes], rx_m[pairs.echoes]
         self._length_m = pair_lengths(*self._centres, pairs.points_m)
         self._weight = cover.weight[pairs.echoes]
@@ -155,8 +159,18 @@ class _PolarReading:
 
 def _taps(interpolator: Interpolator, at, start: float, spacing: float
           ) -> tuple[np.ndarray, np.ndarray]:
-    """Weights (n, T) with which places (n,) are read, and the places of the samples."""
+    """Weights (n, T) with which places (n,) are read, and the places of the samples.
+
+    The gain of spectra that are deapodised is a part of the weights.
+    """
     number, t = np.divmod((at - start) / spacing, 1.0)
     weights = t[:, None] ** np.arange(len(interpolator.weights)) @ interpolator.weights
-    taps = number[:, None] + interpolator.first + np.arange(interpolator.n_taps)
+    first, n_taps = interpolator.first, interpolator.n_taps
+    if interpolator.deapodised:
+        kernel = np.fft.fftshift(np.fft.ifft(interpolator.gain(np.fft.fftfreq(_GAIN_TAPS))).real)
+        mixed = np.zeros((n_taps, n_taps + _GAIN_TAPS - 1))
+        for tap in range(n_taps):
+            mixed[tap, tap:tap + _GAIN_TAPS] = kernel
+        weights, first, n_taps = weights @ mixed, first - _GAIN_TAPS // 2, mixed.shape[1]
+    taps = number[:, None] + first + np.arange(n_taps)
     return weights, start + spacing * taps

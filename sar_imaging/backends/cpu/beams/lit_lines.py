@@ -9,7 +9,7 @@ import numpy as np
 from ....compilation import njit
 from ....geometry.illumination import Illumination
 from ....geometry.polar import PolarGrid
-from ....planning.afbp.lit_subapertures import node_pulses
+from ....planning.afbp.lit_subapertures import NODES_APART, node_pulses
 from ..illumination import LitEchoes, two_way_amplitude
 
 
@@ -77,10 +77,13 @@ def _parabolas(echoes, positions, centre, track, first, spacing, phase):
             y1 = two_way_amplitude(echoes, 1, px, py, pz)
             y2 = two_way_amplitude(echoes, 2, px, py, pz)
             a, b, c = y1, 0.0, 0.0
-            if abs(x2 - x0) > 1e-9 and x1 != x0 and x2 != x1:
-                slope = (y1 - y0) / (x1 - x0)
-                c = ((y2 - y1) / (x2 - x1) - slope) / (x2 - x0)
-                b = slope - c * (x0 + x1)
+            if abs(x2 - x0) > 1e-9:
+                least = NODES_APART * abs(x2 - x0)
+                b = (y2 - y0) / (x2 - x0)
+                if abs(x1 - x0) > least and abs(x2 - x1) > least:
+                    slope = (y1 - y0) / (x1 - x0)
+                    c = ((y2 - y1) / (x2 - x1) - slope) / (x2 - x0)
+                    b = slope - c * (x0 + x1)
                 a = y0 - x0 * (b + c * x0)
             out[line, knot, 0], out[line, knot, 1], out[line, knot, 2] = a, b, c
     return out

@@ -8,6 +8,7 @@ import numpy as np
 
 from ....planning.afbp.beam_gain import BEAM_TAPS, DEGREE
 from ....planning.afbp.beams import CELL_TAPS
+from ....planning.afbp.lit_subapertures import NODES_APART
 from ..arrays import cuda, function, kernel, load_pair
 from ..illumination import amplitude, in_axes
 from ..phasors import fraction, phasor
@@ -100,10 +101,13 @@ def fit_parabolas(axes, table, place, positions, rows, own, grid, phase, parabol
     y1 = amplitude(table, place, *in_axes(axes, 3 * g + 1, px, py, pz))
     y2 = amplitude(table, place, *in_axes(axes, 3 * g + 2, px, py, pz))
     a, b, c = y1, 0.0, 0.0
-    if abs(x2 - x0) > _SAME and x1 != x0 and x2 != x1:
-        slope = (y1 - y0) / (x1 - x0)
-        c = ((y2 - y1) / (x2 - x1) - slope) / (x2 - x0)
-        b = slope - c * (x0 + x1)
+    if abs(x2 - x0) > _SAME:
+        least = NODES_APART * abs(x2 - x0)
+        b = (y2 - y0) / (x2 - x0)
+        if abs(x1 - x0) > least and abs(x2 - x1) > least:
+            slope = (y1 - y0) / (x1 - x0)
+            c = ((y2 - y1) / (x2 - x1) - slope) / (x2 - x0)
+            b = slope - c * (x0 + x1)
         a = y0 - x0 * (b + c * x0)
     parabolas[g, knot, 0], parabolas[g, knot, 1], parabolas[g, knot, 2] = a, b, c
 
