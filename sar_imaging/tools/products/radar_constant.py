@@ -1,6 +1,6 @@
 """Measure the radar constant at a reflector of known cross section and save it as YAML.
 
-Run: sar-imaging radar-constant bags/countryside --reflector -21 17 0 --trihedral 0.3 \\
+Run: sar-imaging radar-constant bags/countryside --reflector -21 17 0 --trihedral 0.3 \
      --output radar.yaml
 """
 
