@@ -104,15 +104,16 @@ processors: environment
 # With the interpreter that has CuPy and numba-cuda. Each of the three parts ends within ten
 # minutes. Results go to benchmarks/results/gpu.json and build/gpu-roofline.txt.
 GPU_TESTS = -m pytest -p no:cacheprovider test/backends/cuda
-SANITIZER = timeout 180 compute-sanitizer --error-exitcode 9 --tool
+SANITIZER = timeout 160 compute-sanitizer --error-exitcode 9 --tool
+WITHOUT_LONG = -k 'not measured_costs and not benchmark'
 NCU = timeout 240 ncu --set roofline --kernel-name-base demangled --launch-skip 2 --launch-count 20
 gpu: gpu-tests gpu-benchmark gpu-roofline
 
 gpu-tests:
-	timeout 200 $(PYTHON) -m pytest -p no:cacheprovider test/backends/test_cuda_compiles.py
-	timeout 200 $(PYTHON) $(GPU_TESTS)
-	$(SANITIZER) memcheck $(PYTHON) $(GPU_TESTS) -k kernels
-	$(SANITIZER) racecheck $(PYTHON) $(GPU_TESTS) -k kernels
+	timeout 100 $(PYTHON) -m pytest -p no:cacheprovider test/backends/test_cuda_compiles.py
+	timeout 170 $(PYTHON) $(GPU_TESTS)
+	$(SANITIZER) memcheck $(PYTHON) $(GPU_TESTS) $(WITHOUT_LONG)
+	$(SANITIZER) racecheck $(PYTHON) $(GPU_TESTS) $(WITHOUT_LONG)
 
 gpu-benchmark:
 	timeout 590 $(PYTHON) -m benchmarks.gpu
