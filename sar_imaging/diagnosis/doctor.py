@@ -12,7 +12,7 @@ from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
 from ..signal.uwb import subtract_background
 from .channel_phases import phase_findings
-from .diagnose import FOCUSED, Diagnosis
+from .diagnose import Diagnosis
 from .jumps import jump_findings
 from .lever_arm import find_lever_arm
 from .reach import distances, reach_advice
@@ -133,7 +133,7 @@ def _focused(block: PulseBlock, grid: MapGrid, window: str) -> tuple[list[Findin
 def _lever_arm(block: PulseBlock, grid: MapGrid, window: str, attitude: Rotation | None,
                diagnosis: Diagnosis) -> list[Finding]:
     """A lever arm that focuses better than what else was found; at most one finding."""
-    if attitude is None or diagnosis.coherence >= FOCUSED:
+    if attitude is None:
         return []
     arm = find_lever_arm(block, attitude, grid, window=window)
     if arm is None or not arm.found or arm.corrected.contrast < diagnosis.corrected:

@@ -31,7 +31,7 @@ _FEW_PULSES, _MOST_PULSES = 64, 256  # of a first look, and of the others
 _COARSE_BUDGET, _FINE_BUDGET = 100_000, 500_000  # points times rows
 _PEAKS = 8
 _TILE = 4
-_BETTER = 1.5  # times the agreement
+_BETTER = 1.25  # times the agreement: right ones agree best as they are
 _NOISE = 2.0  # agreement of noise
 _LEAST = 1.45  # contrast with which something focuses at all
 

@@ -31,6 +31,7 @@ from .diagnose import (
 from .hypotheses import (
     HYPOTHESES,
     ORDER,
+    SAMPLES,
     Hypothesis,
     clock_drift,
     clock_offset,
@@ -102,9 +103,8 @@ def diagnose_thoroughly(block: PulseBlock, grid: MapGrid, *, window: str = 'none
     if block.n_pulses * block.n_channels < FEWEST_PULSES:
         return as_it_is(first, too_few(block))
     doubts = track_doubts(block)
-    found = None
-    if first.contrast < FOCUSED:
-        found = _best(attempt.hypotheses())
+    # ramps of the other sign may leave the phases of a short track in focus
+    found = _best(attempt.hypotheses(HYPOTHESES if first.contrast < FOCUSED else SAMPLES))
     if found is not None and doubts and found[1].contrast < FOCUSED:
         found = None  # what is odd about the track explains more
     if not doubts and (found is None or found[0] is ORDER or _gain(found) < _CERTAIN):
@@ -136,7 +136,8 @@ def _gain(tried: _Tried) -> float:
 
 def _helps(tried: _Tried, least: float) -> bool:
     hypothesis, result, as_it_is = tried
-    lit = as_it_is.contrast if as_it_is.agreement > _NOISE else 0.0
+    # where groups agree less than those of noise, 1 on average, their contrast is that over noise
+    lit = as_it_is.contrast * min(as_it_is.mean, 1.0) if as_it_is.agreement > _NOISE else 0.0
     if hypothesis.isometry and lit > _AS_DARK * result.contrast:
         return False  # the mirrored scene is in focus, and as right as this one
     return (result.coverage >= _LEAST_COVERAGE and _gain(tried) > least
@@ -145,10 +146,16 @@ def _helps(tried: _Tried, least: float) -> bool:
 
 
 def _likelier(found: _Tried | None, searched: _Tried | None) -> _Tried | None:
-    """What agrees best; what was searched for among many values has to do clearly better."""
+    """What agrees best; what was searched for among many values has to do clearly better.
+
+    It must not darken the image either: a ramp of the wrong sign and another slope focuses a few
+    scatterers, and the others less than the right ramp does.
+    """
     if found is None or searched is None:
         return found or searched
-    return searched if _gain(searched) > _LIKELIER * _gain(found) else found
+    better = (_gain(searched) > _LIKELIER * _gain(found)
+              and searched[1].contrast > _DARKER * found[1].contrast)
+    return searched if better else found
 
 
 class _Attempts:
@@ -165,10 +172,10 @@ class _Attempts:
         window = 'none' if block.compressed else self._window
         return RangeCompressor.for_block(block, window=window, oversampling=OVERSAMPLING)(block)
 
-    def hypotheses(self) -> Iterator[_Tried]:
+    def hypotheses(self, tried: Iterable[Hypothesis]) -> Iterator[_Tried]:
         """Coherence with each mistake undone that few pixels tell to be worth it."""
         screen = CoherenceProbe(self._grid, _FINE_BUDGET, _TILE)
-        for hypothesis in HYPOTHESES:
+        for hypothesis in tried:
             # Positions can be changed on the profiles, compressed once.
             anew = hypothesis.of_samples or hypothesis.name.startswith('delay')
             for changed in hypothesis.undo(self._block if anew else self._profiles):

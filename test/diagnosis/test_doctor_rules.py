@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from benchmarks.support.doctor_cases import FAULTS, right_case
 from benchmarks.support.mistake_recordings import DATA, arcsar, mimo
 from sar_imaging.diagnosis.array_phases import array_phases
 from sar_imaging.diagnosis.channel_phases import channel_phases, phase_findings
@@ -17,6 +18,7 @@ from sar_imaging.diagnosis.hypotheses import GEOMETRY, clock_offsets, with_slope
 from sar_imaging.diagnosis.jumps import jump_findings
 from sar_imaging.diagnosis.lever_arm import find_lever_arm
 from sar_imaging.diagnosis.range_walk import walk_scale
+from sar_imaging.diagnosis.thorough import diagnose_thoroughly
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.pulses import PulseBlock
@@ -72,6 +74,16 @@ def test_slope_that_leaves_the_focus_is_named():
     assert finding.fault == 'wrong slope'
     right = float(finding.advice.split(' Hz/s, ')[1].split(' times')[0])
     assert right == pytest.approx(1 / 1.2, rel=0.05)
+
+
+# Ramps of the wrong sign that leave the phases in focus (42017), that another slope focuses in
+# part (42021), and that three channels see as less than noise (42048).
+@pytest.mark.parametrize('seed', [42017, 42021, 42048])
+def test_inverted_spectrum_is_named_where_the_image_hardly_tells(seed):
+    case = right_case(seed)
+    wrong = FAULTS['spectrum inverted'][0](case, np.random.default_rng(seed))
+    found = diagnose_thoroughly(wrong.block, wrong.grid)
+    assert found.mistake == 'sign of the slope'
 
 
 def test_no_clock_offset_is_sought_on_an_arc_at_constant_speed():
@@ -176,6 +188,18 @@ def test_missing_lever_arm_is_found_where_the_platform_turns():
     assert missing.arm_m[0] == pytest.approx(0.3, abs=0.03)
     assert missing.finding().fault == 'lever arm'
     assert find_lever_arm(block, turning(0.01), GRID) is None
+
+
+@pytest.mark.parametrize(('fault', 'named'), [
+    (None, []), ('lever arm', ['lever arm']), ('clocks drift apart', ['clock drift'])])
+def test_small_blur_of_an_arm_is_not_taken_for_another_fault(fault, named):
+    """A rail whose turns blur by a radian only, which an offset of the clock undoes in part."""
+    case = right_case(42033)
+    if fault is not None:
+        case = FAULTS[fault][0](case, np.random.default_rng([42033, 7]))
+    kept = np.isin(right_case(42033).block.counter, case.block.counter)
+    found = examine(case.block, case.grid, attitude=case.attitude[kept]).findings
+    assert [finding.fault for finding in found] == named
 
 
 @measured
