@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check colcon environment clean prediction-campaign obstacle-campaign format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline
+.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check colcon environment clean prediction-campaign simulator obstacle-campaign format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline
 .DEFAULT_GOAL := help
 
 help:
@@ -57,6 +57,8 @@ help:
 	@echo 'make archive-campaign'
 	@echo '             archives by 1, 2 and 4 workers and in two network namespaces; their workers, or all'
 	@echo '             processes, killed at random moments, 20 times each; half an hour'
+	@echo 'make simulator'
+	@echo '             every test of the CUDA backend in a simulator of a device, five minutes'
 	@echo 'make gpu     on a machine with an NVIDIA device and the extra cuda: tests of its kernels and images, the same'
 	@echo '             under compute-sanitizer, rates and errors, rooflines; PYTHON of the device, half an hour at most'
 	@echo 'make cphd-memory'
@@ -103,11 +105,14 @@ processors: environment
 
 # With the interpreter that has CuPy and numba-cuda. Each of the three parts ends within ten
 # minutes. Results go to benchmarks/results/gpu.json and build/gpu-roofline.txt.
-GPU_TESTS = -m pytest -p no:cacheprovider test/backends/cuda
+GPU_TESTS = -m pytest -m '' -p no:cacheprovider test/backends/cuda
 SANITIZER = timeout 160 compute-sanitizer --error-exitcode 9 --tool
 WITHOUT_LONG = -k 'not measured_costs and not benchmark'
 NCU = timeout 240 ncu --set roofline --kernel-name-base demangled --launch-skip 2 --launch-count 20
 gpu: gpu-tests gpu-benchmark gpu-roofline
+
+simulator: environment
+	@NUMBA_ENABLE_CUDASIM=1 $(RUN) $(GPU_TESTS)
 
 gpu-tests:
 	timeout 100 $(PYTHON) -m pytest -p no:cacheprovider test/backends/test_cuda_compiles.py

@@ -129,6 +129,7 @@ def test_subapertures_are_computed_together(scene, plan, monkeypatch, error_db):
     assert list(whole.groups()) == [[0], [1]]
 
 
+@pytest.mark.campaign
 def test_maps_are_those_of_the_processor(scene, error_db):
     """From samples on the device, where the map stays."""
     block = scene.block

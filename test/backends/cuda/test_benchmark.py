@@ -2,9 +2,12 @@
 
 import json
 
+import pytest
+
 from benchmarks import gpu
 
 
+@pytest.mark.campaign
 def test_benchmark_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(gpu, 'COMPARED', 5)
     output = tmp_path / 'gpu.json'

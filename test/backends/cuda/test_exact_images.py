@@ -61,7 +61,7 @@ def in_tiles(plan, rows, pixel_bytes):
     ('volume', {'range_m': 1000.0, 'height_m': 300.0}),
     ('wall', {'range_m': 300.0, 'height_m': 20.0}),
     ('polar', {'range_m': 1000.0, 'bend_m': 3.0, 'n': 16}),
-    ('parts', {'range_m': 1000.0, 'n': 16})])
+    pytest.param('parts', {'range_m': 1000.0, 'n': 16}, marks=pytest.mark.campaign)])
 def test_images_are_those_of_the_processor(make_scene, error_db, way, options):
     scene = make_scene(**{'n': 12, 'pulses': 2, **options})
     grid = scene.grid

@@ -27,6 +27,7 @@ def live_images(scene, block, name):
     return parts, [image for part in parts for image in fusion.add(part)]
 
 
+@pytest.mark.campaign
 def test_subaperture_images_and_spectra_stay_there(make_scene, error_db):
     scene = make_scene(1000.0, n=16, pulses=16)
     parts, [image] = live_images(scene, scene.block, 'cuda')

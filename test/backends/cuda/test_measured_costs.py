@@ -15,6 +15,7 @@ TINY = Scenes(lines=(Scene(1e4, 8, 8, 1),), points=(Scene(1e3, 4, 4, 1),), polar
               afbp=((Scene(1e3, 16, 16, 4), 4),), transfers=(1 << 10,), varied=False)
 
 
+@pytest.mark.campaign
 def test_the_command_writes_what_the_variable_names(tmp_path, monkeypatch, capsys):
     measure = measurement.measure
     monkeypatch.setattr(experiments, 'DEVICE', TINY)
