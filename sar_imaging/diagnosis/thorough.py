@@ -136,8 +136,10 @@ def _gain(tried: _Tried) -> float:
 
 def _helps(tried: _Tried, least: float) -> bool:
     hypothesis, result, as_it_is = tried
-    # where groups agree less than those of noise, 1 on average, their contrast is that over noise
-    lit = as_it_is.contrast * min(as_it_is.mean, 1.0) if as_it_is.agreement > _NOISE else 0.0
+    lit = as_it_is.contrast if as_it_is.agreement > _NOISE else 0.0
+    if hypothesis.of_samples:
+        # where groups agree less than those of noise, 1 on average, contrast is that over noise
+        lit *= min(as_it_is.mean, 1.0)
     if hypothesis.isometry and lit > _AS_DARK * result.contrast:
         return False  # the mirrored scene is in focus, and as right as this one
     return (result.coverage >= _LEAST_COVERAGE and _gain(tried) > least

@@ -225,3 +225,10 @@ def test_phase_of_a_channel_of_the_slider_is_measured():
     phases = channel_phases(wrong, slider.grid, window='hamming')
     # its channels differ by up to 20 degrees as they are
     assert phases[5] == pytest.approx(-2.0, abs=0.4)
+
+
+@measured
+def test_nothing_is_wrong_with_the_slider():
+    """Its groups agree less than those of noise: positions that darken it were named once."""
+    slider = mimo()
+    assert examine(slider.block, slider.grid, window=slider.window).findings == ()
