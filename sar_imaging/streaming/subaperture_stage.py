@@ -88,3 +88,19 @@ class Target:
     revision: int = 0
     waits: bool = False  # for the whole track
     refused: bool = False
+
+    def window(self, aperture: AperturePulses, part: slice
+               ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Phase centres (P, C, 3) of the sliding aperture that ends with a sub-aperture, metres.
+
+        None where apertures do not slide. The first ones of a stream are as short as they are.
+        """
+        if self.n_apertures == 1:
+            return None
+        stop = aperture.first + part.stop
+        found = []
+        for other in self.apertures:
+            number = other.first + np.arange(len(other.seen))
+            some = other.seen & (number < stop) & (number >= stop - len(aperture.seen))
+            found.append((other.tx_m[some], other.rx_m[some]))
+        return tuple(map(np.concatenate, zip(*found, strict=True)))

@@ -299,7 +299,8 @@ class LiveSubapertures(ApertureSequence):
         for aperture, part in parts:
             block = aperture.block(part)
             band = target.stage.plan.check(block.tx_m, block.rx_m,
-                                           target.stage.plan.subapertures.illumination_of(block))
+                                           target.stage.plan.subapertures.illumination_of(block),
+                                           target.window(aperture, part))
             if band is None:
                 return None
             found.append((aperture, part, block, *band))

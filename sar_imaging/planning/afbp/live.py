@@ -12,11 +12,13 @@ from ...geometry.grids import MapGrid
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
-from ..error_budget import LIVE_SHARES, total_db
+from ..error_budget import LIVE_SHARES, remaining_db, total_db
 from ..interpolators import Interpolator
 from ..local_spectrum import LocalSpectrum, local_spectrum
+from ..polar_cover import PolarCover
 from ..polar_to_map import DEAPODISED_TAPS, margin
 from .map_cover import cover_for_fusion
+from .map_reading import reading_db
 from .plan import AfbpPlan, check_arguments
 from .subapertures import plan_subapertures
 
@@ -25,6 +27,7 @@ _WINDOWS, _WAVENUMBERS = 9, 5  # at which errors of a sliding aperture are looke
 _FUSION_MARGIN_DB = 3.0  # for tracks that are less smooth than foreseen
 _UNLIKE_DB = 10.0  # by which amplitudes of a sub-aperture may err more than those of all
 _LEAST = 1e-16
+_PARTS = 8  # sub-apertures of which the error of reading the map is looked up
 _EXTENSION = 0.05  # of the aperture at both ends, for what is foreseen too short
 
 
@@ -39,10 +42,18 @@ class LivePlan(AfbpPlan):
     limit_db : float
         Largest error of a sub-aperture on the polar grid that keeps the target, dB; infinite
         where the track was known.
+    map_cover : PolarCover
+        How the map is read.
+    reading_db, reading_limit_db : float
+        Error of reading the map in the worst foreseen sub-aperture, and the largest that keeps
+        the target, likewise.
     """
 
     length: int
     limit_db: float
+    map_cover: PolarCover
+    reading_db: float
+    reading_limit_db: float
 
     def __str__(self) -> str:
         fusion = self.subapertures.fusion_grid
@@ -50,16 +61,21 @@ class LivePlan(AfbpPlan):
                 f'{fusion.coarse.n_range} pixels, fused to {fusion.polar.n_alpha} x '
                 f'{fusion.polar.n_range}')
 
-    def check(self, tx_m, rx_m, illumination: Illumination | None = None
+    def check(self, tx_m, rx_m, illumination: Illumination | None = None, window=None
               ) -> tuple[float, float, float] | None:
         """Middle of the band of a sub-aperture, metres, its error on the map and its power, dB.
 
         As `SubaperturePlan.check`, from its real phase centres, (P, C, 3) float64, metres. None
         where the track or the pointing differs so much that the error may exceed the target;
         never where they had been known. Both are relative to the mean power of the
-        sub-apertures, which illumination makes unlike.
+        sub-apertures, which illumination makes unlike. `window` holds the phase centres, two
+        arrays likewise, of the sliding aperture that ends with the sub-aperture.
         """
         plan = self.subapertures
+        if window is None:
+            reading = reading_db(self.map_cover, plan.polar, tx_m, rx_m, illumination)
+        else:
+            reading = reading_db(self.map_cover, plan.polar, *window, centred=True)
         try:
             centre_m, error_db, within = plan.check(tx_m, rx_m, illumination)
         except ValueError:
@@ -73,10 +89,13 @@ class LivePlan(AfbpPlan):
             worst_db = max(error_db + min(power_db, 0.0), min(
                 lit_db, lit_db - plan.lit.predicted_error_db + self.limit_db - _UNLIKE_DB))
             error_db = total_db(error_db + power_db, lit_db)
-        if worst_db > self.limit_db or not (within or math.isinf(self.limit_db)):
+            reading += power_db
+        if (worst_db > self.limit_db or reading > self.reading_limit_db
+                or not (within or math.isinf(self.limit_db))):
             return None
-        return centre_m, total_db(error_db, *(error for cause, error in self.errors_db.items()
-                                              if cause not in plan.errors_db)), power_db
+        if reading <= self.reading_db:  # flown as foreseen, of which the plan knows the mean
+            reading = self.map_cover.resampling_db
+        return centre_m, total_db(error_db, reading, self.errors_db['ends of profiles']), power_db
 
 
 def extension(n_pulses: int, length: int, slack: float) -> tuple[int, int]:
@@ -133,8 +152,15 @@ def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m,
     if n_window:
         cover = dataclasses.replace(cover, between_db=_windows_db(
             plan.polar, radar, tx_m, rx_m, n_window, cover.between))
+    # Where bands end, sub-apertures that are flown as foreseen err more than their mean, too.
+    parts = plan.sampling.pulses[::math.ceil(len(plan.sampling.pulses) / _PARTS)]
+    worst_db = max(cover.resampling_db, *(reading_db(cover, plan.polar, tx_m[part], rx_m[part])
+                                          for part in (*parts, plan.sampling.pulses[-1])))
+    reading_limit_db = max(remaining_db(target_db, plan.predicted_error_db), worst_db)
     return LivePlan.of(grid, tx_m, rx_m, plan, cover, length=length,
-                       limit_db=polar_db if slack else math.inf)
+                       limit_db=polar_db if slack else math.inf, map_cover=cover,
+                       reading_db=worst_db,
+                       reading_limit_db=reading_limit_db if slack else math.inf)
 
 
 def _for_windows(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window: int,

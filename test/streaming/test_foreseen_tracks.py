@@ -1,0 +1,21 @@
+"""Predicted errors of AFBP while pulses arrive, where the flown track is not the foreseen one."""
+
+from sar_imaging.quality.verification import measure_error
+from sar_imaging.simulation.trials.random_cases import random_case
+from sar_imaging.streaming.fusion import LiveFusion
+from sar_imaging.streaming.subapertures import LiveSubapertures
+
+from .conftest import fuse, subapertures_of
+
+
+def test_a_corkscrew_is_planned_anew_where_the_map_is_read_too_coarsely():
+    """The first 16 pulses foresee a climb, for which the ranges of a line of the map differ."""
+    case = random_case(71046)
+    pulses = case.profiles
+    stage = LiveSubapertures(case.grid, pulses_per_aperture=pulses.n_pulses, target_db=-46.3)
+    pieces = [pulses.select(slice(n, n + 16)) for n in range(0, pulses.n_pulses, 16)]
+    image = fuse(LiveFusion(), subapertures_of(stage, pieces))[-1]
+    assert stage.statistics.plans_anew > 0 and image.n_missing == 0
+    error_db = measure_error(image.image, case.grid, pulses, n_pixels=1000).error_db
+    # Measured: 0.6 dB below the prediction; 25 dB above where the reading was not checked.
+    assert error_db <= min(image.predicted_error_db + 3.0, -46.3)
