@@ -79,7 +79,7 @@ def test_reflectors_of_a_raster_are_points_at_their_heights(start_node, make_obs
     check_places(from_message(cloud, CELL_FIELDS))
     assert '41 x 41 x 41 cells of 0.03 x 0.03 x 0.03 m around (0, 4, 0.6) m in frame scanner' in (
         node.log('sar_pipeline'))
-    assert 'image of aperture 0: 576 pulses, missing none' in node.log('sar_pipeline')
+    node.wait_for_log('sar_pipeline', 'image of aperture 0: 576 pulses, missing none')
 
 
 @pytest.fixture(name='profiles', scope='module')
