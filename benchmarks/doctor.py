@@ -21,15 +21,8 @@ from tqdm import tqdm
 
 from sar_imaging.diagnosis.doctor import examine
 
-from .support.doctor_cases import (
-    FAULTS,
-    KINDS,
-    OF_IMAGES,
-    Case,
-    NotApplicable,
-    measured_cases,
-    right_case,
-)
+from .support.doctor_cases import KINDS, Case, measured_cases, right_case
+from .support.doctor_faults import FAULTS, OF_IMAGES, NotApplicable
 from .support.machine import machine
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'doctor.json'

@@ -29,8 +29,8 @@ from sar_imaging.simulation.echoes import EchoSimulator
 from sar_imaging.tools.plots import grey_limits_db
 
 from .support import driver_messages as drivers, driver_recordings
-from .support.doctor_cases import (
-    Case,
+from .support.doctor_cases import Case
+from .support.doctor_faults import (
     clipped,
     clock_offset,
     conjugated,

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.support.doctor_cases import FAULTS, right_case
+from benchmarks.support.doctor_cases import right_case
+from benchmarks.support.doctor_faults import FAULTS
 from benchmarks.support.mistake_recordings import DATA, arcsar, mimo
 from sar_imaging.diagnosis.array_phases import array_phases
 from sar_imaging.diagnosis.channel_phases import channel_phases, phase_findings

@@ -7,7 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from benchmarks.support.doctor_cases import FAULTS, OF_IMAGES, NotApplicable, right_case
+from benchmarks.support.doctor_cases import right_case
+from benchmarks.support.doctor_faults import FAULTS, OF_IMAGES, NotApplicable
 from sar_imaging.diagnosis.channel_phases import channel_phases
 from sar_imaging.diagnosis.doctor import examine
 from sar_imaging.diagnosis.signals import sample_findings, timing_findings

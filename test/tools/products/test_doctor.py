@@ -8,7 +8,8 @@ import pathlib
 
 import numpy as np
 
-from benchmarks.support.doctor_cases import FAULTS, right_case
+from benchmarks.support.doctor_cases import right_case
+from benchmarks.support.doctor_faults import FAULTS
 from sar_imaging.tools.products import doctor
 from sar_imaging.tools.recordings.bag_io import write_bag
 from sar_imaging.tools.recordings.truth import make_truth

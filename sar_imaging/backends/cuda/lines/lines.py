@@ -138,13 +138,7 @@ def polar_lines(polar: PolarGrid, profiles: Profiles, rows: slice | None = None,
     n_lines, width = rows.stop - rows.start, polar.n_range
     cycles = 2 * (profiles.lattice.cell_m - polar.range_spacing_m) / profiles.wavelength_m
     layout = n_lines, 0, width, 1, n_lines * width
-
-    def locate(pixel, line):
-        derivatives = polar.lines(polar.range_start_m + polar.range_spacing_m * pixel,
-                                  polar.alpha_start + polar.alpha_spacing * line)
-        return [d * polar.range_spacing_m ** order for order, d in enumerate(derivatives[:4])]
-
-    return Lines(profiles, [(locate, layout)], width, ramp(cycles, width), lit, rows,
+    return Lines(profiles, [(polar.locate, layout)], width, ramp(cycles, width), lit, rows,
                  polar.n_alpha)
 
 
