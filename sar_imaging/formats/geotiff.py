@@ -88,7 +88,7 @@ def write_geotiff(path: os.PathLike | str, image: Image, datum: Datum, *,
     place, samples = _placed(image, datum, crs, acquisition, north_up)
     band, nodata = _band(samples, content)
     tags = {_TAG: image_to_text(image, datum), 'CONTENT': content,
-            'PLACE_ERROR_M': f'{place.error_m:.2g}', **told_of(image)}
+            'PLACE_ERROR_M': f'{place.error_m:.2g}', **told_of(image.radiometry)}
     if samples is not image.samples:
         tags[_RESAMPLED] = 'YES'
     quantity = quantity_of(image)

@@ -38,12 +38,11 @@ def quantity_of(image: Image) -> str:
     return 'amplitude' if image.radiometry is None else image.radiometry.quantity
 
 
-def told_of(image: Image) -> dict[str, str]:
-    """Tags about the calibrated brightness of an image, for any program; none where it has none.
+def told_of(told: Radiometry | None) -> dict[str, str]:
+    """Tags about calibrated brightness, for any program; none where there is none.
 
     The unit is that of the squared magnitude.
     """
-    told = image.radiometry
     return {} if told is None else {
         'QUANTITY': told.quantity, 'QUANTITY_MEANING': QUANTITIES[told.quantity],
         'UNIT': told.unit, 'NOISE_EQUIVALENT_DB': f'{told.noise_equivalent_db:.3f}',

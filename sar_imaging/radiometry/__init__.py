@@ -4,6 +4,7 @@
 - `response`: what an image makes of a target and of noise at each pixel: spreading, antenna
   pattern, area of a resolution cell;
 - `brightness`: cross section, beta nought, sigma nought, gamma nought and noise-equivalent level;
+- `scale`: what samples are multiplied by, for any part of a large image;
 - `live`: the same of images as they come, one response for many of them;
 - `speckle`: mean power over looks, and how many looks an image has.
 """
@@ -12,8 +13,9 @@ from .brightness import QUANTITIES, brightness, calibrated, noise_equivalent
 from .constant import RadarConstant, noise_power, trihedral_cross_section_m2
 from .live import LiveCalibration
 from .response import ImageResponse, image_response
+from .scale import BrightnessScale, KnotResponse
 from .speckle import equivalent_looks, multilook
 
-__all__ = ['QUANTITIES', 'ImageResponse', 'LiveCalibration', 'RadarConstant', 'brightness',
-           'calibrated', 'equivalent_looks', 'image_response', 'multilook', 'noise_equivalent',
-           'noise_power', 'trihedral_cross_section_m2']
+__all__ = ['QUANTITIES', 'BrightnessScale', 'ImageResponse', 'KnotResponse', 'LiveCalibration',
+           'RadarConstant', 'brightness', 'calibrated', 'equivalent_looks', 'image_response',
+           'multilook', 'noise_equivalent', 'noise_power', 'trihedral_cross_section_m2']

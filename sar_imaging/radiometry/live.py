@@ -7,24 +7,19 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
-from ..geometry.even_grids import PlaneGrid
 from ..geometry.grids import Grid
-from ..geometry.illumination import AntennaPattern, Illumination, Pointing
+from ..geometry.illumination import AntennaPattern, Illumination
 from ..geometry.point_grids import TerrainGrid
 from ..imaging.image import Image
 from ..imaging.radiometry import Radiometry
 from ..signal.pulses import PulseBlock
-from .brightness import QUANTITIES, brightness, radiometry_of
+from .brightness import QUANTITIES
 from .constant import RadarConstant
-from .response import ImageResponse, image_response
+from .scale import BrightnessScale, KnotResponse
 
-_KNOTS = 49  # along a side of the image; splines between them
-_ECHOES, _LEAST_PULSES = 256, 64  # that stand for all of an aperture
 _SAME = 1e-3  # of the range, by which phase centres may have moved: 0.02 dB
 _SAME_ANGLE = 1e-3  # of the antenna's width, by which it may have turned: 0.01 dB
-_DIM = 1e-4  # of the largest amplitude: less counts as not lit
 
 
 class _Geometry(NamedTuple):
@@ -127,8 +122,8 @@ class LiveCalibration:
         return dataclasses.replace(image, samples=image.samples * scale.values,
                                    radiometry=scale.radiometry)
 
-    def response(self, image: Image, pulses: PulseBlock) -> tuple[ImageResponse, RadarConstant]:
-        """Response of an image at all its pixels, and the constant, for files of it.
+    def response(self, image: Image, pulses: PulseBlock) -> tuple[KnotResponse, RadarConstant]:
+        """Response of an image at some of its pixels, and the constant, for files of it.
 
         Raises
         ------
@@ -140,7 +135,9 @@ class LiveCalibration:
     def _of(self, grid: Grid, pulses: PulseBlock) -> _Scale:
         geometry = self._seen(grid, pulses)
         if self._geometry is None or not geometry.same_as(self._geometry):
-            self._scale = self._computed(grid, pulses)
+            scale = BrightnessScale.of(self._response(grid, pulses), self._constant,
+                                       self._quantity)
+            self._scale = _Scale(scale.factors(), scale.radiometry)
             self._geometry = geometry  # once that has come to its end
             self.computed += 1
         return self._scale
@@ -160,49 +157,7 @@ class LiveCalibration:
         return _Geometry(kind, tx_m, rx_m, axes,
                          float(np.linalg.norm(tx_m, axis=-1).min()), width)
 
-    def _computed(self, grid: Grid, pulses: PulseBlock) -> _Scale:
-        coarse = grid if isinstance(grid, TerrainGrid) else _knots(grid)
-        response = self._response(coarse, pulses)
-        # Of the root of the brightness that an image of amplitude 1 has: finite where it is dark.
-        root = 1 / np.sqrt(brightness(np.ones(coarse.shape), response, self._constant,
-                                      self._quantity))
-        root = np.nan_to_num(root)
-        if coarse is not grid:
-            root = _spread(root, grid.shape)
-        lit = root > _DIM * root.max()
-        values = np.divide(1.0, root, out=np.zeros(grid.shape, np.float32), where=lit,
-                           casting='unsafe')
-        return _Scale(values, radiometry_of(response, self._constant, self._quantity))
-
-    def _response(self, grid: Grid, pulses: PulseBlock) -> ImageResponse:
-        """Response by some of the pulses, each of which stands for as many neighbours."""
-        n_pulses, channels = pulses.n_pulses, pulses.tx_m.shape[1]
-        n = min(n_pulses, max(_LEAST_PULSES, _ECHOES // channels))
-        some = ((np.arange(n) + 0.5) * (n_pulses / n) - 0.5).round().astype(int)
-        tx_m, rx_m = pulses.tx_m[some], pulses.rx_m[some]
-        pointing: Pointing | None = pulses.pointing
-        lit = None if self._pattern is None else Illumination.of_pulses(
-            self._pattern, pointing and pointing.select(some), tx_m, rx_m)
-        response = image_response(grid, pulses.radar, tx_m, rx_m, illumination=lit,
-                                  weighted=lit is not None, weighting=self._weighting,
-                                  pulse_weights=np.full(n, n_pulses / n))
-        # The noise of one pulse in place of k has k times the power of that of k.
-        return dataclasses.replace(response, noise_gain=response.noise_gain * n / n_pulses)
-
-
-def _knots(grid) -> PlaneGrid:
-    """Grid of at most 49 x 49 pixels between the same corners."""
-    sizes = [min(n, _KNOTS) for n in grid.shape]
-    steps = [step * ((n - 1) / (size - 1)) for step, n, size in zip(
-        grid.steps_m, grid.shape, sizes, strict=True)]
-    return PlaneGrid(tuple(grid.positions(0, 0)), tuple(steps[1]), tuple(steps[0]), sizes[1],
-                     sizes[0])
-
-
-def _spread(values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """(n_y, n_x) float64 values at knots between the corners of an image, at all its pixels."""
-    orders = [min(3, n - 1) for n in values.shape]
-    spline = scipy.interpolate.RectBivariateSpline(*map(np.arange, values.shape), values,
-                                                   kx=orders[0], ky=orders[1])
-    return spline(*(np.linspace(0, size - 1, n) for size, n in zip(values.shape, shape,
-                                                                   strict=True)))
+    def _response(self, grid: Grid, pulses: PulseBlock) -> KnotResponse:
+        return KnotResponse.of(grid, pulses.radar, pulses.tx_m, pulses.rx_m,
+                               pattern=self._pattern, pointing=pulses.pointing,
+                               weighting=self._weighting)

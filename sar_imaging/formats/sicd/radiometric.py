@@ -14,6 +14,7 @@ from ...imaging.image import Image
 from ...radiometry import (
     QUANTITIES,
     ImageResponse,
+    KnotResponse,
     RadarConstant,
     brightness,
     noise_equivalent,
@@ -48,8 +49,8 @@ class Radiometric:
     residual_db: float
 
 
-def radiometric(image: Image, layout: Layout, response: ImageResponse, constant: RadarConstant,
-                scale: float | None) -> Radiometric:
+def radiometric(image: Image, layout: Layout, response: ImageResponse | KnotResponse,
+                constant: RadarConstant, scale: float | None) -> Radiometric:
     """Scale factors of an image, calibrated or not.
 
     Parameters
@@ -58,8 +59,8 @@ def radiometric(image: Image, layout: Layout, response: ImageResponse, constant:
         Its `radiometry` tells whether its samples are calibrated already.
     layout : Layout
         Of the image.
-    response : ImageResponse
-        Of the same pixels.
+    response : ImageResponse or KnotResponse
+        Of the same pixels, or of some of them.
     constant : RadarConstant
         Of the radar.
     scale : float or None
@@ -70,13 +71,11 @@ def radiometric(image: Image, layout: Layout, response: ImageResponse, constant:
     ValueError
         The response is of another image, or varies too much for polynomials.
     """
-    index = np.ix_(*(np.unique(np.linspace(0, n - 1, min(n, _KNOTS)).round().astype(int))
-                     for n in image.shape))
-    if response.amplitude.shape != image.shape:
-        raise ValueError(f'the response is for an image of {response.amplitude.shape}, this one '
-                         f'has {image.shape}; expected that of the image')
-    some = ImageResponse(**{field.name: getattr(response, field.name)[index]
-                            for field in dataclasses.fields(response)})
+    some, index = _knots(response)
+    shape = tuple(int(part.max()) + 1 for part in index)
+    if shape != image.shape:
+        raise ValueError(f'the response is for an image of {shape}, this one has {image.shape}; '
+                         'expected that of the image')
     unit = {name: brightness(np.ones(some.amplitude.shape), some, constant, name)
             for name in QUANTITIES}
     told = image.radiometry
@@ -99,6 +98,16 @@ def radiometric(image: Image, layout: Layout, response: ImageResponse, constant:
             f'{fit.residual_db:.2g} dB: calibrate the image (sar_imaging.radiometry.calibrated) '
             'before it is written, then its factors are smooth; or write a smaller one')
     return Radiometric(factors, noise_db, fit.residual_db)
+
+
+def _knots(response: ImageResponse | KnotResponse) -> tuple[ImageResponse, tuple]:
+    """Response at some pixels, and their rows (K_y, 1) and columns (1, K_x)."""
+    if isinstance(response, KnotResponse):
+        return response.values, np.ix_(response.rows, response.columns)
+    index = np.ix_(*(np.unique(np.linspace(0, n - 1, min(n, _KNOTS)).round().astype(int))
+                     for n in response.amplitude.shape))
+    return ImageResponse(**{field.name: getattr(response, field.name)[index]
+                            for field in dataclasses.fields(response)}), index
 
 
 class _Fit:

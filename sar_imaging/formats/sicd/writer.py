@@ -9,7 +9,7 @@ import numpy as np
 
 from ...geometry.earth import Datum
 from ...imaging.image import Image
-from ...radiometry import ImageResponse, RadarConstant
+from ...radiometry import ImageResponse, KnotResponse, RadarConstant
 from ...signal.radar import SPEED_OF_LIGHT
 from ..acquisition import Acquisition
 from ..extras import require
@@ -24,7 +24,7 @@ _STATION = 'SARIMAGING'  # ten letters at most
 
 def write_sicd(path: os.PathLike | str, image: Image, datum: Datum, acquisition: Acquisition, *,
                pixel_type: str = pixels.FLOAT, classification: str = 'UNCLASSIFIED',
-               response: ImageResponse | None = None,
+               response: ImageResponse | KnotResponse | None = None,
                constant: RadarConstant | None = None) -> None:
     """Write an image as SICD 1.3, bistatic ones as 1.4 (NGA.STND.0024).
 
@@ -46,9 +46,9 @@ def write_sicd(path: os.PathLike | str, image: Image, datum: Datum, acquisition:
         ``'RE32F_IM32F'``, ``'RE16I_IM16I'`` or ``'AMP8I_PHS8I'``.
     classification : str
         Of the contents; its first letter goes to the NITF headers.
-    response, constant : ImageResponse and RadarConstant, optional
-        Response of the image (`sar_imaging.radiometry.image_response`) and constant of the radar:
-        the file then has scale factors by which its pixels become cross sections, beta, sigma and
+    response, constant : ImageResponse or KnotResponse, and RadarConstant, optional
+        Response of the image (`sar_imaging.radiometry`) and constant of the radar: the file then
+        has scale factors by which its pixels become cross sections, beta, sigma and
         gamma nought, whether the image is calibrated or not.
 
     Raises

@@ -14,10 +14,13 @@ from .sources import Source, SourceError
 _BLOCK_BYTES = 1e8  # of samples that are read for their pointing
 
 
-def lit_acquisition(source: Source) -> Acquisition:
-    """Acquisition of a source, with its antenna where the file tells one."""
+def lit_acquisition(source: Source, looks: Pointing | None = None) -> Acquisition:
+    """Acquisition of a source, with its antenna where the file tells one.
+
+    `looks` is what `pointing_of` said, where that was asked before.
+    """
     return dataclasses.replace(source.acquisition(), antenna=source.illumination,
-                               pointing=_by_time(source, pointing_of(source)))
+                               pointing=_by_time(source, looks or pointing_of(source)))
 
 
 def _by_time(source: Source, looks: Pointing | None) -> Pointing | None:

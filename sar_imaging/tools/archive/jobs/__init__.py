@@ -2,7 +2,7 @@
 
 - `job`, `reading`: what is to be made, from a YAML file;
 - `finding`: folders, globs, lists and STAC catalogues of recordings;
-- `scanning`, `footprint`, `scans`: what a recording tells: its apertures, or why it is lost;
+- `scanning`, `scans`: what a recording tells: its apertures, or why it is lost;
 - `apertures`, `prediction`: how one image is divided, and what its pieces take;
 - `division`, `plan`: all pieces of a job, and what they take together;
 - `pieces`: what one task computes, and what it tells when it is done;
@@ -12,7 +12,7 @@
 
 from .division import divide
 from .finding import find_recordings, with_datum
-from .job import IMAGE_FORMATS, SURFACES, Job, JobError, Products
+from .job import IMAGE_FORMATS, SURFACES, Brightness, Job, JobError, Products
 from .pieces import (
     ArchiveDataError,
     CoherencePiece,
@@ -35,9 +35,9 @@ from .windows import Window, union
 
 __all__ = [
     'IMAGE_FORMATS', 'SURFACES', 'ApertureScan', 'ArchiveDataError', 'ArchivePlan',
-    'ArchiveTooLargeError', 'CoherencePiece', 'Division', 'ImagePiece', 'Job', 'JobError',
-    'LooksPiece', 'Loss', 'MosaicPiece', 'Piece', 'PieceResult', 'ProductPiece', 'Products',
-    'RecordingScan', 'ScanPiece', 'StripPiece', 'SumPiece', 'Window', 'changed', 'divide',
-    'find_recordings', 'load_job', 'load_scan', 'load_scans', 'read_job', 'scan_piece',
+    'ArchiveTooLargeError', 'Brightness', 'CoherencePiece', 'Division', 'ImagePiece', 'Job',
+    'JobError', 'LooksPiece', 'Loss', 'MosaicPiece', 'Piece', 'PieceResult', 'ProductPiece',
+    'Products', 'RecordingScan', 'ScanPiece', 'StripPiece', 'SumPiece', 'Window', 'changed',
+    'divide', 'find_recordings', 'load_job', 'load_scan', 'load_scans', 'read_job', 'scan_piece',
     'scan_recording', 'union', 'with_datum', 'write_job', 'write_scan',
 ]

@@ -5,9 +5,11 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import math
 from pathlib import Path
 
 from sar_imaging.geometry.earth import Datum
+from sar_imaging.radiometry import RadarConstant
 
 IMAGE_FORMATS = ('geotiff', 'sicd')
 SURFACES = ('plane', 'ellipsoid')
@@ -40,6 +42,34 @@ class Products:
     strips: bool = False
     mosaic: bool = True
     coherence_window: int | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Brightness:
+    """What the squared magnitude of images is, and the radar constant that makes it so.
+
+    Attributes
+    ----------
+    quantity : str
+        One of `sar_imaging.radiometry.QUANTITIES`.
+    gain_m : float
+        Of the radar constant, metres times the unit of the samples.
+    noise_power : float or None
+        Of a sample of a range profile; None if not known.
+    window : str
+        Spectral window of range profiles in recordings; raw pulses are compressed without one.
+    """
+
+    quantity: str
+    gain_m: float
+    noise_power: float | None = None
+    window: str = 'none'
+
+    @property
+    def constant(self) -> RadarConstant:
+        """The radar constant."""
+        return RadarConstant(self.gain_m,
+                             math.nan if self.noise_power is None else self.noise_power)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,6 +114,8 @@ class Job:
         How often a piece is tried again after its worker died.
     datum_from : str
         Name of the recording that told the datum; empty where the job did, or none did.
+    radiometry : Brightness or None
+        Calibrated brightness of all images; None where they stay as they are formed.
     """
 
     recordings: tuple[str, ...]
@@ -103,10 +135,13 @@ class Job:
     checked_pixels: int = 20
     retries: int = 3
     datum_from: str = ''
+    radiometry: Brightness | None = None
 
     def deciding(self) -> dict:
         """What decides the bits of the results, as JSON holds it."""
         fields = dataclasses.asdict(self)
+        if self.radiometry is None:  # as of jobs that knew of none
+            del fields['radiometry']
         return {name: value for name, value in fields.items() if name not in _NOT_IN_BITS}
 
     def digest(self) -> str:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 
 from sar_imaging.backends import AUTO
 from sar_imaging.formats import MissingExtraError, require
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.imaging.methods import METHODS
+from sar_imaging.radiometry import QUANTITIES, RadarConstant
+from sar_imaging.signal.windows import parse_window
 
-from .job import IMAGE_FORMATS, SURFACES, Job, JobError, Products
+from .job import IMAGE_FORMATS, SURFACES, Brightness, Job, JobError, Products
 from .yaml_lines import Value, read_yaml
 
 #: Keys of a job file, and an example of each.
@@ -19,10 +22,12 @@ KEYS = {
     'datum': '{latitude_deg: 47.3, longitude_deg: 8.5, height_m: 430.0}',
     'area_m': '[-500.0, -200.0, 500.0, 3000.0]', 'height_m': '0.0', 'surface': 'plane',
     'crs': 'EPSG:32632', 'method': 'auto', 'target_db': '-60.0',
+    'radiometry': '{quantity: sigma0, constant_file: radar.yaml}',
     'products': '{mosaic: true, strips: true}', 'tile': '2048', 'memory_gb': '2.0',
     'longest_piece_s': '600', 'checked_pixels': '20', 'retries': '3'}
 NEEDED = ('recordings', 'output', 'spacing_m')
 PRODUCTS = {'images': '[geotiff]', 'strips': 'true', 'mosaic': 'true', 'coherence_window': '7'}
+RADIOMETRY = {'quantity': 'sigma0', 'constant_file': 'radar.yaml', 'window': 'none'}
 _DATUM = {'latitude_deg': '47.3', 'longitude_deg': '8.5', 'height_m': '430.0',
           'heading_deg': '0.0'}
 LEAST_GB = 0.6  # a worker takes half of it before it begins
@@ -159,6 +164,35 @@ def _area(value: Value) -> tuple[float, ...]:
     return corners
 
 
+def _radiometry(value: Value) -> Brightness:
+    remedy = f'write radiometry: {KEYS["radiometry"]}'
+    given = value.mapping(RADIOMETRY, remedy)
+    for name in ('quantity', 'constant_file'):
+        if name not in given:
+            raise value.error(f'a mapping with {name}', remedy)
+    quantity = given['quantity'].choice(tuple(QUANTITIES))
+    file = given['constant_file']
+    written = file.text('the file of a radar constant', 'write constant_file: radar.yaml')
+    try:
+        constant = RadarConstant.load(value.path.absolute().parent / Path(written).expanduser())
+    except (ValueError, RuntimeError) as error:
+        raise JobError(f'{value.path}, line {file.line}: {file.key}: '
+                       f'{" ".join(str(error).split())}') from error
+    noise = constant.noise_power
+    return Brightness(quantity, constant.gain, noise if math.isfinite(noise) else None,
+                      _window(given['window']) if 'window' in given else 'none')
+
+
+def _window(value: Value) -> str:
+    remedy = 'write for instance window: none'
+    text = value.text('the window of the range profiles', remedy)
+    try:
+        parse_window(text)
+    except ValueError as error:
+        raise JobError(f'{value.path}, line {value.line}: {value.key}: {error}') from error
+    return text
+
+
 def _crs(value: Value) -> str:
     expected, remedy = 'a map projection that PROJ knows', f'write for instance crs: {KEYS["crs"]}'
     text = value.text(expected, remedy)
@@ -203,7 +237,7 @@ def _tile(value: Value) -> int:
 
 _READERS = {
     'recordings': _recordings, 'output': _output, 'datum': _datum, 'area_m': _area, 'crs': _crs,
-    'products': _products, 'tile': _tile,
+    'products': _products, 'radiometry': _radiometry, 'tile': _tile,
     'spacing_m': lambda v: v.number(1e-4, 1e4, 'metres', '0.25'),
     'height_m': lambda v: v.number(-12_000, 10_000, 'metres', '0.0'),
     'surface': lambda v: v.choice(SURFACES),

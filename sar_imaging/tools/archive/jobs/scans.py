@@ -9,10 +9,20 @@ import numpy as np
 
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.illumination import AntennaPattern, Pointing
+from sar_imaging.imaging.radiometry import Radiometry
+from sar_imaging.radiometry import BrightnessScale
 from sar_imaging.signal.radar import RadarParameters
 
 from .antennas import antenna_of_arrays
 from .windows import Window
+
+_SCALE = 'scale_root', 'scale_rows', 'scale_columns'
+
+
+def scale_arrays(scale: BrightnessScale | None) -> dict[str, np.ndarray]:
+    """A scale as arrays of a file, to the bit; none where there is none."""
+    return {} if scale is None else dict(zip(_SCALE, (scale.root, scale.rows, scale.columns),
+                                             strict=True))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -126,6 +136,8 @@ class ApertureScan:
         File of its phase centres below the output folder: ``'scans/NAME.npz'``.
     warnings : tuple of str
         What a person should know.
+    radiometry : Radiometry or None
+        What the squared magnitude of its image is, where the job wants calibrated brightness.
     """
 
     name: str
@@ -150,6 +162,7 @@ class ApertureScan:
     division: Division
     centres: str
     warnings: tuple[str, ...] = ()
+    radiometry: Radiometry | None = None
 
     def message_times(self, output: Path) -> np.ndarray:
         """(P,) int64 times at which messages with the pulses were recorded; none of CPHD."""
@@ -160,6 +173,13 @@ class ApertureScan:
         """Pattern and pointing of the antenna in the map's frame; None where nobody tells."""
         with np.load(output / self.centres) as file:
             return antenna_of_arrays(file)
+
+    def brightness_scale(self, output: Path) -> BrightnessScale | None:
+        """What samples of its image are multiplied by; None where they stay as they are."""
+        if self.radiometry is None:
+            return None
+        with np.load(output / self.centres) as file:
+            return BrightnessScale(*(file[name] for name in _SCALE), self.radiometry)
 
     def phase_centres(self, output: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Counters (P,), times (P,) ns, and phase centres tx and rx (P, C, 3) in the map's frame.

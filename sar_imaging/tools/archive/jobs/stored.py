@@ -11,9 +11,10 @@ from pathlib import Path
 
 import sar_imaging
 from sar_imaging.geometry.earth import Datum
+from sar_imaging.imaging.radiometry import Radiometry
 from sar_imaging.signal.radar import RadarParameters, Waveform
 
-from .job import Job, JobError, Products
+from .job import Brightness, Job, JobError, Products
 from .scans import ApertureScan, Division, Loss, RecordingScan
 from .windows import Window
 
@@ -81,11 +82,12 @@ def load_job(output: Path) -> Job:
     try:
         fields = json.loads(path.read_text())['job']
         datum, area = fields['datum'], fields['area_m']
-        products = fields['products']
+        products, scaled = fields['products'], fields.get('radiometry')
         return Job(**fields | {
             'recordings': tuple(fields['recordings']), 'output': Path(output),
             'datum': None if datum is None else Datum(**datum),
             'area_m': None if area is None else tuple(area),
+            'radiometry': scaled and Brightness(**scaled),
             'products': Products(**products | {'images': tuple(products['images'])})})
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise JobError(f'{path} holds no job of an archive ({error}); expected the output folder '
@@ -125,6 +127,7 @@ def load_scans(output: Path) -> list[RecordingScan]:
 
 def _aperture(fields: dict) -> ApertureScan:
     radar, division, datum = fields['radar'], fields['division'], fields['datum']
+    scaled = fields.get('radiometry')
     return ApertureScan(**fields | {
         'path': Path(fields['path']),
         'radar': RadarParameters(**radar | {'waveform': Waveform(radar['waveform'])}),
@@ -132,6 +135,7 @@ def _aperture(fields: dict) -> ApertureScan:
         'centre_m': tuple(fields['centre_m']),
         'footprint_m': tuple(map(tuple, fields['footprint_m'])),
         'window': Window(**fields['window']), 'warnings': tuple(fields['warnings']),
+        'radiometry': scaled and Radiometry(**scaled),
         'division': Division(**division | {
             'windows': tuple(Window(**w) for w in division['windows']),
             'pulses': tuple(map(tuple, division['pulses']))})})

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numba import get_num_threads, set_num_threads
 
+from sar_imaging.formats.tags import told_of
 from sar_imaging.geometry.illumination import AntennaPattern
 from sar_imaging.imaging.correlation import correlate_profiles
 from sar_imaging.imaging.image import Image, Report
@@ -25,6 +26,7 @@ from sar_imaging.imaging.imager import plan_image
 from sar_imaging.imaging.methods import EXACT
 from sar_imaging.memory import granting
 from sar_imaging.planning.costs import DEFAULT, using
+from sar_imaging.radiometry import BrightnessScale
 from sar_imaging.signal.pulses import PulseBlock
 
 from ..jobs import ImagePiece, Job, PieceResult, SumPiece, Window
@@ -36,6 +38,7 @@ from .surface import window_grid
 
 _FIGURES, _APERTURE = 'figures', 'aperture.json'
 _AT_ONCE = 1 << 22  # pixels whose energy is summed at a time
+_ROWS_AT_ONCE = 64  # that are scaled
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -170,12 +173,29 @@ def _array(piece: ImagePiece | SumPiece, job: Job, output: Path, partial: str) -
 
 def _store(piece: ImagePiece | SumPiece, job: Job, output: Path, samples: np.ndarray,
            checked: Checked, figures: dict) -> None:
-    """Write samples, and then what is known of them, which says that they are complete."""
+    """Write samples, and then what is known of them, which says that they are complete.
+
+    Samples of a whole image are scaled to the brightness that the job wants, in place.
+    """
     array = _array(piece, job, output, piece.partial)
     whole = piece.window if piece.partial else piece.scan.window
     _create(array, piece, job)
+    scale = _scale(piece, output)
+    for first in range(0, len(samples) if scale else 0, _ROWS_AT_ONCE):
+        rows = slice(first, first + _ROWS_AT_ONCE)
+        samples[rows] *= scale.factors(*_rows(piece.window, rows).within(piece.scan.window))
     array.write(piece.window, samples, whole)
     _finish(piece, output, checked, figures)
+
+
+def _scale(piece: ImagePiece | SumPiece, output: Path) -> BrightnessScale | None:
+    """Scale of what a piece writes; None of partial images, whose sum is scaled."""
+    return None if piece.partial else piece.scan.brightness_scale(output)
+
+
+def _rows(window: Window, rows: slice) -> Window:
+    first, last, _ = rows.indices(window.shape[0])
+    return dataclasses.replace(window, row0=window.row0 + first, row1=window.row0 + last)
 
 
 def _create(array: TiledArray, piece: ImagePiece | SumPiece, job: Job) -> None:
@@ -183,7 +203,8 @@ def _create(array: TiledArray, piece: ImagePiece | SumPiece, job: Job) -> None:
     array.create(np.complex64, 0, attributes={
         'window': list((piece.window if piece.partial else scan.window).as_tuple),
         'spacing_m': job.spacing_m, 'recording': scan.recording, 'pulses': scan.n_pulses,
-        'carrier_hz': scan.radar.carrier_hz})
+        'carrier_hz': scan.radar.carrier_hz} | (
+            {} if piece.partial else told_of(scan.radiometry)))
 
 
 def _finish(piece: ImagePiece | SumPiece, output: Path, checked: Checked, figures: dict) -> None:
@@ -270,14 +291,17 @@ def _summed(piece: SumPiece, parts: list[TiledArray], job: Job, output: Path) ->
     array = _array(piece, job, output, piece.partial)
     whole = piece.window if piece.partial else piece.scan.window
     _create(array, piece, job)
+    scale = _scale(piece, output)
     values = np.empty(len(checked.index), np.complex64)
     energy, n_pixels = 0.0, 0
     for window in _rows_of_tiles(piece.window, job.tile):
         samples = parts[0].read(window) + parts[1].read(window)
-        array.write(window, samples, whole)
         more, n = _energy(samples)
         energy, n_pixels = energy + more, n_pixels + n
         _pick(values, checked.index, samples, window, piece.window)
+        if scale is not None:
+            samples *= scale.factors(*window.within(piece.scan.window))
+        array.write(window, samples, whole)
     missed = np.abs(values - checked.reference)[checked.covered] ** 2
     predicted = [f['predicted_error_db'] for f in known]
     figures = {

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import datetime
 import json
+import math
 import os
 import time
 from collections.abc import Iterable, Iterator, Mapping
@@ -26,6 +27,7 @@ from sar_imaging.formats.stac import (
     footprint,
     projection,
 )
+from sar_imaging.imaging.radiometry import Radiometry
 
 from ..jobs import ApertureScan, Job, PieceResult, ProductPiece, load_scans
 from ..jobs.stored import write_text
@@ -97,6 +99,15 @@ def _text(moment: datetime.datetime) -> str:
     return moment.isoformat().replace('+00:00', 'Z')
 
 
+def _brightness(told: Radiometry | None) -> dict[str, object]:
+    """What the squared magnitude of an image is; nothing where it is not calibrated."""
+    if told is None:
+        return {}
+    noise = told.noise_equivalent_db
+    return {f'{_OUR}quantity': told.quantity, f'{_OUR}incidence_deg': told.incidence_deg,
+            f'{_OUR}noise_equivalent_db': noise if math.isfinite(noise) else None}
+
+
 class _Items:
     """Makes items of a job."""
 
@@ -153,6 +164,7 @@ class _Items:
             f'{_OUR}predicted_error_db': max(predicted, default=None),
             f'{_OUR}measured_error_db': error_db(figures),
             f'{_OUR}checked_pixels': sum(f['n_checked'] for f in figures),
+            **_brightness(scan.radiometry),
             f'{_OUR}complete_pieces': [len(figures), len(scan.division.windows)],
             f'{_OUR}warnings': list(dict.fromkeys(
                 [*scan.warnings, *(text for f in figures for text in f['warnings'])]))})

@@ -39,7 +39,8 @@ def looks_arrays(piece: LooksPiece, job: Job,
         arrays = stored_looks(output, '', piece.mosaic, job.tile)
     else:
         arrays = stored_looks(output, piece.recording, piece.strip, job.tile)
-    told = {'spacing_m': job.spacing_m}
+    told = {'spacing_m': job.spacing_m, **(
+        {} if job.radiometry is None else {'quantity': job.radiometry.quantity})}
     arrays[0].create(np.float32, float('nan'), attributes=told)
     arrays[1].create(np.uint16, 0, attributes=told)
     return arrays
@@ -59,7 +60,7 @@ def mean_power(names: Sequence[str], tile: Window, job: Job,
     Returns
     -------
     power : (rows, columns) float32
-        Mean of ``|f|^2``; NaN without a look.
+        Mean of ``|f|^2``, the brightness that the job wants; NaN without a look.
     looks : (rows, columns) uint16
         Number of images in it.
     missing : list of str

@@ -15,7 +15,7 @@ import numpy as np
 
 from sar_imaging.imaging.correlation import correlate_profiles
 
-from ..jobs import Job, Window, load_job, union
+from ..jobs import ApertureScan, Job, Window, load_job, union
 from .catalogue import all_scans
 from .looks import inside, stored_looks
 from .pulses import AperturePulses
@@ -116,9 +116,20 @@ def check_mosaic(output: Path, n_pixels: int = 100, *, seed: int = 0,
         for block in pulses.profiles(_BLOCK_BYTES):
             values += correlate_profiles(block, points[covered],
                                          illumination=pulses.illumination)[0]
+        values *= _factors(scan, output, row[covered], column[covered])
         total[covered] += np.abs(values) ** 2
         counted[covered] += values != 0  # what no pulse lights counts no look
     return PixelCheck(row, column, power, total / np.maximum(counted, 1), looks, counted)
+
+
+def _factors(scan: ApertureScan, output: Path, rows, columns) -> np.ndarray | float:
+    """(K,) scale of some pixels to the brightness that the job wants."""
+    scale = scan.brightness_scale(output)
+    if scale is None:
+        return 1.0
+    pixels = (Window(row, row + 1, column, column + 1).within(scan.window)
+              for row, column in zip(rows, columns, strict=True))
+    return np.array([scale.factors(*pixel)[0, 0] for pixel in pixels])
 
 
 def _points(row: np.ndarray, column: np.ndarray, mosaic: Window, job: Job) -> np.ndarray:

@@ -12,6 +12,8 @@ import sar_imaging
 from sar_imaging.formats.decibels import decibels
 from sar_imaging.formats.georeference import Georeference, georeference
 from sar_imaging.formats.raster import write_large_cog
+from sar_imaging.formats.tags import told_of
+from sar_imaging.radiometry import QUANTITIES
 
 from ..jobs import ArchiveDataError, Job, PieceResult, ProductPiece, Window
 from .aperture_images import StoredImage
@@ -41,7 +43,8 @@ def write_rasters(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
                         _windows(array, window, values), place, tags={
                             'SAR_IMAGING_VERSION': sar_imaging.__version__,
                             'PLACE_ERROR_M': f'{place.error_m:.2g}',
-                            'SPACING_M': f'{job.spacing_m:g}'}, **options)
+                            'SPACING_M': f'{job.spacing_m:g}'} | options.pop('tags', {}),
+                        **options)
         files.append(name)
     return PieceResult(piece.key, time.perf_counter() - start, files=tuple(files),
                        found={'place_error_m': place.error_m, 'crs': place.crs.name})
@@ -80,15 +83,20 @@ def _image(piece: ProductPiece, job: Job, output: Path) -> list[tuple]:
     if image is None or not image.complete(output, scan.window):
         raise ArchiveDataError(f'the image of {scan.name} is not complete')
     array = image_array(output, scan.name, scan.window, job.tile)
+    quantity = 'amplitude' if job.radiometry is None else job.radiometry.quantity
     return [(f'images/{scan.name}.tif', array,
-             {'dtype': np.float32, 'name': 'amplitude, dB', 'nodata': float('nan')}, decibels)]
+             {'dtype': np.float32, 'name': f'{quantity}, dB', 'nodata': float('nan'),
+              'tags': told_of(scan.radiometry)}, decibels)]
 
 
 def _looks(piece: ProductPiece, job: Job, output: Path) -> list[tuple]:
     power, looks = stored_looks(output, piece.subject, piece.extent.on_tiles(job.tile), job.tile)
     name = f'strips/{piece.subject}' if piece.subject else 'mosaic'
-    return [(f'{name}.tif', power, {'dtype': np.float32, 'name': 'mean power',
-                                    'nodata': float('nan')}, np.asarray),
+    quantity = 'power' if job.radiometry is None else job.radiometry.quantity
+    tags = {} if job.radiometry is None else {
+        'QUANTITY': quantity, 'QUANTITY_MEANING': QUANTITIES[quantity]}
+    return [(f'{name}.tif', power, {'dtype': np.float32, 'name': f'mean {quantity}',
+                                    'nodata': float('nan'), 'tags': tags}, np.asarray),
             (f'{name}_looks.tif', looks, {'dtype': np.uint16, 'name': 'looks'}, np.asarray)]
 
 

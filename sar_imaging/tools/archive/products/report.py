@@ -45,7 +45,7 @@ def write_archive_report(output: Path, job: Job, losses: Sequence[Loss] = ()) ->
     mosaic = union(s.window for s in scans) if scans else None
     if mosaic is not None and _power(output, mosaic, job).exists:
         draw_mosaic(output, mosaic, job, incomplete)
-        files, pictures = [PICTURE], {output / PICTURE: 'Mosaic, mean power in decibels; '
+        files, pictures = [PICTURE], {output / PICTURE: 'Mosaic, mean in decibels; '
                                       'hatched: apertures that are lost'}
     sections = [
         Section('Mosaic', pictures, _map_rows(job, mosaic)),
@@ -72,6 +72,8 @@ def _map_rows(job: Job, mosaic: Window | None) -> dict[str, str]:
             if datum is None else
             f'{datum.latitude_deg:.6f}\N{DEGREE SIGN}, {datum.longitude_deg:.6f}\N{DEGREE SIGN}, '
             f'{datum.height_m:.1f} m above WGS 84 (origin of the frame)'}
+    if job.radiometry is not None:
+        rows['brightness'] = f'{job.radiometry.quantity}, gain {job.radiometry.gain_m:g} m'
     return rows | {'surface': job.surface, 'software': f'sar_imaging {sar_imaging.__version__}'}
 
 
@@ -121,7 +123,9 @@ def draw_mosaic(output: Path, mosaic: Window, job: Job,
                 vmin=black, vmax=white, extent=extent, interpolation='nearest')
     for scan in lost:
         axes.add_patch(Polygon(scan.footprint_m, fill=False, hatch='//', color='#e04040'))
-    axes.set(xlabel='x (m)', ylabel='y (m)', title=f'mean power, {black:.0f} to {white:.0f} dB')
+    quantity = 'power' if job.radiometry is None else job.radiometry.quantity
+    axes.set(xlabel='x (m)', ylabel='y (m)',
+             title=f'mean {quantity}, {black:.0f} to {white:.0f} dB')
     part = output / f'.{PICTURE}.part'
     try:
         figure.savefig(part, format='png', dpi=120)

@@ -3,11 +3,12 @@
 import dataclasses
 import re
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from sar_imaging.geometry.earth import Datum
-from sar_imaging.tools.archive.jobs import Job, JobError, Products, changed, read_job
+from sar_imaging.tools.archive.jobs import Brightness, Job, JobError, Products, changed, read_job
 from sar_imaging.tools.archive.jobs.stored import load_job, write_job
 
 THREE = 'recordings: flights/*\noutput: survey\nspacing_m: 0.25\n'
@@ -126,13 +127,44 @@ def test_every_key_is_read(job_file, tmp_path):
         (str(tmp_path / 'flights/2025'), '/data/catalog.json'), tmp_path / 'survey', 0.25,
         Datum(47.3, 8.5, 430.0, 10.0), (-500.0, -200.0, 500.0, 3000.0), 1.5, 'plane', None,
         'exact', -50.0, Products(('geotiff', 'sicd'), True, False, 7), 512, 1.5e9, 60.0, 10, 1)
-    for field in dataclasses.fields(Job):  # each of them was given, but for the projection
-        if field.name not in ('crs', 'datum_from') and field.default is not dataclasses.MISSING:
+    for field in dataclasses.fields(Job):  # each was given, but for some
+        if field.name in ('crs', 'datum_from', 'radiometry'):
+            continue
+        if field.default is not dataclasses.MISSING:
             assert getattr(job, field.name) != field.default or field.name == 'surface', field.name
     job.output.mkdir()
     write_job(job)
     assert load_job(job.output) == job
     assert load_job(job.output).digest() == job.digest()
+
+
+def test_a_radar_constant_is_read_with_the_job(job_file, tmp_path):
+    """Workers elsewhere need no file, and another constant makes other bits."""
+    constant = tmp_path / 'radar.yaml'
+    constant.write_text('gain_m: 250.0\n')
+    text = f'{THREE}radiometry: {{quantity: sigma0, constant_file: radar.yaml}}\n'
+    job = read_job(job_file(text))
+    assert job.radiometry == Brightness('sigma0', 250.0)
+    assert np.isnan(job.radiometry.constant.noise_power)
+    constant.write_text('gain_m: 260.0\nnoise_power: 0.5\n')
+    other = read_job(job_file(text.replace('.yaml}', '.yaml, window: hamming}')))
+    assert other.radiometry == Brightness('sigma0', 260.0, 0.5, 'hamming')
+    assert len({job.digest(), other.digest(), read_job(job_file(THREE)).digest()}) == 3
+    for one in (job, other):
+        one.output.mkdir(exist_ok=True)
+        write_job(one)
+        assert load_job(one.output) == one
+
+
+@pytest.mark.parametrize(('told', 'message'), [
+    ('{quantity: sigma0}', 'a mapping with constant_file; write radiometry: {quantity'),
+    ('{quantity: sigma, constant_file: radar.yaml}', 'expected one of rcs, beta0, .*write sigma0'),
+    ('{quantity: rcs, constant_file: none.yaml}', 'constant_file: .* is no file of a radar'),
+    ('{quantity: rcs, constant_file: radar.yaml, window: hat}', 'radiometry.window: .*hat')])
+def test_wrong_brightness_is_explained(job_file, tmp_path, told, message):
+    (tmp_path / 'radar.yaml').write_text('gain_m: 250.0\n')
+    with pytest.raises(JobError, match=f'line 4: .*{message}'):
+        read_job(job_file(f'{THREE}radiometry: {told}\n'))
 
 
 @pytest.mark.parametrize(('told', 'crs'), [('EPSG:32632', 'EPSG:32632'), ('25832', 'EPSG:25832'),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -12,20 +13,20 @@ from sar_imaging.configuration.scene_grid import Coverage
 from sar_imaging.formats import MissingExtraError
 from sar_imaging.formats.cphd import CphdError
 from sar_imaging.geometry.earth import Datum
-from sar_imaging.geometry.illumination import Pointing
 
-from ...exchange.kinds import UnknownKindError
-from ...products.antenna import pointing_of
-from ...products.sources import Source, SourceError, open_apertures
-from ...recordings.bag_io import BagError
-from .antennas import antenna_arrays, turned
-from .apertures import UndividableError, divide_aperture
+from ....exchange.kinds import UnknownKindError
+from ....products.antenna import pointing_of
+from ....products.sources import Source, SourceError, open_apertures
+from ....recordings.bag_io import BagError
+from ..antennas import antenna_arrays, turned
+from ..apertures import UndividableError, divide_aperture
+from ..job import Job
+from ..pieces import ArchiveDataError, PieceResult, ScanPiece
+from ..prediction import Pulses
+from ..scans import ApertureScan, Loss, RecordingScan, scale_arrays
+from ..stored import SCANS, bring_to_disk, part_of, scan_file, write_scan
+from .brightness import brightness_scale
 from .footprint import OutOfSightError, footprint, moved
-from .job import Job
-from .pieces import ArchiveDataError, PieceResult, ScanPiece
-from .prediction import Pulses
-from .scans import ApertureScan, Loss, RecordingScan
-from .stored import SCANS, bring_to_disk, part_of, scan_file, write_scan
 
 _LEAST_SHARE = 0.5  # of the pulses of an aperture
 _SUMMED_BYTES = 2**16  # at either end of a file
@@ -144,12 +145,14 @@ def _aperture(source: Source, name: str, recording: str, job: Job, output: Path,
     coverage = Coverage(radar, n_samples, tx_m, rx_m)
     seen = footprint(source, coverage, job, alone=alone)
     looks = turned(pointing_of(source), own, job.datum)
-    division = divide_aperture(job, Pulses(radar, n_samples, tx_m, rx_m, raw,
-                                           source.illumination, looks), seen.window)
+    pulses = Pulses(radar, n_samples, tx_m, rx_m, raw, source.illumination, looks)
+    division = divide_aperture(job, pulses, seen.window)
+    scale = brightness_scale(job, pulses, seen.window)
     middle = seen.window.grid(job.spacing_m, job.height_m).centre_m
     warnings += _drop_warning(job, middle)
     centres = f'{SCANS}/{name}.npz'
-    _write_centres(output / centres, source, tx_m, rx_m, looks)
+    _write_centres(output / centres, source, tx_m, rx_m,
+                   antenna_arrays(source.illumination, looks) | scale_arrays(scale))
     stamps = source.stamp_ns
     return ApertureScan(
         name=name, path=source.path.absolute(), recording=recording, aperture=source.aperture,
@@ -160,7 +163,7 @@ def _aperture(source: Source, name: str, recording: str, job: Job, output: Path,
         centre_m=tuple(coverage.centres_m.mean(axis=(0, 1)).tolist()),
         range_m=float(np.median(np.linalg.norm(coverage.centres_m - middle, axis=-1))),
         reads_bytes=source.n_bytes, division=division, centres=centres,
-        warnings=tuple(warnings))
+        warnings=tuple(warnings), radiometry=scale and scale.radiometry)
 
 
 def _own_datum(source: Source, job: Job, warnings: list[str]) -> Datum | None:
@@ -201,15 +204,15 @@ def _drop_warning(job: Job, middle) -> list[str]:
 
 
 def _write_centres(path: Path, source: Source, tx_m: np.ndarray, rx_m: np.ndarray,
-                   looks: Pointing | None) -> None:
-    """Write counters, times, phase centres and antenna in the map's frame, all or nothing."""
+                   more: Mapping[str, np.ndarray]) -> None:
+    """Write counters, times, phase centres and more in the map's frame, all or nothing."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = part_of(path)
     times = np.zeros(0, np.int64) if source.message_ns is None else source.message_ns
     try:
         with open(part, 'wb') as file:
             np.savez(file, counter=source.counter, stamp_ns=source.stamp_ns, tx_m=tx_m,
-                     rx_m=rx_m, message_ns=times, **antenna_arrays(source.illumination, looks))
+                     rx_m=rx_m, message_ns=times, **more)
         bring_to_disk(part)
         part.replace(path)
     finally:

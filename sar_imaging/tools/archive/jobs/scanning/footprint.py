@@ -10,10 +10,10 @@ from scipy.spatial import ConvexHull, QhullError
 from sar_imaging.configuration.scene_grid import Coverage
 from sar_imaging.geometry.earth import Datum
 
-from ...products.sources import Source
-from .job import Job
-from .prediction import surface_points
-from .windows import Window
+from ....products.sources import Source
+from ..job import Job
+from ..prediction import surface_points
+from ..windows import Window
 
 _FINE, _COARSE = 257, 33  # places along either side: of the area, and at which coverage is asked
 _EDGE = 1e-6  # of the sides of an area, within which a place is on its edge
