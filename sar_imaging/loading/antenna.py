@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from .description import DescriptionError, Section
 
 OUTWARD = 'outward'  # along the arm of positions.arc
 _FIELDS = tuple(f.name for f in dataclasses.fields(Antenna))
+# What a kind cannot do without, beside what has a usual value.
+_NEEDS = {'platform': '', 'track': 'side', 'point': 'target_m', 'rotation': 'rate_deg_per_s'}
 KEYS = (*_FIELDS, 'pointing')
 
 
@@ -27,7 +29,12 @@ def read_antenna(section: Section) -> tuple[Antenna, Mount | str]:
     try:
         antenna = Antenna.from_dict({name: section.raw(name) for name in _FIELDS
                                      if name in section})
-        pointing = section.raw('pointing')
+        pointing = section.raw('pointing', meaning=f'{OUTWARD}, or a kind, one of '
+                               f'{", ".join(_NEEDS)}')
+        if isinstance(pointing, Mapping):
+            lacking = _NEEDS.get(pointing.get('kind'))
+            if lacking and lacking not in pointing:
+                raise section.error('pointing', f'{lacking} of the kind {pointing["kind"]}')
         mount = pointing if pointing == OUTWARD else Mount.from_dict(pointing)
     except DescriptionError:
         raise

@@ -87,12 +87,13 @@ class Section:
         merged = {**values, **self._values}
         return Section(merged, self._name, tuple(merged), self._origin, self._variable)
 
-    def raw(self, key: str, default=_REQUIRED):
+    def raw(self, key: str, default=_REQUIRED, meaning: str = ''):
         """Value as YAML has it."""
         if key in self._values:
             return self._values[key]
         if default is _REQUIRED:
-            raise DescriptionError(f'{self._origin}: {self._path(key)} is missing; add it')
+            raise DescriptionError(f'{self._origin}: {self._path(key)} is missing; add it'
+                                   + (f': {meaning}' if meaning else ''))
         return default
 
     def error(self, key: str, expected: str, advice: str = '') -> DescriptionError:
@@ -112,9 +113,9 @@ class Section:
 
     def choice(self, key: str, options, default=_REQUIRED) -> str:
         """One of some words."""
-        value = self.raw(key, default)
+        value = self.raw(key, default, f'one of {", ".join(options)}')
         if value is not default and value not in options:
-            close = difflib.get_close_matches(str(value), options, 1)
+            close = difflib.get_close_matches(str(value).lower(), options, 1, 0.7)
             raise self.error(key, f'one of {", ".join(options)}',
                              f'did you mean {close[0]}?' if close else '')
         return value
@@ -132,9 +133,7 @@ class Section:
         if value is default:
             return value
         if isinstance(value, str) and _number(value) is None:
-            if self._variable is None:
-                raise self.error(key, 'numbers')
-            value = self._variable(value)
+            value = self._stored(key, value)
         try:
             # YAML takes 1e-9 for a text (1.0e-9 is a number); people write both.
             out = np.array(value, np.float64)
@@ -143,6 +142,18 @@ class Section:
         if not np.isfinite(out).all():
             raise self.error(key, 'finite numbers')
         return out
+
+    def _stored(self, key: str, name: str) -> np.ndarray:
+        """Variable that stands in place of numbers."""
+        with_unit = name[:1] in '+-.0123456789'
+        advice = 'write the number alone, in the unit that the key names' if with_unit else ''
+        if self._variable is None or with_unit:
+            raise self.error(key, 'numbers', advice)
+        try:
+            return self._variable(name)
+        except DescriptionError as error:
+            raise self.error(key, 'numbers, or the name of a variable that holds them',
+                             str(error)) from error
 
     def number(self, key: str, default=_REQUIRED) -> float:
         """One number."""
@@ -169,8 +180,8 @@ class Section:
             return value
         out = np.atleast_2d(value)
         if out.ndim != 2 or out.shape[1] != size or not len(out):
-            raise self.error(key, f'[{", ".join("xyz"[:size])}] or a list of these',
-                             f'its shape is {value.shape}')
+            raise self.error(key, '[x, y, z] or a list of these' if size == 3
+                             else f'{size} numbers', f'its shape is {value.shape}')
         return out
 
     def vector(self, key: str, default=_REQUIRED, *, size: int = 3) -> np.ndarray:
@@ -225,7 +236,7 @@ def read_description(path: Path | str, changes: Mapping[str, object] | None = No
     """
     try:
         check_file(path, MOST_BYTES)
-        tree = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+        tree = yaml.load(Path(path).read_text(encoding='utf-8'), _Loader)
     except yaml.YAMLError as error:
         mark = getattr(error, 'problem_mark', None)
         where = '' if mark is None else f' in line {mark.line + 1}'
@@ -238,6 +249,20 @@ def read_description(path: Path | str, changes: Mapping[str, object] | None = No
     for key, value in (changes or {}).items():
         _change(tree, key, value)
     return Section(tree, '', SECTIONS, Path(path).name)
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML that refuses a key that is given twice, of which PyYAML would keep the last."""
+
+    def construct_mapping(self, node, deep=False):
+        """Mapping of a node; see `yaml.SafeLoader`."""
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for i, key in enumerate(keys):
+            if key in keys[:i]:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f'the key {key} is given twice; keep one of them',
+                    node.value[i][0].start_mark)
+        return super().construct_mapping(node, deep)
 
 
 def _change(tree, path: str, value) -> None:

@@ -111,7 +111,7 @@ class FrameConverter:
         self._frames = top.section('frames', KEYS)
         self._frames.choice('stamp', STAMPS, None)
         self._conjugate, self._scale = (self._samples.flag('conjugate'),
-                                        self._samples.number('scale', 1.0))
+                                        samples_section.read_scale(self._samples))
         self._told: dict[str, float] = {}
         self._setup: tuple | None = None
         self._clock: FrameClock | None = None

@@ -26,21 +26,18 @@ from . import (
     tracks,
     virtual_array,
 )
-from .data_files import DataFiles, check_memory, find_files
 from .description import DescriptionError, Section, read_description
+from .files.data_files import DataFiles, check_memory, find_files
+from .fit import poses_around, told_of_poses
 from .frames import ALIGNMENT_KEYS, FrameConverter, convert_all
 from .poses import PoseTable, read_poses
 from .scene import Scene, read_scene
 from .shipped import find_description
 from .virtual_array import VirtualArray, calibration_weights, read_array
 
-POSES_AROUND_NS = 3_000_000_000  # kept before the first and after the last pulse
 _OF_MESSAGES = 4  # bytes of samples for each byte of messages: complex64 of int16 and a copy
 _LOCATED = 1024  # pulses whose phase centres are computed at once
 _REAL = (Waveform.PASSBAND, Waveform.FMCW_REAL)
-_AT_REST_M_PER_S = 0.02
-_STEP_S = 0.25  # between places whose distance tells motion from the jitter of motion capture
-_MOST_AT_REST = 0.2  # share of the pulses
 
 
 @dataclasses.dataclass(frozen=True)
@@ -161,7 +158,7 @@ def load(description: Path | str, data: Path | str | None = None, *,
     else:
         every = DataFiles(files)
         top = top.with_variables(every.same)
-        pulses, array, shape = _read_pulses(top, section, every)
+        pulses, array, shape = _read_pulses(top, section, folder, every)
     poses, position_m = None, None
     if ('poses' in top) == ('positions' in top):
         raise top.error('positions', 'either positions or poses, to say where the radar was')
@@ -184,8 +181,8 @@ def load(description: Path | str, data: Path | str | None = None, *,
         block = _at_positions(pulses, position_m[used], alignment, array)
         block, antenna = _lit(top, _dated(block))
         return Loaded(*told, block, None, None, scene, warnings, antenna)
-    poses = _around(poses, pulses, alignment)
-    warnings += _motion(pulses, poses, alignment)
+    poses = poses_around(poses, pulses, alignment)
+    warnings += told_of_poses(pulses, poses, alignment)
     if times.is_relative(pulses.stamp_ns, poses.time_ns):
         pulses = _dated(pulses)
         poses = dataclasses.replace(poses, time_ns=poses.time_ns + times.EPOCH_NS)
@@ -232,7 +229,14 @@ def _find(top: Section, description: Path, data: Path | str | None
     return section, place, find_files(place, section.text('file'), 'samples.file')
 
 
-def _read_pulses(top: Section, section: Section, data: DataFiles
+def _own_file(section: Section, name: str, folder: Path, data: DataFiles) -> DataFiles:
+    """Files of a part that names its own, otherwise those of the samples."""
+    if 'file' not in section:
+        return data
+    return DataFiles(find_files(folder, section.text('file'), f'{name}.file'))
+
+
+def _read_pulses(top: Section, section: Section, folder: Path, data: DataFiles
                  ) -> tuple[PulseBlock, VirtualArray, tuple[int, ...]]:
     """All pulses with the radar's own times, their array, and axes that count them."""
     values, shape, n_receivers = samples.read_samples(section, data)
@@ -244,8 +248,9 @@ def _read_pulses(top: Section, section: Section, data: DataFiles
                             f'{radar.waveform.name.lower()}', 'real samples are of fmcw_real and '
                             'passband')
     array = read_array(top.section('array', virtual_array.KEYS), values.shape[1], n_receivers)
-    time_ns, counter = times.read_times(top.section('times', times.KEYS), len(values),
-                                        data.joined)
+    clock = top.section('times', times.KEYS)
+    stored = _own_file(clock, 'times', folder, data)
+    time_ns, counter = times.read_times(clock, len(values), stored.joined)
     return PulseBlock(radar, compressed, time_ns, counter, values), array, shape
 
 
@@ -269,9 +274,8 @@ def _read_positions(top: Section, folder: Path, data: DataFiles, shape: tuple[in
                     pulses: PulseBlock) -> tuple[np.ndarray, PulseBlock]:
     """(P, 3) positions, and the pulses referenced to one range."""
     section = top.section('positions', tracks.KEYS)
-    if 'file' in section:
-        data = DataFiles(find_files(folder, section.text('file'), 'positions.file'))
-    position_m = tracks.read_positions(section, shape, data)
+    position_m = tracks.read_positions(section, shape,
+                                       _own_file(section, 'positions', folder, data))
     keys = top.section('radar', radar_section.KEYS)
     values, radar = radar_section.reference_to_one_range(
         keys, data.joined, pulses.radar, pulses.samples, position_m)
@@ -323,26 +327,13 @@ def _at_positions(pulses: PulseBlock, position_m: np.ndarray, alignment: Alignme
     return move_channels(block, np.gradient(position_m, time_s, axis=0), array.schedule)
 
 
-def _around(poses: PoseTable, pulses: PulseBlock, alignment: Alignment) -> PoseTable:
-    first, last = pulses.stamp_ns[[0, -1]] + alignment.time_offset_ns
-    near = (poses.time_ns > first - POSES_AROUND_NS) & (poses.time_ns < last + POSES_AROUND_NS)
-    ends = poses.time_ns[[0, -1]]
-    if ends[0] > first or ends[1] < last:
-        raise DescriptionError(
-            f'the pulses need poses from {first * 1e-9:.6f} to {last * 1e-9:.6f} s of the clock '
-            f'of the poses; there are poses from {ends[0] * 1e-9:.6f} to {ends[1] * 1e-9:.6f} s: '
-            'correct times.first_s, alignment.time_offset_s (clock of the poses minus clock of '
-            'the pulses), times.unit_s or poses.unit_s, or shorten times.use_s')
-    return poses.select(near)
-
-
 def _at_own_times(pulses: PulseBlock, poses: PoseTable, alignment: Alignment,
                   array: VirtualArray) -> PulseBlock:
     """Phase centres of every channel where the platform is at the channel's own time."""
     parts = []
     for first in range(0, pulses.n_pulses, _LOCATED):
         part = pulses.select(slice(first, first + _LOCATED))
-        near = _around(poses, part, alignment)
+        near = poses_around(poses, part, alignment)
         track = PoseTrack(capacity=len(near.time_ns))
         for pose in zip(near.time_ns.tolist(), near.position_m, near.quaternion, strict=True):
             track.add(*pose)
@@ -351,24 +342,3 @@ def _at_own_times(pulses: PulseBlock, poses: PoseTable, alignment: Alignment,
         except ValueError as error:
             raise DescriptionError(f'poses: {error}') from error
     return concatenate(parts)
-
-
-def _motion(pulses: PulseBlock, poses: PoseTable, alignment: Alignment) -> tuple[str, ...]:
-    """A warning where the platform rests: its pulses spoil the image."""
-    time_s = (pulses.stamp_ns - pulses.stamp_ns[0]) * 1e-9
-    pose_s = (poses.time_ns - pulses.stamp_ns[0] - alignment.time_offset_ns) * 1e-9
-    at = np.arange(time_s[0], time_s[-1], _STEP_S)
-    if at.size < 4:
-        return ()
-    place = np.stack([np.interp(at, pose_s, axis) for axis in poses.position_m.T], axis=-1)
-    moves = np.linalg.norm(np.diff(place, axis=0), axis=1) > _AT_REST_M_PER_S * _STEP_S
-    if not moves.any():
-        return ('the platform stands still while the radar sends; check '
-                'alignment.time_offset_s and the poses',)
-    if np.mean(~moves) <= _MOST_AT_REST:
-        return ()
-    first_s = pulses.stamp_ns[0] * 1e-9
-    begin, end = at[:-1][moves][0] + first_s, at[1:][moves][-1] + first_s
-    return (f'the platform rests for {100 * np.mean(~moves):.0f} % of the pulses and moves from '
-            f'{begin:.1f} to {end:.1f} s of the radar clock: times.use_s: [{begin:.1f}, '
-            f'{end:.1f}] keeps those',)

@@ -13,18 +13,20 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .data_files import DataFiles, check_memory
 from .description import DescriptionError, Section
+from .files.data_files import DataFiles, check_memory
+from .files.tables import numbers, read_table
 from .times import to_nanoseconds
-from .tracks import FRAMES, TO_Z_UP
+from .tracks import FRAMES, TO_Z_UP, read_unit
 
-KEYS = ('file', 'format', 'frame', 'unit_s', 'columns', 'times', 'positions', 'quaternions',
-        'quaternion_order', 'level', 'body', 'topic')
+KEYS = ('file', 'format', 'frame', 'unit_s', 'unit_m', 'columns', 'times', 'positions',
+        'quaternions', 'quaternion_order', 'level', 'body', 'topic')
 FORMATS = ('arrays', 'csv', 'tum', 'optitrack', 'bag')
 _NAMES = {'time': ('time', 't', 'timestamp', 'stamp', 'time_s', 'seconds', 'sec'),
           **{a: (a, f'p{a}', f'pos_{a}', f'position_{a}', f'{a}_m', f't{a}') for a in 'xyz'},
           **{f'q{a}': (f'q{a}', f'q_{a}', f'quat_{a}', f'quaternion_{a}', f'orientation_{a}')
              for a in 'xyzw'}}
+_ANGLES = ('roll', 'pitch', 'yaw', 'heading', 'rx', 'ry', 'rz', 'euler')
 _QUATERNION = tuple(f'q{a}' for a in 'xyzw')
 _UNITS_M = {'Meters': 1.0, 'Centimeters': 1e-2, 'Millimeters': 1e-3}
 _BYTES_PER_CHARACTER = 8  # of a table of numbers, as Python reads it
@@ -109,6 +111,8 @@ def read_poses(section: Section, folder: Path, data: DataFiles,
             found = read(section, path)
         except (UnicodeDecodeError, OSError, csv.Error) as error:
             raise DescriptionError(f'{path} cannot be read as {kind}: {error}') from error
+    if 'unit_m' in section:
+        found = dataclasses.replace(found, position_m=found.position_m * read_unit(section))
     if section.flag('level'):
         found = dataclasses.replace(found, quaternion=_level(len(found.time_ns)))
     frame = section.choice('frame', FRAMES, 'y_up' if kind == 'optitrack' else 'z_up')
@@ -132,9 +136,16 @@ def _level(n: int) -> np.ndarray:
     return np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))
 
 
+def _stamps(section: Section, values: np.ndarray) -> np.ndarray:
+    """(N,) int64 nanoseconds of stored times."""
+    try:
+        return to_nanoseconds(values, section.number('unit_s', 1.0))
+    except DescriptionError as error:
+        raise DescriptionError(f'poses: {error}') from error
+
+
 def _arrays(section: Section, data: DataFiles) -> PoseTable:
-    time_ns = to_nanoseconds(data.joined(section.text('times')).reshape(-1),
-                             section.number('unit_s', 1.0))
+    time_ns = _stamps(section, data.joined(section.text('times')).reshape(-1))
     position_m = data.joined(section.text('positions')).astype(np.float64)
     if position_m.shape != (time_ns.size, 3):
         raise section.error('positions', f'shape ({time_ns.size}, 3), one position for each time',
@@ -151,13 +162,7 @@ def _arrays(section: Section, data: DataFiles) -> PoseTable:
 
 
 def _csv(section: Section, path: Path) -> PoseTable:
-    text = path.read_text(encoding='utf-8-sig')
-    lines = [line for line in text.splitlines() if line.strip()]
-    if len(lines) < 2:
-        raise DescriptionError(f'{path.name} has no rows; expected a line of column names and one '
-                               'line for each pose')
-    separator = next((s for s in ',;\t' if s in lines[0]), None)
-    header = [name.strip().strip('#').strip().strip('"') for name in lines[0].split(separator)]
+    header, rows = read_table(path)
     wanted = section.section('columns', tuple(_NAMES))
     place = {}
     for key, usual in _NAMES.items():
@@ -168,33 +173,35 @@ def _csv(section: Section, path: Path) -> PoseTable:
             place[key] = found[0]
         elif key in wanted or key not in _QUATERNION:
             raise DescriptionError(f'{path.name} has no column {" or ".join(names[:3])}; it has '
-                                   f'{", ".join(header)}: name it in poses.columns.{key}')
-    rows = _numbers(path, lines[1:], separator, len(header))
+                                   f'{", ".join(header)}: name it in poses.columns.{key}'
+                                   + _of_degrees(header))
     turned = all(key in place for key in _QUATERNION)
+    angles = [name for name in header if name.lower().split('_')[0] in _ANGLES]
+    if angles and not turned and not section.flag('level'):
+        raise DescriptionError(
+            f'{path.name}: the attitude is in {", ".join(angles)}; expected a quaternion qx, qy, '
+            'qz, qw: convert it (scipy.spatial.transform.Rotation.from_euler), or ignore it by '
+            'poses.level: true')
     return PoseTable(
-        to_nanoseconds(rows[:, place['time']], section.number('unit_s', 1.0)),
+        _stamps(section, rows[:, place['time']]),
         rows[:, [place[a] for a in 'xyz']],
         rows[:, [place[key] for key in _QUATERNION]] if turned else _level(len(rows)))
+
+
+def _of_degrees(header: list[str]) -> str:
+    """Advice on columns of latitude and longitude."""
+    if not any(name.lower().startswith(('lat', 'lon')) for name in header):
+        return ''
+    return '; latitude and longitude are degrees, convert them to metres east and north before'
 
 
 def _tum(section: Section, path: Path) -> PoseTable:
     lines = [line for line in path.read_text().splitlines()
              if line.strip() and not line.startswith('#')]
-    rows = _numbers(path, lines, None, 8)
-    return PoseTable(to_nanoseconds(rows[:, 0], section.number('unit_s', 1.0)), rows[:, 1:4],
+    rows = numbers(path, lines, None, 8, expected='time x y z qx qy qz qw between blanks; '
+                   'poses.format: csv reads tables with column names')
+    return PoseTable(_stamps(section, rows[:, 0]), rows[:, 1:4],
                      rows[:, 4:8])
-
-
-def _numbers(path: Path, lines: list[str], separator: str | None, n_columns: int) -> np.ndarray:
-    rows = [line.split(separator) for line in lines]
-    for number, row in enumerate(rows, 1):
-        if len(row) != n_columns:
-            raise DescriptionError(f'{path.name}: row {number} has {len(row)} columns; expected '
-                                   f'{n_columns}')
-    try:
-        return np.array(rows, np.float64)
-    except ValueError as error:
-        raise DescriptionError(f'{path.name}: {error}; expected numbers') from None
 
 
 def _optitrack(section: Section, path: Path) -> PoseTable:

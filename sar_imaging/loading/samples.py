@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from .data_files import DataFiles, check_memory
+from ..names import advice_on
 from .description import DescriptionError, Section
+from .files.data_files import DataFiles, check_memory
 
 KEYS = ('file', 'variable', 'axes', 'iq', 'conjugate', 'scale', 'remove_background', 'dtype',
         'sizes', 'header_bytes', 'sha256', 'topic')
@@ -65,9 +66,14 @@ def read_samples(section: Section, data: DataFiles) -> tuple[np.ndarray, tuple[i
 
 
 def _axes(section: Section) -> list[str]:
-    axes = section.raw('axes')
-    if not isinstance(axes, list) or not all(a in AXES for a in axes):
+    axes = section.raw('axes', meaning='what each axis of the array counts, such as [pulse, '
+                       'sample]')
+    if not isinstance(axes, list):
         raise section.error('axes', f'a list of {", ".join(AXES)}')
+    for label in axes:
+        if label not in AXES:
+            raise section.error('axes', f'a list of {", ".join(AXES)}',
+                                f'{label}: {advice_on(label, AXES)}')
     for label in ('pulse', 'sample'):
         if label not in axes:
             raise section.error('axes', f'an axis {label}')
@@ -93,6 +99,11 @@ def _raw(section: Section, path: Path, axes: list[str]) -> np.ndarray:
     """Numbers of a file without a header that tells their layout."""
     dtype = np.dtype(section.choice('dtype', DTYPES)).newbyteorder('<')
     sizes = section.section('sizes', AXES)
+    for label in AXES:
+        if label in sizes and (label == 'pulse' or label not in axes):
+            raise sizes.error(label, 'the sizes of all axes but pulse',
+                              'the length of the file tells the pulses'
+                              if label == 'pulse' else f'{label} is not in samples.axes')
     known = [sizes.integer(a) for a in axes if a != 'pulse']
     if axes.count('pulse') != 1 or axes[0] != 'pulse':
         raise section.error('axes', 'pulse first, once, in files whose length tells its size')
@@ -111,6 +122,20 @@ def _raw(section: Section, path: Path, axes: list[str]) -> np.ndarray:
     check_memory(path.name, n_bytes)
     known[[a for a in axes if a != 'pulse'].index('sample')] *= parts
     return np.fromfile(path, dtype, offset=header).reshape(-1, *known)
+
+
+def read_scale(section: Section) -> float:
+    """Factor for all samples.
+
+    Raises
+    ------
+    DescriptionError
+        It is 0.
+    """
+    scale = section.number('scale', 1.0)
+    if scale == 0:
+        raise section.error('scale', 'a factor other than 0', 'it would remove all samples')
+    return scale
 
 
 def _paired(section: Section) -> bool:
@@ -132,7 +157,7 @@ def _complex(section: Section, numbers: np.ndarray, own_axis: bool) -> np.ndarra
                             f'{numbers.shape[-1]}')
     n = numbers.shape[-1] // min(group, 2)
     check_memory('the samples', 8 * numbers.shape[0] * numbers.shape[1] * n)
-    scale, conjugate = section.number('scale', 1.0), section.flag('conjugate')
+    scale, conjugate = read_scale(section), section.flag('conjugate')
     out = np.empty((*numbers.shape[:2], n), np.complex64)
     step = max(1, _BLOCK // max(1, numbers.shape[1] * n))
     for first in range(0, len(numbers), step):

@@ -8,11 +8,13 @@ import numpy as np
 
 from ..geometry.earth import Datum
 from ..geometry.grids import MapGrid
+from ..signal.windows import parse_window
 from .description import DescriptionError, Section
 
 KEYS = ('centre_m', 'size_m', 'spacing_m', 'scatterers', 'cut_m', 'window', 'frame', 'datum',
         'pulses_per_aperture')
 _MARGIN_M = 1.0  # of a grid around scatterers, beside a tenth of their extent
+_MOST_PIXELS = 1e10  # 80 GB of image; a slip of the unit has more
 _PIXELS = 500  # of such a grid along its longer side
 
 
@@ -67,6 +69,10 @@ def read_scene(section: Section) -> Scene:
         if isinstance(error, DescriptionError):
             raise
         raise DescriptionError(f'scene: {error}') from error
+    try:
+        parse_window(section.text('window', 'none'))
+    except ValueError as error:
+        raise section.error('window', 'a window', str(error)) from error
     cut_m = section.vector('cut_m', np.ones(2), size=2)
     return Scene(grid, scatterers, (float(cut_m[0]), float(cut_m[1])),
                  section.text('window', 'none'), section.text('frame', 'map'), datum,
@@ -90,6 +96,16 @@ def _scatterers(section: Section) -> list[dict]:
             for name, place in named.items()]
 
 
+def _check_pixels(section: Section, size_m: np.ndarray, spacing_m: float) -> None:
+    if not 0 < spacing_m <= size_m.min() / 2:
+        raise section.error('spacing_m', 'metres from pixel to pixel, at most half of '
+                            f'{size_m.min():g} m, the shorter side of the map')
+    n_pixels = np.prod(size_m / spacing_m + 1)
+    if n_pixels > _MOST_PIXELS:
+        raise section.error('spacing_m', f'a map of at most {_MOST_PIXELS:g} pixels',
+                            f'{size_m[0]:g} m by {size_m[1]:g} m have {n_pixels:.3g}')
+
+
 def _grid(section: Section, places_m: np.ndarray) -> MapGrid:
     if 'size_m' not in section and not len(places_m):
         raise section.error('size_m', 'the size [x, y] of the map in metres, or scatterers',
@@ -104,6 +120,7 @@ def _grid(section: Section, places_m: np.ndarray) -> MapGrid:
         size = 1.2 * (high - low)[:2] + 2 * _MARGIN_M
         centre, spacing = (low + high) / 2, float(size.max()) / _PIXELS
     centre = section.vector('centre_m', centre)
+    _check_pixels(section, size, section.number('spacing_m', spacing))
     grid = MapGrid.from_size(tuple(centre.tolist()), float(size[0]), float(size[1]),
                              section.number('spacing_m', spacing))
     rows, columns = grid.to_pixels(places_m[:, 0], places_m[:, 1])

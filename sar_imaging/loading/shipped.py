@@ -51,6 +51,9 @@ def find_description(name: Path | str) -> Path:
     """
     if Path(name).is_file():
         return Path(name)
+    if Path(name).is_dir():
+        raise DescriptionError(f'{name} is a folder; expected the YAML file of the description, '
+                               'the folder with the data goes behind it')
     path = _folder() / f'{name}.yaml'
     if str(name) not in shipped_names():
         raise DescriptionError(f'{name} does not exist; expected a YAML file or one of '

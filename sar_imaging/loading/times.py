@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from .description import Section
+from .description import DescriptionError, Section
 
-KEYS = ('variable', 'first_s', 'interval_s', 'unit_s', 'use_s', 'counter')
+KEYS = ('file', 'variable', 'first_s', 'interval_s', 'unit_s', 'use_s', 'counter')
 # Clocks that begin at zero are set to this moment, 14 November 2023: recordings need dates.
 EPOCH_NS = 1_700_000_000_000_000_000
+_LATEST_S = 9e9  # of times in int64 nanoseconds: the year 2255
 _LATEST_RELATIVE_NS = 10**17  # three years; later ones count from 1970
 
 
@@ -21,8 +22,18 @@ def to_nanoseconds(values: np.ndarray, unit_s: float = 1.0) -> np.ndarray:
         Times.
     unit_s : float
         Their unit, seconds.
+
+    Raises
+    ------
+    DescriptionError
+        They are not finite, or later than int64 nanoseconds can be.
     """
     values = np.asarray(values)
+    latest_s = float(np.abs(values.astype(np.float64)).max(initial=0.0)) * unit_s
+    if not latest_s <= _LATEST_S:  # NaN, too
+        raise DescriptionError(
+            f'a time of {latest_s:.6g} s; expected finite seconds, since 1970 or since a start: '
+            'give the unit of the times as unit_s, such as 1.0e-9 for nanoseconds')
     factor = unit_s * 1e9
     if values.dtype.kind in 'iu' and factor == round(factor):
         return values.astype(np.int64) * int(factor)
@@ -63,11 +74,17 @@ def read_times(section: Section, n_pulses: int, variable) -> tuple[np.ndarray, n
     if unit_s <= 0:
         raise section.error('unit_s', 'seconds, such as 1.0e-3 for times in milliseconds')
     if 'variable' in section:
-        time_ns = to_nanoseconds(variable(section.text('variable')).reshape(-1), unit_s)
+        try:
+            time_ns = to_nanoseconds(variable(section.text('variable')).reshape(-1), unit_s)
+        except DescriptionError as error:
+            raise DescriptionError(f'times: {error}') from error
         if time_ns.size != n_pulses:
             raise section.error('variable', f'one time for each of {n_pulses} pulses',
-                                f'it holds {time_ns.size}')
+                                f'it holds {time_ns.size}; is samples.axes in the right order?')
     else:
+        if 'interval_s' not in section:
+            raise section.error('variable', 'the name of a variable with the times of the pulses, '
+                                'or interval_s')
         interval_s = section.number('interval_s')
         if interval_s <= 0:
             raise section.error('interval_s', 'seconds from pulse to pulse')
@@ -95,6 +112,7 @@ def used_pulses(section: Section, time_ns: np.ndarray) -> np.ndarray:
     time_s = time_ns * 1e-9
     # Half a nanosecond: times were rounded to whole ones.
     used = (time_s >= interval_s[0] - 5e-10) & (time_s <= interval_s[1] + 5e-10)
-    if not used.any():
-        raise section.error('use_s', f'an interval within {time_s[0]:.6g} to {time_s[-1]:.6g} s')
+    if used.sum() < 2:
+        raise section.error('use_s', 'an interval with two pulses or more, within '
+                            f'{time_s[0]:.6g} to {time_s[-1]:.6g} s')
     return used

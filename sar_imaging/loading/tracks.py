@@ -8,7 +8,7 @@ import numpy as np
 
 from .description import Section
 
-KEYS = ('file', 'variable', 'variables', 'frame', 'steps_m', 'centre_m', 'line', 'arc')
+KEYS = ('file', 'variable', 'variables', 'unit_m', 'frame', 'steps_m', 'centre_m', 'line', 'arc')
 _ONE_OF = ('variable', 'variables', 'steps_m', 'line', 'arc')
 FRAMES = ('z_up', 'y_up', 'ned')
 # Rows: axes x, y, z of the imaging frame in those of the data.
@@ -48,8 +48,23 @@ def read_positions(section: Section, pulse_shape: tuple[int, ...], data) -> np.n
         if len(position_m) != n_pulses:
             raise section.error(given[0], f'one position for each of {n_pulses} pulses',
                                 f'it holds {len(position_m)}')
-        return position_m @ TO_Z_UP[section.choice('frame', FRAMES, 'z_up')].T
+        return (read_unit(section) * position_m
+                @ TO_Z_UP[section.choice('frame', FRAMES, 'z_up')].T)
     return {'steps_m': _raster, 'line': _line, 'arc': _arc}[given[0]](section, pulse_shape)
+
+
+def read_unit(section: Section) -> float:
+    """Unit of stored positions, metres.
+
+    Raises
+    ------
+    DescriptionError
+        It is not positive.
+    """
+    unit_m = section.number('unit_m', 1.0)
+    if unit_m <= 0:
+        raise section.error('unit_m', 'metres, such as 0.001 for positions in millimetres')
+    return unit_m
 
 
 def _stored(section: Section, key: str, data) -> np.ndarray:

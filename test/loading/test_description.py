@@ -18,6 +18,8 @@ def described(tmp_path, text, **changes):
     ('quux: 1', 'unknown key quux; expected one of name, description'),
     ('- a', 'the file: expected keys with values'),
     ('a: [', 'is no YAML in line 1'),
+    ('name: a\nsamples: {}\nname: b', 'in line 3: the key name is given twice; keep one'),
+    ('radar: {k: 1, k: 2}', 'in line 1: the key k is given twice; keep one'),
     ('', 'the file: expected keys with values')])
 def test_what_is_no_description_is_told(tmp_path, text, message):
     with pytest.raises(DescriptionError, match='mine.yaml') as error:
@@ -28,6 +30,7 @@ def test_what_is_no_description_is_told(tmp_path, text, message):
 @pytest.mark.parametrize(('key', 'value', 'message'), [
     ('number', '[1, 2]', 'radar.k: expected one number, got [1, 2]; it holds 2'),
     ('number', 'fast', "radar.k: expected numbers, got 'fast'"),
+    ('number', '60 MHz/us', "got '60 MHz/us'; write the number alone, in the unit that the key"),
     ('number', '.nan', 'radar.k: expected finite numbers, got nan'),
     ('integer', '1.5', 'radar.k: expected a whole number of at least 1, got 1.5'),
     ('flag', '1', 'radar.k: expected true or false, got 1'),
@@ -47,6 +50,10 @@ def test_a_missing_key_and_a_mistaken_word_are_named(tmp_path):
         section.number('k')
     with pytest.raises(DescriptionError, match='expected one of lfm, fmcw.*did you mean fmcw'):
         section.choice('waveform', ('lfm', 'fmcw'))
+    with pytest.raises(DescriptionError, match="got 'FMCW'; did you mean fmcw"):
+        described(tmp_path, 'name: FMCW').choice('name', ('lfm', 'fmcw'))
+    with pytest.raises(DescriptionError, match='k is missing; add it: one of lfm, fmcw'):
+        section.choice('k', ('lfm', 'fmcw'))
 
 
 def test_numbers_of_yaml_1_1_without_a_point_are_numbers(tmp_path):
@@ -66,6 +73,8 @@ def test_files_that_are_none_are_told(tmp_path):
     with pytest.raises(DescriptionError, match='no.yaml does not exist; expected a YAML file or '
                        'one of arcsar'):
         find_description('no.yaml')
+    with pytest.raises(DescriptionError, match='is a folder; expected the YAML file'):
+        find_description(tmp_path)
     with pytest.raises(DescriptionError, match='cannot be read'):
         read_description(tmp_path / 'no.yaml')
     (tmp_path / 'b.yaml').write_bytes(b'\xff\xfe\x00')

@@ -194,9 +194,14 @@ def test_transmitters_in_turn_are_where_the_platform_is_then(tmp_path):
     # Cubic interpolation of poses every 5 ms: a micrometre; a turn moves the radar by 150 um.
     np.testing.assert_allclose(loaded.block.tx_m, tx_m, atol=2e-6)
     np.testing.assert_allclose(loaded.block.rx_m, rx_m, atol=2e-6)
-    with pytest.raises(DescriptionError, match=r'need poses from 10.5\d* to .* correct .*'
-                       'alignment.time_offset_s'):
+    with pytest.raises(DescriptionError, match=r'need poses from 10.5\d* to .* correct '
+                       r'alignment.time_offset_s .*; 2.75\d* to 4.0\d* s would fit'):
         load(path, changes={'alignment.time_offset_s': 10.0})
+    with pytest.raises(DescriptionError, match='0.001 times those of the pulses, or 1000 times '
+                       'those of the poses, would fit; correct times.unit_s'):
+        load(path, changes={'times.unit_s': 1e3})
+    with pytest.raises(DescriptionError, match='the pulses last 2.2 s, the poses 1.495 s'):
+        load(path, changes={'times.unit_s': 10})
 
 
 def test_poses_on_their_own_clock_stay_poses(tmp_path):
@@ -229,6 +234,25 @@ def test_a_platform_that_rests_is_told(tmp_path):
     assert 'stands still while the radar sends' in warning
 
 
+def test_poses_that_are_too_far_apart_are_told(tmp_path):
+    pose_s = np.array([0.0, 2.0, 7.0, 7.1, 7.2, 9.0])
+    np.savez(tmp_path / 'd.npz', s=SAMPLES[:, :1], pt=pose_s,
+             p=np.stack([pose_s, 0 * pose_s, 0 * pose_s], axis=-1))
+    path = described(tmp_path, array=None, positions=None, times={'first_s': 6.0},
+                     poses={'times': 'pt', 'positions': 'p'})
+    [warning] = load(path).warnings
+    # those at 7.0 and 7.1 s have poses around them
+    assert warning.startswith('10 of 12 pulses lie between poses that are up to 5 s apart; exp')
+
+
+def test_times_in_a_file_of_their_own(tmp_path):
+    np.savez(tmp_path / 'd.npz', s=SAMPLES)
+    (tmp_path / 't.csv').write_text('gps\n' + ''.join(f'{100 * i}\n' for i in range(P)))
+    block = load(described(tmp_path, times={
+        'interval_s': None, 'file': 't.csv', 'variable': 'gps', 'unit_s': 1e-3})).block
+    np.testing.assert_array_equal(block.stamp_ns - EPOCH_NS, 100_000_000 * np.arange(P))
+
+
 def test_calibration_is_removed(tmp_path):
     errors = ChannelCalibration(np.linspace(0.8, 1.2, 6), np.linspace(-1, 1, 6), np.zeros(6))
     errors.save(tmp_path / 'c.yaml')
@@ -247,10 +271,12 @@ def test_calibration_is_removed(tmp_path):
 @pytest.mark.parametrize(('changes', 'message'), [
     ({'samples.axes': ['pulse', 'sample']}, 'samples.axes: expected 3 axes for the shape'),
     ({'samples.axes': ['pulse', 'rx', 'chan']}, 'samples.axes: expected a list of pulse, tx'),
+    ({'samples.axes': ['pulses', 'channel', 'sample']}, 'pulses: did you mean pulse?'),
+    ({'samples.scale': 0}, 'samples.scale: expected a factor other than 0'),
     ({'samples.axes': ['channel', 'rx', 'sample']}, 'samples.axes: expected an axis pulse'),
     ({'samples.axes': ['pulse', 'sample', 'sample']}, 'each axis once'),
     ({'samples.iq': 'iiqq'}, 'samples.iq: expected complex for complex numbers'),
-    ({'samples.variable': 'x'}, 'd.npz has no variable x; it has s'),
+    ({'samples.variable': 'x'}, 'd.npz has no variable x; it has b, s'),
     ({'samples.file': 'x.npz'}, 'holds no file x.npz; name the folder with the data'),
     ({'samples.sha256': '12'}, 'expected the file that the description was made for'),
     ({'radar.slope_hz_per_s': 30}, 'MHz/us'),
@@ -262,15 +288,25 @@ def test_calibration_is_removed(tmp_path):
     ({'array.turn_order': [0, 1]}, 'array.turn_interval_s: expected seconds'),
     ({'array.turn_interval_s': 1e-4, 'array.turn_order': [0, 2]}, 'the turn of each transmitter'),
     ({'times.interval_s': -1}, 'times.interval_s: expected seconds from pulse to pulse'),
-    ({'times.use_s': [50, 60]}, 'times.use_s: expected an interval within 0 to 1.1 s'),
+    ({'times.use_s': [50, 60]}, 'expected an interval with two pulses or more, within 0 to 1.1 s'),
+    ({'times.use_s': [0, 0.05]}, 'expected an interval with two pulses or more'),
+    ({'times.use_s': 3}, 'times.use_s: expected 2 numbers, got 3'),
+    ({'times.variable': 'b', 'times.unit_s': 1}, 'a time of 1.7e+18 s; expected finite seconds'),
+    ({'times.variable': 't'}, 'times: d.npz has no variable t; it has b, s'),
+    ({'times': {}}, 'times.variable: expected the name of a variable with the times of'),
     ({'positions.arc': {}}, 'exactly one of variable, variables'),
     ({'alignment.time_offset_s': 1}, 'no offset for positions'),
     ({'poses.times': 't'}, 'either positions or poses'),
+    ({'antenna': {'pattern': 'sinc', 'azimuth_width_deg': 9, 'pointing': {'kind': 'track'}}},
+     'antenna.pointing: expected side of the kind track'),
     ({'scene.size_m': [-1, 1]}, 'scene.size_m: expected positive lengths'),
+    ({'scene.spacing_m': 50}, 'scene.spacing_m: expected metres from pixel to pixel, at most'),
+    ({'scene.spacing_m': 1e-6}, 'expected a map of at most 1e+10 pixels, got 1e-06; 4 m by 4 m'),
+    ({'scene.window': 'hanning'}, "scene.window: expected a window, got 'hanning'; window="),
     ({'scene.scatterers': {'a': [9, 9, 0]}}, 'expected a map with all scatterers'),
     ({'scene.scatterers': {'a': [9, 9]}}, 'scene.scatterers.a: expected [x, y, z] or')])
 def test_what_does_not_fit_is_told_in_one_line(tmp_path, changes, message):
-    np.savez(tmp_path / 'd.npz', s=SAMPLES)
+    np.savez(tmp_path / 'd.npz', s=SAMPLES, b=1.7e18 + np.arange(P))
     with pytest.raises(DescriptionError) as error:
         load(described(tmp_path), changes=changes)
     assert message in str(error.value) and '\n' not in str(error.value)

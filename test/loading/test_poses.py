@@ -8,8 +8,8 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from sar_imaging.loading import DescriptionError
-from sar_imaging.loading.data_files import DataFiles
 from sar_imaging.loading.description import Section
+from sar_imaging.loading.files.data_files import DataFiles
 from sar_imaging.loading.poses import KEYS, read_poses
 
 TIME_S = 5.0 + 0.01 * np.arange(40)
@@ -61,6 +61,35 @@ def test_csv_with_names_of_ones_own(tmp_path):
     with pytest.raises(DescriptionError, match='a.csv has no column time or t or timestamp; it '
                        'has east, north, up, gps: name it in poses.columns.time'):
         read(tmp_path, '{file: a.csv}')
+
+
+def test_positions_in_another_unit(tmp_path):
+    table(tmp_path / 'a.csv', rows(TIME_S, 1e3 * POSITION_M), 'time,x,y,z')
+    check(read(tmp_path, '{file: a.csv, unit_m: 0.001}'), Rotation.identity(40))
+    with pytest.raises(DescriptionError, match='poses.unit_m: expected metres, such as 0.001'):
+        read(tmp_path, '{file: a.csv, unit_m: 0}')
+
+
+@pytest.mark.parametrize(('header', 'row', 'message'), [
+    ('time,x,y,z,roll,pitch,yaw', '1,0,0,0,0,0,90', 'the attitude is in roll, pitch, yaw; '
+     'expected a quaternion .* poses.level: true'),
+    ('time,lat,lon,alt', '1,47.1,8.2,400', 'has no column x .* latitude and longitude are'),
+    ('1,0,0,0', '2,0,0,0', "has no line of column names, its first line is '1,0,0,0'"),
+    ('time;x;y;z', '1,5;0,1;0;0', "row 2 holds '1,5'; expected numbers: write decimals with a po"),
+    ('time,x,y,z', '2025-11-13T10:00:00,0,0,0', 'expected numbers: write times in seconds'),
+    ('time,x,y,z', '1.7e18,0,0,0', 'poses: a time of 1.7e.18 s; expected finite seconds.*unit_s'),
+    ('time,x,y,z', 'nan,0,0,0', 'poses: a time of nan s; expected finite seconds')])
+def test_tables_of_beginners_are_told_what_to_change(tmp_path, header, row, message):
+    (tmp_path / 'a.csv').write_text(f'{header}\n{row}\n{row}\n')
+    with pytest.raises(DescriptionError, match=message) as error:
+        read(tmp_path, '{file: a.csv}')
+    assert '\n' not in str(error.value)
+
+
+def test_attitudes_in_degrees_may_be_ignored(tmp_path):
+    angles = np.zeros((40, 3))
+    table(tmp_path / 'a.csv', rows(TIME_S, POSITION_M, angles), 'time,x,y,z,roll,pitch,yaw')
+    check(read(tmp_path, '{file: a.csv, level: true}'), Rotation.identity(40))
 
 
 def test_ned_becomes_enu_with_axes_forward_left_up(tmp_path):

@@ -24,6 +24,7 @@ from ..recordings.writing import run_writing, split, with_progress
 from .bag_frames import read_bag_frames
 from .bag_poses import read_bag_poses
 from .estimate import describe, estimate_alignment
+from .scene_check import told_of_scene
 
 _DESCRIPTION = """\
 Turn measured data into a recording (rosbag2). A description in YAML says where samples, times and
@@ -92,7 +93,7 @@ def _write(arguments: argparse.Namespace) -> str:
                   read_bag=read_bag_poses, read_frames=read_bag_frames)
     output = arguments.output or Path('out/bags') / loaded.name
     check_target(output, overwrite=arguments.force)
-    for text in loaded.warnings:
+    for text in (*loaded.warnings, *told_of_scene(loaded)):
         print(f'warning: {text}', file=sys.stderr)
     alignment, poses = loaded.alignment, None
     if loaded.poses is not None:

@@ -25,11 +25,11 @@ from benchmarks.support.references import exact_image
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.loading import (
     DescriptionError,
-    data_files,
     find_description,
     load,
     read_description,
 )
+from sar_imaging.loading.files import data_files
 from sar_imaging.loading.frames import FrameConverter
 from sar_imaging.loading.samples import KEYS
 from sar_imaging.signal.radar import Waveform
@@ -197,7 +197,9 @@ def test_descriptions_of_the_documentation_are_read(tmp_path, page, text):
     top = read_description(tmp_path / 'd.yaml')
     if text.startswith('antenna:'):
         return  # a part, whose keys are known; test_antenna.py reads such parts
-    if page == 'loading.md':
+    if 'topic' not in top.section('samples', KEYS):
+        if 'P440' in text:
+            return  # test_p440_logs.py loads it
         assert text == find_description('team5_rail').read_text()
         return
     converter = FrameConverter(top, tmp_path)

@@ -1,7 +1,7 @@
-"""Variables of data files: NumPy, MATLAB and HDF5, with their sizes checked before they are read.
+"""Variables of data files: NumPy, MATLAB, HDF5, CSV, P440 logs; sizes are checked before reading.
 
 Names of nested variables have points: ``data.fp`` is the field fp of the MATLAB structure data,
-or the data set fp of the HDF5 group data.
+or the data set fp of the HDF5 group data. The variables of a CSV file are its columns.
 """
 
 from __future__ import annotations
@@ -14,13 +14,17 @@ import numpy as np
 from scipy.io import loadmat, whosmat
 from scipy.io.matlab import MatReadError
 
-from ..formats.extras import require
-from ..memory import available_bytes
-from .description import DescriptionError
+from ...formats.extras import require
+from ...memory import available_bytes
+from ..description import DescriptionError
+from . import p440_logs
+from .tables import read_table
 
 _HDF5_MAGIC = b'\x89HDF\r\n\x1a\n'
 _MATLAB_HEADER = 512  # of HDF5 files that MATLAB wrote
+_NUMPY_MAGIC = b'\x93NUMPY'
 _SHARE = 0.5  # of the free memory that one variable may take
+_BYTES_PER_CHARACTER = 8  # of a table of numbers, as Python reads it
 
 
 def check_memory(name: str, n_bytes: int) -> None:
@@ -108,7 +112,7 @@ def read_variable(path: Path, name: str) -> np.ndarray:
     Parameters
     ----------
     path : Path
-        File of type .npy, .npz, .mat, .h5 or .hdf5.
+        File of type .npy, .npz, .mat, .h5, .hdf5 or .csv, or P440 log (.csv, .txt, .log).
     name : str
         Of the variable; .npy files have one, whatever its name.
 
@@ -119,11 +123,14 @@ def read_variable(path: Path, name: str) -> np.ndarray:
     MissingExtraError
         It is an HDF5 file, and h5py is not installed.
     """
-    readers = {'.npy': _npy, '.npz': _npz, '.mat': _mat, '.h5': _hdf5, '.hdf5': _hdf5}
+    readers = {'.npy': _npy, '.npz': _npz, '.mat': _mat, '.h5': _hdf5, '.hdf5': _hdf5,
+               '.csv': _text, '.txt': _text, '.log': _text}
     reader = readers.get(path.suffix.lower())
     if reader is None:
-        raise DescriptionError(f'{path.name}: expected a file of type {", ".join(readers)}; other '
-                               'samples need samples.dtype and samples.sizes')
+        raise DescriptionError(
+            f'{path.name} has no variable {name}: variables are in files of type '
+            f'{", ".join(readers)}; other samples need samples.dtype and samples.sizes, and '
+            'times a file of their own (times.file) or times.interval_s')
     try:
         array = np.asarray(reader(path, name))
     except (OSError, ValueError, KeyError, TypeError, EOFError, AttributeError,
@@ -142,17 +149,50 @@ def _absent(path: Path, name: str, present) -> DescriptionError:
 
 
 def _npy(path: Path, name: str) -> np.ndarray:
-    array = np.load(path, mmap_mode='r', allow_pickle=False)
+    with path.open('rb') as file:
+        if file.read(len(_NUMPY_MAGIC)) != _NUMPY_MAGIC:
+            raise DescriptionError(f'{path.name} is no NumPy file, whatever its name says; '
+                                   'expected what numpy.save wrote')
+    try:
+        array = np.load(path, mmap_mode='r', allow_pickle=False)
+    except ValueError as error:
+        raise _of_objects(path, name, error) from error
     check_memory(f'{path.name}', array.nbytes)
     return np.array(array)
 
 
 def _npz(path: Path, name: str) -> np.ndarray:
+    if not zipfile.is_zipfile(path):
+        raise DescriptionError(f'{path.name} is no NumPy file, whatever its name says; expected '
+                               'what numpy.savez wrote')
     with np.load(path, allow_pickle=False) as data:
         if name not in data.files:
             raise _absent(path, name, data.files)
         check_memory(f'{name} of {path.name}', data.zip.getinfo(f'{name}.npy').file_size)
-        return data[name]
+        try:
+            return data[name]
+        except ValueError as error:
+            raise _of_objects(path, name, error) from error
+
+
+def _of_objects(path: Path, name: str, error: ValueError) -> DescriptionError:
+    """What is said of Python objects, which are never loaded: they may run any program."""
+    if 'Object arrays' not in str(error):
+        return DescriptionError(f'{path} cannot be read: {error}')
+    return DescriptionError(f'{path.name}: {name} holds Python objects; expected numbers: store '
+                            'it as an array of one type, such as complex64')
+
+
+def _text(path: Path, name: str) -> np.ndarray:
+    check_memory(path.name, _BYTES_PER_CHARACTER * path.stat().st_size)
+    if p440_logs.is_log(path):
+        variables = p440_logs.read_log(path)
+    else:
+        names, rows = read_table(path)
+        variables = dict(zip(names, rows.T, strict=True))
+    if name not in variables:
+        raise _absent(path, name, variables)
+    return variables[name]
 
 
 def _mat(path: Path, name: str) -> np.ndarray:
