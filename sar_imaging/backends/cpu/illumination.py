@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...compilation import njit
+from ...compilation import DETERMINISTIC, njit
 from ...geometry.illumination import Illumination
 
 
@@ -65,13 +65,34 @@ def two_way_amplitude(lit, echo, x, y, z):
     right = x * axes[echo, 0, 0] + y * axes[echo, 0, 1] + z * axes[echo, 0, 2]
     ahead = x * axes[echo, 1, 0] + y * axes[echo, 1, 1] + z * axes[echo, 1, 2]
     up = x * axes[echo, 2, 0] + y * axes[echo, 2, 1] + z * axes[echo, 2, 2]
+    return _in_axes(lit.azimuth, lit.elevation, lit.place, right, ahead, up)
+
+
+@njit(fastmath=DETERMINISTIC, error_model='numpy')
+def two_way_amplitudes(lit, echo, positions, out):
+    """Amplitudes of an echo towards points (3, N), metres, into `out`, (N,)."""
+    # What does not change is read beforehand: what is written might be the same memory.
+    centre_x, centre_y, centre_z = lit.centre[echo]
+    (rx, ry, rz), (bx, by, bz), (ux, uy, uz) = lit.axes[echo]
+    azimuth, elevation = lit.azimuth, lit.elevation
+    start, per_sine, low, per_low = lit.place
+    place = start, per_sine, low, per_low
+    for i in range(len(out)):
+        x, y, z = (positions[0, i] - centre_x, positions[1, i] - centre_y,
+                   positions[2, i] - centre_z)
+        out[i] = _in_axes(azimuth, elevation, place, x * rx + y * ry + z * rz,
+                          x * bx + y * by + z * bz, x * ux + y * uy + z * uz)
+
+
+@njit(inline='always')
+def _in_axes(azimuth, elevation, place, right, ahead, up):
+    """Amplitude towards an offset in the antenna's axes, metres."""
     within = ahead * ahead + up * up
     # Without branches, for the compiler's vectors; NaN, of no position, is not ahead either.
     inside = 1.0 if ahead > 0.0 else 0.0
-    place = lit.place
-    azimuth = _at_sine(lit.azimuth, place[0], place[1], right / np.sqrt(right * right + within))
-    elevation = _at_sine(lit.elevation, place[2], place[3], up / np.sqrt(within))
-    return inside * azimuth * elevation if inside > 0.0 else 0.0
+    across = _at_sine(azimuth, place[0], place[1], right / np.sqrt(right * right + within))
+    above = _at_sine(elevation, place[2], place[3], up / np.sqrt(within))
+    return inside * across * above if inside > 0.0 else 0.0
 
 
 @njit(inline='always')

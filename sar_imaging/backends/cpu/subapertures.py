@@ -30,5 +30,5 @@ class SubapertureImager:
         if weights is not None:
             weights = np.repeat(weights, plan.n_channels)
         self._lines.fill(block.samples.reshape(-1, plan.n_samples), block.tx_m.reshape(-1, 3),
-                         block.rx_m.reshape(-1, 3), image, weights, plan.illumination_of(block))
+                         block.rx_m.reshape(-1, 3), image, weights, plan.weighed_by(block))
         return image

@@ -120,7 +120,7 @@ class SubapertureImager:
             image = project_lines(plan.source, samples, plan.lattice.n_padded, *echoes,
                                   plan.coarse, plan.illumination_of(block))
         else:
-            image = image_from_beams(plan, samples, *echoes, plan.illumination_of(block))
+            image = image_from_beams(plan, samples, *echoes, plan.weighed_by(block))
         out = np.empty((2, *image.shape), np.float32) if out is None else out
         out[:] = image.real, image.imag
         return out

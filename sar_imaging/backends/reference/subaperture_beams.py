@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 
-from ...geometry.illumination import Illumination
 from ...planning.afbp.beam_geometry import BeamGeometry, grid_edges
 from ...planning.afbp.beams import CELL_TAPS
-from ...planning.afbp.lit_subapertures import node_pulses, parabola
+from ...planning.afbp.lit_subapertures import AmplitudeNodes, parabola
 from ...planning.afbp.subapertures import SubaperturePlan
 from .form_beams import beam_profiles, form_beams
 from .interpolate_beams import BeamImage, interpolate_beams
@@ -17,7 +16,7 @@ from .resample_profiles import profile_spectra
 
 
 def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m,
-                     illumination: Illumination | None = None) -> np.ndarray:
+                     nodes: AmplitudeNodes | None = None) -> np.ndarray:
     """Backproject echoes to the coarse grid of a plan by their beams.
 
     Parameters
@@ -28,8 +27,8 @@ def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m,
         Profiles, or phase histories.
     tx_m, rx_m : (R, 3) float64
         Phase centres, metres.
-    illumination : Illumination, optional
-        Of the echoes.
+    nodes : AmplitudeNodes, optional
+        Through whose amplitudes parabolas go.
 
     Returns
     -------
@@ -62,9 +61,8 @@ def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m,
                       (source.range_start_m + first * lattice.cell_m, lattice.cell_m),
                       geometry.range_m)
     points_m = polar.lines(polar.range_m, polar.alpha[:, None])[0]
-    lit = None if illumination is None else lit_parabolas(
-        illumination, geometry, tx_m, rx_m, points_m,
-        2 * np.pi * spacing * 2 / source.radar.wavelength_m)
+    lit = None if nodes is None else lit_parabolas(
+        nodes, geometry, points_m, 2 * np.pi * spacing * 2 / source.radar.wavelength_m)
     value = interpolate_beams(image, points_m, source.radar.wavelength_m,
                               sampling.between.interpolator, sampling.along, lit)
     cycles = 2 * (polar.range_m - polar.range_start_m
@@ -72,16 +70,16 @@ def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m,
     return value * np.exp(-2j * np.pi * np.fmod(cycles, 1.0))
 
 
-def lit_parabolas(illumination: Illumination, geometry: BeamGeometry, tx_m, rx_m, points_m,
+def lit_parabolas(nodes: AmplitudeNodes, geometry: BeamGeometry, points_m,
                   phase_per_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, B and C of the amplitude ``A + B p + C p^2`` of echoes, towards each point.
 
-    p is the phase of an echo from beam to beam at the carrier: the derivative of its path by
-    direction, metres, times `phase_per_m`. The parabola goes through three echoes.
+    p is the phase of an echo from beam to beam: the derivative of its path by direction, metres,
+    times `phase_per_m`. The parabola goes through three nodes.
     """
-    nodes, flat = node_pulses(len(tx_m)), points_m.reshape(-1, 3)
+    flat = points_m.reshape(-1, 3)
     offset = flat - geometry.centre_m
     direction = offset[:, :2] @ np.array(geometry.polar.track) / np.linalg.norm(offset, axis=1)
-    phase = phase_per_m * geometry.slope(tx_m[nodes], rx_m[nodes], direction)
-    found = parabola(phase, illumination.select(nodes).amplitude(flat).T)
+    phase = phase_per_m * geometry.slope(nodes.tx_m, nodes.rx_m, direction)
+    found = parabola(phase, nodes.illumination.amplitude(flat).T)
     return tuple(v.reshape(points_m.shape[:-1]) for v in found)

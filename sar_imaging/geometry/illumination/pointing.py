@@ -175,7 +175,12 @@ class Pointing:
     @property
     def axes(self) -> np.ndarray:
         """(P, 3, 3) float64 right, boresight and up of the antenna, as rows."""
-        return np.stack([np.cross(self.boresight, self.up), self.boresight, self.up], axis=1)
+        (x, y, z), (a, b, c) = self.boresight.T, self.up.T
+        axes = np.empty((len(self), 3, 3))
+        # their vector product; that of NumPy takes longer than all else about a sub-aperture
+        axes[:, 0, 0], axes[:, 0, 1], axes[:, 0, 2] = y * c - z * b, z * a - x * c, x * b - y * a
+        axes[:, 1], axes[:, 2] = self.boresight, self.up
+        return axes
 
     def select(self, index) -> Pointing:
         """Pulses at `index` (slice, mask or integers)."""

@@ -10,13 +10,16 @@ between beams yields. The parabola goes through the amplitudes of three pulses.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from ...geometry.illumination import Illumination
+from ...geometry.illumination import AntennaPattern, Illumination
 from ...geometry.polar import PolarGrid
 from ...geometry.track_frame import mean_centres
+from ...signal.pulses import PulseBlock
 from ...signal.radar import RadarParameters
 from ..echo_power import echo_power
 from ..error_budget import AFBP_SHARES, error_budget
@@ -82,11 +85,40 @@ class LitSubapertures:
         return tuple(v / max(self.power, _LEAST) for v in (found.power, wrong))
 
 
+class AmplitudeNodes(NamedTuple):
+    """Three pulses of a sub-aperture through whose amplitudes parabolas go.
+
+    Seen from the mean phase centre of their channels: parabolas through one channel of each would
+    bend as the channels lie, where an antenna is steered.
+
+    Parameters
+    ----------
+    illumination : Illumination
+        Of the three, one echo of each.
+    tx_m, rx_m : (3, 3) float64
+        Their phase centres, means of the channels', metres.
+    """
+
+    illumination: Illumination
+    tx_m: np.ndarray
+    rx_m: np.ndarray
+
+    @classmethod
+    def of_block(cls, pattern: AntennaPattern, block: PulseBlock) -> AmplitudeNodes:
+        """Nodes of a sub-aperture's pulses, with pointing."""
+        nodes = node_pulses(block.n_pulses)
+        ends = [centres[nodes].sum(axis=1) / block.tx_m.shape[1]
+                for centres in (block.tx_m, block.rx_m)]
+        pointing = block.pointing and block.pointing.select(nodes)
+        return cls(Illumination.of_pulses(pattern, pointing, *(c[:, None] for c in ends)), *ends)
+
+
 def lit_budget_db(target_db: float) -> float:
     """Largest error of the amplitudes, dB."""
     return error_budget(target_db, AFBP_SHARES)['illumination']
 
 
+@functools.lru_cache(maxsize=64)
 def node_pulses(n_pulses: int) -> np.ndarray:
     """(3,) int64 pulses of a sub-aperture through whose amplitudes the parabola goes."""
     return np.rint(np.array(NODES) * n_pulses - 0.5).astype(np.int64).clip(0, n_pulses - 1)

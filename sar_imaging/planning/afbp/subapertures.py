@@ -28,7 +28,7 @@ from ..profiles.range_gate import RangeGate
 from ..profiles.range_resampling import RangeResampling, plan_resampling
 from .beam_gain import bins_per_run
 from .beams import BeamSampling
-from .lit_subapertures import LitError, LitSubapertures, lit_budget_db
+from .lit_subapertures import AmplitudeNodes, LitError, LitSubapertures, lit_budget_db
 from .map_cover import map_density
 from .polar_grids import UnifiedPolarGrids
 from .sampling import Sampling, choose_sampling, fusion_error
@@ -162,6 +162,16 @@ class SubaperturePlan(Plan):
         lit = self.lit.illumination
         return Illumination.of_pulses(lit.pattern, block.pointing, block.tx_m, block.rx_m,
                                       foreseen=lit.foreseen)
+
+    def weighed_by(self, block: PulseBlock) -> Illumination | AmplitudeNodes | None:
+        """By what the image of a sub-aperture's pulses is weighed.
+
+        Each echo by its amplitude where echoes are added directly, by parabolas where beams are
+        read; None where all pixels are lit alike.
+        """
+        if self.lit is None or self.beams is None:
+            return self.illumination_of(block)
+        return AmplitudeNodes.of_block(self.lit.illumination.pattern, block)
 
     def image_operations(self, n_echoes: int, n_images: int = 1) -> dict[str, float]:
         """How often forming sub-aperture images does the operations of `CostModel`.

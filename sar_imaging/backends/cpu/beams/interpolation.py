@@ -70,7 +70,7 @@ def interpolate_beams(beams, shape, lines, centre, track, range_m, direction, cy
         whole vectors.
     work, jobs : (T * work_size(segment),) float32, int
         Work space of T tasks, and the address of a `job_counter`.
-    lit : (n_lines, K, 3) float32 or None
+    lit : (3, n_lines, K) float32 or None
         Amplitude of echoes by their phase from beam to beam, `lit_lines.parabolas`; None where all
         pixels are lit alike.
     lit_apart : int
@@ -160,9 +160,9 @@ def interpolate_beams(beams, shape, lines, centre, track, range_m, direction, cy
 def _along_segment(lit, line, number, apart, segment, order):
     """Value in the middle of a segment, and growth from pixel to pixel, between two knots."""
     knot = number // apart
-    grown = (lit[line, knot + 1, order] - lit[line, knot, order]) / np.float32(apart)
+    grown = (lit[order, line, knot + 1] - lit[order, line, knot]) / np.float32(apart)
     share = np.float32(number - knot * apart + 0.5)
-    return lit[line, knot, order] + share * grown, grown / np.float32(segment)
+    return lit[order, line, knot] + share * grown, grown / np.float32(segment)
 
 
 @njit(inline='always')

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from ....compilation import njit
-from ....geometry.illumination import Illumination
+from ....compilation import DETERMINISTIC, njit
 from ....geometry.polar import PolarGrid
-from ....planning.afbp.lit_subapertures import NODES_APART, node_pulses
-from ..illumination import LitEchoes, two_way_amplitude
+from ....planning.afbp.beam_geometry import BeamGeometry
+from ....planning.afbp.lit_subapertures import NODES_APART, AmplitudeNodes
+from ..illumination import LitEchoes, two_way_amplitudes
+
+_SAME = 1e-9  # radians by which phases differ that are taken for the same
 
 
 class LitLines:
@@ -27,63 +27,87 @@ class LitLines:
     def __init__(self, polar: PolarGrid, apart: int):
         places = np.arange(-(-polar.n_range // apart) + 1) * apart
         positions = polar.locate(places, np.arange(polar.n_alpha)[:, None])[0]
-        self._positions = np.ascontiguousarray(positions)
-        self._track = np.array(polar.track)
+        self._shape = positions.shape[:2]
+        self._positions = np.ascontiguousarray(positions.reshape(-1, 3).T)
 
-    def parabolas(self, illumination: Illumination, geometry, echoes, directions,
-                  cycles_per_m: float) -> np.ndarray:
-        """(n_alpha, K, 3) float32 coefficients A, B and C of ``A + B p + C p^2``.
+    def parabolas(self, nodes: AmplitudeNodes, geometry: BeamGeometry,
+                  rad_per_m: float) -> np.ndarray:
+        """(3, n_alpha, K) float32 coefficients A, B and C of ``A + B p + C p^2``.
 
-        p is the phase of an echo from beam to beam at the carrier, radians.
+        p is the phase of an echo from beam to beam at the carrier, radians: `rad_per_m` times the
+        derivative of its path by direction, metres.
 
         Parameters
         ----------
-        illumination : Illumination
-            Of the echoes.
+        nodes : AmplitudeNodes
+            Through whose amplitudes the parabolas go.
         geometry : BeamGeometry
             Of the sub-aperture.
-        echoes : (tx_m, rx_m)
-            Phase centres of the echoes, (R, 3) float64 each, metres.
-        directions : (M,) float64
-            Of the beams.
-        cycles_per_m : float
-            Carrier phase per metre of half path, cycles.
+        rad_per_m : float
+            Carrier phase per metre of half path, times the spacing of the beams.
         """
-        nodes = node_pulses(len(echoes[0]))
-        slope = geometry.slope(*(c[nodes] for c in echoes), directions)
-        spacing = directions[1] - directions[0]
-        return _parabolas(LitEchoes.of(illumination.select(nodes)), self._positions,
-                          geometry.centre_m, self._track, directions[0], spacing,
-                          2 * math.pi * cycles_per_m * spacing * slope)
+        polar = geometry.polar
+        plane = (*polar.track, *polar.across, geometry.centre_m[2] - polar.z_m,
+                 geometry.range_m, *geometry.known, rad_per_m)
+        offsets = np.stack([nodes.tx_m, nodes.rx_m]) - geometry.centre_m
+        # a plain tuple: Numba takes 20 us to tell the type of a named one
+        found = _parabolas(tuple(LitEchoes.of(nodes.illumination)), self._positions,
+                           geometry.centre_m, offsets, plane)
+        return found.reshape(3, *self._shape)
 
 
-@njit(error_model='numpy')
-def _parabolas(echoes, positions, centre, track, first, spacing, phase):
-    n_lines, n_knots = positions.shape[:2]
-    out = np.empty((n_lines, n_knots, 3), np.float32)
-    last = len(phase) - 2
-    for line in range(n_lines):
-        for knot in range(n_knots):
-            px, py, pz = positions[line, knot]
-            x, y, z = px - centre[0], py - centre[1], pz - centre[2]
-            direction = (x * track[0] + y * track[1]) / np.sqrt(x * x + y * y + z * z)
-            beam = (direction - first) / spacing
-            n = min(max(int(beam), 0), last)
-            t = beam - n
-            x0 = phase[n, 0] + t * (phase[n + 1, 0] - phase[n, 0])
-            x1 = phase[n, 1] + t * (phase[n + 1, 1] - phase[n, 1])
-            x2 = phase[n, 2] + t * (phase[n + 1, 2] - phase[n, 2])
-            y0 = two_way_amplitude(echoes, 0, px, py, pz)
-            y1 = two_way_amplitude(echoes, 1, px, py, pz)
-            y2 = two_way_amplitude(echoes, 2, px, py, pz)
-            a, b, c = y1, 0.0, 0.0
-            if abs(x2 - x0) > 1e-9:
-                least = NODES_APART * abs(x2 - x0)
-                b = (y2 - y0) / (x2 - x0)
-                if abs(x1 - x0) > least and abs(x2 - x1) > least:
-                    slope = (y1 - y0) / (x1 - x0)
-                    c = ((y2 - y1) / (x2 - x1) - slope) / (x2 - x0)
-                    b = slope - c * (x0 + x1)
-                a = y0 - x0 * (b + c * x0)
-            out[line, knot, 0], out[line, knot, 1], out[line, knot, 2] = a, b, c
+@njit(fastmath=DETERMINISTIC, error_model='numpy')
+def _parabolas(echoes, positions, centre, offsets, plane):
+    """`LitLines.parabolas` at positions (3, N); `offsets` (2, 3, 3) of the nodes' phase centres.
+
+    `plane` holds the horizontal unit vectors along and across the track, the height of the middle
+    above the plane, the distance at which paths are compared, metres, the extremes of the
+    directions in which they bend, and `rad_per_m`. Without branches, for the compiler's vectors.
+    """
+    n = positions.shape[1]
+    out = np.empty((3, n), np.float32)
+    x, y = np.empty((3, n)), np.empty((3, n))
+    for node in range(3):
+        _phases(positions, centre, offsets[:, node], plane, x[node])
+        two_way_amplitudes(LitEchoes(*echoes), node, positions, y[node])
+    for i in range(n):
+        x0, x1, x2 = x[0, i], x[1, i], x[2, i]
+        y0, y1, y2 = y[0, i], y[1, i], y[2, i]
+        whole, first, last = x2 - x0, x1 - x0, x2 - x1
+        least = NODES_APART * abs(whole)
+        slope = (y1 - y0) / first
+        c = ((y2 - y1) / last - slope) / whole
+        bent = 1.0 if abs(first) > least else 0.0
+        bent = bent if abs(last) > least else 0.0
+        b = slope - c * (x0 + x1) if bent > 0.0 else (y2 - y0) / whole
+        c = c if bent > 0.0 else 0.0
+        a = y0 - x0 * (b + c * x0)
+        moved = abs(whole) > _SAME
+        out[0, i] = a if moved else y1
+        out[1, i] = b if moved else 0.0
+        out[2, i] = c if moved else 0.0
     return out
+
+
+@njit(fastmath=DETERMINISTIC, error_model='numpy')
+def _phases(positions, centre, ends, plane, out):
+    """Phases of a node's echo from beam to beam, radians: `BeamGeometry.slope`, differentiated."""
+    tx, ty, ax, ay, height, range_m, low, high, rad_per_m = plane
+    square = range_m * range_m
+    (x0, y0, z0), (x1, y1, z1) = ends[0], ends[1]
+    own0, own1 = (x0 * x0 + y0 * y0 + z0 * z0 + 2.0 * z0 * height + square,
+                  x1 * x1 + y1 * y1 + z1 * z1 + 2.0 * z1 * height + square)
+    cx, cy, cz = centre
+    factor = -0.5 * range_m * rad_per_m
+    for i in range(len(out)):
+        x, y, z = positions[0, i] - cx, positions[1, i] - cy, positions[2, i] - cz
+        direction = (x * tx + y * ty) / np.sqrt(x * x + y * y + z * z)
+        direction = direction if direction > low else low
+        along = range_m * (direction if direction < high else high)
+        across = np.sqrt(square - along * along - height * height)
+        turn = along / across
+        ux, uy = tx - turn * ax, ty - turn * ay
+        px, py = along * tx + across * ax, along * ty + across * ay
+        out[i] = factor * (
+            (x0 * ux + y0 * uy) / np.sqrt(own0 - 2.0 * (x0 * px + y0 * py))
+            + (x1 * ux + y1 * uy) / np.sqrt(own1 - 2.0 * (x1 * px + y1 * py)))

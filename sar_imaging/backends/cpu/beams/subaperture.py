@@ -14,9 +14,9 @@ import math
 import numpy as np
 
 from ....compilation import numba
-from ....geometry.illumination import Illumination
 from ....planning.afbp.beam_gain import DEGREE, bins_per_run
 from ....planning.afbp.beam_geometry import grid_edges
+from ....planning.afbp.lit_subapertures import AmplitudeNodes
 from ....planning.afbp.subapertures import SubaperturePlan
 from ..fft.rows import transform_rows
 from ..lines import segment_middles
@@ -62,8 +62,10 @@ class BeamformedSubaperture:
         self._lit_apart = 0 if plan.lit is None else plan.lit.apart
 
     def fill(self, samples, tx_m, rx_m, image, weights=None,
-             illumination: Illumination | None = None) -> None:
+             nodes: AmplitudeNodes | None = None) -> None:
         """Image of some echoes at range baseband; the arguments are those of `PolarLines.fill`.
+
+        But for `nodes`, in place of an illumination.
 
         Raises
         ------
@@ -79,8 +81,8 @@ class BeamformedSubaperture:
         directions = start + spacing * np.arange(n_beams)
         paired = geometry.uneven(tx_m, rx_m) < self._sampling.uneven_m
         beams = self._beams(samples, geometry.beam_path(tx_m, rx_m, directions), paired, weights)
-        lit = self._lit and self._lit.parabolas(illumination, geometry, (tx_m, rx_m), directions,
-                                                self._per_metre)
+        lit = self._lit and self._lit.parabolas(nodes, geometry,
+                                                2 * math.pi * self._per_metre * spacing)
         self._read(beams, geometry, start, spacing, image, lit)
 
     def _beams(self, samples, path, paired, weights) -> np.ndarray:

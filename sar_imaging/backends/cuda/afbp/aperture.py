@@ -69,7 +69,7 @@ class ApertureFusion:
             images = self._imager.project_all(
                 samples, block.tx_m[span], block.rx_m[span], own,
                 None if weights is None else weights[span],
-                some and [plan.illumination_of(some.select(piece)) for piece in own])
+                some and [plan.weighed_by(some.select(piece)) for piece in own])
             if factors:
                 launch(edge_powers, (images.shape[2], len(images)), _THREADS, images, *factors,
                        power)

@@ -11,7 +11,7 @@ from ....geometry.illumination import Illumination
 from ....geometry.polar import PolarGrid
 from ....planning.afbp.beam_geometry import BeamGeometry, grid_edges
 from ....planning.afbp.beams import CELL_TAPS
-from ....planning.afbp.lit_subapertures import node_pulses
+from ....planning.afbp.lit_subapertures import AmplitudeNodes
 from ....planning.afbp.subapertures import SubaperturePlan
 from ..arrays import launch, pairs, xp
 from ..illumination import Antennas
@@ -69,7 +69,7 @@ class Beams:
         return int(8 * (3 * n_beams * plan.lattice.n_cells + coarse.n_alpha * coarse.n_range))
 
     def images(self, samples, weights, pieces: Sequence[slice], tx_m, rx_m,
-               illuminations: Sequence[Illumination | None]):
+               nodes: Sequence[AmplitudeNodes | None]):
         """Images of some sub-apertures at range baseband.
 
         Parameters
@@ -82,8 +82,8 @@ class Beams:
             Echoes of each sub-aperture.
         tx_m, rx_m : (R, 3) float64
             Phase centres, metres.
-        illuminations : sequence of Illumination or None
-            Of each, where the plan has it.
+        nodes : sequence of AmplitudeNodes or None
+            Of each, where the plan has illumination.
 
         Returns
         -------
@@ -104,8 +104,7 @@ class Beams:
                             np.concatenate([tx_m, rx_m], axis=1))
         images = xp.empty((len(pieces), 2, *polar.shape), np.float32)
         lit = () if self._lit is None else self._lit.parabolas(
-            illuminations, found, [(tx_m[piece], rx_m[piece]) for piece in pieces],
-            (there, own, self._grid), self._cycles_per_m)
+            nodes, found, (there, own, self._grid), self._cycles_per_m)
         between, along = self._plan.beams.between.interpolator, self._plan.beams.along
         launch(interpolate_lit_beams if lit else interpolate_beams,
                (-(-polar.n_range // _THREADS), polar.n_alpha, len(pieces)), _THREADS, pairs(beams),
@@ -162,31 +161,29 @@ class _LitLines:
                                  np.arange(polar.n_alpha)[:, None])[0]
         self._positions = xp.asarray(np.ascontiguousarray(positions.reshape(-1, 3).T))
 
-    def parabolas(self, illuminations: Sequence[Illumination], geometries, echoes, told: tuple,
+    def parabolas(self, nodes: Sequence[AmplitudeNodes], geometries, told: tuple,
                   cycles_per_m: float) -> tuple:
         """The last arguments of `interpolate_lit_beams`.
 
         Parameters
         ----------
-        illuminations : sequence of Illumination
-            Of the echoes of each sub-aperture.
+        nodes : sequence of AmplitudeNodes
+            Of each sub-aperture.
         geometries : sequence of tuple
             From `Beams._geometry`.
-        echoes : sequence of (tx_m, rx_m)
-            Phase centres, (R, 3) float64 each, metres.
         told : tuple
             The kernels' `rows`, `own` and `grid`.
         cycles_per_m : float
             Carrier phase per metre of half path, cycles.
         """
         most = max(n_beams for _, n_beams, _ in geometries)
-        phase, lit = np.zeros((len(echoes), most, 3)), []
+        phase = np.zeros((len(nodes), most, 3))
         for number, (geometry, n_beams, own) in enumerate(geometries):
-            nodes, spacing = node_pulses(len(echoes[number][0])), own[SPACING]
-            slope = geometry.slope(*(c[nodes] for c in echoes[number]),
+            spacing = own[SPACING]
+            slope = geometry.slope(nodes[number].tx_m, nodes[number].rx_m,
                                    own[START] + spacing * np.arange(n_beams))
             phase[number, :n_beams] = 2 * math.pi * cycles_per_m * spacing * slope
-            lit.append(illuminations[number].select(nodes))
+        lit = [one.illumination for one in nodes]
         antennas = Antennas(Illumination(lit[0].pattern, *(np.concatenate(
             [getattr(one, name) for one in lit]) for name in ('centre_m', 'axes'))))
         found = xp.empty((len(lit), self._positions.shape[1], 3), np.float32)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....geometry.illumination import Illumination
+from ....planning.afbp.lit_subapertures import AmplitudeNodes
 from ....planning.afbp.subapertures import SubaperturePlan
 from ....signal.pulses import PulseBlock
 from ..arrays import (
@@ -56,7 +57,7 @@ class SubapertureImager:
         plan = self.plan
         plan.check_block(number, block)
         there = self.project(block.samples, block.tx_m, block.rx_m, weights,
-                             plan.illumination_of(block))
+                             plan.weighed_by(block))
         if out is None or on_device(out):
             return given(there)
         out[...] = to_host(there)
@@ -64,14 +65,14 @@ class SubapertureImager:
 
     @reports_failures
     def project(self, samples, tx_m, rx_m, weights=None,
-                illumination: Illumination | None = None):
+                light: Illumination | AmplitudeNodes | None = None):
         """The same of samples that may lie on the device, unchecked; see `project_all`."""
         return self.project_all(samples, tx_m, rx_m, [slice(0, len(samples))], weights,
-                                [illumination])[0]
+                                [light])[0]
 
     @reports_failures
     def project_all(self, samples, tx_m, rx_m, pulses: Sequence[slice], weights=None,
-                    illuminations: Sequence[Illumination | None] | None = None):
+                    lights: Sequence[Illumination | AmplitudeNodes | None] | None = None):
         """Images of some sub-apertures, in few launches where they come from beams.
 
         Parameters
@@ -84,8 +85,8 @@ class SubapertureImager:
             Those of each sub-aperture.
         weights : (P,) float32, optional
             Window over the pulses.
-        illuminations : sequence of Illumination, optional
-            Of the echoes of each sub-aperture, where the plan has it.
+        lights : sequence, optional
+            `SubaperturePlan.weighed_by` of each sub-aperture.
 
         Returns
         -------
@@ -94,15 +95,15 @@ class SubapertureImager:
         plan, n = self.plan, self.plan.n_channels
         echoes = complex_samples(samples).reshape(-1, plan.n_samples)
         tx_m, rx_m = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
-        illuminations = illuminations or [None] * len(pulses)
+        lights = lights or [None] * len(pulses)
         pieces = [slice(some.start * n, some.stop * n) for some in pulses]
         if self._beams:
             window = (xp.ones(len(echoes), np.float32) if weights is None else
                       xp.asarray(np.repeat(weights, n).astype(np.float32)))
-            return self._beams.images(echoes, window, pieces, tx_m, rx_m, illuminations)
+            return self._beams.images(echoes, window, pieces, tx_m, rx_m, lights)
         if weights is not None:
             echoes = echoes * xp.asarray(np.repeat(weights, n))[:, None]
         images = xp.zeros((len(pieces), 2, *plan.coarse.shape), np.float32)
-        for image, piece, light in zip(images, pieces, illuminations, strict=True):
+        for image, piece, light in zip(images, pieces, lights, strict=True):
             self._lines.add(echoes[piece], tx_m[piece], rx_m[piece], image.reshape(-1), light)
         return images
