@@ -54,6 +54,11 @@ class PixelDensity:
         n, wanted = len(self.along_range), np.flatnonzero(self.along_range)
         return wanted[0] / n, 1 - (wanted[-1] + 1) / n
 
+    @property
+    def wanted_ranges(self) -> float:
+        """Share of the ranges that are wanted, from the first to the last of them."""
+        return 1 - sum(self.range_margins)
+
 
 EVERYTHING = PixelDensity()
 

@@ -2,7 +2,8 @@
 
 The power of n echoes at different places grows as n, that of n echoes at one place as n squared.
 Where a platform stops, or comes by again, what is read of those echoes decides the error of the
-image, be they few.
+image, be they few. What one place sees of a shallow scene may be faint by chance, too: then what
+is read of the others decides it.
 """
 
 from __future__ import annotations
@@ -12,6 +13,9 @@ import numpy as np
 from ..geometry.half_paths import half_paths
 from ..signal.radar import RadarParameters
 
+_FAINT = 1.645  # standard deviations: one scene of twenty is fainter
+_ALIKE = 0.8  # brightness of the faintest place over the others', above which nothing is faint
+
 
 def echo_power(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndarray:
     """(R,) float64 share that each echo has in the power of an image, relative to the mean.
@@ -19,6 +23,32 @@ def echo_power(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndar
     It is the number of echoes whose local frequencies in the image differ by less than the image
     resolves, along range by less than the band of a pulse. The image has its middle at
     `centre_m`, (3,), and extends along `sides_m`, (2, 3), metres.
+    """
+    count = _echoes_alike(tx_m, rx_m, centre_m, sides_m, radar)[0]
+    return count / count.mean()
+
+
+def echo_powers(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndarray:
+    """(W, R) float64 shares as of `echo_power`, and where one place is faint: W is 1 or 2.
+
+    Speckle gives each of N resolved ranges an exponentially distributed power, and what a place
+    sees of all of them one of gamma distribution, shape N. Where its share s of the power is
+    small, there are others to make up for it: N / s counts. The second shares are those of a
+    scene that is fainter than nineteen of twenty (Wilson and Hilferty 1931); they are left out
+    where they are hardly others, as for tracks without halts.
+    """
+    count, alone, n_ranges = _echoes_alike(tx_m, rx_m, centre_m, sides_m, radar)
+    share = count / alone * count / count.sum()  # echoes of a place, times the share of one
+    shape = n_ranges / np.minimum(share, 1.0)
+    faint = (1 - 1 / (9 * shape) - _FAINT / (3 * np.sqrt(shape))) ** 3
+    powers = [count] if faint.min() > _ALIKE * faint.max() else [count, count * faint]
+    return np.stack([power / power.mean() for power in powers])
+
+
+def _echoes_alike(tx_m, rx_m, centre_m, sides_m, radar) -> tuple[np.ndarray, np.ndarray, float]:
+    """How many echoes see a scene alike, and in how many ranges it is resolved.
+
+    (R,) numbers up to a factor that is the same for all of a place, and the factor, (R,).
     """
     sides = np.asarray(sides_m, float)
     slopes = half_paths(tx_m, rx_m, np.asarray(centre_m, float)[None], *sides[:, None])[1:, :, 0]
@@ -38,5 +68,5 @@ def echo_power(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndar
                              for i in (0, 1) for j in (0, 1)])
     _, number = np.unique(np.concatenate(keys), return_inverse=True)
     count = np.bincount(number, shares)[number] * shares
-    weight = count.reshape(4, -1).sum(axis=0)
-    return weight / weight.mean()
+    count, alone = (v.reshape(4, -1).sum(axis=0) for v in (count, shares ** 2))
+    return count, alone, band

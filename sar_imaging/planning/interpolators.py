@@ -96,10 +96,11 @@ class Interpolator:
     def mean_error_db(self, frequency, weight) -> float:
         """Mean error of K wavenumbers, R echoes and S places, dB.
 
-        Frequencies are (K, R, S), cycles per sample, weights of the echoes (R,).
+        Frequencies are (K, R, S), cycles per sample, weights of the echoes (R,), or (W, R) for
+        the worst of W cases.
         """
         error = self.error_at(frequency).mean(axis=(0, 2))
-        return 10 * math.log10(float(error @ weight / weight.sum()) + 1e-16)
+        return 10 * math.log10(float((weight @ error / weight.sum(axis=-1)).max()) + 1e-16)
 
     def error_with_drift(self, drift) -> np.ndarray:
         """(...) mean squared error where positions begin anywhere and drift evenly.

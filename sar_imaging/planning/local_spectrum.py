@@ -14,7 +14,7 @@ from ..geometry.half_paths import half_paths
 from ..geometry.illumination import NO_SPREAD, AmplitudeSpread, Illumination
 from ..geometry.polar import PolarGrid
 from ..signal.radar import RadarParameters
-from .echo_power import echo_power
+from .echo_power import echo_powers
 
 SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 TAPERS_NEEDED = 0.5  # of what tapers add to a band, what is beyond is faint enough to fold
@@ -40,6 +40,8 @@ class LocalSpectrum:
         Largest frequency along range, relative to the carrier's, rad/m.
     by_range : (float, float)
         Smallest and largest derivative of the half paths by range.
+    weight : (W, R) float64
+        Shares of the echoes in the power of an image, see `echo_powers`.
     spread : AmplitudeSpread
         Frequencies along direction of the echoes' amplitude, radians per unit of it.
     """
@@ -55,10 +57,12 @@ class LocalSpectrum:
 
 
 def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters,
-                   illumination: Illumination | None = None) -> LocalSpectrum:
+                   illumination: Illumination | None = None, wanted: float = 1.0
+                   ) -> LocalSpectrum:
     """Local frequencies of backprojected images at samples of a polar grid and its guards.
 
-    `illumination` tells the amplitudes of the P C echoes.
+    `illumination` tells the amplitudes of the P C echoes, `wanted` the share of the ranges whose
+    power counts.
 
     Raises
     ------
@@ -90,11 +94,11 @@ def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters,
     half_range = (radar.half_band_rad_per_m * extremes[1] + radar.wavenumbers_rad_per_m[1]
                   * max(1 - extremes[0], extremes[1] - 1))
     middle = len(position) // 2
-    sides = (polar.n_range * polar.range_spacing_m * along_range[middle],
+    sides = (wanted * polar.n_range * polar.range_spacing_m * along_range[middle],
              polar.n_alpha * polar.alpha_spacing * along_alpha[middle])
     return LocalSpectrum(slope, share, radar.wavenumbers_rad_per_m, half_range,
                          (float(length.min()), float(length.max())), extremes,
-                         echo_power(tx_m, rx_m, position[middle], sides, radar),
+                         echo_powers(tx_m, rx_m, position[middle], sides, radar),
                          NO_SPREAD if illumination is None else
                          illumination.spread(position, along_alpha))
 

@@ -19,7 +19,7 @@ from ..geometry.map_edges import EDGE_SAMPLES, edge_positions
 from ..geometry.polar import PolarGrid
 from ..geometry.track_frame import side_of, track_beside
 from ..signal.radar import RadarParameters
-from .echo_power import echo_power
+from .echo_power import echo_powers
 from .error_budget import total_db
 from .interpolators import Interpolator, fitting_interpolator
 from .local_spectrum import TAPERS_NEEDED, spread_frequencies, tail_error, used_share
@@ -56,6 +56,8 @@ class PolarCover:
         Of the resampling: between lines and along them.
     slope_alpha : (R, S) float64
         Derivative by direction of the half paths from the echoes to samples of the map, metres.
+    weight : (W, R) float64
+        Shares of the echoes in the power of the image, see `echo_powers`.
     between_db, along_db : float
         Errors of the interpolation to the map, dB.
     profile_db : float
@@ -142,7 +144,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         along_range, along_alpha = (paths.with_lit(v) for v in (along_range, along_alpha))
         slope, slope_alpha = paths.with_lit(slope), paths.of_lit_rows(slope_alpha)
     even, along_alpha = along_alpha, spread_frequencies(along_alpha, spread.rms)
-    weight = echo_power(tx_m, rx_m, grid.centre_m, grid.spacing_m * np.array(
+    weight = echo_powers(tx_m, rx_m, grid.centre_m, grid.spacing_m * np.array(
         [[grid.n_x, 0, 0], [0, grid.n_y, 0]]), radar)
     between, between_db = fitting_interpolator(
         along_alpha, weight, resampling_db, taps=DEAPODISED_TAPS if fused else TAPS,

@@ -5,6 +5,7 @@ import pytest
 import scipy.fft
 
 from sar_imaging.backends.cpu.profiles import Profiles, cut_profiles
+from sar_imaging.backends.reference.resample_profiles import profile_spectra
 from sar_imaging.planning.profiles.range_gate import RangeGate
 from sar_imaging.planning.profiles.range_resampling import plan_point_resampling
 from sar_imaging.signal import RadarParameters
@@ -72,6 +73,29 @@ def test_polynomials_agree_with_those_of_the_whole_profile():
 def test_the_whole_profile_is_taken_where_a_window_gains_nothing(range_m):
     radar = _radar(2.0)
     assert RangeGate.around(radar, N, range_m) == RangeGate.whole(radar, N)
+
+
+@pytest.mark.parametrize('range_m', [(-500.0, 500.0), (3900.0, 5000.0)])
+def test_zeros_lead_a_profile_that_the_image_leaves(range_m):
+    """A filtered profile rings on before its first sample; errors of its ends stay the same."""
+    radar = _radar(1.5)
+    whole, window = (RangeGate.around(radar, N, range_m, lead) for lead in (0, 32))
+    if range_m[0] > 0:  # cut where it begins: nothing rings there
+        assert window == whole
+        return
+    assert (window.first, window.n_samples) == (-32, whole.n_samples + 32)
+    np.testing.assert_allclose(window.end_error(radar.range_start_m + np.arange(-40.0, 900.0, 3)),
+                               whole.end_error(radar.range_start_m + np.arange(-40.0, 900.0, 3)))
+    samples, (short, long) = _noise(radar), (np.empty((2, N + 64), complex) for _ in range(2))
+    cut_profiles(whole, samples, short)
+    cut_profiles(window, samples, long)
+    np.testing.assert_array_equal(long[:, 32:], short[:, :-32])
+    assert not long[:, :32].any()
+    np.testing.assert_allclose(profile_spectra(window, samples, N + 64), np.fft.fftshift(
+        np.fft.fft(long) * window.gain(N + 64), axes=-1))
+    # what rings falls with the distance: measured -80 dB where the window begins
+    ringing = np.abs(_filtered(long, 1.5)) ** 2 / np.mean(np.abs(samples) ** 2)
+    assert 10 * np.log10(ringing[:, 0].mean()) < -75.0
 
 
 def test_a_window_at_the_end_of_the_profile_keeps_that_end():

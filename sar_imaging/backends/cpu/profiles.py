@@ -171,8 +171,9 @@ def spectra(source: RangeGate | PhaseHistory, samples: np.ndarray, n_padded: int
 
 def cut_profiles(window: RangeGate, samples: np.ndarray, out: np.ndarray) -> None:
     """Copy the window of profiles (R, N) to the start of `out` (R, M), zero beyond it."""
-    n = window.n_samples
-    out[:, :n] = samples[:, window.first:window.first + n]
+    n, lead = window.n_samples, max(-window.first, 0)
+    out[:, :lead] = 0.0
+    out[:, lead:n] = samples[:, window.first + lead:window.first + n]
     out[:, n:] = 0.0
     if window.n_rise:
         out[:, :window.n_rise] *= rise(window.n_rise)

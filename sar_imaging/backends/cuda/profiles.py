@@ -54,7 +54,10 @@ def profile_spectra(source: RangeGate | PhaseHistory, samples, n_padded: int):
         window[:source.n_rise] = rise(source.n_rise)
     if source.n_fall:
         window[-source.n_fall:] = rise(source.n_fall)[::-1]
-    cut = samples[:, source.first:source.first + source.n_samples] * xp.asarray(window)
+    lead = max(-source.first, 0)
+    cut = xp.pad(samples, ((0, 0), (lead, 0)))[:, source.first + lead:] if lead else (
+        samples[:, source.first:])
+    cut = cut[:, :source.n_samples] * xp.asarray(window)
     return xp.fft.fft(cut, n_padded, axis=-1).astype(np.complex64, copy=False)
 
 

@@ -48,8 +48,9 @@ def profile_spectra(source: RangeGate | PhaseHistory, samples, n_padded: int) ->
             window[:source.n_rise] = rise(source.n_rise)
         if source.n_fall:
             window[-source.n_fall:] = rise(source.n_fall)[::-1]
-        cut = spectra[:, source.first:source.first + source.n_samples]
-        spectra = np.fft.fft(cut * window, n_padded)
+        lead = max(-source.first, 0)
+        cut = np.pad(spectra, ((0, 0), (lead, 0)))[:, source.first + lead:]
+        spectra = np.fft.fft(cut[:, :source.n_samples] * window, n_padded)
     # bin `source.zero` is that of the carrier
     return np.roll(spectra * source.gain(n_padded), n_padded // 2 - source.zero, axis=-1)
 

@@ -195,7 +195,7 @@ def _windows_db(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window: 
     for first in np.unique(np.linspace(0, len(bands.slope) // n_channels - width,
                                        _WINDOWS).astype(int)):
         echoes = slice(first * n_channels, (first + width) * n_channels)
-        slope, weight = bands.slope[echoes], bands.weight[echoes]
+        slope, weight = bands.slope[echoes], bands.weight[:, echoes]
         middle = 0.5 * (slope.min() + slope.max()) * radar.wavenumber_rad_per_m
         worst_db = max(worst_db, between.mean_error_db(
             (k * slope - middle) * (polar.alpha_spacing / (2 * math.pi)), weight))

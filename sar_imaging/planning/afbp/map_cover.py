@@ -118,7 +118,7 @@ def _tones(polar: PolarGrid, cover: PolarCover) -> np.ndarray:
     if cycles.max() > 0.5:  # images of parts of the track, which may lie anywhere in its band
         even = (np.arange(TONES) < TONES / cover.between.oversampling).astype(float)
         return even / even.sum()
-    weight = np.broadcast_to(cover.weight[:, None], cycles.shape)
+    weight = np.broadcast_to(cover.weight[0][:, None], cycles.shape)
     power = np.histogram(cycles, TONES, (0.0, 0.5), weights=weight)[0]
     return power / power.sum()
 

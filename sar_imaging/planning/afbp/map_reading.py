@@ -11,7 +11,7 @@ import numpy as np
 from ...geometry.half_paths import half_paths, sample_paths
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
-from ..echo_power import echo_power
+from ..echo_power import echo_powers
 from ..error_budget import total_db
 from ..polar_cover import PolarCover
 
@@ -60,7 +60,7 @@ def reading_db(cover: PolarCover, polar: PolarGrid, tx_m, rx_m,
     if centred:
         along_alpha -= (0.5 * (slope_alpha.min() + slope_alpha.max())
                         * radar.wavenumber_rad_per_m)
-    weight = echo_power(tx_m, rx_m, cover.grid.centre_m, cover.grid.spacing_m * np.array(
+    weight = echo_powers(tx_m, rx_m, cover.grid.centre_m, cover.grid.spacing_m * np.array(
         [[cover.grid.n_x, 0, 0], [0, cover.grid.n_y, 0]]), radar)
     return total_db(*(
         interpolator.mean_error_db(paths.with_lit(frequency) * (spacing / (2 * np.pi)), weight)

@@ -237,9 +237,9 @@ def _on_plane(sizes: FusionSizes) -> bool:
 
 
 def _rows_for_error(s: Sampling, bands: LocalSpectrum, n_channels: int) -> tuple[np.ndarray, ...]:
-    """Some echoes of some sub-apertures, the power of each, and the middle of its band, metres.
+    """Some echoes of some sub-apertures, powers of each, and the middle of its band, metres.
 
-    They lie densest where bands end: the error of the others is far less.
+    They lie densest where bands end: the error of the others is far less. Powers are (W, R).
     """
     cuts = np.linspace(0, len(s.pulses) - 1, _CUTS_FOR_ERROR).round().astype(int)
     found = []
@@ -247,11 +247,12 @@ def _rows_for_error(s: Sampling, bands: LocalSpectrum, n_channels: int) -> tuple
         echoes = slice(*(n * n_channels for n in (s.pulses[cut].start, s.pulses[cut].stop)))
         order = np.argsort(bands.slope[echoes].mean(axis=1))
         edges = 0.5 * len(order) * (1 - np.cos(np.linspace(0, np.pi, _ROWS_FOR_ERROR + 1)))
-        power = np.append(0, np.cumsum(bands.weight[echoes][order]))
+        powers = [np.diff(np.interp(edges, np.arange(len(order) + 1),
+                                    np.append(0, np.cumsum(weight[echoes][order]))))
+                  for weight in bands.weight]
         found.append((echoes.start + order[(0.5 * (edges[1:] + edges[:-1])).astype(int)],
-                      np.diff(np.interp(edges, np.arange(len(order) + 1), power)),
-                      np.full(_ROWS_FOR_ERROR, s.centre[cut])))
-    return tuple(map(np.concatenate, zip(*found, strict=True)))
+                      np.stack(powers), np.full(_ROWS_FOR_ERROR, s.centre[cut])))
+    return tuple(np.concatenate(values, axis=-1) for values in zip(*found, strict=True))
 
 
 def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centre_m) -> float:
@@ -259,8 +260,11 @@ def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centr
 
     It is 2 or more, as if nothing fitted, where a frequency lies beyond the coarse grid's. Of
     `bands` it looks at some `echoes`, (R,) int64 or a slice; `weight` and `centre_m`, (R,) or (),
-    are the share of each and the middle of the slopes of its sub-aperture, metres.
+    are the share of each and the middle of the slopes of its sub-aperture, metres. Of W cases of
+    weights, (W, R), it is that of the worst.
     """
+    if np.ndim(weight) == 2:
+        return max(fusion_error(sampling, bands, echoes, some, centre_m) for some in weight)
     s, coverage = sampling.sizes, sampling.coverage
     guard = s.n_guard / (s.n_coarse - 2 * s.n_guard)
     slope = _to_guards(bands.slope[echoes], guard)

@@ -223,7 +223,8 @@ class SubaperturePlan(Plan):
         ValueError
             Range does not grow along the lines of the grid.
         """
-        bands = local_spectrum(self.polar, tx_m, rx_m, self.radar, illumination)
+        bands = local_spectrum(self.polar, tx_m, rx_m, self.radar, illumination,
+                               self.sampling.coverage.wanted_ranges)
         # Slopes as far beyond let pixels drift by this over half a segment, seen from the lattice.
         slack = 2 * _DRIFT_SLACK * self.lattice.step_m / (
             max(self.lattice.segment, 1) * self.lattice.spacing)
@@ -287,14 +288,15 @@ class _Planner:
         if self.illumination is not None:
             paths = self.illumination.select(slice(None, None, step)).of_paths(
                 paths, polar.lines(*polar.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE))[0])
-        bands = local_spectrum(polar, tx_m, rx_m, radar, self.illumination)
+        bands = local_spectrum(polar, tx_m, rx_m, radar, self.illumination,
+                               self.coverage.wanted_ranges)
         lit = self.illumination and LitError(polar, radar, tx_m, rx_m, self.illumination)
         sampling = self._sampling(bands, paths, length, ratio, lit)
         grid = UnifiedPolarGrids(
             *vars(sampling.sizes).values(), bands.half_range, radar.carrier_hz,
             *(oversampling or (1.0, 1.0)), radar.propagation_speed_m_per_s)
         range_m = _bounds(grid.coarse, tx_m, rx_m)
-        source = self.band or RangeGate.around(radar, self.n_samples, range_m)
+        source = self.band or RangeGate.around(radar, self.n_samples, range_m, _PADDING)
         # echoes of one sub-aperture share phases, never those of two
         first = {p.start * tx_m.shape[1] // step for p in sampling.pulses}
         lattice = self._lattice(

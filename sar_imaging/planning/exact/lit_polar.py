@@ -121,7 +121,7 @@ class _PolarReading:
             self.pairs = pairs = pairs.thinned(_THINNED)
         self._centres = tx_m[pairs.echoes], rx_m[pairs.echoes]
         self._length_m = pair_lengths(*self._centres, pairs.points_m)
-        self._weight = cover.weight[pairs.echoes]
+        self._weight = cover.weight[0, pairs.echoes]
         low, high = cover.window.radar.wavenumbers_rad_per_m
         self._wavenumber = low + (high - low) * pairs.place
         self._range, self._alpha = polar.from_map(*pairs.points_m[:, :2].T)

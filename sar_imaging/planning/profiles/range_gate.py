@@ -29,7 +29,8 @@ class RangeGate:
     radar : RadarParameters
         Of the profiles.
     first, n_samples : int
-        First sample and number of samples.
+        First sample, negative where so many zeros come before it, and number of samples with
+        these.
     range_start_m : float
         Half path of the first sample, metres.
     n_rise, n_fall : int
@@ -57,9 +58,13 @@ class RangeGate:
     zero = 0  # bin of the carrier in `spectrum`
 
     @classmethod
-    def around(cls, radar: RadarParameters, n_samples: int,
-               range_m: tuple[float, float]) -> RangeGate:
-        """Window for half paths, as far as the profile has them."""
+    def around(cls, radar: RadarParameters, n_samples: int, range_m: tuple[float, float],
+               lead: int = 0) -> RangeGate:
+        """Window for half paths, as far as the profile has them.
+
+        Where these leave the profile it begins with so many zeros, `lead`, over which filtered
+        profiles fade away.
+        """
         beyond = math.ceil(_REACH / (1 - radar.bandwidth_hz / radar.sample_rate_hz))
         lo, hi = ((r - radar.range_start_m) / radar.sample_spacing_m for r in range_m)
         first = min(max(math.floor(lo) - beyond, 0), n_samples)
@@ -67,6 +72,8 @@ class RangeGate:
         if not 2 * beyond <= stop - first <= _WORTHWHILE * n_samples:
             first, stop = 0, n_samples
         taper = int(_TAPER_SHARE * beyond)
+        if first == 0 and (lo < 0 or hi > n_samples - 1):
+            first = -lead
         return cls(radar, first, stop - first,
                    radar.range_start_m + first * radar.sample_spacing_m,
                    taper if first > 0 else 0, taper if stop < n_samples else 0)
@@ -85,7 +92,8 @@ class RangeGate:
         given = round(self.radar.sample_rate_hz / self.radar.bandwidth_hz, 2)
         after = (np.asarray(range_m) - self.range_start_m) / self.radar.sample_spacing_m
         error = 0.0
-        for distance, taper in ((after, self.n_rise), (self.n_samples - 1 - after, self.n_fall)):
+        for distance, taper in ((after + min(self.first, 0), self.n_rise),
+                                (self.n_samples - 1 - after, self.n_fall)):
             table = _end_errors(given, min(given, round(oversampling, 2)), taper)
             error = error + np.interp(distance, np.arange(len(table)), table, left=1.0)
         return np.minimum(error, 1.0)
