@@ -7,7 +7,8 @@ Plans are float64 NumPy and know no processor; `sar_imaging.backends` computes t
 - `baselines`: methods for comparison, fast factorised backprojection among them;
 - `profiles`: the part of the range profiles that an image needs, and how finely it is resampled;
 - `polar_cover`, `polar_to_map`: the polar grid that covers a map, and how the map is read from it;
-- `interpolators`, `aliasing_error`, `local_spectrum`, `echo_power`, `error_budget`: the error;
+- `interpolators`, `aliasing_error`, `guard_taper`, `local_spectrum`, `amplitude_spread`,
+  `echo_power`, `error_budget`: the error;
 - `costs`: nanoseconds.
 
 Names that mean the same in all modules, here and in the backends, are described once:

@@ -1,4 +1,4 @@
-"""Local frequencies of sub-aperture images, and the guards that tapers over them need.
+"""Local frequencies of sub-aperture images.
 
 The derivatives of the half paths times the wavenumber are the frequencies of the image.
 """
@@ -15,12 +15,9 @@ from ..geometry.illumination import NO_SPREAD, AmplitudeSpread, Illumination
 from ..geometry.polar import PolarGrid
 from ..signal.radar import RadarParameters
 from .echo_power import echo_powers
+from .guard_taper import usual_guard
 
 SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
-TAPERS_NEEDED = 0.5  # of what tapers add to a band, what is beyond is faint enough to fold
-_TAPER_LOBES = 4  # times the inverse of the guards' length
-# Times the root of the ranges: narrower guards widen the tapers' spectrum, and the fused one
-_RANGE_GUARD = 1.2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,64 +100,11 @@ def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters,
                          illumination.spread(position, along_alpha))
 
 
-def spread_frequencies(frequency, spread: float) -> np.ndarray:
-    """Frequencies along direction of echoes whose amplitude varies with it.
-
-    Parameters
-    ----------
-    frequency : (K, ...) float64
-        Of echoes of even amplitude.
-    spread : float
-        Rms frequency of the amplitude, likewise.
-
-    Returns
-    -------
-    (K or 6 K, ...) float64
-        Alike in number for each node of a Gauss-Hermite rule of three nodes.
-    """
-    if spread == 0:
-        return frequency
-    beside = math.sqrt(3) * spread
-    return np.concatenate([*[frequency] * 4, frequency - beside, frequency + beside])
-
-
-def tail_error(spread: AmplitudeSpread, frequency, error_at, echoes=slice(None)) -> float:
-    """Mean error of the faint frequencies of echoes' amplitudes, relative to their power.
-
-    Of some echoes of even amplitude the frequencies are (K, R, S) float64, radians per unit of
-    direction; ``error_at`` gives the error of some.
-    """
-    weight = 1.0 if spread.by_echo is None else spread.by_echo[echoes][:, None]
-    return sum(0.5 * share * float(np.mean(
-        weight * (error_at(frequency + f) + error_at(frequency - f))))
-        for f, share in zip(spread.frequency, spread.share, strict=True) if share > 0)
-
-
 def _of_lit_points(slope, lit) -> np.ndarray:
     """Slopes (R, S) in which the mean of the points that an echo lights stands for the others."""
     count = lit.sum(axis=1, keepdims=True)
     mean = (slope * lit).sum(axis=1, keepdims=True) / np.maximum(count, 1)
     return np.where(lit | (count == 0), slope, mean)
-
-
-def usual_guard(n_range: int) -> int:
-    """Ranges of each guard where the geometry does not need more, nor leaves less."""
-    return math.ceil(_RANGE_GUARD * math.sqrt(n_range))
-
-
-def used_share(half_range: float, spacing_m: float, n_range: int, tapers: float = 1.0) -> float:
-    """Share of a sampling along range that a sub-aperture image needs.
-
-    Above 1 where the ranges do not hold the band: frequencies up to `half_range`, rad/m relative
-    to the carrier's, and `tapers` times what tapers over usual guards of `n_range` ranges add.
-    """
-    band = half_range + tapers * taper_band(usual_guard(n_range) * spacing_m)
-    return spacing_m / math.pi * band
-
-
-def taper_band(guard_m: float) -> float:
-    """By how much tapers over the guards widen a band along range on either side, rad/m."""
-    return _TAPER_LOBES * 2 * math.pi / guard_m
 
 
 def ranges_before(polar: PolarGrid, beyond: float) -> int:

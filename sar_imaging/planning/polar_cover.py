@@ -19,10 +19,11 @@ from ..geometry.map_edges import EDGE_SAMPLES, edge_positions
 from ..geometry.polar import PolarGrid
 from ..geometry.track_frame import side_of, track_beside
 from ..signal.radar import RadarParameters
+from .amplitude_spread import spread_frequencies, tail_error
 from .echo_power import echo_powers
 from .error_budget import total_db
+from .guard_taper import TAPERS_NEEDED, used_share
 from .interpolators import Interpolator, fitting_interpolator
-from .local_spectrum import TAPERS_NEEDED, spread_frequencies, tail_error, used_share
 from .polar_to_map import DEAPODISED_TAPS, DEGREE, LEAST_RANGES, TAPS, margin
 from .profiles.range_gate import RangeGate
 from .profiles.range_resampling import RangeResampling, plan_resampling

@@ -10,8 +10,8 @@ import numpy as np
 
 from ...geometry.polar import PolarGrid
 from ...signal.radar import SPEED_OF_LIGHT
+from ..guard_taper import taper_band
 from ..interpolators import Interpolator, design_interpolator
-from ..local_spectrum import taper_band
 from ..polar_to_map import DEAPODISED_TAPS, DEGREE
 
 _MAX_PIXELS = 2 ** 31  # of each grid; far beyond any memory, and safe to multiply

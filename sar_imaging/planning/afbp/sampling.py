@@ -25,15 +25,10 @@ from ..aliasing_error import (
     correction_error,
     taper_shape,
 )
+from ..amplitude_spread import spread_frequencies, tail_error
 from ..costs import costs
-from ..local_spectrum import (
-    SAMPLES_PER_SIDE,
-    LocalSpectrum,
-    ranges_before,
-    spread_frequencies,
-    tail_error,
-    usual_guard,
-)
+from ..guard_taper import usual_guard
+from ..local_spectrum import SAMPLES_PER_SIDE, LocalSpectrum, ranges_before
 from ..profiles.transform_length import quick_length
 from .polar_grids import FusionSizes
 from .row_length import row_length

@@ -20,7 +20,8 @@ from ...signal.pulses import PulseBlock, check_profiles
 from ...signal.radar import RadarParameters
 from ..aliasing_error import EVERYTHING, PixelDensity
 from ..error_budget import AFBP_SHARES, error_budget, remaining_db, total_db
-from ..local_spectrum import TAPERS_NEEDED, LocalSpectrum, local_spectrum, used_share
+from ..guard_taper import TAPERS_NEEDED, used_share
+from ..local_spectrum import LocalSpectrum, local_spectrum
 from ..plan import Plan
 from ..polar_cover import PolarCover
 from ..profiles.phase_history import PhaseHistory

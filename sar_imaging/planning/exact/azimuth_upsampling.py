@@ -14,9 +14,9 @@ import math
 import numpy as np
 
 from ...geometry.polar import PolarGrid
+from ..amplitude_spread import spread_frequencies, tail_error
 from ..costs import costs
 from ..interpolators import Interpolator, sufficient_interpolators
-from ..local_spectrum import spread_frequencies, tail_error
 from ..polar_cover import PolarCover
 
 TAPS, DEGREE = 10, 5
