@@ -26,11 +26,14 @@ class FrameType:
         That a message of this type has.
     reliable : bool
         Whether the driver publishes reliably.
+    takes : tuple of str
+        Keys of ``samples`` in descriptions that say what its messages do not.
     """
 
     decode: Callable[[object, Mapping[str, int], Sequence[str] | None], RawFrame]
     fields: tuple[str, ...]
     reliable: bool = True
+    takes: tuple[str, ...] = ()
 
 
 def short_name(message_type: str) -> str:
@@ -67,6 +70,10 @@ def read_frame(message, message_type: str, sizes: Mapping[str, int] | None = Non
     if lacking:
         raise FrameError(f'{message_type} has no field {" and no ".join(lacking)}; expected that '
                          'of docs/drivers.md')
+    for key, value in (('sizes', sizes), ('axes', axes)):
+        if value and key not in kind.takes:
+            raise FrameError(f'samples.{key}={value}: messages {short_name(message_type)} tell '
+                             'them themselves; leave it out')
     return kind.decode(message, sizes or {}, axes)
 
 
@@ -116,7 +123,8 @@ def _iq(message, *_) -> RawFrame:
     numbers = _shaped(data, tuple(int(dim.size) for dim in layout.dim), 'iq').transpose(order)
     n_loops, n_tx, n_rx, n = numbers.shape
     return RawFrame(numbers.reshape(n_loops * n_tx, n_rx, n), 'iiqq',
-                    _nanoseconds(message.header.stamp), 'start', bool(message.complete))
+                    _nanoseconds(message.header.stamp), 'start', bool(message.complete),
+                    n_transmitters=n_tx)
 
 
 def _adc_data_cube(message, *_) -> RawFrame:
@@ -149,7 +157,8 @@ def _radar_frame_full(message, *_) -> RawFrame:
             'period_s': 1e-3 * float(message.frame_time)}
     return RawFrame(numbers, 'real' if is_real else 'qqii', _nanoseconds(message.header.stamp),
                     'receipt', weights=None if is_real else _phase_bias(message),
-                    range_bias_m=float(message.range_bias), told=told)
+                    range_bias_m=float(message.range_bias), told=told,
+                    n_transmitters=sum(on > 0 for on in message.tx) or None)
 
 
 def _phase_bias(message) -> np.ndarray | None:
@@ -221,7 +230,8 @@ FRAME_TYPES = {
         'header', 'adc_output_fmt', 'range_bias', 'rx_phase_bias', 'chirp_time', 'chirp_slope',
         'frame_time', 'sample_rate', 'rx', 'tx', 'shape', 'data')),
     'RawFrame': FrameType(_bgt60, ('stamp', 'num_rx', 'num_samples_per_chirp',
-                                   'num_chirps_per_frame', 'data'), reliable=False),
-    'Float32MultiArray': FrameType(_scans, ('layout', 'data'))}
+                                   'num_chirps_per_frame', 'data'), reliable=False,
+                          takes=('axes',)),
+    'Float32MultiArray': FrameType(_scans, ('layout', 'data'), takes=('sizes',))}
 LATCHED_INFO = ('DeviceConfig',)  # kept for who subscribes later
 INFO_TYPES = {'ChirpInfo': _chirp_info, 'DeviceConfig': _device_config}

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import collections
+import itertools
+import statistics
 from collections.abc import Sequence
 
 _DRIFT = 1e-4  # relative, of a radar's clock against the computer's
+_JUDGED = 20  # intervals that tell whether the period is right
+_MOST_OFF = 0.1  # of a period, that their median may be off
 _LONGEST_PAUSE = 1000  # periods; after longer ones the radar was started anew
 
 
@@ -34,6 +39,7 @@ class FrameClock:
         self._period_ns, self._late_ns = round(period_s * 1e9), round(late_s * 1e9)
         self._jitter = jitter
         self._last: tuple[int, int] | None = None
+        self._stamp_ns: collections.deque[int] = collections.deque(maxlen=_JUDGED + 1)
         self.missing = 0
 
     def place(self, stamp_ns: int) -> tuple[int, int]:
@@ -44,6 +50,7 @@ class FrameClock:
         stamp_ns : int
             Of the frame, nanoseconds.
         """
+        self._stamp_ns.append(stamp_ns)
         start_ns = stamp_ns - self._late_ns
         if self._last is None:
             self._last = start_ns, 0
@@ -56,6 +63,20 @@ class FrameClock:
             start_ns = min(start_ns, before_ns + round(since_ns * (1 + _DRIFT)))
         self._last = start_ns, number + steps
         return self._last
+
+    def doubts(self) -> tuple[str, ...]:
+        """Text on a period that the latest stamps contradict."""
+        if not self._period_ns or len(self._stamp_ns) <= _JUDGED:
+            return ()
+        every_ns = [b - a for a, b in itertools.pairwise(self._stamp_ns)]
+        # The median bears lost frames, the mean bears frames that arrive in bunches.
+        usual = [middle(every_ns) / self._period_ns for middle in (statistics.median,
+                                                                   statistics.fmean)]
+        if any(abs(steps - max(1, round(steps))) <= _MOST_OFF for steps in usual):
+            return ()
+        return (f'frames come every {usual[0] * self._period_ns * 1e-9:.4g} s; expected '
+                f'frames.period_s={self._period_ns * 1e-9:g} s or, with lost frames, a multiple: '
+                'correct it (seconds from frame to frame)',)
 
     def _steps(self, since_ns: int) -> int:
         if not self._period_ns:

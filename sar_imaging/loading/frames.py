@@ -56,6 +56,8 @@ class RawFrame:
         Measured minus geometric range, metres.
     told : dict of str to float
         Numbers of the radar and of the times, by their keys in descriptions.
+    n_transmitters : int or None
+        Transmitters that take turns; None where the message does not tell.
     """
 
     numbers: np.ndarray
@@ -66,6 +68,7 @@ class RawFrame:
     weights: np.ndarray | None = None
     range_bias_m: float = 0.0
     told: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    n_transmitters: int | None = None
 
 
 @dataclasses.dataclass
@@ -110,6 +113,10 @@ class FrameConverter:
         self._samples = top.section('samples', samples_section.KEYS)
         self._frames = top.section('frames', KEYS)
         self._frames.choice('stamp', STAMPS, None)
+        self._latency_s = self._short('latency_s')
+        for key in ('chirp_s', 'period_s'):
+            if self._frames.number(key, 1.0) <= 0:
+                raise self._frames.error(key, 'a positive number of seconds')
         self._conjugate, self._scale = (self._samples.flag('conjugate'),
                                         samples_section.read_scale(self._samples))
         self._told: dict[str, float] = {}
@@ -118,6 +125,13 @@ class FrameConverter:
         self.statistics = FrameStatistics()
         self.array: VirtualArray | None = None
         self.placed = (0, 0)
+
+    def _short(self, key: str) -> float:
+        """A time below a second, 0 where it is not given."""
+        value = self._frames.number(key, 0.0)
+        if not 0 <= value < 1:
+            raise self._frames.error(key, 'seconds, 0 to 1', 'a latency of 3 ms is 0.003')
+        return value
 
     def restart(self) -> None:
         """Count frames from 0 again, from the next one on; what was told stays."""
@@ -166,12 +180,23 @@ class FrameConverter:
         """Starts of all frames of a recording, see `FrameClock.settled`."""
         return self._clock.settled(placed)
 
+    def doubts(self) -> tuple[str, ...]:
+        """What the frames so far contradict; a person should know."""
+        return self._clock.doubts() if self._clock is not None else ()
+
     def _convert(self, frame: RawFrame, received_ns: int) -> PulseBlock | None:
         self.tell(frame.told)
         samples = self._decoded(frame)
         shape = (*samples.shape, frame.range_bias_m)
         if self._setup is None or self._setup[0] != shape:
-            self._setup = (shape, *self._prepare(samples, frame))
+            try:
+                self._setup = (shape, *self._prepare(samples, frame))
+            except DescriptionError as error:
+                if self._told or 'is missing' not in str(error):
+                    raise
+                raise DescriptionError(f'{error}; no message of the driver told it either '
+                                       '(ChirpInfo, DeviceConfig): record or connect its topic'
+                                       ) from error
         _, radar, turn, weights, chirp_s = self._setup
         n_tx = len(turn)
         pulses = samples.reshape(len(samples) // n_tx, n_tx, *samples.shape[1:])[:, turn]
@@ -191,6 +216,8 @@ class FrameConverter:
 
     def _decoded(self, frame: RawFrame) -> np.ndarray:
         convention = self._samples.choice('iq', samples_section.IQ, frame.iq)
+        if np.iscomplexobj(frame.numbers) != (convention == 'complex'):
+            raise self._samples.error('iq', f'that of the messages, {frame.iq}', 'leave it out')
         group = {'pairs': 2, 'iiqq': 4, 'qqii': 4}.get(convention, 1)
         if frame.numbers.shape[-1] % group or not frame.numbers.size:
             raise FrameError(f'a chirp holds {frame.numbers.shape[-1]} numbers; expected a '
@@ -216,13 +243,21 @@ class FrameConverter:
                                    f'{"fmcw_real or passband" if is_real else "fmcw"}')
         section = self._top.section('array', virtual_array.KEYS)
         n_tx = len(section.vectors('tx_m', np.zeros((1, 3))))
+        if frame.n_transmitters not in (None, n_tx):
+            raise section.error('tx_m', f'the places of {frame.n_transmitters} transmitters, '
+                                'which send in turn by the messages',
+                                f'it holds {n_tx if "tx_m" in section else "none"}')
         if n_chirps % n_tx:
             raise FrameError(f'a frame of {n_chirps} chirps; expected a multiple of {n_tx}, the '
                              'transmitters of array.tx_m that take turns')
         timing = self._frames.with_defaults(
             {k: v for k, v in self._told.items() if k in ('chirp_s', 'period_s')})
         chirp_s = timing.number('chirp_s') if n_chirps > 1 else timing.number('chirp_s', 0.0)
+        self._check_times(timing, n_chirps, chirp_s)
         if n_tx > 1:
+            turn_s = section.number('turn_interval_s', chirp_s)
+            if turn_s > 1.01 * chirp_s:  # the time of a chirp may be rounded
+                raise section.error('turn_interval_s', f'at most the {chirp_s:g} s of a chirp')
             section = section.with_defaults({'turn_interval_s': chirp_s})
         self.array = read_array(section, n_tx * n_receivers, n_receivers)
         self._start_clock(timing, frame, n_chirps * chirp_s)
@@ -230,11 +265,17 @@ class FrameConverter:
         return (self._unbiased(radar, frame), turn,
                 self._weights(n_tx * n_receivers, is_real), chirp_s)
 
+    def _check_times(self, timing: Section, n_chirps: int, chirp_s: float) -> None:
+        period_s = timing.number('period_s', 0.0)
+        if period_s and n_chirps * chirp_s > 1.01 * period_s:
+            raise timing.error('chirp_s', f'seconds, {n_chirps} of which fit into a frame every '
+                               f'{period_s:g} s', f'they take {n_chirps * chirp_s:g} s')
+
     def _start_clock(self, timing: Section, frame: RawFrame, length_s: float) -> None:
         if self._clock is not None:
             return
         kind = timing.choice('stamp', STAMPS, frame.stamp)
-        late_s = timing.number('latency_s', 0.0) + (0.0 if kind == 'start' else length_s)
+        late_s = self._latency_s + (0.0 if kind == 'start' else length_s)
         self._clock = FrameClock(timing.number('period_s', 0.0), late_s,
                                  jitter=kind == 'receipt')
 
@@ -300,7 +341,7 @@ def convert_all(converter: FrameConverter, items: Iterable[tuple[object, int]]
                                                       strict=True)]
     pulses = concatenate([dataclasses.replace(b, stamp_ns=b.stamp_ns + by)
                           for b, by in zip(blocks, moved, strict=True)])
-    return pulses, tuple(text for n, text in (
+    return pulses, converter.doubts() + tuple(text for n, text in (
         (s.incomplete, f'{s.incomplete} of {s.received} frames are incomplete and were left out: '
          'the driver lost packets'),
         (s.missing, f'{s.missing} frames never came, by the period of the frames'),

@@ -159,6 +159,7 @@ def load(description: Path | str, data: Path | str | None = None, *,
         every = DataFiles(files)
         top = top.with_variables(every.same)
         pulses, array, shape = _read_pulses(top, section, folder, every)
+    warnings += array.doubts(pulses.radar.wavelength_m)
     poses, position_m = None, None
     if ('poses' in top) == ('positions' in top):
         raise top.error('positions', 'either positions or poses, to say where the radar was')
@@ -181,7 +182,10 @@ def load(description: Path | str, data: Path | str | None = None, *,
         block = _at_positions(pulses, position_m[used], alignment, array)
         block, antenna = _lit(top, _dated(block))
         return Loaded(*told, block, None, None, scene, warnings, antenna)
-    poses = poses_around(poses, pulses, alignment)
+    try:
+        poses = poses_around(poses, pulses, alignment)
+    except DescriptionError as error:  # which a warning may explain
+        raise DescriptionError('; '.join([str(error), *warnings])) from error
     warnings += told_of_poses(pulses, poses, alignment)
     if times.is_relative(pulses.stamp_ns, poses.time_ns):
         pulses = _dated(pulses)
@@ -261,6 +265,13 @@ def _read_messages(top: Section, section: Section, folder: Path, files: list[Pat
         raise section.error('topic', 'files without messages here', 'sar-imaging load reads bags')
     parts = files[0].rglob('*') if files[0].is_dir() else files
     check_memory(files[0].name, _OF_MESSAGES * sum(p.stat().st_size for p in parts))
+    for name, keys, known in (('samples', samples.OF_FILES, samples.KEYS),
+                              ('times', times.OF_FILES, times.KEYS)):
+        part = top.section(name, known)
+        for key in keys:
+            if key in part:
+                raise part.error(key, 'none besides samples.topic', 'messages tell it themselves; '
+                                 'leave it out')
     converter = FrameConverter(top, folder)
     sizes = section.section('sizes', samples.AXES)
     pulses, warnings = convert_all(converter, read_frames(

@@ -64,7 +64,7 @@ def _either(section: Section, keys, default: float | None = None) -> tuple[str, 
     if len(given) > 1:
         raise section.error(given[1], f'not both {" and ".join(given)}', 'leave one out')
     if not given and default is None:
-        section.raw(keys[0])
+        section.raw(keys[0], meaning=f'either it or {" or ".join(keys[1:])}')
     return (given[0], section.number(given[0])) if given else (keys[0], default)
 
 

@@ -14,6 +14,7 @@ from .files.data_files import DataFiles, check_memory
 
 KEYS = ('file', 'variable', 'axes', 'iq', 'conjugate', 'scale', 'remove_background', 'dtype',
         'sizes', 'header_bytes', 'sha256', 'topic')
+OF_FILES = ('variable', 'dtype', 'header_bytes', 'sha256')
 AXES = ('pulse', 'tx', 'rx', 'channel', 'sample', 'iq')
 IQ = ('complex', 'pairs', 'iiqq', 'qqii', 'real')
 DTYPES = ('int16', 'int32', 'uint16', 'float32', 'float64', 'complex64', 'complex128')

@@ -7,6 +7,7 @@ import numpy as np
 from .description import DescriptionError, Section
 
 KEYS = ('file', 'variable', 'first_s', 'interval_s', 'unit_s', 'use_s', 'counter')
+OF_FILES = ('file', 'variable', 'first_s', 'interval_s', 'unit_s', 'counter')
 # Clocks that begin at zero are set to this moment, 14 November 2023: recordings need dates.
 EPOCH_NS = 1_700_000_000_000_000_000
 _LATEST_S = 9e9  # of times in int64 nanoseconds: the year 2255

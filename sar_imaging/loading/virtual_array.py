@@ -10,6 +10,7 @@ from ..signal.calibration import ChannelCalibration
 from ..signal.tdm import TdmSchedule
 from .description import DescriptionError, Section
 
+_WIDEST = 300  # wavelengths between the antennas of a radar, more than a metre at 77 GHz
 KEYS = ('tx_m', 'rx_m', 'turn_interval_s', 'turn_order')
 
 
@@ -33,6 +34,14 @@ class VirtualArray:
     def schedule(self) -> TdmSchedule | None:
         """Turns of the channels; None where all are sent at once."""
         return TdmSchedule(self.offset_s) if self.offset_s.any() else None
+
+    def doubts(self, wavelength_m: float) -> tuple[str, ...]:
+        """Text on antennas so far apart that they are hardly on one radar."""
+        extent_m = float(np.ptp(np.concatenate([self.tx_m, self.rx_m]), axis=0).max())
+        if extent_m < _WIDEST * wavelength_m:
+            return ()
+        return (f'the antennas of array.tx_m and array.rx_m are {extent_m:.4g} m apart, '
+                f'{extent_m / wavelength_m:.0f} wavelengths: expected metres, 2 mm are 0.002',)
 
 
 def read_array(section: Section, n_channels: int, n_receivers: int | None = None) -> VirtualArray:

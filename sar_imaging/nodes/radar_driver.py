@@ -75,7 +75,7 @@ class RadarDriverNode(ManagedNode):
             self._axes = section.raw('axes', None)
         except DescriptionError as error:
             raise ConfigurationError(f'description_file: {error}') from error
-        self._told = False
+        self._told = self._doubted = False
         self._output = BlockOutput(self, 'pulses', p)
 
     def activate(self) -> None:
@@ -141,6 +141,7 @@ class RadarDriverNode(ManagedNode):
             return
         self.health.count('frames_converted')
         self._tell_of_channels(block)
+        self._tell_of_doubts()
         self.health.count('pulses_published', block.n_pulses)
         self._output.publish(block)
 
@@ -155,6 +156,16 @@ class RadarDriverNode(ManagedNode):
             f'{block.n_channels} channels of {block.n_samples} samples; pulse_buffer needs '
             + ', '.join(f'{name}: {values.round(12).tolist()}'
                         for name, values in lists.items()))
+        for text in array.doubts(block.radar.wavelength_m):
+            self.health.warning(text)
+
+    def _tell_of_doubts(self) -> None:
+        """Warn, once, where frames contradict the description."""
+        if self._doubted:
+            return
+        for text in self._converter.doubts():
+            self._doubted = True
+            self.health.warning(text)
 
 
 def _message_class(parameter: str, name: str, known):

@@ -53,6 +53,9 @@ def find_files(folder: Path, pattern: str, key: str) -> list[Path]:
     given = folder / pattern
     files = [given] if given.is_file() else sorted(folder.glob(pattern)) if not Path(
         pattern).is_absolute() else []
+    if given.is_dir():
+        raise DescriptionError(f'{key}: {given} is a folder; expected a file, or a bag whose '
+                               'topic samples.topic names')
     files = [file for file in files if file.is_file()]
     if not files:
         raise DescriptionError(f'{key}: {folder} holds no file {pattern}; name the folder with '

@@ -16,6 +16,7 @@ from msg_conversions.radar_frames import (
 )
 from sar_imaging.loading import DescriptionError
 from sar_imaging.loading.frames import FrameError
+from sar_imaging.names import advice_on
 
 from .bag_poses import open_bag
 
@@ -52,9 +53,11 @@ def read_bag_frames(path: Path, topic: str, sizes: Mapping[str, int],
                   if c.topic == topic and short_name(c.msgtype) in FRAME_TYPES]
         if not frames:
             present = ', '.join(sorted(f'{c.topic} ({c.msgtype})' for c in bag.connections))
+            raw = [c.topic for c in bag.connections if short_name(c.msgtype) in FRAME_TYPES]
             raise DescriptionError(
                 f'samples.topic: {Path(path).name} has no topic {topic} of a type '
-                f'{", ".join(FRAME_TYPES)}; it has {present or "no topic"}')
+                f'{", ".join(FRAME_TYPES)}; it has {present or "no topic"}'
+                + (f': {advice_on(topic, raw)}' if raw else ''))
         infos = [c for c in bag.connections if short_name(c.msgtype) in INFO_TYPES]
         for connection, time_ns, raw in bag.messages(connections=infos) if infos else ():
             yield read_info(bag.deserialize(raw, connection.msgtype), connection.msgtype), time_ns

@@ -41,7 +41,10 @@ def open_bag(path: Path) -> Iterator:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
             yield bag
     except (AnyReaderError, OSError) as error:
-        raise BagError(f'{path} cannot be read: {error}') from error
+        raise BagError(
+            f'{path} cannot be read: {error}; expected a whole ROS 1 bag, .mcap file or folder of '
+            'a ROS 2 bag (`ros2 bag reindex` and `mcap recover` mend one whose recorder was '
+            'killed)') from error
 
 
 def read_bag_poses(path: Path, topic: str | None = None) -> PoseTable:

@@ -16,6 +16,7 @@ from benchmarks.support.driver_recordings import (
     FRAMES,
     LOOPS,
     POINT,
+    RX_M,
     START_NS,
     TX_M,
     flight,
@@ -115,11 +116,13 @@ def test_the_reflector_is_where_it_belongs(tmp_path, name):
 @pytest.mark.parametrize(('name', 'changes'), [
     ('xwr', {'samples': {'conjugate': False}}), ('xwr', {'samples': {'iq': 'pairs'}}),
     ('xwr_raw', {'samples': {'iq': 'iiqq', 'conjugate': True}}),
-    ('xwr', {'array': {'turn_interval_s': 0.02}})])
+    ('infineon', {'samples': {'axes': ['rx', 'pulse', 'sample']}}),
+    ('xwr', {'array': {'turn_order': [1, 0]}})])
 def test_wrong_descriptions_do_not_focus(tmp_path, name, changes):
     sent = DRIVERS[name]()
     found, level = peak(located(loaded(prepare(tmp_path, sent, **changes))))
-    assert level < 0.6 * 8000 * FRAMES * LOOPS * 6
+    whole = 8000 * sent.samples.shape[0] * sent.samples.shape[1]
+    assert level < 0.6 * whole * (0.5 if sent.radar.waveform == Waveform.FMCW_REAL else 1.0)
 
 
 def test_transmitters_may_send_in_another_order(tmp_path):
@@ -156,13 +159,38 @@ def test_incomplete_missing_and_broken_frames_are_counted_and_named(tmp_path, ca
 
 @pytest.mark.parametrize(('changes', 'message'), [
     ({'samples': {'topic': '/other'}}, r'samples.topic: radar has no topic /other of a type IQ'),
-    ({'array': {'tx_m': [[0, 0, 0]] * 3}}, 'a frame of 8 chirps; expected a multiple of 3'),
+    ({'samples': {'topic': 'xwr/iq'}}, 'did you mean /xwr/iq?'),
+    ({'samples': {'iq': 'complex'}}, 'samples.iq: expected that of the messages, iiqq, got'),
+    ({'samples': {'variable': 'adc'}}, 'samples.variable: expected none besides samples.topic'),
+    ({'times': {'variable': 't'}}, 'times.variable: expected none besides samples.topic'),
+    ({'samples': {'axes': ['rx', 'pulse', 'sample']}}, 'messages IQ tell them themselves; leave'),
+    ({'array': {'tx_m': [[0, 0, 0]] * 3}}, 'array.tx_m: expected the places of 2 transmitters'),
+    ({'array': {'turn_interval_s': 0.02}}, 'turn_interval_s: expected at most the 0.0001 s of a'),
+    ({'frames': {'chirp_s': 0.1}}, 'seconds, 8 of which fit into a frame every 0.02 s, got 0.1'),
+    ({'frames': {'chirp_s': 0}}, 'frames.chirp_s: expected a positive number of seconds, got 0'),
+    ({'frames': {'period_s': -1}}, 'frames.period_s: expected a positive number of seconds'),
+    ({'frames': {'latency_s': 3}}, 'latency_s: expected seconds, 0 to 1, got 3; a latency of'),
     ({'frames': {'stamps': 'end'}}, 'unknown key frames.stamps; did you mean stamp'),
     ({'frames': {'stamp': 'middle'}}, 'frames.stamp: expected one of start, end, receipt'),
     ({'radar': {'waveform': 'fmcw_real'}}, 'the messages hold complex samples; use fmcw')])
 def test_what_does_not_fit_is_told(tmp_path, changes, message):
     with pytest.raises(DescriptionError, match=message):
         loaded(prepare(tmp_path, xwr(), **changes))
+
+
+@pytest.mark.parametrize(('name', 'changes', 'message'), [
+    ('xwr', {'frames': {'period_s': 20}}, 'frames come every 0.02 s; expected frames.period_s'),
+    ('infineon', {'frames': {'period_s': 0.017}}, 'frames come every 0.0'),
+    ('xwr', {'array': {'rx_m': (1e3 * RX_M).tolist()}}, 'array.rx_m are 10 m apart')])
+def test_doubtful_numbers_are_told(tmp_path, name, changes, message):
+    warnings = loaded(prepare(tmp_path, DRIVERS[name](), **changes)).warnings
+    assert any(message in text for text in warnings)
+
+
+def test_a_period_that_spoils_the_times_is_told_with_what_comes_of_it(tmp_path):
+    with pytest.raises(DescriptionError, match='the pulses need poses from .*; frames come every '
+                       r'0\.0[12]\d* s; expected frames\.period_s=0\.03 s'):
+        loaded(prepare(tmp_path, DRIVERS['cpsl'](), frames={'period_s': 0.03}))
 
 
 def test_a_bag_that_does_not_fit_into_memory_is_refused_before_it_is_read(tmp_path, monkeypatch):
@@ -178,7 +206,8 @@ def test_a_bag_that_does_not_fit_into_memory_is_refused_before_it_is_read(tmp_pa
 
 def test_numbers_that_nobody_tells_are_named(tmp_path):
     sent = xwr()
-    with pytest.raises(DescriptionError, match=r'radar\.waveform is missing'):
+    with pytest.raises(DescriptionError, match=r'radar\.waveform is missing.* no message of the '
+                       r'driver told it either \(ChirpInfo, DeviceConfig\)'):
         loaded(prepare(tmp_path, sent, messages=sent.messages[1:]))
     with pytest.raises(DescriptionError, match=r'frames\.chirp_s is missing'):
         loaded(prepare(tmp_path / 'x', sent, messages=sent.messages[1:], radar=FMCW_KEYS | {
