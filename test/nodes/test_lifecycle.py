@@ -1,5 +1,9 @@
 """Life cycle, services, simulated time, several radars: how the nodes are operated."""
 
+import signal
+import subprocess
+import sys
+
 import numpy as np
 from rosgraph_msgs.msg import Clock
 
@@ -7,6 +11,21 @@ from msg_conversions.images import complex_from_message, map_metadata_from_messa
 
 LARGEST_ERROR_DB = -80.0  # what backprojection plans for by default
 GRID = {'grid.size_x': 20.0, 'grid.size_y': 10.0}
+SLOW_NODE = """
+import time
+from sar_imaging.nodes.range_compression import RangeCompressionNode, RangeCompressionStep
+from sar_imaging.nodes.runtime.managed import run
+
+class SlowStep(RangeCompressionStep):
+    def process(self, block):
+        self.health.info('busy')
+        time.sleep(120.0)
+
+class SlowNode(RangeCompressionNode):
+    STEPS = (SlowStep,)
+
+raise SystemExit(run(SlowNode))
+"""
 
 
 def test_a_node_that_waits_for_its_manager(start_node, make_observer):
@@ -105,6 +124,25 @@ def test_a_node_deactivated_within_an_aperture_images_the_next_one(make_chain, p
     grid = map_metadata_from_message(metadata)
     error_db = psf.error_db(complex_from_message(image), grid, np.arange(length))
     assert error_db < LARGEST_ERROR_DB
+
+
+def test_ctrl_c_in_the_midst_of_long_work(ros_environment, make_observer, psf, tmp_path):
+    """Nobody would receive what the work gives, and launch kills a process after 10 s."""
+    log = tmp_path / 'log'
+    with log.open('wb') as file:
+        process = subprocess.Popen([sys.executable, '-c', SLOW_NODE], stdout=file, stderr=file,
+                                   env=ros_environment)
+    try:
+        observer = make_observer('pulse_blocks')
+        observer.wait(lambda: observer.joined or process.poll() is not None, 'the subscription')
+        assert process.poll() is None, log.read_text()
+        observer.send(psf.blocks(25)[:1])
+        observer.wait(lambda: b'busy' in log.read_bytes(), 'the block in work')
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60.0) == 0
+    finally:
+        process.kill()
+    assert 'Traceback' not in log.read_text()
 
 
 def test_images_on_request_and_reset(make_chain, spotlight):

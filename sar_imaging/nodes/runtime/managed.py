@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 import signal
 import sys
 import threading
@@ -69,6 +70,8 @@ class ManagedNode(LifecycleNode):
         ``unconfigured``, ``inactive``, ``active`` or ``finalized``.
     outputs : list of Publisher
         Publishers to be destroyed when the node is cleaned up.
+    works_on : bool
+        A thread of the node was still at work when the node ended.
     """
 
     NAME: str
@@ -82,6 +85,7 @@ class ManagedNode(LifecycleNode):
         self.parameters = ParameterValues(self, (*parameters, AUTOSTART))
         self.state = 'unconfigured'
         self.outputs: list[Publisher] = []
+        self.works_on = False
         # Of their own: a service that waits for the worker must not hold up the input.
         self.service_group = MutuallyExclusiveCallbackGroup()
         # Diagnostics follow the wall clock: a paused simulation is no reason to fall silent.
@@ -287,6 +291,8 @@ def run(node_class: type[ManagedNode], args: list[str] | None = None) -> int:
         rclpy.try_shutdown()
         # rclpy has put the default back: another Ctrl-C would look like a crash from here on.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if node is not None and node.works_on:
+        os._exit(0)  # the interpreter would wait for that thread
     return 0
 
 

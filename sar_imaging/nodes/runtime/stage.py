@@ -30,6 +30,7 @@ from .saving import FileThread
 from .step import Step, stream_qos
 from .worker import Worker
 
+PATIENCE_S = 3.0  # with a block in work, after Ctrl-C
 INPUT_TYPE = 'std_msgs/msg/Float32MultiArray'
 COMMON_PARAMETERS = (
     Parameter('pulses_per_aperture', 1024, 'Length of an aperture; the same in all nodes.',
@@ -171,7 +172,12 @@ class Stage(ManagedNode):
         if subscription is not None:
             self.destroy_subscription(subscription)
         worker, self._worker = self._worker, None
-        waiting = worker.stop() if worker is not None else []
+        # After Ctrl-C nobody receives what the work gives, and launch kills who takes 10 s.
+        patience_s = None if self.context.ok() else PATIENCE_S
+        waiting = worker.stop(patience_s) if worker is not None else []
+        if worker is not None and worker.working:
+            self.works_on = True
+            return
         for step in self._chain.steps:
             step.deactivate(self)
         if subscription is not None:  # else the activation was refused

@@ -98,6 +98,11 @@ class Worker:
         return self._n_items
 
     @property
+    def working(self) -> bool:
+        """True while the thread lives; after `stop`, when its patience was too short."""
+        return self._thread.is_alive()
+
+    @property
     def fill(self) -> float:
         """How full the queue is, 0 to 1, by number or by memory."""
         return max(self._n_items / self._capacity, min(self._n_bytes / self._max_bytes, 1.0))
@@ -114,13 +119,20 @@ class Worker:
             self._items = kept
         return removed
 
-    def stop(self) -> list:
-        """Finish the item in work, join the thread and return the items that were not begun."""
+    def stop(self, patience_s: float | None = None) -> list:
+        """Finish the item in work, join the thread and return the items that were not begun.
+
+        Parameters
+        ----------
+        patience_s : float, optional
+            How long the item in work may take; after that the thread goes on, see `working`. By
+            default as long as it needs.
+        """
         with self._changed:
             self._stopping = True
             self._changed.notify()
         if self._thread.is_alive():
-            self._thread.join()
+            self._thread.join(patience_s)
         left = self.clear()
         for call in self._items:
             call.future.cancel()

@@ -183,3 +183,20 @@ def test_stopping_cancels_calls_that_wait_and_those_to_come():
     assert worker.stop() == [1]
     assert call.cancelled()
     assert worker.call(list).cancelled()
+
+
+def test_a_stop_without_patience_leaves_the_item_in_work(start_worker):
+    begun, go_on = threading.Event(), threading.Event()
+
+    def work(item):
+        begun.set()
+        go_on.wait(PATIENCE_S)
+
+    worker = start_worker(work)
+    worker.put('in work')
+    assert begun.wait(PATIENCE_S)
+    worker.put('waits')
+    assert worker.stop(0.01) == ['waits'] and worker.working
+    go_on.set()
+    worker.stop()
+    assert not worker.working
