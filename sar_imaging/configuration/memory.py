@@ -77,9 +77,10 @@ def node_memory(imaging: Imaging, n_pixels: int, *, block_bytes: int, profile_bl
                               f'({q} + {w}) blocks + {q} blocks of profiles'),
     }
     if imaging.mode == 'volume':
+        images = VOLUME_IMAGES + calibrated
         sizes['backprojection'] = (
-            (q + w_profiles) * profile_block_bytes + VOLUME_IMAGES * image,
-            f'({q} + {w_profiles}) blocks of profiles + {VOLUME_IMAGES} x 8 B/cell')
+            (q + w_profiles) * profile_block_bytes + images * image,
+            f'({q} + {w_profiles}) blocks of profiles + {images:g} x 8 B/cell')
     elif imaging.mode == 'image':
         kept = aperture_bytes if imaging.keeps_pulses else 0
         images = 1 + POLAR_IMAGES + (2 if imaging.autofocus else 0) + calibrated

@@ -30,6 +30,10 @@ def constant_of(parameters: Mapping[str, object]) -> RadarConstant | None:
                          'radar-constant` measures one')
     if quantity == NONE:
         return None
+    if parameters.get('mode') == 'volume' and quantity != 'rcs':
+        raise ValueError(f'{QUANTITY}={quantity} in mode volume, whose cells have no area of '
+                         'ground; expected rcs, the cross section of a point in each cell, or '
+                         'mode image')
     with contextlib.suppress(KeyError):  # a node that compresses, too
         _check_window(parameters, parameters['window'])
     try:

@@ -19,7 +19,7 @@ class Radiometry:
     noise_equivalent_db : float
         Median over the pixels of the brightness that noise alone has, dB; NaN if not known.
     incidence_deg : float
-        Median incidence angle, degrees.
+        Median incidence angle, degrees; NaN of volumes, which have no surface.
 
     Examples
     --------
@@ -43,5 +43,6 @@ class Radiometry:
     def __str__(self) -> str:
         noise = ('not known' if math.isnan(self.noise_equivalent_db)
                  else f'{self.noise_equivalent_db:.1f} dB')
-        return (f'{self.quantity}, noise-equivalent {noise}, incidence {self.incidence_deg:.1f} '
-                'degrees')
+        incidence = ('' if math.isnan(self.incidence_deg)
+                     else f', incidence {self.incidence_deg:.1f} degrees')
+        return f'{self.quantity}, noise-equivalent {noise}{incidence}'

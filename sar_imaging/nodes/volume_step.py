@@ -8,7 +8,6 @@ from sar_imaging.streaming.aperture import ApertureImage
 
 from .backprojection_parameters import IMAGE
 from .backprojection_steps import ImageStep
-from .images.image_brightness import NONE, QUANTITY
 from .images.terrain import TERRAIN_FILE
 from .images.volume_cloud import VolumeCloud
 from .runtime.health import Health, Part
@@ -23,9 +22,6 @@ class VolumeStep(ImageStep):
         if parameters[TERRAIN_FILE.name]:
             raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: a volume has level '
                                      f'layers; use mode {IMAGE} on terrain')
-        if parameters[QUANTITY.name] != NONE:
-            raise ConfigurationError(f'parameter {QUANTITY.name}: cells of a volume have no '
-                                     f'area of the ground; use mode {IMAGE}, or {NONE}')
         super().__init__(parameters, health)
 
     def create_outputs(self, node: ManagedNode) -> None:
@@ -45,4 +41,7 @@ class VolumeStep(ImageStep):
         return self._cloud.topic
 
     def _send(self, product: ApertureImage) -> None:
-        self._cloud.publish(product.image, product.grid, product.stamp_ns)
+        image = self._brightness.calibrated(self._image(product),
+                                            lambda: self._pulses.pulses(product.counters))
+        if image is not None:
+            self._cloud.publish(image, product.stamp_ns)

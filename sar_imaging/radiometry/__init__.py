@@ -6,6 +6,7 @@
 - `brightness`: cross section, beta nought, sigma nought, gamma nought and noise-equivalent level;
 - `scale`: what samples are multiplied by, for any part of a large image;
 - `live`: the same of images as they come, one response for many of them;
+- `volumes`: the cross section of points in volumes;
 - `speckle`: mean power over looks, and how many looks an image has.
 """
 
@@ -15,7 +16,9 @@ from .live import LiveCalibration
 from .response import ImageResponse, image_response
 from .scale import BrightnessScale, KnotResponse
 from .speckle import equivalent_looks, multilook
+from .volumes import volume_scale
 
 __all__ = ['QUANTITIES', 'BrightnessScale', 'ImageResponse', 'KnotResponse', 'LiveCalibration',
            'RadarConstant', 'brightness', 'calibrated', 'equivalent_looks', 'image_response',
-           'multilook', 'noise_equivalent', 'noise_power', 'trihedral_cross_section_m2']
+           'multilook', 'noise_equivalent', 'noise_power', 'trihedral_cross_section_m2',
+           'volume_scale']

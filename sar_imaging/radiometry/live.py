@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..geometry.even_grids import VolumeGrid
 from ..geometry.grids import Grid
 from ..geometry.illumination import AntennaPattern, Illumination
 from ..geometry.point_grids import TerrainGrid
@@ -17,6 +18,7 @@ from ..signal.pulses import PulseBlock
 from .brightness import QUANTITIES
 from .constant import RadarConstant
 from .scale import BrightnessScale, KnotResponse
+from .volumes import RCS, volume_scale
 
 _SAME = 1e-3  # of the range, by which phase centres may have moved: 0.02 dB
 _SAME_ANGLE = 1e-3  # of the antenna's width, by which it may have turned: 0.01 dB
@@ -42,7 +44,7 @@ class _Geometry(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class _Scale:
-    """What the samples of an image are multiplied by, (n_y, n_x) float32, and what that is."""
+    """What the samples of an image are multiplied by, float32, and what that is."""
 
     values: np.ndarray
     radiometry: Radiometry
@@ -109,7 +111,7 @@ class LiveCalibration:
         Parameters
         ----------
         image : Image
-            On a map, on terrain or on a plane.
+            On a map, on terrain or on a plane; on a volume, whose points have a cross section.
         pulses : PulseBlock
             That it was formed from, as range profiles; their samples are not looked at.
 
@@ -135,8 +137,9 @@ class LiveCalibration:
     def _of(self, grid: Grid, pulses: PulseBlock) -> _Scale:
         geometry = self._seen(grid, pulses)
         if self._geometry is None or not geometry.same_as(self._geometry):
-            scale = BrightnessScale.of(self._response(grid, pulses), self._constant,
-                                       self._quantity)
+            scale = (self._of_volume(grid, pulses) if isinstance(grid, VolumeGrid) else
+                     BrightnessScale.of(self._response(grid, pulses), self._constant,
+                                        self._quantity))
             self._scale = _Scale(scale.factors(), scale.radiometry)
             self._geometry = geometry  # once that has come to its end
             self.computed += 1
@@ -145,7 +148,8 @@ class LiveCalibration:
     def _seen(self, grid: Grid, pulses: PulseBlock) -> _Geometry:
         """The geometry of an image, as seen from the middle of its grid."""
         flat = getattr(grid, 'map_grid', grid)
-        middle = flat.positions(0, 0) + 0.5 * (np.array(flat.shape) - 1) @ flat.steps_m
+        middle = (flat.positions(*[0] * len(flat.shape))
+                  + 0.5 * (np.array(flat.shape) - 1) @ flat.steps_m)
         tx_m, rx_m = pulses.tx_m - middle, pulses.rx_m - middle
         axes, width = np.zeros((pulses.n_pulses, 3, 3)), math.pi
         if self._pattern is not None:
@@ -156,6 +160,13 @@ class LiveCalibration:
         kind = (type(grid), grid.shape, flat.steps_m.tobytes(), place, pulses.radar)
         return _Geometry(kind, tx_m, rx_m, axes,
                          float(np.linalg.norm(tx_m, axis=-1).min()), width)
+
+    def _of_volume(self, grid: VolumeGrid, pulses: PulseBlock) -> BrightnessScale:
+        if self._quantity != RCS:
+            raise ValueError(f'quantity={self._quantity!r} of a volume, whose cells have no area '
+                             f'of ground; expected {RCS!r}, the cross section of a point')
+        return volume_scale(grid, pulses.tx_m, pulses.rx_m, self._constant,
+                            pattern=self._pattern, pointing=pulses.pointing)
 
     def _response(self, grid: Grid, pulses: PulseBlock) -> KnotResponse:
         return KnotResponse.of(grid, pulses.radar, pulses.tx_m, pulses.rx_m,

@@ -159,14 +159,32 @@ def image_response(grid: Grid, radar: RadarParameters, tx_m, rx_m, *,
                          np.where(np.isnan(amplitude), np.nan, noise))
 
 
-def _sums(points, normals, tx_m, rx_m, weights, illumination, weighted) -> np.ndarray:
-    """(10, K) sums over pulses at K points: G, noise, of surface and slant plane, directions."""
+def echo_sums(points, tx_m, rx_m, weights, illumination, weighted
+              ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Sums over the echoes of P pulses of C channels at K points (K, 3), metres.
+
+    Returns
+    -------
+    total, noise : (K,) float64
+        Amplitude G of a target of 1 m^2, 1 / m^2, and power of noise of power 1.
+    echoes : (P, K) float64
+        What each pulse adds to G.
+    direction : (P, K, 3) float64
+        Sum of the unit vectors to its antennas.
+    """
     to_tx, to_rx = (centres[:, :, None] - points for centres in (tx_m, rx_m))  # (P, C, K, 3)
     far_tx, far_rx = (np.linalg.norm(v, axis=-1) for v in (to_tx, to_rx))
     gain = 1.0 if illumination is None else illumination.amplitude(points).reshape(far_tx.shape)
     weight = weights[:, None, None] * (gain if weighted else 1.0) * np.ones(far_tx.shape)
     echoes = (weight * gain / (far_tx * far_rx)).sum(axis=1)
     direction = (to_tx / far_tx[..., None] + to_rx / far_rx[..., None]).mean(axis=1)
+    return echoes.sum(axis=0), (weight ** 2).sum(axis=(0, 1)), echoes, direction
+
+
+def _sums(points, normals, tx_m, rx_m, weights, illumination, weighted) -> np.ndarray:
+    """(10, K) sums over pulses at K points: G, noise, of surface and slant plane, directions."""
+    total, noise, echoes, direction = echo_sums(points, tx_m, rx_m, weights, illumination,
+                                                weighted)
     n = min(_NEIGHBOURS, len(tx_m) // 4)
     index = np.arange(len(tx_m))
     after, before = np.minimum(index + n, len(index) - 1), np.maximum(index - n, 0)
@@ -181,10 +199,10 @@ def _sums(points, normals, tx_m, rx_m, weights, illumination, weighted) -> np.nd
     if not np.isfinite([surface, slant]).all():
         raise ValueError('the radar stood still, turned back or flew straight at the scene: such '
                          'pulses resolve no area; image those alone that pass it')
-    total = np.maximum(echoes.sum(axis=0), np.finfo(float).tiny)
+    total = np.maximum(total, np.finfo(float).tiny)
     mean = [((power[..., None] * v).sum(axis=0) / power.sum(axis=0).clip(1e-300)[:, None]).T
             for v in (direction, across / np.linalg.norm(across, axis=-1, keepdims=True))]
-    return np.vstack([total, (weight ** 2).sum(axis=(0, 1)), surface, slant, *mean])
+    return np.vstack([total, noise, surface, slant, *mean])
 
 
 def _band_sum(radar: RadarParameters, weighting: str) -> float:

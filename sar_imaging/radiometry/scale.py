@@ -7,6 +7,7 @@ for all, and splines through 49 x 49 pixels for the rest: large images need no m
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 import scipy
@@ -78,27 +79,36 @@ class KnotResponse:
         ValueError
             As `image_response`, or a pattern comes without pointing.
         """
-        n_pulses, channels = tx_m.shape[:2]
-        n = min(n_pulses, max(_LEAST_PULSES, _ECHOES // channels))
-        some = ((np.arange(n) + 0.5) * (n_pulses / n) - 0.5).round().astype(int)
-        tx_m, rx_m = tx_m[some], rx_m[some]
-        lit = None if pattern is None else Illumination.of_pulses(
-            pattern, pointing and pointing.select(some), tx_m, rx_m)
+        some = some_pulses(*tx_m.shape[:2])
+        tx_m, rx_m, each = tx_m[some], rx_m[some], tx_m.shape[0] / len(some)
+        lit = illumination_of_some(pattern, pointing, some, tx_m, rx_m)
         rows, columns = (np.arange(n) if isinstance(grid, TerrainGrid) else
                          np.unique(np.linspace(0, n - 1, min(n, _KNOTS)).round().astype(int))
                          for n in grid.shape)
         places = grid if isinstance(grid, TerrainGrid) else _Knots(grid, rows, columns)
         found = image_response(places, radar, tx_m, rx_m, illumination=lit,
                                weighted=lit is not None, weighting=weighting,
-                               pulse_weights=np.full(n, n_pulses / n))
+                               pulse_weights=np.full(len(some), each))
         # The noise of one pulse in place of k has k times the power of that of k.
-        return cls(dataclasses.replace(found, noise_gain=found.noise_gain * n / n_pulses), rows,
-                   columns)
+        return cls(dataclasses.replace(found, noise_gain=found.noise_gain / each), rows, columns)
 
     @property
     def shape(self) -> tuple[int, int]:
         """Of the image."""
         return int(self.rows[-1]) + 1, int(self.columns[-1]) + 1
+
+
+def some_pulses(n_pulses: int, channels: int) -> np.ndarray:
+    """(Q,) int64 pulses, each of which stands for as many neighbours."""
+    n = min(n_pulses, max(_LEAST_PULSES, _ECHOES // channels))
+    return ((np.arange(n) + 0.5) * (n_pulses / n) - 0.5).round().astype(int)
+
+
+def illumination_of_some(pattern: AntennaPattern | None, pointing: Pointing | None, some,
+                         tx_m: np.ndarray, rx_m: np.ndarray) -> Illumination | None:
+    """Illumination by some of the pulses, whose phase centres (Q, C, 3) are given, metres."""
+    return None if pattern is None else Illumination.of_pulses(
+        pattern, pointing and pointing.select(some), tx_m, rx_m)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -123,11 +133,10 @@ class BrightnessScale:
 
     Attributes
     ----------
-    root : (K_y, K_x) float64
-        Amplitude of a sample whose brightness is 1, at some rows and columns: finite where it is
-        dark.
-    rows, columns : (K_y,), (K_x,) int64
-        As of `KnotResponse`.
+    root : (K_y, K_x) or (K_z, K_y, K_x) float64
+        Amplitude of a sample whose brightness is 1, at some pixels: finite where it is dark.
+    knots : tuple of (K,) int64
+        Their rows and columns, or layers, rows and columns, as of `KnotResponse`.
     radiometry : Radiometry
         What the squared magnitude of the samples then is.
 
@@ -147,8 +156,7 @@ class BrightnessScale:
     """
 
     root: np.ndarray
-    rows: np.ndarray
-    columns: np.ndarray
+    knots: tuple[np.ndarray, ...]
     radiometry: Radiometry
 
     @classmethod
@@ -157,18 +165,35 @@ class BrightnessScale:
         """Scale of a response to one of `QUANTITIES`."""
         values = response.values
         per_unit = brightness(np.ones(values.amplitude.shape), values, constant, quantity)
-        return cls(np.nan_to_num(1 / np.sqrt(per_unit)), response.rows, response.columns,
+        return cls(np.nan_to_num(1 / np.sqrt(per_unit)), (response.rows, response.columns),
                    radiometry_of(values, constant, quantity))
 
-    def factors(self, rows: slice = slice(None), columns: slice = slice(None)) -> np.ndarray:
-        """(n_y, n_x) float32 of some rows and columns of the image; 0 where nothing is lit."""
-        all_rows, all_columns = (np.arange(knots[-1] + 1) for knots in (self.rows, self.columns))
-        if (len(all_rows), len(all_columns)) == self.root.shape:
-            root = self.root[rows, columns]
-        else:
-            orders = [min(3, n - 1) for n in self.root.shape]
-            root = scipy.interpolate.RectBivariateSpline(
-                self.rows, self.columns, self.root, kx=orders[0], ky=orders[1])(
-                    all_rows[rows], all_columns[columns])
+    def factors(self, *parts: slice) -> np.ndarray:
+        """(n_y, n_x) or (n_z, n_y, n_x) float32 of a part of the image; 0 where nothing is lit.
+
+        Slices of rows and columns, or of layers, rows and columns; the rest of the image along
+        axes without one.
+        """
+        root = self._splines[-1]
+        for axis, knots in enumerate(self.knots):
+            wanted = np.arange(knots[-1] + 1)[parts[axis] if axis < len(parts) else slice(None)]
+            spline = self._splines[axis]
+            root = (root.take(wanted, axis) if spline is None else
+                    scipy.interpolate.BSpline(spline.t, root, spline.k, axis=axis)(wanted))
         return np.divide(1.0, root, out=np.zeros(root.shape, np.float32),
                          where=root > _DIM * self.root.max(), casting='unsafe')
+
+    @functools.cached_property
+    def _splines(self) -> tuple:
+        """Spline of each axis, None where all pixels are known, and coefficients of all axes.
+
+        Coefficients are those of the whole image, so that its parts have the same bits.
+        """
+        splines, values = [], self.root
+        for axis, knots in enumerate(self.knots):
+            spline = None if len(knots) > knots[-1] else scipy.interpolate.make_interp_spline(
+                knots, values, k=min(3, len(knots) - 1), axis=axis)
+            if spline is not None:
+                values = np.moveaxis(spline.c, 0, axis)
+            splines.append(spline)
+        return *splines, values

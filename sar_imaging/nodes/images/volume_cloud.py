@@ -14,9 +14,10 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from msg_conversions.point_cloud import CELL_FIELDS, to_message
-from sar_imaging.exploitation.bright_cells import BrightCells, bright_cells
+from sar_imaging.exploitation.bright_cells import LEVELS, BrightCells, bright_cells
 from sar_imaging.formats import write_ply
-from sar_imaging.geometry.even_grids import VolumeGrid
+from sar_imaging.imaging.image import Image
+from sar_imaging.imaging.radiometry import Radiometry
 
 from ..poses.frame_datum import FrameDatum
 from ..runtime.health import Health, Part
@@ -57,7 +58,7 @@ class VolumeCloud:
     def __init__(self, node: Stage, parameters: Mapping[str, object], health: Health | Part,
                  datum: FrameDatum):
         self._parameters, self._health, self._datum = parameters, health, datum
-        self._latest: tuple[BrightCells, int] | None = None  # and their time
+        self._latest: tuple[BrightCells, int, Radiometry | None] | None = None  # and their time
         self._output = node.create_output(PointCloud2, 'volume', QoSProfile(
             depth=5, reliability=ReliabilityPolicy.RELIABLE))
 
@@ -66,15 +67,13 @@ class VolumeCloud:
         """Full name of the topic."""
         return self._output.topic_name
 
-    def publish(self, samples: np.ndarray, grid: VolumeGrid, stamp_ns: int) -> None:
+    def publish(self, image: Image, stamp_ns: int) -> None:
         """Publish the bright cells, if somebody listens, and keep them for a file.
 
         Parameters
         ----------
-        samples : (n_z, n_y, n_x) complex64
-            Volume.
-        grid : VolumeGrid
-            Where its cells are.
+        image : Image
+            Volume, (n_z, n_y, n_x) complex64, calibrated or not.
         stamp_ns : int
             Middle of the aperture, nanoseconds.
         """
@@ -82,7 +81,7 @@ class VolumeCloud:
         listened, self._latest = self._output.get_subscription_count(), None
         if not (listened or p[SAVE_FOLDER.name]):
             return
-        cells = bright_cells(samples, grid, threshold_db=p['volume.threshold_db'],
+        cells = bright_cells(image.samples, image.grid, threshold_db=p['volume.threshold_db'],
                              most=p['volume.max_points'])
         self._health.set('points_in_last_cloud', len(cells.points_m))
         if cells.n_above > len(cells.points_m):
@@ -90,13 +89,13 @@ class VolumeCloud:
                               'the median; the cloud has the brightest volume.max_points='
                               f'{p["volume.max_points"]}')
         if p[SAVE_FOLDER.name]:
-            self._latest = cells, stamp_ns
+            self._latest = cells, stamp_ns, image.radiometry
         if listened:
             header = Header(stamp=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9),
                             frame_id=p['frame_id'])
             self._output.publish(to_message(
-                np.column_stack([cells.points_m, cells.intensity_db]), header, CELL_FIELDS,
-                self._datum.geographic(cells.points_m)))
+                np.column_stack([cells.points_m, cells.level_db(image.radiometry)]), header,
+                CELL_FIELDS, self._datum.geographic(cells.points_m)))
 
     def saving(self) -> Callable[[], str]:
         """Function that writes the latest cloud and says what it wrote; for any thread.
@@ -112,13 +111,13 @@ class VolumeCloud:
                              'those formed from then on can be saved')
         if self._latest is None:
             raise ValueError(f'no volume was formed since {SAVE_FOLDER.name} was set')
-        cells, stamp_ns = self._latest
+        cells, stamp_ns, told = self._latest
         path = Path(folder, f'volume_{file_stem(stamp_ns)}.ply')
-        return functools.partial(_write, path, cells)
+        return functools.partial(_write, path, cells, told)
 
 
-def _write(path: Path, cells: BrightCells) -> str:
+def _write(path: Path, cells: BrightCells, told: Radiometry | None) -> str:
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_ply(path, cells.points_m, {'intensity': cells.intensity_db},
-              'radar volume; intensity in dB above the median')
+    write_ply(path, cells.points_m, {'intensity': cells.level_db(told)},
+              f'radar volume; intensity: {LEVELS[told is not None]}')
     return f'wrote {path}, {len(cells.points_m)} points'

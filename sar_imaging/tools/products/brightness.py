@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import math
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from sar_imaging.radiometry import (
     RadarConstant,
     calibrated,
     image_response,
+    volume_scale,
 )
 
 from .antenna import pointing_of
@@ -72,6 +74,19 @@ def calibrate_image(response: ImageResponse, image: Image, quantity: str,
         'noise_equivalent_db': (None if math.isnan(told.noise_equivalent_db)
                                 else round(told.noise_equivalent_db, 3)),
         'incidence_deg': round(told.incidence_deg, 2)}
+
+
+def calibrate_volume(source: Source, image: Image, constant: RadarConstant) -> tuple[Image, dict]:
+    """A volume as cross sections of points, and what quality.json tells of it."""
+    scale = volume_scale(image.grid, source.tx_m, source.rx_m, constant,
+                         pattern=source.illumination, pointing=pointing_of(source))
+    for number, layer in enumerate(image.samples):
+        layer *= scale.factors(slice(number, number + 1))[0]
+    told = scale.radiometry
+    noise = told.noise_equivalent_db
+    return dataclasses.replace(image, radiometry=told), {'brightness': {
+        'quantity': told.quantity, 'gain_m': constant.gain,
+        'noise_equivalent_db': None if math.isnan(noise) else round(noise, 3)}}
 
 
 def _decibels(power: float) -> float | None:

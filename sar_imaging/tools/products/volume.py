@@ -11,13 +11,15 @@ import sys
 import numpy as np
 
 from sar_imaging.configuration.scene_grid import PIXEL_BYTES, GridChoice
-from sar_imaging.exploitation.bright_cells import BrightCells, bright_cells
+from sar_imaging.exploitation.bright_cells import LEVELS, BrightCells, bright_cells
 from sar_imaging.formats import write_ply
 from sar_imaging.geometry.even_grids import VolumeGrid
 from sar_imaging.imaging.image import Image
 from sar_imaging.quality.verification import Verification
+from sar_imaging.radiometry import RadarConstant
+from sar_imaging.radiometry.volumes import RCS
 
-from . import forming
+from . import brightness, forming
 from .sources import Source, SourceError
 from .volume_figure import save_volume_png
 
@@ -48,24 +50,30 @@ def run(arguments: argparse.Namespace, source: Source) -> str:
         As `plan_image`; the volume does not fit.
     """
     n_bytes = forming.memory_bytes(arguments)
+    constant = _constant(arguments)
     choice = choose(source, arguments, n_bytes)
     for reason in choice.reasons:
         print(reason, file=sys.stderr)
     arguments.output.mkdir(parents=True, exist_ok=True)
     image, seconds = forming.form(source, choice, arguments.target_db, n_bytes)
     measured = forming.verify(source, image, n_bytes)
+    calibration = {}
+    if constant is not None:
+        image, calibration = brightness.calibrate_volume(source, image, constant)
     cells = bright_cells(image.samples, image.grid, threshold_db=arguments.threshold,
                          most=arguments.points)
     folder = arguments.output
     np.save(folder / 'volume.npy', image.samples)
-    write_ply(folder / 'cloud.ply', cells.points_m, {'intensity': cells.intensity_db},
-              'radar volume; intensity in dB above the median')
+    write_ply(folder / 'cloud.ply', cells.points_m,
+              {'intensity': cells.level_db(image.radiometry)},
+              f'radar volume; intensity: {LEVELS[constant is not None]}')
     radar = source.radar
     save_volume_png(folder / 'volume.png', image.samples, image.grid, cells,
                     threshold_db=arguments.threshold, truth=source.scatterers,
                     title=f'{source.path.name}: {source.n_pulses} pulses, '
                           f'{radar.carrier_hz / 1e9:.4g} GHz, {radar.bandwidth_hz / 1e6:.4g} MHz')
     quality = describe(source, choice, image, seconds, measured, cells, arguments.threshold)
+    quality |= calibration
     (folder / 'quality.json').write_text(json.dumps(quality, indent=2, allow_nan=False) + '\n')
     n_z, n_y, n_x = image.shape
     error = 'not measured' if isinstance(measured, str) else f'{measured.error_db:.1f} dB measured'
@@ -76,6 +84,13 @@ def run(arguments: argparse.Namespace, source: Source) -> str:
         f'{len(cells.points_m)} points, {cells.n_above} cells are {arguments.threshold:g} dB or '
         'more above the median', *(f'warning: {text}' for text in quality['warnings']),
         f'written to {folder}: volume.png, cloud.ply, volume.npy, quality.json'])
+
+
+def _constant(arguments: argparse.Namespace) -> RadarConstant | None:
+    if arguments.brightness not in (None, RCS):
+        raise SourceError(f'--brightness {arguments.brightness}: cells of a volume have no area '
+                          f'of ground; use {RCS}, the cross section of a point in each cell')
+    return brightness.constant_of(arguments)
 
 
 def choose(source: Source, arguments: argparse.Namespace, n_bytes: float) -> GridChoice:

@@ -132,12 +132,37 @@ def test_clouds_follow_their_parameters_and_become_files(profiles, tmp_path):
     assert len(outputs.sent['volume']) == 2 and log['points_in_last_cloud'] == 7
 
 
+def test_points_have_their_cross_section(profiles, tmp_path):
+    """The closed form of the test of `sar-imaging image --height`."""
+    constant = tmp_path / 'radar.yaml'
+    constant.write_text('gain_m: 16.0\nnoise_power: 0.01\n')
+    step, log = volume_step(**{'radiometry.quantity': 'rcs', 'save.folder': str(tmp_path),
+                               'radiometry.constant_file': str(constant)})
+    outputs = Outputs('volume')
+    step.create_outputs(outputs)
+    [product] = step.process(profiles)
+    step.publish(product)
+    rows = from_message(outputs.sent['volume'][0], CELL_FIELDS)
+    for thing in SCENARIO.scatterers:
+        near = (np.abs(rows[:, :3] - thing.position_m) < NEAR_M).all(axis=1)
+        distance = np.linalg.norm(profiles.tx_m[:, 0] - thing.position_m, axis=-1)
+        expected = 20 * np.log10(abs(thing.amplitude) / 16.0 / (distance**-2.0).mean())
+        assert rows[near, 3].max() == pytest.approx(expected, abs=0.6)
+    assert log['responses_computed'] == 1 and log['images_not_calibrated'] == 0
+    assert any('dB of rcs, noise-equivalent' in line and 'incidence' not in line
+               for line in log.lines)
+    assert step.saving()()
+    assert b'radar cross section' in next(tmp_path.glob('volume_*.ply')).read_bytes()
+
+
 @pytest.mark.parametrize(('parameters', 'message'), [
     ({'volume.height': 0.0}, r'volume\.height=0 in mode volume; expected the positive height'),
     ({'volume.spacing': 1e-4}, r'41 x 41 x 12001 cells, more than max_image_pixels=10000000; '
      r'raise grid\.spacing=0\.03 or volume\.spacing=0\.0001'),
     ({'method': 'afbp'}, 'method: afbp images maps, not volumes; set method: exact'),
     ({'autofocus.track_error': 0.1}, 'autofocus.track_error=0.1 .* mode: volume, which has no'),
+    ({'radiometry.quantity': 'sigma0', 'radiometry.constant_file': 'radar.yaml'},
+     'radiometry.quantity=sigma0 in mode volume, whose cells have no area of ground; expected'),
     ({'terrain.file': 'hill.npz'}, 'terrain.file: a volume has level layers; use mode image')])
 def test_impossible_volumes_are_refused(parameters, message):
     with pytest.raises(ConfigurationError, match=message):

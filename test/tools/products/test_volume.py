@@ -57,6 +57,30 @@ def test_a_raster_scan_becomes_a_cloud_and_a_picture(raster, run, tmp_path):
     assert quality['measured_error']['error_db'] < quality['predicted_error_db']
 
 
+def test_things_have_their_cross_sections(raster, run, tmp_path):
+    """Closed form: amplitude a of each of N profiles is ``gain sqrt(rcs) / R^2`` on average."""
+    gain = 16.0
+    (tmp_path / 'radar.yaml').write_text(f'gain_m: {gain}\nnoise_power: 0.01\n')
+    status, _, err = run('image', raster, '--output', tmp_path, '--height', 1.2, '--threshold',
+                         30, '--brightness', 'rcs', '--radar-constant', tmp_path / 'radar.yaml')
+    assert status == 0, err
+    head, _, body = (tmp_path / 'cloud.ply').read_bytes().partition(b'end_header\n')
+    assert b'intensity: radar cross section, dB relative to 1 m^2' in head
+    cloud = np.frombuffer(body, VERTEX)
+    points = np.stack([cloud[axis] for axis in 'xyz'], axis=-1)
+    source = open_source(raster)
+    for thing in SCENARIOS['raster_scan']().scatterers:
+        distance = np.linalg.norm(source.tx_m[:, 0] - thing.position_m, axis=-1)
+        expected = 20 * np.log10(abs(thing.amplitude) / gain / (distance**-2.0).mean())
+        near = (np.abs(points - thing.position_m) < (0.04, 0.08, 0.05)).all(axis=1)
+        # 0.03 dB measured, and -0.35 dB of the lamp, which lies half a cell off
+        assert cloud['intensity'][near].max() == pytest.approx(expected, abs=0.6)
+    told = json.loads((tmp_path / 'quality.json').read_text())['brightness']
+    assert told['quantity'] == 'rcs' and told['gain_m'] == gain
+    noise = 10 * np.log10(0.01 / source.n_pulses * 4.0**4 / gain**2)
+    assert told['noise_equivalent_db'] == pytest.approx(noise, abs=0.6)  # at 4 m
+
+
 def test_nothing_above_the_threshold_is_told(raster, run, tmp_path):
     status, out, _ = run('image', raster, '--output', tmp_path, '--centre', 0, 4, 0.5, '--size',
                          0.2, '--spacing', 0.05, '--height', 0.1, '--threshold', 90)
@@ -72,6 +96,7 @@ def test_nothing_above_the_threshold_is_told(raster, run, tmp_path):
     (('--height', 1, '--points', 0), '--points 0: expected at least one'),
     (('--height', 1, '--plane', 'slant'), '--plane slant: the layers of a volume are level'),
     (('--height', 1, '--format', 'sicd'), '--format sicd: a volume becomes a point cloud'),
+    (('--height', 1, '--brightness', 'sigma0'), 'of a volume have no area of ground; use rcs'),
     (('--height', 1.2, '--height-step', 1e-5, '--memory', 0.5),
      '41 by 41 by 120001 cells take 8.1 GB, 0.25 GB are allowed; ask for a smaller --size')])
 def test_impossible_volumes_are_refused(raster, run, tmp_path, words, message):

@@ -21,8 +21,7 @@ _SCALE = 'scale_root', 'scale_rows', 'scale_columns'
 
 def scale_arrays(scale: BrightnessScale | None) -> dict[str, np.ndarray]:
     """A scale as arrays of a file, to the bit; none where there is none."""
-    return {} if scale is None else dict(zip(_SCALE, (scale.root, scale.rows, scale.columns),
-                                             strict=True))
+    return {} if scale is None else dict(zip(_SCALE, (scale.root, *scale.knots), strict=True))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -179,7 +178,8 @@ class ApertureScan:
         if self.radiometry is None:
             return None
         with np.load(output / self.centres) as file:
-            return BrightnessScale(*(file[name] for name in _SCALE), self.radiometry)
+            root, *knots = (file[name] for name in _SCALE)
+        return BrightnessScale(root, tuple(knots), self.radiometry)
 
     def phase_centres(self, output: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Counters (P,), times (P,) ns, and phase centres tx and rx (P, C, 3) in the map's frame.
