@@ -1,20 +1,24 @@
 """The antenna of a SICD file: both ways together, as a polynomial over its main lobe.
 
 In the antenna's frame x is our right, y is down and z the boresight (NGA.STND.0024-1, section 3,
-Antenna). SICD has no tables: a pattern that polynomials miss is left out, and so are frames that
-turn too quickly for polynomials of time.
+Antenna). SICD has no tables: where the polynomial misses the gain, the file and the log tell by
+how much. Frames that turn too quickly for polynomials of time are left out.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import logging
 
 import numpy as np
 
 from ...geometry.earth import Datum
 from ..acquisition import Acquisition
-from ..cphd.antenna_writing import WrittenAntenna
+from ..cphd.antennas import WrittenAntenna
+from ..cphd.antennas.polynomials import TOLD_DB
 from .elements import Elements
+
+_logger = logging.getLogger(__name__)
 
 _ORDER = 5
 _TURNED = 0.05  # of the antenna's width, by which axes may depart from their polynomials
@@ -28,13 +32,16 @@ class TwoWayAntenna:
     ----------
     x_axis, y_axis : (3, n) float64
         Axes of its frame, ECEF, by powers of seconds since the start.
-    gain_db : (7, 7) float64
+    gain_db : (n, n) float64
         Of both ways relative to the boresight, by powers of the direction cosines DCX and DCY.
+    error_db : float
+        Largest departure of that where the gain of one way is above -10 dB.
     """
 
     x_axis: np.ndarray
     y_axis: np.ndarray
     gain_db: np.ndarray
+    error_db: float
 
 
 def two_way_antenna(acquisition: Acquisition, datum: Datum,
@@ -65,7 +72,12 @@ def two_way_antenna(acquisition: Acquisition, datum: Datum,
             return None
         powers = [fit.convert().coef for fit in fits]
         axes.append(np.stack([np.pad(part, (0, order + 1 - len(part))) for part in powers]))
-    return TwoWayAntenna(*axes, 2 * own.polynomial)
+    lobe = own.polynomial
+    if 2 * lobe.error_db > TOLD_DB:
+        _logger.warning(
+            'the polynomial of the antenna departs by up to %.2g dB from its gain of both ways '
+            'above -20 dB, and SICD has no tables: CPHD of the pulses has one', 2 * lobe.error_db)
+    return TwoWayAntenna(*axes, 2 * lobe.coefficients, 2 * lobe.error_db)
 
 
 def antenna_element(make: Elements, own: TwoWayAntenna, carrier_hz: float):

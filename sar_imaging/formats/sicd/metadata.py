@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
+import functools
 import json
 
 import numpy as np
@@ -14,7 +15,7 @@ from ...imaging.radiometry import Radiometry
 from ...signal.radar import SPEED_OF_LIGHT, Waveform
 from ..acquisition import UNKNOWN, Acquisition
 from ..extras import require
-from .antenna import antenna_element, two_way_antenna
+from .antenna import TwoWayAntenna, antenna_element, two_way_antenna
 from .elements import Elements
 from .layout import Layout
 from .radiometric import Radiometric, radiometric_element
@@ -24,6 +25,7 @@ MONOSTATIC, BISTATIC = 'urn:SICD:1.3.0', 'urn:SICD:1.4.0'
 DATUM, SCALE, RESIDUAL = ('sar_imaging datum', 'sar_imaging amplitude scale',
                           'sar_imaging track residual, metres')
 CALIBRATED, FACTORS_RESIDUAL = 'sar_imaging radiometry', 'sar_imaging scale factor residual, dB'
+ANTENNA_RESIDUAL = 'sar_imaging antenna gain residual, dB'
 _SPECTRUM_ORDER = 3  # of the polynomials of the local spectra
 
 
@@ -60,6 +62,12 @@ class Description:
     radiometric: Radiometric | None = None
     calibrated: Radiometry | None = None
 
+    @functools.cached_property
+    def antenna(self) -> TwoWayAntenna | None:
+        """Antenna of monostatic images, where it is known and polynomials can tell it."""
+        return None if self.track.bistatic else two_way_antenna(self.acquisition, self.datum,
+                                                                self.track.pulse_s)
+
 
 def sicd_tree(description: Description):
     """Tree of elements of one file, with what is computed of the scene centre point."""
@@ -72,10 +80,9 @@ def sicd_tree(description: Description):
     root.append(sicd.compute_scp_coa(root.getroottree()))
     if description.radiometric is not None:
         root.append(radiometric_element(make, description.radiometric))
-    antenna = None if bistatic else two_way_antenna(description.acquisition, description.datum,
-                                                    description.track.pulse_s)
-    if antenna is not None:
-        root.append(antenna_element(make, antenna, description.acquisition.radar.carrier_hz))
+    if description.antenna is not None:
+        root.append(antenna_element(make, description.antenna,
+                                    description.acquisition.radar.carrier_hz))
     return root.getroottree()
 
 
@@ -86,7 +93,8 @@ def _collection(make: Elements, own: Description):
     parameters = {DATUM: datum, RESIDUAL: f'{track.residual_m:.2g}',
                   SCALE: None if own.scale is None else repr(own.scale),
                   CALIBRATED: own.calibrated and json.dumps(dataclasses.asdict(own.calibrated)),
-                  FACTORS_RESIDUAL: own.radiometric and f'{own.radiometric.residual_db:.2g}'}
+                  FACTORS_RESIDUAL: own.radiometric and f'{own.radiometric.residual_db:.2g}',
+                  ANTENNA_RESIDUAL: own.antenna and f'{own.antenna.error_db:.2g}'}
     illuminator = acquisition.illuminator or (UNKNOWN if track.bistatic else '')
     return make('CollectionInfo', make('CollectorName', acquisition.collector),
                 make('IlluminatorName', illuminator) if illuminator else None,

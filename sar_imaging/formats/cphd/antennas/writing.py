@@ -8,12 +8,17 @@ to the boresight: the two-way amplitude is the power gain of one way.
 from __future__ import annotations
 
 import dataclasses
+import functools
+import logging
 
 import numpy as np
 
-from ...geometry.earth import Datum
-from ...geometry.illumination import AntennaPattern, Pointing
-from .errors import CphdError
+from ....geometry.earth import Datum
+from ....geometry.illumination import AntennaPattern, Pointing
+from ..errors import CphdError
+from .polynomials import TOLD_DB, LobePolynomial
+
+_logger = logging.getLogger(__name__)
 
 FRAME, PHASE_CENTRE, PATTERN, TABLE = 'frame', 'phase centre', 'pattern', 'gain'
 #: Parameters of the vectors, by the element that holds them.
@@ -23,9 +28,7 @@ PARAMETERS = {side: {f'{short}ACX': 'X=F8;Y=F8;Z=F8;', f'{short}ACY': 'X=F8;Y=F8
 TABLE_TYPE = np.dtype([('Gain', 'f4'), ('Phase', 'f4')])
 DARK_DB = -120.0  # what stands for no gain at all
 _POINTS = 257  # of a cut in the table
-_MAIN_LOBE_DB = -15.0  # one way, down to which polynomials are fitted
-_ORDER, _FRAME_ORDER = 6, 5
-_FITTED = 41  # points along either direction
+_FRAME_ORDER = 5
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -38,8 +41,8 @@ class WrittenAntenna:
         Direction cosines DCX and DCY of the table's first value, and between values.
     gain_db : (N, M) float32
         One way, relative to the boresight, by DCX and DCY.
-    polynomial : (7, 7) float64
-        The same over the main lobe, by powers of DCX and DCY.
+    polynomial : LobePolynomial
+        The same over the main lobe.
     x_axis, y_axis : (P, 3) float64
         Axes of the frame at each vector, ECEF.
     """
@@ -47,7 +50,7 @@ class WrittenAntenna:
     first: np.ndarray
     step: np.ndarray
     gain_db: np.ndarray
-    polynomial: np.ndarray
+    polynomial: LobePolynomial
     x_axis: np.ndarray
     y_axis: np.ndarray
 
@@ -73,8 +76,9 @@ class WrittenAntenna:
         cosines = [first + gap * np.arange(n) for first, gap, n in zip(ends[:, 0], step, sizes,
                                                                       strict=True)]
         axes = pointing.axes
-        return cls(ends[:, 0], step, _gain_db(pattern, *cosines).astype(np.float32),
-                   main_lobe_polynomial(pattern, cosines), datum.vectors_to_ecef(axes[:, 0]),
+        gain = functools.partial(_gain_db, pattern)
+        return cls(ends[:, 0], step, gain(*cosines).astype(np.float32),
+                   LobePolynomial.of(gain, cosines), datum.vectors_to_ecef(axes[:, 0]),
                    datum.vectors_to_ecef(-axes[:, 2]))
 
     @property
@@ -85,7 +89,12 @@ class WrittenAntenna:
         return out
 
     def metadata(self, time_s: np.ndarray, carrier_hz: float) -> dict:
-        """Element Antenna, by times of the vectors, seconds."""
+        """Element Antenna, by times of the vectors, seconds; tells what its polynomial misses."""
+        if self.polynomial.error_db > TOLD_DB:
+            _logger.warning(
+                'the polynomial of the antenna departs by up to %.2g dB from its gain of one way '
+                'above -10 dB: a reader should take the table, which follows it',
+                self.polynomial.error_db)
         order = min(_FRAME_ORDER, len(time_s) - 1)
         axes = {name: {axis: _polynomial_1d(np.polynomial.Polynomial.fit(
             time_s, values[:, i], order).convert().coef) for i, axis in enumerate('XYZ')}
@@ -99,7 +108,8 @@ class WrittenAntenna:
             'AntPattern': {
                 'Identifier': PATTERN, 'FreqZero': float(carrier_hz),
                 'EB': {'DCXPoly': _polynomial_1d([0.0]), 'DCYPoly': _polynomial_1d([0.0])},
-                'Array': {'GainPoly': _polynomial_2d(self.polynomial), 'PhasePoly': nothing},
+                'Array': {'GainPoly': _polynomial_2d(self.polynomial.coefficients),
+                          'PhasePoly': nothing},
                 'Element': {'GainPoly': nothing, 'PhasePoly': nothing},
                 'GainPhaseArray': {'Freq': float(carrier_hz), 'ArrayId': TABLE}}}
 
@@ -129,39 +139,6 @@ def _gain_db(pattern: AntennaPattern, dcx: np.ndarray, dcy: np.ndarray) -> np.nd
                  / (pattern.azimuth.at_sine(0.0) * pattern.elevation.at_sine(0.0)))
     with np.errstate(divide='ignore'):
         return np.maximum(10 * np.log10(amplitude), DARK_DB)
-
-
-def main_lobe_polynomial(pattern: AntennaPattern, cosines) -> np.ndarray:
-    """(7, 7) coefficients of the main lobe's gain of one way, dB; none of DCX = DCY = 0.
-
-    `cosines` are the direction cosines DCX and DCY that the pattern reaches over.
-    """
-    fine = [np.linspace(part[0], part[-1], 10 * _FITTED) for part in cosines]
-    lobes = [_main_lobe(part, gain) for part, gain in zip(fine, (
-        _gain_db(pattern, fine[0], np.zeros(1))[:, 0],
-        _gain_db(pattern, np.zeros(1), fine[1])[0]), strict=True)]
-    x, y = (np.linspace(*lobe, _FITTED) for lobe in lobes)
-    gain = _gain_db(pattern, x, y)
-    lit = gain > 2 * _MAIN_LOBE_DB
-    scales = [max(np.abs(part).max(), 1e-9) for part in (x, y)]
-    places = [part[lit] / scale for part, scale in zip(
-        np.meshgrid(x, y, indexing='ij'), scales, strict=True)]
-    weight = 10 ** (gain[lit] / 20)  # what is bright counts most
-    matrix = np.polynomial.polynomial.polyvander2d(*places, [_ORDER] * 2)[:, 1:]
-    found = np.concatenate([[0.0], np.linalg.lstsq(
-        matrix * weight[:, None], gain[lit] * weight, rcond=None)[0]])
-    powers = np.arange(_ORDER + 1)
-    return found.reshape(_ORDER + 1, -1) / np.multiply.outer(scales[0] ** powers,
-                                                             scales[1] ** powers)
-
-
-def _main_lobe(cosine: np.ndarray, gain_db: np.ndarray) -> tuple[float, float]:
-    """Ends of what lies around the boresight above -15 dB."""
-    middle = int(np.abs(cosine).argmin())
-    dark = np.flatnonzero(gain_db < _MAIN_LOBE_DB)
-    before, after = dark[dark < middle], dark[dark > middle]
-    return (float(cosine[before[-1] if before.size else 0]),
-            float(cosine[after[0] if after.size else -1]))
 
 
 def _polynomial_1d(coefficients) -> tuple[dict, dict]:

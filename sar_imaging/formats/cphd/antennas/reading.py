@@ -13,11 +13,11 @@ from collections.abc import Callable
 import numpy as np
 import scipy
 
-from ...geometry.illumination import AntennaPattern, PatternCut
-from .antenna_writing import DARK_DB
-from .container import Container
-from .errors import CphdError
-from .vectors import Vectors
+from ....geometry.illumination import AntennaPattern, PatternCut
+from ..container import Container
+from ..errors import CphdError
+from ..vectors import Vectors
+from .writing import DARK_DB
 
 _POINTS = 1025  # of a cut, of polynomials
 _FLOOR_DB = -40.0  # one way: where the main lobe of a polynomial ends at the latest
