@@ -33,8 +33,9 @@ def save_acquisition_png(path: Path | str, track_m: np.ndarray, corners_m: np.nd
     if not away.any():
         away = np.array([1.0, 0.0])
     _draw(above, track_m[:, :2], corners_m[:, :2])
-    above.annotate('', track_m[-1, :2], track_m[-max(2, len(track_m) // 10), :2],
-                   arrowprops={'arrowstyle': '-|>', 'color': _TRACK, 'lw': 2})
+    if len(track_m) > 1:
+        above.annotate('', track_m[-1, :2], track_m[-max(2, len(track_m) // 10), :2],
+                       arrowprops={'arrowstyle': '-|>', 'color': _TRACK, 'lw': 2})
     above.set(title='from above', xlabel='x (m)', ylabel='y (m)', aspect='equal')
     # heights over the horizontal distance along the line of sight
     section = [np.column_stack([(points[:, :2] - middle[:2]) @ away, points[:, 2]])

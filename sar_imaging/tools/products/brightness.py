@@ -59,7 +59,7 @@ def respond(source: Source, choice: GridChoice) -> ImageResponse:
     lit = None if looks is None else Illumination.of_pulses(source.illumination, looks,
                                                             source.tx_m, source.rx_m)
     return image_response(choice.grid, source.radar, source.tx_m, source.rx_m, illumination=lit,
-                          weighted=lit is not None)
+                          weighted=lit is not None, weighting=source.window)
 
 
 def calibrate_image(response: ImageResponse, image: Image, quantity: str,

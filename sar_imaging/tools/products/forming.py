@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import math
 import time
 from pathlib import Path
@@ -19,6 +20,8 @@ from sar_imaging.memory import available_bytes
 from sar_imaging.quality.verification import Verification, measure_error
 from sar_imaging.signal.radar import Waveform
 
+from ..exchange.kinds import RECORDING
+from ..recordings.bag_io import read_truth
 from .sources import Source, SourceError
 
 IMAGE_SHARE = 0.5  # of the memory, for the image and what is made of it
@@ -130,6 +133,22 @@ def _place(place) -> str:
     return ', '.join(f'{v:.1f}' for v in place)
 
 
+def weighted(source: Source) -> Source:
+    """The source with the window that its recording wants, as the nodes take it.
+
+    Range profiles and CPHD files keep the weighting that they have.
+
+    Parameters
+    ----------
+    source : Source
+        Opened without a window.
+    """
+    if source.kind != RECORDING or source.compressed:
+        return source
+    told = (read_truth(source.path) or {}).get('window', 'none')
+    return dataclasses.replace(source, window=told)
+
+
 def form(source: Source, choice: GridChoice, target_db: float, n_bytes: float, *,
          label: str = 'imaging') -> tuple[Image, float]:
     """Image of a source on a grid, and the seconds that it took.
@@ -156,7 +175,7 @@ def form(source: Source, choice: GridChoice, target_db: float, n_bytes: float, *
     block_bytes = _BLOCK_SHARE * n_bytes
     whole = source.n_bytes <= block_bytes
     imager = plan_image(choice.grid, source.radar, source.n_samples, target_db=target_db,
-                        compressed=source.compressed, progress=whole,
+                        compressed=source.compressed, progress=whole, weighting=source.window,
                         illumination=source.illumination)
     image = imager.new_image()
     with tqdm(total=source.n_pulses, desc=label, unit='pulse', disable=whole) as bar:
@@ -169,7 +188,9 @@ def form(source: Source, choice: GridChoice, target_db: float, n_bytes: float, *
 def verify(source: Source, image: Image, n_bytes: float) -> Verification | str:
     """Error measured at some pixels, or why it cannot be measured."""
     raw = not source.compressed and source.radar.waveform == Waveform.STEPPED_FREQUENCY
-    blocks = (source.read if raw else source.profiles)(_BLOCK_SHARE * n_bytes)
+    # The spectra of raw pulses have no window.
+    spectra = raw and source.window == 'none'
+    blocks = (source.read if spectra else source.profiles)(_BLOCK_SHARE * n_bytes)
     try:
         return measure_error(image.samples, image.grid, blocks, n_pixels=_VERIFIED_PIXELS,
                              n_brightest=_VERIFIED_PIXELS, fit_scale=raw, progress=True,

@@ -49,7 +49,8 @@ ERRORS = (BagError, SourceError, MissingExtraError, OSError, ValueError, MemoryE
 
 _EPILOG = """\
 Writes image.npy (complex64), the formats asked for, quality.json and report.html. What the file
-does not state is chosen, and the report says what was chosen and how to change it.
+does not state is chosen, and the report says what was chosen and how to change it. The window of a
+recording weighs its image, unless SICD is asked for, which describes images without one.
 
   sar-imaging image bags/countryside --output out/countryside
   sar-imaging image scene.cphd --output out/scene --format sicd,geotiff,png
@@ -108,6 +109,8 @@ def run(arguments: argparse.Namespace) -> str:
     """Image the file and write all products; returns a summary for people."""
     source = open_source(arguments.file, aperture=arguments.aperture,
                          datum=forming.datum_of(arguments))
+    if 'sicd' not in arguments.format:  # which describes responses without a window
+        source = forming.weighted(source)
     if arguments.height is not None:
         return volume.run(arguments, source)
     _check_formats(arguments, source)
@@ -208,7 +211,7 @@ def describe(source: Source, choice: GridChoice, image: Image, seconds: float,
         'pulses_missing': source.missing, 'channels': source.n_channels,
         'plane': choice.plane, 'shape': list(image.shape), 'spacing_m': choice.spacing_m,
         'grid': {'type': type(choice.grid).__name__, **dataclasses.asdict(choice.grid)},
-        'chosen': list(choice.reasons),
+        'window': source.window, 'chosen': list(choice.reasons),
         'resolution_m': {'range': choice.range_resolution_m,
                          'azimuth': choice.azimuth_resolution_m},
         'datum': None if source.datum is None else dataclasses.asdict(source.datum),

@@ -64,7 +64,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> str:
     """Measure and write the constant; returns a summary for people."""
-    source = open_source(arguments.file, aperture=arguments.aperture)
+    source = forming.weighted(open_source(arguments.file, aperture=arguments.aperture))
     wavelength = source.radar.propagation_speed_m_per_s / source.radar.carrier_hz
     size = (arguments.cross_section if arguments.trihedral is None
             else trihedral_cross_section_m2(arguments.trihedral, wavelength))

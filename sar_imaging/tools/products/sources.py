@@ -78,6 +78,8 @@ class Source:
         Of a recording: when the message of each pulse was recorded, nanoseconds.
     illumination : AntennaPattern or None
         Pattern of the antenna, where the file tells; its pulses then have their pointing.
+    window : str
+        Spectral weighting of its range profiles and images; see `forming.weighted`.
     """
 
     path: Path
@@ -100,6 +102,7 @@ class Source:
     aperture: int | None = None
     message_ns: np.ndarray | None = None
     illumination: AntennaPattern | None = None
+    window: str = 'none'
 
     @property
     def n_pulses(self) -> int:
@@ -142,7 +145,8 @@ class Source:
 
     def compressor(self) -> RangeCompressor | None:
         """Range compression of its pulses; None for range profiles."""
-        return None if self.compressed else RangeCompressor(self.radar, self.n_samples)
+        return None if self.compressed else RangeCompressor(self.radar, self.n_samples,
+                                                            window=self.window)
 
     def coverage(self) -> Coverage:
         """What of the scene its pulses tell something about."""

@@ -17,7 +17,9 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality import error_db, measure_scatterer
+from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
 from sar_imaging.tools.products import sources
+from sar_imaging.tools.products.acquisition_figure import save_acquisition_png
 
 DATUM = Datum(47.3, 8.5, 430.0, 20.0)  # of the CPHD file
 GOTCHA = pathlib.Path(__file__).parents[4] / 'shared' / 'data' / 'gotcha_pass1_hh'
@@ -62,6 +64,42 @@ def test_the_report_holds_everything_by_itself(spotlight, run, tmp_path):
         assert told in text
     assert set(p.name for p in tmp_path.iterdir()) == {'image.npy', 'image.png', 'quality.json',
                                                        'report.html'}
+
+
+@pytest.mark.parametrize('waveform', ['stepped_frequency', 'fmcw'])
+def test_the_window_of_a_recording_weighs_its_image(run, tmp_path, waveform):
+    """Sidelobes in range are those of the Taylor window, 35 dB below; -13 dB without."""
+    along = np.linspace(-0.5, 0.5, 64)
+    track_m = np.stack([along, 0 * along, 0 * along], axis=-1)
+    frequency_hz = 10e9 + 4e6 * np.arange(256)
+    away_m = np.linalg.norm(track_m - [0, 10.0, 0], axis=1)[:, None]
+    echoes = np.exp(-4j * np.pi / SPEED_OF_LIGHT * frequency_hz * away_m)
+    np.savez(tmp_path / 'd.npz', s=echoes, p=track_m)
+    radar = {'stepped_frequency': {'carrier_hz': float(frequency_hz.mean()), 'bandwidth_hz':
+                                   256 * 4e6, 'reference_range_m': 0},
+             'fmcw': {'start_frequency_hz': 10e9, 'slope_hz_per_s': 4e13, 'sample_rate_hz': 1e7}}
+    (tmp_path / 'd.yaml').write_text(yaml.safe_dump({
+        'samples': {'file': 'd.npz', 'variable': 's', 'axes': ['pulse', 'sample']},
+        'radar': {'waveform': waveform, **radar[waveform]}, 'times': {'interval_s': 0.01},
+        'positions': {'variable': 'p'},
+        'scene': {'centre_m': [0, 10, 0], 'size_m': [2, 4], 'spacing_m': 0.04, 'cut_m': [1.5, 0.9],
+                  'window': 'taylor:4:35', 'scatterers': {'point': [0, 10, 0]}}}))
+    assert run('load', tmp_path / 'd.yaml', '--output', tmp_path / 'bag')[0] == 0
+    assert run('image', tmp_path / 'bag', '--output', tmp_path / 'out')[0] == 0
+    quality = json.loads((tmp_path / 'out' / 'quality.json').read_text())
+    [point] = quality['scatterers']
+    # measured -35.17 dB with both waveforms
+    assert quality['window'] == 'taylor:4:35' and point['pslr_range_db'] < -34.5
+    assert quality['measured_error']['error_db'] < -60.0
+    assert run('image', tmp_path / 'bag', '--output', tmp_path / 'sicd', '--format', 'sicd',
+               '--datum', 47.3, 8.5, 430)[0] == 0
+    [point] = json.loads((tmp_path / 'sicd' / 'quality.json').read_text())['scatterers']
+    assert point['pslr_range_db'] == pytest.approx(-13.3, abs=0.4)
+
+
+def test_the_track_of_a_single_pulse_is_drawn(tmp_path):
+    save_acquisition_png(tmp_path / 'a.png', np.ones((1, 3)), np.zeros((4, 3)))
+    assert (tmp_path / 'a.png').read_bytes().startswith(PNG)
 
 
 def test_little_memory_gives_the_same_image_in_blocks(spotlight, run, tmp_path):
