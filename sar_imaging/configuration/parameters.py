@@ -17,6 +17,7 @@ import yaml
 from ..geometry.grids import MapGrid
 from ..names import advice_on
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from ..yaml_text import Loader, load_yaml, trouble
 from .antenna import antenna_of
 from .constraints import Finding
 from .settings import Acquisition, Imaging, Machine
@@ -254,7 +255,7 @@ def _acquisition(v: Mapping) -> Acquisition:
         beamwidth_rad=math.radians(v['radar.beamwidth_deg']))
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(Loader):
     """Takes ``9.6e9`` for a number, as the parser of ROS does and YAML 1.1 does not."""
 
 
@@ -265,7 +266,7 @@ _Loader.add_implicit_resolver('tag:yaml.org,2002:float',
 
 def parse(text: str):
     """Content of a YAML text."""
-    return yaml.load(text, _Loader)
+    return load_yaml(text, _Loader)
 
 
 def load_tree(path: Path | str):
@@ -281,7 +282,7 @@ def load_tree(path: Path | str):
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationFileError(f'{path} cannot be read: {error}') from error
     except yaml.YAMLError as error:
-        raise ConfigurationFileError(f'{path} is no YAML: {error}') from error
+        raise ConfigurationFileError(f'{path} is no YAML: {trouble(error)}') from error
 
 
 def _sections(tree) -> Iterator[tuple[str, dict]]:

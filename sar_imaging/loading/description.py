@@ -14,6 +14,7 @@ import yaml
 
 from ..files import check_file
 from ..names import advice_on
+from ..yaml_text import load_yaml, trouble
 
 MOST_BYTES = 1_000_000
 # All sections and their keys; docs/loading.md explains each.
@@ -236,12 +237,9 @@ def read_description(path: Path | str, changes: Mapping[str, object] | None = No
     """
     try:
         check_file(path, MOST_BYTES)
-        tree = yaml.load(Path(path).read_text(encoding='utf-8'), _Loader)
+        tree = load_yaml(Path(path).read_text(encoding='utf-8'))
     except yaml.YAMLError as error:
-        mark = getattr(error, 'problem_mark', None)
-        where = '' if mark is None else f' in line {mark.line + 1}'
-        problem = getattr(error, 'problem', None) or 'it cannot be parsed'
-        raise DescriptionError(f'{path} is no YAML{where}: {problem}') from error
+        raise DescriptionError(f'{path} is no YAML: {trouble(error)}') from error
     except UnicodeDecodeError as error:
         raise DescriptionError(f'{path} is no text; expected a YAML description') from error
     except (OSError, ValueError) as error:
@@ -249,20 +247,6 @@ def read_description(path: Path | str, changes: Mapping[str, object] | None = No
     for key, value in (changes or {}).items():
         _change(tree, key, value)
     return Section(tree, '', SECTIONS, Path(path).name)
-
-
-class _Loader(yaml.SafeLoader):
-    """YAML that refuses a key that is given twice, of which PyYAML would keep the last."""
-
-    def construct_mapping(self, node, deep=False):
-        """Mapping of a node; see `yaml.SafeLoader`."""
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for i, key in enumerate(keys):
-            if key in keys[:i]:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f'the key {key} is given twice; keep one of them',
-                    node.value[i][0].start_mark)
-        return super().construct_mapping(node, deep)
 
 
 def _change(tree, path: str, value) -> None:

@@ -11,6 +11,7 @@ import yaml
 from scipy.ndimage import map_coordinates
 
 from ..files import check_file
+from ..yaml_text import load_yaml, trouble
 from .response import ImageResponse
 
 _LARGEST_FILE = 1_000_000  # bytes
@@ -78,10 +79,11 @@ class RadarConstant:
         """
         try:
             check_file(path, _LARGEST_FILE)
-            content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+            content = load_yaml(Path(path).read_text(encoding='utf-8'))
             return cls(float(content['gain_m']), float(content.get('noise_power', math.nan)))
         except (OSError, yaml.YAMLError, TypeError, KeyError, AttributeError, ValueError) as error:
-            raise ValueError(f'{path} is no file of a radar constant ({error}); `sar-imaging '
+            told = trouble(error) if isinstance(error, yaml.YAMLError) else error
+            raise ValueError(f'{path} is no file of a radar constant ({told}); `sar-imaging '
                              'radar-constant` writes one, with gain_m and noise_power') from error
 
     @classmethod

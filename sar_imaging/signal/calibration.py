@@ -17,6 +17,7 @@ import yaml
 from scipy import fft
 
 from ..files import check_file
+from ..yaml_text import RepeatedKeyError, load_yaml
 from .pulses import PulseBlock
 
 MOST_BYTES = 1_000_000  # of a file: thousands of channels
@@ -162,12 +163,13 @@ class ChannelCalibration:
         """
         try:
             check_file(path, MOST_BYTES)
-            values = yaml.safe_load(Path(path).read_text())
+            values = load_yaml(Path(path).read_text())
         except yaml.YAMLError as error:
             # The text of the error quotes the file, which need not be meant for whoever asked.
             mark = getattr(error, 'problem_mark', None)
             where = '' if mark is None else f' in line {mark.line + 1}'
-            raise CalibrationError(f'calibration {path} is no YAML{where}; expected what the tool '
+            what = 'has a key twice' if isinstance(error, RepeatedKeyError) else 'is no YAML'
+            raise CalibrationError(f'calibration {path} {what}{where}; expected what the tool '
                                    'calibrate writes') from error
         except UnicodeDecodeError as error:
             raise CalibrationError(f'calibration {path} is no text') from error

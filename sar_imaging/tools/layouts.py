@@ -17,6 +17,7 @@ import yaml
 
 from sar_imaging.configuration.parameters import read_configuration
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.yaml_text import load_yaml
 
 from .launching import find_config
 
@@ -106,7 +107,7 @@ def rviz_layout(grid: MapGrid, frame: str, namespace: str = '') -> dict:
     dict
         Content of a YAML file.
     """
-    layout = yaml.safe_load(_shipped('sar_imaging.rviz'))
+    layout = load_yaml(_shipped('sar_imaging.rviz'))
     extent, cell = _extent(grid), _cell(_extent(grid))
     x, y, z = grid.centre_m
     manager = layout['Visualization Manager']

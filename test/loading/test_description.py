@@ -17,9 +17,9 @@ def described(tmp_path, text, **changes):
     ('sample: {}', 'unknown key sample; did you mean samples?'),
     ('quux: 1', 'unknown key quux; expected one of name, description'),
     ('- a', 'the file: expected keys with values'),
-    ('a: [', 'is no YAML in line 1'),
-    ('name: a\nsamples: {}\nname: b', 'in line 3: the key name is given twice; keep one'),
-    ('radar: {k: 1, k: 2}', 'in line 1: the key k is given twice; keep one'),
+    ('a: [', 'is no YAML: line 1: '),
+    ('name: a\nsamples: {}\nname: b', 'line 3: the key name is given twice, first in line 1'),
+    ('radar: {k: 1, k: 2}', 'line 1: the key k is given twice, first in line 1; keep one'),
     ('', 'the file: expected keys with values')])
 def test_what_is_no_description_is_told(tmp_path, text, message):
     with pytest.raises(DescriptionError, match='mine.yaml') as error:

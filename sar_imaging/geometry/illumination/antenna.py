@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 
 from ...files import check_file
+from ...yaml_text import load_yaml, trouble
 from .pattern import AntennaPattern, PatternCut
 
 UNIFORM, GAUSSIAN, COSINE, SINC, MEASURED = KINDS = ('uniform', 'gaussian', 'cosine', 'sinc',
@@ -186,6 +187,8 @@ class Antenna:
         """
         check_file(path, _LARGEST_FILE)
         try:
-            return cls.from_dict(yaml.safe_load(Path(path).read_text(encoding='utf-8')))
-        except (OSError, UnicodeDecodeError, yaml.YAMLError, ValueError) as error:
+            return cls.from_dict(load_yaml(Path(path).read_text(encoding='utf-8')))
+        except yaml.YAMLError as error:
+            raise ValueError(f'{path} is no YAML: {trouble(error)}') from error
+        except (OSError, UnicodeDecodeError, ValueError) as error:
             raise ValueError(f'{path}: {error}') from error

@@ -16,6 +16,7 @@ from sar_imaging.formats.extras import MissingExtraError
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.loading import DescriptionError, Loaded, PoseTable, load, shipped_names
 from sar_imaging.loading.frames import FrameError
+from sar_imaging.yaml_text import load_yaml
 
 from ..recordings.bag_io import check_target, write_bag
 from ..recordings.recorded_poses import RecordedPoses
@@ -78,7 +79,7 @@ def _changes(pairs: Sequence[str]) -> dict[str, object]:
     for pair in pairs:
         key, separator, value = pair.partition('=')
         try:
-            out[key] = yaml.safe_load(value)
+            out[key] = load_yaml(value)
         except yaml.YAMLError:
             separator = ''
         if not separator:

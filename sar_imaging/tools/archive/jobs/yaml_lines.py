@@ -12,6 +12,7 @@ import yaml
 
 from sar_imaging.files import check_file
 from sar_imaging.names import advice_on
+from sar_imaging.yaml_text import Loader, RepeatedKeyError, trouble
 
 from .job import JobError
 
@@ -127,7 +128,7 @@ class Value:
         Raises
         ------
         JobError
-            It is no mapping, or a key is unknown or stands twice.
+            It is no mapping, or a key is unknown.
         """
         if not isinstance(self.node, yaml.MappingNode):
             raise self.error(f'a mapping with {", ".join(keys)}', remedy)
@@ -138,9 +139,6 @@ class Value:
             full = f'{self.key}.{name}' if self.key else name
             if name not in keys:
                 raise JobError(f'{where}: there is no key {full}; {advice_on(name, keys)}')
-            if name in found:
-                raise JobError(f'{where}: {full} stands here again, first in line '
-                               f'{found[name].line}; remove one of them')
             found[name] = Value(self.path, full, node)
         return found
 
@@ -155,12 +153,14 @@ def read_yaml(path: Path) -> Value:
     """
     try:
         check_file(path, _MOST_BYTES)
-        node = yaml.compose(path.read_text(encoding='utf-8'), yaml.SafeLoader)
+        node = yaml.compose(path.read_text(encoding='utf-8'), Loader)
     except UnicodeDecodeError as error:
         raise JobError(f'{path} is no text (byte {error.start} is no UTF-8); expected a job file '
                        'in YAML; name another file') from error
     except (OSError, ValueError) as error:
         raise JobError(f'{error}; expected a job file in YAML; name another file') from error
+    except RepeatedKeyError as error:
+        raise JobError(f'{path}, {trouble(error)}') from error
     except yaml.YAMLError as error:
         raise JobError(f'{path}{_trouble(error)}') from error
     if node is None:

@@ -55,7 +55,7 @@ WRONG = [
     ('unknown', ('retries', 'colour'), 19, 'there is no key colour; expected one of'),
     ('misspelt within', ('strips', 'strip'), 12, 'no key products.strip; did you mean strips?'),
     ('unknown datum', ('heading_deg', 'bearing'), 4, 'no key datum.bearing'),
-    ('twice', THREE + 'output: other\n', 4, 'output stands here again, first in line 2; remove'),
+    ('twice', THREE + 'output: other\n', 4, 'key output is given twice, first in line 2; keep'),
     ('recordings nothing', ('[flights/2025, /data/catalog.json]', ''), 1,
      'recordings is nothing; expected a folder, a glob, a STAC catalogue'),
     ('recordings none', ('[flights/2025, /data/catalog.json]', '[]'), 1,

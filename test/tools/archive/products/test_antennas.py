@@ -12,6 +12,7 @@ from sar_imaging.imaging.image import Image
 from sar_imaging.tools.archive.jobs import (
     ImagePiece,
     Job,
+    ProductPiece,
     divide,
     scan_recording,
     write_job,
@@ -71,6 +72,40 @@ def test_its_tiles_are_those_of_the_image_of_the_recording(tmp_path):
     stored = image_array(job.output, scan.name, scan.window, TILE).read(scan.window)
     np.testing.assert_array_equal(stored.view(np.float32), image.samples.view(np.float32))
     assert 0.02 < (stored == 0).mean() < 0.98  # some of it is dark
+
+
+def test_its_sicd_has_the_antenna(tmp_path):
+    """Pattern and frame as sarkit reads them, in a map whose frame is turned by 90 degrees."""
+    sksicd = pytest.importorskip('sarkit.sicd', reason='sarkit needs Python 3.11')
+    verification = pytest.importorskip('sarkit.verification')
+    path = record(tmp_path / 'lit')
+    turned = dataclasses.replace(DATUM, heading_deg=DATUM.heading_deg + 90)
+    job, scan, _ = archive_of(path, tmp_path, turned, area_m=(-100.0, -100.0, 100.0, 100.0))
+    [name] = compute(ProductPiece(key='s', product='image sicd', scans=(scan,)),
+                     job.output).files
+    with open(job.output / name, 'rb') as file:
+        checker = verification.SicdConsistency.from_file(file)
+        checker.check()
+        assert not checker.failures()
+        file.seek(0)
+        with sksicd.NitfReader(file) as reader:
+            helper, pixels = sksicd.XmlHelper(reader.metadata.xmltree), reader.read_image()
+    gain = helper.load('{*}Antenna/{*}TwoWay/{*}Array/{*}GainPoly')
+    axes = [helper.load(f'{{*}}Antenna/{{*}}TwoWay/{{*}}{name}AxisPoly') for name in 'XY']
+    start_s = helper.load('{*}ImageFormation/{*}TStartProc')
+    block = fly(0.0)
+    looks = Pointing.steered(block.phase_centre_m, (40.0, 0.0, 0.0))
+    lit = Illumination.of_pulses(ANTENNA.amplitudes(), looks, block.tx_m, block.rx_m)
+    for pulse, place in ((0, (40.0, 0.0, 0.0)), (20, (50.0, -30.0, 0.0)), (47, (25.0, 9.0, 0.0))):
+        time_s = start_s + (block.stamp_ns[pulse] - block.stamp_ns[0]) * 1e-9
+        x, y = (np.polynomial.polynomial.polyval(time_s, part) for part in axes)
+        look = DATUM.to_ecef(place) - DATUM.to_ecef(block.tx_m[pulse, 0])
+        look /= np.linalg.norm(look)
+        expected_db = 20 * np.log10(lit.amplitude(np.array(place))[pulse])
+        # 0.04 dB measured: the polynomial of a Gaussian
+        assert np.polynomial.polynomial.polyval2d(x @ look, y @ look, gain) == pytest.approx(
+            expected_db, abs=0.1)
+    assert 0.02 < (pixels == 0).mean() < 0.98  # weighed: some of it is dark
 
 
 def test_the_mosaic_counts_what_is_lit_alone(tmp_path):
