@@ -116,3 +116,14 @@ def test_a_track_that_was_known_is_never_planned_anew(make_case):
     away = block.tx_m + [0.0, 30.0, 0.0], block.rx_m + [0.0, 30.0, 0.0]
     assert foreseen.check(*away) is None
     assert known.check(*away) is not None
+
+
+def test_windows_of_a_sliding_aperture_may_not_be_read_worse_than_wanted(make_case):
+    """They are read at baseband: their limit was above 0 dB where that was forgotten."""
+    case = make_case(1e3, pulses=128)
+    plan = _live(case, n_window=48)
+    # what errs alike in all images leaves some of the target: measured -50.5 dB
+    assert plan.map_cover.resampling_db < plan.reading_limit_db < -50.0
+    block = case.block.select(slice(0, 16))
+    known = _live(case, n_window=48, slack=0.0)
+    assert known.check(block.tx_m, block.rx_m, None, (block.tx_m, block.rx_m)) is not None

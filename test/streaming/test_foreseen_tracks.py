@@ -19,3 +19,12 @@ def test_a_corkscrew_is_planned_anew_where_the_map_is_read_too_coarsely():
     error_db = measure_error(image.image, case.grid, pulses, n_pixels=1000).error_db
     # Measured: 0.6 dB below the prediction; 25 dB above where the reading was not checked.
     assert error_db <= min(image.predicted_error_db + 3.0, -46.3)
+
+
+def test_profiles_that_end_beyond_what_is_flown_are_no_error():
+    """A track that turns back is foreseen to go on, to where profiles leave the map."""
+    case = random_case(110052)
+    stage = LiveSubapertures(case.grid, pulses_per_aperture=48, target_db=-55.5, sliding=True)
+    parts = stage.add(case.profiles) + stage.flush()
+    # measured: -58.3 to -66.1 dB; -6.5 dB where the foreseen ends of profiles counted
+    assert max(part.predicted_error_db for part in parts) < -55.5

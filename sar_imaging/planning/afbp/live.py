@@ -18,7 +18,7 @@ from ..local_spectrum import LocalSpectrum, local_spectrum
 from ..polar_cover import PolarCover
 from ..polar_to_map import DEAPODISED_TAPS, margin
 from .map_cover import cover_for_fusion
-from .map_reading import reading_db
+from .map_reading import ends_db, reading_db
 from .plan import AfbpPlan, check_arguments
 from .subapertures import plan_subapertures
 
@@ -44,15 +44,14 @@ class LivePlan(AfbpPlan):
         where the track was known.
     map_cover : PolarCover
         How the map is read.
-    reading_db, reading_limit_db : float
-        Error of reading the map in the worst foreseen sub-aperture, and the largest that keeps
-        the target, likewise.
+    reading_limit_db : float
+        Largest error of reading the map that keeps the target, or that of the worst foreseen
+        sub-aperture, likewise.
     """
 
     length: int
     limit_db: float
     map_cover: PolarCover
-    reading_db: float
     reading_limit_db: float
 
     def __str__(self) -> str:
@@ -93,9 +92,8 @@ class LivePlan(AfbpPlan):
         if (worst_db > self.limit_db or reading > self.reading_limit_db
                 or not (within or math.isinf(self.limit_db))):
             return None
-        if reading <= self.reading_db:  # flown as foreseen, of which the plan knows the mean
-            reading = self.map_cover.resampling_db
-        return centre_m, total_db(error_db, reading, self.errors_db['ends of profiles']), power_db
+        ends = ends_db(self.map_cover, plan.polar, tx_m, rx_m, illumination)
+        return centre_m, total_db(error_db, reading, ends + power_db), power_db
 
 
 def extension(n_pulses: int, length: int, slack: float) -> tuple[int, int]:
@@ -154,12 +152,14 @@ def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m,
             plan.polar, radar, tx_m, rx_m, n_window, cover.between))
     # Where bands end, sub-apertures that are flown as foreseen err more than their mean, too.
     parts = plan.sampling.pulses[::math.ceil(len(plan.sampling.pulses) / _PARTS)]
-    worst_db = max(cover.resampling_db, *(reading_db(cover, plan.polar, tx_m[part], rx_m[part])
-                                          for part in (*parts, plan.sampling.pulses[-1])))
+    parts = (*parts, plan.sampling.pulses[-1]) if not n_window else [
+        slice(first, first + n_window) for first in _first_of_windows(len(tx_m) - n_window)]
+    worst_db = max(cover.resampling_db, *(
+        reading_db(cover, plan.polar, tx_m[part], rx_m[part], centred=bool(n_window))
+        for part in parts))
     reading_limit_db = max(remaining_db(target_db, plan.predicted_error_db), worst_db)
     return LivePlan.of(grid, tx_m, rx_m, plan, cover, length=length,
                        limit_db=polar_db if slack else math.inf, map_cover=cover,
-                       reading_db=worst_db,
                        reading_limit_db=reading_limit_db if slack else math.inf)
 
 
@@ -192,14 +192,18 @@ def _windows_db(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window: 
     bands, width = _bands_of_some(polar, radar, tx_m, rx_m, n_window)
     n_channels, worst_db = rx_m.shape[1], -math.inf
     k = np.linspace(*bands.wavenumber, _WAVENUMBERS)[:, None, None]
-    for first in np.unique(np.linspace(0, len(bands.slope) // n_channels - width,
-                                       _WINDOWS).astype(int)):
+    for first in _first_of_windows(len(bands.slope) // n_channels - width):
         echoes = slice(first * n_channels, (first + width) * n_channels)
         slope, weight = bands.slope[echoes], bands.weight[:, echoes]
         middle = 0.5 * (slope.min() + slope.max()) * radar.wavenumber_rad_per_m
         worst_db = max(worst_db, between.mean_error_db(
             (k * slope - middle) * (polar.alpha_spacing / (2 * math.pi)), weight))
     return worst_db
+
+
+def _first_of_windows(last: int) -> np.ndarray:
+    """First pulses of some windows, from that of the first one, 0, to that of the last, int64."""
+    return np.unique(np.linspace(0, max(last, 0), _WINDOWS).astype(int))
 
 
 def _bands_of_some(polar, radar, tx_m, rx_m, n_window) -> tuple[LocalSpectrum, int]:

@@ -1,7 +1,8 @@
-"""Error of reading the map from a fused image whose track may differ from the one planned for.
+"""Errors on the map of a track that may differ from the one planned for.
 
 The fused image is sampled for the local frequencies of the foreseen track. Those of the track that
-was flown may lie where the interpolation errs more: beyond its band, or all at one end of it.
+was flown may lie where the interpolation errs more: beyond its band, or all at one end of it. And
+profiles may end elsewhere on the map than foreseen.
 """
 
 from __future__ import annotations
@@ -37,17 +38,8 @@ def reading_db(cover: PolarCover, polar: PolarGrid, tx_m, rx_m,
     centred : bool
         The image is read at baseband along direction, as those of sliding apertures are.
     """
-    step = max(1, len(tx_m) // _PULSES)
-    if illumination is not None:
-        number = np.arange(len(illumination.centre_m)).reshape(len(tx_m), -1)
-        illumination = illumination.select(number[::step].ravel())
-    tx_m, rx_m = (c[::step].reshape(-1, 3) for c in (tx_m, rx_m))
-    r, alpha = polar.from_map(*(v.ravel() for v in np.meshgrid(*(
-        np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (cover.grid.x_m, cover.grid.y_m)))))
-    lines = polar.lines(r, alpha)
-    paths = sample_paths(tx_m, rx_m, lines)
-    if illumination is not None:
-        paths = illumination.of_paths(paths, lines[0])
+    (tx_m, rx_m), (r, alpha), lines, paths = _of_some_echoes(cover, polar, tx_m, rx_m,
+                                                            illumination)
     slope_alpha = half_paths(tx_m, rx_m, lines[0], polar.by_direction(r, alpha))[1]
     # along a line of the map the direction changes with range, too
     ahead = (lines[0][:, cover.axis] - polar.origin_m[cover.axis]) / r
@@ -67,3 +59,31 @@ def reading_db(cover: PolarCover, polar: PolarGrid, tx_m, rx_m,
         for interpolator, frequency, spacing in (
             (cover.between, along_alpha, polar.alpha_spacing),
             (cover.along, along_range, polar.range_spacing_m))))
+
+
+def ends_db(cover: PolarCover, polar: PolarGrid, tx_m, rx_m,
+            illumination: Illumination | None = None) -> float:
+    """Error on the map because profiles end, dB; arguments as of `reading_db`."""
+    paths = _of_some_echoes(cover, polar, tx_m, rx_m, illumination)[-1]
+    return cover.window.mean_end_error_db(
+        paths.length, oversampling=cover.lattice.oversampling(cover.window.radar), lit=paths.lit)
+
+
+def _of_some_echoes(cover, polar, tx_m, rx_m, illumination):
+    """Of samples of the map, seen by echoes of some pulses.
+
+    Phase centres, two (R, 3); range and direction, (S,) each; positions and derivatives of the
+    lines; `Paths` of them all.
+    """
+    step = max(1, len(tx_m) // _PULSES)
+    if illumination is not None:
+        number = np.arange(len(illumination.centre_m)).reshape(len(tx_m), -1)
+        illumination = illumination.select(number[::step].ravel())
+    centres = [c[::step].reshape(-1, 3) for c in (tx_m, rx_m)]
+    place = polar.from_map(*(v.ravel() for v in np.meshgrid(*(
+        np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (cover.grid.x_m, cover.grid.y_m)))))
+    lines = polar.lines(*place)
+    paths = sample_paths(*centres, lines)
+    if illumination is not None:
+        paths = illumination.of_paths(paths, lines[0])
+    return centres, place, lines, paths
