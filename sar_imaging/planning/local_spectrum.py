@@ -18,6 +18,7 @@ from .echo_power import echo_powers
 from .guard_taper import usual_guard
 
 SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
+_SAMPLING_SLACK = 0.02  # of what is bounded
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,6 +52,47 @@ class LocalSpectrum:
     by_range: tuple[float, float]
     weight: np.ndarray
     spread: AmplitudeSpread = NO_SPREAD
+
+
+@dataclasses.dataclass(frozen=True)
+class Limits:
+    """Extremes of the geometry between phase centres and a polar grid.
+
+    Attributes
+    ----------
+    slope : (float, float)
+        Of the half paths by range.
+    slope_m : float
+        Largest magnitude of their slope by direction over that by range, metres.
+    half_range : float
+        Largest frequency of the images along range, relative to the carrier's, rad/m.
+    """
+
+    range_m: tuple[float, float]
+    slope: tuple[float, float]
+    slope_m: float
+    half_range: float
+
+    @classmethod
+    def of(cls, bands: LocalSpectrum) -> Limits:
+        """Extremes of half paths, of their derivatives and of local frequencies."""
+        steepest = float(max(bands.slope.max(), -bands.slope.min()))
+        return cls(bands.range_m, bands.by_range, steepest, bands.half_range)
+
+    def contain(self, other: Limits, slope_slack: float = 0.0) -> bool:
+        """True when what was planned for these limits holds for those of other phase centres.
+
+        Slopes of the half paths by range may exceed those planned for by `slope_slack`.
+        """
+        def within(a, b, least=0.0):
+            # The extremes of samples miss the true ones by less than this.
+            slack = max(_SAMPLING_SLACK * (b[1] - b[0]), least)
+            return b[0] - slack <= a[0] and a[1] <= b[1] + slack
+
+        return (within(other.range_m, self.range_m)
+                and within(other.slope, self.slope, slope_slack)
+                and within((0.0, other.slope_m), (0.0, self.slope_m))
+                and within((0.0, other.half_range), (0.0, self.half_range)))
 
 
 def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters,

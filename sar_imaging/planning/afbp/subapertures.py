@@ -21,12 +21,17 @@ from ...signal.radar import RadarParameters
 from ..aliasing_error import EVERYTHING, PixelDensity
 from ..error_budget import AFBP_SHARES, error_budget, remaining_db, total_db
 from ..guard_taper import TAPERS_NEEDED, used_share
-from ..local_spectrum import LocalSpectrum, local_spectrum
+from ..local_spectrum import Limits, local_spectrum
 from ..plan import Plan
 from ..polar_cover import PolarCover
 from ..profiles.phase_history import PhaseHistory
 from ..profiles.range_gate import RangeGate
-from ..profiles.range_resampling import RangeResampling, plan_resampling
+from ..profiles.range_resampling import (
+    DRIFT_SLACK,
+    RangeResampling,
+    plan_resampling,
+    resampling_error_db,
+)
 from .beam_gain import bins_per_run
 from .beams import BeamSampling
 from .lit_subapertures import AmplitudeNodes, LitError, LitSubapertures, lit_budget_db
@@ -40,51 +45,8 @@ _MOST_FILLED = 0.93  # of the band along range: tapers widen it (measured: no ha
 _SAMPLES_PER_SIDE = 5  # grid positions at which the paths are bounded
 _SAMPLES_PER_EDGE = 33
 _ROWS_FOR_PATHS = 512  # enough to bound how paths differ along a line
-_SAMPLING_SLACK = 0.02  # of what is bounded
 _PADDING = 32  # samples of windows, for the delays of echoes in beams
-_DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
 LENGTHS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  # pulses to choose from
-
-
-@dataclasses.dataclass(frozen=True)
-class Limits:
-    """Extremes of the geometry between phase centres and a polar grid.
-
-    Attributes
-    ----------
-    slope : (float, float)
-        Of the half paths by range.
-    slope_m : float
-        Largest magnitude of their slope by direction over that by range, metres.
-    half_range : float
-        Largest frequency of the images along range, relative to the carrier's, rad/m.
-    """
-
-    range_m: tuple[float, float]
-    slope: tuple[float, float]
-    slope_m: float
-    half_range: float
-
-    @classmethod
-    def of(cls, bands: LocalSpectrum) -> Limits:
-        """Extremes of half paths, of their derivatives and of local frequencies."""
-        steepest = float(max(bands.slope.max(), -bands.slope.min()))
-        return cls(bands.range_m, bands.by_range, steepest, bands.half_range)
-
-    def contain(self, other: Limits, slope_slack: float = 0.0) -> bool:
-        """True when what was planned for these limits holds for those of other phase centres.
-
-        Slopes of the half paths by range may exceed those planned for by `slope_slack`.
-        """
-        def within(a, b, least=0.0):
-            # The extremes of samples miss the true ones by less than this.
-            slack = max(_SAMPLING_SLACK * (b[1] - b[0]), least)
-            return b[0] - slack <= a[0] and a[1] <= b[1] + slack
-
-        return (within(other.range_m, self.range_m)
-                and within(other.slope, self.slope, slope_slack)
-                and within((0.0, other.slope_m), (0.0, self.slope_m))
-                and within((0.0, other.half_range), (0.0, self.half_range)))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -227,13 +189,28 @@ class SubaperturePlan(Plan):
         bands = local_spectrum(self.polar, tx_m, rx_m, self.radar, illumination,
                                self.sampling.coverage.wanted_ranges)
         # Slopes as far beyond let pixels drift by this over half a segment, seen from the lattice.
-        slack = 2 * _DRIFT_SLACK * self.lattice.step_m / (
+        slack = 2 * DRIFT_SLACK * self.lattice.step_m / (
             max(self.lattice.segment, 1) * self.lattice.spacing)
         within = self.limits.contain(Limits.of(bands), slack)
         centre = 0.5 * float(bands.slope.min() + bands.slope.max())
         error = fusion_error(self.sampling, bands, slice(None), bands.weight, centre)
-        error_db = total_db(self.errors_db['sub-aperture images'], 10 * math.log10(error + 1e-16))
+        error_db = total_db(self._image_db(tx_m, rx_m, illumination),
+                            10 * math.log10(error + 1e-16))
         return centre, error_db, within
+
+    def _image_db(self, tx_m, rx_m, illumination) -> float:
+        """Error of a sub-aperture's image by its phase centres, dB; as planned from beams."""
+        planned_db = self.errors_db['sub-aperture images']
+        if self.beams is not None:
+            return planned_db
+        lines = self.polar.lines(*self.polar.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE))
+        paths = sample_paths(tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), lines)
+        if illumination is not None:
+            paths = illumination.of_paths(paths, lines[0])
+        if paths.lit is not None and not paths.lit.any():
+            return planned_db
+        found_db = resampling_error_db(self.lattice, paths, self.radar)
+        return found_db if math.isfinite(found_db) else planned_db  # the limits tell
 
 
 def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
