@@ -15,8 +15,17 @@ from ..geometry.grids import MapGrid
 from ..imaging.imager import plan_image
 from ..quality.measures import contrast, entropy
 from ..signal.pulses import PulseBlock
+from . import evidence
 from .agreement import disagreement_rad
+from .evidence import (
+    CLEARLY,
+    FEW_UNKNOWNS,
+    FEWEST_TO_CLAIM,
+    LARGEST_DISAGREEMENT_RAD,
+    LEAST_TO_CLAIM,
+)
 from .models import Geometry, GeometryModel, apply_geometry, nominal, with_track_error
+from .offset_models import OFFSET, by_offset, narrowed, within
 from .offset_search import OffsetCurve, OffsetSearch
 from .report import PARAMETERS, PHASES, AutofocusReport, AutofocusResult, found_in_words
 from .residual import Residual, absorb, along_sight, estimate_residual
@@ -28,25 +37,18 @@ if TYPE_CHECKING:
 
 __all__ = ['Autofocus', 'AutofocusReport', 'AutofocusResult']
 _logger = logging.getLogger(__name__)
-OFFSET = 'time_offset_s'  # parameter that is searched for over a wide range
-_FEWEST_TO_CLAIM = 4  # bright points without which success is not claimed
 _FEWEST_TO_ABSORB = 12
 _FEWEST_PULSES = 32  # below it there is no telling a phase error from the scene
 # Of points in phase: simulated ones that are focused have 0.89 to 0.97, those of the Gotcha data
 # 0.82; ghosts had up to 0.57, and once 0.76.
-LEAST_COHERENCE, _LEAST_TO_CLAIM = 0.7, 0.8
+LEAST_COHERENCE = 0.7
 N_PHASES = 512
 _VARYING_RAD = 0.03  # smooth phase over the scene from which the model is asked again
 _MOST_PASSES = 2
 _PHASES_TO_JUDGE = 128  # where none are to be corrected
-_NARROWED_STEPS = 2.0  # what an offset may still be wrong by, after the coarse search
 # Visible phase over all offsets: below the first an offset only displaces, below the second the
 # search from the middle finds it, and there is no surrounding to judge by.
 _LEAST_VISIBLE_RAD, _WIDE_RAD = 2.0, 12.0
-# Of the halves of a scene: to claim, and to use what a whole curve supports.
-_LARGEST_DISAGREEMENT_RAD, _FARTHEST_DISAGREEMENT_RAD = 0.5, 4.0
-_FEW_UNKNOWNS = 3  # they cannot make ghosts
-_CLEARLY = 1.05  # gain of contrast that outweighs weak evidence
 
 
 class _Answer(NamedTuple):
@@ -118,8 +120,8 @@ class Autofocus:
                  scale_m: float = 0.05, offset_reach_s: float = 0.0, n_phases: int = N_PHASES,
                  least_coherence: float = LEAST_COHERENCE, n_points: int = 48,
                  margin: float = 0.005, claim_db: float = -22.0):
-        if n_points < _FEWEST_TO_CLAIM:
-            raise ValueError(f'n_points={n_points}; expected {_FEWEST_TO_CLAIM} or more')
+        if n_points < FEWEST_TO_CLAIM:
+            raise ValueError(f'n_points={n_points}; expected {FEWEST_TO_CLAIM} or more')
         if n_phases < 0:
             raise ValueError(f'n_phases={n_phases}; expected 1 or more, or 0 for no residual '
                              'correction')
@@ -180,7 +182,7 @@ class Autofocus:
         parameters, residual = self._finish(block, model, found.parameters, points)
         answers.append(self._answer(PARAMETERS, found.n_visible, block, parameters,
                                     model(parameters)))
-        few = [answer for answer in answers if answer.n_unknowns <= _FEW_UNKNOWNS]
+        few = [answer for answer in answers if answer.n_unknowns <= FEW_UNKNOWNS]
         usable = answers if residual.coherence >= self._least_coherence else few or answers
         best = max(usable, key=lambda answer: answer.contrast)
         apart = disagreement_rad(block, model, best.parameters,
@@ -195,11 +197,11 @@ class Autofocus:
             known[PHASES] = residual.error_db
             # As sharp with well-known phases is better: they hold what no parameter describes.
             # Others that sharpen a little are not worth the doubt where the parameters hold.
-            known_well = (residual.coherence >= _LEAST_TO_CLAIM
+            known_well = (residual.coherence >= LEAST_TO_CLAIM
                           and residual.error_db <= self._claim_db)
-            holds = apart <= _LARGEST_DISAGREEMENT_RAD
+            holds = apart <= LARGEST_DISAGREEMENT_RAD
             needed = (1 - self._margin if known_well else
-                      _CLEARLY if holds else 1 + self._margin)
+                      CLEARLY if holds else 1 + self._margin)
             if (phased.contrast > needed * best.contrast
                     and residual.coherence >= self._least_coherence):
                 best = phased
@@ -211,17 +213,17 @@ class Autofocus:
             raise ValueError(f'offset_reach_s={self._offset_reach_s:g} needs a model with the '
                              f'parameter {OFFSET}; this one has '
                              f'{", ".join(model.names) or "none"}')
-        curve = OffsetSearch(block, _by_offset(model), self.grid, self._offset_reach_s,
+        curve = OffsetSearch(block, by_offset(model), self.grid, self._offset_reach_s,
                              self._backend).run()
-        model = _within(model, *curve.offset_s[[0, -1]])
+        model = within(model, *curve.offset_s[[0, -1]])
         alone = model.names == (OFFSET,)
         if curve.visible_range_rad < _LEAST_VISIBLE_RAD and alone:
             return model, curve
         # where the track is wrong, too, no offset alone may be sharp
-        lost = len(model.names) > _FEW_UNKNOWNS and curve.doubts()
+        lost = len(model.names) > FEW_UNKNOWNS and curve.doubts()
         if curve.visible_range_rad < _WIDE_RAD or lost:
             return model, None
-        return _narrowed(model, curve), curve
+        return narrowed(model, curve), curve
 
     def _points(self, image, block: PulseBlock, n: int) -> np.ndarray:
         return bright_points(image, self.grid, block, max(n, 1))
@@ -274,62 +276,27 @@ class Autofocus:
             'largest_move_m': _largest_move(block, best.block)}
         report = AutofocusReport(False, False, '', before, before, entropy(image),
                                  entropy(image), **details)
-        doubts = self._doubts(report, best.n_unknowns)
-        open_points = self._open_points(report)
-        claimed = not doubts and not open_points
+        doubted = evidence.doubts(report, best.n_unknowns, self._least_coherence)
+        left_open = evidence.open_points(report, self._claim_db)
+        claimed = not doubted and not left_open
         if not (after > (1 + self._margin) * before and entropy(best.image) < entropy(image)):
             small = report.correction_m * block.radar.wavenumber_rad_per_m
-            limit = _LARGEST_DISAGREEMENT_RAD if report.curve else 10 ** (self._claim_db / 20)
+            limit = LARGEST_DISAGREEMENT_RAD if report.curve else 10 ** (self._claim_db / 20)
             if claimed and small <= limit:
                 return self._unchanged(block, image, 'the image was focused already, to '
                                        f'{small:.2f} rad', success=True, **details)
             return self._unchanged(block, image, 'nothing sharper was found: '
                                    f'{found_in_words(report)}', **details)
-        if doubts:
+        if doubted:
             return self._unchanged(block, image, f'{found_in_words(report)}, but '
-                                   f'{"; ".join(doubts)}', **details)
+                                   f'{"; ".join(doubted)}', **details)
         report = dataclasses.replace(
             report, accepted=True, success=claimed, contrast_after=after,
             entropy_after=entropy(best.image), reason=(
                 'sharper, and all evidence agrees' if claimed else
-                f'sharper, but {"; ".join(open_points)}'))
+                f'sharper, but {"; ".join(left_open)}'))
         _logger.info('%s', report)
         return AutofocusResult(best.image, best.block, report)
-
-    def _doubts(self, report: AutofocusReport, n_unknowns: int) -> list[str]:
-        """Reasons not to use an answer, in words."""
-        out = [] if report.curve is None else report.curve.doubts()
-        if n_unknowns > _FEW_UNKNOWNS and report.coherence < self._least_coherence:
-            out.append(f'the bright points are not in phase (coherence {report.coherence:.2f}, '
-                       f'{self._least_coherence:g} is asked for): perhaps ghosts')
-        limit = (_LARGEST_DISAGREEMENT_RAD if report.curve is None else
-                 _FARTHEST_DISAGREEMENT_RAD)
-        if report.answer == PARAMETERS and report.disagreement_rad > limit:
-            out.append('the two halves of the scene ask for corrections that differ by '
-                       f'{report.disagreement_rad:.1f} rad: perhaps ghosts')
-        elif (report.curve is None and report.answer == PARAMETERS
-              and math.isnan(report.disagreement_rad)
-              and report.contrast_found < _CLEARLY * report.contrast_before):
-            out.append(f'{report.n_points} bright points are too few to trust so small a gain')
-        return out
-
-    def _open_points(self, report: AutofocusReport) -> list[str]:
-        """Reasons not to claim that an answer is right, in words."""
-        out = [] if report.curve is None else report.curve.open_points()
-        if report.n_points < _FEWEST_TO_CLAIM:
-            out.append(f'only {report.n_points} bright points stand for the scene')
-        if report.curve is not None and report.answer == PARAMETERS:
-            if not report.disagreement_rad <= _LARGEST_DISAGREEMENT_RAD:
-                out.append('two halves of the scene ask for corrections that differ by '
-                           f'{report.disagreement_rad:.1f} rad')
-            return out
-        if report.coherence < _LEAST_TO_CLAIM:
-            out.append(f'the bright points are not in phase (coherence {report.coherence:.2f}, '
-                       f'{_LEAST_TO_CLAIM} is asked for)')
-        if report.estimated_error_db > self._claim_db:
-            out.append(f'the estimated error of {report.estimated_error_db:.0f} dB is above '
-                       f'{self._claim_db:g} dB')
-        return out
 
     def _displaced_only(self, block, image, curve: OffsetCurve) -> AutofocusResult:
         return self._unchanged(
@@ -359,40 +326,6 @@ class Autofocus:
     def _backproject(self, block: PulseBlock) -> np.ndarray:
         return plan_image(self.grid, block.radar, block.n_samples, method='exact',
                           target_db=self._target_db, backend=self._backend)(block).samples
-
-
-def _by_offset(model: GeometryModel) -> Callable[[float], Geometry]:
-    """Geometry as a function of the offset of the clocks alone."""
-    which = model.names.index(OFFSET)
-
-    def geometry(offset_s: float) -> Geometry:
-        parameters = model.start.copy()
-        parameters[which] += offset_s
-        return model(parameters)
-
-    return geometry
-
-
-def _within(model: GeometryModel, lowest_s: float, highest_s: float) -> GeometryModel:
-    """The model with errors of the offset held where the track is known, for searches' steps."""
-    which = model.names.index(OFFSET)
-    middle = model.start[which]
-
-    def geometry(parameters):
-        held = np.array(parameters, np.float64)
-        held[which] = np.clip(held[which], middle + lowest_s, middle + highest_s)
-        return model(held)
-
-    return dataclasses.replace(model, function=geometry)
-
-
-def _narrowed(model: GeometryModel, curve: OffsetCurve) -> GeometryModel:
-    """The model begun at the offset that the curve tells, which is hardly wrong any more."""
-    which = model.names.index(OFFSET)
-    start, scale = model.start.copy(), model.scale.copy()
-    start[which] += curve.best_s
-    scale[which] = min(scale[which], _NARROWED_STEPS * curve.step_s)
-    return dataclasses.replace(model, start=start, scale=scale)
 
 
 def _largest_move(block: PulseBlock, corrected: PulseBlock) -> float:
