@@ -9,6 +9,7 @@ docs/troubleshooting.md.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import functools
 import json
 import pathlib
@@ -21,7 +22,7 @@ from tqdm import tqdm
 
 from sar_imaging.diagnosis.doctor import examine
 
-from .support.doctor_cases import KINDS, Case, measured_cases, right_case
+from .support.doctor_cases import KINDS, Case, measured_cases, right_case, turning
 from .support.doctor_faults import FAULTS, OF_IMAGES, NotApplicable
 from .support.machine import machine
 
@@ -37,6 +38,9 @@ _MOST_SEEDS = 4  # for each case that a fault needs; not all radars can have all
 def judged(make: Callable[[], Case], seed: int, fault: str, *, image: bool) -> dict:
     """What is found in a recording with a fault, or in one without."""
     case = make()
+    if image and case.attitude is None:
+        case = dataclasses.replace(case, attitude=turning(case.kind, seed, case.block.n_pulses))
+    numbers = case.block.counter
     entry = {'recording': case.kind, 'seed': seed, 'fault': fault, 'image': image}
     if fault != RIGHT:
         try:
@@ -44,7 +48,8 @@ def judged(make: Callable[[], Case], seed: int, fault: str, *, image: bool) -> d
         except NotApplicable:
             return entry | {'found': None}
     began = time.process_time()
-    attitude = case.attitude if fault in (RIGHT, 'lever arm') else None  # takes ten seconds
+    with_attitude = fault == RIGHT or fault in OF_IMAGES
+    attitude = case.attitude[np.isin(numbers, case.block.counter)] if with_attitude else None
     examination = examine(case.block, case.grid if image else None, window=case.window,
                           attitude=attitude)
     diagnosis = examination.diagnosis

@@ -15,7 +15,7 @@ from sar_imaging.signal.radar import Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.echoes import EchoSimulator
 
-from .doctor_cases import Case, turning
+from .doctor_cases import Case
 
 _REAL = (Waveform.FMCW_REAL, Waveform.PASSBAND)
 
@@ -239,12 +239,10 @@ def interfered(case, rng):
 def lever_arm(case, rng):
     """The antenna is 0.3 to 0.8 m beside the point that the poses are of."""
     block = case.block
-    attitude = case.attitude or turning(case.kind, int(rng.integers(1000)), block.n_pulses)
     arm = rng.standard_normal(3)
-    moved = attitude.apply(rng.uniform(0.3, 0.8) / np.linalg.norm(arm) * arm)
+    moved = case.attitude.apply(rng.uniform(0.3, 0.8) / np.linalg.norm(arm) * arm)
     moved = (moved - moved.mean(axis=0))[:, None]
-    return dataclasses.replace(_with(case, tx_m=block.tx_m - moved, rx_m=block.rx_m - moved),
-                               attitude=attitude)
+    return _with(case, tx_m=block.tx_m - moved, rx_m=block.rx_m - moved)
 
 
 # Each fault and the findings that name it.

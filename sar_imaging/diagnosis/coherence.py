@@ -32,6 +32,7 @@ TILE = 16  # pixels along each side
 _MOST_PIXELS = 1500  # along a side of a finer grid
 _FEWEST_ROWS = 12  # that tell where power is
 BUDGET = 6_000_000  # points times rows of one figure
+NOISE = 2.0  # agreement of noise
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,6 +62,11 @@ class Coherence:
     def agreement(self) -> float:
         """Mean square of q: how many groups agree where they do, 2 in noise."""
         return self.mean**2 * (1 + self.contrast**2)
+
+
+def gain_of(changed: Coherence, as_it_is: Coherence) -> float:
+    """Agreement of pulses after a change over that before, of noise at the least."""
+    return changed.agreement / max(as_it_is.agreement, NOISE)
 
 
 class CoherenceProbe:
@@ -176,20 +182,29 @@ class GroupSums:
             Mean half path to the pulses of each group, metres.
         """
         rows = _Rows.of(dataclasses.replace(self._profiles, samples=samples))
-        radar = rows.radar
-        half_path = sum(np.linalg.norm(points[:, None] - centres, axis=-1)
-                        for centres in (rows.tx_m, rows.rx_m)) / 2
-        place = (half_path - radar.range_start_m) / radar.sample_spacing_m
-        inside = (place >= 0) & (place < rows.samples.shape[1] - 1)
-        cell = np.where(inside, place, 0).astype(int)
-        t = np.where(inside, place - cell, 0)
-        row = np.arange(len(rows.group))
-        values = (1 - t) * rows.samples[row, cell] + t * rows.samples[row, cell + 1]
-        values *= inside * np.exp(4j * np.pi / radar.wavelength_m * half_path)
+        values, half_path = rows.values(points)
         starts = np.flatnonzero(np.r_[True, np.diff(rows.group) != 0])
         sizes = np.diff(np.r_[starts, len(rows.group)])
         return (np.add.reduceat(values, starts, axis=1),
                 np.add.reduceat(half_path, starts, axis=1) / sizes)
+
+
+def values_at(profiles: PulseBlock, points: np.ndarray) -> np.ndarray:
+    """Terms of the sum of few pulses of one channel at few points.
+
+    Parameters
+    ----------
+    profiles : PulseBlock
+        At most `_MOST_ROWS` range profiles with phase centres.
+    points : (K, 3) float64
+        Metres.
+
+    Returns
+    -------
+    (K, P) complex128
+        In phase where a scatterer is.
+    """
+    return _Rows.of(profiles).values(points)[0]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -222,6 +237,19 @@ class _Rows:
     def thinned(self, step: int) -> _Rows:
         return _Rows(self.radar, *(np.ascontiguousarray(a[::step]) for a in (
             self.samples, self.tx_m, self.rx_m, self.group)))
+
+    def values(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Terms of the sums at points (K, 3), (K, R) complex128, and half paths, metres."""
+        radar = self.radar
+        half_path = sum(np.linalg.norm(points[:, None] - centres, axis=-1)
+                        for centres in (self.tx_m, self.rx_m)) / 2
+        place = (half_path - radar.range_start_m) / radar.sample_spacing_m
+        inside = (place >= 0) & (place < self.samples.shape[1] - 1)
+        cell = np.where(inside, place, 0).astype(int)
+        t = np.where(inside, place - cell, 0)
+        row = np.arange(len(self.group))
+        values = (1 - t) * self.samples[row, cell] + t * self.samples[row, cell + 1]
+        return values * inside * np.exp(4j * np.pi / radar.wavelength_m * half_path), half_path
 
     def sums(self, points):
         """Coherent sum, power of the groups and share of rows at each point."""

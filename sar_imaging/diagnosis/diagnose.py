@@ -11,7 +11,7 @@ import numpy as np
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.range_compression import RangeCompressor
-from .coherence import OVERSAMPLING, Coherence, CoherenceProbe
+from .coherence import OVERSAMPLING, Coherence, CoherenceProbe, gain_of
 from .hypotheses import HYPOTHESES, Hypothesis, clock_offset, clock_offsets, with_offset
 from .track import track_doubts
 
@@ -50,6 +50,8 @@ class Diagnosis:
         Focus figure with the mistake undone; that of the data where nothing was.
     evidence : str
         What tells the mistake, where it is not the focus.
+    gain : float
+        Agreement of the pulses with the mistake undone over that of the data; 1 where nothing was.
 
     Examples
     --------
@@ -66,6 +68,7 @@ class Diagnosis:
     advice: str = ''
     corrected: float = 0.0
     evidence: str = ''
+    gain: float = 1.0
 
     @property
     def focused(self) -> bool:
@@ -140,7 +143,7 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none') -> Diagn
     if not doubts and found is None:
         found = _best(attempt.offsets(block), first)
     if found is not None:
-        return explained(first, *found)
+        return explained(first, *found, first)
     return unexplained(first, doubts)
 
 
@@ -154,10 +157,11 @@ def too_few(block: PulseBlock) -> str:
     return f'{block.n_pulses} pulses are too few to judge the focus'
 
 
-def explained(first: Coherence, hypothesis: Hypothesis, undone: Coherence) -> Diagnosis:
-    """A mistake is named; its undoing gave the second coherence."""
+def explained(first: Coherence, hypothesis: Hypothesis, undone: Coherence, before: Coherence
+              ) -> Diagnosis:
+    """A mistake is named; its undoing gave the second coherence, to the same pulses the third."""
     return Diagnosis(first.contrast, first.coverage, hypothesis.name, hypothesis.advice,
-                     undone.contrast)
+                     undone.contrast, gain=gain_of(undone, before))
 
 
 def unexplained(first: Coherence, doubts: list[str]) -> Diagnosis:

@@ -14,7 +14,7 @@ from ..signal.uwb import subtract_background
 from .channel_phases import phase_findings
 from .diagnose import Diagnosis
 from .jumps import jump_findings
-from .lever_arm import find_lever_arm
+from .lever_arm import LeverArm, find_lever_arm
 from .reach import distances, reach_advice
 from .signals import (
     Finding,
@@ -28,6 +28,8 @@ from .thorough import diagnose_thoroughly
 
 _SEEN = 0.8  # of a scene, that profiles are to hold
 _SIDE = 32  # pixels along each side, and pulses, that tell it
+_CERTAIN = 10.0  # times the agreement: what is undone then is no lever arm
+_ALIKE = 1.15  # times the gain: an arm and an offset of the clock are then both likely
 # Faults with which nothing can focus, nor profiles be trusted.
 _WITHOUT_IMAGE = {'I and Q alike', 'magnitudes only', 'order of I and Q', 'real samples'}
 
@@ -109,14 +111,24 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *, window: str = 'no
     coupled = any(finding.fault == 'coupling' for finding in found)
     clean = subtract_background(block) if coupled else block
     off, diagnosis = _focused(clean, grid, window)
-    moved = jump_findings(clean) or _lever_arm(clean, grid, window, attitude, diagnosis)
-    found += off + moved
-    if diagnosis.mistake and not moved:
-        found.append(Finding(diagnosis.mistake, diagnosis.evidence or (
-            f'the focus figure {diagnosis.coherence:.2f} becomes {diagnosis.corrected:.2f} '
-            'without this mistake' if diagnosis.corrected > diagnosis.coherence else
-            f'the focus figure is {diagnosis.coherence:.2f}'), diagnosis.advice))
+    jumped = jump_findings(clean)
+    arm = None if jumped else _lever_arm(clean, grid, window, attitude, diagnosis)
+    found += off + jumped
+    both = (arm is not None and diagnosis.mistake == 'clock offset'
+            and arm.gain < _ALIKE * diagnosis.gain)
+    if diagnosis.mistake and not jumped and (arm is None or both):
+        found.append(_mistake(diagnosis))
+    if arm is not None:
+        found.append(arm.finding(alone=not both))
     return Examination(tuple(found), diagnosis)
+
+
+def _mistake(diagnosis: Diagnosis) -> Finding:
+    """What a diagnosis says, as a finding."""
+    return Finding(diagnosis.mistake, diagnosis.evidence or (
+        f'the focus figure {diagnosis.coherence:.2f} becomes {diagnosis.corrected:.2f} '
+        'without this mistake' if diagnosis.corrected > diagnosis.coherence else
+        f'the focus figure is {diagnosis.coherence:.2f}'), diagnosis.advice)
 
 
 def _focused(block: PulseBlock, grid: MapGrid, window: str) -> tuple[list[Finding], Diagnosis]:
@@ -131,14 +143,15 @@ def _focused(block: PulseBlock, grid: MapGrid, window: str) -> tuple[list[Findin
 
 
 def _lever_arm(block: PulseBlock, grid: MapGrid, window: str, attitude: Rotation | None,
-               diagnosis: Diagnosis) -> list[Finding]:
-    """A lever arm that focuses better than what else was found; at most one finding."""
-    if attitude is None:
-        return []
+               diagnosis: Diagnosis) -> LeverArm | None:
+    """A lever arm with which pulses agree as well as without what else was found, or better."""
+    if attitude is None or diagnosis.gain > _CERTAIN:
+        return None
     arm = find_lever_arm(block, attitude, grid, window=window)
-    if arm is None or not arm.found or arm.corrected.contrast < diagnosis.corrected:
-        return []
-    return [arm.finding()]
+    if arm is None or not arm.found:
+        return None
+    alike = _ALIKE if diagnosis.mistake == 'clock offset' else 1.0
+    return arm if alike * arm.gain > diagnosis.gain else None
 
 
 def _seen(block: PulseBlock, grid: MapGrid, start_m: float, stop_m: float) -> float:

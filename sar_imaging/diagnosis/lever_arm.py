@@ -11,28 +11,42 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+from collections.abc import Callable
 
 import numpy as np
+from scipy import ndimage, optimize
 from scipy.spatial.transform import Rotation
 
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
-from .coherence import BUDGET, OVERSAMPLING, Coherence, CoherenceProbe, resolved
+from .coherence import (
+    BUDGET,
+    NOISE,
+    OVERSAMPLING,
+    Coherence,
+    CoherenceProbe,
+    gain_of,
+    resolved,
+    values_at,
+)
 from .signals import Finding
 from .thorough import one_channel
 
 _FEWEST_PULSES = 32
 _LONGEST_M = 1.0
+_FARTHEST_M = 1.25  # to which an arm may grow: one that gets there makes up for another fault
 _FELT_RAD = 1.2  # rms phase from one arm to the next
 _BLURS_RAD = 3.0  # rms phase that the longest arm has to leave in a direction to be searched
-_MOST_ARMS = 1500
+_ADDS_RAD = 0.5  # the same for a direction in which arms that were found are refined
+_MOST_ARMS, _MOST_LENGTHS = 30_000, 60  # lengths on each side
 _FEW_PULSES, _MOST_PULSES = 64, 256  # of a first look, and of the others
-_COARSE_BUDGET, _FINE_BUDGET = 100_000, 500_000  # points times rows
-_PEAKS = 8
+_COARSE_BUDGET, _FINE_BUDGET = 200_000, 500_000  # points times rows
+_POINTS = 64  # at a time
+_PEAKS, _STARTS = 8, 3  # of a first look, and those that are refined
+_MOST_CLIMBED = 100  # steps
 _TILE = 4
 _BETTER = 1.25  # times the agreement: right ones agree best as they are
-_NOISE = 2.0  # agreement of noise
 _LEAST = 1.45  # contrast with which something focuses at all
 
 
@@ -59,25 +73,31 @@ class LeverArm:
     @property
     def gain(self) -> float:
         """Agreement of the pulses over that without the arm."""
-        return self.corrected.agreement / max(self.as_it_is.agreement, _NOISE)
+        return gain_of(self.corrected, self.as_it_is)
 
     @property
     def found(self) -> bool:
         """Whether the pulses agree clearly better with it."""
         return (self.gain > _BETTER and self.corrected.contrast > _LEAST
-                and self.corrected.agreement > 2 * _NOISE)
+                and self.corrected.agreement > 2 * NOISE
+                and np.linalg.norm(self.arm_m) < 0.95 * _FARTHEST_M)
 
-    def finding(self) -> Finding:
-        """What is said of it."""
+    def finding(self, *, alone: bool = True) -> Finding:
+        """What is said of it, `alone` unless another mistake explains the pulses as well."""
         told = ', '.join(f'{value:+.2f}' for value in self.arm_m)
         plural = 's' if self.n_directions > 1 else ''
+        first = '' if alone else (
+            'measure this first, it is certain and the other is not: either of the two explains '
+            'the blur on this track, an arm along the track as a clock that is late by the arm '
+            'over the speed; ')
         return Finding('lever arm', (
             f'with the antenna {np.linalg.norm(self.arm_m):.2f} m beside where it is said to be, '
             f'by ({told}) m in the frame of the platform, the focus figure '
             f'{self.as_it_is.contrast:.2f} becomes {self.corrected.contrast:.2f}; the turns of '
-            f'the platform tell {self.n_directions} direction{plural} of the arm'),
+            f'the platform tell {self.n_directions} direction{plural} of the arm'), first +
             'measure where the phase centre of the antenna is from the point that the poses are '
-            'of, and give it as antenna.tx and antenna.rx, or as lever arm of the alignment')
+            'of, and give it as antenna.tx and antenna.rx of the node, or as '
+            'alignment.lever_arm_m of `sar-imaging load`')
 
 
 def find_lever_arm(block: PulseBlock, attitude: Rotation, grid: MapGrid, *,
@@ -109,33 +129,28 @@ def find_lever_arm(block: PulseBlock, attitude: Rotation, grid: MapGrid, *,
     step = -(-block.n_pulses // _MOST_PULSES)
     attitude = attitude[::step]
     block = one_channel(block).select(slice(None, None, step))
-    few = slice(None, None, -(-block.n_pulses // _FEW_PULSES))
     profiles = RangeCompressor.for_block(block, window=window, oversampling=OVERSAMPLING)(block)
     grid = resolved(grid, block)
+    moves = _moves(block, attitude, grid) @ directions.T
     # the same pixels for all arms: these are not to displace the scene
-    coarse, fine, whole = (
-        (CoherenceProbe(grid, n, _TILE).fixed(some), some)
-        for n, some in ((_COARSE_BUDGET, profiles.select(few)), (_FINE_BUDGET, profiles),
-                        (BUDGET, profiles)))
-    moves = _moves(block, attitude, grid)
+    fine, whole = (CoherenceProbe(grid, n, _TILE).fixed(profiles) for n in (_FINE_BUDGET, BUDGET))
 
-    def judged(probe, arm) -> Coherence:
-        focus, some = probe
-        moved = (moves[few] if some is not profiles else moves) @ (np.asarray(arm) @ directions)
-        return focus(dataclasses.replace(some, tx_m=some.tx_m + moved[:, None],
-                                         rx_m=some.rx_m + moved[:, None]))
+    def judged(probe: CoherenceProbe, arm) -> Coherence:
+        moved = (moves @ np.asarray(arm))[:, None]
+        return probe(dataclasses.replace(profiles, tx_m=profiles.tx_m + moved,
+                                         rx_m=profiles.rx_m + moved))
 
-    steps_m = _FELT_RAD / blur_rad
-    arms = list(itertools.product(*_values(steps_m)))
-    figures = [judged(coarse, arm).agreement for arm in arms]
-    best = max((arms[k] for k in np.argsort(figures)[::-1][:_PEAKS]),
-               key=lambda arm: judged(fine, arm).agreement)
-    for finer, axis in itertools.product((2, 4, 8), range(len(directions))):
-        tries = [tuple(np.add(best, np.eye(len(best))[axis] * steps_m[axis] / finer * k))
-                 for k in range(-1, 2)]
-        best = max(tries, key=lambda arm: judged(fine, arm).agreement)
-    return LeverArm(np.asarray(best) @ directions, len(directions),
-                    judged(whole, np.zeros(len(directions))), judged(whole, best))
+    def agreement(arm) -> float:
+        return judged(fine, arm).agreement
+
+    none = np.zeros(len(directions))
+    few = slice(None, None, -(-block.n_pulses // _FEW_PULSES))
+    starts = [none, *_likely(profiles.select(few), moves[few], grid, blur_rad)]
+    starts = sorted(starts, key=agreement)[-_STARTS:]
+    arms = [_climbed(agreement, start, blur_rad) for start in starts]
+    best = max(arms, key=agreement)
+    return LeverArm(best @ directions, int(np.sum(blur_rad * _LONGEST_M > _BLURS_RAD)),
+                    judged(whole, none), judged(whole, best))
 
 
 def _directions(block: PulseBlock, attitude: Rotation, grid: MapGrid
@@ -152,16 +167,80 @@ def _directions(block: PulseBlock, attitude: Rotation, grid: MapGrid
     _, values, directions = np.linalg.svd(change.reshape(-1, 3), full_matrices=False)
     blur_rad = (block.radar.wavenumber_rad_per_m * values
                 / math.sqrt(len(places) * block.n_pulses))
-    tells = blur_rad * _LONGEST_M > _BLURS_RAD
-    return directions[tells], blur_rad[tells]
+    if blur_rad[0] * _LONGEST_M < _BLURS_RAD:
+        return directions[:0], blur_rad[:0]
+    adds = blur_rad * _LONGEST_M > _ADDS_RAD
+    return directions[adds], blur_rad[adds]
 
 
-def _values(steps_m: np.ndarray) -> list[np.ndarray]:
-    """Lengths of arm worth trying in each direction, metres; fewer where there are too many."""
-    n = np.maximum(1, np.minimum(60, np.ceil(_LONGEST_M / steps_m))).astype(int)
+def _likely(profiles: PulseBlock, moves: np.ndarray, grid: MapGrid, blur_rad: np.ndarray
+            ) -> np.ndarray:
+    """(K, D) arms with which few pulses agree best, of all that are worth trying.
+
+    Arms are short beside cells of range, so that they turn the phases of echoes and leave their
+    places. The sums for all arms of a grid are then products of matrices.
+
+    Parameters
+    ----------
+    profiles : PulseBlock
+        Of few pulses of one channel.
+    moves : (P, 3, D) float64
+        Of their phase centres by a metre of arm in each direction.
+    grid : MapGrid
+        Of the image.
+    blur_rad : (D,) float64
+        Of a metre in each direction.
+
+    Returns
+    -------
+    (K, D) float64
+        Metres in each direction, likeliest first.
+    """
+    points = CoherenceProbe(grid, _COARSE_BUDGET, _TILE).fixed(profiles).points
+    lengths_m = _lengths(blur_rad)
+    figures = np.zeros([len(lengths) for lengths in lengths_m])
+    for some in np.array_split(points, -(-len(points) // _POINTS)):
+        values = values_at(profiles, some).astype(np.complex64)
+        sight = some[:, None] - profiles.phase_centre_m
+        sight /= np.linalg.norm(sight, axis=-1, keepdims=True)
+        change_rad = profiles.radar.wavenumber_rad_per_m * np.einsum('kpi,pid->dkp', sight, moves)
+        first, second, third = (
+            np.exp(-1j * change[..., None] * lengths).astype(np.complex64)
+            for change, lengths in itertools.zip_longest(
+                change_rad, lengths_m, fillvalue=np.zeros_like(change_rad[0])))
+        first *= values[..., None]
+        for k in range(figures.shape[2]):
+            sums = (first * third[..., k:k + 1]).swapaxes(1, 2) @ second
+            figures[..., k] += np.sum(np.square(np.square(np.abs(sums))), axis=0)
+    peaks = np.argwhere(figures == ndimage.maximum_filter(figures, 3))
+    peaks = sorted(peaks, key=lambda at: -figures[tuple(at)])[:_PEAKS]
+    return np.array([[lengths[k] for lengths, k in zip(lengths_m, at, strict=True)]
+                     for at in peaks])[:, :len(blur_rad)]
+
+
+def _lengths(blur_rad: np.ndarray) -> list[np.ndarray]:
+    """Three lengths (N,) of arm worth trying, metres, 0 alone in directions that tell little."""
+    n = np.zeros(3, int)
+    n[:len(blur_rad)] = np.minimum(_MOST_LENGTHS, blur_rad * _LONGEST_M / _FELT_RAD)
     while np.prod(2 * n + 1) > _MOST_ARMS:
         n[np.flatnonzero(n)[-1]] -= 1  # what blurs least
+    steps_m = np.r_[_FELT_RAD / blur_rad, [1.0] * (3 - len(blur_rad))]
     return [step * np.arange(-k, k + 1) for step, k in zip(steps_m, n, strict=True)]
+
+
+def _climbed(agreement: Callable[[np.ndarray], float], start: np.ndarray, blur_rad: np.ndarray
+             ) -> np.ndarray:
+    """(D,) arm near a start (D,) with which the pulses agree best, metres."""
+    def lack(phase_rad: np.ndarray) -> float:
+        arm = phase_rad / blur_rad
+        return -agreement(arm) if np.linalg.norm(arm) < _FARTHEST_M else 0.0
+
+    first = start * blur_rad
+    around = np.diag(np.minimum(_FELT_RAD / 2, 0.3 * _LONGEST_M * blur_rad))
+    found = optimize.minimize(lack, first, method='Nelder-Mead', options={
+        'initial_simplex': np.vstack([first, first + around]), 'maxfev': _MOST_CLIMBED,
+        'xatol': 0.05, 'fatol': 0.05})
+    return found.x / blur_rad
 
 
 def _moves(block: PulseBlock, attitude: Rotation, grid: MapGrid) -> np.ndarray:

@@ -18,7 +18,15 @@ import numpy as np
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.range_compression import RangeCompressor
-from .coherence import BUDGET, OVERSAMPLING, Coherence, CoherenceProbe, resolved
+from .coherence import (
+    BUDGET,
+    NOISE,
+    OVERSAMPLING,
+    Coherence,
+    CoherenceProbe,
+    gain_of,
+    resolved,
+)
 from .diagnose import (
     FEWEST_PULSES,
     FOCUSED,
@@ -55,7 +63,6 @@ _PEAKS = 3  # of a search, that are refined
 _SLOPES = np.linspace(0.7, 1.45, 41)
 _LEAST = 1.45  # contrast with which something focuses at all
 _WORTH = 0.8  # of the least contrast, on few pixels
-_NOISE = 2.0  # agreement of noise
 _ABOVE_NOISE = 2.0  # times its agreement
 _BETTER = 1.3  # times the agreement of the data as they are
 _BETTER_VALUE = 1.15  # with a value searched for: right ones agree best as they are, within 2 %
@@ -113,7 +120,7 @@ def diagnose_thoroughly(block: PulseBlock, grid: MapGrid, *, window: str = 'none
         searched = [tried for tried in alone.searches() if not alone.refuted(tried[0])]
         found = _likelier(found, _best(searched, _BETTER_VALUE))
     if found is not None:
-        return explained(first, *found[:2])
+        return explained(first, *found)
     walked = None if doubts else attempt.slope_by_walk()
     if walked is not None:
         return walked
@@ -125,25 +132,30 @@ def _best(results: Iterable[_Tried], least: float = _BETTER) -> _Tried | None:
     helping = [tried for tried in results if _helps(tried, least)]
     most = max((result.contrast for _, result, _ in helping), default=0.0)
     # short arrays agree over wide parts of a scene that is not in focus
-    return max((tried for tried in helping if tried[1].contrast > _AS_DARK * most), key=_gain,
-               default=None)
+    helping = [tried for tried in helping if tried[1].contrast > _AS_DARK * most]
+    if not helping:
+        return None
+    # an offset of the clock leaves out pulses: of two that help as much, the sharper image counts
+    gain = max(map(_gain, helping)) / _LIKELIER
+    return max((tried for tried in helping if _gain(tried) >= gain),
+               key=lambda tried: tried[1].contrast)
 
 
 def _gain(tried: _Tried) -> float:
     _, result, as_it_is = tried
-    return result.agreement / max(as_it_is.agreement, _NOISE)
+    return gain_of(result, as_it_is)
 
 
 def _helps(tried: _Tried, least: float) -> bool:
     hypothesis, result, as_it_is = tried
-    lit = as_it_is.contrast if as_it_is.agreement > _NOISE else 0.0
+    lit = as_it_is.contrast if as_it_is.agreement > NOISE else 0.0
     if hypothesis.of_samples:
         # where groups agree less than those of noise, 1 on average, contrast is that over noise
         lit *= min(as_it_is.mean, 1.0)
     if hypothesis.isometry and lit > _AS_DARK * result.contrast:
         return False  # the mirrored scene is in focus, and as right as this one
     return (result.coverage >= _LEAST_COVERAGE and _gain(tried) > least
-            and result.agreement > _ABOVE_NOISE * _NOISE
+            and result.agreement > _ABOVE_NOISE * NOISE
             and result.contrast > max(_LEAST, _DARKER * lit))
 
 
@@ -237,7 +249,7 @@ class _Attempts:
                 factor *= left.scale
         mistake = wrong_slope(factor, block.radar)
         return dataclasses.replace(
-            explained(self.first, mistake, self._probe(changed)), evidence=(
+            explained(self.first, mistake, self._probe(changed), self.first), evidence=(
                 f'{as_it_is.n_scatterers} bright scatterers walk {as_it_is.scale:.2f} +- '
                 f'{as_it_is.deviation:.2f} times as far through range as their phase says'))
 
