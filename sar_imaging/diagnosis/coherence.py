@@ -63,6 +63,11 @@ class Coherence:
         """Mean square of q: how many groups agree where they do, 2 in noise."""
         return self.mean**2 * (1 + self.contrast**2)
 
+    @property
+    def spread(self) -> float:
+        """Variance of q: what stands out, 1 in noise, whatever agrees over wide parts."""
+        return (self.mean * self.contrast)**2
+
 
 def gain_of(changed: Coherence, as_it_is: Coherence) -> float:
     """Agreement of pulses after a change over that before, of noise at the least."""

@@ -140,15 +140,15 @@ def find_lever_arm(block: PulseBlock, attitude: Rotation, grid: MapGrid, *,
         return probe(dataclasses.replace(profiles, tx_m=profiles.tx_m + moved,
                                          rx_m=profiles.rx_m + moved))
 
-    def agreement(arm) -> float:
-        return judged(fine, arm).agreement
+    def spread(arm) -> float:
+        return judged(fine, arm).spread
 
     none = np.zeros(len(directions))
     few = slice(None, None, -(-block.n_pulses // _FEW_PULSES))
     starts = [none, *_likely(profiles.select(few), moves[few], grid, blur_rad)]
-    starts = sorted(starts, key=agreement)[-_STARTS:]
-    arms = [_climbed(agreement, start, blur_rad) for start in starts]
-    best = max(arms, key=agreement)
+    starts = sorted(starts, key=spread)[-_STARTS:]
+    arms = [_climbed(spread, start, blur_rad) for start in starts]
+    best = max(arms, key=spread)
     return LeverArm(best @ directions, int(np.sum(blur_rad * _LONGEST_M > _BLURS_RAD)),
                     judged(whole, none), judged(whole, best))
 
@@ -198,7 +198,8 @@ def _likely(profiles: PulseBlock, moves: np.ndarray, grid: MapGrid, blur_rad: np
     """
     points = CoherenceProbe(grid, _COARSE_BUDGET, _TILE).fixed(profiles).points
     lengths_m = _lengths(blur_rad)
-    figures = np.zeros([len(lengths) for lengths in lengths_m])
+    squares, means = np.zeros((2, *map(len, lengths_m)))
+    total = 0.0
     for some in np.array_split(points, -(-len(points) // _POINTS)):
         values = values_at(profiles, some).astype(np.complex64)
         sight = some[:, None] - profiles.phase_centre_m
@@ -209,9 +210,14 @@ def _likely(profiles: PulseBlock, moves: np.ndarray, grid: MapGrid, blur_rad: np
             for change, lengths in itertools.zip_longest(
                 change_rad, lengths_m, fillvalue=np.zeros_like(change_rad[0])))
         first *= values[..., None]
-        for k in range(figures.shape[2]):
+        power = np.sum(np.square(np.abs(values)), axis=1)
+        total += float(power @ power)
+        for k in range(len(lengths_m[2])):
             sums = (first * third[..., k:k + 1]).swapaxes(1, 2) @ second
-            figures[..., k] += np.sum(np.square(np.square(np.abs(sums))), axis=0)
+            intensity = np.square(np.abs(sums))
+            squares[..., k] += np.sum(np.square(intensity), axis=0)
+            means[..., k] += np.tensordot(power, intensity, 1)
+    figures = squares / total - np.square(means / total)  # as `Coherence.spread`
     peaks = np.argwhere(figures == ndimage.maximum_filter(figures, 3))
     peaks = sorted(peaks, key=lambda at: -figures[tuple(at)])[:_PEAKS]
     return np.array([[lengths[k] for lengths, k in zip(lengths_m, at, strict=True)]
@@ -228,12 +234,12 @@ def _lengths(blur_rad: np.ndarray) -> list[np.ndarray]:
     return [step * np.arange(-k, k + 1) for step, k in zip(steps_m, n, strict=True)]
 
 
-def _climbed(agreement: Callable[[np.ndarray], float], start: np.ndarray, blur_rad: np.ndarray
+def _climbed(spread: Callable[[np.ndarray], float], start: np.ndarray, blur_rad: np.ndarray
              ) -> np.ndarray:
-    """(D,) arm near a start (D,) with which the pulses agree best, metres."""
+    """(D,) arm near a start (D,) with which most stands out, metres."""
     def lack(phase_rad: np.ndarray) -> float:
         arm = phase_rad / blur_rad
-        return -agreement(arm) if np.linalg.norm(arm) < _FARTHEST_M else 0.0
+        return -spread(arm) if np.linalg.norm(arm) < _FARTHEST_M else 0.0
 
     first = start * blur_rad
     around = np.diag(np.minimum(_FELT_RAD / 2, 0.3 * _LONGEST_M * blur_rad))
