@@ -28,8 +28,9 @@ from .thorough import diagnose_thoroughly
 
 _SEEN = 0.8  # of a scene, that profiles are to hold
 _SIDE = 32  # pixels along each side, and pulses, that tell it
-_CERTAIN = 10.0  # times the agreement: what is undone then is no lever arm
+_CLOCK = 'clock offset'
 _ALIKE = 1.15  # times the gain: an arm and an offset of the clock are then both likely
+_CERTAIN = 10.0  # times the agreement: what is undone then is no lever arm
 # Faults with which nothing can focus, nor profiles be trusted.
 _WITHOUT_IMAGE = {'I and Q alike', 'magnitudes only', 'order of I and Q', 'real samples'}
 
@@ -114,12 +115,10 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *, window: str = 'no
     jumped = jump_findings(clean)
     arm = None if jumped else _lever_arm(clean, grid, window, attitude, diagnosis)
     found += off + jumped
-    both = (arm is not None and diagnosis.mistake == 'clock offset'
-            and arm.gain < _ALIKE * diagnosis.gain)
-    if diagnosis.mistake and not jumped and (arm is None or both):
-        found.append(_mistake(diagnosis))
     if arm is not None:
-        found.append(arm.finding(alone=not both))
+        found += _arm_or_clock(arm, diagnosis)
+    elif diagnosis.mistake and not jumped:
+        found.append(_mistake(diagnosis))
     return Examination(tuple(found), diagnosis)
 
 
@@ -129,6 +128,16 @@ def _mistake(diagnosis: Diagnosis) -> Finding:
         f'the focus figure {diagnosis.coherence:.2f} becomes {diagnosis.corrected:.2f} '
         'without this mistake' if diagnosis.corrected > diagnosis.coherence else
         f'the focus figure is {diagnosis.coherence:.2f}'), diagnosis.advice)
+
+
+def _arm_or_clock(arm: LeverArm, diagnosis: Diagnosis) -> list[Finding]:
+    """A lever arm, and the offset of the clock where that explains as much.
+
+    Where the heading follows a track of gentle curves at constant speed, an arm along the track
+    moves the antenna as a clock that is off does.
+    """
+    alike = diagnosis.mistake == _CLOCK and arm.gain < _ALIKE * diagnosis.gain
+    return [arm.finding(alone=not alike), *([_mistake(diagnosis)] if alike else [])]
 
 
 def _focused(block: PulseBlock, grid: MapGrid, window: str) -> tuple[list[Finding], Diagnosis]:
@@ -145,13 +154,13 @@ def _focused(block: PulseBlock, grid: MapGrid, window: str) -> tuple[list[Findin
 def _lever_arm(block: PulseBlock, grid: MapGrid, window: str, attitude: Rotation | None,
                diagnosis: Diagnosis) -> LeverArm | None:
     """A lever arm with which pulses agree as well as without what else was found, or better."""
-    if attitude is None or diagnosis.gain > _CERTAIN:
+    clock = diagnosis.mistake == _CLOCK  # which an arm may look like
+    if attitude is None or diagnosis.gain > _CERTAIN and not clock:
         return None
     arm = find_lever_arm(block, attitude, grid, window=window)
     if arm is None or not arm.found:
         return None
-    alike = _ALIKE if diagnosis.mistake == 'clock offset' else 1.0
-    return arm if alike * arm.gain > diagnosis.gain else None
+    return arm if (_ALIKE if clock else 1.0) * arm.gain > diagnosis.gain else None
 
 
 def _seen(block: PulseBlock, grid: MapGrid, start_m: float, stop_m: float) -> float:

@@ -87,9 +87,8 @@ class LeverArm:
         told = ', '.join(f'{value:+.2f}' for value in self.arm_m)
         plural = 's' if self.n_directions > 1 else ''
         first = '' if alone else (
-            'measure this first, it is certain and the other is not: either of the two explains '
-            'the blur on this track, an arm along the track as a clock that is late by the arm '
-            'over the speed; ')
+            'this arm or an offset of the clock: either explains the blur on this track, so '
+            'correct only one, and begin with the arm, which a ruler tells; ')
         return Finding('lever arm', (
             f'with the antenna {np.linalg.norm(self.arm_m):.2f} m beside where it is said to be, '
             f'by ({told}) m in the frame of the platform, the focus figure '
