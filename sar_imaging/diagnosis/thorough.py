@@ -154,9 +154,12 @@ def _helps(tried: _Tried, least: float) -> bool:
         lit *= min(as_it_is.mean, 1.0)
     if hypothesis.isometry and lit > _AS_DARK * result.contrast:
         return False  # the mirrored scene is in focus, and as right as this one
+    # the part of an aperture that an offset leaves agrees widely, with less contrast
+    stands_out = result.spread > _CERTAIN * max(as_it_is.spread, 1.0)
+    focus = _LEAST * (_WORTH if stands_out else 1.0)
     return (result.coverage >= _LEAST_COVERAGE and _gain(tried) > least
             and result.agreement > _ABOVE_NOISE * NOISE
-            and result.contrast > max(_LEAST, _DARKER * lit))
+            and result.contrast > max(focus, _DARKER * lit))
 
 
 def _likelier(found: _Tried | None, searched: _Tried | None) -> _Tried | None:
@@ -256,7 +259,7 @@ class _Attempts:
     def _searched(self, block: PulseBlock, values: np.ndarray,
                   change: Callable[[PulseBlock, float], PulseBlock]
                   ) -> tuple[float, tuple[Coherence, Coherence]]:
-        """The value with which pulses agree best: searched on few pixels, refined on more."""
+        """The value with which most stands out: searched on few pixels, refined on more."""
         coarse, fine = (CoherenceProbe(self._grid, n, _TILE)
                         for n in (_COARSE_BUDGET, _FINE_BUDGET))
 
@@ -265,17 +268,24 @@ class _Attempts:
                 result = probe(self._changed(block, value, change))
             except ValueError:  # no such ramp
                 return 0.0
-            return result.agreement if result.contrast > _WORTH * _LEAST else 0.0
+            # few pulses that are left agree over wide parts
+            return result.spread if result.contrast > _WORTH * _LEAST else 0.0
 
         figures = np.array([focus(value, coarse) for value in values])
         peaks = np.flatnonzero((figures >= np.r_[0, figures[:-1]])
                                & (figures >= np.r_[figures[1:], 0]))
         peaks = peaks[np.argsort(-figures[peaks])][:_PEAKS]
         step = float(values[1] - values[0])
-        best = max((float(values[peak]) for peak in peaks), key=lambda value: focus(value, fine))
-        for finer in (3, 9):
-            best = max((best + step / finer * k for k in range(-2, 3)),
-                       key=lambda value: focus(value, fine))
+
+        def climbed(value: float) -> float:
+            for finer in (3, 9):
+                value = max((value + step / finer * k for k in range(-2, 3)),
+                            key=lambda near: focus(near, fine))
+            return value
+
+        # the top of a narrow peak may lie between two values, each below a broad one
+        best = max((climbed(float(values[peak])) for peak in peaks),
+                   key=lambda value: focus(value, fine))
         changed = self._changed(block, best, change)
         result = self._probe(changed), self._of_the_same(changed)
         _logger.debug('%s: %s', best, result)
