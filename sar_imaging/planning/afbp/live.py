@@ -83,8 +83,8 @@ class LivePlan(AfbpPlan):
         if illumination is not None:
             power, lit = plan.lit.of_subaperture(plan.polar, plan.radar, tx_m, rx_m, illumination)
             lit_db, power_db = (10 * math.log10(v + _LEAST) for v in (lit, power))
-            if plan.lit.lines is not None:  # amplitudes between knots, wherever the pulses were
-                lit_db = power_db + plan.lit.predicted_error_db
+            if plan.lit.lines is not None:  # amplitudes between knots err at least as planned
+                lit_db = max(lit_db, power_db + plan.lit.predicted_error_db)
             # The brightest may err more. Of sub-apertures of a length that was asked for,
             # amplitudes may err as planned.
             worst_db = max(error_db + min(power_db, 0.0), min(
