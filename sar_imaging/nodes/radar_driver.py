@@ -23,6 +23,7 @@ from sar_imaging.loading.samples import AXES, KEYS as SAMPLE_KEYS
 from sar_imaging.signal.pulses import PulseBlock
 
 from .runtime.block_output import BlockOutput
+from .runtime.input_watch import InputWatch
 from .runtime.managed import ManagedNode, run
 from .runtime.parameters import ConfigurationError, Parameter
 from .runtime.stage import COMMON_PARAMETERS
@@ -52,6 +53,7 @@ class RadarDriverNode(ManagedNode):
             counters=('frames_received', 'frames_converted', 'pulses_published'),
             faults=('frames_incomplete', 'frames_rejected', 'frames_missing'))
         self._inputs: list = []
+        self._watch: InputWatch | None = None
         self._converter: FrameConverter | None = None
         self.create_service(Trigger, '~/reset', self._reset, callback_group=self.service_group)
 
@@ -85,6 +87,11 @@ class RadarDriverNode(ManagedNode):
         qos = QoSProfile(depth=p['queue_depth'], reliability=ReliabilityPolicy.RELIABLE
                          if reliable else ReliabilityPolicy.BEST_EFFORT)
         self._subscribe(self._frame_class, 'radar_frames', self._receive, qos)
+        package, _, short = p['message_type'].rpartition('/')
+        self._watch = InputWatch(
+            self, self.health, self._inputs[0].topic_name,
+            f'{package.removesuffix("/msg")}/msg/{short}',
+            'remap radar_frames, or correct the parameter message_type')
         if self._info_class is not None:
             # Of what is latched the last one before the start counts; others only now and then.
             latched = short_name(p['info_type']) in LATCHED_INFO
@@ -99,9 +106,15 @@ class RadarDriverNode(ManagedNode):
 
     def deactivate(self) -> None:
         """Unsubscribe; see `ManagedNode`."""
+        self._watch = None
         inputs, self._inputs = self._inputs, []
         for subscription in inputs:
             self.destroy_subscription(subscription)
+
+    def publish_diagnostics(self) -> None:
+        """Publish the counters, and why no frames come; see `ManagedNode`."""
+        watch = self._watch
+        self.health.publish(watch.problem() if watch is not None else '', self.state)
 
     def _reset(self, request, response):
         if self._converter is not None:
@@ -122,6 +135,9 @@ class RadarDriverNode(ManagedNode):
     def _receive(self, message) -> None:
         received_ns = self.get_clock().now().nanoseconds
         self.health.count('frames_received')
+        watch = self._watch
+        if watch is not None:
+            watch.arrived()
         try:
             frame = read_frame(message, self.parameters['message_type'], self._sizes, self._axes)
             block = self._converter.convert(frame, received_ns)

@@ -87,6 +87,19 @@ def test_broken_scans_are_counted_and_the_node_lives_on(driver):
                       '512')
 
 
+def test_a_topic_on_which_nothing_comes_is_told_with_what_may_be_meant(
+        start_node, make_observer, tmp_path):
+    node = start_node('radar_driver', {'description_file': description(tmp_path)})
+    node.wait_for_log('radar_driver', 'nothing came on .*/radar_frames for more than 5 s: '
+                      'nobody publishes std_msgs/msg/Float32MultiArray; is the driver')
+    observer = make_observer('uwb/scan')
+    node.wait_for_log('radar_driver', 'nobody publishes there, std_msgs/msg/Float32MultiArray is '
+                      'on .*/uwb/scan; remap radar_frames, or correct the parameter message_type')
+    other = observer.node.create_publisher(MultiArrayLayout, 'radar_frames', 10)
+    node.wait_for_log('radar_driver', 'it carries std_msgs/msg/MultiArrayLayout, expected std_')
+    observer.node.destroy_publisher(other)
+
+
 def test_it_may_be_deactivated_and_activated(driver):
     node, observer = driver
     assert observer.change_state('radar_driver', 'deactivate')
