@@ -36,6 +36,8 @@ class CostModel:
         Beams: of an echo, bin and beam; more of an echo, bin and group; of a cell's transform.
     beam_pixel, beam_segment : float
         Lines from beams: of a pixel, and in addition of a segment.
+    lit_image, lit_knot : float
+        More with illumination: of an image from beams, and of a knot of its amplitudes.
     coarse_pixel, fine_pixel, subaperture : float
         Fusion: of a pixel of a sub-aperture image, of the fused image, and of a sub-aperture.
     merged_pixel, merged_tap, gathered_pixel, gathered_tap : float
@@ -58,6 +60,8 @@ class CostModel:
     beam_cell: float = 0.8
     beam_pixel: float = 0.65
     beam_segment: float = 51.25
+    lit_image: float = 4.5e4
+    lit_knot: float = 70.0
     coarse_pixel: float = 1.75
     fine_pixel: float = 2.0
     subaperture: float = 2.5e5

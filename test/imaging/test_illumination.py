@@ -15,6 +15,7 @@ from sar_imaging.geometry.illumination import AntennaPattern, Illumination, Patt
 from sar_imaging.imaging.correlation import correlate_profiles
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.afbp.subapertures import plan_subapertures
+from sar_imaging.planning.costs import DEFAULT, using
 from sar_imaging.planning.exact.lit_lines import LitLines
 from sar_imaging.planning.polar_cover import cover_map
 from sar_imaging.quality.verification import measure_error
@@ -99,6 +100,26 @@ def test_subaperture_images_are_those_of_the_formula(seed, width, squint, target
     # What compiled code approximates beyond the formula is a part of the sub-apertures' error.
     allowed_db = max(plan.errors_db['sub-aperture images'], plan.errors_db['illumination'], -95.0)
     assert 10 * np.log10(error) <= allowed_db + 6.0
+
+
+def test_channels_of_a_steered_antenna_have_beams_of_their_own():
+    """Seen from one place they differ by -54 dB; beams are chosen where adding pulses is dear."""
+    block, pattern = _block(POINTINGS['steered'], 192, 2, 40.0), PATTERNS['narrow']
+    with using(dataclasses.replace(DEFAULT, line_pixel=50.0)):
+        image = plan_image(GRID, RADAR, N_SAMPLES, method='afbp', target_db=-64.0,
+                           illumination=pattern)(block)
+    plan = image.report.plan.subapertures
+    assert plan.beams.n_weighed == 2 and plan.lit.by_channel and not image.report.warnings
+    # -67.0 dB, 1.4 below the prediction
+    assert _error_db(image, block, pattern) <= image.report.predicted_error_db <= -64.0
+    some = block.select(plan.sampling.pulses[0])
+    found, expected, together = (b.SubapertureImager(dataclasses.replace(
+        plan, beams=dataclasses.replace(plan.beams, n_weighed=n))).image(0, some)
+        for b, n in ((cpu, 2), (reference, 2), (cpu, 1)))
+    error, mixed = (((other - expected) ** 2).sum() / (expected ** 2).sum()
+                    for other in (found, together))
+    # -65.6 dB: parabolas between knots are within the error of the amplitudes, -70.5 dB
+    assert 10 * np.log10(error) <= plan.errors_db['illumination'] + 6.0 and mixed > 10 * error
 
 
 def test_dark_subapertures_take_no_time_and_the_quicker_method_is_found():

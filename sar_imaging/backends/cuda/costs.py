@@ -45,6 +45,8 @@ class DeviceCosts(CostModel):
     beam_cell: float = 2e-2
     beam_pixel: float = 3e-2
     beam_segment: float = 1e-3
+    lit_image: float = 4.5e4
+    lit_knot: float = 1e-1
     coarse_pixel: float = 3e-2
     fine_pixel: float = 5e-2
     subaperture: float = 2.5e5

@@ -120,7 +120,9 @@ class SubapertureImager:
             image = project_lines(plan.source, samples, plan.lattice.n_padded, *echoes,
                                   plan.coarse, plan.illumination_of(block))
         else:
-            image = image_from_beams(plan, samples, *echoes, plan.weighed_by(block))
+            nodes = plan.weighed_by(block) or (None,)
+            image = sum(image_from_beams(plan, *(a[part::len(nodes)] for a in (samples, *echoes)),
+                                         one) for part, one in enumerate(nodes))
         out = np.empty((2, *image.shape), np.float32) if out is None else out
         out[:] = image.real, image.imag
         return out

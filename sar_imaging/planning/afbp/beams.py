@@ -69,6 +69,9 @@ class BeamSampling:
         Along range.
     predicted_error_db : float
         Predicted error of the sub-aperture images against time-domain correlation, dB.
+    n_weighed : int
+        Images that make one of a sub-aperture, each weighed by parabolas of its own: one of each
+        channel, or one of all. 0 where all pixels are lit alike.
     """
 
     spread_m: float
@@ -79,6 +82,7 @@ class BeamSampling:
     between: BeamGain
     along: Interpolator
     predicted_error_db: float
+    n_weighed: int = 0
 
     @property
     def paired(self) -> bool:
@@ -126,8 +130,10 @@ class BeamSampling:
         The echoes are those of all images together, pixels and `span`, in direction cosine, those
         of each; the lattice is that of the profiles.
         """
-        return _operations(self.n_beams(span), self.group, self.paired, self.segment, n_echoes,
-                           lattice, n_pixels, n_images)
+        n_images *= max(1, self.n_weighed)
+        counts = _operations(self.n_beams(span), self.group, self.paired, self.segment, n_echoes,
+                             lattice, n_pixels, n_images)
+        return counts | {'lit_image': n_images} if self.n_weighed else counts
 
 
 def least_operations(n_echoes: int, lattice: RangeResampling, n_pixels: int) -> dict[str, float]:

@@ -28,7 +28,6 @@ from ..exact.lit_phasors import Echoes, ImageLines
 from ..lit_pairs import MOST_PAIRS, LitPairs, bounded_ratio, pair_amplitude
 from ..profiles.range_resampling import RangeResampling
 from .beams import BeamSampling
-from .sampling import cut_pulses, pieces_between_gaps
 
 NODES = tuple(0.5 + 0.5 * x for x in (-math.sqrt(0.6), 0.0, math.sqrt(0.6)))  # of Gauss' rule
 NODES_APART = 0.1  # of their span, at least, that nodes lie apart along the track
@@ -36,6 +35,9 @@ KNOTS_APART = (16, 8, 4, 2, 1)  # segments along range
 _KNOT_SHARE, _LEAST = 0.2, 1e-16  # of the error of amplitudes for knots along range
 _PAIRS = 1 << 14  # at which a sub-aperture is looked at while pulses arrive
 _LOOKED_AT = 33, 9  # directions and ranges, to tell which sub-apertures see the grid
+_EVERYWHERE = 0.9  # of all pairs of an echo and a pixel, beyond which nothing counts as dark
+_LEAST_LIT = 4  # sub-apertures that light a pixel, elsewhere
+_PULSES_LOOKED_AT = 9  # likewise
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -56,6 +58,8 @@ class LitSubapertures:
         Mean square of the amplitude over all pulses and pixels.
     predicted_error_db : float
         Error of the image by it, dB.
+    by_channel : bool
+        Images from beams are made channel by channel.
     """
 
     illumination: Illumination
@@ -64,14 +68,18 @@ class LitSubapertures:
     lines: LitLines | None
     power: float
     predicted_error_db: float
+    by_channel: bool = False
+
+    def n_knots(self, coarse: PolarGrid, segment: int) -> int:
+        """Knots of the amplitudes of an image from beams with segments of so many pixels."""
+        return coarse.n_alpha * (-(-coarse.n_range // (self.apart * segment)) + 1)
 
     def n_bytes(self, coarse: PolarGrid, segment: int) -> int:
         """Memory that amplitudes take, with so many ranges of `coarse` to a segment, bytes."""
         if self.lines is not None:
             return self.illumination.n_bytes + self.lines.n_bytes(*coarse.shape, segment)
         # of each knot three coordinates in float64, and three coefficients in float32
-        return self.illumination.n_bytes + coarse.n_alpha * 36 * (
-            -(-coarse.n_range // (self.apart * segment)) + 1)
+        return self.illumination.n_bytes + 36 * self.n_knots(coarse, segment)
 
     def of_subaperture(self, polar: PolarGrid, radar: RadarParameters, tx_m, rx_m,
                        illumination: Illumination) -> tuple[float, float]:
@@ -80,42 +88,44 @@ class LitSubapertures:
         Both are relative to the power of the echoes that were planned for; arguments are as of
         `LitError`.
         """
-        found = LitError(polar, radar, tx_m, rx_m, illumination, _PAIRS)
-        wrong = found.share * found.mean_square([slice(0, len(tx_m))])
+        found = LitError(polar, radar, tx_m, rx_m, illumination, self.predicted_error_db, _PAIRS)
+        if self.lines is not None:  # which err alike wherever the antenna looks
+            wrong = found.power * 10 ** (self.predicted_error_db / 10)
+        else:
+            wrong = found.share * found.mean_square([slice(0, len(tx_m))], self.by_channel)
         return tuple(v / max(self.power, _LEAST) for v in (found.power, wrong))
 
 
 class AmplitudeNodes(NamedTuple):
     """Three pulses of a sub-aperture through whose amplitudes parabolas go.
 
-    Seen from the mean phase centre of their channels: parabolas through one channel of each would
-    bend as the channels lie, where an antenna is steered.
-
     Parameters
     ----------
     illumination : Illumination
         Of the three, one echo of each.
     tx_m, rx_m : (3, 3) float64
-        Their phase centres, means of the channels', metres.
+        Phase centres of the echoes, metres.
     """
 
     illumination: Illumination
     tx_m: np.ndarray
     rx_m: np.ndarray
 
-    @classmethod
-    def of_block(cls, pattern: AntennaPattern, block: PulseBlock) -> AmplitudeNodes:
-        """Nodes of a sub-aperture's pulses, with pointing."""
-        nodes = node_pulses(block.n_pulses)
-        ends = [centres[nodes].sum(axis=1) / block.tx_m.shape[1]
-                for centres in (block.tx_m, block.rx_m)]
-        pointing = block.pointing and block.pointing.select(nodes)
-        return cls(Illumination.of_pulses(pattern, pointing, *(c[:, None] for c in ends)), *ends)
 
+def amplitude_nodes(pattern: AntennaPattern, block: PulseBlock, n_weighed: int
+                    ) -> tuple[AmplitudeNodes, ...]:
+    """Nodes of each image that makes one of a sub-aperture, see `BeamSampling.n_weighed`.
 
-def lit_budget_db(target_db: float) -> float:
-    """Largest error of the amplitudes, dB."""
-    return error_budget(target_db, AFBP_SHARES)['illumination']
+    All channels together are seen from their mean phase centre.
+    """
+    nodes = node_pulses(block.n_pulses)
+    tx_m, rx_m = block.tx_m[nodes], block.rx_m[nodes]
+    if n_weighed == 1:
+        tx_m, rx_m = (c.sum(axis=1, keepdims=True) / block.n_channels for c in (tx_m, rx_m))
+    pointing = block.pointing and block.pointing.select(nodes)
+    return tuple(AmplitudeNodes(Illumination.of_pulses(
+        pattern, pointing, tx_m[:, c:c + 1], rx_m[:, c:c + 1]), tx_m[:, c], rx_m[:, c])
+        for c in range(n_weighed))
 
 
 @functools.lru_cache(maxsize=64)
@@ -153,20 +163,37 @@ class LitError:
         Of the images.
     radar, tx_m, rx_m, illumination :
         Of the aperture, phase centres (P, C, 3), metres, and the illumination of their P C echoes.
+    target_db : float
+        Of the fused image, dB.
     most_pairs : int
         With how many to look for lit ones.
+
+    Attributes
+    ----------
+    n_pulses : float
+        That light a pixel, on average.
+    budget_db : float
+        Largest error of the amplitudes, dB.
     """
 
     def __init__(self, polar: PolarGrid, radar: RadarParameters, tx_m, rx_m,
-                 illumination: Illumination, most_pairs: int = MOST_PAIRS):
+                 illumination: Illumination, target_db: float, most_pairs: int = MOST_PAIRS):
+        shares = error_budget(target_db, AFBP_SHARES)
+        self.budget_db, self._images_db = shares['illumination'], shares['sub-aperture images']
         self._polar, self._illumination, self._radar = polar, illumination, radar
         self._tx_m, self._rx_m = tx_m, rx_m
         self._n_channels = tx_m.shape[1]
         middles = mean_centres(tx_m, rx_m)
-        self._along = (middles - middles.mean(axis=0))[:, :2] @ np.array(polar.track)
+        track, origin = np.array(polar.track), middles.mean(axis=0)[:2]
+        self._along = (middles[:, :2] - origin) @ track
+        # of each echo, and what its pulse's nodes see
+        self._places = (illumination.centre_m[:, :2] - origin) @ track
+        self._middles = Illumination(illumination.pattern, middles,
+                                     illumination.axes[::self._n_channels])
         pairs = LitPairs.draw(illumination, polar.positions, polar.shape, most=most_pairs)
         self._echoes, self._points = pairs.echoes, pairs.points_m
         self.share, self.power = pairs.share, pairs.power
+        self.n_pulses = self.share * len(tx_m)
         centre, beside = polar.locate(polar.n_range // 2, polar.n_alpha // 2)[:2]
         sides = beside * polar.n_range, polar.n_alpha * polar.alpha_spacing * polar.by_direction(
             polar.range_m[polar.n_range // 2], polar.alpha[polar.n_alpha // 2])
@@ -175,24 +202,41 @@ class LitError:
         self._ratio = np.random.default_rng(2).uniform(
             low, high, len(self._echoes)) / radar.wavenumber_rad_per_m
 
-    def short_enough(self, lengths, target_db: float) -> tuple[int, ...]:
-        """Those of some lengths of sub-apertures whose parabolas leave the target to the rest.
+    def short_enough(self, lengths) -> tuple[int, ...]:
+        """Those of some lengths of sub-apertures, ascending, of which several light a pixel.
+
+        Where a part of one lights it, frequencies lie at one end of the band, where the fusion
+        errs most: up to 8 dB more than predicted where one or two light it in part.
 
         Raises
         ------
         ValueError
             None is short enough.
         """
-        pieces = pieces_between_gaps(mean_centres(self._tx_m, self._rx_m))
-        most = (1 - _KNOT_SHARE) * 10 ** (lit_budget_db(target_db) / 10)
-        found = tuple(n for n in lengths if self.error(cut_pulses(pieces, n)) <= most)
+        if self.share > _EVERYWHERE:
+            return lengths
+        found = tuple(n for n in lengths if _LEAST_LIT * n <= self.n_pulses)
         if not found:
-            raise ValueError(f'the illumination of the scene changes too much over {lengths[0]} '
-                             f'pulses for target_db={target_db:g}; use exact backprojection')
+            raise ValueError(
+                f'{self.n_pulses:.1f} pulses light a pixel, on average, expected '
+                f'{_LEAST_LIT * lengths[0]} or more; use exact backprojection, which leaves '
+                'dark pulses out')
         return found
 
+    def n_weighed(self, pulses) -> int | None:
+        """In how few images from beams echoes are weighed well enough, see `BeamSampling`.
+
+        `pulses` are those of the sub-apertures. None where parabolas miss the budget even channel
+        by channel.
+        """
+        most = (1 - _KNOT_SHARE) * 10 ** (self.budget_db / 10)
+        if self.error(pulses) <= most:
+            return 1
+        by_channel = self._n_channels > 1 and self.error(pulses, by_channel=True) <= most
+        return self._n_channels if by_channel else None
+
     def plan(self, coarse: PolarGrid, lattice: RangeResampling, beams: BeamSampling | None,
-             pulses, target_db: float) -> tuple[RangeResampling, LitSubapertures]:
+             pulses) -> tuple[RangeResampling, LitSubapertures]:
         """How images of sub-apertures are weighed, and how their lines read the profiles.
 
         Parameters
@@ -203,8 +247,6 @@ class LitError:
             As planned without illumination.
         pulses : sequence of slice
             Of the sub-apertures.
-        target_db : float
-            Of the fused image, dB.
 
         Raises
         ------
@@ -213,38 +255,37 @@ class LitError:
         """
         lit, n_channels = self._illumination, self._n_channels
         seen = seen_subapertures(coarse, pulses, lit, n_channels)
-        wanted = 10 ** (lit_budget_db(target_db) / 10)
         if beams is not None:
-            apart, along = self.knots(coarse, beams.segment, _KNOT_SHARE * wanted)
-            error = self.error(pulses) + along
+            apart, along = self.knots(coarse, beams.segment,
+                                      _KNOT_SHARE * 10 ** (self.budget_db / 10))
+            error = self.error(pulses, beams.n_weighed > 1) + along
             return lattice, LitSubapertures(lit, seen, apart, None, self.power,
-                                            10 * math.log10(error + _LEAST))
+                                            10 * math.log10(error + _LEAST), beams.n_weighed > 1)
         starts = tuple(p.start * n_channels for p in pulses)
         lattice, lines, _ = plan_lit_segments(
             lit, ImageLines.of_polar(coarse), Echoes(self._tx_m.reshape(-1, 3),
                                                      self._rx_m.reshape(-1, 3), starts,
                                                      self._radar),
-            lattice, max(lattice.predicted_error_db, error_budget(
-                target_db, AFBP_SHARES)['sub-aperture images']), lit_budget_db(target_db))
+            lattice, max(lattice.predicted_error_db, self._images_db), self.budget_db)
         if lines is None:
             raise ValueError('amplitudes change too much from pixel to pixel of the sub-aperture '
                              'images; use exact backprojection')
         return lattice, LitSubapertures(lit, seen, 1, lines, self.power,
                                         lines.predicted_error_db)
 
-    def error(self, pulses) -> float:
+    def error(self, pulses, by_channel: bool = False) -> float:
         """Mean square relative to the power of the image; `pulses` are the sub-apertures'."""
-        wrong, power, echoes = self._squares(pulses)
+        wrong, power, echoes = self._squares(pulses, by_channel)
         # echoes of a platform that stands still add up coherently
         weight = self._weight[echoes]
         return bounded_ratio(weight * wrong, weight * power)
 
-    def mean_square(self, pulses) -> float:
+    def mean_square(self, pulses, by_channel: bool) -> float:
         """Of errors, over pulses of sub-apertures that light a point."""
-        wrong = self._squares(pulses)[0]
+        wrong = self._squares(pulses, by_channel)[0]
         return float(wrong.mean()) if len(wrong) else 0.0
 
-    def _squares(self, pulses) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _squares(self, pulses, by_channel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(n,) of errors and of amplitudes, and of which echoes."""
         starts = np.array([p.start for p in pulses])
         stops = np.array([p.stop for p in pulses])
@@ -255,24 +296,27 @@ class LitError:
         pulse = start + np.random.default_rng(3).integers(0, length)
         node = start[:, None] + np.rint(np.array(NODES) * length[:, None] - 0.5).astype(
             int).clip(0, length[:, None] - 1)
-        value = np.stack([self._amplitude(node[:, i], channel) for i in range(3)], axis=-1)
-        middle = self._along[start + length // 2]
-        a, b, c = parabola(self._along[node] - middle[:, None], value)
+        # channel by channel, or all channels seen from their middle
+        seen, places, first = (self._illumination, self._places, channel) if by_channel else (
+            self._middles, self._along, 0)
+        step = self._n_channels if by_channel else 1
+        value = np.stack([pair_amplitude(seen, n * step + first, self._points) for n in node.T],
+                         axis=-1)
+        middle = places[(start + length // 2) * step + first]
+        a, b, c = parabola(places[node * step + np.reshape(first, (-1, 1))] - middle[:, None],
+                           value)
+        echoes = pulse * self._n_channels + channel
         # Derivatives count wavenumbers, of which the carrier's is meant.
-        u = self._ratio * (self._along[pulse] - middle)
-        true = self._amplitude(pulse, channel)
-        return (a + u * (b + u * c) - true) ** 2, true ** 2, pulse * self._n_channels + channel
-
-    def _amplitude(self, pulse, channel) -> np.ndarray:
-        return pair_amplitude(self._illumination, pulse * self._n_channels + channel,
-                              self._points)
+        u = self._ratio * (self._places[echoes] - middle)
+        true = pair_amplitude(self._illumination, echoes, self._points)
+        return (a + u * (b + u * c) - true) ** 2, true ** 2, echoes
 
     def knots(self, coarse: PolarGrid, segment: int, wanted: float) -> tuple[int, float]:
         """Segments between knots along range, and the error of straight lines between them."""
         rng = np.random.default_rng(4)
         r, alpha = self._polar.from_map(self._points[:, 0], self._points[:, 1])
-        error, power = 0.0, max(np.mean(self._amplitude(
-            *np.divmod(self._echoes, self._n_channels)) ** 2), 1e-300)
+        error, power = 0.0, max(np.mean(pair_amplitude(
+            self._illumination, self._echoes, self._points) ** 2), 1e-300)
         for apart in KNOTS_APART:
             length = apart * segment * coarse.range_spacing_m
             share = rng.uniform(0, 1, len(r))
@@ -292,5 +336,6 @@ def seen_subapertures(coarse: PolarGrid, pulses, illumination: Illumination, n_c
     points = coarse.lines(*coarse.sampled(_LOOKED_AT[1], max(_LOOKED_AT[0], coarse.n_alpha)))[0]
     return frozenset(
         number for number, p in enumerate(pulses)
-        if (illumination.select(np.array([p.start, (p.start + p.stop) // 2, p.stop - 1])
-                                * n_channels).amplitude(points) > 0).any())
+        if (illumination.select(n_channels * np.unique(np.linspace(
+            p.start, p.stop - 1, _PULSES_LOOKED_AT).round().astype(int))).amplitude(
+                points) > 0).any())

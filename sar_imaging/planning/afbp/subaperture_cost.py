@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -31,6 +32,9 @@ class SubapertureCost:
         Wanted error of the images, dB.
     reach_m, padding_m : float
         As for `plan_beams`.
+    n_weighed : callable, optional
+        As of `BeamSampling`, of sub-apertures with some pulses; None where images from beams
+        cannot be weighed well enough.
     """
 
     grid: PolarGrid
@@ -42,6 +46,7 @@ class SubapertureCost:
     target_db: float
     reach_m: float
     padding_m: float
+    n_weighed: Callable[[Sequence[slice]], int | None] = lambda pulses: 0
 
     def cost(self, pulses, n_pixels) -> np.ndarray:
         """(K,) nanoseconds of all images of a cut into sub-apertures of about equally many pulses.
@@ -72,8 +77,13 @@ class SubapertureCost:
         return n_echoes * self.lattice.cost * n_pixels, from_beams
 
     def _beams(self, pulses) -> BeamSampling | None:
+        n_weighed = self.n_weighed(pulses)
+        if n_weighed is None:
+            return None
         some = np.linspace(0, len(pulses) - 1, _CUTS_FOR_BEAMS).round().astype(int)
-        cuts = [tuple(c[pulses[i]].reshape(-1, 3) for c in (self.tx_m, self.rx_m))
-                for i in np.unique(some)]
-        return plan_beams(self.grid, self.radar, self.lattice, cuts, self.target_db, self.reach_m,
-                          self.padding_m)
+        # of echoes that share an image
+        cuts = [tuple(c[pulses[i], number % n:: n].reshape(-1, 3) for c in (self.tx_m, self.rx_m))
+                for number, i in enumerate(np.unique(some)) for n in [max(1, n_weighed)]]
+        beams = plan_beams(self.grid, self.radar, self.lattice, cuts, self.target_db, self.reach_m,
+                           self.padding_m)
+        return beams and dataclasses.replace(beams, n_weighed=n_weighed)

@@ -34,7 +34,7 @@ from ..profiles.range_resampling import (
 )
 from .beam_gain import bins_per_run
 from .beams import BeamSampling
-from .lit_subapertures import AmplitudeNodes, LitError, LitSubapertures, lit_budget_db
+from .lit_subapertures import AmplitudeNodes, LitError, LitSubapertures, amplitude_nodes
 from .map_cover import map_density
 from .polar_grids import UnifiedPolarGrids
 from .sampling import Sampling, choose_sampling, fusion_error
@@ -126,15 +126,14 @@ class SubaperturePlan(Plan):
         return Illumination.of_pulses(lit.pattern, block.pointing, block.tx_m, block.rx_m,
                                       foreseen=lit.foreseen)
 
-    def weighed_by(self, block: PulseBlock) -> Illumination | AmplitudeNodes | None:
-        """By what the image of a sub-aperture's pulses is weighed.
+    def weighed_by(self, block: PulseBlock) -> Illumination | tuple[AmplitudeNodes, ...] | None:
+        """Amplitudes of echoes that are added directly, or nodes of each image from beams.
 
-        Each echo by its amplitude where echoes are added directly, by parabolas where beams are
-        read; None where all pixels are lit alike.
+        None where all pixels are lit alike.
         """
         if self.lit is None or self.beams is None:
             return self.illumination_of(block)
-        return AmplitudeNodes.of_block(self.lit.illumination.pattern, block)
+        return amplitude_nodes(self.lit.illumination.pattern, block, self.beams.n_weighed)
 
     def image_operations(self, n_echoes: int, n_images: int = 1) -> dict[str, float]:
         """How often forming sub-aperture images does the operations of `CostModel`.
@@ -147,6 +146,8 @@ class SubaperturePlan(Plan):
             return lattice.operations(n_echoes, n_pixels)
         span = coarse.n_alpha * coarse.alpha_spacing
         counts = beams.operations(n_echoes, lattice, n_pixels, span, n_images)
+        if beams.n_weighed:
+            counts['lit_knot'] = counts['lit_image'] * self.lit.n_knots(coarse, beams.segment)
         relative_bandwidth = (n_bins * self.radar.wavelength_m
                               / (2 * lattice.n_cells * lattice.cell_m))
         half = min(n_bins, lattice.n_cells) / 2
@@ -268,7 +269,8 @@ class _Planner:
                 paths, polar.lines(*polar.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE))[0])
         bands = local_spectrum(polar, tx_m, rx_m, radar, self.illumination,
                                self.coverage.wanted_ranges)
-        lit = self.illumination and LitError(polar, radar, tx_m, rx_m, self.illumination)
+        lit = self.illumination and LitError(polar, radar, tx_m, rx_m, self.illumination,
+                                             self.target_db)
         sampling = self._sampling(bands, paths, length, ratio, lit)
         grid = UnifiedPolarGrids(
             *vars(sampling.sizes).values(), bands.half_range, radar.carrier_hz,
@@ -281,10 +283,9 @@ class _Planner:
             dataclasses.replace(paths, parts=tuple(sorted(first))), grid.coarse.range_spacing_m,
             source.n_samples + (0 if source.periodic else _PADDING),
             remaining_db(self.target_db, sampling.error_db))
-        beams = self._cost(grid.coarse, lattice, range_m).choose_beams(sampling.pulses)
+        beams = self._cost(grid.coarse, lattice, range_m, lit).choose_beams(sampling.pulses)
         if lit is not None:
-            lattice, lit = lit.plan(grid.coarse, lattice, beams, sampling.pulses,
-                                    self.target_db)
+            lattice, lit = lit.plan(grid.coarse, lattice, beams, sampling.pulses)
         warnings = self._cut_warnings(paths.of_lit(paths.length),
                                       grid.fine_range_guard * polar.range_spacing_m)
         return SubaperturePlan(polar, given, source, self.n_samples, tx_m.shape[1], sampling, grid,
@@ -311,10 +312,10 @@ class _Planner:
                 'over this aperture; use exact backprojection')
         lengths, left_db = (length,) if length else LENGTHS, self.target_db - _MARGIN_DB
         if lit is not None:
-            lengths = lengths if length else lit.short_enough(lengths, self.target_db)
-            left_db = remaining_db(left_db, lit_budget_db(self.target_db))
+            lengths = lengths if length else lit.short_enough(lengths)
+            left_db = remaining_db(left_db, lit.budget_db)
         sampling = choose_sampling(polar, bands, self.tx_m, self.rx_m, lengths,
-                                   self._cost(usual, lattice, bands.range_m),
+                                   self._cost(usual, lattice, bands.range_m, lit),
                                    remaining_db(left_db, self._lattice_db),
                                    self.coverage, ratio)
         if sampling is None:
@@ -324,11 +325,12 @@ class _Planner:
                 'scene, or use exact backprojection')
         return sampling
 
-    def _cost(self, grid, lattice, range_m) -> SubapertureCost:
+    def _cost(self, grid, lattice, range_m, lit) -> SubapertureCost:
         padding_m = math.inf if self.band else _PADDING * self.radar.sample_spacing_m
         return SubapertureCost(grid, self.polar.n_alpha * self.polar.alpha_spacing, self.radar,
                                lattice, self.tx_m, self.rx_m, self._lattice_db,
-                               range_m[1] - range_m[0], padding_m)
+                               range_m[1] - range_m[0], padding_m,
+                               *([] if lit is None else [lit.n_weighed]))
 
     def _lattice(self, paths, spacing, n_samples, *more_db) -> RangeResampling:
         """Lattice with the usual error, or where there is none, with one of `more_db`."""

@@ -11,14 +11,17 @@ import numpy as np
 
 from sar_imaging.backends import CUDA, backend
 from sar_imaging.device_arrays import alike, zeros_beside
+from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.memory import check_memory
 from sar_imaging.planning.afbp.beams import BeamSampling
 from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
+from sar_imaging.planning.afbp.lit_subapertures import LitSubapertures
 from sar_imaging.planning.afbp.plan import AfbpPlan, plan_afbp
 from sar_imaging.planning.baselines.ffbp_choice import plan_ffbp
 from sar_imaging.planning.costs import DEFAULT, using
 from sar_imaging.planning.exact.backprojection import BackprojectionPlan, plan_backprojection
 from sar_imaging.planning.exact.polar_image import plan_polar
+from sar_imaging.planning.lit_pairs import LEAST_DB
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.tools.costs.scenes import DEVICE, PROCESSOR, Scene, Scenes
 
@@ -27,6 +30,7 @@ IMAGE_OVERHEAD, FUSION_OVERHEAD = 'subaperture, its image', 'subaperture, its fu
 
 _NEVER, _ALWAYS = 1e9, 1e-6  # costs that choose ways
 _SAMPLE_BYTES = 8
+_APART, _WIDE_RAD = (16, 1), 1.0  # segments between knots of amplitudes; of an antenna
 
 
 @dataclasses.dataclass(frozen=True)
@@ -185,6 +189,8 @@ class _Experiments:
         for changed in ({}, {'segment': 16}, finer):  # of a few rows: what pixels and cells take
             yield self._image(dataclasses.replace(planned, **changed), plan,
                               whole.select(slice(0, 4)))
+        for apart in _APART:
+            yield self._lit_image(planned, plan, whole.select(slice(0, 4)), apart)
 
     def _image(self, beams: BeamSampling | None, plan: AfbpPlan, some: PulseBlock) -> Experiment:
         stage = dataclasses.replace(plan.subapertures, beams=beams)
@@ -192,6 +198,18 @@ class _Experiments:
         out = image.image(0, some)
         counts = {**stage.image_operations(some.n_pulses * some.n_channels), IMAGE_OVERHEAD: 1}
         return self._experiment('beams', counts, lambda: image.image(0, some, None, out))
+
+    def _lit_image(self, beams: BeamSampling, plan: AfbpPlan, some: PulseBlock, apart: int
+                   ) -> Experiment:
+        """With an antenna that lights everything, its amplitudes at knots so far apart."""
+        some = dataclasses.replace(some, pointing=Pointing.steered(some.phase_centre_m,
+                                                                   plan.grid.centre_m))
+        light = Illumination.of_pulses(AntennaPattern(PatternCut.gaussian(_WIDE_RAD)),
+                                       some.pointing, some.tx_m, some.rx_m)
+        lit = LitSubapertures(light, frozenset((0,)), apart, None, 1.0, LEAST_DB)
+        stage = dataclasses.replace(plan.subapertures, lit=lit)
+        return self._image(dataclasses.replace(beams, n_weighed=1),
+                           dataclasses.replace(plan, subapertures=stage), some)
 
     def _fusion(self, plan: AfbpPlan) -> Experiment:
         stage = plan.subapertures

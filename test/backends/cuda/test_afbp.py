@@ -30,12 +30,13 @@ def plan(scene):
                      target_db=TARGET_DB, pulses_per_subaperture=8).subapertures
 
 
-def from_beams(plan, block, group=8):
-    """The plan by way of beams, so many of which share phases."""
+def from_beams(plan, block, group=8, n_weighed=0):
+    """The plan by way of beams, so many of which share phases; images that are weighed apart."""
     some = block.select(plan.sampling.pulses[0])
     beams = plan_beams(plan.coarse, plan.radar, plan.lattice, [(some.tx_m[:, 0], some.rx_m[:, 0])],
                        TARGET_DB, plan.range_m[1] - plan.range_m[0])
-    return dataclasses.replace(plan, beams=dataclasses.replace(beams, group=group))
+    return dataclasses.replace(plan, beams=dataclasses.replace(
+        beams, group=group, n_weighed=n_weighed))
 
 
 @pytest.mark.parametrize(('group', 'agree_db'), [
@@ -54,21 +55,30 @@ def test_images_from_beams_are_those_of_the_formulas(scene, plan, error_db, grou
         backend('cuda').SubapertureImager(plan).image(2, some)
 
 
-def test_images_of_lit_echoes(scene, error_db):
-    """From beams as of the formulas, directly as of the processor; one pulse lights little."""
-    squint = 0.05 * np.linspace(-1.0, 1.0, 16) + 0.4 * (np.arange(16) == 7)
-    block = dataclasses.replace(scene.block, pointing=Pointing(np.stack(
-        [np.cos(squint), np.sin(squint), 0 * squint], axis=-1)))
+@pytest.mark.parametrize('n_channels', [1, 2])
+def test_images_of_lit_echoes(scene, error_db, n_channels):
+    """From beams as of the formulas, directly as of the processor; one pulse lights little.
+
+    Neighbouring pulses are taken for channels of one, with beams of their own.
+    """
+    n = 16 // n_channels
+    squint = 0.05 * np.linspace(-1.0, 1.0, n) + 0.4 * (np.arange(n) == 7)
+    echoes = {name: getattr(scene.block, name).reshape(n, n_channels, -1)
+              for name in ('samples', 'tx_m', 'rx_m')}
+    block = dataclasses.replace(scene.block, **echoes, stamp_ns=scene.block.stamp_ns[:n],
+                                counter=scene.block.counter[:n], pointing=Pointing(np.stack(
+                                    [np.cos(squint), np.sin(squint), 0 * squint], axis=-1)))
     pattern = AntennaPattern(PatternCut.gaussian(0.3), PatternCut.cosine(0.5))
     light = Illumination.of_pulses(pattern, block.pointing, block.tx_m, block.rx_m)
     plan = plan_afbp(scene.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
-                     target_db=-40.0, pulses_per_subaperture=8, illumination=light).subapertures
+                     target_db=-40.0, pulses_per_subaperture=n // 2,
+                     illumination=light).subapertures
     assert plan.beams is None
     some = block.select(plan.sampling.pulses[0])
     found, wanted = (to_host(backend(name).SubapertureImager(plan).image(0, some))
                      for name in ('cuda', 'cpu'))
     assert error_db(found, wanted) < -100.0
-    plan = dataclasses.replace(from_beams(plan, block, 1), lit=dataclasses.replace(
+    plan = dataclasses.replace(from_beams(plan, block, 1, n_channels), lit=dataclasses.replace(
         plan.lit, lines=None, apart=1))
     found, wanted = (to_host(backend(name).SubapertureImager(plan).image(0, some))
                      for name in ('cuda', 'reference'))

@@ -62,16 +62,26 @@ class BeamformedSubaperture:
         self._lit_apart = 0 if plan.lit is None else plan.lit.apart
 
     def fill(self, samples, tx_m, rx_m, image, weights=None,
-             nodes: AmplitudeNodes | None = None) -> None:
+             nodes: tuple[AmplitudeNodes, ...] | None = None) -> None:
         """Image of some echoes at range baseband; the arguments are those of `PolarLines.fill`.
 
-        But for `nodes`, in place of an illumination.
+        But for `nodes`, of each image that makes this one, in place of an illumination.
 
         Raises
         ------
         ValueError
             The plane is too steep below the echoes for their directions to be told apart.
         """
+        n = len(nodes) if nodes else 1
+        for part in range(n):
+            some = slice(part, None, n)
+            to = self._buffer('part', image.shape, np.float32) if part else image
+            self._fill(np.ascontiguousarray(samples[some]), tx_m[some], rx_m[some], to,
+                       weights if weights is None else weights[some], nodes and nodes[part])
+            if part:
+                image += to
+
+    def _fill(self, samples, tx_m, rx_m, image, weights, nodes: AmplitudeNodes | None) -> None:
         geometry = CompiledBeamGeometry.of(self._polar, self._edges, tx_m, rx_m)
         if geometry is None:
             raise ValueError(f'the imaging plane, {self._polar.z_m:g} m high, is too steep below '

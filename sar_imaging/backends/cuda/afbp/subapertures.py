@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -48,8 +49,10 @@ class SubapertureImager:
     @property
     def image_bytes(self) -> int:
         """Memory of the device that a sub-aperture takes besides its echoes."""
-        coarse = self.plan.coarse
-        return self._beams.image_bytes if self._beams else 8 * coarse.n_alpha * coarse.n_range
+        coarse, beams = self.plan.coarse, self.plan.beams
+        if beams is None:
+            return 8 * coarse.n_alpha * coarse.n_range
+        return self._beams.image_bytes * max(1, beams.n_weighed)
 
     @reports_failures
     def image(self, number: int, block: PulseBlock, weights=None, out=None):
@@ -65,14 +68,14 @@ class SubapertureImager:
 
     @reports_failures
     def project(self, samples, tx_m, rx_m, weights=None,
-                light: Illumination | AmplitudeNodes | None = None):
+                light: Illumination | tuple[AmplitudeNodes, ...] | None = None):
         """The same of samples that may lie on the device, unchecked; see `project_all`."""
         return self.project_all(samples, tx_m, rx_m, [slice(0, len(samples))], weights,
                                 [light])[0]
 
     @reports_failures
     def project_all(self, samples, tx_m, rx_m, pulses: Sequence[slice], weights=None,
-                    lights: Sequence[Illumination | AmplitudeNodes | None] | None = None):
+                    lights: Sequence[Illumination | tuple[AmplitudeNodes, ...]] | None = None):
         """Images of some sub-apertures, in few launches where they come from beams.
 
         Parameters
@@ -100,10 +103,28 @@ class SubapertureImager:
         if self._beams:
             window = (xp.ones(len(echoes), np.float32) if weights is None else
                       xp.asarray(np.repeat(weights, n).astype(np.float32)))
-            return self._beams.images(echoes, window, pieces, tx_m, rx_m, lights)
+            if not plan.beams.n_weighed:
+                return self._beams.images(echoes, window, pieces, tx_m, rx_m, lights)
+            return self._weighed(echoes, window, pieces, tx_m, rx_m, lights)
         if weights is not None:
             echoes = echoes * xp.asarray(np.repeat(weights, n))[:, None]
         images = xp.zeros((len(pieces), 2, *plan.coarse.shape), np.float32)
         for image, piece, light in zip(images, pieces, lights, strict=True):
             self._lines.add(echoes[piece], tx_m[piece], rx_m[piece], image.reshape(-1), light)
         return images
+
+    def _weighed(self, echoes, window, pieces: Sequence[slice], tx_m, rx_m,
+                 lights: Sequence[tuple[AmplitudeNodes, ...]]):
+        """Images from beams as sums of those that are weighed alike, such as each channel's."""
+        n = self.plan.beams.n_weighed
+        if n > 1:
+            parts = [np.arange(piece.start + part, piece.stop, n) for piece in pieces
+                     for part in range(n)]
+            ends = np.cumsum([0, *map(len, parts)]).tolist()
+            pieces = [slice(*some) for some in itertools.pairwise(ends)]
+            order = np.concatenate(parts)
+            there = xp.asarray(order)
+            echoes, window, tx_m, rx_m = echoes[there], window[there], tx_m[order], rx_m[order]
+        images = self._beams.images(echoes, window, pieces, tx_m, rx_m,
+                                    [nodes for light in lights for nodes in light])
+        return images if n == 1 else images.reshape(-1, n, *images.shape[1:]).sum(axis=1)
