@@ -230,10 +230,10 @@ def read_description(path: Path | str, changes: Mapping[str, object] | None = No
     Examples
     --------
     >>> from sar_imaging.loading import find_description, read_description
-    >>> rail = read_description(find_description('team5_rail'), {'alignment.time_offset_s': 9.3})
+    >>> rail = read_description(find_description('team6_rail'), {'alignment.time_offset_s': 9.3})
     >>> rail.text('name'), rail.section('alignment', ['time_offset_s', 'range_bias_m']).number(
     ...     'time_offset_s')
-    ('team5_rail', 9.3)
+    ('team6_rail', 9.3)
     """
     try:
         check_file(path, MOST_BYTES)

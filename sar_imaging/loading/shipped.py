@@ -19,8 +19,8 @@ def shipped_names() -> list[str]:
     Examples
     --------
     >>> from sar_imaging.loading import shipped_names
-    >>> [name for name in shipped_names() if 'rail' in name]
-    ['team5_rail', 'team6_rail', 'team6_rail_fitted']
+    >>> [name for name in shipped_names() if 'arcsar' in name]
+    ['arcsar', 'arcsar_7']
     """
     return sorted(path.stem for path in _folder().glob('*.yaml'))
 
