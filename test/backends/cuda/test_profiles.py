@@ -13,16 +13,17 @@ from sar_imaging.planning.profiles.range_gate import RangeGate
 from sar_imaging.planning.profiles.range_resampling import RangeResampling
 
 
-@pytest.mark.parametrize(('history', 'n_phases', 'degree', 'fold'), [
-    (False, 1, 3, 0), (False, 2, 4, 5), (True, 2, 4, 5)])
-def test_polynomials_are_the_profiles(make_scene, error_db, history, n_phases, degree, fold):
+@pytest.mark.parametrize(('history', 'first', 'n_phases', 'degree', 'fold'), [
+    (False, 3, 1, 3, 0), (False, 3, 2, 4, 5), (False, -9, 1, 3, 0), (True, 0, 2, 4, 5)])
+def test_polynomials_are_the_profiles(make_scene, error_db, history, first, n_phases, degree,
+                                      fold):
     scene = make_scene(500.0, n=16, pulses=2, history=history)
     block, samples = scene.block, scene.echoes[0]
     if history:
         source = PhaseHistory(block.radar, block.n_samples)
     else:
-        source = RangeGate(block.radar, 3, block.n_samples - 10, block.radar.range_start_m
-                           + 3 * block.radar.sample_spacing_m, 6, 8)
+        source = RangeGate(block.radar, first, block.n_samples - 10, block.radar.range_start_m
+                           + first * block.radar.sample_spacing_m, 6 if first > 0 else 0, 8)
     n_padded = source.n_samples if history else source.n_samples + 20
     radar, n_cells = source.radar, n_padded * 2 // n_phases
     step_m = n_padded * radar.sample_spacing_m / (n_cells * n_phases)
