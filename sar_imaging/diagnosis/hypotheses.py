@@ -224,8 +224,9 @@ def clock_offset(offset_s: float) -> Hypothesis:
     return Hypothesis(
         'clock offset', f'the clocks of pulses and positions are probably {abs(offset_s):.2g} s '
         'apart: a pulse stamped t was sent where the platform is said to be at t '
-        f'{sign} {abs(offset_s):.2g} s; correct the stamps, set pose.time_offset_s, or use '
-        'autofocus', lambda b: [with_offset(b, offset_s)])
+        f'{sign} {abs(offset_s):.2g} s; add {offset_s:+.2g} to pose.time_offset_s of the node, or '
+        'to alignment.time_offset_s of `sar-imaging load`, or correct the stamps',
+        lambda b: [with_offset(b, offset_s)])
 
 
 def clock_drift(rate: float) -> Hypothesis:
@@ -241,8 +242,9 @@ def wrong_slope(factor: float, radar: RadarParameters) -> Hypothesis:
     """The slope of the ramp is another one than `radar` says."""
     right = factor * radar.chirp_rate_hz_per_s
     return Hypothesis(
-        'wrong slope', f'the slope of the ramp (chirp_rate_hz_per_s) is probably {right:.4g} '
-        f'Hz/s, {factor:.3g} times what is given', lambda b: [with_slope(b, factor)],
+        'wrong slope', f'the slope of the ramp is probably {right:.4g} Hz/s, {factor:.3g} times '
+        'what is given; set slope_hz_per_s of the description of `sar-imaging load`, or '
+        'chirp_rate_hz_per_s of the pulses', lambda b: [with_slope(b, factor)],
         of_samples=True)
 
 

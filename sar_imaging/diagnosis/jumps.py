@@ -43,7 +43,7 @@ def jump_findings(block: PulseBlock) -> list[Finding]:
     time_s = 1e-9 * (block.stamp_ns - block.stamp_ns[0])
     between_s = (time_s[1:] + time_s[:-1]) / 2
     step_m = np.linalg.norm(np.diff(block.phase_centre_m, axis=0), axis=1)
-    jumps_s = between_s[_jumps(step_m)]
+    jumps_s = between_s[jumps(step_m)]
     if len(jumps_s) < 2:
         return []
     change = _change(block)
@@ -59,7 +59,7 @@ def jump_findings(block: PulseBlock) -> list[Finding]:
         'deviations of their changes from pulse to pulse, but at other times'), mistake.advice)]
 
 
-def _jumps(step_m: np.ndarray) -> np.ndarray:
+def jumps(step_m: np.ndarray) -> np.ndarray:
     """(K,) steps (N,) of positions that are jumps; those next to each other are one."""
     at = np.flatnonzero(step_m > _JUMP * np.median(step_m))
     if len(at) > max(2, _MOST_JUMPS * len(step_m)):

@@ -30,6 +30,7 @@ from .coherence import (
     resolved,
     values_at,
 )
+from .jumps import jumps
 from .signals import Finding
 from .thorough import one_channel
 
@@ -117,9 +118,11 @@ def find_lever_arm(block: PulseBlock, attitude: Rotation, grid: MapGrid, *,
     Returns
     -------
     LeverArm or None
-        None where the platform does not turn enough to tell any.
+        None where the platform does not turn enough to tell any, and for the rows of a raster: a
+        phase that grows evenly over their pulses does not displace the image alone.
     """
-    if block.n_pulses < _FEWEST_PULSES:
+    step_m = np.linalg.norm(np.diff(block.phase_centre_m, axis=0), axis=1)
+    if block.n_pulses < _FEWEST_PULSES or len(jumps(step_m)) > 1:
         return None
     directions, blur_rad = _directions(block, attitude, grid)
     if not len(directions):

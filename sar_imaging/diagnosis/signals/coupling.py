@@ -13,6 +13,7 @@ from .finding import Finding
 _FEWEST = 32
 _STILL = 10.0  # power of what stays over that of what changes, in the same range bin
 _STRONG = 1.0  # power of what stays over the strongest that changes
+_AS_STRONG = 0.8  # of the largest power
 _MOVED = 4.0  # wavelengths that the platform has to move
 _MOST_PULSES = 512
 
@@ -58,7 +59,8 @@ def coupling_findings(block: PulseBlock) -> list[Finding]:
     stays = np.square(np.abs(profiles.mean(axis=0)))
     changes = np.mean(np.square(np.abs(profiles), dtype=float), axis=0) - stays
     ratio = np.where(stays > _STILL * changes, stays, 0.0).max(axis=0)
-    at = int(ratio.argmax())
+    # profiles of ramps are periodic: the nearest of places that are as strong
+    at = int(np.flatnonzero(ratio >= _AS_STRONG * ratio.max())[0])
     strongest = float(changes.max())
     if ratio[at] <= _STRONG * strongest:
         return []

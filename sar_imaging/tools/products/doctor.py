@@ -150,7 +150,8 @@ def describe(block: PulseBlock, findings: Sequence[Finding], examination: Examin
     looked = ['times and channels' if block.compressed else 'samples, times and channels']
     if examination.diagnosis is not None:
         looked.append(f'focus of the image (figure {examination.diagnosis.coherence:.2f})')
-    lines = [f'{block.n_pulses} pulses, {block.n_channels} channels, {block.n_samples} samples: '
+    channels = f'{block.n_channels} channel{"s" if block.n_channels > 1 else ""}'
+    lines = [f'{block.n_pulses} pulses, {channels}, {block.n_samples} samples: '
              f'looked at {" and ".join(looked)}']
     if block.compressed:
         lines.append('these are range profiles: clipping and errors of I and Q show in raw '
