@@ -93,5 +93,8 @@ def test_workflows_call_what_the_makefile_has(path):
 def test_docs_ros_org_builds_these_pages():
     kind, settings = yaml.safe_load_all((ROOT / 'rosdoc2.yaml').read_text())
     assert kind == {'type': 'rosdoc2 config', 'version': 1}
-    assert [b['sphinx']['user_doc_dir'] for b in settings['builders'] if 'sphinx' in b] == ['docs']
+    [builder] = settings['builders']
+    # rosdoc2 refuses builders without `output_dir`, and keys that it does not know
+    assert set(builder['sphinx']) == {'name', 'sphinx_sourcedir', 'output_dir'}
+    assert builder['sphinx']['sphinx_sourcedir'] == 'docs'
     assert '<rosdoc2>rosdoc2.yaml</rosdoc2>' in (ROOT / 'package.xml').read_text()
