@@ -15,6 +15,7 @@ _LEAST_LATE_S = 20e-6
 _HALF = 8  # pulses on each side of one whose neighbours tell its time
 _SCATTER = 1.48  # standard deviation of normal numbers over their median magnitude
 _SHARED = 0.5  # of the pulses, that have the stamp of the one before
+_REGULAR = 0.95  # of the frames, that have as many pulses as most
 
 
 def timing_findings(block: PulseBlock) -> list[Finding]:
@@ -51,8 +52,9 @@ def timing_findings(block: PulseBlock) -> list[Finding]:
     shared = _frames(counter, time_s)
     found = [_lost(counter), shared]
     if shared is None:
-        late = _receipt(counter, time_s)
-        found += [_backward(time_s), late or _gaps(counter, time_s)]
+        found.append(_backward(time_s))
+        what, counter, time_s = _rhythm(counter, time_s)
+        found.append(_receipt(what, counter, time_s) or _gaps(what, counter, time_s))
     return [finding for finding in found if finding is not None]
 
 
@@ -68,8 +70,23 @@ def _lost(counter: np.ndarray) -> Finding | None:
         'account, but their sidelobes rise')
 
 
-def _gaps(counter: np.ndarray, time_s: np.ndarray) -> Finding | None:
-    """Pauses between pulses whose numbers follow each other."""
+def _rhythm(counter: np.ndarray, time_s: np.ndarray) -> tuple[str, np.ndarray, np.ndarray]:
+    """Frames, by their first pulses, of a radar that pauses after each; else its pulses.
+
+    Returns their name, numbers and times, seconds.
+    """
+    steps = np.diff(time_s) / np.diff(counter).clip(1)
+    starts = 1 + np.flatnonzero(steps > _GAP * np.percentile(steps, 25))  # half, of two pulses
+    if len(starts) >= _FEWEST:
+        since = counter[starts] - counter[starts[0]]
+        length = int(np.median(np.diff(since)))
+        if length > 1 and np.mean(since % length == 0) >= _REGULAR:
+            return 'frames', since // length, time_s[starts]
+    return 'pulses', counter, time_s
+
+
+def _gaps(what: str, counter: np.ndarray, time_s: np.ndarray) -> Finding | None:
+    """Pauses between pulses, or frames, whose numbers follow each other."""
     steps = np.diff(time_s)
     following = np.diff(counter) == 1
     around = median_around(steps, _HALF)
@@ -78,7 +95,7 @@ def _gaps(counter: np.ndarray, time_s: np.ndarray) -> Finding | None:
         return None  # none, or the rhythm of the radar
     missing = int(np.rint(steps[odd] / around[odd] - 1).sum())
     return Finding('lost pulses without gaps in their numbers', (
-        f'{np.count_nonzero(odd)} pauses hold about {missing} pulses more, although the '
+        f'{np.count_nonzero(odd)} pauses hold about {missing} {what} more, although the '
         'numbers of the pulses follow each other'),
         'let the radar number its pulses, not the program that receives them: positions by '
         'number are wrong after each pause')
@@ -97,7 +114,7 @@ def _frames(counter: np.ndarray, time_s: np.ndarray) -> Finding | None:
         'pulse repetition interval')
 
 
-def _receipt(counter: np.ndarray, time_s: np.ndarray) -> Finding | None:
+def _receipt(what: str, counter: np.ndarray, time_s: np.ndarray) -> Finding | None:
     """Stamps scatter as those do that a computer gives when data arrive."""
     interval = float(np.median(np.diff(time_s) / np.diff(counter).clip(1)))
     if interval <= 0 or len(time_s) < 4 * _HALF:
@@ -108,9 +125,10 @@ def _receipt(counter: np.ndarray, time_s: np.ndarray) -> Finding | None:
         return None
     return Finding('stamps of receipt', (
         f'stamps scatter by {1e3 * spread:.3g} ms around their trend, {spread / interval:.0%} '
-        f'of the interval between pulses, up to {1e3 * np.abs(late).max():.3g} ms'),
-        'stamp pulses by the clock of the radar, when they are sent; where it has none, fit a '
-        'line through the stamps of receipt and subtract the delay')
+        f'of the interval between {what}, up to {1e3 * np.abs(late).max():.3g} ms'),
+        'stamp pulses by the clock of the radar, when they are sent; where it has none, set '
+        "frames.stamp: receipt and frames.period_s in the description of a driver's messages, or "
+        'fit a line through the stamps of receipt and subtract the delay')
 
 
 def scatter_s(counter: np.ndarray, time_s: np.ndarray) -> np.ndarray:

@@ -114,6 +114,28 @@ def test_image_amplitude_is_that_of_the_errors(gain, phase_rad):
     assert abs(image_amplitude(z)[0]) < 1e-12
 
 
+def in_frames(block, length, late_s=0.0, paused=()):
+    """Pulses 0.2 ms apart in frames every 20 ms, whose stamps are late at random."""
+    frame, place = np.divmod(np.arange(block.n_pulses), length)
+    late = np.random.default_rng(5).uniform(0.0, late_s, frame[-1] + 1)[frame]
+    time_s = 0.02 * (frame + np.searchsorted(paused, frame)) + 2e-4 * place + late
+    return dataclasses.replace(block, stamp_ns=np.rint(1e9 * time_s).astype(np.int64))
+
+
+@pytest.mark.parametrize('length', [2, 4, 8])
+def test_frames_of_several_pulses_have_a_rhythm_and_faults_of_their_own(length):
+    """As drivers of TI and Infineon boards send them: their pauses were taken for late stamps."""
+    block = right_case(0).block
+    right = in_frames(block, length)
+    assert timing_findings(right) == []
+    whole = np.delete(np.arange(block.n_pulses), slice(5 * length, 7 * length))  # frames lost
+    assert [f.fault for f in timing_findings(right.select(whole))] == ['lost pulses']
+    [late] = timing_findings(in_frames(block, length, late_s=5e-3))
+    assert late.fault == 'stamps of receipt' and 'of the interval between frames' in late.evidence
+    [lost] = timing_findings(in_frames(block, length, paused=[9, 14]))
+    assert lost.evidence.startswith('2 pauses hold about 2 frames more')
+
+
 def test_stamps_of_receipt_are_measured():
     block = right_case(1).block
     interval = np.median(np.diff(block.stamp_ns))
