@@ -30,7 +30,7 @@ def constant_of(parameters: Mapping[str, object]) -> RadarConstant | None:
                          'radar-constant` measures one')
     if quantity == NONE:
         return None
-    if parameters.get('mode') == 'volume' and quantity != 'rcs':
+    if quantity != 'rcs' and _forms_volumes(parameters):
         raise ValueError(f'{QUANTITY}={quantity} in mode volume, whose cells have no area of '
                          'ground; expected rcs, the cross section of a point in each cell, or '
                          'mode image')
@@ -40,6 +40,13 @@ def constant_of(parameters: Mapping[str, object]) -> RadarConstant | None:
         return RadarConstant.load(file)
     except ValueError as error:
         raise ValueError(f'{FILE}: {error}') from error
+
+
+def _forms_volumes(parameters) -> bool:
+    try:
+        return parameters['mode'] == 'volume'
+    except KeyError:  # of a node without modes; values of a node know no `get`
+        return False
 
 
 def check_radiometry(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:

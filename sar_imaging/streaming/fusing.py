@@ -61,6 +61,7 @@ class Header:
     stamp_ns: int
     centre_m: float
     error: float
+    share: float
 
     @property
     def length(self) -> int:
@@ -95,7 +96,7 @@ class Fusing:
                         sub.centre_m)
         self.headers[sub.number] = Header(sub.first_counter, sub.n_pulses, sub.n_missing,
                                            sub.stamp_ns, sub.centre_m,
-                                           10 ** (sub.predicted_error_db / 10))
+                                           10 ** (sub.predicted_error_db / 10), _share(sub))
         if sub.number > self.newest:
             self.newest, self.aperture = sub.number, sub.aperture
         self.imaged = False
@@ -154,7 +155,8 @@ class Fusing:
             polar = to_host(polar)
             focused, told = focus(polar[0] + 1j * polar[1], self.fusion.grid, self._ends_m())
             polar = np.stack([focused.real, focused.imag])
-        error = np.average([h.error for h in headers], weights=[h.n_pulses for h in headers])
+        shares = [h.share for h in headers]
+        error = np.average([h.error for h in headers], weights=shares if any(shares) else None)
         image = self._backend.form_map(polar, self.fusion.grid, self.grid, centre_m)
         return FusedImage(to_host(image), self.grid, self.stamp_ns(final=final), self.aperture,
                           n_pulses, n_missing, len(self.headers), final, 10 * math.log10(error),
@@ -167,6 +169,16 @@ class Fusing:
         step = (last.centre_m - first.centre_m) / max(pulses, 1.0)
         ends = first.centre_m - step * first.length / 2, last.centre_m + step * last.length / 2
         return min(ends), max(ends)
+
+
+def _share(sub: SubapertureImage) -> float:
+    """Its part in the power of the fused image, in one unit for all of an aperture.
+
+    Antennas light one sub-aperture more than another; else each pulse has the same part.
+    """
+    if sub.ends is None or not sub.ends.weighted:
+        return float(sub.n_pulses)
+    return float((abs(sub.image) ** 2).mean())
 
 
 def kind_of(sub: SubapertureImage) -> tuple:

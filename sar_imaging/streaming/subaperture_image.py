@@ -131,7 +131,8 @@ class SubapertureImage:
     stamp_ns : int
         Time of the middle of the sub-aperture, nanoseconds since the epoch of the pulses' clock.
     predicted_error_db : float
-        Expected error of the fused image on the map against exact correlation, dB.
+        Expected error of the fused image on the map against exact correlation, dB. With
+        illumination that of the sub-aperture's part, relative to its own power.
     ends : SubapertureEnds or None
         Where its pulses were sent; None where the sender does not tell.
 

@@ -312,13 +312,15 @@ class LiveSubapertures(ApertureSequence):
         counts = [self._count_parts(target.first + i) for i in range(target.n_apertures)]
         before = sum(counts[:aperture.number - target.first])
         plan, (image, uneven_db) = target.stage.plan, target.stage.image(block)
+        error_db += max(uneven_db + min(power_db, 0.0), 0.0)
+        if self._pattern is not None:  # of its own brightness, which the fusion measures
+            error_db = min(error_db - power_db, 0.0)
         return SubapertureImage(
             image, plan.subapertures.fusion_grid, centre_m, plan.grid, block.radar.bandwidth_hz,
             self._session, target.sequence, target.revision, aperture.number,
             before + part.start // self._cut, sum(counts), counts[0],
             aperture.first + part.start, block.n_pulses, part.stop - part.start - block.n_pulses,
-            len(target.apertures[0].seen), aperture.centre_ns(part),
-            error_db + max(uneven_db + min(power_db, 0.0), 0.0),
+            len(target.apertures[0].seen), aperture.centre_ns(part), error_db,
             SubapertureEnds.of(block, weighted=self._pattern is not None))
 
     def _count_parts(self, number: int) -> int:

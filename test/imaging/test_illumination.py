@@ -196,6 +196,17 @@ def test_wrong_use_is_told():
                    method='afbp')(turning)
 
 
+def test_long_subapertures_that_were_asked_for_are_warned_of():
+    """13 pulses light a pixel of this case: 14 in a sub-aperture err 7 dB more than predicted."""
+    case = lit_case(111008)
+    rng = np.random.default_rng([111008, 3])
+    pattern = AntennaPattern(case.cut(rng.uniform(0.5, 8.0)))
+    imager = plan_image(case.grid, case.block.radar, case.block.n_samples, method='afbp',
+                        target_db=-60.0, illumination=pattern, pulses_per_subaperture=16)
+    assert any('14 pulses are long for the 13.3 that light' in text
+               for text in imager(case.block).report.warnings)
+
+
 def test_a_spaceborne_stripmap_is_that_of_the_closed_form():
     """30 s of flight, 0.64 s in the beam: azimuth width, peak, and contrast over noise."""
     strip = Stripmap(carrier_hz=1.25e9, bandwidth_hz=1.5e6, repetition_hz=300.0, in_beam_s=0.64,

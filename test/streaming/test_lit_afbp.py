@@ -8,12 +8,14 @@ import pytest
 from benchmarks.prediction_campaign import form_live
 from benchmarks.support.lit_cases import lit_case
 from sar_imaging.geometry.illumination import AntennaPattern, PatternCut, Pointing
+from sar_imaging.planning.costs import DEFAULT, using
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.streaming.fusion import LiveFusion
 
 from .conftest import LENGTH, events_of, fuse, make_stage, pieces_of, subapertures_of
 
 # 40 m of the scene, which is 16 m wide, 1 km from a track of 58 m: all of it for a while
+FEW_BEAMS = dataclasses.replace(DEFAULT, line_pixel=50.0)  # pulses added one by one are dear
 PATTERN = AntennaPattern(PatternCut.sinc(0.04))
 TARGET_DB = -55.0
 
@@ -68,15 +70,20 @@ def test_windows_of_a_sliding_aperture(fly):
         check(case, block, image)
 
 
-def test_a_turn_that_was_not_foreseen_is_planned_anew(fly):
-    """The antenna looks away and comes back: dark sub-apertures add nothing, others are right."""
+@pytest.mark.parametrize('costs', [DEFAULT, FEW_BEAMS], ids=['pulses', 'beams'])
+def test_a_turn_that_was_not_foreseen(fly, costs):
+    """The antenna looks away and comes back: dark sub-apertures add nothing, others are right.
+
+    Where beams add pulses before their amplitudes are known, the aperture is planned anew.
+    """
     case = fly()
     number = np.arange(2 * LENGTH)
     away = 0.2 * np.clip(np.minimum(number - 40, 150 - number) / 24, 0, 1)
     block = looking(case.block, away)
     stage = make_stage(case, target_db=TARGET_DB, illumination=PATTERN, pulses_per_subaperture=8)
-    subapertures = subapertures_of(stage, pieces_of(block.select(slice(0, LENGTH))))
-    assert stage.statistics.plans_anew
+    with using(costs):
+        subapertures = subapertures_of(stage, pieces_of(block.select(slice(0, LENGTH))))
+    assert bool(stage.statistics.plans_anew) == (costs is FEW_BEAMS)
     dark = [not s.image.any() for s in subapertures if s.first_counter >= 64]
     assert len(dark) >= 4 and all(dark)
     [image] = fuse(LiveFusion(), subapertures)
@@ -96,8 +103,9 @@ def test_pulses_must_tell_where_the_antenna_looked(fly):
 def test_a_pattern_that_lights_all_alike_changes_nothing(fly):
     case = fly()
     block = looking(case.block, 0.0 * np.arange(2 * LENGTH)).select(slice(0, LENGTH))
-    [lit], [bare] = (images_of(case, block, illumination=pattern, pulses_per_subaperture=16)[0]
-                     for pattern in (AntennaPattern(PatternCut.everywhere()), None))
+    with using(FEW_BEAMS):  # the same plan for both, though amplitudes take time
+        [lit], [bare] = (images_of(case, block, illumination=pattern, pulses_per_subaperture=16)[0]
+                         for pattern in (AntennaPattern(PatternCut.everywhere()), None))
     # amplitudes of 1 may change roundings, in float32
     assert np.linalg.norm(lit.image - bare.image) <= 1e-5 * np.linalg.norm(bare.image)
 

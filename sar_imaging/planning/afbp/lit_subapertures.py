@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -205,23 +206,33 @@ class LitError:
     def short_enough(self, lengths) -> tuple[int, ...]:
         """Those of some lengths of sub-apertures, ascending, of which several light a pixel.
 
-        Where a part of one lights it, frequencies lie at one end of the band, where the fusion
-        errs most: up to 8 dB more than predicted where one or two light it in part.
-
         Raises
         ------
         ValueError
             None is short enough.
         """
-        if self.share > _EVERYWHERE:
-            return lengths
-        found = tuple(n for n in lengths if _LEAST_LIT * n <= self.n_pulses)
+        found = tuple(n for n in lengths if not self.too_long(n))
         if not found:
             raise ValueError(
                 f'{self.n_pulses:.1f} pulses light a pixel, on average, expected '
                 f'{_LEAST_LIT * lengths[0]} or more; use exact backprojection, which leaves '
                 'dark pulses out')
         return found
+
+    def too_long(self, length: int) -> bool:
+        """Whether few sub-apertures of a length light a pixel, and some of them in part.
+
+        Frequencies of a part lie at one end of the band, where the fusion errs most: up to 8 dB
+        more than predicted where one or two light a pixel in part.
+        """
+        return self.share <= _EVERYWHERE and _LEAST_LIT * length > self.n_pulses
+
+    def length_warnings(self, length: int) -> Iterator[str]:
+        """What to tell of sub-apertures whose length was chosen by others."""
+        if self.too_long(length):
+            yield (f'sub-apertures of {length} pulses are long for the {self.n_pulses:.1f} that '
+                   'light a pixel, on average: the error may be several dB above the prediction; '
+                   f'take {1 / _LEAST_LIT:.0%} of these at most, or use exact backprojection')
 
     def n_weighed(self, pulses) -> int | None:
         """In how few images from beams echoes are weighed well enough, see `BeamSampling`.

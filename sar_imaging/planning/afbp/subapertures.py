@@ -284,10 +284,11 @@ class _Planner:
             source.n_samples + (0 if source.periodic else _PADDING),
             remaining_db(self.target_db, sampling.error_db))
         beams = self._cost(grid.coarse, lattice, range_m, lit).choose_beams(sampling.pulses)
+        warnings = [*self._cut_warnings(paths.of_lit(paths.length),
+                                        grid.fine_range_guard * polar.range_spacing_m)]
         if lit is not None:
+            warnings += lit.length_warnings(sampling.pulses[0].stop - sampling.pulses[0].start)
             lattice, lit = lit.plan(grid.coarse, lattice, beams, sampling.pulses)
-        warnings = self._cut_warnings(paths.of_lit(paths.length),
-                                      grid.fine_range_guard * polar.range_spacing_m)
         return SubaperturePlan(polar, given, source, self.n_samples, tx_m.shape[1], sampling, grid,
                                lattice, beams, range_m, Limits.of(bands), tuple(warnings), lit)
 

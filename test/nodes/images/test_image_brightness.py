@@ -77,8 +77,8 @@ def test_a_trihedral_has_its_cross_section_in_every_product(make_chain, psf, con
     ({'radiometry.constant_file': 'radar.yaml'}, 'radiometry.quantity=none and'),
     ({'radiometry.quantity': 'sigma0', 'radiometry.constant_file': '/nowhere'},
      '/nowhere is no file of a radar constant'),
-    ({'radiometry.quantity': 'rcs', 'radiometry.constant_file': '', 'mode': VOLUME,
-      'volume.height': 2.0}, 'cells of a volume')])
+    ({'radiometry.quantity': 'sigma0', 'radiometry.constant_file': 'radar.yaml', 'mode': VOLUME,
+      'volume.height': 2.0}, 'cells have no area of ground; expected rcs')])
 def test_what_contradicts_itself_is_refused_in_one_line(parameters, text):
     with pytest.raises(ConfigurationError, match=text) as caught:
         make(BackprojectionStep, **parameters)
