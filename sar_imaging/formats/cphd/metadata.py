@@ -11,7 +11,7 @@ import sar_imaging
 from ...geometry.earth import ecef_to_geographic
 from ...geometry.grids import MapGrid
 from ..extras import require
-from .antennas import OF_CHANNEL, PARAMETERS
+from .antennas.writing import OF_CHANNEL, PARAMETERS
 from .collection import Collection, start_text
 from .container import PURPOSE
 from .errors import CphdError

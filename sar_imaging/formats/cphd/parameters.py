@@ -8,7 +8,7 @@ import numpy as np
 
 from ...geometry.earth import Datum
 from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
-from .antennas import PARAMETERS, WrittenAntenna
+from .antennas.writing import PARAMETERS, WrittenAntenna
 from .errors import CphdError
 from .vectors import NORMAL
 

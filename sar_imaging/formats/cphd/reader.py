@@ -11,7 +11,7 @@ from ...geometry.earth import Datum, ecef_to_geographic, geographic_to_ecef
 from ...geometry.grids import MapGrid
 from ...geometry.illumination import AntennaPattern, Pointing
 from ...signal.pulses import PulseBlock
-from .antennas import read_antenna
+from .antennas.reading import read_antenna
 from .collection import read_collection, read_start_ns
 from .container import Container
 from .errors import CphdError, reported

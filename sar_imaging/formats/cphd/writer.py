@@ -17,7 +17,7 @@ from ...signal.pulses import PulseBlock
 from ...signal.radar import SPEED_OF_LIGHT, Waveform
 from ...signal.range_compression import RangeCompressor
 from ..extras import require
-from .antennas import TABLE, WrittenAntenna
+from .antennas.writing import TABLE, WrittenAntenna
 from .collection import Collection
 from .container import PURPOSE
 from .errors import CphdError

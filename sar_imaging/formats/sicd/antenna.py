@@ -14,8 +14,8 @@ import numpy as np
 
 from ...geometry.earth import Datum
 from ..acquisition import Acquisition
-from ..cphd.antennas import WrittenAntenna
 from ..cphd.antennas.polynomials import TOLD_DB
+from ..cphd.antennas.writing import WrittenAntenna
 from .elements import Elements
 
 _logger = logging.getLogger(__name__)

@@ -4,8 +4,3 @@
 - `polynomials`: the main lobe as a polynomial, and how far that departs;
 - `reading`: antennas of files as our patterns and pointing.
 """
-
-from .reading import read_antenna
-from .writing import OF_CHANNEL, PARAMETERS, TABLE, WrittenAntenna
-
-__all__ = ['OF_CHANNEL', 'PARAMETERS', 'TABLE', 'WrittenAntenna', 'read_antenna']

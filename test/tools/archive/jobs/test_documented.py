@@ -16,7 +16,8 @@ def _examples():
 
 
 @pytest.mark.parametrize('text', _examples())
-def test_examples_are_jobs(text, job_file):
+def test_examples_are_jobs(text, job_file, tmp_path):
+    (tmp_path / 'radar.yaml').write_text('gain_m: 6.27e+6\n')
     job = read_job(job_file(text))
     assert job.output.name == 'survey'
 
