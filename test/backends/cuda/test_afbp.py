@@ -55,7 +55,7 @@ def test_images_from_beams_are_those_of_the_formulas(scene, plan, error_db, grou
         backend('cuda').SubapertureImager(plan).image(2, some)
 
 
-@pytest.mark.parametrize('n_channels', [1, 2])
+@pytest.mark.parametrize('n_channels', [pytest.param(1, marks=pytest.mark.campaign), 2])
 def test_images_of_lit_echoes(scene, error_db, n_channels):
     """From beams as of the formulas, directly as of the processor; one pulse lights little.
 
