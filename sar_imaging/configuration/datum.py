@@ -27,7 +27,7 @@ def configured_datum(values: Parameters) -> Datum | None:
 
     Parameters
     ----------
-    values : mapping or ParameterValues
+    values : mapping
         Parameters by name, ``datum.source`` and the four numbers of the datum among them.
 
     Returns
@@ -61,7 +61,7 @@ def check_fixes(values: Parameters) -> None:
 
     Parameters
     ----------
-    values : mapping or ParameterValues
+    values : mapping
         Parameters of `pulse_buffer` by name.
 
     Raises

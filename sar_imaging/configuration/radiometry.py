@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterator, Mapping
 
 from ..radiometry import QUANTITIES, RadarConstant
@@ -30,23 +29,16 @@ def constant_of(parameters: Mapping[str, object]) -> RadarConstant | None:
                          'radar-constant` measures one')
     if quantity == NONE:
         return None
-    if quantity != 'rcs' and _forms_volumes(parameters):
+    if quantity != 'rcs' and parameters.get('mode') == 'volume':
         raise ValueError(f'{QUANTITY}={quantity} in mode volume, whose cells have no area of '
                          'ground; expected rcs, the cross section of a point in each cell, or '
                          'mode image')
-    with contextlib.suppress(KeyError):  # a node that compresses, too
+    if 'window' in parameters:  # a node that compresses, too
         _check_window(parameters, parameters['window'])
     try:
         return RadarConstant.load(file)
     except ValueError as error:
         raise ValueError(f'{FILE}: {error}') from error
-
-
-def _forms_volumes(parameters) -> bool:
-    try:
-        return parameters['mode'] == 'volume'
-    except KeyError:  # of a node without modes; values of a node know no `get`
-        return False
 
 
 def check_radiometry(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:

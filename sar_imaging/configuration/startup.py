@@ -112,7 +112,7 @@ def report_parameters(parameters: Parameters) -> StartupReport:
 
     Parameters
     ----------
-    parameters : mapping or ParameterValues
+    parameters : mapping
         Parameters of the node by name, those of the grid and `pulses_per_aperture` among them.
 
     Returns
@@ -137,7 +137,7 @@ def report_block(parameters: Parameters, block: PulseBlock) -> StartupReport:
 
     Parameters
     ----------
-    parameters : mapping or ParameterValues
+    parameters : mapping
         As for `report_parameters`; those of range compression are used where they are given.
     block : PulseBlock
         Pulses or range profiles with phase centres.

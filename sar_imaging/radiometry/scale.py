@@ -23,7 +23,7 @@ from .response import ImageResponse, image_response
 
 _KNOTS = 49  # along a side of the image; splines between them
 _ECHOES, _LEAST_PULSES = 256, 64  # that stand for all of an aperture
-_DIM = 1e-4  # of the largest amplitude: less counts as not lit
+DIM = 1e-4  # of the largest amplitude: less counts as not lit
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -181,7 +181,7 @@ class BrightnessScale:
             root = (root.take(wanted, axis) if spline is None else
                     scipy.interpolate.BSpline(spline.t, root, spline.k, axis=axis)(wanted))
         return np.divide(1.0, root, out=np.zeros(root.shape, np.float32),
-                         where=root > _DIM * self.root.max(), casting='unsafe')
+                         where=root > DIM * self.root.max(), casting='unsafe')
 
     @functools.cached_property
     def _splines(self) -> tuple:

@@ -15,11 +15,10 @@ from ..geometry.illumination import AntennaPattern, Pointing
 from .brightness import radiometry_of
 from .constant import RadarConstant
 from .response import ImageResponse, echo_sums
-from .scale import BrightnessScale, illumination_of_some, some_pulses
+from .scale import DIM, BrightnessScale, illumination_of_some, some_pulses
 
 RCS = 'rcs'
 _KNOTS = 25  # along a side of the volume
-_DIM = 1e-4  # of the largest amplitude: less counts as not lit
 
 
 def volume_scale(grid: VolumeGrid, tx_m: np.ndarray, rx_m: np.ndarray, constant: RadarConstant, *,
@@ -71,7 +70,7 @@ def volume_scale(grid: VolumeGrid, tx_m: np.ndarray, rx_m: np.ndarray, constant:
     sums = np.stack([echo_sums(line, tx_m, rx_m, weights, lit, lit is not None)[:2]
                      for layer in points for line in layer], axis=1)
     amplitude, noise = sums.reshape(2, *points.shape[:-1])
-    dark = amplitude <= _DIM * amplitude.max()
+    dark = amplitude <= DIM * amplitude.max()
     amplitude, nowhere = np.where(dark, np.nan, amplitude), np.full(amplitude.shape, np.nan)
     response = ImageResponse(amplitude, nowhere, nowhere, nowhere, noise / each)
     return BrightnessScale(np.nan_to_num(constant.gain * amplitude), knots,

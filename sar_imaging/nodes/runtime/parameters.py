@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import yaml
 from rcl_interfaces.msg import (
@@ -163,8 +163,8 @@ def command_line_parameters(arguments: Sequence[str]) -> list[RosParameter]:
     return list(found.values())
 
 
-class ParameterValues:
-    """Declared parameters of a node and their current values, to be read by name.
+class ParameterValues(Mapping):
+    """Declared parameters of a node and their current values, by name.
 
     Values given at the start are declared as they are, so that a node without an impossible
     value can still be configured after somebody corrected it; `load` checks them all.
@@ -194,6 +194,12 @@ class ParameterValues:
 
     def __getitem__(self, name: str):
         return self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
 
     def load(self) -> None:
         """Check all values; those that count at configuration are refused from now on.

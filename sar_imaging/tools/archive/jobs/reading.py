@@ -139,10 +139,8 @@ def _output(value: Value) -> str:
 
 def _datum(value: Value) -> Datum:
     remedy = f'write datum: {KEYS["datum"]}'
-    given = value.mapping(_DATUM, remedy)
-    for name in ('latitude_deg', 'longitude_deg'):
-        if name not in given:
-            raise value.error(f'a place with {name}', remedy)
+    given = value.mapping(_DATUM, remedy, needed=('latitude_deg', 'longitude_deg'),
+                          what='a place')
     ranges = {'latitude_deg': (-90, 90, 'degrees'), 'longitude_deg': (-180, 360, 'degrees'),
               'height_m': (-12_000, 1e7, 'metres above the ellipsoid'),
               'heading_deg': (-360, 360, 'degrees')}
@@ -166,10 +164,7 @@ def _area(value: Value) -> tuple[float, ...]:
 
 def _radiometry(value: Value) -> Brightness:
     remedy = f'write radiometry: {KEYS["radiometry"]}'
-    given = value.mapping(RADIOMETRY, remedy)
-    for name in ('quantity', 'constant_file'):
-        if name not in given:
-            raise value.error(f'a mapping with {name}', remedy)
+    given = value.mapping(RADIOMETRY, remedy, needed=('quantity', 'constant_file'))
     quantity = given['quantity'].choice(tuple(QUANTITIES))
     file = given['constant_file']
     written = file.text('the file of a radar constant', 'write constant_file: radar.yaml')

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -115,7 +115,8 @@ class Value:
         for number, node in enumerate(self.node.value):
             yield Value(self.path, f'{self.key}[{number}]', node)
 
-    def mapping(self, keys: Mapping[str, str], remedy: str) -> dict[str, Value]:
+    def mapping(self, keys: Mapping[str, str], remedy: str, *,
+                needed: Sequence[str] = (), what: str = 'a mapping') -> dict[str, Value]:
         """Its values by key, where it is a mapping of known ones.
 
         Parameters
@@ -124,11 +125,15 @@ class Value:
             Known keys, and an example of each.
         remedy : str
             Of a value that is none.
+        needed : sequence of str
+            Keys that it must have.
+        what : str
+            What it describes, for messages.
 
         Raises
         ------
         JobError
-            It is no mapping, or a key is unknown.
+            It is no mapping, or a key is unknown or lacks.
         """
         if not isinstance(self.node, yaml.MappingNode):
             raise self.error(f'a mapping with {", ".join(keys)}', remedy)
@@ -140,6 +145,9 @@ class Value:
             if name not in keys:
                 raise JobError(f'{where}: there is no key {full}; {advice_on(name, keys)}')
             found[name] = Value(self.path, full, node)
+        for name in needed:
+            if name not in found:
+                raise self.error(f'{what} with {name}', remedy)
         return found
 
 
