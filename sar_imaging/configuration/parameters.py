@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import yaml
 
@@ -131,13 +132,16 @@ def default_file() -> Path:
     return Path(str(importlib.resources.files('sar_imaging') / 'config' / 'sar_imaging.yaml'))
 
 
-def read_configuration(path: Path | str) -> Configuration:
+def read_configuration(path: Path | str, given: Mapping[str, object] = MappingProxyType({})
+                       ) -> Configuration:
     """Read a ROS parameter file as the nodes would.
 
     Parameters
     ----------
     path : path
         YAML file.
+    given : mapping
+        Values by name that every node gets besides, as by ``-p``; they override the file.
 
     Returns
     -------
@@ -165,16 +169,19 @@ def read_configuration(path: Path | str) -> Configuration:
     ...     print(finding.severity + ':', finding.text)
     error: section 'backprojection' has grid.size_z, which no node reads; did you mean ...
     """
-    return interpret(load_tree(path), load_tree(default_file()))
+    return interpret(load_tree(path), load_tree(default_file()), given)
 
 
-def interpret(tree, defaults) -> Configuration:
+def interpret(tree, defaults, given: Mapping[str, object] = MappingProxyType({})
+              ) -> Configuration:
     """What a parsed parameter file says.
 
     Parameters
     ----------
     tree, defaults : mapping
         The file, and the one with every parameter and its default.
+    given : mapping
+        As for `read_configuration`.
 
     Raises
     ------
@@ -198,7 +205,9 @@ def interpret(tree, defaults) -> Configuration:
             continue
         targets = nodes if for_all else {node: nodes[node]}
         for name, value in values.items():
-            findings += _set(targets, node, name, value)
+            findings += _set(targets, f'section {node!r}', name, value)
+    for name, value in given.items():
+        findings += _set(nodes, 'argument -p', name, value)
     checker = nodes.pop(CHECKER)
     return Configuration(nodes, checker if described else {}, tuple(findings))
 
@@ -314,14 +323,14 @@ def _flatten(tree: Mapping, prefix: str = '') -> Iterator[tuple[str, object]]:
             yield f'{prefix}{key}', value
 
 
-def _set(targets: Mapping[str, dict], section: str, name: str, value) -> Iterator[Finding]:
+def _set(targets: Mapping[str, dict], place: str, name: str, value) -> Iterator[Finding]:
     """Set a parameter of the nodes that have it; says why it cannot be set."""
     if name in OF_EVERY_NODE or name.startswith('qos_overrides.'):
         return
     having = [values for values in targets.values() if name in values]
     if not having:
         names = sorted({n for values in targets.values() for n in values})
-        yield Finding('error', f'section {section!r} has {name}, which no node reads; '
+        yield Finding('error', f'{place} has {name}, which no node reads; '
                       + advice_on(name, names))
     for values in having:
         default = values[name]
@@ -331,10 +340,10 @@ def _set(targets: Mapping[str, dict], section: str, name: str, value) -> Iterato
         if type(value) is not kind or not _is_finite(value):
             words = {float: 'a number such as 1.0e+9', int: 'a whole number', str: 'a text',
                      bool: 'true or false', list: 'a list of numbers'}[kind]
-            yield Finding('error', f'section {section!r}: {name}={value!r}; expected {words}')
+            yield Finding('error', f'{place}: {name}={value!r}; expected {words}')
             return
         if kind is list and len({type(v) for v in value}) > 1:
-            yield Finding('error', f'section {section!r}: {name}={value!r} mixes whole numbers '
+            yield Finding('error', f'{place}: {name}={value!r} mixes whole numbers '
                           'and others, which ROS refuses; write all of them with a point')
             return
         values[name] = value

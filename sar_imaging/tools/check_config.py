@@ -18,6 +18,7 @@ from sar_imaging.configuration.parameters import (
     CHECKER,
     Configuration,
     ConfigurationFileError,
+    parse,
     read_configuration,
 )
 from sar_imaging.configuration.positions import check_positions, position_rows
@@ -42,6 +43,7 @@ when not, 2 for wrong options.
 
   check_config airborne_x_band.yaml
   check_config --measure my_radar.yaml
+  check_config my_radar.yaml -p mode:=volume
 """
 
 
@@ -56,14 +58,25 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument('--measure', action='store_true',
                    help='measure how fast this machine images the configured geometry, instead '
                         'of assuming it; some seconds')
+    p.add_argument('-p', dest='given', metavar='NAME:=VALUE', action='append', default=[],
+                   type=_given, help='a value that every node gets besides, as from a launch '
+                   'file; overrides the file')
     return p
+
+
+def _given(text: str) -> tuple[str, object]:
+    """Name and value of an argument."""
+    name, separator, value = text.partition(':=')
+    if not (separator and name):
+        raise argparse.ArgumentTypeError(f'{text} is no NAME:=VALUE, such as mode:=volume')
+    return name, parse(value)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
     try:
-        configuration = read_configuration(arguments.file)
+        configuration = read_configuration(arguments.file, dict(arguments.given))
         findings = [*configuration.findings,
                     *_check(configuration, measure=arguments.measure)]
     except (ConfigurationFileError, MemoryError, ValueError) as error:

@@ -6,9 +6,11 @@
 from __future__ import annotations
 
 import importlib.resources
+import importlib.util
 import math
-import os
-from collections.abc import Mapping
+import shutil
+import subprocess
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from sar_imaging.configuration.parameters import parse
@@ -125,14 +127,27 @@ def profile_variable(environment: Mapping[str, str]) -> dict[str, str]:
     return {PROFILE: str(CONFIG / 'fastdds_large_segment.xml')}
 
 
-def replay_command(arguments: Mapping[str, str]) -> list[str]:
+def replay_command(arguments: Mapping[str, str], namespace: str = '',
+                   remappings: Sequence[tuple[str, str]] = ()) -> list[str]:
     """Command that replays a recording into the nodes.
+
+    Parameters
+    ----------
+    arguments : mapping
+        Arguments of the launch file by name.
+    namespace : str
+        Of the nodes, absolute, such as ``/radar1``; empty for none.
+    remappings : sequence of (str, str)
+        Names that the nodes replace, and those they take instead.
 
     Raises
     ------
     ValueError
-        There is no such recording, or a number makes no sense.
+        There is no such recording, a number makes no sense, or rosbag2 is missing.
     """
+    if shutil.which('ros2') is None or importlib.util.find_spec('ros2bag') is None:
+        raise ValueError('a replay needs rosbag2: sudo apt install ros-$ROS_DISTRO-rosbag2; '
+                         'without it `sar-imaging evaluate` plays a recording by itself')
     bag = Path(arguments['bag']).expanduser()
     if not (bag / 'metadata.yaml').is_file():
         raise ValueError(f'bag:={arguments["bag"]} is no recording: expected a folder with a '
@@ -142,10 +157,17 @@ def replay_command(arguments: Mapping[str, str]) -> list[str]:
         command += [f'--{name}', _number(name, arguments[name], least)]
     if arguments['use_sim_time'] and as_bool('use_sim_time', arguments['use_sim_time']):
         command.append('--clock')
-    namespace = arguments['namespace'].strip('/')
-    if namespace:
-        command += ['--remap', *(f'{topic}:=/{namespace}{topic}' for topic in RECORDED_TOPICS)]
-    return command
+    moved = {_absolute(given, namespace): _absolute(taken, namespace)
+             for given, taken in remappings}
+    heard = {topic: moved.get(f'{namespace}{topic}', f'{namespace}{topic}')
+             for topic in RECORDED_TOPICS}
+    rules = [f'{topic}:={name}' for topic, name in heard.items() if name != topic]
+    return command + (['--remap', *rules] if rules else [])
+
+
+def _absolute(name: str, namespace: str) -> str:
+    """Name of a topic in a namespace."""
+    return name if name.startswith('/') else f'{namespace}/{name}'
 
 
 def _number(name: str, text: str, least: float) -> str:
@@ -184,11 +206,13 @@ def describe(*, pipeline: bool, replay: bool = False):
 
 
 def _start(context, names, pipeline, replay):
-    """Actions for the arguments of a running launch: a mistake in them ends it before a start."""
-    from launch.actions import ExecuteProcess, RegisterEventHandler, SetEnvironmentVariable
-    from launch.event_handlers import OnProcessExit
+    """Actions for the arguments of a running launch: a mistake in them ends it before a start.
+
+    All of them are returned at once: nodes are made in the scope of the group that includes the
+    launch file, with its namespace, remappings and parameters.
+    """
+    from launch.actions import SetEnvironmentVariable
     from launch_ros.actions import Node
-    from launch_ros.substitutions import ExecutableInPackage
 
     arguments = {name: context.launch_configurations[name] for name in names}
     config = find_config(arguments['config'])
@@ -197,34 +221,49 @@ def _start(context, names, pipeline, replay):
     nodes = node_names(mode_of(config, arguments['mode']), pipeline=pipeline)
     ros_arguments = overrides(arguments)
     respawn = as_bool('respawn', arguments['respawn'])
-    actions = [Node(package='sar_imaging', executable=name, name=name, output='screen',
-                    namespace=arguments['namespace'], parameters=[str(config)],
-                    ros_arguments=ros_arguments, respawn=respawn, respawn_delay=2.0)
-               for name in nodes]
-    if replay:
-        actions += _replayed(replay_command(arguments), arguments['namespace'], nodes)
-    check = ExecuteProcess(
-        cmd=[ExecutableInPackage('check_config', 'sar_imaging'), str(config)], output='screen')
-
-    def checked(event, context):
-        _require(event.returncode == 0, f'{config} cannot work, see the errors above')
-        return actions
-
+    replayed = _replayed(context, arguments, nodes) if replay else []
+    _check(context, config, ros_arguments)
     return [*(SetEnvironmentVariable(name, value)
-              for name, value in profile_variable(os.environ).items()),
-            RegisterEventHandler(OnProcessExit(target_action=check, on_exit=checked)), check]
+              for name, value in profile_variable(context.environment).items()),
+            *(Node(package='sar_imaging', executable=name, name=name, output='screen',
+                   namespace=arguments['namespace'], parameters=[str(config)],
+                   ros_arguments=ros_arguments, respawn=respawn, respawn_delay=2.0)
+              for name in nodes), *replayed]
 
 
-def _replayed(command, namespace, nodes):
-    """Actions that play a recording once all nodes are active."""
+def _check(context, config, ros_arguments):
+    """Run check_config by its own Python, which may be that of a virtual environment."""
+    from launch.logging import get_logger
+    from launch_ros.substitutions import ExecutableInPackage
+
+    checked = subprocess.run(
+        [ExecutableInPackage('check_config', 'sar_imaging').perform(context), str(config),
+         *ros_arguments], env=dict(context.environment), text=True, stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT)
+    for line in checked.stdout.splitlines():
+        get_logger('check_config').info(line)
+    _require(checked.returncode == 0, f'{config} cannot work, see the errors above')
+
+
+def _replayed(context, arguments, nodes):
+    """Actions that play a recording to where the nodes listen, once all of them are active."""
     from launch.actions import ExecuteProcess, RegisterEventHandler
     from launch.event_handlers import OnProcessExit
     from launch_ros.substitutions import ExecutableInPackage
+    from launch_ros.utilities import make_namespace_absolute, prefix_namespace
 
-    prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
+    scope = context.launch_configurations
+    namespace = make_namespace_absolute(prefix_namespace(
+        scope.get('ros_namespace'), arguments['namespace']) or '/').rstrip('/')
+    simulated = dict(p for p in scope.get('global_params', []) if isinstance(p, tuple))
+    command = replay_command(
+        {'use_sim_time': str(simulated.get('use_sim_time', '')), **{
+            name: value for name, value in arguments.items() if value}},
+        namespace, scope.get('ros_remaps', ()))
     wait = ExecuteProcess(cmd=[ExecutableInPackage('wait_until_active', 'sar_imaging'),
-                               *(f'{prefix}/{name}' for name in nodes)], output='screen')
-    player = ExecuteProcess(cmd=command, output='screen')
+                               *(f'{namespace}/{name}' for name in nodes)], output='screen')
+    player = ExecuteProcess(cmd=command, output='screen',
+                            additional_env=profile_variable(context.environment))
 
     def ready(event, context):
         _require(event.returncode == 0, 'the nodes did not become active')

@@ -56,6 +56,15 @@ def test_an_impossible_configuration_ends_with_one(run):
     assert err.rstrip().endswith('my_radar.yaml cannot work: 2 errors')
 
 
+@pytest.mark.parametrize(('given', 'expected'), [
+    ('mode:=volume', 'volume.height=0 in mode volume'),
+    ('modus:=volume', 'argument -p has modus, which no node reads; did you mean mode?'),
+    ('target_db:=low', "argument -p: target_db='low'; expected a number")])
+def test_values_besides_the_file_are_checked(run, given, expected):
+    code, _, err = run(options=['-p', given])
+    assert code == 1 and expected in err
+
+
 def test_a_warning_is_no_failure(run):
     code, out, err = run(('samples_per_pulse: 512', 'samples_per_pulse: 150'))
     assert code == 0

@@ -16,7 +16,7 @@ from sar_imaging.tools.recordings.recorded_poses import ODOMETRY_TOPIC
 
 ROOT = pathlib.Path(launching.__file__).parents[2]
 FILES = sorted((ROOT / 'sar_imaging' / 'launch').glob('*.launch.py'))
-REPLAY = dict(use_sim_time='', bag='my bag', rate='2.0', delay='5.0', namespace='')
+REPLAY = dict(use_sim_time='', bag='my bag', rate='2.0', delay='5.0')
 
 
 def executables():
@@ -134,14 +134,32 @@ def bag_fixture(tmp_path):
     return str(folder)
 
 
+@pytest.fixture(autouse=True)
+def rosbag2(tmp_path, monkeypatch):
+    """A machine with rosbag2, as far as can be seen without starting it."""
+    (tmp_path / 'ros2bag').mkdir()
+    (tmp_path / 'ros2bag' / '__init__.py').touch()
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(launching.shutil, 'which', lambda name: f'/usr/bin/{name}')
+
+
 def test_replay_reaches_the_topics_of_the_nodes(bag):
     arguments = REPLAY | {'bag': bag}
     plain = ['ros2', 'bag', 'play', bag, '--rate', '2.0', '--delay', '5.0']
     assert launching.replay_command(arguments) == plain
     assert launching.replay_command(arguments | {'use_sim_time': 'true'}) == [*plain, '--clock']
-    moved = launching.replay_command(arguments | {'namespace': '/radar1/'})
+    moved = launching.replay_command(arguments, '/radar1')
     topics = TOPIC, ODOMETRY_TOPIC, '/pose', '/fix', '/imu'
     assert moved == [*plain, '--remap', *(f'{topic}:=/radar1{topic}' for topic in topics)]
+    remapped = launching.replay_command(arguments, remappings=[
+        ('pulses', 'radar/raw'), ('/pose', '/platform/pose'), ('/other', '/more')])
+    assert remapped == [*plain, '--remap', '/pulses:=/radar/raw', '/pose:=/platform/pose']
+
+
+def test_a_replay_without_rosbag2_says_what_to_install(bag, monkeypatch):
+    monkeypatch.setattr(launching.shutil, 'which', lambda name: None)
+    with pytest.raises(ValueError, match=r'needs rosbag2: .*rosbag2;.*sar-imaging evaluate'):
+        launching.replay_command(REPLAY | {'bag': bag})
 
 
 @pytest.mark.parametrize(('change', 'message'), [
@@ -158,10 +176,9 @@ def test_a_replay_that_makes_no_sense_is_refused(bag, change, message):
 
 
 @pytest.mark.parametrize('path', FILES, ids=lambda p: p.name)
-def test_launch_files_describe_what_they_start(path, bag):
+def test_launch_files_declare_their_arguments(path):
     pytest.importorskip('launch_ros', reason='launch files need a ROS installation')
-    from launch import LaunchContext
-    from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction
+    from launch.actions import DeclareLaunchArgument
 
     spec = importlib.util.spec_from_file_location(path.stem.replace('.', '_'), path)
     module = importlib.util.module_from_spec(spec)
@@ -172,12 +189,6 @@ def test_launch_files_describe_what_they_start(path, bag):
     if path.name.startswith('replay'):
         table += launching.REPLAY_ARGUMENTS
     assert arguments == {name for name, *_ in table}
-    context = LaunchContext()
-    context.launch_configurations.update({name: bag if default is None else default
-                                          for name, default, _ in table})
-    [function] = [e for e in entities if isinstance(e, OpaqueFunction)]
-    started = function.execute(context)
-    assert any(isinstance(e, ExecuteProcess) for e in started)  # check_config
 
 
 def test_the_installation_page_launches_what_exists():
