@@ -224,7 +224,7 @@ class FusionStep(Step):
 
     def skip(self, aperture: int | None) -> list[FusedImage]:
         """Leave out an aperture; see `Step`."""
-        if aperture is not None:
+        if aperture is not None and self._fusion.filling == aperture:
             self.health.count('subapertures_skipped', self._fusion.reset())
         return []
 

@@ -38,6 +38,7 @@ from .images.obstacle_products import ObstacleProducts
 from .images.terrain import TERRAIN_FILE, terrain_heights
 from .poses.frame_datum import DatumInput
 from .runtime.backends import backend_of
+from .runtime.block_output import UNTAKEN
 from .runtime.health import Health, Part
 from .runtime.managed import ManagedNode
 from .runtime.parameters import ConfigurationError
@@ -59,7 +60,7 @@ class BackprojectionStep(Step):
                 *image_brightness.COUNTERS,
                 *obstacle_products.COUNTERS, *volume_cloud.COUNTERS)
     FAULTS = ('pulses_missing', 'pulses_late', 'pulses_duplicate', 'apertures_dropped',
-              'restarts', *image_brightness.FAULTS, *obstacle_products.FAULTS)
+              'restarts', UNTAKEN, *image_brightness.FAULTS, *obstacle_products.FAULTS)
     IDLE_PARAMETER = 'aperture_timeout_s'
     FORMS_IMAGES = True
     SAVE_SERVICE = 'save_image'

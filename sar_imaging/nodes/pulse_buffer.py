@@ -27,7 +27,7 @@ from .poses.pose_input import (
     clock_notice,
     track_from,
 )
-from .runtime.block_output import BlockOutput
+from .runtime.block_output import UNTAKEN, BlockOutput
 from .runtime.health import Health, Part
 from .runtime.managed import ManagedNode, run
 from .runtime.parameters import ANY_TIME, ConfigurationError, Parameter, plain_frame
@@ -54,9 +54,10 @@ class PulseBufferStep(Step):
     NAME = 'pulse_buffer'
     PARAMETERS = PARAMETERS
     COUNTERS = ('pulses_received', 'pulses_emitted', 'apertures_started',
-                'configuration_changes', 'pulses_waiting_for_poses', 'poses_received',
+                'pulses_waiting_for_poses', 'poses_received',
                 'fixes_received')
     FAULTS = ('pulses_missing', 'pulses_duplicate', 'pulses_late', 'pulses_corrupt', 'restarts',
+              'configuration_changes', 'pulses_conflicting', UNTAKEN,
               'pulses_without_pose', 'pulses_of_another_frame', 'pulses_without_pointing',
               'poses_rejected', 'poses_late', 'pose_gaps', 'pose_jumps', 'pose_restarts',
               'fixes_rejected', 'fixes_without_pose', 'attitudes_unused')
@@ -89,7 +90,7 @@ class PulseBufferStep(Step):
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publisher of the blocks, and read lever arms from tf; see `Step`."""
         p = self.parameters
-        self._output = BlockOutput(node, 'pulse_blocks', p)
+        self._output = BlockOutput(node, 'pulse_blocks', p, self.health)
         if self._datum.wanted:
             self._datum.create(node)
         if self._poses is not None:
@@ -164,7 +165,8 @@ class PulseBufferStep(Step):
     def update_counters(self) -> None:
         """Take the buffer's statistics over."""
         s = self._buffer.statistics
-        for key in ('received', 'emitted', 'missing', 'duplicate', 'late', 'corrupt'):
+        for key in ('received', 'emitted', 'missing', 'duplicate', 'late', 'corrupt',
+                    'conflicting'):
             self.health.set(f'pulses_{key}', getattr(s, key))
         for key in ('apertures_started', 'configuration_changes', 'restarts'):
             self.health.set(key, getattr(s, key))
@@ -183,7 +185,7 @@ class PulseBufferStep(Step):
                 ('pose_restarts', s.pose_restarts)):
             self.health.set(key, value)
         self._update_fix_counters()
-        self._poses.check_stall()
+        self._poses.look()
 
     def _update_fix_counters(self) -> None:
         if (of_fixes := self._poses.of_fixes) is not None:

@@ -22,8 +22,8 @@ from sar_imaging.loading.frames import FrameConverter, FrameError
 from sar_imaging.loading.samples import AXES, KEYS as SAMPLE_KEYS
 from sar_imaging.signal.pulses import PulseBlock
 
-from .runtime.block_output import BlockOutput
-from .runtime.input_watch import InputWatch
+from .runtime.block_output import UNTAKEN, BlockOutput
+from .runtime.input_watch import CAUSES, InputWatch
 from .runtime.managed import ManagedNode, run
 from .runtime.parameters import ConfigurationError, Parameter
 from .runtime.stage import COMMON_PARAMETERS
@@ -36,6 +36,7 @@ PARAMETERS = (
               f'{", ".join(INFO_TYPES)}; empty where the description tells all.'),
     *(p for p in COMMON_PARAMETERS if p.name == 'queue_depth'),
 )
+_PATIENCE_S = 5.0  # that frames may pause
 
 
 class RadarDriverNode(ManagedNode):
@@ -51,7 +52,7 @@ class RadarDriverNode(ManagedNode):
         super().__init__(
             parameters=PARAMETERS,
             counters=('frames_received', 'frames_converted', 'pulses_published'),
-            faults=('frames_incomplete', 'frames_rejected', 'frames_missing'))
+            faults=('frames_incomplete', 'frames_rejected', 'frames_missing', UNTAKEN))
         self._inputs: list = []
         self._watch: InputWatch | None = None
         self._converter: FrameConverter | None = None
@@ -78,7 +79,7 @@ class RadarDriverNode(ManagedNode):
         except DescriptionError as error:
             raise ConfigurationError(f'description_file: {error}') from error
         self._told = self._doubted = False
-        self._output = BlockOutput(self, 'pulses', p)
+        self._output = BlockOutput(self, 'pulses', p, self.health)
 
     def activate(self) -> None:
         """Subscribe; see `ManagedNode`."""
@@ -89,9 +90,10 @@ class RadarDriverNode(ManagedNode):
         self._subscribe(self._frame_class, 'radar_frames', self._receive, qos)
         package, _, short = p['message_type'].rpartition('/')
         self._watch = InputWatch(
-            self, self.health, self._inputs[0].topic_name,
-            f'{package.removesuffix("/msg")}/msg/{short}',
-            'remap radar_frames, or correct the parameter message_type')
+            self, self._inputs[0].topic_name, f'{package.removesuffix("/msg")}/msg/{short}',
+            self._inputs[0].qos_profile, patience_s=lambda: _PATIENCE_S,
+            advice='remap radar_frames, or correct the parameter message_type',
+            sender='the driver of the radar')
         if self._info_class is not None:
             # Of what is latched the last one before the start counts; others only now and then.
             latched = short_name(p['info_type']) in LATCHED_INFO
@@ -107,14 +109,16 @@ class RadarDriverNode(ManagedNode):
     def deactivate(self) -> None:
         """Unsubscribe; see `ManagedNode`."""
         self._watch = None
+        self.health.forget_causes()
         inputs, self._inputs = self._inputs, []
         for subscription in inputs:
             self.destroy_subscription(subscription)
 
     def publish_diagnostics(self) -> None:
         """Publish the counters, and why no frames come; see `ManagedNode`."""
-        watch = self._watch
-        self.health.publish(watch.problem() if watch is not None else '', self.state)
+        if self._watch is not None:
+            self.health.causes_of(CAUSES, self._watch.look())
+        self.health.publish(self.state)
 
     def _reset(self, request, response):
         if self._converter is not None:

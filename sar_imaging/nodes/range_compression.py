@@ -17,7 +17,7 @@ from sar_imaging.signal.range_compression import RANGE_FILTERS, RangeCompressor
 from sar_imaging.signal.windows import WINDOW_NAMES, parse_window
 
 from .runtime.backends import BACKEND, backend_of
-from .runtime.block_output import BlockOutput
+from .runtime.block_output import UNTAKEN, BlockOutput
 from .runtime.health import Health, Part
 from .runtime.managed import ManagedNode, run
 from .runtime.parameters import ANY_TIME, Parameter, one_of
@@ -60,6 +60,7 @@ class RangeCompressionStep(Step):
     NAME = 'range_compression'
     PARAMETERS = PARAMETERS
     COUNTERS = ('blocks_compressed', 'plans_made')
+    FAULTS = (UNTAKEN,)
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
@@ -70,7 +71,7 @@ class RangeCompressionStep(Step):
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publisher of the profiles; see `Step`."""
-        self._output = BlockOutput(node, 'range_profiles', self.parameters)
+        self._output = BlockOutput(node, 'range_profiles', self.parameters, self.health)
 
     def summary(self) -> str:
         """Settings for the log line at the start."""

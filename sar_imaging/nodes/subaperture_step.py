@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from std_msgs.msg import Float32MultiArray
-
 from msg_conversions.subaperture_image import to_message
 from msg_conversions.subaperture_wire import as_received
 from sar_imaging.backends import compile_beforehand
@@ -18,10 +16,10 @@ from .backprojection_steps import BackprojectionStep
 from .images.image_grid import describe_grid
 from .images.terrain import TERRAIN_FILE
 from .runtime.backends import backend_of
+from .runtime.block_output import BlockOutput
 from .runtime.health import Health, Part
 from .runtime.managed import ManagedNode
 from .runtime.parameters import ConfigurationError
-from .runtime.step import stream_qos
 
 
 class SubapertureStep(BackprojectionStep):
@@ -48,8 +46,8 @@ class SubapertureStep(BackprojectionStep):
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publisher of the sub-aperture images; see `Step`."""
-        self._output = node.create_output(Float32MultiArray, 'subaperture_images',
-                                          stream_qos(self.parameters))
+        self._output = BlockOutput(node, 'subaperture_images', self.parameters, self.health,
+                                   to_message)
 
     def summary(self) -> str:
         """Settings for the log line at the start."""
@@ -58,7 +56,7 @@ class SubapertureStep(BackprojectionStep):
         follow = (f', following the antenna {p["subapertures.follow_ahead"]:g} m ahead, '
                   f'{p["subapertures.follow_left"]:g} m to the left'
                   if p['subapertures.follow'] else '')
-        return (f' -> {self._output.topic_name} for {describe_grid(self._grid)}{follow}, '
+        return (f' -> {self._output.topic} for {describe_grid(self._grid)}{follow}, '
                 f'{p["pulses_per_aperture"]} pulses per aperture{slide}')
 
     def prepare(self) -> list[SubapertureImage]:
@@ -70,8 +68,7 @@ class SubapertureStep(BackprojectionStep):
 
     def publish(self, product: SubapertureImage) -> None:
         """Publish a sub-aperture image when somebody subscribes."""
-        if self._output.get_subscription_count():
-            self._output.publish(to_message(product))
+        self._output.publish(product)
         self._count_product(product.n_missing, product.predicted_error_db)
         self.health.count('subapertures_published')
         length = self.parameters['pulses_per_aperture']

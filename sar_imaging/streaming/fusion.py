@@ -149,6 +149,11 @@ class LiveFusion(EventSource):
         """Whether the aperture of a sub-aperture is being fused."""
         return sub.sequence in self._open
 
+    @property
+    def filling(self) -> int | None:
+        """Number of the newest aperture being fused, None when there is none."""
+        return self._open[self._newest].aperture if self._newest in self._open else None
+
     def flush(self) -> list[FusedImage]:
         """Close what is being fused; nothing more is expected for now."""
         return self._close_all()

@@ -65,7 +65,8 @@ def parameters_from_truth(truth: Mapping, mode: str = 'image', *,
     grid = truth['grid']
     x, y, z = (float(v) for v in grid['centre_m'])
     spacing = float(grid['spacing_m'])
-    frame = {'frame_id': truth['frame']} | _datum_parameters(truth)
+    # A replay may be faster than a busy machine takes it.
+    frame = {'frame_id': truth['frame'], 'max_age_s': 3600.0} | _datum_parameters(truth)
     pulses = {'pulses_per_aperture': int(truth['pulses_per_aperture'])} | frame
     return {
         'pulse_buffer': pulses | _alignment_parameters(truth) | looks,

@@ -16,7 +16,7 @@ class Log(Tally):
         self.info = self.warning = self.error = self.lines.append
 
     def __getitem__(self, key):
-        return float({v.key: v.value for v in self.status('', '').values}[key])
+        return float({v.key: v.value for v in self.status('').values}[key])
 
 
 class Outputs:

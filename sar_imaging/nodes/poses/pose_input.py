@@ -17,7 +17,8 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.poses import CAPACITY, PoseTrack
 
-from ..runtime.health import Health, Part
+from ..runtime.health import Cause, Health, Part
+from ..runtime.input_watch import InputWatch
 from ..runtime.managed import QOS_ERRORS, ManagedNode
 from ..runtime.parameters import ConfigurationError, Parameter, one_of, plain_frame
 from .fix_input import PARAMETERS as FIX_PARAMETERS, FixPoseSource
@@ -172,9 +173,11 @@ class PoseInput:
         self._source = parameters['pose.source']
         self._poses: collections.deque = collections.deque(maxlen=CAPACITY)
         self._frame = imaging_frame(parameters)
-        self._told: set[str] = set()  # frames of poses that the log has told of
+        self._missed = False
+        self._told = False  # the frame of the poses
         self._last_s: float | None = None
-        self._stalled = False
+        self._watch: InputWatch | None = None  # of a topic of poses
+        self._other_frame: str | None = None  # of the latest pose, where it is another one
         self._release: list[Callable[[], None]] = []
         self.topic = self._source
         self.n_other_frame = 0
@@ -187,7 +190,7 @@ class PoseInput:
 
     def activate(self, node: ManagedNode) -> None:
         """Subscribe."""
-        self._last_s, self._stalled = time.monotonic(), False
+        self._last_s, self._other_frame = time.monotonic(), None
         if self._source == TF:
             tf = TfSampler(node, self._frame, self._parameters, self._take_parts)
             self._release.append(tf.close)
@@ -209,14 +212,21 @@ class PoseInput:
         except QOS_ERRORS as error:
             raise ConfigurationError(f'QoS override of {self._source}: {error}') from error
         self.topic = subscription.topic_name
+        self._watch = InputWatch(
+            node, self.topic, f'{message_type.__module__.split(".")[0]}/msg/'
+            f'{message_type.__name__}', subscription.qos_profile,
+            patience_s=lambda: self._parameters['stall_timeout_s'],
+            advice=f'remap {self._source}, or set pose.source', sender='what tells the poses')
         self._release.append(lambda: node.destroy_subscription(subscription))
 
     def deactivate(self) -> None:
         """Unsubscribe and forget the poses that wait."""
+        self._watch, self._last_s = None, None
         release, self._release = self._release, []
         for call in release:
             call()
         self._poses.clear()
+        self._health.forget_causes()
 
     def take(self) -> list[tuple[int, tuple, tuple]]:
         """Time in ns, position in m and quaternion of the poses that came, oldest first."""
@@ -227,45 +237,55 @@ class PoseInput:
         """Poses that wait to be taken."""
         return len(self._poses)
 
-    def check_stall(self) -> None:
-        """Log, once, when no pose comes for `stall_timeout_s`."""
+    def look(self) -> None:
+        """State why no pose comes, or that they come in another frame."""
         if self._last_s is None:
             return
-        pause = time.monotonic() - self._last_s
-        if pause > self._parameters['stall_timeout_s'] and not self._stalled:
-            self._stalled = True
-            self._health.warning(f'no poses on {self.topic} for {pause:.0f} s; pulses are dropped '
-                                 'meanwhile')
+        pause_s, text = time.monotonic() - self._last_s, ''
+        found = self._watch.look() if self._watch is not None else None
+        if self._other_frame is not None:
+            pass  # they do come
+        elif found is not None and found[0] is not Cause.STALLED:
+            text = found[1].replace('no input', f'no poses on {self.topic}')
+        elif pause_s > self._parameters['stall_timeout_s']:
+            text = f'no poses on {self.topic} for {pause_s:.0f} s; pulses are dropped meanwhile'
+        self._missed = bool(text)
+        self._health.cause(Cause.NO_POSES, text)
+        self._health.cause(Cause.POSES_IN_OTHER_FRAME, self._explain(self._other_frame))
 
     def _receive(self, message: Odometry | PoseStamped) -> None:
         pose = message.pose.pose if self._source == ODOMETRY else message.pose
         frame = plain_frame(message.header.frame_id)
+        if self._watch is not None:
+            self._watch.arrived()
         if self._frame != frame:
-            self._reject(frame)
+            self.n_other_frame += 1
+            self._other_frame = frame
+            if self.n_other_frame == 1:
+                self.look()
             return
-        if frame not in self._told:
-            self._told.add(frame)
+        if not self._told:
+            self._told = True
             self._health.info(f'poses in frame {frame}, as are grid and images')
         stamp = message.header.stamp
         self._take_parts(stamp.sec * 10**9 + stamp.nanosec, pose.position, pose.orientation)
 
-    def _reject(self, frame: str) -> None:
-        self.n_other_frame += 1
-        if frame not in self._told:
-            self._told.add(frame)
-            what, advice = ((f'in frame {frame}', f'set frame_id: {frame} in all nodes, with the '
-                             'grid in that frame, or ') if frame else
-                            ('without header.frame_id', ''))
-            self._health.warning(f'dropped poses of {self.topic} {what}: grid and images are in '
-                                 f'frame_id={self._frame}; {advice}send poses in {self._frame}')
+    def _explain(self, frame: str | None) -> str:
+        """Why poses of another frame are of no use."""
+        if frame is None:
+            return ''
+        what, advice = ((f'in frame {frame}', f'set frame_id: {frame} in all nodes, with the grid '
+                         'in that frame, or ') if frame else ('without header.frame_id', ''))
+        return (f'dropped poses of {self.topic} {what}: grid and images are in frame_id='
+                f'{self._frame}; {advice}send poses in {self._frame}')
 
     def _take_parts(self, stamp_ns: int, p, q) -> None:
         self._take(stamp_ns, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
     def _take(self, stamp_ns: int, position: tuple, quaternion: tuple) -> None:
-        self._last_s = time.monotonic()
-        if self._stalled:
-            self._stalled = False
-            self._health.info('poses go on')
+        self._last_s, self._other_frame = time.monotonic(), None
+        if self._missed:
+            self._missed = False  # at once: poses may come seldom
+            self._health.cause(Cause.NO_POSES, '')
         self._poses.append((stamp_ns, position, quaternion))
         self._on_pose()

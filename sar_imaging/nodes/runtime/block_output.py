@@ -1,20 +1,22 @@
-"""Publish pulse blocks for the next node, while it subscribes."""
+"""Publish pulse blocks, or what is made of them, for the next node, while it subscribes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from std_msgs.msg import Float32MultiArray
 
-from msg_conversions.pulse_block import to_message
-from sar_imaging.signal.pulses import PulseBlock
+from msg_conversions import pulse_block
 
+from .health import Cause, Part, Tally
 from .managed import ManagedNode
 from .step import stream_qos
 
+UNTAKEN = 'pulses_untaken'
+
 
 class BlockOutput:
-    """Publishes pulse blocks when somebody subscribes.
+    """Publishes pulse blocks when somebody subscribes, and counts the pulses that nobody takes.
 
     Parameters
     ----------
@@ -24,9 +26,17 @@ class BlockOutput:
         Relative name.
     parameters : mapping
         Current values, with `queue_depth`.
+    health : Tally
+        Counters, with `UNTAKEN`. A `Part` hands its products on to the next one: nobody has to
+        subscribe.
+    to_message : callable
+        Makes a message of a product that has `n_pulses`.
     """
 
-    def __init__(self, node: ManagedNode, topic: str, parameters: Mapping[str, object]):
+    def __init__(self, node: ManagedNode, topic: str, parameters: Mapping[str, object],
+                 health: Tally,
+                 to_message: Callable[..., Float32MultiArray] = pulse_block.to_message):
+        self._health, self._to_message = health, to_message
         self._publisher = node.create_output(Float32MultiArray, topic, stream_qos(parameters))
 
     @property
@@ -34,7 +44,14 @@ class BlockOutput:
         """Full name of the topic."""
         return self._publisher.topic_name
 
-    def publish(self, block: PulseBlock) -> None:
-        """Publish a block; without a subscriber no message is made."""
-        if self._publisher.get_subscription_count():
-            self._publisher.publish(to_message(block))
+    def publish(self, product) -> None:
+        """Publish a product; without a subscriber no message is made."""
+        taken = self._publisher.get_subscription_count() > 0
+        if taken:
+            self._publisher.publish(self._to_message(product))
+        if isinstance(self._health, Part):
+            return
+        self._health.count(UNTAKEN, 0 if taken else product.n_pulses)
+        self._health.cause(Cause.NO_SUBSCRIBER, '' if taken else (
+            f'pulses are lost: nobody subscribes to {self.topic}; the next node is not ready or '
+            'does not run'))

@@ -1,20 +1,47 @@
-"""Counters, log lines and diagnostics of a node."""
+"""Counters, causes, log lines and diagnostics of a node."""
 
 from __future__ import annotations
 
-import collections
+import enum
 import math
 import os
+import re
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 RECENT_S = 10.0  # a fault colours the diagnostics for this long
+SEVERE_AFTER_S = 5.0  # a severe cause that lasts longer is an error
 LINES_PER_PERIOD = 20  # log lines between two diagnostics messages; the rest is counted
-MEMORY = 'memory_megabytes'
+MEMORY, REJECTION = 'memory_megabytes', 'last_rejection'
+
+
+class Cause(enum.Enum):
+    """Why a node does not work as it should, what weighs most first.
+
+    The value tells what the log says once it ends, and whether somebody has to remove it
+    (severe: an error after `SEVERE_AFTER_S`, until then a warning) or it may pass by itself.
+    """
+
+    OTHER_TYPE = 'the type of the input is right', True
+    INCOMPATIBLE_QOS = 'quality of service of the input is right', True
+    NO_PUBLISHER = 'the input has a publisher', True
+    TWO_PUBLISHERS = 'the input comes from one publisher', True
+    POSES_IN_OTHER_FRAME = 'the frame of the poses is right', True
+    NO_POSES = 'poses go on', True
+    CLOCKS_APART = 'the clocks of poses and pulses agree', True
+    COMPILING = 'kernels are compiled', False
+    STALLED = 'input continues', False
+    BEHIND = 'the work keeps up with the input again', False
+    PLANNING = '', False
+    NO_SUBSCRIBER = 'the output has a subscriber', False
+
+    def __init__(self, ended: str, severe: bool):
+        self.ended, self.severe = ended, severe
 
 
 class Tally:
@@ -38,18 +65,51 @@ class Tally:
         self._lock = threading.Lock()
         self._values: dict[str, int | float] = dict.fromkeys(counters, 0)
         self._texts: dict[str, str] = {}
-        self._watched = {DiagnosticStatus.WARN: tuple(faults),
-                         DiagnosticStatus.ERROR: tuple(errors)}
-        self._totals: collections.Counter = collections.Counter()
-        self._last_change: dict[bytes, float] = {}
+        self._faults, self._errors = tuple(faults), tuple(errors)
+        self._seen: dict[str, int | float] = {}  # faults and errors when last judged
+        self._risen: dict[str, tuple[float, int | float]] = {}  # when last, by how much of late
+        self._causes: dict[Cause, tuple[str, float]] = {}  # text, and since when
 
     def clear(self) -> None:
         """Count from zero again, and forget the faults so far."""
         with self._lock:
             self._values = dict.fromkeys(self._values, 0)
-            self._totals.clear()
-            self._last_change.clear()
+            self._seen.clear()
+            self._risen.clear()
             self._texts.clear()
+            self._causes.clear()
+
+    def forget_causes(self) -> None:
+        """End all causes without a word, as when the work ends."""
+        with self._lock:
+            self._causes.clear()
+
+    def cause(self, which: Cause, text: str, log: str = '') -> bool:
+        """State a cause, or that it has ended; the log tells when it begins, changes and ends.
+
+        Parameters
+        ----------
+        which : Cause
+            What kind.
+        text : str
+            For the diagnostics; empty when there is no such cause any more.
+        log : str
+            For the log, if it differs from `text`.
+
+        Returns
+        -------
+        bool
+            Whether it has begun.
+        """
+        with self._lock:
+            before, since = self._causes.pop(which, ('', time.monotonic()))
+            if text:
+                self._causes[which] = text, since
+        if text and _wording(text) != _wording(before) and which is not Cause.PLANNING:
+            self.warning(log or text)
+        elif before and not text and which.ended:
+            self.info(which.ended)
+        return bool(text and not before)
 
     def tell(self, key: str, text: str) -> None:
         """Set a text that stands among the counters until another or an empty one comes."""
@@ -66,29 +126,60 @@ class Tally:
         with self._lock:
             self._values[key] = value
 
-    def status(self, problem: str, state: str) -> DiagnosticStatus:
-        """Counters and their judgement; see `Health.publish`."""
+    def causes_of(self, kinds: Iterable[Cause], found: tuple[Cause, str, str] | None) -> None:
+        """State that of some causes one lasts, or none: cause, text, and text for the log."""
+        for which in kinds:
+            self.cause(which, *(found[1:] if found and found[0] is which else ('',)))
+
+    def get(self, key: str) -> int | float:
+        """Value of a counter, 0 where there is none of this name."""
         with self._lock:
-            level, message = self._judge(problem, state)
+            return self._values.get(key, 0)
+
+    def status(self, state: str, causes: Mapping[Cause, tuple[str, float]] | None = None
+               ) -> DiagnosticStatus:
+        """Counters and their judgement; see `Health.publish`.
+
+        Parameters
+        ----------
+        state : str
+            What the stage does when nothing is wrong.
+        causes : mapping, optional
+            Those of others that concern this stage, too.
+        """
+        with self._lock:
+            level, message = self._judge(state, {**(causes or {}), **self._causes})
             values = [KeyValue(key=k, value=_format(v)) for k, v in self._values.items()]
             values += [KeyValue(key=k, value=v) for k, v in self._texts.items() if v]
         return DiagnosticStatus(level=level, name=self.name, message=message, values=values)
 
-    def _judge(self, problem: str, state: str) -> tuple[bytes, str]:
+    @property
+    def causes(self) -> dict[Cause, tuple[str, float]]:
+        """Text of each cause that lasts, and since when on `time.monotonic`."""
+        with self._lock:
+            return dict(self._causes)
+
+    def _judge(self, state: str, causes: Mapping[Cause, tuple[str, float]]) -> tuple[bytes, str]:
         now = time.monotonic()
-        for level, keys in self._watched.items():
-            total = sum(self._values[k] for k in keys)
-            if total > self._totals[level]:
-                self._last_change[level] = now
-            self._totals[level] = total
-        recent = [level for level, t in self._last_change.items() if now - t < RECENT_S]
-        if DiagnosticStatus.ERROR in recent:
-            return DiagnosticStatus.ERROR, 'errors while working, see the log'
-        if problem:
-            return DiagnosticStatus.WARN, problem
+        for key in (*self._faults, *self._errors):
+            rise, self._seen[key] = self._values[key] - self._seen.get(key, 0), self._values[key]
+            since, amount = self._risen.get(key, (-math.inf, 0))
+            if rise > 0:
+                self._risen[key] = now, rise + (amount if now - since < RECENT_S else 0)
+        recent = {key: amount for key, (t, amount) in self._risen.items() if now - t < RECENT_S}
+        if not recent.keys().isdisjoint(self._errors):
+            return ERROR, 'errors while working, see the log'
+        lasting = [(which, *causes[which]) for which in Cause if which in causes]
+        for which, text, since in lasting:
+            if which.severe and now - since > SEVERE_AFTER_S:
+                return ERROR, text
+        if lasting:
+            return WARN, lasting[0][1]
         if recent:
-            return DiagnosticStatus.WARN, 'recent losses, see the counters and the log'
-        return DiagnosticStatus.OK, state
+            told = ', '.join(f'{amount} {key}' for key, amount in recent.items())
+            why = f'; {self._texts.get(REJECTION)}' if 'blocks_rejected' in recent else ''
+            return WARN, f'recent losses: {told}{why}'
+        return OK, state
 
 
 class Health(Tally):
@@ -159,13 +250,19 @@ class Health(Tally):
                 return False
         return True
 
-    def publish(self, problem: str = '', state: str = 'working') -> None:
+    def forget_causes(self) -> None:
+        """End all causes, those of the parts, too."""
+        super().forget_causes()
+        for part in self.parts:
+            part.forget_causes()
+
+    def publish(self, state: str = 'working') -> None:
         """Publish the diagnostics and allow new log lines; call it periodically.
+
+        What concerns the node concerns its parts, and it names the causes of these as its own.
 
         Parameters
         ----------
-        problem : str
-            What is wrong at the moment and no counter tells, empty when nothing is.
         state : str
             What the node does when nothing is wrong.
         """
@@ -175,8 +272,10 @@ class Health(Tally):
         if suppressed:
             self._logger.warning(f'{suppressed} more messages were not logged; see /diagnostics '
                                  'for the counts')
+        of_parts = {k: v for part in self.parts for k, v in part.causes.items()}
         array = DiagnosticArray(status=[
-            self.status(problem, state), *(part.status('', state) for part in self.parts)])
+            self.status(state, of_parts),
+            *(part.status(state, self.causes) for part in self.parts)])
         array.header.stamp = self._clock.now().to_msg()
         self._publisher.publish(array)
 
@@ -223,6 +322,11 @@ def resident_megabytes() -> float:
             return int(statm.read().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 1e6
     except OSError:
         return math.nan
+
+
+def _wording(text: str) -> str:
+    """A text without its figures, which change while a cause lasts."""
+    return re.sub(r'\d+(\.\d+)?(e[+-]?\d+)?', '', text)
 
 
 def _format(value: int | float) -> str:

@@ -58,6 +58,15 @@ class Inlet(abc.ABC):
     def extent(self, item) -> tuple[float, float]:
         """Where an item begins in its aperture and where it ends, 0 to 1."""
 
+    @staticmethod
+    @abc.abstractmethod
+    def moment(item) -> tuple[int, int]:
+        """Counter and time in nanoseconds of an item, to compare with those of others."""
+
+    def pulses_per_aperture(self, item) -> int:
+        """Length of an aperture."""
+        return self._length
+
     def select(self, item, parts: np.ndarray):
         """Item of some of its parts; `parts` is a mask like `apertures`, not all false."""
         return item
@@ -97,6 +106,11 @@ class PulseBlocks(Inlet):
         first, last = int(item.counter[0]) % self._length, int(item.counter[-1]) % self._length
         return first / self._length, (last + 1) / self._length
 
+    @staticmethod
+    def moment(item: PulseBlock) -> tuple[int, int]:
+        """Of the first pulse."""
+        return int(item.counter[0]), int(item.stamp_ns[0])
+
     def select(self, item: PulseBlock, parts: np.ndarray) -> PulseBlock:
         """Some of the pulses."""
         return item.select(parts)
@@ -133,4 +147,14 @@ class SubapertureImages(Inlet):
 
     def extent(self, item: SubapertureImage) -> tuple[float, float]:
         """Where in its aperture it begins and ends, 0 to 1."""
-        return item.number / item.n_subapertures, (item.number + 1) / item.n_subapertures
+        first = item.first_counter % item.pulses_per_aperture
+        return first / item.pulses_per_aperture, (first + item.length) / item.pulses_per_aperture
+
+    @staticmethod
+    def moment(item: SubapertureImage) -> tuple[int, int]:
+        """Its first counter; its time is that of its middle."""
+        return item.first_counter, item.stamp_ns
+
+    def pulses_per_aperture(self, item: SubapertureImage) -> int:
+        """As the sender cuts them, whatever the parameter of this node is."""
+        return item.pulses_per_aperture

@@ -1,69 +1,98 @@
-"""Watch an input of a node: tell of a topic on which nothing comes, and what may be meant."""
+"""Watch an input of a node: why nothing comes on its topic, and what may be meant."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from rclpy.node import Node
+from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 
-from .health import Health
+from .health import Cause
 
-PATIENCE_S = 5.0
+CAUSES = Cause.OTHER_TYPE, Cause.INCOMPATIBLE_QOS, Cause.NO_PUBLISHER, Cause.STALLED
 
 
 class InputWatch:
-    """Whether messages come on a topic; to be asked once per second.
+    """Whether messages come on a topic, and why not; to be asked once per second.
 
     Parameters
     ----------
     node : rclpy.node.Node
         Node that subscribes.
-    health : Health
-        Where to log.
     topic : str
         Resolved name of the topic.
     message_type : str
         That is expected there, such as ``'xwr_msgs/msg/IQ'``.
+    qos : QoSProfile
+        Of the subscription.
+    patience_s : callable
+        Returns how long the input may pause.
     advice : str
-        How to name another topic or type.
+        Where the type is explained, or how to name another topic or type.
+    sender : str
+        Who publishes such messages.
     """
 
-    def __init__(self, node: Node, health: Health, topic: str, message_type: str, advice: str):
-        self._node, self._health = node, health
-        self._topic, self._type, self._advice = topic, message_type, advice
+    def __init__(self, node: Node, topic: str, message_type: str, qos: QoSProfile, *,
+                 patience_s: Callable[[], float], advice: str, sender: str):
+        self._node, self._topic, self._type, self._qos = node, topic, message_type, qos
+        self._patience_s, self._advice, self._sender = patience_s, advice, sender
         self._last_s = time.monotonic()
-        self._told = ''
+        self.heard = False  # since the beginning
+        self.senders: tuple[str, ...] = ()  # that can be heard, when last looked
 
     def arrived(self) -> None:
         """A message came."""
-        self._last_s = time.monotonic()
+        self._last_s, self.heard = time.monotonic(), True
 
-    def problem(self) -> str:
-        """Why nothing comes, logged when it begins; empty while messages come."""
-        pause_s = time.monotonic() - self._last_s
-        if pause_s < PATIENCE_S:
-            if self._told:
-                self._health.info(f'messages come on {self._topic}')
-                self._told = ''
+    @property
+    def pause_s(self) -> float:
+        """Since the last message, or since the beginning."""
+        return time.monotonic() - self._last_s
+
+    def look(self) -> tuple[Cause, str, str] | None:
+        """Cause why nothing comes, text for the diagnostics and for the log; None without."""
+        publishers = self._node.get_publishers_info_by_topic(self._topic)
+        same_type = [e for e in publishers if e.topic_type == self._type]
+        unheard = [e for e in same_type if self._incompatible(e.qos_profile)]
+        self.senders = tuple(e.node_name for e in same_type if e not in unheard)
+        pause_s, patience_s = self.pause_s, self._patience_s()
+        silent = pause_s > patience_s
+        log = f'nothing came on {self._topic} for more than {patience_s:g} s: '
+        if unheard and (silent or not self.senders):
+            text = (f'a publisher of {self._topic}, {unheard[0].node_name}, cannot be heard: '
+                    f'{self._incompatible(unheard[0].qos_profile)}')
+            return Cause.INCOMPATIBLE_QOS, text, text
+        if publishers and not same_type:
+            types = ', '.join(sorted({e.topic_type for e in publishers}))
+            if silent:
+                text = f'it carries {types}, expected {self._type}; {self._advice}'
+                return Cause.OTHER_TYPE, f'no input for {pause_s:.0f} s: {text}', log + text
+            text = (f'{self._topic} carries {types}; expected {self._type} ({self._advice}): no '
+                    'messages arrive')
+            return Cause.OTHER_TYPE, text, text
+        if not silent:
+            return None
+        if same_type:
+            text = f'input stalled: nothing on {self._topic} for {pause_s:.0f} s'
+            return (Cause.STALLED, f'no input for {pause_s:.0f} s: the publisher of {self._topic} '
+                    'is silent', f'{text}, its publisher is silent')
+        text = self._who_else()
+        return Cause.NO_PUBLISHER, f'no input for {pause_s:.0f} s: {text}', log + text
+
+    def _incompatible(self, offered: QoSProfile) -> str:
+        compatible, reason = qos_check_compatible(offered, self._qos)
+        if compatible != QoSCompatibility.ERROR:
             return ''
-        text = self._reason()
-        if text != self._told:
-            self._health.warning(f'nothing came on {self._topic} for more than {PATIENCE_S:g} s: '
-                                 f'{text}')
-            self._told = text
-        return f'no input for {pause_s:.0f} s: {text}'
+        return (f'{reason.removeprefix("ERROR: ").rstrip(";").lower()}; make both the same, here '
+                f'by the parameters qos_overrides.{self._topic}.subscription')
 
-    def _reason(self) -> str:
-        types = {e.topic_type for e in self._node.get_publishers_info_by_topic(self._topic)}
-        if self._type in types:
-            return 'its publisher is silent'
-        if types:
-            return (f'it carries {", ".join(sorted(types))}, expected {self._type}; '
-                    f'{self._advice}')
+    def _who_else(self) -> str:
         others = sorted(name for name, kinds in self._node.get_topic_names_and_types()
                         if self._type in kinds and self._of_others(name))
         if not others:
-            return f'nobody publishes {self._type}; is the driver of the radar running?'
+            return f'nobody publishes {self._type}; is {self._sender} running?'
         return f'nobody publishes there, {self._type} is on {", ".join(others)}; {self._advice}'
 
     def _of_others(self, topic: str) -> bool:

@@ -11,6 +11,7 @@ import traceback
 from collections.abc import Callable, Iterable
 
 import rclpy
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
 from rclpy.duration import Duration
@@ -111,7 +112,7 @@ class ManagedNode(LifecycleNode):
 
     def publish_diagnostics(self) -> None:
         """Publish the diagnostics; called once per second in every state."""
-        self.health.publish('', self.state)
+        self.health.publish(self.state)
 
     def create_output(self, message_type, topic: str, qos: QoSProfile,
                       joined: Callable[[], None] = lambda: None) -> Publisher:
@@ -175,6 +176,12 @@ class ManagedNode(LifecycleNode):
         self.health.count('errors')
         self.health.error(f'{what}:\n' + ''.join(traceback.format_exception(error)))
 
+    def set_parameters_atomically(self, parameter_list) -> SetParametersResult:
+        """As of every node; the reason says which name the node does not know."""
+        if unknown := [p.name for p in parameter_list if not self.has_parameter(p.name)]:
+            return SetParametersResult(successful=False, reason=self.parameters.unknown(unknown))
+        return super().set_parameters_atomically(parameter_list)
+
     # ------------------------------------------------------------------------- transitions
 
     def start(self) -> bool:
@@ -233,6 +240,7 @@ class ManagedNode(LifecycleNode):
             self.report_error(error, f'{name} failed')
             return TransitionCallbackReturn.ERROR
         self.state = goal
+        self.health.info(f'{name} done: the node is {goal}')
         return TransitionCallbackReturn.SUCCESS
 
     def _end(self) -> None:
@@ -273,7 +281,11 @@ def run(node_class: type[ManagedNode], args: list[str] | None = None) -> int:
             node = _created(node_class)
             executor = SingleThreadedExecutor()
             executor.add_node(node)
-            if node.parameters['autostart'] and not node.start():
+            if not node.parameters['autostart']:
+                node.health.info('autostart is false: the node waits for a life cycle manager, or '
+                                 f'for `ros2 lifecycle set {node.get_fully_qualified_name()} '
+                                 'configure`')
+            elif not node.start():
                 return 1 if rclpy.ok() else 0  # Ctrl-C is no failure
             executor.spin()
     except ExternalShutdownException:

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import dataclasses
+import math
+import time
+from collections.abc import Callable, Mapping
 
+import numpy as np
+
+from .health import Cause, Health
 from .inlet import Inlet
 from .worker import Worker
 
 APERTURES, BLOCKS = 'drop_apertures', 'drop_blocks'
 POLICIES = (APERTURES, BLOCKS)
+FAULTS = ('blocks_dropped', 'apertures_skipped', 'apertures_too_old', 'pulses_too_old')
+_HOLD_S = 2.0  # that a stage counts as behind, at least, after it left something out
 _ADMISSION_FILL = 0.5  # a new aperture begins only when the queue has come down so far
 
 
@@ -107,3 +115,208 @@ class Gate:
         if not outside.any():
             return item, []
         return self._inlet.select(item, ~outside), [self._inlet.select(item, outside)]
+
+
+@dataclasses.dataclass
+class _Verdict:
+    """What was decided about an aperture."""
+
+    left_out: bool
+    waited_s: float  # of its first item
+    furthest: float = 0.0  # end of what came of it, 0 to 1
+
+
+class AgeLimit:
+    """Leaves out apertures that wait too long, so that a stage that fell behind catches up.
+
+    The age of an image is how long its first item waits, and by how much the waiting grows until
+    it is done; the latter is taken from the aperture before. An aperture is left out as a whole,
+    the oldest first, when its first item comes to its turn and the sum exceeds the limit. An
+    aperture whose growth alone takes more than half of the limit still begins after waiting half
+    of it: leaving out more would not make images younger. One underway is given up when its items
+    exceed the limit although the one before did not, as after a moment in which the machine was
+    busy otherwise. So a stage that keeps up loses nothing, and one that does not has images.
+
+    All methods are called in the worker's thread.
+
+    Parameters
+    ----------
+    inlet : Inlet
+        How to read the items.
+    skip : callable
+        Called with the number of each aperture that is left out.
+
+    Attributes
+    ----------
+    aperture_s : float
+        How long an aperture lasts, as its stamps say or as its items come, whichever is longer;
+        infinite while that is not known.
+    """
+
+    LEAST_S = 0.3  # by default; a machine is busy otherwise for moments
+    _APERTURES = 2.0  # by default
+    _REMEMBERED = 8  # apertures, for items that come late
+
+    def __init__(self, inlet: Inlet, skip: Callable[[int], None]):
+        self._inlet, self._skip = inlet, skip
+        self._verdicts: dict[int, _Verdict] = {}
+        self._current: _Verdict | None = None
+        self._growth_s = 0.0  # of the waiting during the latest aperture that was worked on
+        self._start: tuple[int, int, float] | None = None  # counter, stamp, reception
+        self.aperture_s = math.inf
+
+    def limit_s(self, wanted_s: float) -> float:
+        """The limit: what is wanted, or for 0 two apertures."""
+        return wanted_s or max(self._APERTURES * self.aperture_s, self.LEAST_S)
+
+    def admit(self, item, received_s: float, now_s: float, wanted_s: float
+              ) -> tuple[object | None, list[int], object | None]:
+        """Decide about an item whose turn has come.
+
+        Parameters
+        ----------
+        item
+            Of the kind that the inlet reads.
+        received_s, now_s : float
+            When it came, and the time now, on the same steady clock.
+        wanted_s : float
+            The limit; 0 for the default.
+
+        Returns
+        -------
+        kept : item or None
+            What is to be worked on.
+        begun : list of int
+            Apertures that are left out from here on.
+        dropped : item or None
+            What belongs to apertures left out.
+        """
+        self._pace(item, received_s)
+        waited_s, limit_s, begun = now_s - received_s, self.limit_s(wanted_s), []
+        numbers = self._inlet.apertures(item)
+        for number in dict.fromkeys(numbers.tolist()):
+            if self._begins(number, item):
+                left_out = self._judge_new(number, waited_s, limit_s)
+            else:
+                left_out = self._judge_again(self._verdicts[number], waited_s, limit_s)
+            if left_out:
+                begun.append(number)
+                self._skip(number)
+        out = np.array([self._verdicts[number].left_out for number in numbers.tolist()])
+        if not out.any():
+            return item, begun, None
+        if out.all():
+            return None, begun, item
+        return self._inlet.select(item, ~out), begun, self._inlet.select(item, out)
+
+    def _begins(self, number: int, item) -> bool:
+        """Whether an aperture begins: with a new number, or as the loop of a recording."""
+        verdict = self._verdicts.get(number)
+        if verdict is None:
+            return True
+        first, last = self._inlet.extent(item)
+        if first > last:  # the item goes on into the next aperture
+            return False
+        before, verdict.furthest = verdict.furthest, max(verdict.furthest, last)
+        return first < before - 0.5
+
+    def _judge_new(self, number: int, waited_s: float, limit_s: float) -> bool:
+        if self._current is not None and not self._current.left_out:
+            self._growth_s = waited_s - self._current.waited_s
+        left_out = waited_s + min(max(self._growth_s, 0.0), 0.5 * limit_s) > limit_s
+        self._verdicts.pop(number, None)
+        self._current = self._verdicts[number] = _Verdict(left_out, waited_s)
+        while len(self._verdicts) > self._REMEMBERED:
+            del self._verdicts[next(iter(self._verdicts))]
+        return left_out
+
+    def _judge_again(self, verdict: _Verdict, waited_s: float, limit_s: float) -> bool:
+        if verdict.left_out or waited_s <= limit_s or self._growth_s > limit_s:
+            return False
+        verdict.left_out, self._growth_s = True, waited_s
+        return True
+
+    def _pace(self, item, received_s: float) -> None:
+        counter, stamp_ns = self._inlet.moment(item)
+        if self._start is None or not 0 < counter - self._start[0]:
+            self._start = counter, stamp_ns, received_s
+            return
+        n_apertures = (counter - self._start[0]) / self._inlet.pulses_per_aperture(item)
+        seconds = max(1e-9 * (stamp_ns - self._start[1]), received_s - self._start[2])
+        if seconds > 0.0 and n_apertures < self._REMEMBERED:  # else the counter is wrong
+            self.aperture_s = seconds / n_apertures
+        if n_apertures >= 1.0:
+            self._start = counter, stamp_ns, received_s
+
+
+class Load:
+    """What a worker is given to do: blocks are let in, left out, counted and told of.
+
+    Parameters
+    ----------
+    worker : Worker
+        Who works.
+    inlet : Inlet
+        How to read the blocks.
+    parameters : mapping
+        Current values, with `overload` and `max_age_s`.
+    health : Health
+        Counters, with `FAULTS` and ``oldest_seconds``, and log.
+    skip : callable
+        As of `Gate`.
+    """
+
+    def __init__(self, worker: Worker, inlet: Inlet, parameters: Mapping[str, object],
+                 health: Health, skip: Callable[[int | None], None]):
+        self._worker, self._inlet, self._health = worker, inlet, health
+        self._parameters = parameters
+        self._gate = Gate(worker, inlet, parameters['overload'], skip)
+        self._ages = AgeLimit(inlet, skip)
+        self._behind_until_s = 0.0
+
+    @property
+    def _limit_s(self) -> float:
+        return self._ages.limit_s(self._parameters['max_age_s'])
+
+    def put(self, item, received_s: float) -> None:
+        """Queue an item, unless the queue is full."""
+        before = self._gate.skipped
+        if not (dropped := self._gate.put(item, received_s)):
+            return
+        self._health.count('blocks_dropped', len(dropped))
+        if self._gate.skipped is None:
+            what = f'dropped {self._inlet.describe(dropped[-1])}'
+        elif self._gate.skipped != before:
+            self._health.count('apertures_skipped')
+            what = f'aperture {self._gate.skipped} is left out'
+        else:
+            return  # more of the aperture that the log has told of
+        self._health.warning(f'{what}: {self._worker.waiting} blocks wait already; the work is '
+                             'slower than the input')
+
+    def take(self, item, received_s: float):
+        """What of an item is to be worked on, None for nothing; in the worker's thread."""
+        now = time.monotonic()
+        kept, begun, dropped = self._ages.admit(item, received_s, now,
+                                                self._parameters['max_age_s'])
+        if dropped is not None:
+            self._behind_until_s = now + max(self._limit_s, _HOLD_S)
+            self._health.count('pulses_too_old', self._inlet.n_pulses(dropped))
+        for aperture in begun:
+            self._health.count('apertures_too_old')
+            self._health.warning(
+                f'aperture {aperture} is left out: its blocks wait for {now - received_s:.2g} s, '
+                f'its image would be older than max_age_s={self._limit_s:.2g}; the work is slower '
+                'than the input')
+        return kept
+
+    def look(self) -> bool:
+        """State whether the work falls behind; True when that begins."""
+        oldest, now = self._worker.oldest, time.monotonic()
+        waits_s = now - oldest[1] if oldest is not None else 0.0
+        self._health.set('oldest_seconds', waits_s)
+        text = ''
+        if waits_s > 0.5 * self._ages.limit_s(0.0) or now < self._behind_until_s:
+            text = (f'falling behind: blocks wait for {waits_s:.2g} s, the work is slower than '
+                    f'the input; images older than max_age_s={self._limit_s:.2g} are left out')
+        return self._health.cause(Cause.BEHIND, text)

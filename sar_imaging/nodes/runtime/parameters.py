@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import difflib
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
@@ -200,6 +201,17 @@ class ParameterValues(Mapping):
 
     def __len__(self) -> int:
         return len(self._values)
+
+    def unknown(self, names: Iterable[str]) -> str:
+        """That these names are not known, and what may be meant."""
+        told = []
+        for name in names:
+            # a misspelt end of a name is as likely as the whole one
+            ends = {known.rpartition('.')[2]: known for known in self._table}
+            near = (difflib.get_close_matches(name, self._table, 1)
+                    or [ends[end] for end in difflib.get_close_matches(name, ends, 1)])
+            told.append(name + (f' (did you mean {near[0]}?)' if near else ''))
+        return f'unknown parameters, without effect: {", ".join(told)}'
 
     def load(self) -> None:
         """Check all values; those that count at configuration are refused from now on.

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import collections
 import concurrent.futures
 import functools
+import itertools
 import time
 from collections.abc import Callable
 
@@ -18,14 +20,16 @@ from std_srvs.srv import Trigger
 from msg_conversions import WireFormatError
 from msg_conversions.wire import DEFAULT_MAX_ELEMENTS
 from sar_imaging.backends import DeviceError
-from sar_imaging.compilation import counted, interruptible
+from sar_imaging.compilation import interruptible
 from sar_imaging.configuration.datum import NONE, SOURCES, configured_datum
 
 from .chain import Chain
-from .health import Rates
+from .health import REJECTION, Cause, Rates
+from .input_watch import CAUSES, InputWatch
 from .managed import QOS_ERRORS, ManagedNode
-from .overload import APERTURES, POLICIES, Gate
+from .overload import APERTURES, FAULTS, POLICIES, Load
 from .parameters import ANY_TIME, ConfigurationError, Parameter, one_of
+from .preparation import Preparation
 from .saving import FileThread
 from .step import Step, stream_qos
 from .worker import Worker
@@ -55,6 +59,9 @@ COMMON_PARAMETERS = (
               1, 10_000),
     Parameter('worker_queue_megabytes', 512.0, 'Memory that the waiting blocks may take.', 'MB',
               0.1, 1e6),
+    Parameter('max_age_s', 0.0, 'Apertures whose images would be older are left out, the oldest '
+              'first, and counted; 0.0: two apertures, at least 0.3 s.', 's', 0.0, 1e6,
+              changes=ANY_TIME),
     Parameter('overload', APERTURES, 'What happens when too many blocks wait: '
               f'{" or ".join(POLICIES)}; counted and logged.', check=one_of(*POLICIES)),
     Parameter('max_message_elements', DEFAULT_MAX_ELEMENTS, 'Largest block to accept.', 'floats',
@@ -62,6 +69,10 @@ COMMON_PARAMETERS = (
     Parameter('stall_timeout_s', 5.0, 'Input that pauses for longer is reported as stalled.', 's',
               0.1, 3600.0, changes=ANY_TIME),
 )
+_STRAYS = ('pulses_missing', 'pulses_late', 'restarts', 'configuration_changes',
+           'pulses_conflicting', 'subapertures_late')  # what two publishers cause
+_NUMBERS = {2: 'two', 3: 'three'}
+_STRAY_LOOKS = 3  # of which two see more of them
 
 
 class Stage(ManagedNode):
@@ -92,18 +103,18 @@ class Stage(ManagedNode):
         super().__init__(
             parameters=_joined(self.STEPS),
             counters=('blocks_received', 'pulses_discarded', 'blocks_waiting', 'queue_fill',
-                      *Rates.KEYS, *(self.STEPS[0].COUNTERS if alone else ())),
-            faults=('blocks_rejected', 'blocks_dropped', 'apertures_skipped', 'messages_lost',
+                      'oldest_seconds', *Rates.KEYS,
+                      *(self.STEPS[0].COUNTERS if alone else ())),
+            faults=('blocks_rejected', *FAULTS, 'pulses_before_ready', 'messages_lost',
                     *(self.STEPS[0].FAULTS if alone else ())))
         self._healths = {step: self.health if alone else self.health.part(
             step.NAME, counters=step.COUNTERS, faults=step.FAULTS) for step in self.STEPS}
         self._rates = Rates()
-        self._last_input: float | None = None
-        self._stalled = False
-        self._other_types: set[str] = set()  # on the input's topic
+        self._watch: InputWatch | None = None
+        self._strays: collections.deque[int] = collections.deque(maxlen=_STRAY_LOOKS + 1)
         self._chain: Chain | None = None
         self._worker: Worker | None = None
-        self._gate: Gate | None = None
+        self._load: Load | None = None
         self._subscription: Subscription | None = None
         self.create_service(Trigger, '~/reset', self._reset, callback_group=self.service_group)
         if self.STEPS[-1].FORMS_IMAGES:
@@ -130,27 +141,21 @@ class Stage(ManagedNode):
         self.outputs.append(self._progress)
         steps = self.steps()
         self._inlet = steps[0].INLET(self.parameters['pulses_per_aperture'])
-        with counted(self._tell_of_compilation), interruptible(self.context.ok):
+        with Preparation(self, self.INPUT, self._inlet), interruptible(self.context.ok):
             self._chain = Chain([step.create(self.parameters, self._healths[step])
                                  for step in steps], reject=self._reject)
         for step in self._chain.steps:
             step.create_outputs(self)
 
-    def _tell_of_compilation(self) -> None:
-        self.health.info('compiling kernels: at the first start on a machine this takes up to a '
-                         'minute or two, later starts load them; `ros2 run sar_imaging '
-                         'compile_kernels` does it beforehand')
-
     def activate(self) -> None:
         """Subscribe and begin to work; see `ManagedNode.activate`."""
-        self._last_input, self._stalled = None, False
         p = self.parameters
         self._worker = Worker(
             self._work, capacity=p['worker_queue_size'],
             max_bytes=int(1e6 * p['worker_queue_megabytes']), on_error=self._work_failed,
             on_idle=self._chain.idle, idle_s=self._chain.idle_s, name=self.get_name())
         self._worker.start()
-        self._gate = Gate(self._worker, self._inlet, p['overload'], self._skip)
+        self._load = Load(self._worker, self._inlet, p, self.health, self._chain.skip)
         for step in self._chain.steps:
             step.activate(self)
         try:
@@ -163,6 +168,11 @@ class Stage(ManagedNode):
                     message_lost=self._message_lost, matched=self._input_matched))
         except QOS_ERRORS as error:
             raise ConfigurationError(f'QoS override of {self.INPUT}: {error}') from error
+        self._watch = InputWatch(
+            self, self._subscription.topic_name, INPUT_TYPE, self._subscription.qos_profile,
+            patience_s=lambda: p['stall_timeout_s'], advice='docs/wire_format.md',
+            sender='its sender')
+        self._strays.clear()
         settings = ''.join(step.summary() for step in self._chain.steps)
         self.health.info(f'ready: {self._subscription.topic_name}{settings}')
 
@@ -180,6 +190,8 @@ class Stage(ManagedNode):
             return
         for step in self._chain.steps:
             step.deactivate(self)
+        self._watch = None
+        self.health.forget_causes()
         if subscription is not None:  # else the activation was refused
             self._report_discarded('deactivated', waiting, self._chain.discard())
 
@@ -203,7 +215,7 @@ class Stage(ManagedNode):
     def _receive(self, message: Float32MultiArray) -> None:
         if self._worker is None:
             return  # taken just before the node was deactivated
-        now = self._last_input = time.monotonic()
+        self._watch.arrived()
         self.health.count('blocks_received')
         try:
             item = self._inlet.read(message, max_elements=self.parameters['max_message_elements'])
@@ -211,35 +223,21 @@ class Stage(ManagedNode):
             self._reject('a message', error)
             return
         self._rates.add(self._inlet.n_pulses(item), 4 * len(message.data))
-        skipped = self._gate.skipped
-        dropped = self._gate.put(item, now)
-        if dropped:
-            self._report_dropped(dropped, skipped)
-
-    def _report_dropped(self, dropped: list, skipped: int | None) -> None:
-        self.health.count('blocks_dropped', len(dropped))
-        if self._gate.skipped is None:
-            what = f'dropped {self._inlet.describe(dropped[-1])}'
-        elif self._gate.skipped != skipped:
-            self.health.count('apertures_skipped')
-            what = f'aperture {self._gate.skipped} is left out'
-        else:
-            return  # more of the aperture that the log has told of
-        self.health.warning(f'{what}: {self._worker.waiting} blocks wait already; the work is '
-                            'slower than the input')
+        self._load.put(item, time.monotonic())
+        if self._load.look():  # not a second later
+            self.publish_diagnostics()
 
     def _work(self, entry: tuple[object, float]) -> None:
         item, received_s = entry
-        self._chain.work(item, received_s)
+        kept = self._load.take(item, received_s)
+        if kept is not None:
+            self._chain.work(kept, received_s)
         self._progress.publish(UInt32(data=self._inlet.last_counter(item)))
 
     def _reject(self, which: str, error: Exception) -> None:
         self.health.count('blocks_rejected')
-        self.health.tell('last_rejection', str(error))
+        self.health.tell(REJECTION, str(error))
         self.health.warning(f'rejected {which} of {self.resolve_topic_name(self.INPUT)}: {error}')
-
-    def _skip(self, aperture: int | None) -> None:
-        self._chain.skip(aperture)
 
     def _called(self, future) -> None:
         if not future.cancelled() and future.exception() is not None:
@@ -346,36 +344,24 @@ class Stage(ManagedNode):
         if self.state in ('inactive', 'active'):
             for step in self._chain.steps:
                 step.update_counters()
-        if self.state == 'active':
-            if self._last_input is None:
-                self._look_for_other_types()
-            state = 'working' if self._last_input else 'waiting for input'
-            self.health.publish(self._stall(), state)
-        else:
-            self.health.publish('', self.state)
+        state = self.state
+        if worker is not None and self._watch is not None:
+            self._look_at_input()
+            self._load.look()
+            state = 'working' if self._watch.heard else 'waiting for input'
+        self.health.publish(state)
 
-    def _look_for_other_types(self) -> None:
-        """Tell, once, of publishers whose messages the middleware does not hand over."""
-        topic = self.resolve_topic_name(self.INPUT)
-        types = {e.topic_type for e in self.get_publishers_info_by_topic(topic)} - {INPUT_TYPE}
-        if types - self._other_types:
-            self.health.warning(f'{topic} carries {", ".join(sorted(types))}; expected '
-                                f'{INPUT_TYPE} (docs/wire_format.md): no messages arrive')
-        self._other_types = types
-
-    def _stall(self) -> str:
-        """Text about input that has stalled, empty when it flows or has not begun."""
-        if self._last_input is None:
-            return ''
-        pause = time.monotonic() - self._last_input
-        stalled = pause > self.parameters['stall_timeout_s']
-        if stalled and not self._stalled:
-            self.health.warning('input stalled: nothing on '
-                                f'{self.resolve_topic_name(self.INPUT)} for {pause:.0f} s')
-        elif self._stalled and not stalled:
-            self.health.info('input continues')
-        self._stalled = stalled
-        return f'no input for {pause:.0f} s' if stalled else ''
+    def _look_at_input(self) -> None:
+        """State why nothing comes, or that what comes is of two publishers."""
+        self.health.causes_of(CAUSES, self._watch.look())
+        tally = self._healths[self.STEPS[0]]
+        self._strays.append(sum(tally.get(key) for key in _STRAYS))
+        rises = sum(b > a for a, b in itertools.pairwise(self._strays))
+        n = len(self._watch.senders)
+        self.health.cause(Cause.TWO_PUBLISHERS, (
+            f'{_NUMBERS.get(n, n)} publishers send different pulses on '
+            f'{self._subscription.topic_name}: {", ".join(self._watch.senders)}; stop all but '
+            'one, or remap') if n > 1 and rises > 1 else '')
 
 
 def _joined(steps: tuple[type[Step], ...]) -> tuple[Parameter, ...]:

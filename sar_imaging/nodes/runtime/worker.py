@@ -57,6 +57,7 @@ class Worker:
         self._idle_s = idle_s
         self._items: collections.deque = collections.deque()  # calls, and items with their bytes
         self._n_items = self._n_bytes = 0
+        self._in_work: object | None = None
         self._changed = threading.Condition()
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name=name)
@@ -96,6 +97,14 @@ class Worker:
     def waiting(self) -> int:
         """Number of items in the queue."""
         return self._n_items
+
+    @property
+    def oldest(self) -> object | None:
+        """The item in work, or else the one that waits longest; None when there is none."""
+        with self._changed:
+            if self._in_work is not None:
+                return self._in_work
+            return next((e[0] for e in self._items if not isinstance(e, _Call)), None)
 
     @property
     def working(self) -> bool:
@@ -154,12 +163,12 @@ class Worker:
                 if self._stopping:
                     return
                 entry = self._items.popleft() if self._items else None
-                if isinstance(entry, tuple):
-                    item = self._leave(entry)
+                self._in_work = self._leave(entry) if isinstance(entry, tuple) else None
             if isinstance(entry, _Call):
                 entry.run()
             elif entry is not None:
-                self._guarded(self._work, item)
+                self._guarded(self._work, self._in_work)
+                self._in_work = None
             elif (remaining := self._idle_s()) is not None and remaining <= 0.0:
                 self._guarded(self._on_idle)
 

@@ -261,8 +261,8 @@ class ApertureSequence(EventSource):
         plan, results = self._configure(block), []
         if self._example is not None:
             results = self.flush()
-            self._report('configuration', 'radar parameters or samples changed; '
-                         'a new aperture begins')
+            self._report('configuration', f'{self._example.difference(block)}; a new aperture '
+                         'begins')
             self._detector.reset()
             self._begin_sequence()
         self._plan, self._example = plan, block

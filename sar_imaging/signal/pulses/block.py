@@ -145,6 +145,17 @@ class PulseBlock:
                 and self.has_positions == other.has_positions
                 and (self.pointing is None) == (other.pointing is None))
 
+    def difference(self, other: PulseBlock) -> str:
+        """Words on what of radar, frame, channels and samples is another in `other`."""
+        before, after = ({f.name: getattr(block.radar, f.name)
+                          for f in dataclasses.fields(block.radar)} | {
+            'compressed': block.compressed, 'frame': block.frame, 'channels': block.n_channels,
+            'samples': block.n_samples, 'positions': block.has_positions,
+            'pointing': block.pointing is not None} for block in (self, other))
+        return 'the pulses have changed: ' + ', '.join(
+            f'{name} from {before[name]} to {after[name]}' for name in before
+            if before[name] != after[name])
+
 
 def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
     """Join blocks of the same radar along the pulse axis, in the order given.

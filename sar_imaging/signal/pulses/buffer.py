@@ -18,6 +18,7 @@ from .sequence import (
     describe_range,
 )
 
+_REMEMBERED_TIMES = 4096  # tell another sender's pulses from repeated ones
 _REMEMBERED_GAPS = 1024  # enough to tell late pulses from duplicates; bounds the memory
 
 
@@ -29,6 +30,7 @@ class BufferStatistics:
     emitted: int = 0
     missing: int = 0
     duplicate: int = 0
+    conflicting: int = 0  # of the duplicates: sent at another time than the pulse kept
     late: int = 0
     corrupt: int = 0
     reset: int = 0
@@ -102,6 +104,7 @@ class PulseBuffer(EventSource):
     def _begin_sequence(self) -> None:
         # Counters are held without the 32 bit limit: `_unwrap` continues them past the wrap.
         self._pending: dict[int, tuple[PulseBlock, int]] = {}
+        self._times: dict[int, int] = {}  # of pulses that came, ns
         self._next: int | None = None  # first counter that is neither emitted nor missing
         self._first = 0  # first emitted counter of the sequence
         self._highest: int | None = None
@@ -140,7 +143,7 @@ class PulseBuffer(EventSource):
         self.statistics.received += block.n_pulses
         emitted = []
         if self._example is not None and not block.matches(self._example):
-            emitted += self._change_configuration()
+            emitted += self._change_configuration(self._example, block)
         self._example = block
         block = self._without_corrupt_pulses(block)
         if block.n_pulses:
@@ -163,11 +166,10 @@ class PulseBuffer(EventSource):
         self._begin_sequence()
         return dropped
 
-    def _change_configuration(self) -> list[PulseBlock]:
+    def _change_configuration(self, example: PulseBlock, block: PulseBlock) -> list[PulseBlock]:
         emitted = self.flush()
         self.statistics.configuration_changes += 1
-        self._report('configuration', 'radar parameters, frame, channels or samples '
-                     'changed; a new pulse sequence begins')
+        self._report('configuration', f'{example.difference(block)}; a new pulse sequence begins')
         self._detector.reset()
         self._begin_sequence()
         return emitted
@@ -203,12 +205,17 @@ class PulseBuffer(EventSource):
     def _insert(self, block: PulseBlock) -> None:
         late, duplicate = [], []
         for row, counter in enumerate(self._unwrap(block.counter)):
+            stamp_ns = int(block.stamp_ns[row])
+            if self._times.setdefault(counter, stamp_ns) != stamp_ns:
+                self.statistics.conflicting += 1
             if counter in self._pending:
                 duplicate.append(counter)
             elif self._next is None or counter >= self._next:
                 self._pending[counter] = (block, row)
             else:
                 (late if self._never_emitted(counter) else duplicate).append(counter)
+        while len(self._times) > _REMEMBERED_TIMES:
+            del self._times[next(iter(self._times))]
         self._count('duplicate', duplicate, 'dropped duplicate pulses')
         self._count('late', late, 'dropped pulses that came late')
 

@@ -35,7 +35,7 @@ class Node(Outputs):
 
     def create_subscription(self, message_type, topic, callback, qos, **options):
         self.callbacks[topic] = callback
-        return types.SimpleNamespace(topic_name=f'/{topic}')
+        return types.SimpleNamespace(topic_name=f'/{topic}', qos_profile=qos)
 
     def destroy_subscription(self, subscription):
         del self.callbacks[subscription.topic_name[1:]]
@@ -43,6 +43,12 @@ class Node(Outputs):
     def create_timer(self, period_s, callback, clock):
         self.timers.append(callback)
         return callback
+
+    def get_publishers_info_by_topic(self, topic):
+        return []
+
+    def get_topic_names_and_types(self):
+        return []
 
     def destroy_timer(self, timer):
         self.timers.remove(timer)

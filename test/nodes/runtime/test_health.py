@@ -9,7 +9,7 @@ pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from sar_imaging.nodes.runtime import health
-from sar_imaging.nodes.runtime.health import Rates, Tally
+from sar_imaging.nodes.runtime.health import Cause, Rates, Tally
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -35,8 +35,8 @@ def tally():
                  errors=('errors',))
 
 
-def judgement(tally, problem=''):
-    status = tally.status(problem, 'working')
+def judgement(tally):
+    status = tally.status('working')
     return status.level, status.message
 
 
@@ -66,13 +66,34 @@ def test_each_fault_begins_the_ten_seconds_anew(clock, tally):
     assert judgement(tally)[0] == OK
 
 
-def test_an_error_weighs_more_than_a_problem_and_that_more_than_a_loss(clock, tally):
-    assert judgement(tally, 'no input') == (WARN, 'no input')
-    tally.count('lost')
-    assert judgement(tally, 'no input') == (WARN, 'no input')
+def test_an_error_weighs_more_than_a_cause_and_that_more_than_a_loss(clock, tally):
+    lines = tally.warning, tally.info = [], []
+    tally.warning, tally.info = lines[0].append, lines[1].append
+    assert tally.cause(Cause.STALLED, 'no input for 5 s')
+    tally.count('lost', 3)
+    assert judgement(tally) == (WARN, 'no input for 5 s')
+    assert tally.cause(Cause.OTHER_TYPE, 'it carries images')
+    assert not tally.cause(Cause.STALLED, 'no input for 6 s')
+    assert judgement(tally) == (WARN, 'it carries images')
+    clock.now_s += 5.1  # somebody has to remove it: an error that lasts
+    assert judgement(tally) == (ERROR, 'it carries images')
+    tally.cause(Cause.OTHER_TYPE, '')
+    assert judgement(tally) == (WARN, 'no input for 6 s')
     tally.count('errors')
-    assert judgement(tally, 'no input')[0] == ERROR
-    assert judgement(tally)[0] == ERROR
+    assert judgement(tally) == (ERROR, 'errors while working, see the log')
+    clock.now_s += 100.0
+    tally.cause(Cause.STALLED, '')
+    assert judgement(tally) == (OK, 'working')
+    assert lines == (['no input for 5 s', 'it carries images'],
+                     ['the type of the input is right', 'input continues'])
+
+
+def test_losses_are_named_with_their_numbers(clock, tally):
+    tally.count('lost', 25)
+    assert judgement(tally) == (WARN, 'recent losses: 25 lost')
+    clock.now_s += 6.0
+    tally.count('lost', 5)
+    assert judgement(tally) == (WARN, 'recent losses: 30 lost')
 
 
 def test_what_counts_no_fault_colours_nothing(clock, tally):
@@ -86,7 +107,7 @@ def test_a_clean_up_counts_from_zero_and_sees_the_next_fault(clock, tally):
     tally.count('lost', 5)
     assert judgement(tally)[0] == WARN
     tally.clear()
-    assert {v.key: v.value for v in tally.status('', '').values} == {
+    assert {v.key: v.value for v in tally.status('').values} == {
         'blocks': '0', 'lost': '0', 'errors': '0'}
     assert judgement(tally) == (OK, 'working')
     tally.count('lost', 5)
@@ -100,7 +121,7 @@ def test_figures_have_a_point_and_counts_have_none(tally):
     tally.set('blocks', 3)
     tally.set('lost', 3.0)
     tally.set('errors', 12345.678)
-    assert [v.value for v in tally.status('', '').values] == ['3', '3.0', '12350.0']
+    assert [v.value for v in tally.status('').values] == ['3', '3.0', '12350.0']
 
 
 def test_rates_are_those_since_the_last_look(clock):
