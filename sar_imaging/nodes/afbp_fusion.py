@@ -114,10 +114,12 @@ class FusionStep(Step):
     def activate(self, node: ManagedNode) -> None:
         """Listen to the datum, where others find it; see `Step`."""
         self._datum.activate(node)
+        self._obstacles.activate(node)
 
     def deactivate(self, node: ManagedNode) -> None:
         """Listen no more; see `Step`."""
         self._datum.deactivate(node)
+        self._obstacles.deactivate(node)
 
     def summary(self) -> str:
         """Settings for the log line at the start."""

@@ -234,12 +234,16 @@ class ImageStep(BackprojectionStep):
         """Tell where the images will be; see `Step`."""
         self._datum.activate(node)
         self._products.announce(self._grid, node.get_clock().now().to_msg())
+        if self._obstacles is not None:
+            self._obstacles.activate(node)
         if self._positions is not None:
             self._positions.activate(node)
 
     def deactivate(self, node: ManagedNode) -> None:
         """Listen to poses and the datum no more; see `Step`."""
         self._datum.deactivate(node)
+        if self._obstacles is not None:
+            self._obstacles.deactivate(node)
         if self._positions is not None:
             self._positions.deactivate(node)
 

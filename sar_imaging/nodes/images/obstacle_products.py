@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import OccupancyGrid
+from rclpy.clock import Clock, ClockType
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
@@ -17,7 +19,7 @@ from msg_conversions.images import occupancy_to_message
 from msg_conversions.point_cloud import OBSTACLE_FIELDS, to_message
 from sar_imaging.exploitation.obstacles import ObstacleDetector
 from sar_imaging.exploitation.obstacles.aperture_view import ApertureView
-from sar_imaging.exploitation.obstacles.obstacle_map import ObstacleMap
+from sar_imaging.exploitation.obstacles.obstacle_map import UNKNOWN, ObstacleMap
 from sar_imaging.geometry.grids import MapGrid
 
 from ..poses.frame_datum import FrameDatum
@@ -43,6 +45,7 @@ PARAMETERS = (
 )
 COUNTERS = ('obstacle_maps_published', 'obstacles_in_last_map')
 FAULTS = ('obstacle_maps_refused',)
+_FADING_S = 0.5  # between maps that no image renews
 
 
 class ObstacleProducts:
@@ -66,11 +69,51 @@ class ObstacleProducts:
         self._map = ObstacleMap()
         self._latest: tuple | None = None  # image that nobody has asked for yet
         self._refusal = ''
+        self._timer = None
+        # Time and stamp of the last map while some of it is known, on time.monotonic and in ns.
+        self._sent: tuple[float, int] | None = None
         joined = {'joined': lambda: node.in_worker(self._publish)}
         self._grid_output = node.create_output(OccupancyGrid, 'obstacle_map', LATCHED, **joined)
         self._cloud_output = node.create_output(
             PointCloud2, 'obstacles', QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE),
             **joined)
+
+    def activate(self, node: Stage) -> None:
+        """Let the map fade from now on, images or not."""
+        self._timer = node.create_timer(_FADING_S, lambda: node.in_worker(self.fade),
+                                        clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def deactivate(self, node: Stage) -> None:
+        """Undo `activate`; the latched map is unknown, since nobody looks any more."""
+        timer, self._timer = self._timer, None
+        if timer is not None:
+            node.destroy_timer(timer)
+        if node.context.ok():
+            self.fade(math.inf)
+
+    def fade(self, later_s: float | None = None) -> None:
+        """Publish what is left of the map where no image came for a while.
+
+        Parameters
+        ----------
+        later_s : float, optional
+            Seconds since the last image's map; by default those that passed.
+        """
+        if self._sent is None:
+            return
+        sent_s, stamp_ns = self._sent
+        passed_s = time.monotonic() - sent_s
+        if later_s is None and passed_s < _FADING_S:
+            return
+        states = self._map.states(passed_s if later_s is None else later_s)
+        self._grid_output.publish(occupancy_to_message(
+            states, self._map.grid, self._header(stamp_ns + round(1e9 * passed_s))))
+        if (states == UNKNOWN).all():
+            self._sent = None
+
+    def _header(self, stamp_ns: int) -> Header:
+        return Header(stamp=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9),
+                      frame_id=self._parameters['frame_id'])
 
     def publish(self, image: np.ndarray, grid: MapGrid, stamp_ns: int,
                 view: Callable[[], ApertureView],
@@ -113,11 +156,11 @@ class ObstacleProducts:
             self._refuse(str(error))
             return
         self._refusal = ''
-        header = Header(stamp=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9),
-                        frame_id=p['frame_id'])
+        header = self._header(stamp_ns)
         obstacles = self._map.obstacles()
         if self._grid_output in outputs:
             self._grid_output.publish(occupancy_to_message(self._map.states(), grid, header))
+            self._sent = time.monotonic(), stamp_ns
         if self._cloud_output in outputs:
             rows = [(*o.position_m, o.intensity_db, o.width_m) for o in obstacles]
             points = np.array(rows, float).reshape(-1, len(OBSTACLE_FIELDS))

@@ -3,6 +3,7 @@
 import ast
 import pathlib
 import re
+import time
 
 import numpy as np
 import pytest
@@ -220,3 +221,25 @@ def test_images_on_terrain_have_no_obstacle_map(car, tmp_path):
     outputs = Outputs()
     step.create_outputs(outputs)
     assert 'image' in outputs.sent and 'obstacle_map' not in outputs.sent
+
+
+def test_a_map_that_no_image_renews_fades_until_all_is_unknown(car, profiles, monkeypatch):
+    step, _ = image_step(car, **{'obstacles.memory_s': 2.0})
+    outputs = published(step, [profiles], 'obstacle_map')
+    maps, n = outputs.sent['obstacle_map'], len(outputs.sent['obstacle_map'])
+    now = time.monotonic()
+    step._obstacles.fade()  # too early for another
+    assert len(maps) == n
+    for passed, known in ((1.0, True), (2.5, False)):
+        monkeypatch.setattr(time, 'monotonic', lambda s=passed: now + s)
+        step._obstacles.fade()
+        cells, _ = occupancy_from_message(maps[-1])
+        assert (cells == 0).any() == known and (known or (cells == -1).all())
+    step._obstacles.fade()  # all is told
+    assert len(maps) == n + 2
+    later_ns = _ns(maps[-1].header.stamp) - _ns(maps[n - 1].header.stamp)
+    assert later_ns == pytest.approx(2.5e9, rel=0.1)
+
+
+def _ns(stamp):
+    return stamp.sec * 10**9 + stamp.nanosec
