@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 
 from sar_imaging.nodes.runtime.inlet import PulseBlocks
-from sar_imaging.nodes.runtime.overload import APERTURES, BLOCKS, Gate
+from sar_imaging.nodes.runtime.overload import APERTURES, BLOCKS, AgeLimit, Gate
 from sar_imaging.nodes.runtime.worker import Worker
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
@@ -185,3 +185,38 @@ def test_single_blocks_are_dropped_when_that_is_wanted(make_slow):
     slow.finish()
     assert slow.done == [0, 1, 3]
     assert slow.said == []
+
+
+def fly(load_of, n_apertures=12, aperture_s=1.0, wanted_s=0.0):
+    """Ages of the images and apertures left out; `load_of(aperture)` is work over duration."""
+    skipped, ages, now = [], {}, 0.0
+    limit = AgeLimit(PulseBlocks(LENGTH), skipped.append)
+    for first in range(0, n_apertures * LENGTH, 2):
+        number, received = first // LENGTH, (first + 2) / LENGTH * aperture_s
+        item = block(first, first + 1)
+        item.stamp_ns[:] = item.counter.astype(np.int64) * round(1e9 * aperture_s / LENGTH)
+        now = max(now, received)
+        if limit.admit(item, received, now, wanted_s)[0] is not None:
+            now += load_of(number) * 2 / LENGTH * aperture_s
+            ages[number] = now - received
+    return {n: age for n, age in ages.items() if n not in skipped}, skipped
+
+
+@pytest.mark.parametrize(('load', 'left_out'), [(0.5, 0), (0.95, 0), (1.5, 3), (2.0, 5)])
+def test_images_are_no_older_than_two_apertures_and_a_stage_that_keeps_up_loses_none(load,
+                                                                                    left_out):
+    ages, skipped = fly(lambda number: load)
+    assert max(ages.values()) <= 2.0 + load * 2 / LENGTH  # and the work on its last block
+    assert len(skipped) >= left_out and (left_out or not skipped)
+    assert len(ages) + len(skipped) == 12
+
+
+def test_work_that_is_far_too_slow_still_gives_images():
+    ages, _ = fly(lambda number: 5.0, n_apertures=30)
+    assert len(ages) >= 4
+
+
+def test_a_stage_that_fell_behind_catches_up_within_two_apertures():
+    ages, skipped = fly(lambda number: 2.0 if number < 4 else 0.5)
+    assert max(skipped) <= 5
+    assert all(ages[number] < 0.3 for number in range(6, 12))
