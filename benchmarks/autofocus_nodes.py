@@ -24,6 +24,7 @@ import numpy as np
 from tqdm import tqdm
 
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.loading import load
 from sar_imaging.quality import contrast
 from sar_imaging.signal.positioning import locate
@@ -31,7 +32,6 @@ from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.trials.drone_flights import MOTIONS, RADARS, drone_flight
 from sar_imaging.tools import evaluate
-from sar_imaging.tools.loading.load import recorded
 from sar_imaging.tools.node_processes import (
     NodeProcesses,
     isolated_environment,
@@ -40,7 +40,6 @@ from sar_imaging.tools.node_processes import (
     pipeline_parameters,
 )
 from sar_imaging.tools.recordings import bag_io
-from sar_imaging.tools.recordings.recorded_poses import RecordedPoses
 from sar_imaging.tools.recordings.truth import make_truth
 from sar_imaging.tools.recordings.writing import split
 
@@ -62,7 +61,7 @@ class Case:
 
     name: str
     block: PulseBlock
-    poses: RecordedPoses
+    poses: PoseTable
     alignments: list
     grid: MapGrid
     offset_s: float
@@ -77,10 +76,10 @@ def cases(data: pathlib.Path):
         around = [dataclasses.replace(found, time_offset_s=found.time_offset_s + step)
                   for step in AROUND_S]
         for offset_s in offsets:
-            yield Case(folder, rail.block, recorded(rail.poses), around, rail.scene.grid, offset_s)
+            yield Case(folder, rail.block, rail.poses, around, rail.scene.grid, offset_s)
     for k in range(FLIGHTS):
         flight = drone_flight(FIRST_SEED + k, motion=MOTIONS[k % 2], radar_kind=RADARS[k // 2 % 2])
-        poses = RecordedPoses(flight.stamp_ns, flight.position_m, flight.quaternion)
+        poses = PoseTable(flight.stamp_ns, flight.position_m, flight.quaternion)
         offset_s = float(np.random.default_rng(k).uniform(-2.0, 2.0))
         yield Case(f'flight {FIRST_SEED + k}, {flight.radar_kind}, {flight.motion}, '
                    f'{flight.angle_deg:.0f} degrees', flight.block, poses, [flight.alignment],

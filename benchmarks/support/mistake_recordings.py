@@ -16,7 +16,6 @@ from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from sar_imaging.simulation.echoes import EchoSimulator
 from sar_imaging.simulation.scenarios import SCENARIOS
-from sar_imaging.tools.loading.load import recorded
 from sar_imaging.tools.measured.image_arcsar import arm_angles
 
 DATA = Path(__file__).resolve().parents[2] / '..' / 'shared' / 'data'
@@ -171,7 +170,7 @@ def team5() -> Recording:
 def _rail(name: str) -> PulseBlock:
     """Pulses of a rail pass with their positions."""
     rail = load(name, DATA / f'bwsi2019_{name.removesuffix("_fitted")}')
-    return locate(rail.block, recorded(rail.poses).track(), rail.alignment)
+    return locate(rail.block, rail.poses, rail.alignment)
 
 
 SIMULATED: dict[str, Callable[[], Recording]] = {

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from ..geometry.alignment import Alignment
-from ..geometry.poses import PoseTrack
+from ..geometry.poses import PoseTable, PoseTrack
 from ..signal.positioning import locate
 from ..signal.pulses import PulseBlock
 from .models import Geometry, GeometryModel
@@ -15,7 +15,7 @@ from .models import Geometry, GeometryModel
 NAMES = ('time_offset_s', 'range_bias_m', 'lever_x_m', 'lever_y_m', 'lever_z_m')
 
 
-def alignment_model(block: PulseBlock, track: PoseTrack, start: Alignment,
+def alignment_model(block: PulseBlock, track: PoseTrack | PoseTable, start: Alignment,
                     **scale: float) -> GeometryModel:
     """Phase centres as a function of time offset, range bias and lever arm.
 
@@ -26,7 +26,7 @@ def alignment_model(block: PulseBlock, track: PoseTrack, start: Alignment,
     ----------
     block : PulseBlock
         Pulses located with `start`.
-    track : PoseTrack
+    track : PoseTrack or PoseTable
         Poses of the platform, reaching beyond the pulses by more than the time offset may be
         wrong.
     start : Alignment

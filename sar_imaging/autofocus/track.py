@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..geometry.alignment import Alignment
-from ..geometry.poses import PoseTrack
+from ..geometry.poses import PoseTable, PoseTrack
 from ..signal.pulses import PulseBlock
 from .models import Geometry, GeometryModel
 
@@ -68,13 +68,13 @@ class PhaseCentreTrack:
                 self._pieces.append(CubicSpline(time_s[some], centres[some]))
 
     @classmethod
-    def of_poses(cls, poses: PoseTrack, alignment: Alignment, n_channels: int,
+    def of_poses(cls, poses: PoseTrack | PoseTable, alignment: Alignment, n_channels: int,
                  span_ns: tuple[int, int], channel_offset_s=(0.0,)) -> PhaseCentreTrack:
         """Track of a platform.
 
         Parameters
         ----------
-        poses : PoseTrack
+        poses : PoseTrack or PoseTable
             Of the platform, on its clock.
         alignment : Alignment
             Nominal lever arms and offset of the clocks.

@@ -108,7 +108,9 @@ def _left_out(block: PulseBlock) -> str:
             continue
         gaps = np.diff(at)
         if np.mean(np.abs(gaps - np.median(gaps)) <= 1) > 0.8:
-            return (f'{len(at)} of {len(odd)} positions, every {int(np.median(gaps))}th, {what}; '
+            n = int(np.median(gaps))
+            return (f'{len(at)} of {len(odd)} positions, '
+                    f'{f"one in {n}" if n > 1 else "one after another"}, {what}; '
                     'pulses and positions drift apart: give every pulse its own position')
     return ''
 

@@ -1,7 +1,7 @@
 """Poses, phase centres and image grids: where the radar was and where the pixels are.
 
 - `grids`, `polar`, `terrain`: pixels on a map, around an aperture, on the heights of the ground;
-- `poses`, `pose_interpolation`, `alignment`: from the platform's odometry to phase centres;
+- `poses`, `alignment`: from the platform's odometry to phase centres;
 - `earth`, `navigation`: where on the Earth the imaging frame stands, and satellite navigation;
 - `half_paths`, `straight_track`, `track_prediction`, `map_edges`: what imagers need of a track and
   a map.

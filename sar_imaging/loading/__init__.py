@@ -3,9 +3,9 @@
 `load` reads a description and the files that it names; docs/loading.md lists all keys.
 """
 
+from ..geometry.poses import PoseTable
 from .description import DescriptionError, read_description
 from .load import Loaded, load
-from .poses import PoseTable
 from .shipped import find_description, shipped_names
 
 __all__ = ['DescriptionError', 'Loaded', 'PoseTable', 'find_description', 'load',

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry.alignment import Alignment
+from ..geometry.poses import PoseTable
 from ..signal.pulses import PulseBlock
 from .description import DescriptionError
-from .poses import PoseTable
 
 POSES_AROUND_NS = 3_000_000_000  # kept before the first and after the last pulse
 _AT_REST_M_PER_S = 0.02
 _STEP_S = 0.25  # between places whose distance tells motion from the jitter of motion capture
 _MOST_STEPS = 100_000
+_MOST_NAMED = 3  # departures of poses
 _MOST_AT_REST = 0.2  # share of the pulses
 _WIDEST_GAP_S = 0.2  # of PoseTrack and of the nodes, unless they are told another one
 _UNITS = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)
@@ -28,16 +29,16 @@ def poses_around(poses: PoseTable, pulses: PulseBlock, alignment: Alignment) -> 
         There are none before the first or after the last; the text says what would fit.
     """
     first, last = pulses.stamp_ns[[0, -1]] + alignment.time_offset_ns
-    ends = poses.time_ns[[0, -1]]
+    ends = poses.stamp_ns[[0, -1]]
     if ends[0] > first or ends[1] < last:
         raise DescriptionError(
             f'the pulses need poses from {first * 1e-9:.6f} to {last * 1e-9:.6f} s of the clock '
             f'of the poses; there are poses from {ends[0] * 1e-9:.6f} to {ends[1] * 1e-9:.6f} s: '
             + _what_fits(pulses.stamp_ns[[0, -1]] * 1e-9, ends * 1e-9, alignment.time_offset_s))
-    near = (poses.time_ns > first - POSES_AROUND_NS) & (poses.time_ns < last + POSES_AROUND_NS)
+    near = (poses.stamp_ns > first - POSES_AROUND_NS) & (poses.stamp_ns < last + POSES_AROUND_NS)
     # One on either side, however far away.
-    near[np.searchsorted(poses.time_ns, first, 'right') - 1] = True
-    near[np.searchsorted(poses.time_ns, last)] = True
+    near[np.searchsorted(poses.stamp_ns, first, 'right') - 1] = True
+    near[np.searchsorted(poses.stamp_ns, last)] = True
     return poses.select(near)
 
 
@@ -60,13 +61,21 @@ def _what_fits(pulse_s: np.ndarray, pose_s: np.ndarray, offset_s: float) -> str:
 
 def told_of_poses(pulses: PulseBlock, poses: PoseTable, alignment: Alignment) -> tuple[str, ...]:
     """Warnings where the platform rests, whose pulses spoil the image, and where poses lack."""
-    return _gaps(pulses, poses, alignment) + _motion(pulses, poses, alignment)
+    return (_departures(poses) + _gaps(pulses, poses, alignment)
+            + _motion(pulses, poses, alignment))
+
+
+def _departures(poses: PoseTable) -> tuple[str, ...]:
+    found = poses.track().take_departures()
+    told = tuple(str(departure) for departure in found[:_MOST_NAMED])
+    more = len(found) - len(told)
+    return (*told, f'{more} more departures of poses follow these') if more else told
 
 
 def _gaps(pulses: PulseBlock, poses: PoseTable, alignment: Alignment) -> tuple[str, ...]:
-    after = np.searchsorted(poses.time_ns, pulses.stamp_ns + alignment.time_offset_ns, 'right')
-    after = np.clip(after, 1, len(poses.time_ns) - 1)
-    gap_s = (poses.time_ns[after] - poses.time_ns[after - 1]) * 1e-9
+    after = np.searchsorted(poses.stamp_ns, pulses.stamp_ns + alignment.time_offset_ns, 'right')
+    after = np.clip(after, 1, len(poses.stamp_ns) - 1)
+    gap_s = (poses.stamp_ns[after] - poses.stamp_ns[after - 1]) * 1e-9
     without = gap_s > _WIDEST_GAP_S
     if not without.any():
         return ()
@@ -77,7 +86,7 @@ def _gaps(pulses: PulseBlock, poses: PoseTable, alignment: Alignment) -> tuple[s
 
 def _motion(pulses: PulseBlock, poses: PoseTable, alignment: Alignment) -> tuple[str, ...]:
     time_s = (pulses.stamp_ns - pulses.stamp_ns[0]) * 1e-9
-    pose_s = (poses.time_ns - pulses.stamp_ns[0] - alignment.time_offset_ns) * 1e-9
+    pose_s = (poses.stamp_ns - pulses.stamp_ns[0] - alignment.time_offset_ns) * 1e-9
     step_s = max(_STEP_S, time_s[-1] / _MOST_STEPS)
     at = np.arange(time_s[0], time_s[-1], step_s)
     if at.size < 4:

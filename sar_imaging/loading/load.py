@@ -10,7 +10,7 @@ import numpy as np
 
 from ..geometry.alignment import Alignment
 from ..geometry.illumination import Antenna, Mount
-from ..geometry.poses import PoseTrack
+from ..geometry.poses import PoseTable
 from ..signal.positioning import without_range_bias
 from ..signal.pulses import PulseBlock, concatenate
 from ..signal.radar import Waveform
@@ -30,7 +30,7 @@ from .description import DescriptionError, Section, read_description
 from .files.data_files import DataFiles, check_memory, find_files
 from .fit import poses_around, told_of_poses
 from .frames import ALIGNMENT_KEYS, FrameConverter, convert_all
-from .poses import PoseTable, read_poses
+from .poses import read_poses
 from .scene import Scene, read_scene
 from .shipped import find_description
 from .virtual_array import VirtualArray, calibration_weights, read_array
@@ -183,13 +183,13 @@ def load(description: Path | str, data: Path | str | None = None, *,
         block, antenna = _lit(top, _dated(block))
         return Loaded(*told, block, None, None, scene, warnings, antenna)
     try:
-        poses = poses_around(poses, pulses, alignment)
+        poses = dataclasses.replace(poses_around(poses, pulses, alignment), frame_id=scene.frame)
     except DescriptionError as error:  # which a warning may explain
         raise DescriptionError('; '.join([str(error), *warnings])) from error
     warnings += told_of_poses(pulses, poses, alignment)
-    if times.is_relative(pulses.stamp_ns, poses.time_ns):
+    if times.is_relative(pulses.stamp_ns, poses.stamp_ns):
         pulses = _dated(pulses)
-        poses = dataclasses.replace(poses, time_ns=poses.time_ns + times.EPOCH_NS)
+        poses = dataclasses.replace(poses, stamp_ns=poses.stamp_ns + times.EPOCH_NS)
     if array.schedule is None:
         antenna, mount = _antenna(top)
         return Loaded(*told, pulses, poses, alignment, scene, warnings, antenna, mount)
@@ -345,11 +345,8 @@ def _at_own_times(pulses: PulseBlock, poses: PoseTable, alignment: Alignment,
     for first in range(0, pulses.n_pulses, _LOCATED):
         part = pulses.select(slice(first, first + _LOCATED))
         near = poses_around(poses, part, alignment)
-        track = PoseTrack(capacity=len(near.time_ns))
-        for pose in zip(near.time_ns.tolist(), near.position_m, near.quaternion, strict=True):
-            track.add(*pose)
         try:
-            parts.append(locate_channels(part, track, alignment, array.schedule))
+            parts.append(locate_channels(part, near, alignment, array.schedule))
         except ValueError as error:
             raise DescriptionError(f'poses: {error}') from error
     return concatenate(parts)

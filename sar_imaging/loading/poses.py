@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..geometry.poses import PoseTable
 from .description import DescriptionError, Section
 from .files.data_files import DataFiles, check_memory
 from .files.tables import numbers, read_table
@@ -30,39 +31,6 @@ _ANGLES = ('roll', 'pitch', 'yaw', 'heading', 'rx', 'ry', 'rz', 'euler')
 _QUATERNION = tuple(f'q{a}' for a in 'xyzw')
 _UNITS_M = {'Meters': 1.0, 'Centimeters': 1e-2, 'Millimeters': 1e-3}
 _BYTES_PER_CHARACTER = 8  # of a table of numbers, as Python reads it
-
-
-@dataclasses.dataclass(frozen=True)
-class PoseTable:
-    """Poses of a platform.
-
-    Parameters
-    ----------
-    time_ns : (N,) int64
-        On the clock of the poses, nanoseconds.
-    position_m : (N, 3) float64
-        Metres, z up.
-    quaternion : (N, 4) float64
-        x, y, z, w: turns body vectors into the frame of the positions.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from sar_imaging.loading import PoseTable
-    >>> second = 1_000_000_000
-    >>> poses = PoseTable(np.arange(3) * second, np.zeros((3, 3)),
-    ...                   np.tile([0.0, 0.0, 0.0, 1.0], (3, 1)))
-    >>> poses.select(poses.time_ns >= second).time_ns.tolist()
-    [1000000000, 2000000000]
-    """
-
-    time_ns: np.ndarray
-    position_m: np.ndarray
-    quaternion: np.ndarray
-
-    def select(self, index: np.ndarray) -> PoseTable:
-        """Some of the poses."""
-        return PoseTable(self.time_ns[index], self.position_m[index], self.quaternion[index])
 
 
 def read_poses(section: Section, folder: Path, data: DataFiles,
@@ -114,7 +82,7 @@ def read_poses(section: Section, folder: Path, data: DataFiles,
     if 'unit_m' in section:
         found = dataclasses.replace(found, position_m=found.position_m * read_unit(section))
     if section.flag('level'):
-        found = dataclasses.replace(found, quaternion=_level(len(found.time_ns)))
+        found = dataclasses.replace(found, quaternion=_level(len(found.stamp_ns)))
     frame = section.choice('frame', FRAMES, 'y_up' if kind == 'optitrack' else 'z_up')
     return _checked(_z_up(found, frame), path.name if path else 'poses')
 
@@ -244,12 +212,13 @@ def _z_up(poses: PoseTable, frame: str) -> PoseTable:
     # The body's axes follow: of NED they are forward, right, down and become forward, left, up.
     body = turn if frame == 'y_up' else Rotation.from_matrix(np.diag([1.0, -1.0, -1.0]))
     attitude = turn * Rotation.from_quat(poses.quaternion) * body.inv()
-    return PoseTable(poses.time_ns, poses.position_m @ TO_Z_UP[frame].T, attitude.as_quat())
+    return dataclasses.replace(poses, position_m=poses.position_m @ TO_Z_UP[frame].T,
+                               quaternion=attitude.as_quat())
 
 
 def _checked(poses: PoseTable, name: str) -> PoseTable:
-    if len(poses.time_ns) < 2:
-        raise DescriptionError(f'{name} has {len(poses.time_ns)} poses; expected two or more')
+    if len(poses.stamp_ns) < 2:
+        raise DescriptionError(f'{name} has {len(poses.stamp_ns)} poses; expected two or more')
     for what, values in (('positions', poses.position_m), ('quaternions', poses.quaternion)):
         if not np.isfinite(values).all():
             raise DescriptionError(f'{name}: {what} hold NaN or infinity; leave these rows out')
@@ -258,5 +227,5 @@ def _checked(poses: PoseTable, name: str) -> PoseTable:
         at = int(np.abs(norm - 1).argmax())
         raise DescriptionError(f'{name}: quaternion {at} has the norm {norm[at]:.4g}; expected 1 '
                                '(use poses.level: true where there are none)')
-    order = np.argsort(poses.time_ns, kind='stable')
+    order = np.argsort(poses.stamp_ns, kind='stable')
     return poses.select(order)

@@ -59,7 +59,8 @@ class PulseBufferStep(Step):
     FAULTS = ('pulses_missing', 'pulses_duplicate', 'pulses_late', 'pulses_corrupt', 'restarts',
               'configuration_changes', 'pulses_conflicting', UNTAKEN,
               'pulses_without_pose', 'pulses_of_another_frame', 'pulses_without_pointing',
-              'poses_rejected', 'poses_late', 'pose_gaps', 'pose_jumps', 'pose_restarts',
+              'poses_rejected', 'poses_late', 'pose_outliers', 'pose_gaps', 'pose_jumps',
+              'pose_restarts',
               'fixes_rejected', 'fixes_without_pose', 'attitudes_unused')
     IDLE_PARAMETER = 'flush_timeout_s'
 
@@ -181,7 +182,8 @@ class PulseBufferStep(Step):
                 ('pulses_waiting_for_poses', self._positioner.waiting_pulses),
                 ('poses_received', s.poses), ('poses_late', s.poses_old),
                 ('poses_rejected', s.poses_corrupt + self._poses.n_other_frame),
-                ('pose_gaps', s.pose_gaps), ('pose_jumps', s.pose_jumps),
+                ('pose_outliers', s.pose_outliers), ('pose_gaps', s.pose_gaps),
+                ('pose_jumps', s.pose_jumps),
                 ('pose_restarts', s.pose_restarts)):
             self.health.set(key, value)
         self._update_fix_counters()

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..geometry.alignment import Alignment
 from ..geometry.illumination import Mount
-from ..geometry.poses import Poses, PoseStatus, PoseTrack, PoseVerdict
+from ..geometry.poses import Poses, PoseStatus, PoseTable, PoseTrack, PoseVerdict
 from ..geometry.track_frame import mean_centres
 from .pulses import PulseBlock
 from .pulses.sequence import COUNTER_MASK, EventSource, counter_distance, describe_counters
@@ -36,6 +36,7 @@ class PositioningStatistics:
     poses: int = 0
     poses_corrupt: int = 0
     poses_old: int = 0
+    pose_outliers: int = 0
     pose_gaps: int = 0
     pose_jumps: int = 0
     pose_restarts: int = 0
@@ -84,7 +85,7 @@ def with_positions(block: PulseBlock, poses: Poses, alignment: Alignment,
                                tx_m=tx_m, rx_m=rx_m, pointing=pointing)
 
 
-def locate(block: PulseBlock, track: PoseTrack, alignment: Alignment,
+def locate(block: PulseBlock, track: PoseTrack | PoseTable, alignment: Alignment,
            mount: Mount | None = None) -> PulseBlock:
     """Give the pulses of a whole recording their phase centres from poses.
 
@@ -95,8 +96,8 @@ def locate(block: PulseBlock, track: PoseTrack, alignment: Alignment,
     ----------
     block : PulseBlock
         Pulses, with or without positions.
-    track : PoseTrack
-        Of the platform.
+    track : PoseTrack or PoseTable
+        Of the platform, such as `loading.load` gives it.
     alignment : Alignment
         Between the two.
     mount : Mount, optional
@@ -240,6 +241,7 @@ class Positioner(EventSource):
         before = self.track.span_ns
         verdict = self.track.add(stamp_ns, position_m, quaternion)
         self._count_pose(verdict, stamp_ns, before)
+        self._tell_of_departures()
         if verdict != PoseVerdict.RESTART:
             return []
         decided = self._decide(lambda since: True)
@@ -349,6 +351,14 @@ class Positioner(EventSource):
             numbers = [int(c) & COUNTER_MASK for c in counters]
             self._report(kind, f'dropped pulses {describe_counters(numbers)}: {why}')
 
+    def _tell_of_departures(self) -> None:
+        for departure in self.track.take_departures():
+            if departure.jump:
+                self.statistics.pose_jumps += 1
+            else:
+                self.statistics.pose_outliers += departure.n_poses
+            self._report('pose_jump' if departure.jump else 'pose_outlier', str(departure))
+
     def _count_pose(self, verdict: PoseVerdict, stamp_ns: int, before) -> None:
         s = self.statistics
         s.poses += 1
@@ -369,11 +379,6 @@ class Positioner(EventSource):
             s.pose_gaps += 1
             self._report('pose_gap', f'no pose for {after_s:.3g} s of their clock, more than '
                          'max_gap_s')
-        elif verdict == PoseVerdict.JUMP:
-            s.pose_jumps += 1
-            self._report('pose_jump', 'the frame of the poses jumped: the platform cannot have '
-                         f'moved like that within {after_s:.3g} s; no aperture extends across '
-                         'it (odometry that never jumps makes better images than a map frame)')
         elif verdict == PoseVerdict.RESTART:
             s.pose_restarts += 1
             self._report('pose_restart', f'the clock of the poses went back by {-after_s:.3g} s; '

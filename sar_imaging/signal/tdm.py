@@ -16,7 +16,7 @@ import dataclasses
 import numpy as np
 
 from ..geometry.alignment import Alignment
-from ..geometry.poses import PoseTrack
+from ..geometry.poses import PoseTable, PoseTrack
 from .positioning import join_turns, locate
 from .pulses import PulseBlock
 
@@ -70,7 +70,7 @@ class TdmSchedule:
                              f'{self.offset_s.size}; give the time of every channel')
 
 
-def locate_channels(block: PulseBlock, track: PoseTrack, alignment: Alignment,
+def locate_channels(block: PulseBlock, track: PoseTrack | PoseTable, alignment: Alignment,
                     schedule: TdmSchedule) -> PulseBlock:
     """Phase centres of every channel where the platform is at the channel's own time.
 
@@ -78,7 +78,7 @@ def locate_channels(block: PulseBlock, track: PoseTrack, alignment: Alignment,
     ----------
     block : PulseBlock
         Pulses of P cycles, with or without positions.
-    track : PoseTrack
+    track : PoseTrack or PoseTable
         Of the platform, from before the first to after the last turn.
     alignment : Alignment
         Lever arms, time offset and range bias.

@@ -24,7 +24,6 @@ from sar_imaging.signal.radar import RadarParameters
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.echoes import EchoSimulator
 from sar_imaging.simulation.trials.drone_flights import drone_flight
-from sar_imaging.tools.loading.load import recorded
 
 DATA = pathlib.Path(__file__).parents[3] / 'shared' / 'data'
 SMALL = {'n_pixels': 72, 'n_pulses': 128}
@@ -190,7 +189,7 @@ def test_the_offset_of_a_rail_pass_is_found(folder, right_s, wrong_s):
     grid = MapGrid.from_size(grid.centre_m, 4.5, 6.5, 0.06)
     alignment = dataclasses.replace(rail.alignment,
                                     time_offset_s=right_s + wrong_s)
-    profiles, track = profiles_of(rail.block, recorded(rail.poses).track(), alignment, 1.25)
+    profiles, track = profiles_of(rail.block, rail.poses, alignment, 1.25)
     report = live_autofocus(grid, time_offset_s=1.0, track=track).process(profiles).report
     assert report.accepted
     # "the image tells the offset to about 0.05 s"; 0.01 s measured

@@ -18,7 +18,6 @@ from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.signal.spectra import band_spectrum
 from sar_imaging.simulation.echoes import EchoSimulator
-from sar_imaging.tools.loading.load import recorded
 
 DATA = pathlib.Path(__file__).parents[3] / 'shared' / 'data'
 RANGE_M = 100.0
@@ -190,7 +189,7 @@ def _measured(name):
         return load(name[:6], DATA / name).block, MapGrid.from_size((0, 0, 0), 100, 100, 0.5)
     if name == 'bwsi2019_team6_rail':
         rail = load('team6_rail_fitted', DATA / name)
-        track = recorded(rail.poses).track()
+        track = rail.poses
         return locate(rail.block, track, rail.alignment), rail.scene.grid
     file = sorted((DATA / name).glob('*.bin'))[0]
     return (load('arcsar', file).block.select(slice(120, 280)),

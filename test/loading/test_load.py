@@ -214,7 +214,7 @@ def test_poses_on_their_own_clock_stay_poses(tmp_path):
         alignment={'lever_arm_m': [0.1, 0, 0], 'range_bias_m': 0.3, 'time_offset_s': 2.0}))
     assert not loaded.block.has_positions and loaded.alignment.range_bias_m == 0.3
     assert loaded.alignment.tx_m.tolist() == [[0.1, 0, 0]]
-    span_s = (loaded.poses.time_ns[[0, -1]] - EPOCH_NS) * 1e-9
+    span_s = (loaded.poses.stamp_ns[[0, -1]] - EPOCH_NS) * 1e-9
     np.testing.assert_allclose(span_s, [5.0, 12.1], atol=0.011)  # three seconds around
     assert loaded.warnings == ()
 

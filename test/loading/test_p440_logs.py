@@ -18,7 +18,6 @@ from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.echoes import EchoSimulator
-from sar_imaging.tools.loading.load import recorded
 
 # As the maker's manual has them: delays in ps, steps of 32 bins of 1.907 ps, 61.035 ps a sample.
 START_PS, STEP_BINS, N, P = 20_000, 32, 256, 60
@@ -78,7 +77,7 @@ def test_the_reflector_of_a_log_is_where_it_belongs(tmp_path, short):
     assert loaded.warnings == ()
     np.testing.assert_array_equal(loaded.block.samples[:, 0], samples)
     np.testing.assert_array_equal(np.diff(loaded.block.stamp_ns), 40_000_000)
-    block = locate(loaded.block, recorded(loaded.poses).track(), loaded.alignment)
+    block = locate(loaded.block, loaded.poses, loaded.alignment)
     np.testing.assert_allclose(block.tx_m[:, 0], track_m, atol=1e-6)
     profiles = RangeCompressor.for_block(block)(block)
     grid = MapGrid.from_size(POINT, 0.8, 0.8, 0.02)

@@ -25,7 +25,7 @@ def read(folder, text, data=()):
 
 
 def check(poses, turn=TURN):
-    np.testing.assert_array_equal(poses.time_ns, np.rint(TIME_S * 1e9).astype(np.int64))
+    np.testing.assert_array_equal(poses.stamp_ns, np.rint(TIME_S * 1e9).astype(np.int64))
     np.testing.assert_allclose(poses.position_m, POSITION_M, atol=1e-9)
     away = (Rotation.from_quat(poses.quaternion) * turn.inv()).magnitude()
     assert away.max() < 1e-6

@@ -280,7 +280,7 @@ def test_a_jump_between_the_turns_of_a_pulse_costs_that_pulse():
     """Channel 0 is sent 15 ms after the stamp; poses at 140 and 150 ms have no common frame."""
     positioner = make(channel_offset_s=[0.015, 0.0])
     send_poses(positioner, range(0, 145, 10))
-    send_poses(positioner, range(150, 300, 10), shift_m=1.0)
+    send_poses(positioner, range(150, 400, 10), shift_m=1.0)
     emitted = positioner.push(pulses(100, 130), 0.0) + positioner.push(pulses(150, 200), 0.0)
     assert numbers(emitted) == [*range(100, 126)]  # 125 + 15 ms is the last in the first frame
     positioner.take_events()

@@ -10,8 +10,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..earth import Datum
-from ..pose_interpolation import REACH
-from ..poses import CAPACITY, PoseStatus, PoseTrack, PoseVerdict
+from ..poses import PoseStatus, PoseTrack, PoseVerdict
+from ..poses.interpolation import REACH
+from ..poses.track import CAPACITY
 from .fixes import Fix
 
 _LEVEL = (0.0, 0.0, 0.0, 1.0)

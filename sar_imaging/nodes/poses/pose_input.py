@@ -15,7 +15,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from sar_imaging.geometry.alignment import Alignment
-from sar_imaging.geometry.poses import CAPACITY, PoseTrack
+from sar_imaging.geometry.poses import PoseTrack
+from sar_imaging.geometry.poses.track import CAPACITY
 
 from ..runtime.health import Cause, Health, Part
 from ..runtime.input_watch import InputWatch

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sar_imaging.loading import DescriptionError, PoseTable
+from sar_imaging.geometry.poses import PoseTable
+from sar_imaging.loading import DescriptionError
 
 from ..recordings.bag_io import BagError
 

@@ -6,17 +6,16 @@ from sar_imaging.autofocus.alignment_model import aligned, alignment_model
 from sar_imaging.autofocus.autofocus import Autofocus, AutofocusReport
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
-
-from ..recordings.recorded_poses import RecordedPoses
 
 # What the alignment may be wrong by
 EXPECTED_ERROR = {'time_offset_s': 0.05, 'range_bias_m': 0.2}
 
 
-def estimate_alignment(block: PulseBlock, poses: RecordedPoses, start: Alignment,
+def estimate_alignment(block: PulseBlock, poses: PoseTable, start: Alignment,
                        grid: MapGrid) -> tuple[Alignment, AutofocusReport]:
     """Time offset and range bias from the image alone, beginning with `start`.
 
@@ -27,7 +26,7 @@ def estimate_alignment(block: PulseBlock, poses: RecordedPoses, start: Alignment
     ----------
     block : PulseBlock
         Raw pulses without positions.
-    poses : RecordedPoses
+    poses : PoseTable
         Of the platform.
     start : Alignment
         What to begin with.
@@ -40,11 +39,10 @@ def estimate_alignment(block: PulseBlock, poses: RecordedPoses, start: Alignment
         The alignment is `start` where autofocus did not accept what it found. A parameter whose
         uncertainty is as large as `EXPECTED_ERROR` has not been determined.
     """
-    track = poses.track()
-    located = locate(block, track, start)
+    located = locate(block, poses, start)
     profiles = RangeCompressor.for_block(located)(located)
     report = Autofocus(grid, n_phases=0, model=lambda pulses: alignment_model(
-        pulses, track, start, **EXPECTED_ERROR)).process(profiles).report
+        pulses, poses, start, **EXPECTED_ERROR)).process(profiles).report
     return (aligned(start, report.parameters) if report.accepted else start), report
 
 

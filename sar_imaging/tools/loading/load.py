@@ -14,12 +14,11 @@ import yaml
 
 from sar_imaging.formats.extras import MissingExtraError
 from sar_imaging.geometry.alignment import Alignment
-from sar_imaging.loading import DescriptionError, Loaded, PoseTable, load, shipped_names
+from sar_imaging.loading import DescriptionError, Loaded, load, shipped_names
 from sar_imaging.loading.frames import FrameError
 from sar_imaging.yaml_text import load_yaml
 
 from ..recordings.bag_io import check_target, write_bag
-from ..recordings.recorded_poses import RecordedPoses
 from ..recordings.truth import antenna_truth, make_truth
 from ..recordings.writing import run_writing, split, with_progress
 from .bag_frames import read_bag_frames
@@ -33,11 +32,6 @@ poses are and what the radar sends; docs/loading.md lists its keys. Each number 
 name of a variable of the data file. `sar-imaging evaluate` and `sar-imaging image` image the
 recording.
 """
-
-
-def recorded(poses: PoseTable, frame: str = 'map') -> RecordedPoses:
-    """Poses as recordings keep them, in the frame of the scene."""
-    return RecordedPoses(poses.time_ns, poses.position_m, poses.quaternion, frame)
 
 
 def truth_of(loaded: Loaded, alignment: Alignment | None) -> dict:
@@ -96,9 +90,7 @@ def _write(arguments: argparse.Namespace) -> str:
     check_target(output, overwrite=arguments.force)
     for text in (*loaded.warnings, *told_of_scene(loaded)):
         print(f'warning: {text}', file=sys.stderr)
-    alignment, poses = loaded.alignment, None
-    if loaded.poses is not None:
-        poses = recorded(loaded.poses, loaded.scene.frame)
+    alignment, poses = loaded.alignment, loaded.poses
     if arguments.estimate_alignment:
         if poses is None:
             raise DescriptionError('--estimate-alignment: expected poses on a clock of their own; '

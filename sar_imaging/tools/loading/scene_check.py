@@ -14,8 +14,6 @@ from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
 
-from ..recordings.recorded_poses import RecordedPoses
-
 _LOOKED_AT = 64  # pulses, spread over all
 _SIDE = 9  # places along each side of the map
 _DEGREES_M = 0.05  # places of degrees differ by less over a track of some kilometres
@@ -42,15 +40,13 @@ def told_of_scene(loaded: Loaded) -> tuple[str, ...]:
 def _located(block: PulseBlock, loaded: Loaded) -> tuple[PulseBlock, tuple[str, ...]]:
     """The pulses where poses say that they are, and what keeps poses from being used."""
     poses, alignment = loaded.poses, loaded.alignment
-    track = RecordedPoses(poses.time_ns, poses.position_m, poses.quaternion,
-                          loaded.scene.frame).track()
     try:
-        return locate(block, track, alignment, loaded.mount), ()
+        return locate(block, poses, alignment, loaded.mount), ()
     except ValueError as error:
         told = () if loaded.warnings else (
             f'images need other poses: {error}; check their unit (unit_m), rate and outliers',)
-    time_ns = poses.time_ns - poses.time_ns[0]  # which float64 holds
-    at = block.stamp_ns + alignment.time_offset_ns - poses.time_ns[0]
+    time_ns = poses.stamp_ns - poses.stamp_ns[0]  # which float64 holds
+    at = block.stamp_ns + alignment.time_offset_ns - poses.stamp_ns[0]
     place = np.stack([np.interp(at, time_ns, axis) for axis in poses.position_m.T], axis=-1)
     place = np.repeat(place[:, None], block.n_channels, axis=1)
     return dataclasses.replace(block, tx_m=place, rx_m=place), told

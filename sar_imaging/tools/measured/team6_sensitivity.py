@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 from sar_imaging.autofocus.alignment_model import alignment_model
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.geometry.poses import PoseTrack
+from sar_imaging.geometry.poses import PoseTable, PoseTrack
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.loading import DescriptionError, Loaded, load
 from sar_imaging.quality import measure_scatterer
@@ -34,8 +34,6 @@ from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.signal.range_compression import RangeCompressor
 
-from ..loading.load import recorded
-from ..recordings.recorded_poses import RecordedPoses
 from ..reporting import run_and_report
 
 TIME_OFFSETS_S = np.arange(9.26, 9.3001, 0.01)
@@ -187,7 +185,7 @@ def _deviations(information: np.ndarray, n: int) -> list[float]:
     return out
 
 
-def with_attitudes(folder: Path, poses: RecordedPoses) -> RecordedPoses:
+def with_attitudes(folder: Path, poses: PoseTable) -> PoseTable:
     """Poses with the recording's quaternions, smoothed, taken to refer to the axes x, y, z."""
     measured = load('team6_rail', folder, changes={'poses.quaternions': 'mocap_quat_xyzw_raw'})
     turn = Rotation.from_quat(measured.poses.quaternion).as_rotvec()
@@ -229,7 +227,7 @@ def draw(path: Path, level_db: np.ndarray, error_m: np.ndarray, marks: dict[str,
 def run(folder: Path, output: Path) -> dict:
     """Scan, judge, draw; returns the contents of results.json."""
     recording = load('team6_rail', folder)
-    block, poses, start = recording.block, recorded(recording.poses), recording.alignment
+    block, poses, start = recording.block, recording.poses, recording.alignment
     track, survey_m = poses.track(), reflectors(recording)
     amplitude, place_m = scan(block, track, start, survey_m)
     error_m = np.linalg.norm(place_m - survey_m[:, :2], axis=-1)

@@ -18,9 +18,15 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from msg_conversions.wire import from_array, to_array
+from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.signal.pulses import PulseBlock
 
-from .recorded_poses import ODOMETRY_TOPIC, ODOMETRY_TYPE, RecordedPoses
+from .recorded_poses import (
+    ODOMETRY_TOPIC,
+    ODOMETRY_TYPE,
+    odometry_messages,
+    poses_of_messages,
+)
 from .truth import TRUTH_VERSION
 
 TOPIC = '/pulses'
@@ -82,7 +88,7 @@ def deserialise(cdr: bytes) -> PulseBlock:
 
 
 def write_bag(path: Path | str, blocks: Iterable[PulseBlock], truth: dict, *,
-              overwrite: bool = False, poses: RecordedPoses | None = None) -> int:
+              overwrite: bool = False, poses: PoseTable | None = None) -> int:
     """Write a recording (rosbag2), all of it or nothing.
 
     The bag is written beside its place and moved there when complete, so an interruption leaves
@@ -98,7 +104,7 @@ def write_bag(path: Path | str, blocks: Iterable[PulseBlock], truth: dict, *,
         What evaluation compares with; stored as JSON, see docs/preparing_radar_data.md.
     overwrite : bool
         Replace an existing bag. A folder without metadata.yaml is never removed.
-    poses : RecordedPoses, optional
+    poses : PoseTable, optional
         Poses of the platform; the truth's `alignment` says how the radar's clock lies to theirs.
         Messages of both topics are then recorded at the times of the poses' clock.
 
@@ -144,7 +150,7 @@ def check_target(path: Path, *, overwrite: bool) -> None:
 
 
 def _write(path: Path, blocks: Iterable[PulseBlock], truth: dict,
-           poses: RecordedPoses | None) -> int:
+           poses: PoseTable | None) -> int:
     rosbag2 = _rosbag2()
     with rosbag2.Writer(path, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
         writer.set_custom_data(TRUTH_KEY, json.dumps(truth, sort_keys=True))
@@ -153,7 +159,8 @@ def _write(path: Path, blocks: Iterable[PulseBlock], truth: dict,
         streams = [((int(b.stamp_ns[-1]) + late_ns, pulses, serialise(b)) for b in blocks)]
         if poses is not None:
             odometry = writer.add_connection(ODOMETRY_TOPIC, ODOMETRY_TYPE, typestore=_store())
-            streams.append((time_ns, odometry, cdr) for time_ns, cdr in poses.messages(_store()))
+            streams.append((time_ns, odometry, cdr)
+                           for time_ns, cdr in odometry_messages(poses, _store()))
         count = 0
         for time_ns, connection, cdr in heapq.merge(*streams, key=lambda message: message[0]):
             writer.write(connection, time_ns, cdr)
@@ -208,7 +215,7 @@ def pose_messages(path: Path | str) -> Iterator[tuple[int, bytes]]:
         yield from _messages(path, ODOMETRY_TOPIC, ODOMETRY_TYPE)
 
 
-def read_poses(path: Path | str) -> RecordedPoses | None:
+def read_poses(path: Path | str) -> PoseTable | None:
     """Read the poses of a recording; None when it has no `/odometry`.
 
     Parameters
@@ -218,7 +225,7 @@ def read_poses(path: Path | str) -> RecordedPoses | None:
 
     Returns
     -------
-    RecordedPoses or None
+    PoseTable or None
         Nanoseconds, metres and quaternions.
 
     Examples
@@ -227,7 +234,7 @@ def read_poses(path: Path | str) -> RecordedPoses | None:
     >>> read_poses('bags/psf') is None  # its pulses have phase centres
     True
     """
-    return RecordedPoses.from_messages(_store(), [cdr for _, cdr in pose_messages(path)])
+    return poses_of_messages(_store(), [cdr for _, cdr in pose_messages(path)])
 
 
 def _messages(path: Path | str, topic: str, message_type: str, start_ns: int | None = None,

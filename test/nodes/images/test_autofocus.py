@@ -15,6 +15,7 @@ from msg_conversions.subaperture_wire import as_received
 from sar_imaging.autofocus.live import compile_autofocus
 from sar_imaging.backends import compile_beforehand
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.nodes.backprojection_steps import PARAMETERS, BackprojectionStep
 from sar_imaging.nodes.images import autofocus as nodes_autofocus
 from sar_imaging.nodes.images.autofocus import ImageFocus
@@ -33,7 +34,6 @@ from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
 from sar_imaging.tools.node_processes import NODES, PIPELINE
 from sar_imaging.tools.recordings import bag_io
-from sar_imaging.tools.recordings.recorded_poses import RecordedPoses
 from sar_imaging.tools.recordings.writing import split
 
 LENGTH = 128
@@ -196,7 +196,7 @@ def test_a_clock_that_is_a_second_wrong_is_found_with_poses_from_odometry(make_c
         'truth': truth, 'names': names, 'namespace': f'radar{number}',
         'backprojection': {'autofocus.time_offset': 1.5}}
         for number, names in enumerate((PIPELINE, NODES))))
-    poses = RecordedPoses(flight.stamp_ns, flight.position_m, flight.quaternion)
+    poses = PoseTable(flight.stamp_ns, flight.position_m, flight.quaternion)
     images = []
     for chain in chains:
         node = chain.observer.node

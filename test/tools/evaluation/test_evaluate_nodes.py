@@ -15,13 +15,13 @@ pytest.importorskip('rclpy', reason='rclpy comes as wheels for Linux on x86-64 o
 
 from sar_imaging.configuration.parameters import default_file
 from sar_imaging.geometry.alignment import Alignment
+from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.tools import simulate
 from sar_imaging.tools.evaluate import main, parser
 from sar_imaging.tools.evaluation.node_launch import LaunchError, plan_launch
 from sar_imaging.tools.node_processes import AFBP_NODES, NODES, PIPELINE, free_domain
 from sar_imaging.tools.recordings import bag_io
-from sar_imaging.tools.recordings.recorded_poses import RecordedPoses
 
 ROOT = Path(__file__).resolve().parents[3]
 PSF = ROOT / 'bags' / 'psf'
@@ -124,7 +124,7 @@ def with_odometry(folder, frame):
     track = np.polynomial.polynomial.polyfit((block.stamp_ns - stamp[0]) * 1e-9,
                                              block.phase_centre_m, 1)
     place = track[0] + np.outer((stamp - stamp[0]) * 1e-9, track[1])
-    poses = RecordedPoses(stamp, place, np.tile([0.0, 0.0, 0.0, 1.0], (n, 1)), frame)
+    poses = PoseTable(stamp, place, np.tile([0.0, 0.0, 0.0, 1.0], (n, 1)), frame)
     truth = TRUTH | {'alignment': Alignment(
         tx_m=np.zeros((block.n_channels, 3)), rx_m=np.arange(3.0 * block.n_channels).reshape(
             -1, 3)).as_dict()}

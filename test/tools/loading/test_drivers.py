@@ -69,10 +69,9 @@ def loaded(path, **options):
 def located(result):
     """Pulses with phase centres, wherever they come from."""
     from sar_imaging.signal.positioning import locate
-    from sar_imaging.tools.loading.load import recorded
     if result.poses is None:
         return result.block
-    return locate(result.block, recorded(result.poses).track(), result.alignment)
+    return locate(result.block, result.poses, result.alignment)
 
 
 def peak(block):

@@ -130,7 +130,7 @@ def test_bags_without_one_topic_of_poses_are_told(tmp_path, folder):
     with pytest.raises(DescriptionError, match=r'expected one topic .*/a \(geometry_msgs.*name '
                        r'one in poses\.topic'):
         read_bag_poses(tmp_path / 'two')
-    assert len(read_bag_poses(tmp_path / 'two', '/b').time_ns) == len(POSE_S)
+    assert len(read_bag_poses(tmp_path / 'two', '/b').stamp_ns) == len(POSE_S)
     with pytest.raises(DescriptionError, match='expected /c with poses'):
         read_bag_poses(tmp_path / 'two', '/c')
     with pytest.raises(BagError, match='does not exist'):

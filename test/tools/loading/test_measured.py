@@ -55,7 +55,7 @@ def test_recordings_are_those_of_the_loaders_of_before(name, tmp_path, capsys):
 def rail(name):
     """A rail pass and its poses as a track."""
     loaded = load(name, data_of(name))
-    return loaded, command.recorded(loaded.poses)
+    return loaded, loaded.poses
 
 
 def peak(loaded, poses, near, size_m):

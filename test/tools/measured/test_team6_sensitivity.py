@@ -10,7 +10,6 @@ import pytest
 from matplotlib.image import imread
 
 from sar_imaging.loading import load
-from sar_imaging.tools.loading.load import recorded
 from sar_imaging.tools.measured import team6_sensitivity
 from sar_imaging.tools.measured.team6_sensitivity import (
     LEVER_NAMES,
@@ -33,7 +32,7 @@ def needs_data(test):
 @pytest.fixture(scope='module')
 def recording():
     rail = load('team6_rail', MEASURED)
-    return rail.block, recorded(rail.poses), rail.alignment, reflectors(rail)
+    return rail.block, rail.poses, rail.alignment, reflectors(rail)
 
 
 @needs_data

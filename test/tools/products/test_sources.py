@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry.alignment import Alignment
+from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.tools.products import sources
 from sar_imaging.tools.products.sources import open_apertures, open_source
 from sar_imaging.tools.recordings import recording
 from sar_imaging.tools.recordings.bag_io import raw_messages, read_blocks, read_truth, write_bag
-from sar_imaging.tools.recordings.recorded_poses import RecordedPoses
 
 
 def _same(one, other):
@@ -66,7 +66,7 @@ def test_pulses_placed_by_poses_have_the_geometric_radar(spotlight, tmp_path):
     centre = np.concatenate([b.phase_centre_m for b in blocks])
     bare = [type(b)(b.radar, b.compressed, b.stamp_ns, b.counter, b.samples[:, :1], None, None)
             for b in blocks]
-    poses = RecordedPoses(stamps, centre, np.tile([0.0, 0.0, 0.0, 1.0], (len(stamps), 1)))
+    poses = PoseTable(stamps, centre, np.tile([0.0, 0.0, 0.0, 1.0], (len(stamps), 1)))
     write_bag(tmp_path / 'posed', bare, truth, poses=poses)
     for source in open_apertures(tmp_path / 'posed'):
         assert source.radar.first_sample_delay_s < blocks[0].radar.first_sample_delay_s

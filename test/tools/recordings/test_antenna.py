@@ -10,11 +10,11 @@ from sar_imaging.configuration.antenna import antenna_of, mount_of
 from sar_imaging.configuration.parameters import default_file, interpret, load_tree
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.illumination import Antenna, Mount, Pointing
+from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.tools.node_processes import parameters_from_truth
 from sar_imaging.tools.products.sources import open_source
 from sar_imaging.tools.recordings.bag_io import BagError, write_bag
-from sar_imaging.tools.recordings.recorded_poses import RecordedPoses
 from sar_imaging.tools.recordings.recording import read_recording
 from sar_imaging.tools.recordings.truth import antenna_truth
 from sar_imaging.tools.simulate import scenario_truth
@@ -64,7 +64,7 @@ def test_pulses_by_poses_get_the_pointing_of_the_mount(block, tmp_path, mount):
     plain = dataclasses.replace(block, tx_m=None, rx_m=None, pointing=None)
     told = truth | {'alignment': Alignment().as_dict()} | antenna_truth(MEASURED, mount)
     write_bag(tmp_path / 'bag', [plain], told,
-              poses=RecordedPoses(stamp_ns, place, turns.as_quat()))
+              poses=PoseTable(stamp_ns, place, turns.as_quat()))
     [read] = open_source(tmp_path / 'bag').read(1e9)
     at_s = (block.stamp_ns - block.stamp_ns[0]) * 1e-9
     centre = np.stack([0 * at_s - 400, 40 * at_s, 0 * at_s + 300], axis=1)

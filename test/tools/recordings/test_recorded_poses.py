@@ -9,8 +9,8 @@ import pytest
 
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.tools.recordings import bag_io, recording
-from sar_imaging.tools.recordings.recorded_poses import RecordedPoses
 from sar_imaging.tools.recordings.truth import make_truth
 
 START_NS = 1_700_000_000_000_000_000
@@ -28,7 +28,7 @@ def poses():
     stamp = START_NS + round(OFFSET_S * 1e9) + np.arange(-50, 100) * 10_000_000
     t = (stamp - stamp[0]) * 1e-9
     position = np.stack([t, 2 * t, np.full_like(t, 10.0)], axis=1)
-    return RecordedPoses(stamp, position, np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1)), 'odom')
+    return PoseTable(stamp, position, np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1)), 'odom')
 
 
 @pytest.fixture
@@ -100,7 +100,7 @@ def test_a_recording_without_odometry_has_no_poses(tmp_path, make_block):
 def test_a_long_recording_keeps_its_first_poses():
     """100 s at 400 Hz: more than a live track keeps."""
     stamp = START_NS + np.arange(40_000) * 2_500_000
-    poses = RecordedPoses(stamp, np.c_[np.arange(40_000) * 0.01, np.zeros((40_000, 2))],
+    poses = PoseTable(stamp, np.c_[np.arange(40_000) * 0.01, np.zeros((40_000, 2))],
                           np.tile([0.0, 0.0, 0.0, 1.0], (40_000, 1)))
     found = poses.track().sample(stamp[[10, -10]] + 1_250_000)
     np.testing.assert_allclose(found.position_m[:, 0], [0.105, 399.905], atol=1e-9)

@@ -1,8 +1,7 @@
-"""Store the poses of a platform on their own clock, reject invalid ones, and interpolate them."""
+"""Store the poses of a platform on their own clock, leave wrong ones out, and interpolate them."""
 
 from __future__ import annotations
 
-import collections
 import dataclasses
 import enum
 import math
@@ -10,14 +9,15 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .pose_interpolation import REACH, interpolate_poses
+from .interpolation import REACH, interpolate_poses
+from .motion import Departure, Miss, Motion, Pose
 
 CAPACITY = 32_768  # poses that a live track keeps
 RESTART_POSES = 5  # in a row behind the newest pose: the clock went back
-_LARGEST_ACCELERATION = 20.0  # m/s^2, of a platform that does not jump
-_LARGEST_TURN_RATE = 7.0  # rad/s
-_HISTORY = 5  # poses that predict the next one
 _NORM_TOLERANCE = 0.01  # of quaternions, which are then normalised
+_SHORT_RUN = 3  # poses off the others that may last longer than a gap that is bridged
+_LONGEST_RUN = 1000  # whatever time they take
+_FEWEST = 3  # poses of a frame; fewer between a jump and a gap are what is off
 
 
 class PoseStatus(enum.IntEnum):
@@ -36,10 +36,11 @@ class PoseVerdict(enum.IntEnum):
 
     TAKEN = 0
     GAP = 1  # taken; further from the one before than is bridged
-    JUMP = 2  # taken; a frame begins anew with it
+    JUMP = 2  # taken; a frame began anew with the first of those that were held
     CORRUPT = 3  # not a number, or no rotation
     OLD = 4  # as old as another one or older
     RESTART = 5  # the clock went back: a new track has to begin
+    HELD = 6  # it departs from the motion so far; the next ones decide whether it is right
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,21 +74,26 @@ class PoseTrack:
     """Poses of a platform in the order of their times, interpolated between them.
 
     Times between two poses at most `max_gap_s` apart are interpolated, see
-    `pose_interpolation`; wider gaps are refused, and no interpolation looks across them. A time
+    `interpolation`; wider gaps are refused, and no interpolation looks across them. A time
     is ready once three poses behind it are known, so that its position does not depend on when
     one asks.
 
-    A pose further than `jump_m` from where the (up to five) poses before it lead, plus what an
-    acceleration of 20 m/s^2 explains, is a jump of the frame, and so is a turn of more than
-    `jump_rad` plus 7 rad/s. It begins a new frame: what lies before and after it has no common
-    origin, however smooth an interpolation would look.
+    **Outliers and jumps.** A pose off the motion so far, see `Motion`, is held until the next ones
+    tell what it was. It is an *outlier*, with those that are held, if a pose comes that goes on
+    from those before rather than from them, and if no motion from there to that pose explains
+    them: they are left out. The time between the poses around them is interpolated if it is
+    `max_gap_s` or less, or twice that for a single one; otherwise it is a gap. If more than three
+    are held, for longer than `max_gap_s`, the frame *jumped* with the first of them: what lies
+    before and after it has no common origin, however smooth an interpolation would look. One or
+    two poses between a jump and a gap, another jump or the begin of the track are left out, too.
+    `take_departures` tells of all.
 
     Parameters
     ----------
     max_gap_s : float
         Longest time between two poses that is bridged, seconds.
     jump_m, jump_rad : float
-        Departure from the predicted position, metres, and from the last attitude, radians.
+        Departure of position and attitude that is more than scatter, metres and radians.
     first_frame : int
         Number of the first frame.
     capacity : int
@@ -125,11 +131,11 @@ class PoseTrack:
         self._frame = np.empty(capacity, np.int64)
         self._n = 0
         self._first_frame = first_frame
-        self._behind: list[tuple[int, list[float], list[float]]] = []
-        self._recent: collections.deque[tuple[int, list[float]]] = collections.deque(
-            maxlen=_HISTORY)  # of the newest segment
-        self._recent_turn: list[float] = []
-        self._last_motion: tuple[float, list[float]] | None = None  # before a jump
+        self._behind: list[Pose] = []
+        self._motion = Motion(jump_m, jump_rad)
+        self._held: list[Pose] = []
+        self._first_miss: Miss | None = None  # of the poses that are held
+        self._departures: list[Departure] = []
 
     def __len__(self) -> int:
         return self._n
@@ -166,20 +172,23 @@ class PoseTrack:
         if (len(position) != 3 or len(turn) != 4 or not all(map(math.isfinite, position))
                 or not abs(norm - 1) <= _NORM_TOLERANCE):
             return PoseVerdict.CORRUPT
-        turn = [v / norm for v in turn]
-        if self._n and stamp_ns <= self._stamp[self._n - 1]:
-            return self._add_old(int(stamp_ns), position, turn)
+        pose = Pose(int(stamp_ns), position, [v / norm for v in turn])
+        if self._n and pose.stamp_ns <= self._newest_ns:
+            return self._add_old(pose)
         self._behind.clear()
-        verdict = self._judge(stamp_ns, position, turn)
-        self._append(stamp_ns, position, turn, verdict)
-        return verdict
+        return self._take(pose)
 
     def successor(self) -> PoseTrack:
         """The track that begins with the poses that made the clock go back."""
         track = PoseTrack(**self._limits, first_frame=self.frame + 1, capacity=len(self._stamp))
         for pose in self._behind:
-            track.add(*pose)
+            track._take(pose)
         return track
+
+    def take_departures(self) -> list[Departure]:
+        """Outliers and jumps that were found since the last call, in the order of their times."""
+        found, self._departures = self._departures, []
+        return found
 
     def between(self, first_ns: int, last_ns: int
                 ) -> tuple[np.ndarray, np.ndarray, Rotation, np.ndarray]:
@@ -269,46 +278,101 @@ class PoseTrack:
         status[behind] = PoseStatus.LATE if final else PoseStatus.WAIT
         return status
 
-    def _add_old(self, stamp_ns: int, position: list[float], turn: list[float]) -> PoseVerdict:
-        if self._behind and stamp_ns <= self._behind[-1][0]:
-            self._behind.clear()
-        self._behind.append((stamp_ns, position, turn))
-        if len(self._behind) < RESTART_POSES:
-            return PoseVerdict.OLD
-        return PoseVerdict.RESTART
-
-    def _judge(self, stamp_ns: int, position: list[float], turn: list[float]) -> PoseVerdict:
-        n = self._n
-        if not n:
-            return PoseVerdict.TAKEN
-        dt = (stamp_ns - int(self._stamp[n - 1])) * 1e-9
-        if dt > self._limits['max_gap_s']:
-            return PoseVerdict.GAP
-        cosine = abs(sum(a * b for a, b in zip(self._recent_turn, turn, strict=True)))
-        angle = 2 * math.acos(min(1.0, cosine))
-        if angle > self._limits['jump_rad'] + _LARGEST_TURN_RATE * dt:
-            return PoseVerdict.JUMP
-        motion = self._motion or self._last_motion
-        if motion is None:
-            return PoseVerdict.TAKEN
-        baseline, velocity = motion
-        last = self._recent[-1][1]
-        away = math.dist(position, [x + v * dt for x, v in zip(last, velocity, strict=True)])
-        explained = 0.5 * _LARGEST_ACCELERATION * dt * (baseline + dt)
-        return (PoseVerdict.JUMP if away > self._limits['jump_m'] + explained
-                else PoseVerdict.TAKEN)
-
     @property
-    def _motion(self) -> tuple[float, list[float]] | None:
-        """Time, s, over which the last poses of the segment tell the velocity, and this, m/s."""
-        if len(self._recent) < 2:
-            return None
-        (t0, first), (t1, last) = self._recent[0], self._recent[-1]
-        baseline = (t1 - t0) * 1e-9
-        return baseline, [(b - a) / baseline for a, b in zip(first, last, strict=True)]
+    def _newest_ns(self) -> int:
+        return self._held[-1].stamp_ns if self._held else int(self._stamp[self._n - 1])
 
-    def _append(self, stamp_ns: int, position: list[float], turn: list[float],
-                verdict: PoseVerdict) -> None:
+    def _add_old(self, pose: Pose) -> PoseVerdict:
+        if self._behind and pose.stamp_ns <= self._behind[-1].stamp_ns:
+            self._behind.clear()
+        self._behind.append(pose)
+        return PoseVerdict.OLD if len(self._behind) < RESTART_POSES else PoseVerdict.RESTART
+
+    def _take(self, pose: Pose) -> PoseVerdict:
+        """A pose behind the newest one: append it, or hold it."""
+        if not self._n:
+            return self._append(pose, PoseVerdict.TAKEN)
+        if (pose.stamp_ns - self._newest_ns) * 1e-9 > self._limits['max_gap_s']:
+            self.finish()
+            return self._append(pose, PoseVerdict.GAP)
+        if not self._held:
+            miss = self._motion.miss(pose)
+            self._motion.remember(miss)
+            if not miss.doubtful:
+                return self._append(pose, PoseVerdict.TAKEN)
+            self._first_miss, self._held = miss, [pose]
+            return PoseVerdict.HELD
+        step, miss = self._motion.miss(pose, self._held[-1]), self._motion.miss(pose)
+        self._motion.remember(step)
+        if miss.ratio <= min(1, step.ratio) and self._motion.across(
+                self._pose(self._n - 1), self._held, pose).ratio > 1:
+            return self._append(pose, self._leave_out(pose))
+        if self._first_miss.ratio <= 1:  # doubtful, and possible
+            [held], self._held = self._held, []
+            self._append(held, PoseVerdict.TAKEN)
+            return self._take(pose)
+        return self._hold_on(pose)
+
+    def _hold_on(self, pose: Pose) -> PoseVerdict:
+        """One more pose that may be of another frame, until there are enough."""
+        self._held.append(pose)
+        since_s = (pose.stamp_ns - int(self._stamp[self._n - 1])) * 1e-9
+        if len(self._held) > _SHORT_RUN and (since_s > self._limits['max_gap_s']
+                                             or len(self._held) > _LONGEST_RUN):
+            self._jump()
+            return PoseVerdict.JUMP
+        return PoseVerdict.HELD
+
+    def finish(self) -> None:
+        """Decide about the poses that are held, since no more will come."""
+        while len(self._held) >= _FEWEST:
+            self._jump()
+        if self._held and self._first_miss.ratio <= 1:
+            self._append(self._held.pop(), PoseVerdict.TAKEN)
+        elif self._held:
+            self._leave_out(None)
+
+    def _leave_out(self, behind: Pose | None) -> PoseVerdict:
+        """Give the poses that are held up; returns what the next one is, if there is one."""
+        held, self._held = self._held, []
+        before, miss = self._pose(self._n - 1), self._first_miss
+        gap_s = ((behind or held[-1]).stamp_ns - before.stamp_ns) * 1e-9
+        if behind:
+            miss = self._motion.across(before, held, behind)
+        bridged = behind is not None and (
+            gap_s <= self._limits['max_gap_s']
+            or len(held) == 1 and gap_s <= 2 * self._limits['max_gap_s'])
+        self._departures.append(Departure(
+            held[0].stamp_ns, held[-1].stamp_ns, len(held), miss.away_m, miss.away_rad, False,
+            gap_s, bridged))
+        return PoseVerdict.TAKEN if bridged else PoseVerdict.GAP
+
+    def _jump(self) -> None:
+        """Begin a frame with the first pose that is held, and judge the others anew."""
+        (first, *rest), self._held = self._held, []
+        miss, verdict = self._first_miss, PoseVerdict.JUMP
+        segment = self._segment[:self._n]
+        start = int(np.searchsorted(segment, segment[-1]))
+        few = self._n - start < _FEWEST
+        before = self._pose(start if few else self._n - 1)
+        if few:
+            verdict = (PoseVerdict.TAKEN if not start else PoseVerdict.JUMP
+                       if self._frame[start] != self._frame[start - 1] else PoseVerdict.GAP)
+        self._departures.append(Departure(
+            before.stamp_ns if few else first.stamp_ns, int(self._stamp[self._n - 1])
+            if few else first.stamp_ns, self._n - start if few else 1, miss.away_m,
+            miss.away_rad, not few, (first.stamp_ns - before.stamp_ns) * 1e-9, False))
+        if few:
+            self._n = start
+        self._motion.restart()
+        self._append(first, verdict)
+        for pose in rest:
+            self._take(pose)
+
+    def _pose(self, n: int) -> Pose:
+        return Pose(int(self._stamp[n]), self._position[n].tolist(), self._quaternion[n].tolist())
+
+    def _append(self, pose: Pose, verdict: PoseVerdict) -> PoseVerdict:
         capacity = len(self._stamp)
         if self._n == capacity:
             keep = capacity // 2
@@ -317,14 +381,12 @@ class PoseTrack:
             self._n = keep
         n = self._n
         segment, frame = (int(self._segment[n - 1]), self.frame) if n else (0, self._first_frame)
-        self._stamp[n], self._position[n], self._quaternion[n] = stamp_ns, position, turn
+        self._stamp[n], self._position[n], self._quaternion[n] = (pose.stamp_ns, pose.position,
+                                                                  pose.turn)
         self._segment[n] = segment + (verdict in (PoseVerdict.GAP, PoseVerdict.JUMP))
         self._frame[n] = frame + (verdict == PoseVerdict.JUMP)
         self._n = n + 1
-        if verdict != PoseVerdict.TAKEN:
-            # One pose after a jump tells no velocity; the platform still has that from before.
-            self._last_motion = ((self._motion or self._last_motion)
-                                 if verdict == PoseVerdict.JUMP else None)
-            self._recent.clear()
-        self._recent.append((stamp_ns, position))
-        self._recent_turn = turn
+        if verdict == PoseVerdict.GAP:
+            self._motion.restart()
+        self._motion.follow(pose)
+        return verdict
