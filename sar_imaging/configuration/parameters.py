@@ -9,7 +9,7 @@ import dataclasses
 import importlib.resources
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
@@ -130,6 +130,33 @@ def default_file() -> Path:
     'sar_imaging.yaml'
     """
     return Path(str(importlib.resources.files('sar_imaging') / 'config' / 'sar_imaging.yaml'))
+
+
+def foreign(names: Iterable[str]) -> list[str]:
+    """Those of some names of parameters that no node of this package knows.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Names that a node was given, such as all of a section ``/**``.
+
+    Returns
+    -------
+    list of str
+        Sorted; without those that rclpy reads itself.
+
+    Examples
+    --------
+    >>> from sar_imaging.configuration.parameters import foreign
+    >>> foreign(['spcing', 'grid.spacing', 'use_sim_time'])
+    ['spcing']
+    """
+    names = [name for name in names
+             if name not in OF_EVERY_NODE and not name.startswith('qos_overrides.')]
+    if not names:
+        return []
+    known = {name for _, values in _sections(load_tree(default_file())) for name in values}
+    return sorted(set(names) - known)
 
 
 def read_configuration(path: Path | str, given: Mapping[str, object] = MappingProxyType({})

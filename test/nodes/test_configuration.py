@@ -221,7 +221,7 @@ def test_messages_of_another_type_are_reported(start_node, ros_environment):
 @pytest.mark.parametrize('first', ['file', 'argument'])
 def test_the_command_line_counts_whatever_the_file_says(ros_environment, tmp_path, first):
     path = tmp_path / 'radar.yaml'
-    path.write_text('/**:\n  ros__parameters: {window: hann}\n'
+    path.write_text('/**:\n  ros__parameters: {window: hann, windw: hann, grid.spacing: 1.0}\n'
                     '/**/range_compression:\n  ros__parameters: {window: taylor}\n')
     options = [['--params-file', str(path)], ['-p', 'window:=hamming']]
     if first == 'argument':
@@ -230,9 +230,16 @@ def test_the_command_line_counts_whatever_the_file_says(ros_environment, tmp_pat
             [sys.executable, '-m', 'sar_imaging.nodes.range_compression', '--ros-args',
              *options[0], *options[1]], env=ros_environment, stderr=subprocess.PIPE, text=True,
             start_new_session=True) as process:
-        line = next((line for line in process.stderr if 'ready' in line), '')
+        lines = []
+        for line in process.stderr:
+            lines.append(line)
+            if 'ready' in line:
+                break
         process.send_signal(signal.SIGINT)
-    assert 'hamming' in line
+    assert 'hamming' in lines[-1]
+    [told] = [line for line in lines if 'unknown parameters' in line]
+    assert 'windw (did you mean window?)' in told
+    assert 'grid.spacing' not in told  # of other nodes
 
 
 def test_a_flood_of_bad_messages_is_counted_and_summed_up_in_the_log(start_node, make_observer):

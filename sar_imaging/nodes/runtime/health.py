@@ -33,11 +33,9 @@ class Cause(enum.Enum):
     TWO_PUBLISHERS = 'the input comes from one publisher', True
     POSES_IN_OTHER_FRAME = 'the frame of the poses is right', True
     NO_POSES = 'poses go on', True
-    CLOCKS_APART = 'the clocks of poses and pulses agree', True
     COMPILING = 'kernels are compiled', False
     STALLED = 'input continues', False
     BEHIND = 'the work keeps up with the input again', False
-    PLANNING = '', False
     NO_SUBSCRIBER = 'the output has a subscriber', False
 
     def __init__(self, ended: str, severe: bool):
@@ -105,9 +103,9 @@ class Tally:
             before, since = self._causes.pop(which, ('', time.monotonic()))
             if text:
                 self._causes[which] = text, since
-        if text and _wording(text) != _wording(before) and which is not Cause.PLANNING:
+        if text and _wording(text) != _wording(before):
             self.warning(log or text)
-        elif before and not text and which.ended:
+        elif before and not text:
             self.info(which.ended)
         return bool(text and not before)
 

@@ -26,6 +26,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_polic
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.subscription import Subscription
 
+from sar_imaging.configuration.parameters import foreign
+
 from .health import Health
 from .parameters import (
     START,
@@ -84,6 +86,8 @@ class ManagedNode(LifecycleNode):
         self.health = Health(self, counters=(*counters, *faults, 'errors'), faults=faults,
                              errors=('errors',))
         self.parameters = ParameterValues(self, (*parameters, AUTOSTART))
+        if misspelt := foreign(self._parameter_overrides.keys() - self.parameters.keys()):
+            self.health.warning(self.parameters.unknown(misspelt))
         self.state = 'unconfigured'
         self.outputs: list[Publisher] = []
         self.works_on = False
