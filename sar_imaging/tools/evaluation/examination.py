@@ -16,11 +16,12 @@ from sar_imaging.signal.pulses import PulseBlock, concatenate
 from ..recordings.bag_io import deserialise, raw_messages, read_poses
 from ..recordings.recording import Recording
 
+IN_FOCUS = 'in focus'  # verdict of autofocus
 _MOST_BYTES = 512e6  # of samples that are read for it
 
 
 def examine(recording: Recording, aperture: int, pulses_per_aperture: int, image: np.ndarray,
-            grid: MapGrid) -> dict:
+            grid: MapGrid, autofocus: dict | None = None) -> dict:
     """The entry `focus` of quality.json.
 
     Parameters
@@ -33,6 +34,9 @@ def examine(recording: Recording, aperture: int, pulses_per_aperture: int, image
         Image.
     grid : MapGrid
         Its pixels.
+    autofocus : dict, optional
+        What autofocus of the node found. Where its verdict is that the image is in focus, a
+        mistake of the recorded positions is not one of the image.
 
     Returns
     -------
@@ -45,6 +49,8 @@ def examine(recording: Recording, aperture: int, pulses_per_aperture: int, image
                              window=(recording.truth or {}).get('window', 'none'))
     except (ValueError, MemoryError) as error:
         diagnosis = Diagnosis(0.0, 0.0, '', f'the pulses could not be examined: {error}')
+    if autofocus and autofocus['verdict'] == IN_FOCUS:
+        diagnosis = dataclasses.replace(diagnosis, mistake='', advice='')
     if diagnosis.coverage and not diagnosis.mistake and not figure.at_noise_level:
         # Of clutter without strong reflectors the diagnosis of a few tiles sees nothing.
         diagnosis = dataclasses.replace(diagnosis, advice='')

@@ -36,3 +36,16 @@ def test_advice_is_given_where_something_is_wrong(monkeypatch, diagnosis, bright
     assert focus['advice'] == advice
     assert focus['at_noise_level'] is (not brightest)
     assert ('warning' in examination.describe(focus)) is bool(advice)
+
+
+@pytest.mark.parametrize(('verdict', 'mistake'), [
+    ('in focus', ''), ('used, focus not certain', 'clock offset'), ('not used', 'clock offset')])
+def test_mistakes_of_recorded_positions_are_none_of_an_image_in_focus(monkeypatch, verdict,
+                                                                       mistake):
+    monkeypatch.setattr(examination, 'diagnose', lambda *_, **__: Diagnosis(
+        1.15, 1.0, 'clock offset', 'set pose.time_offset_s'))
+    monkeypatch.setattr(examination, '_pulses', lambda *_: None)
+    focus = examination.examine(types.SimpleNamespace(truth=None), 0, 64, _image(40.0), GRID,
+                                {'verdict': verdict})
+    assert focus['mistake'] == mistake
+    assert examination.doubtful(focus) is bool(mistake)
