@@ -6,7 +6,8 @@ import contextlib
 import threading
 import time
 
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.exceptions import NotInitializedException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import Float32MultiArray
 
@@ -17,6 +18,8 @@ from .health import Cause
 from .inlet import Inlet
 from .managed import DIAGNOSTICS_PERIOD_S, ManagedNode, RCLError
 from .step import stream_qos
+
+CONTEXT_ENDED = RCLError, NotInitializedException, ExternalShutdownException
 
 
 class Preparation(contextlib.ExitStack):
@@ -46,38 +49,44 @@ class Preparation(contextlib.ExitStack):
 
     def _begin(self) -> None:
         """The first kernel is being compiled."""
+        # First: an executor that Ctrl-C keeps from being made complains when it is collected.
+        executor = SingleThreadedExecutor(context=self._node.context)
+        self.callback(executor.shutdown)
         self._node.health.info(
             'compiling kernels: at the first start on a machine this takes up to a minute or two, '
             'later starts load them; `ros2 run sar_imaging compile_kernels` does it beforehand')
-        thread = threading.Thread(target=self._report, name='preparation')
+        thread = threading.Thread(target=self._report, args=[executor], name='preparation')
         thread.start()
         self.callback(thread.join)
         self.callback(self._ended.set)
 
-    def _report(self) -> None:
-        node, began_s = self._node, time.monotonic()
-        listening = Node(f'{node.get_name()}_preparing', namespace=node.get_namespace(),
-                         context=node.context, enable_rosout=False,
-                         start_parameter_services=False)
-        executor = SingleThreadedExecutor(context=node.context)
-        with contextlib.suppress(RCLError):  # Ctrl-C
+    def _report(self, executor: SingleThreadedExecutor) -> None:
+        node, context = self._node, self._node.context
+        # Ctrl-C ends the context at any moment.
+        with contextlib.suppress(*CONTEXT_ENDED), contextlib.ExitStack() as made:
+            listening = Node(f'{node.get_name()}_preparing', namespace=node.get_namespace(),
+                             context=context, enable_rosout=False, start_parameter_services=False)
+            made.callback(listening.destroy_node)
             listening.create_subscription(
                 Float32MultiArray, node.resolve_topic_name(self._topic), self._count,
                 stream_qos(node.parameters))
             executor.add_node(listening)
-            due_s = began_s
-            while not self._ended.is_set() and node.context.ok():
-                if time.monotonic() >= due_s:
-                    due_s += DIAGNOSTICS_PERIOD_S
-                    node.health.cause(Cause.COMPILING, (
-                        f'compiling kernels for {time.monotonic() - began_s:.0f} s so far; pulses '
-                        f'are not taken, {node.health.get("pulses_before_ready")} came'))
-                    node.health.publish(node.state)
-                executor.spin_once(timeout_sec=0.05)
-            if node.context.ok():
-                node.health.cause(Cause.COMPILING, '')
-        executor.shutdown()
-        listening.destroy_node()
+            self._tell(executor)
+
+    def _tell(self, executor: SingleThreadedExecutor) -> None:
+        """Publish diagnostics in their period, and take pulses meanwhile."""
+        node, began_s = self._node, time.monotonic()
+        due_s = began_s
+        while not self._ended.is_set() and node.context.ok():
+            if time.monotonic() >= due_s:
+                due_s += DIAGNOSTICS_PERIOD_S
+                node.health.cause(Cause.COMPILING, (
+                    f'compiling kernels for {time.monotonic() - began_s:.0f} s so far; pulses '
+                    f'are not taken, {node.health.get("pulses_before_ready")} came'))
+                node.health.publish(node.state)
+            executor.spin_once(timeout_sec=0.05)
+        if node.context.ok():
+            node.health.cause(Cause.COMPILING, '')
 
     def _count(self, message: Float32MultiArray) -> None:
         with contextlib.suppress(WireFormatError):
