@@ -71,7 +71,7 @@ def test_every_argument_of_the_launch_files_is_explained():
 
 
 def test_the_python_example_runs():
-    [code] = re.findall(r'^```python\n(.*?)^```', PAGE, re.DOTALL | re.MULTILINE)
+    code = re.search(r'^```python\n(from sar_imaging.*?)^```', PAGE, re.DOTALL | re.MULTILINE)[1]
     output = io.StringIO()
     with contextlib.redirect_stdout(output):
         exec(code, {})
