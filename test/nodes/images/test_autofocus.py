@@ -34,6 +34,7 @@ from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
 from sar_imaging.tools.node_processes import NODES, PIPELINE
 from sar_imaging.tools.recordings import bag_io
+from sar_imaging.tools.recordings.recorded_poses import odometry_messages
 from sar_imaging.tools.recordings.writing import split
 
 LENGTH = 128
@@ -203,7 +204,7 @@ def test_a_clock_that_is_a_second_wrong_is_found_with_poses_from_odometry(make_c
         publisher = node.create_publisher(Odometry, 'odometry', 2000)
         # two subscribers: pulse_buffer's positions and backprojection's autofocus
         chain.observer.wait(lambda p=publisher: p.get_subscription_count() == 2, 'subscribers')
-        for _, cdr in poses.messages(bag_io._store()):
+        for _, cdr in odometry_messages(poses, bag_io._store()):
             publisher.publish(cdr)
         chain.observer.send(list(split(flight.block)))
     for chain in chains:
