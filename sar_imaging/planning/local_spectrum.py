@@ -135,9 +135,14 @@ def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters,
     middle = len(position) // 2
     sides = (wanted * polar.n_range * polar.range_spacing_m * along_range[middle],
              polar.n_alpha * polar.alpha_spacing * along_alpha[middle])
+    weight = echo_powers(tx_m, rx_m, position[middle], sides, radar)
+    if illumination is not None:  # what lights nothing of the scene adds no power either
+        amplitude = illumination.amplitude(position)
+        bright = np.einsum('rs,rs->r', amplitude, amplitude)
+        if (weight @ bright).min() > 0:
+            weight = weight * bright / (weight * bright).mean(axis=1, keepdims=True)
     return LocalSpectrum(slope, share, radar.wavenumbers_rad_per_m, half_range,
-                         (float(length.min()), float(length.max())), extremes,
-                         echo_powers(tx_m, rx_m, position[middle], sides, radar),
+                         (float(length.min()), float(length.max())), extremes, weight,
                          NO_SPREAD if illumination is None else
                          illumination.spread(position, along_alpha))
 

@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
+from sar_imaging.geometry.illumination import (
+    AntennaPattern,
+    Illumination,
+    PatternCut,
+    Pointing,
+)
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.planning.afbp.lit_subapertures import parabola
+from sar_imaging.planning.afbp.lit_subapertures import parabola, seen_subapertures
 from sar_imaging.planning.afbp.subapertures import _bounds
 
 
@@ -28,3 +34,17 @@ def test_parabolas_of_a_platform_that_stands_still_are_constant():
     np.testing.assert_allclose(found[:, :3], [[2, 2, 5], [8, 8, 0], [0, 0, 0]], atol=1e-12)
     value = found[0, 3] + place[3] * (found[1, 3] + found[2, 3] * place[3])
     np.testing.assert_allclose(value, [2.0, 5.0, 10.0])
+
+
+@pytest.mark.parametrize('pulse', range(32, 64, 3))
+def test_one_pulse_that_lights_the_grid_makes_its_subaperture_seen(pulse):
+    """Of 9 pulses of each that were looked at none lit the grid: the image was empty."""
+    polar = PolarGrid((0.0, 0.0, 50.0), (1.0, 0.0), 1, 0.0, 1000.0, 0.5, 41, -0.002, 1e-4, 41)
+    centre = np.zeros((96, 3))
+    centre[:, 0], centre[:, 2] = np.linspace(-10.0, 10.0, 96), 50.0
+    look = np.tile([1.0, 0.0, 0.0], (96, 1))
+    look[pulse] = [0.0, 1.0, 0.0]
+    pattern = AntennaPattern(PatternCut.gaussian(0.002))
+    lit = Illumination.of_pulses(pattern, Pointing(look), centre[:, None], centre[:, None])
+    cuts = [slice(0, 32), slice(32, 64), slice(64, 96)]
+    assert seen_subapertures(polar, cuts, lit, 1) == {1}

@@ -41,7 +41,7 @@ _ECHOES = 17  # at which paths are compared
 BEYOND = 1  # beams beyond those that interpolation needs, for rounding
 OUTSIDE = BEAM_TAPS // 2 - 1 + BEYOND  # beams before the first direction of the grid
 _SPREAD_STEP = 1.02  # factors between one spread that is planned for and the next
-_SLACK = 1.1  # sub-apertures that were not looked at may be as much worse
+SLACK = 1.1  # sub-apertures that were not looked at may be as much worse
 _LEAST_UNEVEN = 1e-4  # wavelengths, which matters to no image
 _ARITHMETIC_DB = -80.0  # float32 phasors that turn from bin to bin (measured)
 
@@ -258,7 +258,7 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
                             _ARITHMETIC_DB)
         if error_db <= target_db:
             return BeamSampling(widest, float(spacings[i]), _GROUPS[group],
-                                0.0 if alone else _SLACK * uneven, int(segments[segment]),
+                                0.0 if alone else SLACK * uneven, int(segments[segment]),
                                 _between(i), along, error_db)
     return None
 

@@ -35,10 +35,9 @@ NODES_APART = 0.1  # of their span, at least, that nodes lie apart along the tra
 KNOTS_APART = (16, 8, 4, 2, 1)  # segments along range
 _KNOT_SHARE, _LEAST = 0.2, 1e-16  # of the error of amplitudes for knots along range
 _PAIRS = 1 << 14  # at which a sub-aperture is looked at while pulses arrive
-_LOOKED_AT = 33, 9  # directions and ranges, to tell which sub-apertures see the grid
+_LOOKED_AT = 9  # directions and ranges, to tell which sub-apertures see the grid
 _EVERYWHERE = 0.9  # of all pairs of an echo and a pixel, beyond which nothing counts as dark
 _LEAST_LIT = 4  # sub-apertures that light a pixel, elsewhere
-_PULSES_LOOKED_AT = 9  # likewise
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -343,10 +342,13 @@ class LitError:
 
 def seen_subapertures(coarse: PolarGrid, pulses, illumination: Illumination, n_channels: int
                       ) -> frozenset[int]:
-    """Numbers of the sub-apertures of which some pulse lights a part of a grid."""
-    points = coarse.lines(*coarse.sampled(_LOOKED_AT[1], max(_LOOKED_AT[0], coarse.n_alpha)))[0]
+    """Numbers of the sub-apertures of which some pulse lights a part of a grid.
+
+    Every pulse is looked at: narrow beams may light the grid between any two of them.
+    """
+    points = coarse.lines(*coarse.sampled(_LOOKED_AT, _LOOKED_AT))[0]
+    known = dataclasses.replace(illumination, foreseen=False)
     return frozenset(
         number for number, p in enumerate(pulses)
-        if (illumination.select(n_channels * np.unique(np.linspace(
-            p.start, p.stop - 1, _PULSES_LOOKED_AT).round().astype(int))).amplitude(
-                points) > 0).any())
+        if known.select(slice(p.start * n_channels, p.stop * n_channels, n_channels)).may_light(
+            points, (_LOOKED_AT,) * 2) is not None)

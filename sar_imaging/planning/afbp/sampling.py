@@ -44,8 +44,8 @@ _NEARER = (0.7, 0.9)  # shares of the furthest distance from the centre, which a
 # Most of the error is that of the echoes at the two ends of a sub-aperture's band: where these are
 # few, it is theirs by chance. Relative deviation of one of them, in images of few scatterers.
 _CHANCE = 1.2
-# At which errors are looked up: sub-apertures, echoes of each, wavenumbers of each echo
-_CUTS_FOR_ERROR, _ROWS_FOR_ERROR, _WAVENUMBERS = 16, 24, 6
+# At which errors are looked up: echoes of each sub-aperture, of all, and wavenumbers of each echo
+_ECHOES_EACH, _ECHOES_FOR_ERROR, _WAVENUMBERS = 24, 384, 6
 
 
 def pieces_between_gaps(middles) -> list[tuple[int, int]]:
@@ -156,7 +156,7 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
 
     @functools.cache
     def some_echoes(cut):
-        return _rows_for_error(cuts[cut].samplings[0], bands, n_channels)
+        return _echoes_for_error(cuts[cut].samplings[0], bands, n_channels)
 
     @functools.cache
     def error_db(cut, i, j):
@@ -231,23 +231,23 @@ def _on_plane(sizes: FusionSizes) -> bool:
     return sizes.fine_range_guard < ranges_before(polar, beyond)
 
 
-def _rows_for_error(s: Sampling, bands: LocalSpectrum, n_channels: int) -> tuple[np.ndarray, ...]:
-    """Some echoes of some sub-apertures, powers of each, and the middle of its band, metres.
+def _echoes_for_error(s: Sampling, bands: LocalSpectrum, n_channels: int
+                      ) -> tuple[np.ndarray, ...]:
+    """Some echoes, powers of each, (W, R), and the middle of its sub-aperture's band, metres.
 
-    They lie densest where bands end: the error of the others is far less. Powers are (W, R).
+    They lie densest where bands end, those of the widest sub-apertures in front: the error of the
+    others is far less. Each stands for all that end about as far from the middle of their bands.
     """
-    cuts = np.linspace(0, len(s.pulses) - 1, _CUTS_FOR_ERROR).round().astype(int)
-    found = []
-    for cut in np.unique(cuts):
-        echoes = slice(*(n * n_channels for n in (s.pulses[cut].start, s.pulses[cut].stop)))
-        order = np.argsort(bands.slope[echoes].mean(axis=1))
-        edges = 0.5 * len(order) * (1 - np.cos(np.linspace(0, np.pi, _ROWS_FOR_ERROR + 1)))
-        powers = [np.diff(np.interp(edges, np.arange(len(order) + 1),
-                                    np.append(0, np.cumsum(weight[echoes][order]))))
-                  for weight in bands.weight]
-        found.append((echoes.start + order[(0.5 * (edges[1:] + edges[:-1])).astype(int)],
-                      np.stack(powers), np.full(_ROWS_FOR_ERROR, s.centre[cut])))
-    return tuple(np.concatenate(values, axis=-1) for values in zip(*found, strict=True))
+    lengths = [n_channels * (p.stop - p.start) for p in s.pulses]
+    middle = np.repeat(s.centre, lengths)
+    order = np.argsort(bands.slope.mean(axis=1) - middle, kind='stable')
+    n_looked_at = min(_ECHOES_EACH * len(s.pulses), _ECHOES_FOR_ERROR)
+    edges = 0.5 * len(order) * (1 - np.cos(np.linspace(0, np.pi, n_looked_at + 1)))
+    powers = [np.diff(np.interp(edges, np.arange(len(order) + 1),
+                                np.append(0, np.cumsum(weight[order]))))
+              for weight in bands.weight]
+    some = order[(0.5 * (edges[1:] + edges[:-1])).astype(int)]
+    return some, np.stack(powers), middle[some]
 
 
 def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centre_m) -> float:

@@ -9,10 +9,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ...geometry.polar import PolarGrid
+from ...geometry.track_frame import mean_centres
 from ...signal.radar import RadarParameters
 from ..costs import costs
 from ..profiles.range_resampling import RangeResampling
-from .beams import BeamSampling, least_operations, plan_beams
+from .beams import SLACK, BeamSampling, least_operations, plan_beams
 
 _CUTS_FOR_BEAMS = 5  # sub-apertures whose geometry is looked at
 
@@ -80,10 +81,18 @@ class SubapertureCost:
         n_weighed = self.n_weighed(pulses)
         if n_weighed is None:
             return None
-        some = np.linspace(0, len(pulses) - 1, _CUTS_FOR_BEAMS).round().astype(int)
         # of echoes that share an image
         cuts = [tuple(c[pulses[i], number % n:: n].reshape(-1, 3) for c in (self.tx_m, self.rx_m))
-                for number, i in enumerate(np.unique(some)) for n in [max(1, n_weighed)]]
+                for number, i in enumerate(self._for_beams(pulses)) for n in [max(1, n_weighed)]]
         beams = plan_beams(self.grid, self.radar, self.lattice, cuts, self.target_db, self.reach_m,
                            self.padding_m)
         return beams and dataclasses.replace(beams, n_weighed=n_weighed)
+
+    def _for_beams(self, pulses) -> list[int]:
+        """Numbers of some sub-apertures, evenly, and of the widest where none is about as wide."""
+        some = np.unique(np.linspace(0, len(pulses) - 1, _CUTS_FOR_BEAMS).round().astype(int))
+        middles, first = mean_centres(self.tx_m, self.rx_m), [p.start for p in pulses]
+        width = np.linalg.norm(np.maximum.reduceat(middles, first)
+                               - np.minimum.reduceat(middles, first), axis=1)
+        widest = int(width.argmax())
+        return [*some, *[widest] * bool(width[widest] > SLACK * width[some].max())]
