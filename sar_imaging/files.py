@@ -1,12 +1,25 @@
-"""Files that a parameter names: whoever may set it must not make a node read just anything."""
+"""Files at the door: what is read is a regular file, and what is written replaces no input.
+
+Every reader opens its files by `reading` or `check_file`, every writer makes its own within
+`replacing` or `filling`: in a new folder beside the target, from which they are moved when they
+are complete. So nothing is half written, and nothing is written through a link.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import os
 import stat
+import sys
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
+_LONGEST_TEXT = 500  # characters of an error of another library
+_inputs: dict[tuple[int, int], Path] | None = None  # device and inode; None outside of commands
 
-def check_file(path: Path | str, most_bytes: int) -> None:
+
+def check_file(path: Path | str, most_bytes: int = sys.maxsize) -> None:
     """Refuse what is no regular file of a sensible size: devices and pipes never end.
 
     Parameters
@@ -31,3 +44,174 @@ def check_file(path: Path | str, most_bytes: int) -> None:
     if status.st_size > most_bytes:
         raise ValueError(f'{path!s} has {status.st_size / 1e6:.3g} MB; expected at most '
                          f'{most_bytes / 1e6:.3g} MB')
+    if _inputs is not None:
+        _inputs[status.st_dev, status.st_ino] = Path(path).resolve()
+
+
+@contextlib.contextmanager
+def reading(path: Path | str, what: str, error: type[Exception] = ValueError) -> Iterator[None]:
+    """Let whatever goes wrong while a file is read be one line of one exception with its name.
+
+    Damaged and hostile files make the libraries that read them raise anything: within the block
+    all of it becomes `error`. An `ImportError`, such as of an extra that is not installed, stays.
+
+    Parameters
+    ----------
+    path : path
+        File that is read; it has to be a regular one.
+    what : str
+        What it should be, such as ``'a GeoTIFF'``.
+    error : type
+        Exception to raise.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no such file.
+    """
+    if not os.path.lexists(path):
+        raise FileNotFoundError(f'{path!s} does not exist; expected {what}')
+    with naming(path, f'cannot be read as {what}', error):
+        check_file(path)
+        yield
+
+
+@contextlib.contextmanager
+def naming(path: Path | str, trouble: str, error: type[Exception] = ValueError) -> Iterator[None]:
+    """As `reading`, for what is done with a file that is open; `trouble` follows its name."""
+    try:
+        yield
+    except ImportError:
+        raise
+    except Exception as problem:
+        text = told(problem)
+        named = any(str(name) in text for name in (path, Path(path).name))
+        if named and (isinstance(problem, error) or _ours(problem)):
+            raise
+        if named and type(problem).__module__ == 'builtins':
+            raise error(text) from problem
+        raise error(f'{path!s} {trouble}: {text}') from problem
+
+
+def told(error: BaseException) -> str:
+    """Text of an error in one line of bounded length; its kind where it has none of ours."""
+    text = ' '.join(str(error).split())
+    if len(text) > _LONGEST_TEXT:
+        text = f'{text[:_LONGEST_TEXT]} ...'
+    if isinstance(error, MemoryError):
+        return text or 'there is not enough memory'
+    if not text:
+        return f'it is damaged ({type(error).__name__})'
+    return text if _ours(error) or isinstance(error, OSError | ValueError) else (
+        f'{type(error).__name__}: {text}')
+
+
+def _ours(error: BaseException) -> bool:
+    return type(error).__module__.partition('.')[0] in ('sar_imaging', 'msg_conversions')
+
+
+@contextlib.contextmanager
+def protecting_inputs() -> Iterator[None]:
+    """Within, files that were read are not replaced by `replacing` and `filling`; for commands."""
+    global _inputs
+    before, _inputs = _inputs, {}
+    try:
+        yield
+    finally:
+        _inputs = before
+
+
+@contextlib.contextmanager
+def replacing(path: Path | str, *, folder: bool = False) -> Iterator[Path]:
+    """Make a file or a folder completely, then put it in its place at once.
+
+    A link in its place is replaced, what it leads to is left alone.
+
+    Parameters
+    ----------
+    path : path
+        What to make; its parent exists.
+    folder : bool
+        Whether it is a folder.
+
+    Yields
+    ------
+    Path
+        What to write instead, of the same name, in a new folder for whatever is needed besides.
+
+    Raises
+    ------
+    FileExistsError
+        `path` is an input of the command (see `protecting_inputs`) or holds one, or is neither
+        file nor link; or only one of both is a folder.
+    """
+    path = Path(os.path.abspath(path))
+    check_target(path, folder=folder)
+    with tempfile.TemporaryDirectory(prefix='.sar_imaging.', dir=path.parent) as beside:
+        part = Path(beside) / path.name
+        yield part
+        _move(part, path)
+
+
+@contextlib.contextmanager
+def filling(folder: Path | str) -> Iterator[Path]:
+    """Make files of a folder, all of them or none; the folder is made where it is missing.
+
+    Parameters
+    ----------
+    folder : path
+        Whose files are replaced by those of the same names.
+
+    Yields
+    ------
+    Path
+        New folder to write them into.
+
+    Raises
+    ------
+    FileExistsError
+        As `replacing`, for one of the files.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix='.sar_imaging.', dir=folder) as beside:
+        yield Path(beside)
+        made = sorted(Path(beside).iterdir())
+        for part in made:
+            check_target(folder / part.name, folder=part.is_dir())
+        for part in made:
+            _move(part, folder / part.name)
+
+
+def check_target(path: Path, *, folder: bool = False) -> None:
+    """Raise `FileExistsError` where a file or folder may not be replaced; see `replacing`."""
+    if not os.path.lexists(path):
+        return
+    mode = path.lstat().st_mode
+    if not (stat.S_ISREG(mode) or stat.S_ISLNK(mode) or stat.S_ISDIR(mode)):
+        raise FileExistsError(f'{path} is no regular file; choose another path')
+    if not stat.S_ISLNK(mode) and stat.S_ISDIR(mode) != folder:
+        raise FileExistsError(f'{path} is {"a" if stat.S_ISDIR(mode) else "no"} folder; choose '
+                              'another path')
+    try:
+        status, real = path.stat(), path.resolve()
+    except OSError:  # a link to nothing
+        return
+    for identity, source in (_inputs or {}).items():
+        if identity == (status.st_dev, status.st_ino) or real in source.parents:
+            raise FileExistsError(f'{path} would replace the input {source}; choose another path')
+
+
+def _move(part: Path, path: Path) -> None:
+    """Put what was made in its place; a folder that stood there goes with that of `part`."""
+    check_target(path, folder=part.is_dir())
+    if part.is_dir() and os.path.lexists(path):
+        old = part.with_name(f'{part.name}.old')
+        path.rename(old)
+        try:
+            part.rename(path)
+        except OSError:
+            old.rename(path)
+            raise
+    else:
+        part.replace(path)

@@ -1,4 +1,4 @@
-"""YAML that people write, for the whole package: a key that is given twice is refused.
+"""YAML that people write, for the whole package: bounded, and a key given twice is refused.
 
 PyYAML keeps the last of such keys without a word, and YAML 1.2 forbids them (section 3.2.1.1).
 """
@@ -7,19 +7,62 @@ from __future__ import annotations
 
 import yaml
 
+from .files import told
+
+_DEEPEST = 50
+_MOST_VALUES = 1_000_000
+_LONGEST_NUMBER = 100  # characters; PyYAML takes minutes for a long one of base 60
+_NUMBERS = ('tag:yaml.org,2002:int', 'tag:yaml.org,2002:float')
+
 
 class RepeatedKeyError(yaml.MarkedYAMLError):
     """A mapping has a key twice; its `problem` and `problem_mark` say which and where."""
 
 
 class Loader(yaml.SafeLoader):
-    """Safe loader whose mappings have each key once."""
+    """Safe loader of bounded texts, whose mappings have each key once.
+
+    A few hundred bytes of aliases of aliases stand for millions of values, and of brackets for
+    more levels than Python can follow.
+    """
+
+    _level = 0
+
+    def compose_node(self, parent, index):
+        """Node of the next events; see `yaml.SafeLoader`."""
+        self._level += 1
+        if self._level > _DEEPEST:
+            raise _refusal(f'it is nested deeper than {_DEEPEST} levels', self.peek_event())
+        node = super().compose_node(parent, index)
+        self._level -= 1
+        return node
 
     def get_single_node(self) -> yaml.Node | None:
         """Node of the whole text; see `yaml.SafeLoader`."""
         node = super().get_single_node()
+        _expanded(node, {})
         _refuse_repeated_keys(node)
         return node
+
+
+def _expanded(node: yaml.Node | None, known: dict[int, int]) -> int:
+    """Number of values that a node stands for, those of its aliases counted each time."""
+    if not isinstance(node, yaml.CollectionNode):
+        if node is not None and node.tag in _NUMBERS and len(node.value) > _LONGEST_NUMBER:
+            raise _refusal(f'a number of {len(node.value)} characters', node)
+        return 1
+    if id(node) not in known:
+        known[id(node)] = _MOST_VALUES + 1  # of an alias of itself
+        parts = (part for item in node.value
+                 for part in (item if isinstance(item, tuple) else (item,)))
+        known[id(node)] = 1 + sum(_expanded(part, known) for part in parts)
+    if known[id(node)] > _MOST_VALUES:
+        raise _refusal(f'its aliases stand for more than {_MOST_VALUES} values', node)
+    return known[id(node)]
+
+
+def _refusal(problem: str, place: yaml.Node | yaml.Event) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(None, None, problem, place.start_mark)
 
 
 def _refuse_repeated_keys(node: yaml.Node | None) -> None:
@@ -58,9 +101,14 @@ def load_yaml(text: str, loader: type[Loader] = Loader):
     Raises
     ------
     yaml.YAMLError
-        It is no YAML, or a mapping has a key twice.
+        It is no YAML, is boundless, or a mapping has a key twice.
     """
-    return yaml.load(text, loader)
+    try:
+        return yaml.load(text, loader)
+    except yaml.YAMLError:
+        raise
+    except Exception as error:  # of values that are none of their type
+        raise yaml.MarkedYAMLError(problem=told(error)) from error
 
 
 def trouble(error: yaml.YAMLError) -> str:

@@ -39,7 +39,7 @@ def test_every_reader_refuses_a_key_that_is_given_twice(tmp_path, name):
 
 @pytest.mark.parametrize('text', [
     'a: 1\nb:\n  - c: 2\n  - c: 3', 'base: &base {a: 1, b: 2}\nof: {<<: *base, a: 3}',
-    '1: a\n"1": b', 'a: &a [*a]'])
+    '1: a\n"1": b', 'a: &a [1]\nb: [*a, *a]'])
 def test_what_is_given_once_is_read_as_pyyaml_reads_it(text):
     assert repr(load_yaml(text)) == repr(yaml.safe_load(text))
 
@@ -52,6 +52,22 @@ def test_line_and_key_are_named(text, message):
     with pytest.raises(RepeatedKeyError) as caught:
         load_yaml(text)
     assert message in trouble(caught.value)
+
+
+BOUNDLESS = {
+    'merges': '\n'.join(['a0: &a0 {k: 1}', *(
+        f'a{i}: &a{i} {{<<: [{", ".join([f"*a{i - 1}"] * 9)}]}}' for i in range(1, 12))]),
+    'aliases': '\n'.join(['a0: &a0 [1]', *(
+        f'a{i}: &a{i} [{", ".join([f"*a{i - 1}"] * 9)}]' for i in range(1, 12))]),
+    'itself': 'a: &a [*a]', 'deep': 'a: ' + '[' * 100_000, 'deep block': '- ' * 100_000,
+    'mapping': '{a: ' * 100_000, 'base 60': 'a: 1' + ':59' * 300_000, 'long': 'a: ' + '9' * 10**6}
+
+
+@pytest.mark.parametrize('name', BOUNDLESS)
+def test_boundless_texts_are_refused_in_one_line(name):
+    with pytest.raises(yaml.YAMLError) as caught:
+        load_yaml(BOUNDLESS[name])
+    assert trouble(caught.value).startswith('line ')
 
 
 @given(st.dictionaries(st.text(max_size=5), st.integers() | st.lists(st.text(max_size=3))),

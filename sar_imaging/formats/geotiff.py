@@ -7,9 +7,11 @@ import os
 
 import numpy as np
 
+from ..files import reading
 from ..geometry.earth import Datum
 from ..geometry.point_grids import PointGrid
 from ..imaging.image import Image
+from ..numpy_files import check_memory
 from .acquisition import Acquisition
 from .decibels import decibels, grey_levels, limits_db
 from .extras import require
@@ -155,6 +157,8 @@ def read_geotiff(path: os.PathLike | str) -> ImageProduct:
     ------
     ValueError
         The file is no GeoTIFF, holds no complex samples, or was written by something else.
+    FileNotFoundError
+        There is none.
     MissingExtraError
         rasterio is not installed.
 
@@ -174,7 +178,7 @@ def read_geotiff(path: os.PathLike | str) -> ImageProduct:
     (True, (3+4j), 47.0)
     """
     rasterio = require('rasterio', 'reading GeoTIFF')
-    try:
+    with reading(path, 'GeoTIFF'):
         with rasterio.open(path, driver='GTiff') as file:
             if file.count != 1 or file.dtypes[0] != 'complex64':
                 raise ValueError(f'it holds {file.count} bands of {file.dtypes[0]}; expected '
@@ -185,13 +189,10 @@ def read_geotiff(path: os.PathLike | str) -> ImageProduct:
             if 8 * file.height * file.width > _LARGEST_RATIO * os.path.getsize(path):
                 raise ValueError(f'it tells of {file.height} rows of {file.width} samples, '
                                  f'more than {os.path.getsize(path)} bytes can hold')
+            check_memory('the image', 8 * file.height * file.width)
             samples = file.read(1)
             resampled, crs, transform = _RESAMPLED in file.tags(), file.crs, file.transform
         image, datum = image_from_text(text, samples, resampled=resampled)
-    except (rasterio.errors.RasterioError, UnicodeDecodeError) as error:
-        raise ValueError(f'{path} cannot be read as GeoTIFF: {error}') from error
-    except ValueError as error:
-        raise ValueError(f'{path}: {error}') from error
     if resampled:
         affine = np.array(transform).reshape(3, 3)[:2]
         affine[:, 2] += 0.5 * (affine[:, 0] + affine[:, 1])

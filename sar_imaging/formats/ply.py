@@ -8,6 +8,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..files import replacing
+
 _ENDING = '.ply'
 
 
@@ -71,9 +73,5 @@ def write_ply(path: os.PathLike | str, points_m: np.ndarray,
               *([f'comment {comment}'] if comment else []),
               f'element vertex {len(table)}', *(f'property double {axis}' for axis in 'xyz'),
               *(f'property float {name}' for name in columns), 'end_header', '']
-    part = path.with_name(f'{path.name}.part')
-    try:
+    with replacing(path) as part:
         part.write_bytes('\n'.join(header).encode('ascii') + table.tobytes())
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)

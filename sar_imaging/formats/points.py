@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from ..files import replacing
 from ..geometry.earth import Datum
 
 GEOJSON, CSV = FORMATS = ('geojson', 'csv')
@@ -71,17 +72,12 @@ def write_points(path: os.PathLike | str, points_m: np.ndarray, datum: Datum,
         raise ValueError(f'{path.name}: expected a name that ends in '
                          f'{" or ".join(f".{name}" for name in FORMATS)}')
     places = np.stack(datum.to_geographic(points_m), axis=-1)
-    part = path.with_name(f'{path.name}.part')
-    try:
-        with open(part, 'w', encoding='utf-8', newline='') as file:
-            if suffix == GEOJSON:
-                json.dump({'type': 'FeatureCollection',
-                           'features': list(_features(places, columns))}, file, indent=1)
-            else:
-                _write_csv(file, places, columns)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    with replacing(path) as part, open(part, 'w', encoding='utf-8', newline='') as file:
+        if suffix == GEOJSON:
+            json.dump({'type': 'FeatureCollection',
+                       'features': list(_features(places, columns))}, file, indent=1)
+        else:
+            _write_csv(file, places, columns)
 
 
 def _features(places: np.ndarray, columns: Mapping[str, np.ndarray]) -> Iterator[dict]:

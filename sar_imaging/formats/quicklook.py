@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import os
 import pathlib
-import tempfile
 from xml.sax import saxutils
 
 import numpy as np
 
+from ..files import filling
 from ..geometry.earth import Datum
 from ..imaging.image import Image
 from .decibels import decibels, grey_levels, limits_db
@@ -107,9 +107,9 @@ def write_quicklook(path: os.PathLike | str, image: Image, datum: Datum, *,
     levels = decibels(image.samples)
     limits = limits_db(levels)
     grey = grey_levels(levels, *limits)
-    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        parts = [pathlib.Path(folder, path.name).with_suffix(suffix)
-                 for suffix in ('.png', '.pgw', '.prj', '.kml')]
+    with filling(path.parent) as folder:
+        parts = [folder / path.name, *((folder / path.name).with_suffix(suffix)
+                                       for suffix in ('.pgw', '.prj', '.kml'))]
         with rasterio.MemoryFile() as memory:
             transform = rasterio.transform.Affine(*place.corner_affine.ravel())
             with memory.open(driver='GTiff', height=grey.shape[0], width=grey.shape[1], count=1,
@@ -117,12 +117,12 @@ def write_quicklook(path: os.PathLike | str, image: Image, datum: Datum, *,
                 plain.write(grey, 1)
             with memory.open() as plain:
                 shutil.copy(plain, parts[0], driver='PNG')
+        pathlib.Path(f'{parts[0]}.aux.xml').unlink(missing_ok=True)  # what the others tell
         parts[1].write_text(_world_file(place.affine))
         parts[2].write_text(place.crs.to_wkt('WKT1_ESRI') + '\n')
         parts[3].write_text(_overlay(path, image_corners(image.grid, datum),
                                      _levels(image, *limits)))
-        return [part.replace(path.with_suffix(part.suffix if i else path.suffix))
-                for i, part in enumerate(parts)]
+    return [path.with_name(part.name) for part in parts]
 
 
 def _world_file(affine: np.ndarray) -> str:

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..files import replacing
 from ..geometry.earth import Datum
 from ..geometry.track_frame import main_axis, side_of
 from ..imaging.image import Image
@@ -104,12 +105,8 @@ def write_stac_item(path: os.PathLike | str, image: Image, datum: Datum,
         item.add_asset(key, pystac.Asset(
             os.path.relpath(file, path.parent), media_type=MEDIA.get(suffix),
             roles=_ROLES.get(suffix, ['data']), extra_fields=extra))
-    part = path.with_name(f'{path.name}.part')
-    try:
+    with replacing(path) as part:
         part.write_text(json.dumps(item.to_dict(include_self_link=False), indent=1) + '\n')
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
     return item
 
 

@@ -9,11 +9,13 @@ offers instead (nav_msgs/OccupancyGrid) has 101 levels and none of them is a hei
 from __future__ import annotations
 
 import dataclasses
+import os
 import pathlib
-import zipfile
 
 import numpy as np
 
+from ..files import reading, replacing
+from ..numpy_files import open_npz
 from .grids import MapGrid
 
 _NAMES = ('x_m', 'y_m', 'height_m')
@@ -80,25 +82,19 @@ class Terrain:
         ValueError
             The file does not exist, is no ``.npz``, or its arrays are not as described.
         """
-        path = pathlib.Path(path)
-        try:
-            with np.load(path, allow_pickle=False) as arrays:
-                missing = [name for name in _NAMES if name not in arrays]
-                if missing:
-                    raise ValueError(f'it has no {" and no ".join(missing)}; expected the arrays '
-                                     f'{", ".join(_NAMES)}')
-                return cls(*(arrays[name] for name in _NAMES))
-        except (OSError, EOFError, zipfile.BadZipFile) as error:
-            raise ValueError(f'terrain {path} cannot be read: {error}') from error
-        except (TypeError, AttributeError):  # a single array, as .npy holds it
-            raise ValueError(f'terrain {path} is no .npz; expected one with the arrays '
-                             f'{", ".join(_NAMES)}') from None
-        except ValueError as error:
-            raise ValueError(f'terrain {path}: {error}') from error
+        if not os.path.lexists(path):
+            raise ValueError(f'terrain {path} does not exist')
+        with reading(path, 'terrain'), open_npz(path) as arrays:
+            missing = [name for name in _NAMES if name not in arrays.names]
+            if missing:
+                raise ValueError(f'it has no {" and no ".join(missing)}; expected the arrays '
+                                 f'{", ".join(_NAMES)}')
+            return cls(*(arrays[name] for name in _NAMES))
 
     def save(self, path: pathlib.Path | str) -> None:
         """Write the file that `load` reads; the name should end in ``.npz``."""
-        np.savez_compressed(path, **{name: getattr(self, name) for name in _NAMES})
+        with replacing(path) as part, open(part, 'wb') as file:
+            np.savez_compressed(file, **{name: getattr(self, name) for name in _NAMES})
 
     def heights(self, grid: MapGrid) -> np.ndarray:
         """Heights at the pixels of a map.

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ..files import told
 from ..geometry.alignment import Alignment
 from ..geometry.illumination import Antenna, Mount
 from ..geometry.poses import PoseTable
+from ..numpy_files import check_memory
 from ..signal.positioning import without_range_bias
 from ..signal.pulses import PulseBlock, concatenate
 from ..signal.radar import Waveform
@@ -27,9 +29,9 @@ from . import (
     virtual_array,
 )
 from .description import DescriptionError, Section, read_description
-from .files.data_files import DataFiles, check_memory, find_files
+from .files.data_files import DataFiles, find_files
 from .fit import poses_around, told_of_poses
-from .frames import ALIGNMENT_KEYS, FrameConverter, convert_all
+from .frames import ALIGNMENT_KEYS, FrameConverter, FrameError, convert_all
 from .poses import read_poses
 from .scene import Scene, read_scene
 from .shipped import find_description
@@ -148,6 +150,16 @@ def load(description: Path | str, data: Path | str | None = None, *,
     [[0.0, -0.5, 1.0], [0.0, 0.5, 1.0]]
     """
     description = find_description(description)
+    try:
+        return _load(description, data, changes or {}, read_bag, read_frames)
+    except (DescriptionError, FrameError, ImportError):
+        raise
+    except Exception as error:  # numbers that contradict each other fail anywhere
+        raise DescriptionError(f'{description.name}: {told(error)}') from error
+
+
+def _load(description: Path, data: Path | str | None, changes: Mapping[str, object], read_bag,
+          read_frames) -> Loaded:
     top = read_description(description, changes)
     section, folder, files = _find(top, description, data)
     warnings: tuple[str, ...] = ()

@@ -13,9 +13,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..files import reading
 from ..geometry.poses import PoseTable
+from ..numpy_files import check_memory
 from .description import DescriptionError, Section
-from .files.data_files import DataFiles, check_memory
+from .files.data_files import DataFiles
 from .files.tables import numbers, read_table
 from .times import to_nanoseconds
 from .tracks import FRAMES, TO_Z_UP, read_unit
@@ -63,28 +65,33 @@ def read_poses(section: Section, folder: Path, data: DataFiles,
     path = None if file is None else folder / file
     if path is not None and not path.exists():
         raise section.error('file', f'a file in {folder}')
-    kind = (section.choice('format', FORMATS) if 'format' in section
-            else _guess(section, path))
-    if kind == 'arrays':
-        found = _arrays(section, data if path is None else DataFiles([path]))
-    elif kind == 'bag':
-        if read_bag is None:
-            raise section.error('format', 'another format than bag here', 'sar-imaging load '
-                                'reads bags')
-        found = read_bag(path, section.text('topic', None))
+    if path is None or path.is_dir():
+        kind, found = _read(section, path, data, read_bag)
     else:
-        check_memory(str(path.name), _BYTES_PER_CHARACTER * path.stat().st_size)
-        read = {'csv': _csv, 'tum': _tum, 'optitrack': _optitrack}[kind]
-        try:
-            found = read(section, path)
-        except (UnicodeDecodeError, OSError, csv.Error) as error:
-            raise DescriptionError(f'{path} cannot be read as {kind}: {error}') from error
+        with reading(path, 'poses', DescriptionError):
+            kind, found = _read(section, path, data, read_bag)
     if 'unit_m' in section:
         found = dataclasses.replace(found, position_m=found.position_m * read_unit(section))
     if section.flag('level'):
         found = dataclasses.replace(found, quaternion=_level(len(found.stamp_ns)))
     frame = section.choice('frame', FRAMES, 'y_up' if kind == 'optitrack' else 'z_up')
     return _checked(_z_up(found, frame), path.name if path else 'poses')
+
+
+def _read(section: Section, path: Path | None, data: DataFiles, read_bag
+          ) -> tuple[str, PoseTable]:
+    """Format of the poses, and these as the file has them."""
+    kind = (section.choice('format', FORMATS) if 'format' in section
+            else _guess(section, path))
+    if kind == 'arrays':
+        return kind, _arrays(section, data if path is None else DataFiles([path]))
+    if kind == 'bag':
+        if read_bag is None:
+            raise section.error('format', 'another format than bag here', 'sar-imaging load '
+                                'reads bags')
+        return kind, read_bag(path, section.text('topic', None))
+    check_memory(str(path.name), _BYTES_PER_CHARACTER * path.stat().st_size)
+    return kind, {'csv': _csv, 'tum': _tum, 'optitrack': _optitrack}[kind](section, path)
 
 
 def _guess(section: Section, path: Path | None) -> str:

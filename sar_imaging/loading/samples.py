@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from ..names import advice_on
+from ..numpy_files import check_memory
 from .description import DescriptionError, Section
-from .files.data_files import DataFiles, check_memory
+from .files.data_files import DataFiles
 
 KEYS = ('file', 'variable', 'axes', 'iq', 'conjugate', 'scale', 'remove_background', 'dtype',
         'sizes', 'header_bytes', 'sha256', 'topic')

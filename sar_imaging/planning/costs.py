@@ -16,6 +16,8 @@ import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from ..files import check_file, replacing
+
 VARIABLE = 'SAR_IMAGING_COSTS'  # of the environment: file of measured costs
 
 
@@ -92,6 +94,7 @@ class CostModel:
     def read(cls, path: Path) -> CostModel:
         """Costs from a file that `write` wrote; ValueError where it holds something else."""
         try:
+            check_file(path, 1_000_000)
             return cls(**json.loads(path.read_text()))
         except (OSError, TypeError, ValueError) as error:
             raise ValueError(f'{path} holds no costs ({error}); write it with `sar-imaging '
@@ -99,7 +102,8 @@ class CostModel:
 
     def write(self, path: Path) -> None:
         """Write costs as JSON."""
-        path.write_text(json.dumps(dataclasses.asdict(self), indent=2) + '\n')
+        with replacing(path) as part:
+            part.write_text(json.dumps(dataclasses.asdict(self), indent=2) + '\n')
 
 
 DEFAULT = CostModel()

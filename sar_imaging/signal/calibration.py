@@ -16,7 +16,7 @@ import numpy as np
 import yaml
 from scipy import fft
 
-from ..files import check_file
+from ..files import check_file, replacing
 from ..yaml_text import RepeatedKeyError, load_yaml
 from .pulses import PulseBlock
 
@@ -149,8 +149,9 @@ class ChannelCalibration:
         values = {'amplitude': self.amplitude.tolist(),
                   'phase_deg': np.degrees(self.phase_rad).tolist(),
                   'delay_s': self.delay_s.tolist()}
-        Path(path).write_text(_HEADER + yaml.safe_dump(values, sort_keys=False,
-                                                       default_flow_style=None))
+        with replacing(path) as part:
+            part.write_text(_HEADER + yaml.safe_dump(values, sort_keys=False,
+                                                     default_flow_style=None))
 
     @classmethod
     def load(cls, path: Path | str) -> ChannelCalibration:

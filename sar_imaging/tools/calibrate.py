@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from msg_conversions import WireFormatError
 from sar_imaging.exploitation.calibration import (
     balance_channels,
     calibrate_at_reflector,
@@ -24,7 +23,8 @@ from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
 
-from .recordings.bag_io import BagError, read_blocks, read_truth
+from .ending import run_command
+from .recordings.bag_io import read_blocks, read_truth
 
 MOST_PIXELS = 200_000  # of the scene to balance over; coarser pixels above
 
@@ -120,23 +120,21 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    try:
-        block, grid = _read(arguments.bag, arguments.aperture)
-        calibration, how = calibrate(block, grid, reflector_m=arguments.reflector,
-                                     find=arguments.find_reflector,
-                                     delays=not arguments.no_delays)
-        calibration.save(arguments.output)
-    except (BagError, CalibrationFailed, OSError, ValueError, WireFormatError) as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
-    print(how)
+    return run_command(lambda: run(arguments))
+
+
+def run(arguments: argparse.Namespace) -> str:
+    """Estimate and write the calibration; returns a summary for people."""
+    block, grid = _read(arguments.bag, arguments.aperture)
+    calibration, how = calibrate(block, grid, reflector_m=arguments.reflector,
+                                 find=arguments.find_reflector, delays=not arguments.no_delays)
+    calibration.save(arguments.output)
     cells = calibration.delay_s * block.radar.bandwidth_hz
-    for number, (g, phase, late) in enumerate(zip(
-            calibration.amplitude, np.degrees(calibration.phase_rad), cells, strict=True)):
-        print(f'channel {number}: amplitude {g:.3f}, phase {phase:+.1f} degrees, delay '
-              f'{late:+.3f} resolution cells')
-    print(f'written: {arguments.output}')
-    return 0
+    return '\n'.join([how, *(
+        f'channel {number}: amplitude {g:.3f}, phase {phase:+.1f} degrees, delay {late:+.3f} '
+        'resolution cells' for number, (g, phase, late) in enumerate(zip(
+            calibration.amplitude, np.degrees(calibration.phase_rad), cells, strict=True))),
+        f'written: {arguments.output}'])
 
 
 def _read(bag: Path, aperture: int) -> tuple[PulseBlock, MapGrid]:

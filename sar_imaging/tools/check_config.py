@@ -17,7 +17,6 @@ from sar_imaging.configuration.derived import Derived, derive
 from sar_imaging.configuration.parameters import (
     CHECKER,
     Configuration,
-    ConfigurationFileError,
     parse,
     read_configuration,
 )
@@ -29,6 +28,7 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.pulses import PulseBlock
 
+from .ending import run_command
 from .launching import named_config
 
 # A part of the problem that takes about a second; larger ones are faster per pixel and pulse.
@@ -75,13 +75,13 @@ def _given(text: str) -> tuple[str, object]:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    try:
-        configuration = read_configuration(arguments.file, dict(arguments.given))
-        findings = [*configuration.findings,
-                    *_check(configuration, measure=arguments.measure)]
-    except (ConfigurationFileError, MemoryError, ValueError) as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
+    return run_command(lambda: run(arguments))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check the file and print what was found; returns the exit status."""
+    configuration = read_configuration(arguments.file, dict(arguments.given))
+    findings = [*configuration.findings, *_check(configuration, measure=arguments.measure)]
     sys.stdout.flush()  # the table first, also where both go into one log
     for finding in findings:
         print(f'{finding.severity}: {finding.text}', file=sys.stderr)

@@ -13,7 +13,6 @@ import json
 import math
 import os
 import re
-import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -24,27 +23,27 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from tqdm import tqdm
 
-from msg_conversions import WireFormatError
+from sar_imaging.files import check_target, filling
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.quality import ScattererQuality, measure_scatterer
 
+from .ending import run_command
 from .evaluation import examination, node_launch
-from .evaluation.node_launch import LaunchError, plan_launch
-from .evaluation.observer import Observer, ObserverError, ReceivedImage, counter_increase
-from .evaluation.replay import Published, Replayer, ReplayError
+from .evaluation.node_launch import plan_launch
+from .evaluation.observer import Observer, ReceivedImage, counter_increase
+from .evaluation.replay import Published, Replayer
 from .evaluation.summary import summary
 from .node_processes import (
     MODES,
     NO_LOG_FILES,
     PIPELINE,
-    NodeProcessError,
     NodeProcesses,
     isolated_environment,
     node_names,
 )
 from .plots import save_image_png
-from .recordings.bag_io import BagError, pose_messages, raw_messages
+from .recordings.bag_io import pose_messages, raw_messages
 from .recordings.recording import Aperture, Recording, read_recording
 
 PRODUCTS = ('image.npy', 'image.png', 'quality.json')
@@ -121,22 +120,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not arguments.launch_nodes and (arguments.config or arguments.params or arguments.values):
         p.error('--config, --params and -p tell parameters of nodes that --launch-nodes starts; '
                 'those that run already keep theirs')
-    previous = signal.signal(signal.SIGTERM, _interrupt)  # ends the nodes, too
-    try:
-        return run(arguments)
-    except (BagError, EvaluationError, LaunchError, NodeProcessError, ObserverError, OSError,
-            ReplayError, WireFormatError) as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print('interrupted', file=sys.stderr)
-        return 130
-    finally:
-        signal.signal(signal.SIGTERM, previous)
-
-
-def _interrupt(signum, frame):
-    raise KeyboardInterrupt
+    return run_command(lambda: run(arguments))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -164,12 +148,13 @@ def run(arguments: argparse.Namespace) -> int:
         result = _replay(recording, arguments, names, check)
     grid = _checked_grid(recording, result.grid, result.received, own_grid)
     quality = _measure(recording, result, grid)
-    np.save(output / 'image.npy', result.received.image)
-    save_image_png(output / 'image.png', result.received.image, grid,
-                   truth=(recording.truth or {}).get('scatterers', ()),
-                   title=_title(recording, result))
-    text = json.dumps(quality, indent=2, allow_nan=False)
-    (output / 'quality.json').write_text(text + '\n')
+    with filling(output) as folder:
+        np.save(folder / 'image.npy', result.received.image)
+        save_image_png(folder / 'image.png', result.received.image, grid,
+                       truth=(recording.truth or {}).get('scatterers', ()),
+                       title=_title(recording, result))
+        text = json.dumps(quality, indent=2, allow_nan=False)
+        (folder / 'quality.json').write_text(text + '\n')
     print(summary(quality))
     print(f'written: {", ".join(str(output / name) for name in PRODUCTS)}')
     return DOUBTFUL_STATUS if examination.doubtful(quality['focus']) else 0
@@ -181,6 +166,7 @@ def _prepared(output: Path) -> Path:
         raise EvaluationError(f'--output {output} is not a folder; choose another')
     output.mkdir(parents=True, exist_ok=True)
     for name in PRODUCTS:
+        check_target(output / name)
         (output / name).unlink(missing_ok=True)
     return output
 

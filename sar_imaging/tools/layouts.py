@@ -16,9 +16,11 @@ from pathlib import Path
 import yaml
 
 from sar_imaging.configuration.parameters import read_configuration
+from sar_imaging.files import filling
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.yaml_text import load_yaml
 
+from .ending import run_command
 from .launching import find_config
 
 _SHARED = ('/tf', '/diagnostics', '/rosout')  # of all radars
@@ -48,25 +50,24 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    try:
-        path = find_config(arguments.config)
-        configuration = read_configuration(path)
-        if configuration.findings:
-            raise ValueError(f'{path}: {configuration.findings[0].text}')
-        grid = configuration.imaging().grid
-        frame = configuration.nodes['backprojection']['frame_id']
-        arguments.output.mkdir(parents=True, exist_ok=True)
-        written = [arguments.output / f'{path.stem}{suffix}'
-                   for suffix in ('.rviz', '.foxglove.json')]
+    return run_command(lambda: run(arguments))
+
+
+def run(arguments: argparse.Namespace) -> str:
+    """Write both layouts; returns a line about them."""
+    path = find_config(arguments.config)
+    configuration = read_configuration(path)
+    if configuration.findings:
+        raise ValueError(f'{path}: {configuration.findings[0].text}')
+    grid = configuration.imaging().grid
+    frame = configuration.nodes['backprojection']['frame_id']
+    names = [f'{path.stem}{suffix}' for suffix in ('.rviz', '.foxglove.json')]
+    with filling(arguments.output) as folder:
         rviz = rviz_layout(grid, frame, arguments.namespace)
-        written[0].write_text(yaml.safe_dump(rviz, sort_keys=False))
+        (folder / names[0]).write_text(yaml.safe_dump(rviz, sort_keys=False))
         foxglove = foxglove_layout(grid, frame, arguments.namespace)
-        written[1].write_text(json.dumps(foxglove, indent=2) + '\n')
-    except (OSError, ValueError) as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
-    print(f'written: {", ".join(map(str, written))}')
-    return 0
+        (folder / names[1]).write_text(json.dumps(foxglove, indent=2) + '\n')
+    return f'written: {", ".join(str(arguments.output / name) for name in names)}'
 
 
 def _shipped(name: str) -> str:

@@ -12,8 +12,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from sar_imaging.backends import CUDA, DeviceError, backend
+from sar_imaging.backends import CUDA, backend
+from sar_imaging.files import check_target
 from sar_imaging.planning.costs import DEFAULT, VARIABLE, CostModel
+
+from .ending import run_command
 
 _DESCRIPTION = """\
 Time small images on one thread, find the costs that explain their times best, and write them to a
@@ -36,28 +39,23 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns the exit status."""
     given = parser().parse_args(argv)
-    path = given.output
-    if not path.absolute().parent.is_dir():  # not after all the measuring
-        print(f'error: {path.absolute().parent} is no folder; make it first', file=sys.stderr)
-        return 1
+    return run_command(lambda: run(given.output, device=given.device))
+
+
+def run(path: Path, *, device: bool) -> str:
+    """Measure and write the costs; returns what a person reads."""
+    check_target(path)  # not after all the measuring
+    if not path.absolute().parent.is_dir():
+        raise FileNotFoundError(f'{path.absolute().parent} is no folder; make it first')
     from sar_imaging.tools.costs import measurement
 
-    try:
-        name = CUDA if given.device else 'cpu'
-        usual = backend(CUDA).DEFAULT if given.device else DEFAULT
-        model, predicted = measurement.solve(measurement.measure(name, progress=True), usual)
-        model.write(path)
-    except (OSError, DeviceError) as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print('interrupted; nothing is written', file=sys.stderr)
-        return 130
-    print(table(model, usual))
-    print(f'\nWith them the predicted times of {len(predicted)} experiments are '
-          f'{predicted.min():.2f} to {predicted.max():.2f} of the measured ones.\n\n'
-          f'{_usage(path, given.device)}')
-    return 0
+    name = CUDA if device else 'cpu'
+    usual = backend(CUDA).DEFAULT if device else DEFAULT
+    model, predicted = measurement.solve(measurement.measure(name, progress=True), usual)
+    model.write(path)
+    return (f'{table(model, usual)}\n\nWith them the predicted times of {len(predicted)} '
+            f'experiments are {predicted.min():.2f} to {predicted.max():.2f} of the measured '
+            f'ones.\n\n{_usage(path, device)}')
 
 
 def table(model: CostModel, usual: CostModel = DEFAULT) -> str:

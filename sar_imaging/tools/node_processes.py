@@ -18,6 +18,7 @@ from pathlib import Path
 
 import sar_imaging
 from sar_imaging.configuration.antenna import antenna_parameters
+from sar_imaging.files import replacing
 from sar_imaging.geometry.illumination import Antenna, Mount
 
 NODES = ('pulse_buffer', 'range_compression', 'backprojection')
@@ -130,7 +131,8 @@ def write_parameters(path: Path, parameters: Mapping[str, Mapping]) -> None:
     for node, values in parameters.items():
         lines += [f'/**/{node}:', '  ros__parameters:']
         lines += [f'    {name}: {json.dumps(value)}' for name, value in values.items()]
-    path.write_text('\n'.join(lines) + '\n')
+    with replacing(path) as part:
+        part.write_text('\n'.join(lines) + '\n')
 
 
 def isolated_environment(environment: Mapping[str, str] | None = None) -> dict[str, str]:
@@ -220,7 +222,8 @@ class NodeProcesses:
         self._processes: dict[str, subprocess.Popen] = {}
         self._nodes = nodes
         for name in nodes:
-            self.log_file(name).write_bytes(b'')
+            with replacing(self.log_file(name)) as log:
+                log.touch()
 
     def __enter__(self) -> NodeProcesses:
         try:

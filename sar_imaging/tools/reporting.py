@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from sar_imaging.files import filling
 
-def run_and_report(folder: Path, run: Callable[[], dict], summary: Callable[[dict], str], *,
-                   errors: tuple[type[Exception], ...] = ()) -> int:
+from .ending import run_command
+
+
+def run_and_report(folder: Path, run: Callable[[Path], dict], summary: Callable[[dict], str]
+                   ) -> int:
     """Run an experiment, write results.json and print a summary.
 
     Parameters
@@ -19,29 +22,22 @@ def run_and_report(folder: Path, run: Callable[[], dict], summary: Callable[[dic
     folder : path
         For the figures and results.json.
     run : callable
-        Makes the folder, writes the figures into it and returns what goes into results.json.
+        Writes the figures into a folder and returns what goes into results.json.
     summary : callable
         Text for people from that.
-    errors : tuple of type
-        What `run` may raise, besides OSError, whose text is enough for people.
 
     Returns
     -------
     int
         Exit status of the program.
     """
-    try:
-        results = run()
-        (folder / 'results.json').write_text(json.dumps(results, indent=1) + '\n')
-    except (OSError, *errors) as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print('interrupted', file=sys.stderr)
-        return 130
-    print(summary(results))
-    print(f'Figures and results.json are in {folder}')
-    return 0
+    def report() -> str:
+        with filling(folder) as part:
+            results = run(part)
+            (part / 'results.json').write_text(json.dumps(results, indent=1) + '\n')
+        return f'{summary(results)}\nFigures and results.json are in {folder}'
+
+    return run_command(report)
 
 
 def decibels(values, reference: float | None = None) -> np.ndarray:

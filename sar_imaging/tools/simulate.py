@@ -19,10 +19,11 @@ from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.simulation.scenarios.configured import configured_scenario
 from sar_imaging.simulation.scenarios.scenario import Scenario
 
+from .ending import run_command
 from .launching import named_config
 from .recordings.bag_io import check_target, write_bag
 from .recordings.truth import antenna_truth, make_truth
-from .recordings.writing import run_writing, with_progress
+from .recordings.writing import with_progress
 
 _EPILOG = """\
 The recording is a rosbag2 folder (mcap) with the topic /pulses. The same command gives the same
@@ -112,12 +113,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.config is not None:
         if arguments.scenario:
             p.error(f'name a scenario, {arguments.scenario}, or --config, not both')
-        return run_writing(lambda: _write_configured(arguments))
+        return run_command(lambda: _write_configured(arguments))
     if arguments.scenario not in SCENARIOS:
         p.error(f'scenario {arguments.scenario!r} is unknown; use one of {", ".join(SCENARIOS)}'
                 if arguments.scenario else 'name a scenario, or --list')
     scenario = SCENARIOS[arguments.scenario]()
-    return run_writing(lambda: _write(scenario, arguments))
+    return run_command(lambda: _write(scenario, arguments))
 
 
 def describe_scenarios() -> str:

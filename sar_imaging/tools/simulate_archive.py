@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import shutil
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -16,15 +15,15 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from sar_imaging.formats import MissingExtraError
-from sar_imaging.formats.cphd import Collection, CphdError, write_cphd
+from sar_imaging.files import replacing
+from sar_imaging.formats.cphd import Collection, write_cphd
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.simulation.survey import Survey, SurveyRecording
 
+from .ending import run_command
 from .recordings.bag_io import BagError, write_bag
 from .recordings.truth import make_truth
-from .recordings.writing import run_writing
 
 TRUTH_FILE = 'archive.json'
 FORMATS = ('bag', 'cphd')
@@ -212,7 +211,7 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    return run_writing(lambda: _run(arguments), errors=(ValueError, CphdError, MissingExtraError))
+    return run_command(lambda: _run(arguments))
 
 
 def _run(arguments: argparse.Namespace) -> str:
@@ -221,10 +220,15 @@ def _run(arguments: argparse.Namespace) -> str:
                     **{name: getattr(arguments, name) for name in names})
     broken = survey.n_recordings // 25 if arguments.broken is None else arguments.broken
     folder = arguments.output
-    if arguments.force and (folder / TRUTH_FILE).is_file():
-        shutil.rmtree(folder)
-    truth = write_archive(survey, folder, file_format=arguments.format, broken=broken,
-                          progress=sys.stderr.isatty())
+    replaced = arguments.force and (folder / TRUTH_FILE).is_file() and all(
+        part.name.startswith('flight-') or part.name == TRUTH_FILE for part in folder.iterdir())
+    if not replaced and folder.exists() and any(folder.iterdir()):
+        raise BagError(f'{folder} exists and is not empty; choose another folder'
+                       + ('; it holds more than an archive' if arguments.force else ''))
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(folder, folder=True) as part:
+        truth = write_archive(survey, part, file_format=arguments.format, broken=broken,
+                              progress=sys.stderr.isatty())
     return (f'{folder}: {survey.n_recordings} recordings, {broken} of them broken, of '
             f'{survey.pixels} by {survey.pixels} pixels of {survey.spacing_m:g} m for each of '
             f'{survey.apertures} aperture(s); {survey.n_bytes / 1e6:.3g} MB of samples, '

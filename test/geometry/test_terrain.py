@@ -64,7 +64,7 @@ def test_a_file_is_read_as_it_was_written(tmp_path):
     ({'x_m': [0, 1], 'y_m': [0, np.nan], 'height_m': np.zeros((2, 2))}, 'y_m .* finite'),
     ({'x_m': [0, 1], 'y_m': [0, 1], 'height_m': np.full((2, 2), np.nan)}, 'nothing but NaN'),
     ({'x_m': [0, 1], 'y_m': [0, 1], 'height_m': [[0, np.inf], [0, 0]]}, 'infinities'),
-    ({'x_m': [0, 1], 'y_m': [0, 1], 'height_m': [['a', 'b'], ['c', 'd']]}, 'real numbers')])
+    ({'x_m': [0, 1], 'y_m': [0, 1], 'height_m': [['a', 'b'], ['c', 'd']]}, 'numbers')])
 def test_impossible_arrays_are_refused_with_the_name_of_the_file(tmp_path, arrays, message):
     np.savez(tmp_path / 'bad.npz', **arrays)
     with pytest.raises(ValueError, match=rf'(?s)bad\.npz.*{message}'):

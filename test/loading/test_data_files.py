@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from sar_imaging import numpy_files
 from sar_imaging.formats.extras import MissingExtraError
 from sar_imaging.loading import DescriptionError
 from sar_imaging.loading.files import data_files
@@ -85,9 +86,9 @@ def test_damaged_files_are_told(tmp_path, name, content):
 
 def test_texts_and_objects_are_refused(tmp_path):
     np.savez(tmp_path / 'a.npz', text=np.array('fast'), thing=np.array([{}], object))
-    with pytest.raises(DescriptionError, match='text holds <U4; expected numbers'):
+    with pytest.raises(DescriptionError, match='text of a.npz holds <U4; expected numbers'):
         read_variable(tmp_path / 'a.npz', 'text')
-    with pytest.raises(DescriptionError, match='thing holds Python objects; expected numbers'):
+    with pytest.raises(DescriptionError, match='thing of a.npz holds Python objects'):
         read_variable(tmp_path / 'a.npz', 'thing')
     (tmp_path / 'a.bin').write_bytes(b'')
     with pytest.raises(DescriptionError, match=r'samples need samples\.dtype'):
@@ -101,7 +102,7 @@ def test_what_does_not_fit_into_memory_is_refused_before_it_is_read(tmp_path, na
         np.save(path, VALUES)
     else:
         write(path)
-    monkeypatch.setattr(data_files, 'available_bytes', lambda: 300)
+    monkeypatch.setattr(numpy_files, 'available_bytes', lambda: 300)
 
     def fail(*arguments, **options):
         raise AssertionError('read before its size was checked')

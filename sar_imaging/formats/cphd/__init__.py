@@ -2,7 +2,6 @@
 
 - `CphdReader`: the vectors of a file as blocks of pulses, in chunks of bounded memory;
 - `write_cphd`: a stream of blocks as a file that the standard's checker accepts;
-- `rewrite_cphd`: changed samples back into a copy of the file they were read from;
 - `Collection`: names and kinds that a file has to tell and samples do not;
 - `CphdError`: raised for every file that cannot be read, and for pulses that cannot be written.
 
@@ -12,7 +11,6 @@ Needs sarkit, of the extra ``formats``.
 from .collection import Collection
 from .errors import CphdError
 from .reader import CphdReader
-from .rewriting import rewrite_cphd
 from .writer import write_cphd
 
-__all__ = ['Collection', 'CphdError', 'CphdReader', 'rewrite_cphd', 'write_cphd']
+__all__ = ['Collection', 'CphdError', 'CphdReader', 'write_cphd']

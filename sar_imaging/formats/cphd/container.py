@@ -6,14 +6,16 @@ or the metadata declare before the file is known to hold it.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import os
 from pathlib import Path
 
 import numpy as np
 
+from ...files import naming, reading
 from ..extras import require
-from .errors import CphdError, reported
+from .errors import CphdError
 
 PURPOSE = 'CPHD'
 _LONGEST_HEADER = 2**16  # bytes; real ones have a few hundred
@@ -81,17 +83,15 @@ class Container:
     def __init__(self, path: Path | str):
         self.path = Path(path)
         self._sarkit = require('sarkit.cphd', PURPOSE)
-        self._file = open(self.path, 'rb', buffering=0)
-        try:
+        with reading(self.path, 'CPHD', CphdError), contextlib.ExitStack() as opened:
+            self._file = opened.enter_context(open(self.path, 'rb', buffering=0))
             self.n_bytes = os.fstat(self._file.fileno()).st_size
             self.version, self.header, self.n_header_bytes = self._read_header()
             self.tree = self._read_metadata()
             self.sample_type = self._sample_type()
             self.pvp_type = self._pvp_type()
             self.channels = self._layout()
-        except BaseException:
-            self._file.close()
-            raise
+            opened.pop_all()
 
     def close(self) -> None:
         """Close the file."""
@@ -139,12 +139,6 @@ class Container:
         layout, kind = self.channels[channel], _SAMPLE_TYPES[self.sample_type]
         row = np.dtype((kind, (layout.n_samples,)))
         return self._array(layout.signal_offset + start * row.itemsize, stop - start, row)
-
-    def signal_bytes(self, channel: str, vector: int) -> int:
-        """Byte of the file at which the samples of a vector begin."""
-        layout = self.channels[channel]
-        return (layout.signal_offset
-                + vector * layout.n_samples * _SAMPLE_TYPES[self.sample_type].itemsize)
 
     def _array(self, offset: int, count: int, kind: np.dtype) -> np.ndarray:
         self._file.seek(offset)
@@ -233,7 +227,7 @@ class Container:
         if size % 8 or size > self._block('PVP')[1]:
             raise CphdError(f'{self.path}: NumBytesPVP is {size}; expected a multiple of 8 within '
                             'the PVP block')
-        with reported(self.path, 'parameters of the vectors'):
+        with naming(self.path, 'has no parameters of vectors that can be read', CphdError):
             kind = self._sarkit.get_pvp_dtype(self.tree).newbyteorder('>')
         missing = [n for n in _NEEDED_VECTOR_PARAMETERS if n not in kind.names]
         if missing:

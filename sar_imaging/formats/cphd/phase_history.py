@@ -43,8 +43,6 @@ class PhaseHistories:
         Of the blocks.
     compressed : bool
         False.
-    invertible : bool
-        Whether `restore` is possible.
     warnings : list of str
         What of the file is not in the blocks.
 
@@ -122,8 +120,8 @@ class PhaseHistories:
                 f'with all pulses (the reference delay moves by {np.ptp(self._delay_s):.3g} s, '
                 f'the windows are {np.median(np.ptp(vectors.toa_s, axis=-1)):.3g} s)')
         self.n_samples = self._n_band
-        self.invertible = latest - earliest <= period_s * (1 + 1e-9)
-        if self.invertible:
+        self._within = latest - earliest <= period_s * (1 + 1e-9)
+        if self._within:
             return
         longer = (latest - earliest) / period_s
         if longer > _LONGEST:
@@ -154,20 +152,9 @@ class PhaseHistories:
         """
         band = self._placed(samples, rows, channel)
         delay = self._delay_s[rows, channel]
-        if not self.invertible:
+        if not self._within:
             return self._extended(band, delay, self._middle_s[rows, channel])
         return self._turn(band, delay - self._reference_s)
-
-    def restore(self, samples: np.ndarray, rows, channel: int,
-                recorded: np.ndarray) -> np.ndarray:
-        """Samples of the file from those of a block; what the block lacks is as `recorded`."""
-        band = self._turn(samples, self._reference_s - self._delay_s[rows, channel])
-        out = recorded.copy()
-        for row, (offset, low, high) in enumerate(zip(
-                self._offset[rows, channel], self._low[rows, channel],
-                self._high[rows, channel], strict=True)):
-            out[row, low - offset:high + 1 - offset] = band[row, low:high + 1]
-        return out
 
     def _placed(self, samples: np.ndarray, rows: slice, channel: int) -> np.ndarray:
         """(P, n_band) samples on the lattice of the blocks, zero where there is no signal."""

@@ -82,14 +82,6 @@ class Profiles:
             out[own, shift:shift + n] = turned[own]
         return out
 
-    def restore(self, samples: np.ndarray, rows, channel: int,
-                recorded: np.ndarray) -> np.ndarray:
-        """Samples of the file from those of a block."""
-        del recorded  # a block has all samples of its vectors
-        place = self._offset[rows, channel][:, None] + np.arange(self._n_file)
-        own = np.take_along_axis(samples, place, axis=1)
-        return (own * self._turns(rows, channel).conj()[:, None]).astype(np.complex64)
-
     def _turns(self, rows, channel: int) -> np.ndarray:
         cycles = self._carrier_hz * self._delay_s[rows, channel]
         return np.exp(-2j * np.pi * (cycles % 1.0))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...files import naming
 from ...geometry.earth import Datum, ecef_to_geographic, geographic_to_ecef
 from ...geometry.grids import MapGrid
 from ...geometry.illumination import AntennaPattern, Pointing
@@ -14,10 +15,10 @@ from ...signal.pulses import PulseBlock
 from .antennas.reading import read_antenna
 from .collection import read_collection, read_start_ns
 from .container import Container
-from .errors import CphdError, reported
+from .errors import CphdError
 from .phase_history import PhaseHistories
 from .profiles import Profiles
-from .samples import decode, encode
+from .samples import decode
 from .vectors import coinciding, read_vectors
 
 MEMORY_BYTES = 2**28
@@ -95,7 +96,7 @@ class CphdReader:
                  channels: Sequence[str] | None = None):
         self.container = Container(path)
         try:
-            with reported(self.container.path, 'vectors'):
+            with naming(self.container.path, 'has no vectors that can be read', CphdError):
                 self._open(datum, channels)
         except BaseException:
             self.container.close()
@@ -202,55 +203,11 @@ class CphdReader:
             raw = raw[index - index[0]]
         return decode(raw, self._vectors.amplitude[rows, number], self._sign)
 
-    def encoded(self, block: PulseBlock, channel: int) -> Iterator[tuple[int, np.ndarray]]:
-        """Samples of a block as the file has them; `rewrite_cphd` writes them.
-
-        Parameters
-        ----------
-        block : PulseBlock
-            Of this file, its samples possibly changed.
-        channel : int
-            Number of one of its channels.
-
-        Yields
-        ------
-        vector : int
-            Number of a vector in the file.
-        samples : (N,) complex64 or (N, 2) integers
-            Big endian.
-
-        Raises
-        ------
-        CphdError
-            The block is not of this file, or was resampled when it was read.
-        """
-        path, vectors = self.container.path, self._vectors
-        shape = (self.n_channels, self.n_samples)
-        if block.radar != self.radar or block.samples.shape[1:] != shape:
-            raise CphdError(f'the block is not of {path}: it has {block.samples.shape[1:]} '
-                            f'channels and samples of {block.radar}, the file {shape} of '
-                            f'{self.radar}')
-        if not self._samples.invertible:
-            raise CphdError(f'{path}: its vectors were resampled for blocks of one reference '
-                            'delay; they cannot be written back')
-        rows = np.searchsorted(vectors.index, block.counter)
-        if (vectors.index[np.minimum(rows, self.n_pulses - 1)] != block.counter).any():
-            raise CphdError(f'the block holds counters that are no vectors of {path}')
-        for row, samples in zip(rows, block.samples[:, channel], strict=True):
-            if not vectors.normal[row, channel]:
-                continue
-            own = slice(row, row + 1)
-            recorded = self._read(self.channels[channel], channel, own)
-            restored = self._samples.restore(samples[None], own, channel, recorded)
-            yield int(vectors.index[row]), encode(
-                restored, vectors.amplitude[own, channel], self._sign,
-                self.container.sample_type)[0]
-
     @property
     def area_m(self) -> np.ndarray:
         """(4, 3) float64 corners of the area that the file is meant for, in the frame, metres."""
         container = self.container
-        with reported(container.path, 'SceneCoordinates'):
+        with naming(container.path, 'has no SceneCoordinates that can be read', CphdError):
             (x1, y1), (x2, y2) = (
                 [float(container.text(f'SceneCoordinates/ImageArea/{corner}/{axis}'))
                  for axis in 'XY'] for corner in ('X1Y1', 'X2Y2'))
@@ -333,7 +290,8 @@ class CphdReader:
     def _antenna(self) -> tuple[AntennaPattern | None, Pointing | None]:
         """Pattern and pointing that the file tells; a warning says why it tells none."""
         try:
-            with reported(self.container.path, 'antenna'), np.errstate(all='ignore'):
+            with naming(self.container.path, 'has no antenna that can be read', CphdError), \
+                    np.errstate(all='ignore'):
                 found = read_antenna(self.container, self.channels, self._vectors)
                 if found is None:
                     return None, None

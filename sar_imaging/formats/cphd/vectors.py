@@ -113,18 +113,24 @@ def read_vectors(container: Container, channels: tuple[str, ...]) -> Vectors:
         raise CphdError(f'{container.path}: none of {len(pvps[0])} vectors has signal (SIGNAL = 1 '
                         'and a transmission)')
     _check(container, kept)
+    _refuse(container, kept, 'TDTropoSRP is not finite', ~np.isfinite(delay[kept.index]))
     largest = np.abs(delay[kept.index]).max()
     return dataclasses.replace(kept, tropospheric_s=float(largest))
+
+
+def _refuse(container: Container, vectors: Vectors, what: str, wrong: np.ndarray) -> None:
+    """Raise `CphdError` with the number of the first vector that is wrong."""
+    if wrong.any():
+        rows = wrong.reshape(len(wrong), -1).any(axis=1)
+        raise CphdError(f'{container.path}: {what} in {np.count_nonzero(rows)} of '
+                        f'{len(rows)} vectors, first in number '
+                        f'{vectors.index[rows.argmax()]}; the file is damaged')
 
 
 def _check(container: Container, vectors: Vectors) -> None:
     """Raise `CphdError` where parameters are no numbers that they can be."""
     def refuse(what: str, wrong: np.ndarray):
-        if wrong.any():
-            rows = wrong.reshape(len(wrong), -1).any(axis=1)
-            raise CphdError(f'{container.path}: {what} in {np.count_nonzero(rows)} of '
-                            f'{len(rows)} vectors, first in number '
-                            f'{vectors.index[rows.argmax()]}; the file is damaged')
+        _refuse(container, vectors, what, wrong)
 
     for field in dataclasses.fields(vectors):
         value = np.asarray(getattr(vectors, field.name))

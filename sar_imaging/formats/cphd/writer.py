@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
-import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
+from ...files import replacing
 from ...geometry.earth import Datum
 from ...geometry.grids import MapGrid
 from ...geometry.illumination import AntennaPattern, Pointing
@@ -86,37 +87,33 @@ def write_cphd(path: Path | str, blocks: Iterable[PulseBlock], datum: Datum, gri
     ...            collection=Collection(collector_name='simulator'), overwrite=True)
     200
     """
-    path = Path(path).resolve()
+    path = Path(path)
     require('sarkit.cphd', PURPOSE)
-    if path.is_dir() or (path.exists() and not overwrite):
+    if path.is_dir() or (os.path.lexists(path) and not overwrite):
         raise CphdError(f'{path} exists already; choose another file, or replace it on purpose')
     if sign not in (-1, 1):
         raise CphdError(f'sign={sign}; expected -1 or +1')
     if sample_type not in SAMPLE_BYTES:
         raise CphdError(f'sample_type={sample_type!r}; expected one of {", ".join(SAMPLE_BYTES)}')
     path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f'.{path.name}.', dir=path.parent) as folder, \
-            contextlib.ExitStack() as files:
-        spool = _Spool(Path(folder), files, datum, np.array(grid.centre_m), domain, sign,
-                       sample_type)
+    with replacing(path) as partial, contextlib.ExitStack() as files:
+        spool = _Spool(partial, files, datum, np.array(grid.centre_m), domain, sign, sample_type)
         for block in blocks:
             spool.add(block)
         pulses = spool.pulses(antenna)
         vectors = vector_parameters(pulses)
         named = (collection or Collection()).named(len(vectors))
         tree = make_metadata(pulses, vectors, grid, named, sample_type, sign)
-        partial = Path(folder) / path.name
         _assemble(partial, tree, vectors, named, spool, pulses.antenna)
-        partial.replace(path)
     return len(pulses.stamp_ns)
 
 
 class _Spool:
     """Samples of the channels, each in a file of its own, and what else the pulses tell."""
 
-    def __init__(self, folder: Path, files: contextlib.ExitStack, datum: Datum,
+    def __init__(self, path: Path, files: contextlib.ExitStack, datum: Datum,
                  reference_m: np.ndarray, domain: str | None, sign: int, sample_type: str):
-        self._folder, self._files = folder, files
+        self._path, self._files = path, files
         self._datum, self._reference_m = datum, reference_m
         self._wanted_domain, self._sign, self._sample_type = domain, sign, sample_type
         self._first: PulseBlock | None = None
@@ -168,7 +165,7 @@ class _Spool:
         if self._domain == 'TOA' and not block.compressed:
             self._compressor = RangeCompressor(radar, block.n_samples)
             self.radar, self._n_samples = self._compressor.output_radar, self._compressor.n_output
-        self.files = [self._files.enter_context(open(self._folder / f'channel_{i}', 'w+b'))
+        self.files = [self._files.enter_context(open(f'{self._path}.{i}', 'w+b'))
                       for i in range(block.n_channels)]
 
     def _turned(self, block: PulseBlock, delay_s: np.ndarray) -> np.ndarray:

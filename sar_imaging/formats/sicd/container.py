@@ -101,6 +101,10 @@ class SicdContainer:
             row += rows
         return out
 
+    def check(self, shape: tuple[int, int], pixel_type: str) -> None:
+        """Raise `ValueError` where `read` would: sizes are compared, no pixels read."""
+        self._segments(shape, DTYPES[pixel_type].newbyteorder('>'))
+
     def _segments(self, shape: tuple[int, int], stored: np.dtype) -> list[tuple[int, int]]:
         """Offset and rows of each segment, which together are within the file."""
         found = []
@@ -115,6 +119,8 @@ class SicdContainer:
                                  'one block: neither compressed nor in blocks')
             found.append((str(header['IID1'].value), segment['Data'].get_offset(), told['NROWS'],
                           told['NCOLS']))
+        if not found:
+            raise ValueError('there is no image segment of SICD in it')
         found.sort()
         rows, columns = sum(part[2] for part in found), {part[3] for part in found}
         if rows != shape[0] or columns != {shape[1]}:

@@ -8,6 +8,7 @@ import os
 
 import numpy as np
 
+from ...files import reading
 from ...geometry.earth import Datum, ecef_to_geographic
 from ...geometry.even_grids import PlaneGrid
 from ...imaging.image import Image, Report
@@ -78,12 +79,9 @@ def read_sicd(path: os.PathLike | str) -> ImageProduct:
     Datum(latitude_deg=47.0, longitude_deg=8.0, height_m=450.0, heading_deg=0.0)
     """
     require('sarkit.sicd', 'reading SICD')
-    try:
-        with open(path, 'rb') as file:
-            container = SicdContainer(file)
-            return _product(container, Fields(container.root))
-    except (ValueError, OverflowError) as error:
-        raise ValueError(f'{path} cannot be read as SICD: {error}') from error
+    with reading(path, 'SICD'), open(path, 'rb') as file:
+        container = SicdContainer(file)
+        return _product(container, Fields(container.root))
 
 
 def _product(container: SicdContainer, fields: Fields) -> ImageProduct:
@@ -92,6 +90,7 @@ def _product(container: SicdContainer, fields: Fields) -> ImageProduct:
     if pixel_type not in DTYPES:
         raise ValueError(f'ImageData/PixelType={pixel_type!r}; expected one of '
                          f'{", ".join(DTYPES)}')
+    container.check(shape, pixel_type)  # before anything has this shape
     datum = _datum(fields)
     acquisition = _acquisition(fields, datum)
     grid, turns = _grid(fields, datum, shape)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-import pathlib
 
 import numpy as np
 
+from ...files import replacing
 from ...geometry.earth import Datum
 from ...imaging.image import Image
 from ...radiometry import ImageResponse, KnotResponse, RadarConstant
@@ -93,14 +93,9 @@ def write_sicd(path: os.PathLike | str, image: Image, datum: Datum, acquisition:
         im_subheader_part=sicd.NitfImSubheaderPart(isorce=acquisition.collector[:42],
                                                    security=security),
         de_subheader_part=sicd.NitfDeSubheaderPart(security=security))
-    path = pathlib.Path(path)
-    part = path.with_name(f'{path.name}.part')
-    try:
-        with open(part, 'wb') as file, sicd.NitfWriter(file, metadata) as writer:
-            writer.write_image(stored)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    with replacing(path) as part, open(part, 'wb') as file, \
+            sicd.NitfWriter(file, metadata) as writer:
+        writer.write_image(stored)
 
 
 def _letter(classification: str) -> str:

@@ -6,40 +6,26 @@ or the data set fp of the HDF5 group data. The variables of a CSV file are its c
 
 from __future__ import annotations
 
-import zipfile
+import struct
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from scipy.io import loadmat, whosmat
-from scipy.io.matlab import MatReadError
 
+from ...files import reading
 from ...formats.extras import require
-from ...memory import available_bytes
+from ...numpy_files import check_expansion, check_memory, open_npz, read_npy
 from ..description import DescriptionError
 from . import p440_logs
 from .tables import read_table
 
 _HDF5_MAGIC = b'\x89HDF\r\n\x1a\n'
 _MATLAB_HEADER = 512  # of HDF5 files that MATLAB wrote
-_NUMPY_MAGIC = b'\x93NUMPY'
-_SHARE = 0.5  # of the free memory that one variable may take
+_MATLAB_5_HEADER, _MATLAB_COMPRESSED = 128, 15
+_PEEKED = 4096  # bytes of a compressed variable, which hold its size
 _BYTES_PER_CHARACTER = 8  # of a table of numbers, as Python reads it
-
-
-def check_memory(name: str, n_bytes: int) -> None:
-    """Refuse what would not fit into memory.
-
-    Raises
-    ------
-    DescriptionError
-        More than half of the free memory would be needed.
-    """
-    free = available_bytes()
-    if n_bytes > _SHARE * free:
-        raise DescriptionError(
-            f'{name} takes {n_bytes / 1e9:.3g} GB, and {free / 1e9:.3g} GB of memory are free; '
-            'expected at most half of that: cut the file into shorter ones')
 
 
 def find_files(folder: Path, pattern: str, key: str) -> list[Path]:
@@ -126,21 +112,16 @@ def read_variable(path: Path, name: str) -> np.ndarray:
     MissingExtraError
         It is an HDF5 file, and h5py is not installed.
     """
-    readers = {'.npy': _npy, '.npz': _npz, '.mat': _mat, '.h5': _hdf5, '.hdf5': _hdf5,
-               '.csv': _text, '.txt': _text, '.log': _text}
+    readers = {'.npy': lambda path, _: read_npy(path), '.npz': _npz, '.mat': _mat,
+               '.h5': _hdf5, '.hdf5': _hdf5, '.csv': _text, '.txt': _text, '.log': _text}
     reader = readers.get(path.suffix.lower())
     if reader is None:
         raise DescriptionError(
             f'{path.name} has no variable {name}: variables are in files of type '
             f'{", ".join(readers)}; other samples need samples.dtype and samples.sizes, and '
             'times a file of their own (times.file) or times.interval_s')
-    try:
+    with reading(path, f'a file of type {path.suffix.lower()}', DescriptionError):
         array = np.asarray(reader(path, name))
-    except (OSError, ValueError, KeyError, TypeError, EOFError, AttributeError,
-            NotImplementedError, zipfile.BadZipFile, MatReadError) as error:
-        if isinstance(error, DescriptionError):
-            raise
-        raise DescriptionError(f'{path} cannot be read: {error}') from error
     if array.dtype.kind not in 'iufcb':
         raise DescriptionError(f'{path.name}: {name} holds {array.dtype}; expected numbers')
     return array
@@ -151,39 +132,11 @@ def _absent(path: Path, name: str, present) -> DescriptionError:
                             f'{", ".join(sorted(present)) or "none"}')
 
 
-def _npy(path: Path, name: str) -> np.ndarray:
-    with path.open('rb') as file:
-        if file.read(len(_NUMPY_MAGIC)) != _NUMPY_MAGIC:
-            raise DescriptionError(f'{path.name} is no NumPy file, whatever its name says; '
-                                   'expected what numpy.save wrote')
-    try:
-        array = np.load(path, mmap_mode='r', allow_pickle=False)
-    except ValueError as error:
-        raise _of_objects(path, name, error) from error
-    check_memory(f'{path.name}', array.nbytes)
-    return np.array(array)
-
-
 def _npz(path: Path, name: str) -> np.ndarray:
-    if not zipfile.is_zipfile(path):
-        raise DescriptionError(f'{path.name} is no NumPy file, whatever its name says; expected '
-                               'what numpy.savez wrote')
-    with np.load(path, allow_pickle=False) as data:
-        if name not in data.files:
-            raise _absent(path, name, data.files)
-        check_memory(f'{name} of {path.name}', data.zip.getinfo(f'{name}.npy').file_size)
-        try:
-            return data[name]
-        except ValueError as error:
-            raise _of_objects(path, name, error) from error
-
-
-def _of_objects(path: Path, name: str, error: ValueError) -> DescriptionError:
-    """What is said of Python objects, which are never loaded: they may run any program."""
-    if 'Object arrays' not in str(error):
-        return DescriptionError(f'{path} cannot be read: {error}')
-    return DescriptionError(f'{path.name}: {name} holds Python objects; expected numbers: store '
-                            'it as an array of one type, such as complex64')
+    with open_npz(path) as arrays:
+        if name not in arrays.names:
+            raise _absent(path, name, arrays.names)
+        return arrays[name]
 
 
 def _text(path: Path, name: str) -> np.ndarray:
@@ -204,12 +157,10 @@ def _mat(path: Path, name: str) -> np.ndarray:
     if head[_MATLAB_HEADER:] == _HDF5_MAGIC or head.startswith(_HDF5_MAGIC):
         return _hdf5(path, name, matlab=True)
     first, *fields = name.split('.')
-    # The least that a number can take: the sizes within a structure are not told beforehand.
     shapes = {entry[0]: entry[1] for entry in whosmat(path)}
     if first not in shapes:
         raise _absent(path, name, shapes)
-    check_memory(f'{first} of {path.name}', max(path.stat().st_size,
-                                                int(np.prod(shapes[first], dtype=float))))
+    check_memory(f'{first} of {path.name}', _matlab_bytes(path))
     value = loadmat(path, squeeze_me=True, struct_as_record=False, variable_names=[first])[first]
     for field in fields:
         present = getattr(value, '_fieldnames', ())
@@ -217,6 +168,23 @@ def _mat(path: Path, name: str) -> np.ndarray:
             raise _absent(path, name, [f'{first}.{other}' for other in present])
         value = getattr(value, field)
     return value
+
+
+def _matlab_bytes(path: Path) -> int:
+    """Size of the variables of a MATLAB file of version 5 to 7.2 when they are unpacked."""
+    total = n_bytes = path.stat().st_size
+    with path.open('rb') as file:
+        place = _MATLAB_5_HEADER
+        while place + 8 <= n_bytes:
+            file.seek(place)
+            kind, size = struct.unpack('<II', file.read(8))
+            if kind == _MATLAB_COMPRESSED:
+                tag = zlib.decompressobj().decompress(file.read(min(size, _PEEKED)), 8)
+                unpacked = int.from_bytes(tag[4:], 'little')
+                check_expansion(f'a variable of {path.name}', unpacked, size)
+                total += unpacked
+            place += 8 + size
+    return total
 
 
 def _hdf5(path: Path, name: str, *, matlab: bool = False) -> np.ndarray:
@@ -228,7 +196,9 @@ def _hdf5(path: Path, name: str, *, matlab: bool = False) -> np.ndarray:
             file.visititems(lambda key, item: present.append(key.replace('/', '.'))
                             if isinstance(item, h5py.Dataset) else None)
             raise _absent(path, name, present)
-        check_memory(f'{name} of {path.name}', file[place].nbytes)
+        told = f'{name} of {path.name}'
+        check_memory(told, file[place].nbytes)
+        check_expansion(told, file[place].nbytes, file[place].id.get_storage_size())
         array = file[place][()]
     array = np.asarray(array)
     if array.dtype.names is not None and len(array.dtype.names) == 2:  # real and imaginary part

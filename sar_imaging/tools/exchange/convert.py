@@ -10,9 +10,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from sar_imaging.formats import MissingExtraError
-
-from ..recordings.writing import run_writing
+from ..ending import run_command
 from . import conversions
 from .kinds import CPHD, GEOTIFF, RECORDING, SICD, UnknownKindError, kind_of, kind_of_target
 
@@ -80,7 +78,7 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    return run_writing(lambda: run(arguments), errors=(ValueError, MissingExtraError))
+    return run_command(lambda: run(arguments))
 
 
 if __name__ == '__main__':

@@ -10,9 +10,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from sar_imaging.formats import MissingExtraError
-
-from ..recordings.bag_io import BagError
+from ..ending import run_command
 from . import summaries
 from .kinds import CPHD, GEOTIFF, RECORDING, SICD, kind_of
 
@@ -34,12 +32,7 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     path = parser().parse_args(argv).file
-    try:
-        print(SUMMARIES[kind_of(path)](path))
-    except (BagError, MissingExtraError, OSError, ValueError) as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
-    return 0
+    return run_command(lambda: str(SUMMARIES[kind_of(path)](path)))
 
 
 if __name__ == '__main__':

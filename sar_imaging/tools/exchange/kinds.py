@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from sar_imaging.files import reading
+
 RECORDING, CPHD, SICD, GEOTIFF = 'recording', 'CPHD', 'SICD', 'GeoTIFF'
 _STARTS = {b'CPHD/': CPHD, b'NITF': SICD, b'II*\0': GEOTIFF, b'MM\0*': GEOTIFF, b'II+\0': GEOTIFF,
            b'MM\0+': GEOTIFF}
@@ -30,7 +32,7 @@ def kind_of(path: Path) -> str:
             raise UnknownKindError(f'{path} is a folder without metadata.yaml; expected that of a '
                                    'recording (rosbag2)')
         return RECORDING
-    with open(path, 'rb') as file:
+    with reading(path, 'CPHD, SICD or GeoTIFF', UnknownKindError), open(path, 'rb') as file:
         start = file.read(8)
     for begin, kind in _STARTS.items():
         if start.startswith(begin):

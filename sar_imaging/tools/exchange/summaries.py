@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sar_imaging.files import reading
 from sar_imaging.formats import require
 from sar_imaging.formats.cphd import CphdReader
 from sar_imaging.formats.sicd.container import SicdContainer
@@ -97,8 +98,11 @@ def of_cphd(path: Path) -> Summary:
 
 def of_sicd(path: Path) -> Summary:
     """What a SICD file tells; reads no pixels."""
-    with open(path, 'rb') as file:
-        fields = Fields(SicdContainer(file).root)
+    with reading(path, 'SICD'), open(path, 'rb') as file:
+        return _of_sicd(path, Fields(SicdContainer(file).root))
+
+
+def _of_sicd(path: Path, fields: Fields) -> Summary:
     rows, columns = (fields.integer(f'ImageData/Num{n}', 1) for n in ('Rows', 'Cols'))
     start = fields.date('Timeline/CollectStart')
     duration = fields.number('Timeline/CollectDuration')
@@ -126,28 +130,25 @@ def of_geotiff(path: Path) -> Summary:
     """What a GeoTIFF tells; reads no pixels."""
     rasterio = require('rasterio', 'reading GeoTIFF')
     warp = require('rasterio.warp', 'reading GeoTIFF')
-    try:
-        with rasterio.open(path, driver='GTiff') as file:
-            warnings = [] if file.crs else ['it does not state where on the Earth it is']
-            corners = [file.transform * c for c in ((0, 0), (file.width, 0),
-                                                    (file.width, file.height), (0, file.height))]
-            where = 'not stated'
-            if file.crs:
-                longitudes, latitudes = warp.transform(file.crs, 'EPSG:4326',
-                                                       *zip(*corners, strict=True))
-                where = _degrees(latitudes, longitudes)
-            steps = [float(np.hypot(file.transform.a, file.transform.d)),
-                     float(np.hypot(file.transform.b, file.transform.e))]
-            return Summary((
-                ('what', f'GeoTIFF, {file.count} bands of {file.dtypes[0]}'),
-                ('when', file.tags().get('TIFFTAG_DATETIME', 'not stated')),
-                ('where', where),
-                ('projection', 'none' if not file.crs else file.crs.to_string()[:60]),
-                ('image', f'{file.height} by {file.width} pixels of {steps[1]:.4g} by '
-                          f'{steps[0]:.4g} {file.crs.linear_units if file.crs else "units"}'),
-                ('size', _bytes(path.stat().st_size))), tuple(warnings))
-    except rasterio.errors.RasterioError as error:
-        raise ValueError(f'{path} cannot be read as GeoTIFF: {error}') from error
+    with reading(path, 'GeoTIFF'), rasterio.open(path, driver='GTiff') as file:
+        warnings = [] if file.crs else ['it does not state where on the Earth it is']
+        corners = [file.transform * c for c in ((0, 0), (file.width, 0),
+                                                (file.width, file.height), (0, file.height))]
+        where = 'not stated'
+        if file.crs:
+            longitudes, latitudes = warp.transform(file.crs, 'EPSG:4326',
+                                                   *zip(*corners, strict=True))
+            where = _degrees(latitudes, longitudes)
+        steps = [float(np.hypot(file.transform.a, file.transform.d)),
+                 float(np.hypot(file.transform.b, file.transform.e))]
+        return Summary((
+            ('what', f'GeoTIFF, {file.count} bands of {file.dtypes[0]}'),
+            ('when', file.tags().get('TIFFTAG_DATETIME', 'not stated')),
+            ('where', where),
+            ('projection', 'none' if not file.crs else file.crs.to_string()[:60]),
+            ('image', f'{file.height} by {file.width} pixels of {steps[1]:.4g} by '
+                      f'{steps[0]:.4g} {file.crs.linear_units if file.crs else "units"}'),
+            ('size', _bytes(path.stat().st_size))), tuple(warnings))
 
 
 def _joined(*texts: str | None) -> str:

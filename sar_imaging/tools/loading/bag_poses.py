@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from sar_imaging.files import check_file, naming
 from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.loading import DescriptionError
 
 from ..recordings.bag_io import BagError
+from ..recordings.mcap import check_bag, check_mcap
 
 _PATHS = {  # place of position and orientation in a message
     'nav_msgs/msg/Odometry': 'pose.pose', 'geometry_msgs/msg/PoseStamped': 'pose',
@@ -29,7 +31,7 @@ def open_bag(path: Path) -> Iterator:
         It cannot be read, or rosbags is not installed.
     """
     try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ModuleNotFoundError as error:
         raise BagError('bags need the Python package rosbags, which is not installed: pip '
@@ -37,15 +39,18 @@ def open_bag(path: Path) -> Iterator:
     path = Path(path)
     if not path.exists():
         raise BagError(f'{path} does not exist; expected a ROS 1 bag or the folder of a ROS 2 bag')
-    try:
+    with naming(path, 'cannot be read as a whole ROS 1 bag, .mcap file or folder of a ROS 2 bag '
+                '(`ros2 bag reindex` and `mcap recover` mend one whose recorder was killed)',
+                BagError):
+        if path.is_dir():
+            check_bag(path)
+        elif path.suffix == '.mcap':
+            check_mcap(path)
+        else:
+            check_file(path)
         # Definitions in the recording go before; old ones have none, and then Jazzy's count.
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
             yield bag
-    except (AnyReaderError, OSError) as error:
-        raise BagError(
-            f'{path} cannot be read: {error}; expected a whole ROS 1 bag, .mcap file or folder of '
-            'a ROS 2 bag (`ros2 bag reindex` and `mcap recover` mend one whose recorder was '
-            'killed)') from error
 
 
 def read_bag_poses(path: Path, topic: str | None = None) -> PoseTable:

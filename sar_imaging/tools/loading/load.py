@@ -12,15 +12,14 @@ from pathlib import Path
 
 import yaml
 
-from sar_imaging.formats.extras import MissingExtraError
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.loading import DescriptionError, Loaded, load, shipped_names
-from sar_imaging.loading.frames import FrameError
 from sar_imaging.yaml_text import load_yaml
 
+from ..ending import run_command
 from ..recordings.bag_io import check_target, write_bag
 from ..recordings.truth import antenna_truth, make_truth
-from ..recordings.writing import run_writing, split, with_progress
+from ..recordings.writing import split, with_progress
 from .bag_frames import read_bag_frames
 from .bag_poses import read_bag_poses
 from .estimate import describe, estimate_alignment
@@ -107,8 +106,7 @@ def _write(arguments: argparse.Namespace) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    return run_writing(lambda: _write(arguments),
-                       errors=(DescriptionError, FrameError, MissingExtraError))
+    return run_command(lambda: _write(arguments))
 
 
 if __name__ == '__main__':

@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 from sar_imaging.autofocus.live import live_autofocus
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.loading import DescriptionError, load
+from sar_imaging.loading import load
 from sar_imaging.quality import contrast, entropy, measure_scatterer
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
@@ -161,9 +161,8 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    return run_and_report(arguments.output, lambda: run(arguments.folder, arguments.output),
-                          lambda results: json.dumps(results, indent=2),
-                          errors=(DescriptionError,))
+    return run_and_report(arguments.output, lambda folder: run(arguments.folder, folder),
+                          lambda results: json.dumps(results, indent=2))
 
 
 if __name__ == '__main__':

@@ -260,8 +260,7 @@ def run(file: Path, output: Path) -> dict:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    return run_and_report(arguments.output, lambda: run(arguments.file, arguments.output), summary,
-                          errors=(DescriptionError,))
+    return run_and_report(arguments.output, lambda folder: run(arguments.file, folder), summary)
 
 
 def summary(figures: dict) -> str:

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 from sar_imaging.exploitation.calibration import Balance, balance_channels
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.loading import DescriptionError, load
+from sar_imaging.loading import load
 from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
@@ -178,8 +178,7 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    return run_and_report(arguments.output, lambda: run(arguments.file, arguments.output), summary,
-                          errors=(DescriptionError,))
+    return run_and_report(arguments.output, lambda folder: run(arguments.file, folder), summary)
 
 
 def summary(figures: dict) -> str:

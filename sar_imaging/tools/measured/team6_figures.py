@@ -15,9 +15,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from sar_imaging.files import filling
 from sar_imaging.geometry.grids import MapGrid
 
-from ..recordings.bag_io import BagError, read_truth
+from ..ending import run_command
+from ..recordings.bag_io import read_truth
 
 _ZOOM_M = 0.5  # half width around a reflector
 
@@ -37,13 +39,14 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    try:
-        images = {f.name.removeprefix('team6_'): _read(f) for f in arguments.folder}
-        arguments.output.mkdir(parents=True, exist_ok=True)
-        draw(images, arguments.output)
-    except (BagError, OSError, ValueError, KeyError) as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
+    return run_command(lambda: run(arguments))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Draw the images of all folders; returns the exit status."""
+    images = {f.name.removeprefix('team6_'): _read(f) for f in arguments.folder}
+    with filling(arguments.output) as folder:
+        draw(images, folder)
     return 0
 
 

@@ -27,7 +27,7 @@ from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.poses import PoseTable, PoseTrack
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.loading import DescriptionError, Loaded, load
+from sar_imaging.loading import Loaded, load
 from sar_imaging.quality import measure_scatterer
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
@@ -276,9 +276,8 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    return run_and_report(arguments.output, lambda: run(arguments.folder, arguments.output),
-                          lambda results: json.dumps(results, indent=2),
-                          errors=(DescriptionError, ValueError))
+    return run_and_report(arguments.output, lambda folder: run(arguments.folder, folder),
+                          lambda results: json.dumps(results, indent=2))
 
 
 if __name__ == '__main__':

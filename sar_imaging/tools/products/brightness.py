@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 
 from sar_imaging.configuration.scene_grid import GridChoice
+from sar_imaging.files import replacing
 from sar_imaging.geometry.illumination import Illumination
 from sar_imaging.imaging.image import Image
 from sar_imaging.radiometry import (
@@ -97,8 +98,9 @@ def write_constant(path: Path, constant: RadarConstant, source: Source, reflecto
                    cross_section_m2: float) -> None:
     """Write a radar constant with where it comes from; folders are made."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(yaml.safe_dump({
-        'gain_m': constant.gain, 'noise_power': constant.noise_power,
-        'measured_in': str(source.path), 'reflector_m': [float(v) for v in reflector_m],
-        'cross_section_m2': float(cross_section_m2),
-        'carrier_hz': float(source.radar.carrier_hz)}, sort_keys=False))
+    with replacing(path) as part:
+        part.write_text(yaml.safe_dump({
+            'gain_m': constant.gain, 'noise_power': constant.noise_power,
+            'measured_in': str(source.path), 'reflector_m': [float(v) for v in reflector_m],
+            'cross_section_m2': float(cross_section_m2),
+            'carrier_hz': float(source.radar.carrier_hz)}, sort_keys=False))

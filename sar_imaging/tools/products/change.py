@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,14 +15,15 @@ from pathlib import Path
 import numpy as np
 
 from sar_imaging.exploitation.passes import PassComparison, compare_passes
+from sar_imaging.files import filling
 from sar_imaging.formats import MissingExtraError
 from sar_imaging.formats.raster import write_raster
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.quality import focus_figure
 
+from ..ending import run_command
 from ..plots import save_image_png, save_values_png
 from . import forming
-from .image import run_command
 from .pairs import Pair, open_pair
 from .report import Section, write_report
 
@@ -63,7 +65,9 @@ def parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
-    return run_command(run, parser().parse_args(argv))
+    arguments = parser().parse_args(argv)
+    logging.basicConfig(level=logging.ERROR)
+    return run_command(lambda: run(arguments))
 
 
 def run(arguments: argparse.Namespace) -> str:
@@ -73,20 +77,18 @@ def run(arguments: argparse.Namespace) -> str:
         *pair.images, window=arguments.window, false_alarm_rate=arguments.false_alarm_rate,
         remove_plane=arguments.remove_plane, tracks_m=pair.tracks_m,
         propagation_speed_m_per_s=pair.propagation_speed_m_per_s)
-    folder = arguments.output
-    folder.mkdir(parents=True, exist_ok=True)
-    warnings = [*pair.warnings, *found.warnings]
-    pictures = save_pictures(folder, pair, found)
-    bands = _bands(found)
-    np.savez_compressed(folder / 'comparison.npz', **bands)
-    raster = _write_raster(folder / 'comparison.tif', bands, pair, warnings)
-    figures = _figures(arguments, pair, found, warnings)
-    (folder / 'comparison.json').write_text(
-        json.dumps(figures, indent=2, allow_nan=False) + '\n')
-    _write_report(folder, arguments, pair, found, pictures, warnings)
+    warnings, bands = [*pair.warnings, *found.warnings], _bands(found)
+    with filling(arguments.output) as folder:
+        pictures = save_pictures(folder, pair, found)
+        np.savez_compressed(folder / 'comparison.npz', **bands)
+        raster = _write_raster(folder / 'comparison.tif', bands, pair, warnings)
+        figures = _figures(arguments, pair, found, warnings)
+        (folder / 'comparison.json').write_text(
+            json.dumps(figures, indent=2, allow_nan=False) + '\n')
+        _write_report(folder, arguments, pair, found, pictures, warnings)
     names = [*pictures, 'comparison.npz', *raster, 'comparison.json', 'report.html']
     told = [f'warning: {text}' for text in pair.warnings]
-    return '\n'.join([*told, str(found), f'written to {folder}: {", ".join(names)}'])
+    return '\n'.join([*told, str(found), f'written to {arguments.output}: {", ".join(names)}'])
 
 
 def _figures(arguments, pair: Pair, found: PassComparison, warnings: list[str]) -> dict:

@@ -16,14 +16,15 @@ from scipy.spatial.transform import Rotation
 
 from sar_imaging.diagnosis.doctor import Examination, examine
 from sar_imaging.diagnosis.signals import Finding
+from sar_imaging.files import filling
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.poses import PoseStatus
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 
+from ..ending import run_command
 from ..exchange.kinds import RECORDING, kind_of
 from ..recordings.bag_io import BagError, read_blocks, read_poses, read_truth
 from . import forming
-from .image import ERRORS
 from .signal_figure import save_signal_png
 from .sources import SourceError, open_source
 
@@ -56,14 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
     logging.basicConfig(level=logging.ERROR)
-    try:
-        return run(arguments)
-    except ERRORS as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print('interrupted', file=sys.stderr)
-        return 130
+    return run_command(lambda: run(arguments))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -74,16 +68,15 @@ def run(arguments: argparse.Namespace) -> int:
     findings = (*notes, *examination.findings)
     print(describe(block, findings, examination, grid))
     if arguments.output is not None:
-        arguments.output.mkdir(parents=True, exist_ok=True)
-        save_signal_png(arguments.output / 'signals.png', block,
-                        title=f'{arguments.file.name}: '
-                              + (', '.join(f.fault for f in findings) or 'nothing wrong found'))
-        (arguments.output / 'doctor.json').write_text(json.dumps({
-            'file': str(arguments.file), 'pulses': block.n_pulses, 'channels': block.n_channels,
-            'samples': block.n_samples, 'raw': not block.compressed,
-            'findings': [vars(finding) for finding in findings],
-            'focus': None if examination.diagnosis is None else
-            round(examination.diagnosis.coherence, 3)}, indent=2) + '\n')
+        with filling(arguments.output) as folder:
+            save_signal_png(folder / 'signals.png', block, title=f'{arguments.file.name}: ' + (
+                ', '.join(f.fault for f in findings) or 'nothing wrong found'))
+            (folder / 'doctor.json').write_text(json.dumps({
+                'file': str(arguments.file), 'pulses': block.n_pulses,
+                'channels': block.n_channels, 'samples': block.n_samples,
+                'raw': not block.compressed, 'findings': [vars(found) for found in findings],
+                'focus': None if examination.diagnosis is None else
+                round(examination.diagnosis.coherence, 3)}, indent=2) + '\n')
         print(f'written to {arguments.output}: signals.png, doctor.json')
     return _FAULTY if findings else 0
 

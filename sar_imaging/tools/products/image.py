@@ -11,14 +11,14 @@ import json
 import logging
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from sar_imaging.configuration.scene_grid import GridChoice
+from sar_imaging.files import filling
 from sar_imaging.formats import (
-    MissingExtraError,
     require,
     write_geotiff,
     write_quicklook,
@@ -31,8 +31,8 @@ from sar_imaging.quality import focus_figure, measure_scatterer
 from sar_imaging.quality.verification import Verification
 from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
 
+from ..ending import run_command
 from ..plots import save_image_png
-from ..recordings.bag_io import BagError
 from . import brightness, forming, volume
 from .acquisition_figure import save_acquisition_png
 from .antenna import lit_acquisition
@@ -45,7 +45,6 @@ FILES = {'png': 'image.png', 'geotiff': 'image.tif', 'sicd': 'image.nitf', 'kml'
 _NEEDS = {'geotiff': ('rasterio', 'writing GeoTIFF'), 'sicd': ('sarkit.sicd', 'writing SICD'),
           'kml': ('rasterio', 'writing KML'), 'stac': ('pystac', 'writing a STAC item')}
 _MAPS = ('geotiff', 'kml')  # formats that hold images on level planes only
-ERRORS = (BagError, SourceError, MissingExtraError, OSError, ValueError, MemoryError)
 
 _EPILOG = """\
 Writes image.npy (complex64), the formats asked for, quality.json and report.html. What the file
@@ -88,21 +87,9 @@ def _formats(text: str) -> tuple[str, ...]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
-    return run_command(run, parser().parse_args(argv))
-
-
-def run_command(run: Callable[[argparse.Namespace], str], arguments: argparse.Namespace) -> int:
-    """Print the summary of a command, or why there is none; returns its exit status."""
+    arguments = parser().parse_args(argv)
     logging.basicConfig(level=logging.ERROR)  # warnings are in the report and told at the end
-    try:
-        print(run(arguments))
-    except ERRORS as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print('interrupted', file=sys.stderr)
-        return 130
-    return 0
+    return run_command(lambda: run(arguments))
 
 
 def run(arguments: argparse.Namespace) -> str:
@@ -129,11 +116,10 @@ def run(arguments: argparse.Namespace) -> str:
         image, quality['brightness'] = brightness.calibrate_image(
             response, image, arguments.brightness, constant)
         calibration = {'response': response, 'constant': constant}
-    written = write_products(arguments.output, arguments.format, source, choice, image,
-                             calibration)
-    (arguments.output / 'quality.json').write_text(
-        json.dumps(quality, indent=2, allow_nan=False) + '\n')
-    _write_report(arguments.output, source, choice, image, quality)
+    with filling(arguments.output) as folder:
+        written = write_products(folder, arguments.format, source, choice, image, calibration)
+        (folder / 'quality.json').write_text(json.dumps(quality, indent=2, allow_nan=False) + '\n')
+        _write_report(folder, source, choice, image, quality)
     names = ', '.join([*written, 'image.npy', 'quality.json', 'report.html'])
     return '\n'.join([
         f'{image.shape[1]} by {image.shape[0]} pixels of {choice.spacing_m:g} m in {seconds:.1f} '
@@ -173,7 +159,7 @@ def write_products(folder: Path, formats: Sequence[str], source: Source, choice:
     save_image_png(folder / FILES['png'], image.samples, grid, truth=known,
                    title=f'{title}; {axes}' if axes else title, quantity=quantity)
     written = [FILES['png']]
-    files = {name: folder / FILES[name] for name in formats}
+    files = {name: folder / FILES[name] for name in ('png', *formats)}
     if 'geotiff' in files:
         write_geotiff(files['geotiff'], image, source.datum)
         written.append(FILES['geotiff'])
@@ -182,11 +168,12 @@ def write_products(folder: Path, formats: Sequence[str], source: Source, choice:
                    classification=source.collection.classification, **calibration)
         written.append(FILES['sicd'])
     if 'kml' in files:
-        written += [path.name for path in write_quicklook(files['kml'], image, source.datum)]
+        overlay = write_quicklook(files['kml'], image, source.datum)
+        written += [path.name for path in overlay]
+        files |= {'kml': overlay[-1], 'overlay': overlay[0]}  # which the former shows
     if 'stac' in files:
         write_stac_item(files['stac'], image, source.datum, source.acquisition(),
-                        {name: folder / FILES[name]
-                         for name in ('png', *formats) if name != 'stac'})
+                        {name: path for name, path in files.items() if name != 'stac'})
         written.append(FILES['stac'])
     return written
 

@@ -7,6 +7,7 @@ Run: sar-imaging radar-constant bags/countryside --reflector -21 17 0 --trihedra
 from __future__ import annotations
 
 import argparse
+import logging
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,9 +18,9 @@ from sar_imaging.configuration.scene_grid import GridChoice, choose_grid
 from sar_imaging.quality import measure_scatterer
 from sar_imaging.radiometry import RadarConstant, noise_power, trihedral_cross_section_m2
 
+from ..ending import run_command
 from . import forming
 from .brightness import respond, write_constant
-from .image import run_command
 from .sources import Source, SourceError, open_source
 
 _CELLS = 32.0  # resolution cells along a side of the image of the reflector
@@ -59,7 +60,9 @@ def parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
-    return run_command(run, parser().parse_args(argv))
+    arguments = parser().parse_args(argv)
+    logging.basicConfig(level=logging.ERROR)
+    return run_command(lambda: run(arguments))
 
 
 def run(arguments: argparse.Namespace) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from sar_imaging.configuration.scene_grid import PIXEL_BYTES, GridChoice
 from sar_imaging.exploitation.bright_cells import LEVELS, BrightCells, bright_cells
+from sar_imaging.files import filling
 from sar_imaging.formats import write_ply
 from sar_imaging.geometry.even_grids import VolumeGrid
 from sar_imaging.imaging.image import Image
@@ -62,19 +63,20 @@ def run(arguments: argparse.Namespace, source: Source) -> str:
         image, calibration = brightness.calibrate_volume(source, image, constant)
     cells = bright_cells(image.samples, image.grid, threshold_db=arguments.threshold,
                          most=arguments.points)
-    folder = arguments.output
-    np.save(folder / 'volume.npy', image.samples)
-    write_ply(folder / 'cloud.ply', cells.points_m,
-              {'intensity': cells.level_db(image.radiometry)},
-              f'radar volume; intensity: {LEVELS[constant is not None]}')
     radar = source.radar
-    save_volume_png(folder / 'volume.png', image.samples, image.grid, cells,
-                    threshold_db=arguments.threshold, truth=source.scatterers,
-                    title=f'{source.path.name}: {source.n_pulses} pulses, '
-                          f'{radar.carrier_hz / 1e9:.4g} GHz, {radar.bandwidth_hz / 1e6:.4g} MHz')
     quality = describe(source, choice, image, seconds, measured, cells, arguments.threshold)
     quality |= calibration
-    (folder / 'quality.json').write_text(json.dumps(quality, indent=2, allow_nan=False) + '\n')
+    with filling(arguments.output) as folder:
+        np.save(folder / 'volume.npy', image.samples)
+        write_ply(folder / 'cloud.ply', cells.points_m,
+                  {'intensity': cells.level_db(image.radiometry)},
+                  f'radar volume; intensity: {LEVELS[constant is not None]}')
+        save_volume_png(
+            folder / 'volume.png', image.samples, image.grid, cells,
+            threshold_db=arguments.threshold, truth=source.scatterers,
+            title=f'{source.path.name}: {source.n_pulses} pulses, '
+                  f'{radar.carrier_hz / 1e9:.4g} GHz, {radar.bandwidth_hz / 1e6:.4g} MHz')
+        (folder / 'quality.json').write_text(json.dumps(quality, indent=2, allow_nan=False) + '\n')
     n_z, n_y, n_x = image.shape
     error = 'not measured' if isinstance(measured, str) else f'{measured.error_db:.1f} dB measured'
     return '\n'.join([
@@ -83,7 +85,7 @@ def run(arguments: argparse.Namespace, source: Source) -> str:
         f'{arguments.target_db:g} dB wanted',
         f'{len(cells.points_m)} points, {cells.n_above} cells are {arguments.threshold:g} dB or '
         'more above the median', *(f'warning: {text}' for text in quality['warnings']),
-        f'written to {folder}: volume.png, cloud.ply, volume.npy, quality.json'])
+        f'written to {arguments.output}: volume.png, cloud.ply, volume.npy, quality.json'])
 
 
 def _constant(arguments: argparse.Namespace) -> RadarConstant | None:

@@ -12,26 +12,29 @@ import contextlib
 import functools
 import heapq
 import json
-import shutil
-import tempfile
+import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from msg_conversions.wire import from_array, to_array
+from sar_imaging import files
+from sar_imaging.files import naming
 from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.signal.pulses import PulseBlock
 
+from .mcap import check_bag
 from .recorded_poses import (
     ODOMETRY_TOPIC,
     ODOMETRY_TYPE,
     odometry_messages,
     poses_of_messages,
 )
-from .truth import TRUTH_VERSION
+from .truth import TRUTH_VERSION, check_truth
 
 TOPIC = '/pulses'
 MESSAGE_TYPE = 'std_msgs/msg/Float32MultiArray'
 TRUTH_KEY = 'sar_imaging.truth'
+_BAG_ENDINGS = ('.mcap', '.mcap.zstd', '.db3', '.db3.zstd', '.db3-shm', '.db3-wal')
 
 
 class BagError(RuntimeError):
@@ -125,28 +128,30 @@ def write_bag(path: Path | str, blocks: Iterable[PulseBlock], truth: dict, *,
     >>> write_bag('half_of_it', blocks[:4], read_truth('bags/psf'))
     4
     """
-    path = Path(path).resolve()
+    path = Path(path)
     check_target(path, overwrite=overwrite)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f'.{path.name}.', dir=path.parent) as folder:
-        partial = Path(folder) / path.name
+    with files.replacing(path, folder=True) as partial:
         count = _write(partial, blocks, truth, poses)
         if not count:
             raise BagError(f'no pulse block to write to {path}')
-        if path.exists():
-            shutil.rmtree(path)
-        partial.rename(path)
     return count
 
 
 def check_target(path: Path, *, overwrite: bool) -> None:
     """Raise `BagError` when a bag may not be written to `path`."""
-    if not path.exists():
+    if not os.path.lexists(path):
         return
     if not (path / 'metadata.yaml').is_file():
         raise BagError(f'{path} exists and is not a bag; choose another path')
     if not overwrite:
         raise BagError(f'{path} exists already; choose another path or add --force')
+    others = [f.name for f in path.iterdir()
+              if f.name != 'metadata.yaml' and not f.name.endswith(_BAG_ENDINGS)]
+    if others and not path.is_symlink():  # of which the link alone goes
+        raise BagError(f'{path} holds other files besides a bag ({", ".join(others[:3])}); choose '
+                       'another path, or move them')
+    files.check_target(path, folder=True)
 
 
 def _write(path: Path, blocks: Iterable[PulseBlock], truth: dict,
@@ -173,11 +178,10 @@ def _opened(path: Path | str) -> Iterator:
     path, rosbag2 = Path(path), _rosbag2()
     if not (path / 'metadata.yaml').is_file():
         raise BagError(f'{path} is not a rosbag2 recording: it has no metadata.yaml')
-    try:
+    with naming(path, 'cannot be read', BagError):
+        check_bag(path)
         with rosbag2.Reader(path) as reader:
             yield reader
-    except rosbag2.ReaderError as error:
-        raise BagError(f'{path} cannot be read: {error}') from error
 
 
 def raw_messages(path: Path | str, start_ns: int | None = None, stop_ns: int | None = None
@@ -272,8 +276,10 @@ def read_blocks(path: Path | str) -> Iterator[PulseBlock]:
     ...     break
     (25, 5, 126) True
     """
-    for _, cdr in raw_messages(path):
-        yield deserialise(cdr)
+    for number, (_, cdr) in enumerate(raw_messages(path)):
+        with naming(path, f'has no pulse block in message {number}', BagError):
+            block = deserialise(cdr)
+        yield block
 
 
 def read_truth(path: Path | str) -> dict | None:
@@ -305,8 +311,10 @@ def read_truth(path: Path | str) -> dict | None:
         text = (reader.storage.metadata.custom or {}).get(TRUTH_KEY)
     if text is None:
         return None
-    truth = json.loads(text)
-    if truth.get('version') != TRUTH_VERSION:
-        raise BagError(f'{path}: truth of version {truth.get("version")}; this program reads '
-                       f'version {TRUTH_VERSION}')
-    return truth
+    with naming(path, 'has a truth that cannot be read', BagError):
+        truth = json.loads(text)
+        if not isinstance(truth, dict) or truth.get('version') != TRUTH_VERSION:
+            raise BagError(f'{path}: truth of version {dict(truth).get("version")}; this program '
+                           f'reads version {TRUTH_VERSION}')
+        check_truth(truth)
+        return truth

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable
+
+import numpy as np
 
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.earth import Datum
+from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.illumination import Antenna, Mount
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 
 TRUTH_VERSION = 1
+_KINDS = {dict: 'mapping', list: 'list', str: 'text'}
 
 
 def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], grid,
@@ -76,6 +81,39 @@ def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], g
         'radar': radar_to_dict(radar), 'compressed': compressed, 'notes': notes,
         **({} if alignment is None else {'alignment': alignment.as_dict()}),
         **({} if datum is None else {'datum': dataclasses.asdict(datum)})}
+
+
+def check_truth(truth: dict) -> None:
+    """Refuse a truth whose numbers are none, or whose parts are of another kind.
+
+    Raises
+    ------
+    ValueError
+        The text names the part, what was expected and what came.
+    """
+    for name in ('pulses_per_aperture', 'n_pulses', 'n_channels'):
+        value = truth.get(name, 1)
+        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+            raise ValueError(f'{name} is {value!r}; expected a whole number of at least 1')
+    for name, kind in (('grid', dict), ('cut_half_width_m', dict), ('radar', dict),
+                       ('alignment', dict), ('datum', dict), ('collection', dict),
+                       ('antenna', dict), ('mount', dict), ('scatterers', list),
+                       ('window', str), ('frame', str)):
+        if not isinstance(truth.get(name, kind()), kind):
+            raise ValueError(f'{name} is {truth[name]!r}; expected a {_KINDS[kind]}')
+    if 'grid' in truth:
+        grid = truth['grid']
+        MapGrid(grid['centre_m'], grid['n_x'], grid['n_y'], grid['spacing_m'])
+    for name, value in truth.get('cut_half_width_m', {}).items():
+        if not isinstance(value, int | float) or not 0 < value < math.inf:
+            raise ValueError(f'cut_half_width_m.{name} is {value!r}; expected metres')
+    for scatterer in truth.get('scatterers', ()):
+        place = np.array(scatterer['position_m'], float)
+        if not isinstance(scatterer['name'], str) or place.shape != (3,) or not np.isfinite(
+                place).all():
+            raise ValueError(f'scatterer {scatterer!r}; expected a name and position_m: [x, y, z]')
+    if 'alignment' in truth:
+        Alignment(**truth['alignment'])
 
 
 def antenna_truth(antenna: Antenna | None, mount: Mount | None = None) -> dict:

@@ -1,19 +1,16 @@
-"""Common parts of the programs that write recordings: cutting, progress, errors, Ctrl-C."""
+"""Common parts of the programs that write recordings: cutting into messages, progress."""
 
 from __future__ import annotations
 
-import contextlib
-import signal
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from tqdm import tqdm
 
-from sar_imaging.configuration.parameters import ConfigurationFileError
 from sar_imaging.signal.pulses import PulseBlock
 
-from .bag_io import BagError, check_target, write_bag
+from ..ending import run_command
+from .bag_io import check_target, write_bag
 
 PULSES_PER_MESSAGE = 32
 
@@ -46,7 +43,7 @@ def convert(read: Callable[[], PulseBlock], truth: Callable[[PulseBlock], dict],
                           overwrite=overwrite)
         return f'{output}: {block.n_pulses} pulses in {count} messages'
 
-    return run_writing(write)
+    return run_command(write)
 
 
 def with_progress(blocks: Iterator[PulseBlock], n_pulses: int) -> Iterator[PulseBlock]:
@@ -55,33 +52,3 @@ def with_progress(blocks: Iterator[PulseBlock], n_pulses: int) -> Iterator[Pulse
         for block in blocks:
             yield block
             bar.update(block.n_pulses)
-
-
-def run_writing(write: Callable[[], str], *, errors: tuple[type[Exception], ...] = ()) -> int:
-    """Run `write`, print what it returns; 0, or 1 with a reason, or 130 when interrupted.
-
-    Reasons are errors of files and of recordings, and `errors` besides.
-    """
-    with _terminate_as_interrupt():
-        try:
-            print(write())
-        except (BagError, ConfigurationFileError, OSError, *errors) as error:
-            print(f'error: {error}', file=sys.stderr)
-            return 1
-        except KeyboardInterrupt:
-            print('interrupted; nothing was written', file=sys.stderr)
-            return 130
-    return 0
-
-
-@contextlib.contextmanager
-def _terminate_as_interrupt() -> Iterator[None]:
-    """Let SIGTERM clean up as Ctrl-C does."""
-    def interrupt(signum, frame):
-        raise KeyboardInterrupt
-
-    previous = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, previous)

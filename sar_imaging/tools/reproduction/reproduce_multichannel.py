@@ -59,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
     return run_and_report(
-        arguments.output, lambda: reproduce(arguments.output, arguments.quick), summary)
+        arguments.output, lambda folder: reproduce(folder, arguments.quick), summary)
 
 
 def reproduce(folder: Path, quick: bool) -> dict:
@@ -77,7 +77,6 @@ def reproduce(folder: Path, quick: bool) -> dict:
     dict
         JSON-compatible.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     ratio = measure.ratios(quick)
     spacing = 4 * SPACING_M if quick else SPACING_M
     steps = len(RATES_HZ) * (2 * len(ratio) + len(measure.IMAGERS) + 7) + 4

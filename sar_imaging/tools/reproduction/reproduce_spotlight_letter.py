@@ -71,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser().parse_args(argv)
     return run_and_report(
         arguments.output,
-        lambda: reproduce(arguments.output, spotlight_letter(arguments.size)), summary)
+        lambda folder: reproduce(folder, spotlight_letter(arguments.size)), summary)
 
 
 def reproduce(folder: Path, experiment: SpotlightExperiment) -> dict:
@@ -89,7 +89,6 @@ def reproduce(folder: Path, experiment: SpotlightExperiment) -> dict:
     dict
         JSON-compatible.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=folder) as file:
         shape = (experiment.n_pulses, experiment.n_samples)
         phase_history = np.memmap(file, np.complex64, 'w+', shape=shape)

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sar_imaging.formats.cphd import CphdError, CphdReader, rewrite_cphd, write_cphd
+from sar_imaging.formats.cphd import CphdError, CphdReader, write_cphd
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.pulses import concatenate
 
@@ -319,62 +319,3 @@ def test_chunks_are_as_small_as_memory_wants_and_equal_the_whole(tmp_path):
     np.testing.assert_array_equal(some[0].counter, [10, 11])
 
 
-@pytest.mark.parametrize('kind', ['CI2', 'CI4'])
-@pytest.mark.parametrize('compressed', [False, True])
-@pytest.mark.parametrize('sign', [-1, 1])
-def test_integers_come_back_to_the_bit(tmp_path, kind, compressed, sign):
-    path = template(tmp_path, compressed, sample_type=kind, sign=sign, n_channels=2)
-    with CphdReader(path) as reader:
-        rewrite_cphd(tmp_path / 'b', reader, reader.blocks(memory_bytes=10**6))
-    assert (tmp_path / 'b').read_bytes() == path.read_bytes()
-
-
-def test_floats_come_back_to_the_bit_where_phases_need_no_turn(tmp_path):
-    """A reference point as far away from all phase centres as the pulses' own reference."""
-    def edit(tree, pvps):
-        for own in pvps.values():
-            line = own['SRPPos'] - own['TxPos']
-            line /= np.linalg.norm(line, axis=-1, keepdims=True)
-            own['SRPPos'] = own['TxPos'] + 3600.0 * line
-
-    path = by_formula(template(tmp_path), tmp_path / 'b', edit)
-    with CphdReader(path) as reader:
-        rewrite_cphd(tmp_path / 'c', reader, reader.blocks())
-    assert (tmp_path / 'c').read_bytes() == path.read_bytes()
-
-
-@pytest.mark.parametrize('compressed', [False, True])
-def test_floats_come_back_to_their_rounding_elsewhere(tmp_path, compressed):
-    path = template(tmp_path, compressed)
-    with CphdReader(path) as reader:
-        rewrite_cphd(tmp_path / 'b', reader, reader.blocks())
-        first, last = reader.container.channels['Channel_1'].signal_offset, None
-    before, after = (np.frombuffer(p.read_bytes()[first:last], '>c8')
-                     for p in (path, tmp_path / 'b'))
-    assert (tmp_path / 'b').read_bytes()[:first] == path.read_bytes()[:first]
-    assert level_db(before - after, before) < -135  # two roundings of 2**-24 of the largest
-
-
-def test_changed_samples_are_written_and_others_kept(tmp_path):
-    path = template(tmp_path, sample_type='CI4')
-    with CphdReader(path) as reader:
-        [block] = reader.blocks(start=5, stop=8)
-        rewrite_cphd(tmp_path / 'b', reader,
-                     [dataclasses.replace(block, samples=block.samples * 0.5)])
-    before, after = read_whole(path)[0].samples, read_whole(tmp_path / 'b')[0].samples
-    np.testing.assert_allclose(after[5:8], before[5:8] / 2, atol=1e-4)
-    np.testing.assert_array_equal(np.delete(after, [5, 6, 7], 0), np.delete(before, [5, 6, 7], 0))
-
-
-def test_blocks_of_another_file_are_refused(tmp_path):
-    path = template(tmp_path)
-    with CphdReader(path) as reader:
-        [block] = reader.blocks()
-        with pytest.raises(CphdError, match='counters'):
-            rewrite_cphd(tmp_path / 'b', reader,
-                         [dataclasses.replace(block, counter=block.counter + 1)])
-        with pytest.raises(CphdError, match='not of'):
-            rewrite_cphd(tmp_path / 'b', reader, [pulses(True)])
-        with pytest.raises(CphdError, match='choose another'):
-            rewrite_cphd(path, reader, [block], overwrite=True)
-    assert not (tmp_path / 'b').exists()

@@ -221,7 +221,7 @@ def test_what_is_no_map(tmp_path, grid, more, told):
 
 def test_files_of_others(tmp_path):
     path = tmp_path / 'image.tif'
-    with pytest.raises(ValueError, match='cannot be read as GeoTIFF'):
+    with pytest.raises(FileNotFoundError, match='expected GeoTIFF'):
         read_geotiff(path)
     write_geotiff(path, blank(MAP), Datum(47.0, 8.0))
     with pytest.raises(ValueError, match='it holds 1 bands of float32; expected one of complex64'):

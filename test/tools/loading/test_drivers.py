@@ -23,6 +23,7 @@ from benchmarks.support.driver_recordings import (
     xwr,
 )
 from benchmarks.support.references import exact_image
+from sar_imaging import numpy_files
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.loading import (
     DescriptionError,
@@ -30,7 +31,6 @@ from sar_imaging.loading import (
     load,
     read_description,
 )
-from sar_imaging.loading.files import data_files
 from sar_imaging.loading.frames import FrameConverter
 from sar_imaging.loading.samples import KEYS
 from sar_imaging.signal.radar import Waveform
@@ -194,7 +194,7 @@ def test_a_period_that_spoils_the_times_is_told_with_what_comes_of_it(tmp_path):
 
 def test_a_bag_that_does_not_fit_into_memory_is_refused_before_it_is_read(tmp_path, monkeypatch):
     path = prepare(tmp_path, xwr())
-    monkeypatch.setattr(data_files, 'available_bytes', lambda: 1_000_000)
+    monkeypatch.setattr(numpy_files, 'available_bytes', lambda: 1_000_000)
 
     def fail(*arguments):
         raise AssertionError('read before its size was checked')

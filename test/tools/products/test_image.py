@@ -155,7 +155,8 @@ def test_overlay_and_catalogue_entry(cphd, run, tmp_path):
     assert 'overlay.kml' in out
     item = pystac.Item.from_file(str(tmp_path / 'image.json'))
     assert {pathlib.Path(asset.href).name for asset in item.assets.values()} == {
-        'image.png', 'image.nitf', 'overlay.png'}
+        'image.png', 'image.nitf', 'overlay.png', 'overlay.kml'}
+    assert item.assets['kml'].href.endswith('overlay.kml')
     west, south, east, north = item.bbox
     assert west < DATUM.longitude_deg < east and south < DATUM.latitude_deg < north
 

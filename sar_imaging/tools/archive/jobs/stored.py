@@ -6,10 +6,10 @@ import dataclasses
 import json
 import os
 import shutil
-import uuid
 from pathlib import Path
 
 import sar_imaging
+from sar_imaging.files import replacing
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.imaging.radiometry import Radiometry
 from sar_imaging.signal.radar import RadarParameters, Waveform
@@ -25,18 +25,9 @@ SCANS = 'scans'
 def write_text(path: Path, text: str) -> None:
     """Write a file, all of it or nothing; the folder is made."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = part_of(path)
-    try:
+    with replacing(path) as part:
         part.write_text(text)
         bring_to_disk(part)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
-
-
-def part_of(path: Path) -> Path:
-    """Name for a file that is not complete yet, which no other process takes."""
-    return path.with_name(f'.{path.name}.{uuid.uuid4().hex}.part')
 
 
 def remove_parts(output: Path) -> None:

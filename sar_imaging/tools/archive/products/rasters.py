@@ -44,7 +44,7 @@ def write_rasters(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
                             'SAR_IMAGING_VERSION': sar_imaging.__version__,
                             'PLACE_ERROR_M': f'{place.error_m:.2g}',
                             'SPACING_M': f'{job.spacing_m:g}'} | options.pop('tags', {}),
-                        **options)
+                        **{'overviews': 'AVERAGE', **options})
         files.append(name)
     return PieceResult(piece.key, time.perf_counter() - start, files=tuple(files),
                        found={'place_error_m': place.error_m, 'crs': place.crs.name})
@@ -85,7 +85,7 @@ def _image(piece: ProductPiece, job: Job, output: Path) -> list[tuple]:
     array = image_array(output, scan.name, scan.window, job.tile)
     quantity = 'amplitude' if job.radiometry is None else job.radiometry.quantity
     return [(f'images/{scan.name}.tif', array,
-             {'dtype': np.float32, 'name': f'{quantity}, dB', 'nodata': float('nan'),
+             {'dtype': np.float32, 'names': (f'{quantity}, dB',), 'nodata': float('nan'),
               'tags': told_of(scan.radiometry)}, decibels)]
 
 
@@ -95,19 +95,19 @@ def _looks(piece: ProductPiece, job: Job, output: Path) -> list[tuple]:
     quantity = 'power' if job.radiometry is None else job.radiometry.quantity
     tags = {} if job.radiometry is None else {
         'QUANTITY': quantity, 'QUANTITY_MEANING': QUANTITIES[quantity]}
-    return [(f'{name}.tif', power, {'dtype': np.float32, 'name': f'mean {quantity}',
+    return [(f'{name}.tif', power, {'dtype': np.float32, 'names': (f'mean {quantity}',),
                                     'nodata': float('nan'), 'tags': tags}, np.asarray),
-            (f'{name}_looks.tif', looks, {'dtype': np.uint16, 'name': 'looks'}, np.asarray)]
+            (f'{name}_looks.tif', looks, {'dtype': np.uint16, 'names': ('looks',)}, np.asarray)]
 
 
 def _coherence(piece: ProductPiece, job: Job, output: Path) -> list[tuple]:
     values, phase = stored_coherence(output, piece.subject, piece.extent.on_tiles(job.tile),
                                      job.tile)
     name = f'coherence/{piece.subject}'
-    return [(f'{name}.tif', values, {'dtype': np.float32, 'name': 'coherence',
+    return [(f'{name}.tif', values, {'dtype': np.float32, 'names': ('coherence',),
                                      'nodata': float('nan')}, np.asarray),
             # phases of neighbours would cancel
-            (f'{name}_phase.tif', phase, {'dtype': np.float32, 'name': 'phase, rad',
+            (f'{name}_phase.tif', phase, {'dtype': np.float32, 'names': ('phase, rad',),
                                           'nodata': float('nan'), 'overviews': 'NEAREST'},
              np.asarray)]
 

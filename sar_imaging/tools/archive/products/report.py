@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import sar_imaging
+from sar_imaging.files import replacing
 from sar_imaging.formats.decibels import limits_db
 
 from ...products.report import Section, write_report
@@ -126,12 +127,8 @@ def draw_mosaic(output: Path, mosaic: Window, job: Job,
     quantity = 'power' if job.radiometry is None else job.radiometry.quantity
     axes.set(xlabel='x (m)', ylabel='y (m)',
              title=f'mean {quantity}, {black:.0f} to {white:.0f} dB')
-    part = output / f'.{PICTURE}.part'
-    try:
+    with replacing(output / PICTURE) as part:
         figure.savefig(part, format='png', dpi=120)
-        part.replace(output / PICTURE)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _power(output: Path, mosaic: Window, job: Job) -> TiledArray:

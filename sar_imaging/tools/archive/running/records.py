@@ -5,13 +5,11 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import os
-import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..jobs.stored import bring_to_disk
+from ..jobs.stored import bring_to_disk, write_text
 
 
 def fingerprint(piece: Any, needs: Mapping[str, str | None]) -> str:
@@ -44,17 +42,7 @@ def write_whole(path: Path, text: str) -> None:
     text : str
         What it says.
     """
-    handle, part = tempfile.mkstemp(dir=path.parent, prefix=f'.{path.name}.', suffix='.part')
-    try:
-        with os.fdopen(handle, 'w') as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(part, 0o644)  # mkstemp's files are for their owner alone
-        os.replace(part, path)
-    except BaseException:
-        Path(part).unlink(missing_ok=True)
-        raise
+    write_text(path, text)
     bring_to_disk(path.parent)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from sar_imaging.configuration.scene_grid import Coverage
+from sar_imaging.files import replacing
 from sar_imaging.formats import MissingExtraError
 from sar_imaging.formats.cphd import CphdError
 from sar_imaging.geometry.earth import Datum
@@ -24,7 +25,7 @@ from ..job import Job
 from ..pieces import ArchiveDataError, PieceResult, ScanPiece
 from ..prediction import Pulses
 from ..scans import ApertureScan, Loss, RecordingScan, scale_arrays
-from ..stored import SCANS, bring_to_disk, part_of, scan_file, write_scan
+from ..stored import SCANS, bring_to_disk, scan_file, write_scan
 from .brightness import brightness_scale
 from .footprint import OutOfSightError, footprint, moved
 
@@ -207,16 +208,12 @@ def _write_centres(path: Path, source: Source, tx_m: np.ndarray, rx_m: np.ndarra
                    more: Mapping[str, np.ndarray]) -> None:
     """Write counters, times, phase centres and more in the map's frame, all or nothing."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = part_of(path)
     times = np.zeros(0, np.int64) if source.message_ns is None else source.message_ns
-    try:
+    with replacing(path) as part:
         with open(part, 'wb') as file:
             np.savez(file, counter=source.counter, stamp_ns=source.stamp_ns, tx_m=tx_m,
                      rx_m=rx_m, message_ns=times, **more)
         bring_to_disk(part)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _fingerprint(path: Path) -> str:
