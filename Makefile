@@ -144,7 +144,7 @@ MUTATION = build/mutation
 MUTATIONS ?= 310
 MUTATION_SEED ?= 17
 MUTATION_FOLDERS ?= signal geometry autofocus exploitation quality configuration simulation \
-    diagnosis msg_conversions planning backends imaging streaming nodes
+    diagnosis msg_conversions planning backends imaging streaming nodes formats loading radiometry tools
 MUTATION_RESULTS ?= $(MUTATION)/mutations.json
 
 mutation-campaign:
