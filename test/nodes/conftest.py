@@ -377,6 +377,8 @@ def start_node(ros_environment, tmp_path):
     started = []
 
     def start(name, parameters=None):
+        if name != 'radar_driver':  # tests send at once what takes seconds of work
+            parameters = {'max_age_s': 3600.0, **(parameters or {})}
         node = Nodes(tmp_path / f'node{len(started)}', ros_environment,
                      {name: parameters} if parameters else {})
         started.append(node)

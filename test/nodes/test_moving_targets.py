@@ -39,7 +39,7 @@ def test_cars_of_a_recording_become_points(start_node, make_observer, bag):
     scenario, path = bag
     node = start_node('moving_targets', {
         'grid.size_x': 40.0, 'grid.size_y': 40.0, 'grid.spacing': 0.5, 'frame_id': 'odom',
-        'pulses_per_aperture': 120, 'max_age_s': 3600.0})
+        'pulses_per_aperture': 120})
     observer = make_observer('range_profiles')
     received = {name: [] for name in ('clouds', 'products', 'metadata')}
     observer.node.create_subscription(PointCloud2, 'moving_targets',
