@@ -210,7 +210,7 @@ class Observer:
     def refused(self, aperture: int) -> str:
         """Which node has given up the image of an aperture, and why; empty when none has."""
         for name in self._nodes:
-            for words in ('dropped', 'cannot be imaged'):
+            for words in ('dropped', 'cannot be imaged', 'is left out'):
                 if why := self._warnings.of(name, f'aperture {aperture} {words}'):
                     return f'{name} forms no image: {why}'
         return ''
