@@ -19,7 +19,13 @@ from sar_imaging.configuration.parameters import (
 from sar_imaging.configuration.positions import check_positions
 
 from ..launching import configured_mode, find_config
-from ..node_processes import AFBP_NODES, MODES, node_names, parameters_from_truth, pipeline_parameters
+from ..node_processes import (
+    AFBP_NODES,
+    MODES,
+    node_names,
+    parameters_from_truth,
+    pipeline_parameters,
+)
 
 # A replay may be faster than a busy machine takes poses and pulses; the one image counts.
 _PATIENT = {name: {'max_age_s': 3600.0} for name in AFBP_NODES}
