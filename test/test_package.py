@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import collections
 import functools
 import pathlib
 import re
@@ -22,10 +21,6 @@ PACKAGES = ('msg_conversions', 'sar_imaging')
 MODULES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob('*.py'))
 # Rooms that may know ROS; everything else is arrays in, arrays out.
 ROS_ROOMS = ('msg_conversions', 'sar_imaging/nodes', 'sar_imaging/tools', 'sar_imaging/launch')
-MAX_LINES = 400
-MAX_MODULES = 15  # of a folder
-MAX_CORE_MODULES = 14  # of a folder of the core
-CORE = ('planning', 'backends', 'imaging', 'streaming')
 
 # Import names whose rosdep key is not the name itself.
 ROSDEP_KEYS = {
@@ -198,10 +193,8 @@ def test_pip_puts_one_program_on_the_path(command, expected, monkeypatch):
 
 
 @pytest.mark.parametrize('path', MODULES, ids=_name)
-def test_module_is_short_and_documented(path):
-    text = path.read_text()
-    tree = ast.parse(text)
-    assert len(text.splitlines()) <= MAX_LINES
+def test_module_is_documented(path):
+    tree = ast.parse(path.read_text())
     assert ast.get_docstring(tree), 'the first line says what the module is for'
     functions = (ast.FunctionDef, ast.AsyncFunctionDef)
     for node in tree.body:
@@ -212,15 +205,6 @@ def test_module_is_short_and_documented(path):
         for method in methods:
             if isinstance(method, functions) and not method.name.startswith('_'):
                 assert ast.get_docstring(method), f'{node.name}.{method.name} has no docstring'
-
-
-def test_folders_are_small():
-    """What stands side by side is taken in at a glance."""
-    modules = collections.Counter(path.parent for path in MODULES if path.name != '__init__.py')
-    assert {_name(folder): n for folder, n in modules.items() if n > MAX_MODULES} == {}
-    core = {folder: n for folder, n in modules.items() if set(CORE) & set(folder.parts)}
-    assert core
-    assert {_name(folder): n for folder, n in core.items() if n > MAX_CORE_MODULES} == {}
 
 
 def test_folders_are_packages():
