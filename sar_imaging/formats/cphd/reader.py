@@ -25,7 +25,6 @@ MEMORY_BYTES = 2**28
 _WORK_BYTES = 64  # of a sample: complex numbers of double precision while it is converted
 _LONGEST_AREA_M = 2e6
 _PIXELS_PER_RESOLUTION = 2
-_DOMAINS = {'FX': PhaseHistories, 'TOA': Profiles}
 _TOLD_TROPOSPHERE_S = 1e-12  # 0.15 mm of range
 
 
@@ -108,14 +107,15 @@ class CphdReader:
         self.collection = read_collection(container, self.channels)
         self._vectors = vectors = read_vectors(container, self.channels)
         domain = container.text('Global/DomainType')
-        if domain not in _DOMAINS:
+        if domain not in ('FX', 'TOA'):
             raise CphdError(f'{container.path}: domain {domain!r}; expected FX or TOA')
         sign = container.text('Global/SGN')
         if sign not in ('-1', '+1', '1'):
             raise CphdError(f'{container.path}: SGN is {sign!r}; expected -1 or +1')
         self.domain, self._sign = domain, int(sign)
         n_file = container.channels[self.channels[0]].n_samples
-        self._samples = _DOMAINS[domain](vectors, n_file)
+        self._samples = PhaseHistories(vectors, n_file) if domain == 'FX' else Profiles(
+            vectors, n_file, integers=container.sample_type != 'CF8')
         self.radar, self.n_samples = self._samples.radar, self._samples.n_samples
         self.compressed = self._samples.compressed
         self.datum = datum or self._datum_of_file()

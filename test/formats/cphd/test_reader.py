@@ -7,11 +7,14 @@ import pytest
 
 from sar_imaging.formats.cphd import CphdError, CphdReader, write_cphd
 from sar_imaging.imaging.imager import plan_image
+from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal.pulses import concatenate
 
 from .conftest import (
+    AMPLITUDES,
     DATUM,
     GRID,
+    POINTS_M,
     by_formula,
     expected_phase_history,
     level_db,
@@ -63,32 +66,96 @@ def test_phase_histories(tmp_path, sign, step_m, n_channels):
 
 
 @pytest.mark.parametrize('sign', [-1, 1])
-@pytest.mark.parametrize('step_m', [0.0, 0.2], ids=['fixed', 'moving'])
-def test_range_profiles(tmp_path, sign, step_m):
-    """Each vector begins at its own part of a sample: it is shifted, its echoes well inside."""
+@pytest.mark.parametrize(('step_m', 'rate'), [(0.0, 2.0), (0.2, 2.0), (0.0, 1.1), (0.2, 1.15)])
+def test_range_profiles(tmp_path, sign, step_m, rate):
+    """Each vector begins at its own part of a sample, and samples may be as few as in no image."""
     path = by_formula(template(tmp_path, True, sign=sign), tmp_path / 'b', both(
-        moved(step_m), lambda tree, pvps: shifted(pvps)))
+        moved(step_m), sampled(rate)))
     block, warnings = read_whole(path)
-    assert [w for w in warnings if 'parts of a sample' in w]
-    time = block.radar.first_sample_delay_s + np.arange(block.n_samples) / 300e6
-    expected = np.zeros(block.samples.shape, complex)
-    from .conftest import AMPLITUDES, POINTS_M
-    for point, amplitude in zip(POINTS_M, AMPLITUDES, strict=True):
-        delay = (np.linalg.norm(block.tx_m - point, axis=-1)
-                 + np.linalg.norm(block.rx_m - point, axis=-1))[..., None] / 299_792_458.0
-        expected += (amplitude * np.sinc(150e6 * (time - delay))
+    assert [w for w in warnings if ('parts of a sample' if rate == 2.0 else f'{rate}') in w]
+    assert block.radar.sample_rate_hz >= 1.25 * block.radar.bandwidth_hz
+    time = (block.radar.first_sample_delay_s
+            + np.arange(block.n_samples) / block.radar.sample_rate_hz)
+    expected = echoes(block, np.broadcast_to(time, (block.n_pulses, block.n_samples)))
+    # Sidelobes of 1 / (pi x) are cut off at the ends of the window, x = 120 or more away, -50 dB;
+    # at a quarter of the filter's reach (24 / (rate - 1) cells) they changed by -65 dB or less.
+    inner = slice(120, -120)
+    assert level_db((block.samples[:, 0] - expected)[:, inner], expected) < -110
+
+
+@pytest.mark.parametrize('rate', [1.1, 1.15, 1.2])
+def test_sparse_range_profiles_are_imaged(tmp_path, rate):
+    """Cuts through each reflector: place and width as of the same sum over the true echoes."""
+    path = by_formula(template(tmp_path, True), tmp_path / 'b', sampled(rate))
+    block, _ = read_whole(path)
+    for point in POINTS_M:
+        for axis in range(2):
+            along = np.linspace(-3.0, 3.0, 241)
+            points = point + np.eye(3)[axis] * along[:, None]
+            delay = travel(block.tx_m, block.rx_m, points)
+            exact = (echoes(block, delay) * np.exp(2j * np.pi * 9.6e9 * delay)).sum(axis=0)
+            image = plan_image(points, block.radar, block.n_samples, target_db=-70.0)(block)
+            # float32 and the target: far less than 0.2 cm of widths of 1 m and 2 m
+            np.testing.assert_allclose(place_and_width(along, np.abs(image)),
+                                       place_and_width(along, np.abs(exact)), atol=2e-3)
+
+
+@pytest.mark.parametrize('rate', [1.1, 2.0])
+def test_profiles_of_integers_keep_the_predicted_error(tmp_path, rate):
+    """Rounding noise beyond the band was read as it came: -41 dB where -61 dB were predicted."""
+    def larger(tree, pvps):  # the template's echoes peak elsewhere in a sample
+        for own in pvps.values():
+            own['AmpSF'] *= 1.3
+
+    block, _ = read_whole(by_formula(template(tmp_path, True, sample_type='CI2'), tmp_path / 'b',
+                                     both(larger, sampled(rate))))
+    image = plan_image(GRID, block.radar, block.n_samples, method='exact')(block)
+    assert measure_error(image, GRID, block).error_db < image.report.predicted_error_db + 3.0
+
+
+def travel(tx_m, rx_m, points):
+    """(P, K) two-way delays of points, s."""
+    return (np.linalg.norm(tx_m - points, axis=-1)
+            + np.linalg.norm(rx_m - points, axis=-1)) / 299_792_458.0
+
+
+def echoes(block, time):
+    """(P, K) range profiles of the reflectors at delays of the pulses, in closed form."""
+    delay = travel(block.tx_m, block.rx_m, POINTS_M)[..., None]
+    return np.einsum('s,psk->pk', AMPLITUDES, np.sinc(150e6 * (time[:, None] - delay))
                      * np.exp(-2j * np.pi * 9.6e9 * delay))
-    # Sidelobes of 1 / (pi x) are cut off at the ends of the window, x = 120 away: the shift rings
-    # with that, -50 dB there, and falls off towards the middle, where it is 1 / 100 of that.
-    inner = slice(180, 330)
-    assert level_db((block.samples - expected)[..., inner], expected) < -60
 
 
-def shifted(pvps):
-    for own in pvps.values():
-        part = np.linspace(0, 3.3, len(own)) * own['SCSS']
-        for name in ('SC0', 'TOA1', 'TOA2'):
-            own[name] += part
+def place_and_width(along, magnitude):
+    """Peak by a parabola, and the length above 3 dB below it, metres."""
+    peak = int(magnitude[40:-40].argmax()) + 40
+    before, most, after = magnitude[peak - 1:peak + 2]
+    shift = 0.5 * (before - after) / (before - 2 * most + after)
+    level = 10 ** -0.15 * magnitude[peak]
+    ends = [np.interp(level, *((magnitude[s], along[s]) if magnitude[s][-1] > magnitude[s][0]
+                               else (magnitude[s][::-1], along[s][::-1])))
+            for s in (slice(falling(magnitude, peak, -1), peak + 1),
+                      slice(peak, falling(magnitude, peak, 1) + 1))]
+    return along[peak] + shift * (along[1] - along[0]), ends[1] - ends[0]
+
+
+def falling(magnitude, peak, step):
+    """How far a lobe falls from its peak."""
+    while 0 < peak < len(magnitude) - 1 and magnitude[peak + step] < magnitude[peak]:
+        peak += step
+    return peak
+
+
+def sampled(rate):
+    """Edit: so many samples per 1 / bandwidth, and every vector begins at a part of one."""
+    def edit(tree, pvps):
+        for own in pvps.values():
+            n, part = 512, np.linspace(0, 3.3, len(own)) * own['SCSS']
+            middle = own['SC0'] + own['SCSS'] * n / 2 + part
+            own['SCSS'] = 1 / (150e6 * rate)
+            own['SC0'] = own['TOA1'] = middle - own['SCSS'] * n / 2
+            own['TOA2'] = own['SC0'] + own['SCSS'] * (n - 1)
+    return edit
 
 
 @pytest.mark.parametrize('kind', ['CI2', 'CI4'])
