@@ -8,11 +8,13 @@ if TYPE_CHECKING:
     import numpy as np
 
     from ..geometry.grids import MapGrid
+    from ..geometry.illumination import Illumination
     from ..planning.afbp.edge_brightness import EdgeBrightness
     from ..planning.afbp.polar_grids import UnifiedPolarGrids
     from ..planning.afbp.subapertures import SubaperturePlan
     from ..planning.exact.backprojection import BackprojectionPlan
     from ..signal.pulses import PulseBlock
+    from ..signal.radar import RadarParameters
 
 
 class Backprojection(Protocol):
@@ -196,6 +198,24 @@ class TrialImages(Protocol):
         (2, K, length) float32
             Real and imaginary part.
         """
+
+
+class Correlation(Protocol):
+    """Time-domain correlation in float64, the reference of all images; a backend may lack it.
+
+    Formulas and arguments are those of `backends.reference.correlation`.
+    """
+
+    def correlate_spectra(self, cycles_per_m: tuple[float, float], spectra: np.ndarray,
+                          tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray,
+                          illumination: Illumination | None = None) -> np.ndarray:
+        """Correlate spectra, (N,) complex128 at points (N, 3)."""
+
+    def correlate_profiles(self, radar: RadarParameters, samples: np.ndarray, tx_m: np.ndarray,
+                           rx_m: np.ndarray, points_m: np.ndarray, half: int, sharpness: float,
+                           illumination: Illumination | None = None
+                           ) -> tuple[np.ndarray, np.ndarray]:
+        """Correlate profiles at points; image, and which of the points they cover."""
 
 
 class Backend(Protocol):

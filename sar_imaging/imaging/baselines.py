@@ -2,8 +2,7 @@
 
 - FFBP: Ulander, Hellsten & Stenström, IEEE Trans. AES 39, 2003; Zhang et al., section II.A;
 - the wavenumber domain: Rosenberg & Gray, equations 9 to 12;
-- zero-padded profiles: Rosenberg & Gray, equations 13 to 19;
-- time-domain correlation: Rosenberg & Gray, equations 7 and 8, see `correlation`.
+- zero-padded profiles: Rosenberg & Gray, equations 13 to 19.
 """
 
 from __future__ import annotations
@@ -15,11 +14,8 @@ from ..planning.baselines.ffbp_choice import plan_ffbp
 from ..planning.baselines.wavenumber import plan_wavenumber
 from ..planning.baselines.zero_padding import plan_zero_padding
 from ..signal.pulses import PulseBlock, check_profiles
-from .correlation import correlate_profiles
 from .image import Report
 from .methods import Method
-
-_CORRELATION_DB = -200.0  # float64: it is what errors are stated against
 
 
 class Ffbp(Method):
@@ -90,20 +86,3 @@ class ZeroPadding(Method):
         """See `Method`."""
         check_profiles(block, self.radar, self.n_samples)
         return self._image(self.report.plan, block)
-
-
-class Correlation(Method):
-    """Time-domain correlation, float64: the reference; hours for large images."""
-
-    NAME, ILLUMINATION = 'correlation', True
-
-    def plan(self, tx_m, rx_m) -> Report:
-        """See `Method`."""
-        return self.describe(predicted_error_db=_CORRELATION_DB)
-
-    def form(self, block: PulseBlock) -> np.ndarray:
-        """See `Method`."""
-        points = self.grid.points()
-        image, _ = correlate_profiles(block, points.reshape(-1, 3), backend=self.options.backend,
-                                      illumination=self.options.illumination)
-        return image.astype(np.complex64).reshape(points.shape[:-1])

@@ -18,10 +18,30 @@ from ..backends.protocol import Backend
 from ..geometry.illumination import AntennaPattern, Illumination
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT
+from .image import Report
+from .methods import Method
 
 _POINTS_PER_CALL = 4096
+_ROUNDING_DB = -200.0  # of float64: the reference of errors has next to none
 _SERIES_ERROR_DB = -130.0  # of Knab's series: far below the -100 dB that float32 images reach
 _LEAST_SPARE = 0.05  # share of the sample rate without signal; less makes Knab's series endless
+
+
+class Correlation(Method):
+    """Time-domain correlation, float64: the reference; hours for large images."""
+
+    NAME, ILLUMINATION = 'correlation', True
+
+    def plan(self, tx_m, rx_m) -> Report:
+        """See `Method`."""
+        return self.describe(predicted_error_db=_ROUNDING_DB)
+
+    def form(self, block: PulseBlock) -> np.ndarray:
+        """See `Method`."""
+        points = self.grid.points()
+        image, _ = correlate_profiles(block, points.reshape(-1, 3), backend=self.options.backend,
+                                      illumination=self.options.illumination)
+        return image.astype(np.complex64).reshape(points.shape[:-1])
 
 
 def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *,

@@ -32,7 +32,7 @@ EXACT, AFBP = 'exact', 'afbp'
 METHODS: Mapping[str, tuple[str, str]] = {
     EXACT: ('exact', 'Exact'), AFBP: ('afbp', 'Afbp'), 'ffbp': ('baselines', 'Ffbp'),
     'wavenumber': ('baselines', 'Wavenumber'), 'zero-padding': ('baselines', 'ZeroPadding'),
-    'correlation': ('baselines', 'Correlation')}
+    'correlation': ('correlation', 'Correlation')}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,8 +12,8 @@ _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'subapertur
             'SpectrumFusion': 'fusion.spectra', 'form_map': 'fusion.to_map',
             'compile_kernels': 'beforehand',
             'FactorisedImager': 'baselines.ffbp',
-            'correlate_spectra': 'baselines.correlation',
-            'correlate_profiles': 'baselines.correlation',
+            'correlate_spectra': 'correlation',
+            'correlate_profiles': 'correlation',
             'image_zero_padded': 'baselines.zero_padding',
             'image_wavenumber': 'baselines.wavenumber',
             'TrialImages': 'points.trial_images'}

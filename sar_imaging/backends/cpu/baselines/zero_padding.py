@@ -9,7 +9,7 @@ from ....compilation import njit, numba
 from ....planning.baselines.zero_padding import ZeroPaddingPlan
 from ....signal.pulses import PulseBlock
 from ....signal.spectra import resampled_from_spectrum
-from .correlation import distance, phasor
+from ..correlation import distance, phasor
 
 _PHASES = 2048  # of the weight table, interpolated linearly: below -120 dB
 _POINTS_PER_GROUP = 512  # neighbours, which read neighbouring samples

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....compilation import njit, numba
-from ..illumination import LitEchoes, two_way_amplitude
+from ...compilation import njit, numba
+from .illumination import LitEchoes, two_way_amplitude
 
 _LANES = 16  # points advanced together: enough independent sums to hide the latency of one
 
 
 def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m, illumination=None
                       ) -> np.ndarray:
-    """See `backends.baselines.Baselines`."""
+    """See `backends.protocol.Correlation`."""
     out = np.empty(len(points_m), np.complex128)
     _correlate(*cycles_per_m, np.ascontiguousarray(spectra.real),
                np.ascontiguousarray(spectra.imag), tx_m, rx_m, points_m, _lit(illumination), out)
@@ -21,7 +21,7 @@ def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m, illumination=
 
 def correlate_profiles(radar, samples, tx_m, rx_m, points_m, half: int, sharpness: float,
                        illumination=None) -> tuple[np.ndarray, np.ndarray]:
-    """See `backends.baselines.Baselines`."""
+    """See `backends.protocol.Correlation`."""
     image = np.zeros(len(points_m), np.complex128)
     covered = np.ones(len(points_m), np.bool_)
     _correlate_profiles(samples, tx_m, rx_m, points_m, radar.range_start_m,
