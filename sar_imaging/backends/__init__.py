@@ -79,12 +79,12 @@ def optional_entry(name: str | Backend, entry: str) -> Callable:
     name : str or Backend
         As for `backend`.
     entry : str
-        Name of one of `baselines.Baselines`, or ``'TrialImages'``.
+        Name of one of `protocol.Correlation`, or ``'TrialImages'``.
 
     Returns
     -------
     callable
-        As `backends.baselines.Baselines` describes it.
+        As `backends.protocol` describes it.
 
     Raises
     ------
@@ -97,10 +97,10 @@ def optional_entry(name: str | Backend, entry: str) -> Callable:
     >>> correlate_spectra = optional_entry('reference', 'correlate_spectra')
     >>> correlate_spectra.__name__
     'correlate_spectra'
-    >>> optional_entry('reference', 'image_wavenumber')
+    >>> optional_entry('reference', 'ApertureFusion')
     Traceback (most recent call last):
         ...
-    ValueError: backend='reference' offers no image_wavenumber; use backend='cpu'
+    ValueError: backend='reference' offers no ApertureFusion; use backend='cpu'
     """
     found = getattr(backend(name), entry, None)
     if not callable(found):

@@ -3,8 +3,9 @@
 - `imager`: `plan_image`, the one entry that chooses the method; `image`: what it returns;
 - `exact`: exact backprojection, over the two-way path of every channel;
 - `afbp`: accelerated fast backprojection, the quickest where many pulses make an image;
-- `correlation`: time-domain correlation, the exact reference;
-- `baselines`: other published methods, for comparison.
+- `correlation`: time-domain correlation, the exact reference.
+
+Other published methods, for comparison, are in `sar_imaging.published`.
 """
 
 import importlib.util

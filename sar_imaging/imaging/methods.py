@@ -28,11 +28,14 @@ if TYPE_CHECKING:
     from ..backends.protocol import Backend
 
 EXACT, AFBP = 'exact', 'afbp'
-#: Module and class of each method, in this package; imported when it is used first.
+#: Module and class of each method, imported when it is used first.
 METHODS: Mapping[str, tuple[str, str]] = {
-    EXACT: ('exact', 'Exact'), AFBP: ('afbp', 'Afbp'), 'ffbp': ('baselines', 'Ffbp'),
-    'wavenumber': ('baselines', 'Wavenumber'), 'zero-padding': ('baselines', 'ZeroPadding'),
-    'correlation': ('correlation', 'Correlation')}
+    EXACT: ('sar_imaging.imaging.exact', 'Exact'),
+    AFBP: ('sar_imaging.imaging.afbp', 'Afbp'),
+    'correlation': ('sar_imaging.imaging.correlation', 'Correlation'),
+    'ffbp': ('sar_imaging.published.methods', 'Ffbp'),
+    'wavenumber': ('sar_imaging.published.methods', 'Wavenumber'),
+    'zero-padding': ('sar_imaging.published.methods', 'ZeroPadding')}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -222,7 +225,7 @@ def method_class(method: str | type[Method]) -> type[Method]:
     """
     if isinstance(method, str) and method in METHODS:
         module, name = METHODS[method]
-        return getattr(importlib.import_module(f'.{module}', __package__), name)
+        return getattr(importlib.import_module(module), name)
     if (isinstance(method, type) and issubclass(method, Method)
             and isinstance(getattr(method, 'NAME', None), str)):
         return method

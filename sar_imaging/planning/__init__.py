@@ -4,7 +4,6 @@ Plans are float64 NumPy and know no processor; `sar_imaging.backends` computes t
 
 - `exact`: backprojection along the lines of a map, over a polar image, or point by point;
 - `afbp`: sub-apertures, their beams and polar grids, and what the fusion of their spectra costs;
-- `baselines`: methods for comparison, fast factorised backprojection among them;
 - `profiles`: the part of the range profiles that an image needs, and how finely it is resampled;
 - `polar_cover`, `polar_to_map`: the polar grid that covers a map, and how the map is read from it;
 - `interpolators`, `aliasing_error`, `guard_taper`, `local_spectrum`, `amplitude_spread`,

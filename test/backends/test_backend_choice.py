@@ -159,7 +159,7 @@ def test_what_the_device_refuses_the_processor_does(monkeypatch, planned, caplog
 
 def test_other_entries_are_the_processors(monkeypatch):
     with_device(monkeypatch, 0.0)
-    assert backend('auto').FactorisedImager is backend('cpu').FactorisedImager
+    assert backend('auto').correlate_profiles is backend('cpu').correlate_profiles
 
 
 @pytest.mark.parametrize(('seconds', 'messages'), [

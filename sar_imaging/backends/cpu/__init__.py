@@ -1,6 +1,6 @@
 """The compiled backend: vectors, threads, own Fourier transforms and memory of their own.
 
-Its entries (`backends.protocol`, `backends.baselines`) are imported when they are used first, so
+Its entries (`backends.protocol`) are imported when they are used first, so
 that exact backprojection does not load the beams and transforms of AFBP.
 """
 
@@ -11,11 +11,8 @@ ILLUMINATION = True  # of plans is followed
 _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'subapertures',
             'SpectrumFusion': 'fusion.spectra', 'form_map': 'fusion.to_map',
             'compile_kernels': 'beforehand',
-            'FactorisedImager': 'baselines.ffbp',
             'correlate_spectra': 'correlation',
             'correlate_profiles': 'correlation',
-            'image_zero_padded': 'baselines.zero_padding',
-            'image_wavenumber': 'baselines.wavenumber',
             'TrialImages': 'points.trial_images'}
 
 

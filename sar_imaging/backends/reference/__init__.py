@@ -1,21 +1,18 @@
 """The formulas themselves, in plain NumPy and float64: what every other backend is tested against.
 
 One module holds one operation of the seam between plans and backends, with its formula and its
-source. `entries` chains them to the four entries of `backends.protocol.Backend`; correlation,
-FFBP and zero padding are entries by themselves. Images are
-formed as a plan says, with its windows, grids and interpolators. What compiled code approximates
-beyond that is done exactly here: profiles are read by their Fourier series, paths are computed for
-each pixel, and nothing is rounded to float32 but the images. Small images take seconds.
+source. `entries` chains them to the four entries of `backends.protocol.Backend`; correlation is an
+entry by itself. Images are formed as a plan says, with its windows, grids and interpolators. What
+compiled code approximates beyond that is done exactly here: profiles are read by their Fourier
+series, paths are computed for each pixel, and nothing is rounded to float32 but the images. Small
+images take seconds.
 """
 
 from .correlation import correlate_profiles, correlate_spectra
 from .entries import Backprojection, SpectrumFusion, SubapertureImager, form_map
-from .factorised import FactorisedImager
 from .project_points import TrialImages
-from .zero_padding import image_zero_padded
 
 ILLUMINATION = True  # of plans is followed
 
-__all__ = ['Backprojection', 'FactorisedImager', 'SpectrumFusion', 'SubapertureImager',
-           'TrialImages', 'correlate_profiles', 'correlate_spectra', 'form_map',
-           'image_zero_padded']
+__all__ = ['Backprojection', 'SpectrumFusion', 'SubapertureImager', 'TrialImages',
+           'correlate_profiles', 'correlate_spectra', 'form_map']

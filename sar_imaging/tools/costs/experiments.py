@@ -12,12 +12,12 @@ import numpy as np
 from sar_imaging.backends import CUDA, backend
 from sar_imaging.device_arrays import alike, zeros_beside
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.memory import check_memory
 from sar_imaging.planning.afbp.beams import BeamSampling
 from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
 from sar_imaging.planning.afbp.lit_subapertures import LitSubapertures
 from sar_imaging.planning.afbp.plan import AfbpPlan, plan_afbp
-from sar_imaging.planning.baselines.ffbp_choice import plan_ffbp
 from sar_imaging.planning.costs import DEFAULT, using
 from sar_imaging.planning.exact.backprojection import BackprojectionPlan, plan_backprojection
 from sar_imaging.planning.exact.polar_image import plan_polar
@@ -240,12 +240,12 @@ class _Experiments:
         for scene in self._scenes.ffbp:
             block = scene.block()
             for kernel, oversampling in (('linear', 4.0), ('knab8', 1.8)):
-                plan = plan_ffbp(scene.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
-                                 kernel=kernel, merge_factor=4, range_oversampling=oversampling,
-                                 angle_oversampling=oversampling)
-                yield self._experiment(
-                    f'FFBP, {kernel}', plan.operations,
-                    functools.partial(self._backend.FactorisedImager(plan).image, block))
+                imager = plan_image(scene.grid, block.radar, block.n_samples, block.tx_m,
+                                    block.rx_m, method='ffbp', kernel=kernel, merge_factor=4,
+                                    range_oversampling=oversampling,
+                                    angle_oversampling=oversampling)
+                yield self._experiment(f'FFBP, {kernel}', imager.report.plan.operations,
+                                       functools.partial(imager, block))
 
     def _transfers(self) -> Iterator[Experiment]:
         """Samples to a device and back."""

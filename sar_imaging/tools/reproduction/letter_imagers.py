@@ -14,7 +14,9 @@ import numpy as np
 from sar_imaging.backends import backend
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.imager import plan_image
+from sar_imaging.imaging.methods import Method
 from sar_imaging.planning.plan import Plan
+from sar_imaging.published.methods import Ffbp
 from sar_imaging.signal.pulses import PulseBlock
 
 from .letter_recording import Recording
@@ -59,9 +61,10 @@ def _exact(grid: MapGrid, block: PulseBlock) -> Formed:
 
 def _ffbp(kernel: str, oversampling: float, pulses: int) -> Imager:
     def form(grid: MapGrid, block: PulseBlock) -> Formed:
-        formed, _ = _form(grid, block, 'ffbp', pulses_per_subaperture=pulses, merge_factor=2,
-                          kernel=kernel, range_oversampling=oversampling,
-                          angle_oversampling=oversampling)
+        seconds = {}
+        formed, _ = _form(grid, block, _timed_ffbp(seconds), seconds,
+                          pulses_per_subaperture=pulses, merge_factor=2, kernel=kernel,
+                          range_oversampling=oversampling, angle_oversampling=oversampling)
         return formed
 
     return form
@@ -72,22 +75,25 @@ def _afbp(pulses: int | None) -> Imager:
 
 
 def _form_by_afbp(grid: MapGrid, block: PulseBlock, **options) -> Formed:
-    formed, plan = _form(grid, block, 'afbp', target_db=-50.0, **options)
+    timed = _TimedBackend()
+    formed, plan = _form(grid, block, 'afbp', timed.seconds, target_db=-50.0, backend=timed,
+                         **options)
     return dataclasses.replace(formed, pulses_per_subaperture=max(
         p.stop - p.start for p in plan.subapertures.sampling.pulses))
 
 
-def _form(grid: MapGrid, block: PulseBlock, method: str, **options) -> tuple[Formed, Plan]:
-    start, timed = time.perf_counter(), _TimedBackend()
+def _form(grid: MapGrid, block: PulseBlock, method: str | type[Method], stages: dict[str, float],
+          **options) -> tuple[Formed, Plan]:
+    start = time.perf_counter()
     imager = plan_image(grid, block.radar, block.n_samples, block.tx_m, block.rx_m, method=method,
-                        backend=timed, **options)
+                        **options)
     seconds, plan = {'planning': time.perf_counter() - start}, imager.report.plan
     image = imager(block)
-    return Formed(image.samples, seconds | timed.seconds, image.report.predicted_error_db), plan
+    return Formed(image.samples, seconds | stages, image.report.predicted_error_db), plan
 
 
 class _TimedBackend:
-    """The quickest backend, with the seconds of each stage of AFBP and FFBP."""
+    """The quickest backend, with the seconds of each stage of AFBP."""
 
     def __init__(self):
         self.seconds, self._backend = {}, backend()
@@ -101,9 +107,17 @@ class _TimedBackend:
         return _timed(self._backend.SpectrumFusion(grid, keep=keep),
                       {'add': 'fusion', 'take_polar_image': 'fusion'}, self.seconds)
 
-    def FactorisedImager(self, plan):
-        return _timed(self._backend.FactorisedImager(plan), {
-            '_backproject': 'stage 1', '_merge': 'fusion', '_add': 'resampling'}, self.seconds)
+
+def _timed_ffbp(seconds: dict[str, float]) -> type[Method]:
+    """FFBP that adds up the seconds of its stages."""
+    class Timed(Ffbp):
+        def plan(self, tx_m, rx_m):
+            report = super().plan(tx_m, rx_m)
+            _timed(self._stage, {'_backproject': 'stage 1', '_merge': 'fusion',
+                                 '_add': 'resampling'}, seconds)
+            return report
+
+    return Timed
 
 
 def _whole_afbp(pulses: int | None) -> SceneImager:

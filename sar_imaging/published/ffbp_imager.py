@@ -5,22 +5,22 @@ from __future__ import annotations
 import numpy as np
 from tqdm import tqdm
 
-from ....compilation import numba
-from ....geometry.grids import MapGrid
-from ....planning.baselines.ffbp import FfbpPlan
-from ....planning.baselines.ffbp_tree import Node
-from ....planning.baselines.neighbour_weights import TAPS, kernel_weights
-from ....planning.profiles.range_gate import RangeGate
-from ....signal.pulses import PulseBlock
-from ..line_kernels import LINES, project_lines
-from ..profiles import Profiles
+from ..backends.cpu.line_kernels import LINES, project_lines
+from ..backends.cpu.profiles import Profiles
+from ..compilation import numba
+from ..geometry.grids import MapGrid
+from ..planning.profiles.range_gate import RangeGate
+from ..signal.pulses import PulseBlock
 from . import ffbp_kernels as loops
+from .ffbp_plan import FfbpPlan
+from .ffbp_tree import Node
+from .neighbour_weights import TAPS, kernel_weights
 
 _GROUPS_PER_THREAD = 16  # of lines: evens out the load
 
 
 class FactorisedImager:
-    """See `backends.baselines.FactorisedImager`."""
+    """Forms images by one plan of fast factorised backprojection."""
 
     def __init__(self, plan: FfbpPlan):
         self.plan = plan
@@ -36,7 +36,7 @@ class FactorisedImager:
                             ).astype(np.complex64)
 
     def image(self, block: PulseBlock, *, progress: bool = False) -> np.ndarray:
-        """See `backends.baselines.FactorisedImager`."""
+        """Image of the range profiles of the planned aperture, complex64, with the carrier."""
         plan = self.plan
         image = np.zeros(plan.grid.shape, np.complex64)
         # one image per level is alive: a part is added to its parent as soon as it is made

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import scipy.fft
 
-from ...geometry.straight_track import StraightTrack
+from ..geometry.straight_track import StraightTrack
 
 #: Largest sine of the angle from broadside.
 LARGEST_SINE = 0.98

@@ -14,17 +14,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...geometry.grids import MapGrid
-from ...geometry.straight_track import (
+from ..geometry.grids import MapGrid
+from ..geometry.straight_track import (
     StraightTrack,
     check_straight,
     fit_straight_track,
     path_errors,
 )
-from ...memory import IMAGE_BYTES
-from ...signal.radar import RadarParameters
-from ...signal.spectra import band_frequencies
-from ..plan import Plan
+from ..memory import IMAGE_BYTES
+from ..planning.plan import Plan
+from ..signal.radar import RadarParameters
+from ..signal.spectra import band_frequencies
 from .doppler_band import LARGEST_SINE, DopplerBand, Scene, choose_band
 
 #: Largest error of the two-way path that the straight track may cause, wavelengths (11 degrees).

@@ -11,18 +11,23 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...geometry.grids import MapGrid
-from ...geometry.half_paths import half_paths
-from ...geometry.polar import PolarGrid
-from ...geometry.track_frame import side_of
-from ...memory import IMAGE_BYTES
-from ...signal.radar import RadarParameters
-from ..costs import costs
-from ..error_budget import total_db
-from ..plan import Plan
-from ..profiles.profile_reach import check_reach, covered_ranges, reach_warnings, some_pixels
-from ..profiles.range_gate import RangeGate
-from ..profiles.range_resampling import ECHOES_PER_PASS, RangeResampling
+from ..geometry.grids import MapGrid
+from ..geometry.half_paths import half_paths
+from ..geometry.polar import PolarGrid
+from ..geometry.track_frame import side_of
+from ..memory import IMAGE_BYTES
+from ..planning.costs import costs
+from ..planning.error_budget import total_db
+from ..planning.plan import Plan
+from ..planning.profiles.profile_reach import (
+    check_reach,
+    covered_ranges,
+    reach_warnings,
+    some_pixels,
+)
+from ..planning.profiles.range_gate import RangeGate
+from ..planning.profiles.range_resampling import ECHOES_PER_PASS, RangeResampling
+from ..signal.radar import RadarParameters
 from .ffbp_error import LocalTones, expansion_error, read_errors, rounding_error
 from .ffbp_geometry import FfbpGeometry
 from .ffbp_grids import place_grids, plan_profiles

@@ -10,7 +10,7 @@ import dataclasses
 
 import numpy as np
 
-from ...geometry.track_frame import track_beside
+from ..geometry.track_frame import track_beside
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

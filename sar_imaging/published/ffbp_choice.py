@@ -14,14 +14,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...geometry.grids import MapGrid
-from ...geometry.polar import PolarGrid
-from ...signal.radar import RadarParameters
-from ..costs import costs
-from ..error_budget import total_db
-from .ffbp import ENDS, FfbpPlan, FfbpSampling, plan_from_geometry
+from ..geometry.grids import MapGrid
+from ..geometry.polar import PolarGrid
+from ..planning.costs import costs
+from ..planning.error_budget import total_db
+from ..signal.radar import RadarParameters
 from .ffbp_error import LocalTones, local_tones, read_errors
 from .ffbp_geometry import FfbpGeometry, ffbp_geometry
+from .ffbp_plan import ENDS, FfbpPlan, FfbpSampling, plan_from_geometry
 from .ffbp_segments import Segment
 from .neighbour_weights import TAPS
 

@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 
-from ...geometry.grids import MapGrid
-from ...geometry.polar import PolarGrid
-from ...geometry.track_frame import mean_centres
-from ...signal.radar import RadarParameters
+from ..geometry.grids import MapGrid
+from ..geometry.polar import PolarGrid
+from ..geometry.track_frame import mean_centres
+from ..signal.radar import RadarParameters
 from .ffbp_grids import check_side, half_bands, outline_of, widest_spacings
 from .ffbp_tree import Frame, Node, build_tree, find_frame
 

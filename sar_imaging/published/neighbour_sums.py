@@ -12,7 +12,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from ....planning.baselines.neighbour_weights import DEGREE
+from .neighbour_weights import DEGREE
 
 _FAST = ('contract', 'reassoc', 'nsz')
 _FLOAT = ir.FloatType()

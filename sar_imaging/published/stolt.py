@@ -11,9 +11,9 @@ import dataclasses
 import numpy as np
 import scipy.fft
 
-from ....compilation import njit, numba
-from ....geometry import MapGrid
-from ....geometry.straight_track import StraightTrack
+from ..compilation import njit, numba
+from ..geometry import MapGrid
+from ..geometry.straight_track import StraightTrack
 
 _TAPS = 6  # of the kernel that reads the image between the samples of the FFT
 _SHAPE = 2.3 * _TAPS

@@ -9,19 +9,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..backends import optional_entry
-from ..planning.baselines.ffbp_choice import plan_ffbp
-from ..planning.baselines.wavenumber import plan_wavenumber
-from ..planning.baselines.zero_padding import plan_zero_padding
+from ..imaging.image import Report
+from ..imaging.methods import Method
 from ..signal.pulses import PulseBlock, check_profiles
-from .image import Report
-from .methods import Method
+from .ffbp_choice import plan_ffbp
+from .ffbp_imager import FactorisedImager
+from .wavenumber_imager import image_wavenumber
+from .wavenumber_plan import plan_wavenumber
+from .zero_padding_imager import image_zero_padded
+from .zero_padding_plan import plan_zero_padding
 
 
 class Ffbp(Method):
     """Fast factorised backprojection: maps and polar grids that lie on one side of the track.
 
-    For its options see `planning.baselines.ffbp_choice.plan_ffbp`.
+    For its options see `published.ffbp_choice.plan_ffbp`.
     """
 
     NAME = 'ffbp'
@@ -30,11 +32,10 @@ class Ffbp(Method):
 
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""
-        stage = optional_entry(self.options.backend, 'FactorisedImager')
         plan = plan_ffbp(self.grid, self.radar, self.n_samples, tx_m, rx_m,
                          target_db=self.options.target_db, **self.own)
         report = self.planned(plan)
-        self._stage = stage(plan)
+        self._stage = FactorisedImager(plan)
         return report
 
     def form(self, block: PulseBlock) -> np.ndarray:
@@ -48,7 +49,7 @@ class Wavenumber(Method):
 
     The cost grows with the sum of samples and pixels, not with pixels times pulses as that of
     backprojection. The track may run in any direction and at any height. For the options see
-    `planning.baselines.wavenumber.plan_wavenumber`.
+    `published.wavenumber_plan.plan_wavenumber`.
     """
 
     NAME = 'wavenumber'
@@ -56,20 +57,19 @@ class Wavenumber(Method):
 
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""
-        self._image = optional_entry(self.options.backend, 'image_wavenumber')
         return self.planned(plan_wavenumber(self.grid, self.radar, self.n_samples, tx_m, rx_m,
                                             target_db=self.options.target_db, **self.own))
 
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""
         check_profiles(block, self.radar, self.n_samples)
-        return self._image(self.report.plan, block)
+        return image_wavenumber(self.report.plan, block)
 
 
 class ZeroPadding(Method):
     """Backprojection of zero-padded profiles: any grid, any track; `exact` errs less in less time.
 
-    For its options see `planning.baselines.zero_padding.plan_zero_padding`. Ranges outside a
+    For its options see `published.zero_padding_plan.plan_zero_padding`. Ranges outside a
     profile contribute nothing. Equation 18, the image at baseband, is `quality.to_baseband`.
     """
 
@@ -78,11 +78,10 @@ class ZeroPadding(Method):
 
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""
-        self._image = optional_entry(self.options.backend, 'image_zero_padded')
         return self.planned(plan_zero_padding(self.grid, self.radar, self.n_samples, tx_m, rx_m,
                                               target_db=self.options.target_db, **self.own))
 
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""
         check_profiles(block, self.radar, self.n_samples)
-        return self._image(self.report.plan, block)
+        return image_zero_padded(self.report.plan, block)

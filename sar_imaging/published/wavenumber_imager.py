@@ -8,16 +8,16 @@ import math
 import numpy as np
 import scipy.fft
 
-from ....planning.baselines.wavenumber import WavenumberPlan
-from ....signal.pulses import PulseBlock
-from ....signal.spectra import band_spectrum
+from ..signal.pulses import PulseBlock
+from ..signal.spectra import band_spectrum
 from .stolt import SlantImage, spread
+from .wavenumber_plan import WavenumberPlan
 
 _ROWS_PER_PASS = 256
 
 
 def image_wavenumber(plan: WavenumberPlan, block: PulseBlock) -> np.ndarray:
-    """See `backends.baselines.Baselines`."""
+    """Image by a plan, complex64."""
     track, band = plan.track, plan.band
     slant = _transform(plan, *_slow_time_spectrum(plan, block))
     scale = np.exp(0.25j * np.pi) * math.sqrt(2 * np.pi) / (band.n_fft * track.spacing_m)

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....compilation import njit, numba
-from ....planning.baselines.ffbp_grids import LANES
-from ..line_kernels import LINES, _cos_cycles, _fraction, _sin_cycles
+from ..backends.cpu.line_kernels import LINES, _cos_cycles, _fraction, _sin_cycles
+from ..compilation import njit, numba
+from .ffbp_grids import LANES
 from .neighbour_sums import interpolate2, interpolate4, interpolate8
 
 PADDING = 256  # values after an image that a segment may read
@@ -251,7 +251,7 @@ def add_to_grid(local, shape, geometry, grid, layout, weights_range, weights_alp
         Rows and columns of the image; steps of the index in `image` from row to row, from column
         to column, and from a real part to its imaginary part.
     weights_range, weights_alpha : (8 * taps,) float32
-        `planning.baselines.neighbour_weights.kernel_weights`, transposed.
+        `neighbour_weights.kernel_weights`, transposed.
     taps : int
         2, 4 or 8.
     image : (N,) float32

@@ -23,8 +23,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...signal.radar import RadarParameters
-from ..echo_power import echo_power
+from ..planning.echo_power import echo_power
+from ..signal.radar import RadarParameters
 from .ffbp_geometry import FfbpGeometry
 from .ffbp_grids import local_slopes
 from .ffbp_segments import Segment

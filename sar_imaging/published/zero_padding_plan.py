@@ -14,13 +14,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...geometry.grids import Grid
-from ...geometry.point_grids import PointGrid
-from ...geometry.track_frame import mean_centres
-from ...memory import IMAGE_BYTES
-from ...signal.radar import RadarParameters
-from ..plan import Plan
-from ..profiles.profile_reach import check_reach, reach_warnings, some_pixels
+from ..geometry.grids import Grid
+from ..geometry.point_grids import PointGrid
+from ..geometry.track_frame import mean_centres
+from ..memory import IMAGE_BYTES
+from ..planning.plan import Plan
+from ..planning.profiles.profile_reach import check_reach, reach_warnings, some_pixels
+from ..signal.radar import RadarParameters
 
 #: How a zero-padded profile is read between its samples.
 INTERPOLATORS = ('nearest', 'linear', 'cubic', 'sinc')

@@ -10,11 +10,11 @@ import math
 
 import numpy as np
 
-from ...geometry.grids import MapGrid
-from ...geometry.half_paths import Paths, sample_paths
-from ...geometry.polar import PolarGrid
-from ...signal.radar import RadarParameters
-from ..profiles.range_resampling import RangeResampling, plan_resampling
+from ..geometry.grids import MapGrid
+from ..geometry.half_paths import Paths, sample_paths
+from ..geometry.polar import PolarGrid
+from ..planning.profiles.range_resampling import RangeResampling, plan_resampling
+from ..signal.radar import RadarParameters
 from .ffbp_segments import LANES
 from .ffbp_tree import Frame, Level, Node
 from .neighbour_weights import MARGIN

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import scipy.fft
 
-from ....compilation import njit, numba
-from ....planning.baselines.zero_padding import ZeroPaddingPlan
-from ....signal.pulses import PulseBlock
-from ....signal.spectra import resampled_from_spectrum
-from ..correlation import distance, phasor
+from ..backends.cpu.correlation import distance, phasor
+from ..compilation import njit, numba
+from ..signal.pulses import PulseBlock
+from ..signal.spectra import resampled_from_spectrum
+from .zero_padding_plan import ZeroPaddingPlan
 
 _PHASES = 2048  # of the weight table, interpolated linearly: below -120 dB
 _POINTS_PER_GROUP = 512  # neighbours, which read neighbouring samples
 
 
 def image_zero_padded(plan: ZeroPaddingPlan, block: PulseBlock) -> np.ndarray:
-    """See `backends.baselines.Baselines`."""
+    """Image by a plan, complex64."""
     radar = plan.radar
     points = np.ascontiguousarray(plan.grid.points().reshape(-1, 3))
     paths = plan.paths(block.tx_m, block.rx_m)

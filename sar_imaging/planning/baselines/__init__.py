@@ -1,1 +1,0 @@
-"""Plans of the published methods that AFBP and exact backprojection are compared with."""
