@@ -96,12 +96,15 @@ class Layout:
                                   'layout is wrong')
 
     def read_content(self, values: np.ndarray, shape: tuple[int, ...], data_offset: int,
-                     advice: str) -> np.ndarray:
-        """Complex numbers behind the header, as a view; WireFormatError when one is not finite."""
+                     advice: str = '') -> np.ndarray:
+        """Complex numbers behind the header, as a view.
+
+        With advice for the sender, numbers that are not finite raise a WireFormatError.
+        """
         content = values[data_offset:]
         # One NaN would spread over a whole image. A sum is finite only if all its terms are, and
         # einsum takes it in one pass without a temporary; a sum may overflow, hence a closer look.
-        if not np.isfinite(np.einsum('i->', content)):
+        if advice and not np.isfinite(np.einsum('i->', content)):
             check_finite(content, f'{self.content.removesuffix("s")} array', advice)
         return content.view(np.complex64).reshape(shape)
 

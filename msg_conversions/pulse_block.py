@@ -45,8 +45,8 @@ def to_message(block: PulseBlock) -> Float32MultiArray:
                                   wire.dimensions(block.samples.shape, block.frame))
 
 
-def from_message(msg: Float32MultiArray, *,
-                 max_elements: int = wire.DEFAULT_MAX_ELEMENTS) -> PulseBlock:
+def from_message(msg: Float32MultiArray, *, max_elements: int = wire.DEFAULT_MAX_ELEMENTS,
+                 finite: bool = True) -> PulseBlock:
     """Read a pulse block from a message.
 
     Parameters
@@ -55,6 +55,8 @@ def from_message(msg: Float32MultiArray, *,
         With block header, as `to_message` writes it.
     max_elements : int
         Largest number of floats of samples to accept.
+    finite : bool
+        Refuse samples that are NaN or infinite; False for who drops their pulses alone.
 
     Returns
     -------
@@ -78,7 +80,7 @@ def from_message(msg: Float32MultiArray, *,
     (10, True)
     """
     block = wire.from_array(msg.data, multi_array.dims(msg), msg.layout.data_offset,
-                            max_elements=max_elements)
+                            max_elements=max_elements, finite=finite)
     multi_array.check_times(int(block.stamp_ns.min()), int(block.stamp_ns.max()))
     return block
 

@@ -173,7 +173,7 @@ def _write_table(block: PulseBlock, table: np.ndarray) -> None:
 # ------------------------------------------------------------------------------------- reading
 
 def from_array(data, dims: Dims, data_offset: int, *,
-               max_elements: int = DEFAULT_MAX_ELEMENTS) -> PulseBlock:
+               max_elements: int = DEFAULT_MAX_ELEMENTS, finite: bool = True) -> PulseBlock:
     """Read a block from the array of a message.
 
     Nothing is allocated in proportion to a number in the message before that number was compared
@@ -189,6 +189,8 @@ def from_array(data, dims: Dims, data_offset: int, *,
         ``msg.layout.data_offset``.
     max_elements : int
         Largest number of floats of samples to accept.
+    finite : bool
+        Refuse samples that are NaN or infinite; False for who drops their pulses alone.
 
     Returns
     -------
@@ -223,7 +225,8 @@ def from_array(data, dims: Dims, data_offset: int, *,
             radar=_read_radar(header), compressed=bool(header[COMPRESSED]),
             stamp_ns=_read_times(table, float_pairs.join_int64(header[EPOCH])),
             counter=_read_counters(table),
-            samples=LAYOUT.read_content(values, shape, data_offset, SAMPLES_ADVICE), frame=frame,
+            samples=LAYOUT.read_content(values, shape, data_offset,
+                                        SAMPLES_ADVICE if finite else ''), frame=frame,
             pointing=_read_pointing(table, header), **_read_positions(table, shape[1], header))
     except WireFormatError:
         raise

@@ -29,6 +29,7 @@ from .poses.pose_input import (
 )
 from .runtime.block_output import UNTAKEN, BlockOutput
 from .runtime.health import Health, Part
+from .runtime.inlet import UncheckedPulses
 from .runtime.managed import ManagedNode, run
 from .runtime.parameters import ANY_TIME, ConfigurationError, Parameter, plain_frame
 from .runtime.stage import Stage
@@ -52,6 +53,7 @@ class PulseBufferStep(Step):
     """Pulses as a radar delivers them to ordered blocks within apertures; see `PulseBuffer`."""
 
     NAME = 'pulse_buffer'
+    INLET = UncheckedPulses
     PARAMETERS = PARAMETERS
     COUNTERS = ('pulses_received', 'pulses_emitted', 'apertures_started',
                 'pulses_waiting_for_poses', 'poses_received',
@@ -138,6 +140,8 @@ class PulseBufferStep(Step):
         """Buffer pulses; returns the blocks that became complete."""
         if self._poses is None:
             check_frame(block, self._frame)
+        else:
+            self._poses.compare(int(block.stamp_ns[-1]), self.received_s)
         return self._emitted(self._buffer.push(block))
 
     def publish(self, product: PulseBlock) -> None:

@@ -221,6 +221,7 @@ class Positioner(EventSource):
         self._last_verdict = PoseVerdict.TAKEN
         self._aperture: tuple[int, int] | None = None  # number and frame
         self._last_counter = 0
+        self._nothing_since: PoseStatus | None = None  # why the blocks so far have no pose at all
         self._told_channels = 0
         self.statistics = PositioningStatistics()
 
@@ -318,9 +319,12 @@ class Positioner(EventSource):
                  status: np.ndarray) -> list[PulseBlock]:
         """The pulses with a pose in the frame of their aperture, as no or one block."""
         ready = status == PoseStatus.READY
-        for reason in np.unique(status[~ready]):
-            self._drop(block.counter[status == reason], 'without_pose',
-                       _REASONS[PoseStatus(reason)])
+        for reason in map(PoseStatus, np.unique(status[~ready])):
+            some = status == reason
+            self._drop(block.counter[some], 'without_pose', _REASONS[reason]
+                       + self._distance(block.stamp_ns[some], reason),
+                       told=reason == self._nothing_since)
+        self._nothing_since = None if ready.any() else reason
         if not ready.any():
             return []
         frame = self._frame_of(block, int(turns[0].frame[ready][0]))
@@ -345,9 +349,22 @@ class Positioner(EventSource):
         self._last_counter = int(block.counter[-1])
         return self._aperture[1]
 
-    def _drop(self, counters: np.ndarray, kind: str, why: str) -> None:
-        if counters.size:
-            setattr(self.statistics, kind, getattr(self.statistics, kind) + counters.size)
+    def _distance(self, stamp_ns: np.ndarray, reason: PoseStatus) -> str:
+        """How far pulses are from the poses that there are."""
+        span = self.track.span_ns
+        if span is None or reason not in (PoseStatus.BEFORE, PoseStatus.LATE):
+            return ''
+        stamp_ns = stamp_ns + self._alignment.time_offset_ns
+        if reason == PoseStatus.BEFORE:
+            return f', by up to {1e-9 * (span[0] - int(stamp_ns[0])):.3g} s'
+        return f'; the newest is up to {1e-9 * (int(stamp_ns[-1]) - span[1]):.3g} s older'
+
+    def _drop(self, counters: np.ndarray, kind: str, why: str, *, told: bool = False) -> None:
+        """Count pulses that are dropped, and report them unless that goes on as it did."""
+        if not counters.size:
+            return
+        setattr(self.statistics, kind, getattr(self.statistics, kind) + counters.size)
+        if not told:
             numbers = [int(c) & COUNTER_MASK for c in counters]
             self._report(kind, f'dropped pulses {describe_counters(numbers)}: {why}')
 

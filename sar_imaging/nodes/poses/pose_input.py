@@ -29,6 +29,8 @@ from .tf_input import TfSampler, import_tf, read_lever_arms, split_frames
 BLOCK, ODOMETRY, POSE, TF, FIX, FIX_IMU = SOURCES = ('block', 'odometry', 'pose', 'tf', 'fix',
                                                      'fix_imu')
 _QUEUE_DEPTH = 10_000  # poses come in bursts where a machine is busy; each takes 0.7 kB
+_CLOCKS_APART_S = 1.0  # more than messages are on their way
+_CLOCK_LOOKS = 3  # in a row: who sends a recording's poses all at once is no wrong clock
 
 
 def _check_arms(values) -> None:
@@ -178,6 +180,9 @@ class PoseInput:
         self._told = False  # the frame of the poses
         self._last_s: float | None = None
         self._watch: InputWatch | None = None  # of a topic of poses
+        # Stamp of the latest pose and pulse in ns, when it came, and when it was noted.
+        self._newest: dict[str, tuple[int, float, float]] = {}
+        self._looks_apart = 0
         self._other_frame: str | None = None  # of the latest pose, where it is another one
         self._release: list[Callable[[], None]] = []
         self.topic = self._source
@@ -192,6 +197,7 @@ class PoseInput:
     def activate(self, node: ManagedNode) -> None:
         """Subscribe."""
         self._last_s, self._other_frame = time.monotonic(), None
+        self._newest.clear()
         if self._source == TF:
             tf = TfSampler(node, self._frame, self._parameters, self._take_parts)
             self._release.append(tf.close)
@@ -238,8 +244,12 @@ class PoseInput:
         """Poses that wait to be taken."""
         return len(self._poses)
 
+    def compare(self, stamp_ns: int, received_s: float) -> None:
+        """Note when the latest pulse was sent by its clock, and when it came."""
+        self._newest['pulse'] = stamp_ns, received_s, time.monotonic()
+
     def look(self) -> None:
-        """State why no pose comes, or that they come in another frame."""
+        """State why no pose is of use: none comes, or their frame or clock is another."""
         if self._last_s is None:
             return
         pause_s, text = time.monotonic() - self._last_s, ''
@@ -253,6 +263,28 @@ class PoseInput:
         self._missed = bool(text)
         self._health.cause(Cause.NO_POSES, text)
         self._health.cause(Cause.POSES_IN_OTHER_FRAME, self._explain(self._other_frame))
+        self._health.cause(Cause.CLOCKS_APART, self._explain_clocks(self._ahead_s()))
+
+    def _ahead_s(self) -> float:
+        """How far the poses are ahead of the pulses, while both come; 0 where that is little."""
+        newest, ahead_s = dict(self._newest), 0.0
+        now = time.monotonic()
+        if len(newest) == 2 and all(now - noted_s < 2.0 for *_, noted_s in newest.values()):
+            (pose_ns, pose_s, _), (pulse_ns, pulse_s, _) = newest['pose'], newest['pulse']
+            offset_ns = round(1e9 * self._parameters['pose.time_offset_s'])
+            ahead_s = 1e-9 * (pose_ns - pulse_ns - offset_ns) - (pose_s - pulse_s)
+        behind_s = max(_CLOCKS_APART_S, self._parameters['pose.wait_s'])
+        apart = ahead_s > _CLOCKS_APART_S or ahead_s < -behind_s
+        self._looks_apart = self._looks_apart + 1 if apart else 0
+        return ahead_s if self._looks_apart >= _CLOCK_LOOKS else 0.0
+
+    def _explain_clocks(self, ahead_s: float) -> str:
+        """What clocks that differ mean."""
+        if not ahead_s:
+            return ''
+        right_s = self._parameters['pose.time_offset_s'] + ahead_s
+        return (f'poses are {abs(ahead_s):.1f} s {"ahead of" if ahead_s > 0 else "behind"} the '
+                f'pulses: synchronise the clocks, or set pose.time_offset_s to {right_s:.1f}')
 
     def _receive(self, message: Odometry | PoseStamped) -> None:
         pose = message.pose.pose if self._source == ODOMETRY else message.pose
@@ -284,7 +316,8 @@ class PoseInput:
         self._take(stamp_ns, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
     def _take(self, stamp_ns: int, position: tuple, quaternion: tuple) -> None:
-        self._last_s, self._other_frame = time.monotonic(), None
+        self._last_s = now = time.monotonic()
+        self._newest['pose'], self._other_frame = (stamp_ns, now, now), None
         if self._missed:
             self._missed = False  # at once: poses may come seldom
             self._health.cause(Cause.NO_POSES, '')

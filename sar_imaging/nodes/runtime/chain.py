@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 
 from sar_imaging.backends import DeviceError
 
+from .inlet import PulseBlocks
 from .step import Step
 
 
@@ -79,7 +80,7 @@ class Chain:
         dropped = [step.discard() for step in self.steps]
         # What a step of another input holds was made from pulses that are counted already.
         return sum(n for n, step in zip(dropped, self.steps, strict=True)
-                   if step.INLET is self.steps[0].INLET)
+                   if step is self.steps[0] or issubclass(step.INLET, PulseBlocks))
 
     def _take(self, number: int, item) -> None:
         step = self.steps[number]

@@ -33,6 +33,7 @@ class Cause(enum.Enum):
     TWO_PUBLISHERS = 'the input comes from one publisher', True
     POSES_IN_OTHER_FRAME = 'the frame of the poses is right', True
     NO_POSES = 'poses go on', True
+    CLOCKS_APART = 'the clocks of poses and pulses agree', True
     COMPILING = 'kernels are compiled', False
     STALLED = 'input continues', False
     BEHIND = 'the work keeps up with the input again', False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import functools
 
 import numpy as np
 from std_msgs.msg import Float32MultiArray
@@ -114,6 +115,12 @@ class PulseBlocks(Inlet):
     def select(self, item: PulseBlock, parts: np.ndarray) -> PulseBlock:
         """Some of the pulses."""
         return item.select(parts)
+
+
+class UncheckedPulses(PulseBlocks):
+    """The same for a step that drops pulses whose samples are not finite, and these alone."""
+
+    read = staticmethod(functools.partial(pulse_block.from_message, finite=False))
 
 
 class SubapertureImages(Inlet):
