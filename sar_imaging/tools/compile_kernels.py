@@ -27,11 +27,14 @@ def _jobs() -> list[tuple[str, Callable[[], None]]]:
     """What is compiled, in words, and the functions that do it."""
     from sar_imaging.autofocus.live import compile_autofocus
     from sar_imaging.backends import compile_beforehand
+    from sar_imaging.diagnosis.coherence import compile_kernels as compile_diagnosis
+    from sar_imaging.exploitation.obstacles.evidence import compile_kernels as compile_obstacles
 
     return [('exact backprojection', lambda: compile_beforehand('Backprojection')),
             ('sub-aperture images', lambda: compile_beforehand('SubapertureImager')),
             ('fusion of sub-apertures', lambda: compile_beforehand('SpectrumFusion')),
-            ('autofocus', compile_autofocus)]
+            ('autofocus', compile_autofocus), ('diagnosis', compile_diagnosis),
+            ('obstacle maps', compile_obstacles)]
 
 
 def parser() -> argparse.ArgumentParser:

@@ -14,6 +14,7 @@ from sar_imaging.quality.focus import FocusFigure, focus_figure
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 
 from ..runtime.health import Health, Part
+from ..runtime.worker import aside
 
 COUNTERS = ('focus_peak_db', 'focus_entropy', 'focus_contrast', 'images_at_noise_level')
 DIAGNOSIS_COUNTERS = ('focus_coherence', 'diagnosis_seconds')
@@ -105,12 +106,20 @@ class FocusWatch:
             return
         self._wanted = False
         self._kept = []
+        radar = self._radar
+        aside(lambda: self._examine(aperture, blocks, radar, figure), 'diagnosis')
+
+    def _examine(self, aperture: int, blocks: list[PulseBlock], radar: tuple,
+                 figure: FocusFigure | None) -> None:
+        """Diagnose an aperture; images do not wait for it."""
         began = time.perf_counter()
         try:
             diagnosis = diagnose(concatenate(blocks), self._grid)
-        except (ValueError, MemoryError) as error:
+        except Exception as error:
             self._health.warning(f'aperture {aperture} could not be examined: {error}')
             return
+        if radar != self._radar:
+            return  # another one sends meanwhile
         self._health.set('diagnosis_seconds', time.perf_counter() - began)
         self._health.set('focus_coherence', diagnosis.coherence)
         self._was_focused = diagnosis.focused

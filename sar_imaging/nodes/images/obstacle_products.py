@@ -19,6 +19,7 @@ from msg_conversions.images import occupancy_to_message
 from msg_conversions.point_cloud import OBSTACLE_FIELDS, to_message
 from sar_imaging.exploitation.obstacles import ObstacleDetector
 from sar_imaging.exploitation.obstacles.aperture_view import ApertureView
+from sar_imaging.exploitation.obstacles.evidence import compile_kernels
 from sar_imaging.exploitation.obstacles.obstacle_map import UNKNOWN, ObstacleMap
 from sar_imaging.geometry.grids import MapGrid
 
@@ -72,6 +73,7 @@ class ObstacleProducts:
         self._timer = None
         # Time and stamp of the last map while some of it is known, on time.monotonic and in ns.
         self._sent: tuple[float, int] | None = None
+        compile_kernels()  # who asks for the first map must not wait for it
         joined = {'joined': lambda: node.in_worker(self._publish)}
         self._grid_output = node.create_output(OccupancyGrid, 'obstacle_map', LATCHED, **joined)
         self._cloud_output = node.create_output(

@@ -36,6 +36,7 @@ from .parameters import (
     ParameterValues,
     command_line_parameters,
 )
+from .worker import works_aside
 
 RCLError = rclpy_implementation.RCLError
 DIAGNOSTICS_PERIOD_S = 1.0
@@ -307,7 +308,7 @@ def run(node_class: type[ManagedNode], args: list[str] | None = None) -> int:
         rclpy.try_shutdown()
         # rclpy has put the default back: another Ctrl-C would look like a crash from here on.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if node is not None and node.works_on:
+    if node is not None and (node.works_on or works_aside()):
         os._exit(0)  # the interpreter would wait for that thread
     return 0
 

@@ -144,8 +144,8 @@ class Stage(ManagedNode):
         with Preparation(self, self.INPUT, self._inlet), interruptible(self.context.ok):
             self._chain = Chain([step.create(self.parameters, self._healths[step])
                                  for step in steps], reject=self._reject)
-        for step in self._chain.steps:
-            step.create_outputs(self)
+            for step in self._chain.steps:
+                step.create_outputs(self)
 
     def activate(self) -> None:
         """Subscribe and begin to work; see `ManagedNode.activate`."""

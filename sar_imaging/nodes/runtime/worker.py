@@ -1,12 +1,19 @@
-"""One worker thread behind a bounded queue, so that callbacks stay short."""
+"""One worker thread behind a bounded queue, so that callbacks stay short; others beside it."""
 
 from __future__ import annotations
 
 import collections
 import concurrent.futures
 import dataclasses
+import os
+import sys
 import threading
 from collections.abc import Callable
+
+import numba
+
+_ASIDE_NICE = 10  # the worker comes first
+_aside: set[threading.Thread] = set()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -177,3 +184,34 @@ class Worker:
             function(*arguments)
         except Exception as error:  # whatever one block does, the thread lives on
             self._on_error(error)
+
+
+def aside(work: Callable[[], None], name: str) -> None:
+    """Do what nobody waits for in a thread of its own, with low priority and on one processor.
+
+    Where Numba's threads bear no second caller (its layer ``workqueue``), it is done at once.
+
+    Parameters
+    ----------
+    work : callable
+        Raises nothing.
+    name : str
+        Of the thread.
+    """
+    def run():
+        if sys.platform == 'linux':  # elsewhere the priority is that of the whole process
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _ASIDE_NICE)
+        numba.set_num_threads(1)
+        work()
+
+    if numba.threading_layer() == 'workqueue':
+        work()
+        return
+    _aside.difference_update([thread for thread in _aside if not thread.is_alive()])
+    _aside.add(thread := threading.Thread(target=run, name=name))
+    thread.start()
+
+
+def works_aside() -> bool:
+    """Whether something that was begun by `aside` goes on."""
+    return any(thread.is_alive() for thread in _aside)
