@@ -33,9 +33,9 @@ METHODS: Mapping[str, tuple[str, str]] = {
     EXACT: ('sar_imaging.imaging.exact', 'Exact'),
     AFBP: ('sar_imaging.imaging.afbp', 'Afbp'),
     'correlation': ('sar_imaging.imaging.correlation', 'Correlation'),
-    'ffbp': ('sar_imaging.published.methods', 'Ffbp'),
-    'wavenumber': ('sar_imaging.published.methods', 'Wavenumber'),
-    'zero-padding': ('sar_imaging.published.methods', 'ZeroPadding')}
+    'ffbp': ('sar_imaging.published.ffbp', 'Ffbp'),
+    'wavenumber': ('sar_imaging.published.wavenumber', 'Wavenumber'),
+    'zero-padding': ('sar_imaging.published.zero_padding', 'ZeroPadding')}
 
 
 @dataclasses.dataclass(frozen=True)

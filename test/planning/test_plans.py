@@ -14,9 +14,9 @@ from sar_imaging.planning.afbp.live import plan_live
 from sar_imaging.planning.afbp.plan import plan_afbp
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 from sar_imaging.planning.exact.points import ImagePoints
-from sar_imaging.published.ffbp_choice import plan_ffbp
-from sar_imaging.published.wavenumber_plan import plan_wavenumber
-from sar_imaging.published.zero_padding_plan import plan_zero_padding
+from sar_imaging.published.ffbp import plan_ffbp
+from sar_imaging.published.wavenumber import plan_wavenumber
+from sar_imaging.published.zero_padding import plan_zero_padding
 
 
 def _exact(case, grid=None, shift_m=0.0):

@@ -10,10 +10,7 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.published.ffbp_choice import plan_ffbp
-from sar_imaging.published.ffbp_grids import half_bands
-from sar_imaging.published.ffbp_tree import Node
-from sar_imaging.published.neighbour_weights import TAPS, kernel_weights
+from sar_imaging.published.ffbp import TAPS, Node, half_bands, kernel_weights, plan_ffbp
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 from sar_imaging.signal.spectra import band_spectrum
 

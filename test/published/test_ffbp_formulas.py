@@ -7,14 +7,10 @@ from hypothesis import given, settings, strategies as st
 from sar_imaging.backends.reference.project_lines import project_lines
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.profiles.range_gate import RangeGate
-from sar_imaging.published import ffbp_kernels as ffbp
-from sar_imaging.published.ffbp_choice import plan_ffbp
-from sar_imaging.published.ffbp_imager import FactorisedImager
-from sar_imaging.published.ffbp_plan import FfbpPlan
-from sar_imaging.published.ffbp_segments import LANES
-from sar_imaging.published.ffbp_tree import Node
-from sar_imaging.published.neighbour_weights import TAPS, kernel_weights
+from sar_imaging.published import ffbp
+from sar_imaging.published.ffbp import LANES, TAPS, FfbpPlan, Node, kernel_weights
 from sar_imaging.quality import error_db
 from sar_imaging.signal.pulses import PulseBlock
 
@@ -197,11 +193,12 @@ def test_local_images_are_merged(seed, kernel, n_range, n_alpha, add):
 def test_whole_images(make_case, options, kernel):
     case = make_case(n=48, pulses=40, n_points=60, **options)
     block = case.block
-    plan = plan_ffbp(case.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
-                     pulses_per_subaperture=5, merge_factor=2, kernel=kernel,
-                     range_oversampling=(sampling := OVERSAMPLING[kernel]),
-                     angle_oversampling=sampling)
-    found, wanted = (imager(plan).image(block) for imager in (FactorisedImager, Formula))
+    imager = plan_image(case.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
+                        method='ffbp', pulses_per_subaperture=5, merge_factor=2, kernel=kernel,
+                        range_oversampling=(sampling := OVERSAMPLING[kernel]),
+                        angle_oversampling=sampling)
+    plan = imager.report.plan
+    found, wanted = imager(block).samples, Formula(plan).image(block)
     # Both interpolate at the same places, but for expansions, rounding, and the polynomials of
     # neighbouring intervals, which a segment reads a little beyond. Measured: -29.9 dB and less.
     assert error_db(found, wanted) <= plan.predicted_error_db - 25.0

@@ -11,7 +11,7 @@ import scipy.fft
 
 from sar_imaging.imaging.correlation import correlate_profiles
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.published.ffbp_choice import plan_ffbp
+from sar_imaging.published.ffbp import plan_ffbp
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.simulation.echoes import scene_spectrum, two_way_delays
 from sar_imaging.simulation.trials.random_cases import random_case

@@ -9,7 +9,7 @@ import pytest
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.published.wavenumber_plan import fewest_taps, plan_wavenumber
+from sar_imaging.published.wavenumber import fewest_taps, plan_wavenumber
 from sar_imaging.quality import error_db, impulse_response
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters, Waveform
 from sar_imaging.signal.pulses import concatenate

@@ -7,7 +7,7 @@ import pytest
 
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.published.zero_padding_plan import DELAYS, INTERPOLATORS, predicted_error_db
+from sar_imaging.published.zero_padding import DELAYS, INTERPOLATORS, predicted_error_db
 from sar_imaging.quality import error_db
 from sar_imaging.signal import SPEED_OF_LIGHT
 from sar_imaging.signal.spectra import band_spectrum
@@ -126,7 +126,7 @@ def test_points_have_the_image_of_the_grid(case):
 @pytest.mark.parametrize('interpolator', INTERPOLATORS)
 def test_pulses_are_taken_in_parts(case, interpolator, monkeypatch):
     whole = _image(case, interpolator=interpolator, ratio=10)
-    monkeypatch.setattr('sar_imaging.published.zero_padding_plan.CHUNK_BYTES', 1)
+    monkeypatch.setattr('sar_imaging.published.zero_padding.CHUNK_BYTES', 1)
     # Another order of the same float64 sums, rounded once to float32.
     np.testing.assert_allclose(_image(case, interpolator=interpolator, ratio=10), whole,
                                rtol=2e-7, atol=1e-5)

@@ -5,11 +5,11 @@ from hypothesis import given, settings, strategies as st
 
 from sar_imaging.backends.reference.project_points import half_paths
 from sar_imaging.geometry.point_grids import PointGrid
-from sar_imaging.published.zero_padding_imager import image_zero_padded
-from sar_imaging.published.zero_padding_plan import (
+from sar_imaging.published.zero_padding import (
     DELAYS,
     INTERPOLATORS,
     ZeroPaddingPlan,
+    image_zero_padded,
     plan_zero_padding,
 )
 from sar_imaging.signal.pulses import PulseBlock

@@ -16,7 +16,7 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.imaging.methods import Method
 from sar_imaging.planning.plan import Plan
-from sar_imaging.published.methods import Ffbp
+from sar_imaging.published.ffbp import Ffbp
 from sar_imaging.signal.pulses import PulseBlock
 
 from .letter_recording import Recording
@@ -110,14 +110,9 @@ class _TimedBackend:
 
 def _timed_ffbp(seconds: dict[str, float]) -> type[Method]:
     """FFBP that adds up the seconds of its stages."""
-    class Timed(Ffbp):
-        def plan(self, tx_m, rx_m):
-            report = super().plan(tx_m, rx_m)
-            _timed(self._stage, {'_backproject': 'stage 1', '_merge': 'fusion',
-                                 '_add': 'resampling'}, seconds)
-            return report
-
-    return Timed
+    stages = {'_backproject': 'stage 1', '_merge': 'fusion', '_add': 'resampling'}
+    return type('TimedFfbp', (Ffbp,), {step: _stopwatch(getattr(Ffbp, step), stage, seconds)
+                                       for step, stage in stages.items()})
 
 
 def _whole_afbp(pulses: int | None) -> SceneImager:

@@ -17,7 +17,7 @@ import numpy as np
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.published.zero_padding_plan import DELAYS, predicted_error_db
+from sar_imaging.published.zero_padding import DELAYS, predicted_error_db
 from sar_imaging.quality import (
     error_db,
     impulse_response,
