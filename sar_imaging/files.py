@@ -8,6 +8,7 @@ are complete. So nothing is half written, and nothing is written through a link.
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import stat
 import sys
@@ -15,6 +16,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+MOST_TEXT_BYTES = 1_000_000  # of a file that a person writes
 _LONGEST_TEXT = 500  # characters of an error of another library
 _inputs: dict[tuple[int, int], Path] | None = None  # device and inode; None outside of commands
 
@@ -46,6 +48,19 @@ def check_file(path: Path | str, most_bytes: int = sys.maxsize) -> None:
                          f'{most_bytes / 1e6:.3g} MB')
     if _inputs is not None:
         _inputs[status.st_dev, status.st_ino] = Path(path).resolve()
+
+
+def read_text(path: Path | str, most_bytes: int = MOST_TEXT_BYTES) -> str:
+    """Text of a file that people write.
+
+    Raises
+    ------
+    ValueError
+        It cannot be read (see `check_file`), or is no text.
+    """
+    check_file(path, most_bytes)
+    with naming(path, 'cannot be read'):
+        return Path(path).read_text(encoding='utf-8-sig')
 
 
 @contextlib.contextmanager
@@ -94,16 +109,26 @@ def naming(path: Path | str, trouble: str, error: type[Exception] = ValueError) 
 
 
 def told(error: BaseException) -> str:
-    """Text of an error in one line of bounded length; its kind where it has none of ours."""
-    text = ' '.join(str(error).split())
+    """Text of an error in one line of bounded length, in words where Python has none."""
+    text = printable(' '.join(str(error).split()))
     if len(text) > _LONGEST_TEXT:
         text = f'{text[:_LONGEST_TEXT]} ...'
+    if isinstance(error, UnicodeDecodeError):
+        return f'it is no text (byte {error.start} is no {error.encoding.upper()})'
+    if isinstance(error, json.JSONDecodeError):
+        return f'it is no JSON (line {error.lineno}, column {error.colno})'
+    if isinstance(error, RecursionError):
+        return 'it is nested too deeply'
     if isinstance(error, MemoryError):
         return text or 'there is not enough memory'
-    if not text:
-        return f'it is damaged ({type(error).__name__})'
-    return text if _ours(error) or isinstance(error, OSError | ValueError) else (
-        f'{type(error).__name__}: {text}')
+    if text and (_ours(error) or isinstance(error, OSError | ValueError)):
+        return text
+    return f'it is damaged ({type(error).__name__}{text and ": "}{text})'
+
+
+def printable(text: str) -> str:
+    """A text whose characters move no cursor: those that are not printed are escaped."""
+    return ''.join(c if c.isprintable() or c == '\n' else repr(c)[1:-1] for c in text)
 
 
 def _ours(error: BaseException) -> bool:

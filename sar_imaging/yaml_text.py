@@ -5,9 +5,11 @@ PyYAML keeps the last of such keys without a word, and YAML 1.2 forbids them (se
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import yaml
 
-from .files import told
+from .files import MOST_TEXT_BYTES, read_text, told
 
 _DEEPEST = 50
 _MOST_VALUES = 1_000_000
@@ -109,6 +111,22 @@ def load_yaml(text: str, loader: type[Loader] = Loader):
         raise
     except Exception as error:  # of values that are none of their type
         raise yaml.MarkedYAMLError(problem=told(error)) from error
+
+
+def read_yaml(path: Path | str, loader: type[Loader] = Loader, *,
+              most_bytes: int = MOST_TEXT_BYTES):
+    """Content of a YAML file.
+
+    Raises
+    ------
+    ValueError
+        It cannot be read, is larger, no text or no YAML; the text names it, and quotes nothing
+        of it but a key.
+    """
+    try:
+        return load_yaml(read_text(path, most_bytes), loader)
+    except yaml.YAMLError as error:
+        raise ValueError(f'{path!s} is no YAML: {trouble(error)}') from error
 
 
 def trouble(error: yaml.YAMLError) -> str:

@@ -13,12 +13,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-import yaml
-
+from ..files import naming
 from ..geometry.grids import MapGrid
 from ..names import advice_on
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
-from ..yaml_text import Loader, load_yaml, trouble
+from ..yaml_text import Loader, load_yaml, read_yaml
 from .antenna import antenna_of
 from .constraints import Finding
 from .settings import Acquisition, Imaging, Machine
@@ -196,7 +195,9 @@ def read_configuration(path: Path | str, given: Mapping[str, object] = MappingPr
     ...     print(finding.severity + ':', finding.text)
     error: section 'backprojection' has grid.size_z, which no node reads; did you mean ...
     """
-    return interpret(load_tree(path), load_tree(default_file()), given)
+    tree = load_tree(path)
+    with naming(path, 'is no parameter file', ConfigurationFileError):
+        return interpret(tree, load_tree(default_file()), given)
 
 
 def interpret(tree, defaults, given: Mapping[str, object] = MappingProxyType({})
@@ -314,11 +315,9 @@ def load_tree(path: Path | str):
         It cannot be read.
     """
     try:
-        return parse(Path(path).read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationFileError(f'{path} cannot be read: {error}') from error
-    except yaml.YAMLError as error:
-        raise ConfigurationFileError(f'{path} is no YAML: {trouble(error)}') from error
+        return read_yaml(path, _Loader)
+    except ValueError as error:
+        raise ConfigurationFileError(f'{error}') from error
 
 
 def _sections(tree) -> Iterator[tuple[str, dict]]:

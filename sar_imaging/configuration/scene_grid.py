@@ -2,7 +2,7 @@
 
 - Spacing: half of the finer resolution on the plane, ``c / 2B`` over the cosine of the grazing
   angle across the aperture, and ``lambda / (4 sin(angle / 2))`` along it.
-- Footprint: the area that the recording names; without one, everything around the middle that all
+- Footprint: the area that the file names; without one, everything around the middle that all
   range profiles cover and that the distance between pulses leaves unambiguous.
 - Both shrink to the memory that is allowed, around the middle.
 """
@@ -136,7 +136,7 @@ def choose_grid(coverage: Coverage, centre_m, *, plane: str = 'ground', area_m=N
         ``'ground'``, a map north-up in the imaging frame, or ``'slant'``, in which pictures look
         as the radar sees.
     area_m : (N, 3) array_like, optional
-        Corners of the area that the recording names, metres.
+        Corners of the area that the file names, metres.
     size_m : (2,) floats, optional
         Size asked for instead of the footprint, metres: along x and y of a map, along range and
         track on the slant plane.
@@ -173,7 +173,7 @@ def choose_grid(coverage: Coverage, centre_m, *, plane: str = 'ground', area_m=N
     elif area_m is not None:
         size_m = _around(np.asarray(area_m, float), centre, axes)
         size_m, share = _covered_part(coverage, centre, axes, size_m)
-        reasons.append(f'size {size_m[0]:.4g} m by {size_m[1]:.4g} m: the area that the recording '
+        reasons.append(f'size {size_m[0]:.4g} m by {size_m[1]:.4g} m: the area that the file '
                        f'names{"" if share == 1.0 else ", as far as its profiles cover it"} '
                        '(--size changes it)')
     else:

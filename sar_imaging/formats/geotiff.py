@@ -95,7 +95,7 @@ def write_geotiff(path: os.PathLike | str, image: Image, datum: Datum, *,
         tags[_RESAMPLED] = 'YES'
     quantity = quantity_of(image)
     # phases of neighbours would cancel
-    write_cog(path, [band], place, nodata=nodata, tags=tags,
+    write_cog(path, band, place, nodata=nodata, tags=tags,
               names=[quantity], units=[_unit(image, content)],
               overviews='NEAREST' if content == COMPLEX else 'AVERAGE')
     return place

@@ -1,13 +1,12 @@
 """Bands of numbers, such as coherence and height, to cloud-optimised GeoTIFF.
 
-`write_raster` and `write_cog` take whole bands; `write_large_cog` takes bands larger than memory,
-window by window.
+`write_cog` takes whole bands, or window by window what is larger than memory.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -58,43 +57,16 @@ def write_raster(path: os.PathLike | str, bands: Mapping[str, np.ndarray], grid,
     if place.error_m > TOLERANCE_M:
         raise ValueError(f'in {place.crs.name} pixels would lie up to {place.error_m:.3g} m from '
                          f'their places; {TOLERANCE_M} m are allowed: write smaller pieces')
-    write_cog(path, [np.asarray(values, np.float32) for values in bands.values()], place,
+    write_cog(path, np.stack([np.asarray(values, np.float32) for values in bands.values()]), place,
               names=tuple(bands), nodata=float('nan'))
     return place
 
 
-def write_cog(path: os.PathLike | str, bands: Sequence[np.ndarray], place: Georeference,
-              **options) -> None:
-    """Write bands of one shape and type.
-
-    Parameters
-    ----------
-    path : path
-        File to write.
-    bands : sequence of (rows, columns) array
-        Of a type that GDAL knows.
-    place : Georeference
-        Projection and transform.
-    **options
-        As of `write_large_cog`.
-
-    Raises
-    ------
-    MissingExtraError
-        rasterio is not installed.
-    """
-    rows, columns = bands[0].shape
-    values = bands[0] if len(bands) == 1 else np.stack(bands)
-    write_large_cog(path, (rows, columns), values.dtype,
-                    [((slice(0, rows), slice(0, columns)), values)], place, **options)
-
-
-def write_large_cog(path: os.PathLike | str, shape: tuple[int, int], dtype,
-                    windows: Iterable[tuple[tuple[slice, slice], np.ndarray]],
-                    place: Georeference, *, names: Sequence[str] = ('',),
-                    units: Sequence[str] = (), nodata: float | None = None,
-                    tags: Mapping[str, str] | None = None, overviews: str = 'NEAREST') -> None:
-    """Write bands that come window by window, in some 300 MB of memory whatever their size.
+def write_cog(path: os.PathLike | str, values, place: Georeference, *,
+              shape: tuple[int, int] | None = None, dtype=None, names: Sequence[str] = ('',),
+              units: Sequence[str] = (), nodata: float | None = None,
+              tags: Mapping[str, str] | None = None, overviews: str = 'NEAREST') -> None:
+    """Write bands, whole ones or window by window in some 300 MB of memory whatever their size.
 
     Beside the file stands one without compression meanwhile, so that twice its size and more is
     needed on the disk.
@@ -103,15 +75,15 @@ def write_large_cog(path: os.PathLike | str, shape: tuple[int, int], dtype,
     ----------
     path : path
         File to write, complete or absent; BigTIFF where it has to be.
-    shape : (int, int)
-        Rows and columns.
-    dtype : dtype
-        Of the values, which GDAL knows.
-    windows : iterable of ((slice, slice), array)
-        Rows and columns, and their values, (rows, columns) or (bands, rows, columns); pixels of
-        no window hold `nodata`, or 0.
+    values : array, or iterable of ((slice, slice), array)
+        (rows, columns) or (bands, rows, columns); or windows: rows and columns, and their values.
+        Pixels of no window hold `nodata`, or 0.
     place : Georeference
         Projection and transform.
+    shape : (int, int)
+        Rows and columns of all windows.
+    dtype : dtype
+        Of the values of windows, which GDAL knows.
     names, units : sequence of str
         Of the bands, whose number the names tell.
     nodata : float, optional
@@ -128,6 +100,9 @@ def write_large_cog(path: os.PathLike | str, shape: tuple[int, int], dtype,
     """
     rasterio = require('rasterio', 'writing GeoTIFF')
     shutil = require('rasterio.shutil', 'writing GeoTIFF')
+    if isinstance(values, np.ndarray):
+        shape, dtype = values.shape[-2:], values.dtype
+        values = [((slice(0, shape[0]), slice(0, shape[1])), values)]
     dtype = np.dtype(dtype)
     profile = dict(driver='GTiff', height=shape[0], width=shape[1], count=len(names), dtype=dtype,
                    crs=place.crs.to_wkt(), nodata=nodata, tiled=True, blockxsize=_BLOCK,
@@ -137,9 +112,9 @@ def write_large_cog(path: os.PathLike | str, shape: tuple[int, int], dtype,
     with replacing(path) as part, rasterio.Env(GDAL_CACHEMAX=_CACHE_BYTES, GDAL_NUM_THREADS='1'):
         plain = part.with_name(f'{part.name}.plain')
         with rasterio.open(plain, 'w', **profile) as file:
-            for (rows, columns), values in windows:
-                height, width = values.shape[-2:]
-                file.write(np.asarray(values, dtype).reshape(-1, height, width),
+            for (rows, columns), own in values:
+                height, width = own.shape[-2:]
+                file.write(np.asarray(own, dtype).reshape(-1, height, width),
                            window=rasterio.windows.Window(columns.start, rows.start, width,
                                                           height))
             for number, name in enumerate(names, 1):

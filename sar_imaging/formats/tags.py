@@ -7,11 +7,13 @@ import json
 
 import numpy as np
 
+from ..files import told
 from ..geometry.earth import Datum
 from ..geometry.even_grids import PlaneGrid
 from ..geometry.grids import MapGrid
 from ..imaging.image import Image, Report
 from ..imaging.radiometry import Radiometry
+from ..numpy_files import check_memory
 from ..radiometry import QUANTITIES
 
 _GRIDS = {grid.__name__: grid for grid in (MapGrid, PlaneGrid)}
@@ -61,19 +63,22 @@ def image_from_text(text: str, samples: np.ndarray, *,
         The text was not written by `image_to_text`, or is of an image of another shape.
     """
     try:
-        told = json.loads(text)
-        if told['version'] != _VERSION:
-            raise ValueError(f'version {told["version"]}; expected {_VERSION}')
-        datum = Datum(**told['datum'])
-        report = Report(**told['report'] | {'warnings': tuple(told['report']['warnings'])})
-        grid = _grid(told['grid'])
+        tag = json.loads(text)
+        if tag['version'] != _VERSION:
+            raise ValueError(f'version {tag["version"]}; expected {_VERSION}')
+        datum = Datum(**tag['datum'])
+        report = Report(**tag['report'] | {'warnings': tuple(tag['report']['warnings'])})
+        grid = _grid(tag['grid'])
+        check_memory('its list of pulses', 8 * sum(last - first + 1
+                                                   for first, last in tag['counters']))
         counters = np.concatenate([np.zeros(0, np.int64), *(
-            np.arange(first, last + 1) for first, last in told['counters'])])
-        scaled = told.get('radiometry')  # files of 0.2.0 have none
-        image = Image(samples, grid, float(told['carrier_hz']), report, int(told['stamp_ns']),
+            np.arange(first, last + 1) for first, last in tag['counters'])])
+        scaled = tag.get('radiometry')  # files of 0.2.0 have none
+        image = Image(samples, grid, float(tag['carrier_hz']), report, int(tag['stamp_ns']),
                       counters, scaled and Radiometry(**scaled))
-    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
-        raise ValueError(f'the tag of the image cannot be understood: {error!r}') from error
+    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError,
+            RecursionError) as error:
+        raise ValueError(f'the tag of the image cannot be understood: {told(error)}') from error
     if grid.shape != samples.shape and not resampled:
         raise ValueError(f'the tag tells of a grid {grid.shape}, the file holds {samples.shape}')
     return image, datum

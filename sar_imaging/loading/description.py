@@ -10,13 +10,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
-import yaml
 
-from ..files import check_file
 from ..names import advice_on
-from ..yaml_text import load_yaml, trouble
+from ..yaml_text import read_yaml
 
-MOST_BYTES = 1_000_000
 # All sections and their keys; docs/loading.md explains each.
 SECTIONS = ('name', 'description', 'notes', 'samples', 'radar', 'times', 'positions', 'poses',
             'alignment', 'array', 'calibration', 'antenna', 'frames', 'scene')
@@ -236,13 +233,8 @@ def read_description(path: Path | str, changes: Mapping[str, object] | None = No
     ('team6_rail', 9.3)
     """
     try:
-        check_file(path, MOST_BYTES)
-        tree = load_yaml(Path(path).read_text(encoding='utf-8'))
-    except yaml.YAMLError as error:
-        raise DescriptionError(f'{path} is no YAML: {trouble(error)}') from error
-    except UnicodeDecodeError as error:
-        raise DescriptionError(f'{path} is no text; expected a YAML description') from error
-    except (OSError, ValueError) as error:
+        tree = read_yaml(path)
+    except ValueError as error:
         raise DescriptionError(f'description {error}') from error
     for key, value in (changes or {}).items():
         _change(tree, key, value)

@@ -28,7 +28,7 @@ from . import (
     tracks,
     virtual_array,
 )
-from .description import DescriptionError, Section, read_description
+from .description import SECTIONS, DescriptionError, Section, read_description
 from .files.data_files import DataFiles, find_files
 from .fit import poses_around, told_of_poses
 from .frames import ALIGNMENT_KEYS, FrameConverter, FrameError, convert_all
@@ -152,10 +152,14 @@ def load(description: Path | str, data: Path | str | None = None, *,
     description = find_description(description)
     try:
         return _load(description, data, changes or {}, read_bag, read_frames)
-    except (DescriptionError, FrameError, ImportError):
+    except (FrameError, ImportError):
         raise
     except Exception as error:  # numbers that contradict each other fail anywhere
-        raise DescriptionError(f'{description.name}: {told(error)}') from error
+        text = told(error)
+        if isinstance(error, DescriptionError) and (
+                description.name in text or not text.startswith(SECTIONS)):
+            raise  # it names its file
+        raise DescriptionError(f'{description.name}: {text}') from error
 
 
 def _load(description: Path, data: Path | str | None, changes: Mapping[str, object], read_bag,

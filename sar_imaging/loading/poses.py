@@ -17,8 +17,7 @@ from ..files import reading
 from ..geometry.poses import PoseTable
 from ..numpy_files import check_memory
 from .description import DescriptionError, Section
-from .files.data_files import DataFiles
-from .files.tables import numbers, read_table
+from .files.data_files import DataFiles, numbers, read_table
 from .times import to_nanoseconds
 from .tracks import FRAMES, TO_Z_UP, read_unit
 

@@ -89,8 +89,10 @@ def read_times(section: Section, n_pulses: int, variable) -> tuple[np.ndarray, n
         interval_s = section.number('interval_s')
         if interval_s <= 0:
             raise section.error('interval_s', 'seconds from pulse to pulse')
+        first_s = section.number('first_s', 0.0)
+        to_nanoseconds([first_s, first_s + interval_s * n_pulses])  # refuses what is too late
         # The first one apart: seconds since 1970 would round the steps to 0.2 microseconds.
-        time_ns = (round(section.number('first_s', 0.0) * 1e9)
+        time_ns = (round(first_s * 1e9)
                    + np.rint(np.arange(n_pulses) * (interval_s * 1e9)).astype(np.int64))
     if (np.diff(time_ns) < 0).any():
         at = int(np.argmax(np.diff(time_ns) < 0))

@@ -16,7 +16,7 @@ import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from ..files import check_file, replacing
+from ..files import read_text, replacing, told
 
 VARIABLE = 'SAR_IMAGING_COSTS'  # of the environment: file of measured costs
 
@@ -94,10 +94,9 @@ class CostModel:
     def read(cls, path: Path) -> CostModel:
         """Costs from a file that `write` wrote; ValueError where it holds something else."""
         try:
-            check_file(path, 1_000_000)
-            return cls(**json.loads(path.read_text()))
+            return cls(**json.loads(read_text(path)))
         except (OSError, TypeError, ValueError) as error:
-            raise ValueError(f'{path} holds no costs ({error}); write it with `sar-imaging '
+            raise ValueError(f'{path} holds no costs ({told(error)}); write it with `sar-imaging '
                              'measure-costs`') from error
 
     def write(self, path: Path) -> None:

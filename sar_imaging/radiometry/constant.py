@@ -7,14 +7,12 @@ import math
 from pathlib import Path
 
 import numpy as np
-import yaml
 from scipy.ndimage import map_coordinates
 
-from ..files import check_file
-from ..yaml_text import load_yaml, trouble
+from ..files import told
+from ..yaml_text import read_yaml
 from .response import ImageResponse
 
-_LARGEST_FILE = 1_000_000  # bytes
 _QUIET_SHARE = 16  # of the profile: the piece without echoes that noise is measured in
 
 
@@ -78,13 +76,12 @@ class RadarConstant:
             The file cannot be read, or lacks the gain; the text names it.
         """
         try:
-            check_file(path, _LARGEST_FILE)
-            content = load_yaml(Path(path).read_text(encoding='utf-8'))
+            content = read_yaml(path)
             return cls(float(content['gain_m']), float(content.get('noise_power', math.nan)))
-        except (OSError, yaml.YAMLError, TypeError, KeyError, AttributeError, ValueError) as error:
-            told = trouble(error) if isinstance(error, yaml.YAMLError) else error
-            raise ValueError(f'{path} is no file of a radar constant ({told}); `sar-imaging '
-                             'radar-constant` writes one, with gain_m and noise_power') from error
+        except (TypeError, KeyError, AttributeError, ValueError) as error:
+            raise ValueError(f'{path} is no file of a radar constant ({told(error)}); '
+                             '`sar-imaging radar-constant` writes one, with gain_m and noise_power'
+                             ) from error
 
     @classmethod
     def from_reflector(cls, amplitude: float, pixel, response: ImageResponse,

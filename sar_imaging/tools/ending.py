@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import TextIO
 
-from sar_imaging.files import protecting_inputs, told
+from sar_imaging.files import printable, protecting_inputs, told
 
 TRACEBACK = 'SAR_IMAGING_TRACEBACK'  # set in the environment: errors end with a traceback
 
@@ -83,7 +83,7 @@ def run_command(run: Callable[[], str | int]) -> int:
             result = run()
             if isinstance(result, int):
                 return result
-            print(result)
+            print(printable(result))
             return 0
     except KeyboardInterrupt:
         print('interrupted; nothing was written', file=sys.stderr)

@@ -63,7 +63,7 @@ def test_files_that_hold_no_antenna_are_named(tmp_path):
     with pytest.raises(ValueError, match='nowhere.yaml cannot be read'):
         Antenna.load(tmp_path / 'nowhere.yaml')
     (tmp_path / 'bad.yaml').write_text('azimuth: 3')
-    with pytest.raises(ValueError, match='bad.yaml: an antenna of'):
+    with pytest.raises(ValueError, match='bad.yaml holds no antenna: an antenna of'):
         Antenna.load(tmp_path / 'bad.yaml')
 
 

@@ -9,7 +9,7 @@ Needs sarkit, of the extra ``formats``.
 """
 
 from .collection import Collection
-from .errors import CphdError
+from .container import CphdError
 from .reader import CphdReader
 from .writer import write_cphd
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import dataclasses
 import datetime
 
-from .container import Container
-from .errors import CphdError
+from .container import Container, CphdError
 
 UNKNOWN = 'UNKNOWN'
 MODES = ('SPOTLIGHT', 'STRIPMAP', 'DYNAMIC STRIPMAP')

@@ -13,9 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...files import naming, reading
+from ...files import naming, reading, told
 from ..extras import require
-from .errors import CphdError
 
 PURPOSE = 'CPHD'
 _LONGEST_HEADER = 2**16  # bytes; real ones have a few hundred
@@ -25,6 +24,22 @@ _NEEDED_VECTOR_PARAMETERS = ('TxTime', 'TxPos', 'RcvPos', 'SRPPos', 'FX1', 'FX2'
                              'SC0', 'SCSS')
 _SAMPLE_TYPES = {'CI2': np.dtype(('>i1', (2,))), 'CI4': np.dtype(('>i2', (2,))),
                  'CF8': np.dtype('>c8')}
+
+
+class CphdError(ValueError):
+    """A file is no CPHD, is damaged, or holds what cannot be imaged; or pulses are no CPHD.
+
+    Examples
+    --------
+    >>> from sar_imaging.formats.cphd import CphdError, CphdReader
+    >>> with open('notes.cphd', 'w') as file:
+    ...     _ = file.write('no phase histories')
+    >>> try:
+    ...     CphdReader('notes.cphd')
+    ... except CphdError as error:
+    ...     print(error)
+    notes.cphd is no CPHD: it begins with b'no phase histori', not with b'CPHD/1.1.0'
+    """
 
 
 @dataclasses.dataclass(frozen=True)
@@ -159,7 +174,7 @@ class Container:
         try:
             lines = start[:end].decode('utf-8').split('\n')
         except UnicodeDecodeError as error:
-            raise CphdError(f'{self.path}: the header is no text: {error}') from error
+            raise CphdError(f'{self.path}: the header is no text: {told(error)}') from error
         version = lines[0][len('CPHD/'):].strip()
         if version not in [v['version'] for v in self._sarkit.VERSION_INFO.values()]:
             raise CphdError(f'{self.path} is CPHD {version}; 1.0.1 and 1.1.0 can be read')
@@ -201,7 +216,7 @@ class Container:
         try:
             root = etree.fromstring(text, parser)
         except (etree.XMLSyntaxError, ValueError) as error:
-            raise CphdError(f'{self.path}: the metadata are no XML: {error}') from error
+            raise CphdError(f'{self.path}: the metadata are no XML: {told(error)}') from error
         tree = root.getroottree()
         if tree.docinfo.doctype:
             raise CphdError(f'{self.path}: the metadata declare a document type; CPHD has none')

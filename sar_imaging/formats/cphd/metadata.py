@@ -13,8 +13,7 @@ from ...geometry.grids import MapGrid
 from ..extras import require
 from .antennas.writing import OF_CHANNEL, PARAMETERS
 from .collection import Collection, start_text
-from .container import PURPOSE
-from .errors import CphdError
+from .container import PURPOSE, CphdError
 from .parameters import Pulses, words
 
 NAMESPACE = 'http://api.nsgreg.nga.mil/schema/cphd/1.1.0'

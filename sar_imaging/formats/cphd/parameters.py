@@ -9,7 +9,7 @@ import numpy as np
 from ...geometry.earth import Datum
 from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
 from .antennas.writing import PARAMETERS, WrittenAntenna
-from .errors import CphdError
+from .container import CphdError
 from .vectors import NORMAL
 
 OVERSAMPLING = 1.2  # samples per that of the saved window or band, as the standard advises

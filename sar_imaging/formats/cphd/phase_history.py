@@ -15,7 +15,7 @@ import numpy as np
 from scipy import fft
 
 from ...signal.radar import RadarParameters, Waveform
-from .errors import CphdError
+from .container import CphdError
 from .samples import ramp
 from .vectors import Vectors
 

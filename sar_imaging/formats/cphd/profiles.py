@@ -15,7 +15,7 @@ from scipy import fft
 
 from ...planning.guard_taper import cosine_fall
 from ...signal.radar import RadarParameters
-from .errors import CphdError
+from .container import CphdError
 from .vectors import Vectors
 
 _OFF_LATTICE = 1e-7  # of a sample, that needs no shift: -124 dB

@@ -14,8 +14,7 @@ from ...geometry.illumination import AntennaPattern, Pointing
 from ...signal.pulses import PulseBlock
 from .antennas.reading import read_antenna
 from .collection import read_collection, read_start_ns
-from .container import Container
-from .errors import CphdError
+from .container import Container, CphdError
 from .phase_history import PhaseHistories
 from .profiles import Profiles
 from .samples import decode

@@ -7,12 +7,13 @@ import dataclasses
 import numpy as np
 
 from ...signal.radar import SPEED_OF_LIGHT
-from .container import Container
-from .errors import CphdError
+from .container import Container, CphdError
 
 SAME_TIME_S = 5e-10  # half of the nanosecond that stamps resolve
 _EARTH_M = (6.3e6, 6.5e6)  # distances of reference points from the Earth's centre
 _ORBIT_M = 5e7  # farthest antenna from the Earth's centre; geostationary orbits are at 4.2e7
+_FASTEST = 2e4  # metres per second, of antennas; satellites fly at 8 km/s
+_NEAR_M = 1e3  # within which antennas may take turns
 NORMAL = 1  # value of the parameter SIGNAL
 
 
@@ -139,14 +140,27 @@ def _check(container: Container, vectors: Vectors) -> None:
     distance = np.linalg.norm(vectors.reference_m, axis=-1)
     refuse("SRPPos is no place near the Earth's surface (metres, ECEF)",
            (distance < _EARTH_M[0]) | (distance > _EARTH_M[1]))
-    for name in ('tx_m', 'rx_m'):
-        distance = np.linalg.norm(getattr(vectors, name), axis=-1)
+    for name, own_m in (('TxPos', vectors.tx_m), ('RcvPos', vectors.rx_m)):
+        distance = np.linalg.norm(own_m, axis=-1)
         refuse(f'{name} is no place around the Earth (metres, ECEF)',
                (distance < _EARTH_M[0]) | (distance > _ORBIT_M))
     refuse('TxTime does not increase', np.diff(vectors.tx_s, prepend=-np.inf) <= 0)
+    for name, own_m in (('TxPos', vectors.tx_m), ('RcvPos', vectors.rx_m)):
+        refuse(f'{name} lies farther from its neighbours than anything flies',
+               _jumps(own_m, vectors.tx_s))
     refuse('TxTime is negative or longer than a day', np.abs(vectors.tx_s - 43200) > 43200)
     refuse('SCSS is not positive', vectors.step <= 0)
     refuse('FX1 and FX2 are no band',
            (vectors.fx_hz[..., 0] <= 0) | (vectors.fx_hz[..., 1] <= vectors.fx_hz[..., 0]))
     refuse('TOA1 is not before TOA2', vectors.toa_s[..., 1] <= vectors.toa_s[..., 0])
     refuse('AmpSF is not positive', vectors.amplitude <= 0)
+
+
+def _jumps(position_m: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    """(P, C) bool: positions that no antenna reached from those before and after."""
+    step_m = np.linalg.norm(np.diff(position_m, axis=0), axis=-1)
+    jump = step_m > np.maximum(_NEAR_M, _FASTEST * np.diff(time_s)[:, None])
+    after, before = ((1, 0), (0, 0)), ((0, 1), (0, 0))
+    alone = (np.pad(jump, after, constant_values=True)
+             & np.pad(jump, before, constant_values=True))
+    return alone if jump.any() and alone.any() else np.pad(jump, after)

@@ -20,8 +20,7 @@ from ...signal.range_compression import RangeCompressor
 from ..extras import require
 from .antennas.writing import TABLE, WrittenAntenna
 from .collection import Collection
-from .container import PURPOSE
-from .errors import CphdError
+from .container import PURPOSE, CphdError
 from .metadata import SAMPLE_BYTES, make_metadata
 from .parameters import Pulses, reference_delays, vector_parameters
 from .phase_history import UNTURNED_CYCLES

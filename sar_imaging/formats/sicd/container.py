@@ -13,6 +13,7 @@ import os
 
 import numpy as np
 
+from ...files import told
 from ..extras import require
 from .pixels import DTYPES
 
@@ -148,6 +149,6 @@ def _load(file):
         file.seek(0)
         return jbpy.Jbp().load(file)
     except Exception as error:  # jbpy raises what its parsers meet: KeyError, struct.error, ...
-        raise ValueError(f'its NITF headers are damaged: {error!r}') from None
+        raise ValueError(f'its NITF headers are damaged: {told(error)}') from None
     finally:
         logger.setLevel(level)

@@ -8,7 +8,7 @@ import os
 
 import numpy as np
 
-from ...files import reading
+from ...files import reading, told
 from ...geometry.earth import Datum, ecef_to_geographic
 from ...geometry.even_grids import PlaneGrid
 from ...imaging.image import Image, Report
@@ -110,20 +110,20 @@ def _product(container: SicdContainer, fields: Fields) -> ImageProduct:
 
 def _radiometry(fields: Fields) -> Radiometry | None:
     """What the squared magnitude is, where our writer told."""
-    told = fields.parameter(CALIBRATED)
+    text = fields.parameter(CALIBRATED)
     try:
-        return None if told is None else Radiometry(**json.loads(told))
+        return None if text is None else Radiometry(**json.loads(text))
     except TypeError as error:
-        raise ValueError(f'parameter {CALIBRATED!r} is damaged: {error}') from None
+        raise ValueError(f'parameter {CALIBRATED!r} is damaged: {told(error)}') from None
 
 
 def _datum(fields: Fields) -> Datum:
-    told = fields.parameter(DATUM)
-    if told is not None:
+    text = fields.parameter(DATUM)
+    if text is not None:
         try:
-            return Datum(**json.loads(told))
+            return Datum(**json.loads(text))
         except TypeError as error:
-            raise ValueError(f'parameter {DATUM!r} is damaged: {error}') from None
+            raise ValueError(f'parameter {DATUM!r} is damaged: {told(error)}') from None
     place = fields.vector('GeoData/SCP/ECF')
     return Datum(*(float(part) for part in ecef_to_geographic(place)))
 

@@ -8,10 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import yaml
 
-from ...files import check_file
-from ...yaml_text import load_yaml, trouble
+from ...files import naming
+from ...yaml_text import read_yaml
 from .pattern import AntennaPattern, PatternCut
 
 UNIFORM, GAUSSIAN, COSINE, SINC, MEASURED = KINDS = ('uniform', 'gaussian', 'cosine', 'sinc',
@@ -19,7 +18,6 @@ UNIFORM, GAUSSIAN, COSINE, SINC, MEASURED = KINDS = ('uniform', 'gaussian', 'cos
 _CUTS = {UNIFORM: PatternCut.uniform, GAUSSIAN: PatternCut.gaussian, COSINE: PatternCut.cosine,
          SINC: PatternCut.sinc}
 _TABLES = ('azimuth_deg', 'azimuth_gain_db', 'elevation_deg', 'elevation_gain_db')
-_LARGEST_FILE = 1_000_000  # bytes
 _LEAST_AMPLITUDE = 1e-6  # two-way, of gains that are given as next to nothing
 _DARK = 1e-12  # that is written for none
 _MOST_POINTS = 257  # of a cut that is written as a table
@@ -185,10 +183,6 @@ class Antenna:
         ValueError
             The file cannot be read, or holds no antenna; the text names it.
         """
-        check_file(path, _LARGEST_FILE)
-        try:
-            return cls.from_dict(load_yaml(Path(path).read_text(encoding='utf-8')))
-        except yaml.YAMLError as error:
-            raise ValueError(f'{path} is no YAML: {trouble(error)}') from error
-        except (OSError, UnicodeDecodeError, ValueError) as error:
-            raise ValueError(f'{path}: {error}') from error
+        values = read_yaml(path)
+        with naming(path, 'holds no antenna'):
+            return cls.from_dict(values)

@@ -19,12 +19,12 @@ from ...formats.extras import require
 from ...numpy_files import check_expansion, check_memory, open_npz, read_npy
 from ..description import DescriptionError
 from . import p440_logs
-from .tables import read_table
 
 _HDF5_MAGIC = b'\x89HDF\r\n\x1a\n'
 _MATLAB_HEADER = 512  # of HDF5 files that MATLAB wrote
 _MATLAB_5_HEADER, _MATLAB_COMPRESSED = 128, 15
 _PEEKED = 4096  # bytes of a compressed variable, which hold its size
+_SEPARATORS = ',;\t'
 _BYTES_PER_CHARACTER = 8  # of a table of numbers, as Python reads it
 
 
@@ -190,19 +190,109 @@ def _matlab_bytes(path: Path) -> int:
 def _hdf5(path: Path, name: str, *, matlab: bool = False) -> np.ndarray:
     h5py = require('h5py', f'reading {path.name}', 'hdf5')
     with h5py.File(path, 'r') as file:
-        place = name.replace('.', '/')
-        if place not in file or not isinstance(file[place], h5py.Dataset):
+        item = file
+        for part in name.replace('.', '/').split('/'):
+            link = item.get(part, getlink=True) if isinstance(item, h5py.Group) else None
+            if link is not None and not isinstance(link, h5py.HardLink):
+                raise DescriptionError(f'{path.name}: {name} is a link to {link.path}; expected '
+                                       'the numbers themselves')
+            item = None if link is None else item[part]
+        if not isinstance(item, h5py.Dataset):
             present = []
             file.visititems(lambda key, item: present.append(key.replace('/', '.'))
                             if isinstance(item, h5py.Dataset) else None)
             raise _absent(path, name, present)
+        if item.external or item.is_virtual:
+            raise DescriptionError(f'{path.name}: {name} is stored in other files; expected the '
+                                   'numbers in this one')
         told = f'{name} of {path.name}'
-        check_memory(told, file[place].nbytes)
-        check_expansion(told, file[place].nbytes, file[place].id.get_storage_size())
-        array = file[place][()]
-    array = np.asarray(array)
+        check_memory(told, item.nbytes)
+        check_expansion(told, item.nbytes, item.id.get_storage_size())
+        array = np.asarray(item[()])
     if array.dtype.names is not None and len(array.dtype.names) == 2:  # real and imaginary part
         real, imaginary = (array[field] for field in array.dtype.names)
         array = real + 1j * imaginary
     # MATLAB stores the first axis last, and has no array of one axis.
     return np.squeeze(array.T) if matlab else array
+
+
+def read_table(path: Path) -> tuple[list[str], np.ndarray]:
+    """Column names and rows of a CSV file.
+
+    Parameters
+    ----------
+    path : Path
+        Columns are separated by commas, semicolons, tabs or spaces.
+
+    Returns
+    -------
+    names : list of str
+    rows : (N, len(names)) float64
+
+    Raises
+    ------
+    DescriptionError
+        It is no such table.
+    """
+    text = path.read_text(encoding='utf-8-sig')
+    lines = [line for line in text.splitlines() if line.strip()]
+    if len(lines) < 2:
+        raise DescriptionError(f'{path.name} has no rows; expected a line of column names and one '
+                               'line for each pose')
+    separator = next((s for s in _SEPARATORS if s in lines[0]), None)
+    names = [name.strip().strip('#').strip().strip('"') for name in lines[0].split(separator)]
+    if all(_is_number(name) for name in names):
+        raise DescriptionError(f'{path.name} has no line of column names, its first line is '
+                               f'{lines[0][:60]!r}; put a line such as time,x,y,z before it')
+    return names, numbers(path, lines[1:], separator, len(names), first=2)
+
+
+def numbers(path: Path, lines: list[str], separator: str | None, n_columns: int, *,
+            first: int = 1, expected: str = '') -> np.ndarray:
+    """(N, n_columns) float64 numbers of lines of text.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    lines : list of str
+        Rows.
+    separator : str or None
+        Between columns; None for blanks.
+    n_columns : int
+        Of each row.
+    first : int
+        Number of the first row, for messages.
+    expected : str
+        What the columns are, for messages.
+
+    Raises
+    ------
+    DescriptionError
+        A row is longer or shorter, or holds something else.
+    """
+    rows = [line.split(separator) for line in lines]
+    if not rows:
+        raise DescriptionError(f'{path.name} has no rows' + (f'; expected {expected}' if expected
+                                                            else ''))
+    for number, row in enumerate(rows, first):
+        if len(row) != n_columns:
+            raise DescriptionError(f'{path.name}: row {number} has {len(row)} columns; expected '
+                                   f'{n_columns}' + (f', {expected}' if expected else ''))
+    try:
+        return np.array(rows, np.float64)
+    except ValueError:
+        number, text = next((number, text) for number, row in enumerate(rows, first)
+                            for text in row if not _is_number(text))
+        advice = ('write decimals with a point' if _is_number(text.replace(',', '.')) else
+                  'write times in seconds and angles as quaternions')
+        raise DescriptionError(f'{path.name}: row {number} holds {text.strip()!r}; expected '
+                               f'numbers: {advice}') from None
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -65,7 +65,7 @@ def _read(path: Path, _: int) -> dict[str, np.ndarray]:
                 continue
             try:
                 head, samples = _scan(fields)
-            except ValueError:
+            except (ValueError, OverflowError):
                 raise DescriptionError(
                     f'{path.name}: line {number} is no whole {_SCAN}: expected 16 or 11 fields, '
                     'the last of which counts the samples behind it; was the file cut off? '

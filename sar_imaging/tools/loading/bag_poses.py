@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from sar_imaging.files import check_file, naming
+from sar_imaging.files import naming
 from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.loading import DescriptionError
 
+from ..recordings.bag_files import check_bag
 from ..recordings.bag_io import BagError
-from ..recordings.mcap import check_bag, check_mcap
 
 _PATHS = {  # place of position and orientation in a message
     'nav_msgs/msg/Odometry': 'pose.pose', 'geometry_msgs/msg/PoseStamped': 'pose',
@@ -42,12 +42,7 @@ def open_bag(path: Path) -> Iterator:
     with naming(path, 'cannot be read as a whole ROS 1 bag, .mcap file or folder of a ROS 2 bag '
                 '(`ros2 bag reindex` and `mcap recover` mend one whose recorder was killed)',
                 BagError):
-        if path.is_dir():
-            check_bag(path)
-        elif path.suffix == '.mcap':
-            check_mcap(path)
-        else:
-            check_file(path)
+        check_bag(path)
         # Definitions in the recording go before; old ones have none, and then Jazzy's count.
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
             yield bag

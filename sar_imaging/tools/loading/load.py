@@ -12,6 +12,7 @@ from pathlib import Path
 
 import yaml
 
+from sar_imaging.files import naming
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.loading import DescriptionError, Loaded, load, shipped_names
 from sar_imaging.yaml_text import load_yaml
@@ -97,8 +98,9 @@ def _write(arguments: argparse.Namespace) -> str:
         alignment, report = estimate_alignment(loaded.block, poses, alignment, loaded.scene.grid)
         print(describe(report))
     block = loaded.block
-    count = write_bag(output, with_progress(split(block), block.n_pulses),
-                      truth_of(loaded, alignment), overwrite=arguments.force, poses=poses)
+    with naming(arguments.description, 'makes no recording', DescriptionError):
+        count = write_bag(output, with_progress(split(block), block.n_pulses),
+                          truth_of(loaded, alignment), overwrite=arguments.force, poses=poses)
     told = '' if poses is None else f', {len(poses.stamp_ns)} poses'
     return f'{output}: {block.n_pulses} pulses in {count} messages{told}'
 

@@ -6,6 +6,7 @@ Run: sar-imaging doctor bags/countryside --output out/doctor
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import logging
 import sys
@@ -65,7 +66,8 @@ def run(arguments: argparse.Namespace) -> int:
     block, grid, notes = read_pulses(arguments)
     examination = examine(block, grid, window=_window(arguments.file),
                           attitude=_attitude(arguments.file, block))
-    findings = (*notes, *examination.findings)
+    findings = (*notes, *map(_of_file if arguments.file.is_file() else lambda f: f,
+                             examination.findings))
     print(describe(block, findings, examination, grid))
     if arguments.output is not None:
         with filling(arguments.output) as folder:
@@ -101,6 +103,15 @@ def read_pulses(arguments: argparse.Namespace
     except (SourceError, ValueError) as error:
         print(f'the image is not looked at: {error}', file=sys.stderr)
         return block, None, ()
+
+
+def _of_file(finding: Finding) -> Finding:
+    """The same with what can be done about pulses that a CPHD file leaves out."""
+    if finding.fault not in ('lost pulses', 'incomplete pulses'):
+        return finding
+    return dataclasses.replace(finding, advice='the file flags these vectors (SIGNAL) or does not '
+                               'tell where they were sent; images take gaps into account, but '
+                               'their sidelobes rise')
 
 
 def _bytes(arguments: argparse.Namespace) -> float:

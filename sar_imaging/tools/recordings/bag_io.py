@@ -22,7 +22,7 @@ from sar_imaging.files import naming
 from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.signal.pulses import PulseBlock
 
-from .mcap import check_bag
+from .bag_files import check_bag
 from .recorded_poses import (
     ODOMETRY_TOPIC,
     ODOMETRY_TYPE,

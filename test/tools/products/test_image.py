@@ -118,7 +118,7 @@ def test_cphd_shows_the_same_scene_as_the_recording(spotlight, cphd, run, tmp_pa
     assert status == 0, err
     quality = json.loads((tmp_path / 'quality.json').read_text())
     assert quality['format'] == 'CPHD' and quality['measured_error']['error_db'] < -60.0
-    assert 'the area that the recording names' in err
+    assert 'the area that the file names' in err
     # The brightest place lies where the recording's brightest scatterer stands on the Earth.
     source = sources.open_source(spotlight)
     image, grid = np.load(tmp_path / 'image.npy'), MapGrid(*(

@@ -14,8 +14,7 @@ import numpy as np
 import scipy
 
 from ....geometry.illumination import AntennaPattern, PatternCut
-from ..container import Container
-from ..errors import CphdError
+from ..container import Container, CphdError
 from ..vectors import Vectors
 from .writing import DARK_DB
 

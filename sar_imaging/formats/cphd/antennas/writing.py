@@ -15,7 +15,7 @@ import numpy as np
 
 from ....geometry.earth import Datum
 from ....geometry.illumination import AntennaPattern, Pointing
-from ..errors import CphdError
+from ..container import CphdError
 from .polynomials import TOLD_DB, LobePolynomial
 
 _logger = logging.getLogger(__name__)

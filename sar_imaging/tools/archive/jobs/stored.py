@@ -9,7 +9,7 @@ import shutil
 from pathlib import Path
 
 import sar_imaging
-from sar_imaging.files import replacing
+from sar_imaging.files import replacing, told
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.imaging.radiometry import Radiometry
 from sar_imaging.signal.radar import RadarParameters, Waveform
@@ -81,8 +81,8 @@ def load_job(output: Path) -> Job:
             'radiometry': scaled and Brightness(**scaled),
             'products': Products(**products | {'images': tuple(products['images'])})})
     except (OSError, KeyError, TypeError, ValueError) as error:
-        raise JobError(f'{path} holds no job of an archive ({error}); expected the output folder '
-                       'of one; name another folder') from error
+        raise JobError(f'{path} holds no job of an archive ({told(error)}); expected the output '
+                       'folder of one; name another folder') from error
 
 
 def scan_file(recording: str) -> str:

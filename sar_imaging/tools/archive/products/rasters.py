@@ -11,7 +11,7 @@ import numpy as np
 import sar_imaging
 from sar_imaging.formats.decibels import decibels
 from sar_imaging.formats.georeference import Georeference, georeference
-from sar_imaging.formats.raster import write_large_cog
+from sar_imaging.formats.raster import write_cog
 from sar_imaging.formats.tags import told_of
 from sar_imaging.radiometry import QUANTITIES
 
@@ -39,12 +39,11 @@ def write_rasters(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
     for name, array, options, values in layers:
         path = output / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_large_cog(path, window.shape, options.pop('dtype'),
-                        _windows(array, window, values), place, tags={
-                            'SAR_IMAGING_VERSION': sar_imaging.__version__,
-                            'PLACE_ERROR_M': f'{place.error_m:.2g}',
-                            'SPACING_M': f'{job.spacing_m:g}'} | options.pop('tags', {}),
-                        **{'overviews': 'AVERAGE', **options})
+        write_cog(path, _windows(array, window, values), place, shape=window.shape, tags={
+            'SAR_IMAGING_VERSION': sar_imaging.__version__,
+            'PLACE_ERROR_M': f'{place.error_m:.2g}',
+            'SPACING_M': f'{job.spacing_m:g}'} | options.pop('tags', {}),
+            **{'overviews': 'AVERAGE', **options})
         files.append(name)
     return PieceResult(piece.key, time.perf_counter() - start, files=tuple(files),
                        found={'place_error_m': place.error_m, 'crs': place.crs.name})

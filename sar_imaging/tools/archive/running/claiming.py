@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from sar_imaging.files import told
+
 from ..jobs.job import Job
 from ..jobs.stored import JOB_FILE, write_job
 
@@ -39,11 +41,11 @@ def claim(job: Job) -> None:
 def _changes(path: Path, job: Job) -> str:
     """What differs from the job of a file, as people would say it; '' for nothing."""
     try:
-        told = json.loads(path.read_text())
-        digest, before = told['digest'], told['job']
+        stored = json.loads(path.read_text())
+        digest, before = stored['digest'], stored['job']
     except (ValueError, KeyError, TypeError) as error:
-        raise OtherJobError(f'{path} cannot be read ({error}); it should say which job made the '
-                            'folder: choose another output, or remove that folder') from error
+        raise OtherJobError(f'{path} cannot be read ({told(error)}); it should say which job made '
+                            'the folder: choose another output, or remove that folder') from error
     if digest == job.digest():
         return ''
     now = json.loads(json.dumps(job.deciding(), default=str))

@@ -76,7 +76,7 @@ MEMORY = """
 import json, pathlib, sys
 import numpy as np
 from sar_imaging.formats.georeference import georeference
-from sar_imaging.formats.raster import write_large_cog
+from sar_imaging.formats.raster import write_cog
 from sar_imaging.geometry import Datum, MapGrid
 
 def status(field):
@@ -88,7 +88,8 @@ place = georeference(MapGrid((0, 0, 0), side, side, 0.5), Datum(47, 8))
 windows = (((slice(r, r + 1024), slice(c, c + 1024)), tile)
            for r in range(0, side, 1024) for c in range(0, side, 1024))
 before = status('VmRSS')
-write_large_cog(sys.argv[1], (side, side), np.float32, windows, place, nodata=float('nan'))
+write_cog(sys.argv[1], windows, place, shape=(side, side), dtype=np.float32,
+          nodata=float('nan'))
 print(json.dumps(status('VmHWM') - before))
 """
 
