@@ -33,17 +33,17 @@ _WEAK = re.compile(r'codec can|Expecting value|Assertion|Traceback|object at 0x|
                    r'(?<!it is damaged \()(?<!\w)\w+Error\b|\\n')
 
 
-def run(words: Sequence[str], folder: pathlib.Path, within: pathlib.Path, limit_s: float = LIMIT_S,
-        *, before: Callable[[], object] = lambda: None,
-        stop: tuple[float, int] | None = None) -> tuple[int | str, str, float]:
+def run(words: Sequence[str], within: pathlib.Path, limit_s: float = LIMIT_S, *,
+        before: Callable[[], object] = lambda: None, stop: tuple[float, int] | None = None
+        ) -> tuple[int | str, str, float]:
     """Run a command in a forked process within the limits.
 
     Parameters
     ----------
     words : sequence of str
         Command and arguments.
-    folder, within : Path
-        Where standard error is kept, and the working folder.
+    within : Path
+        The working folder.
     limit_s : float
         Longest time.
     before : callable
@@ -59,14 +59,13 @@ def run(words: Sequence[str], folder: pathlib.Path, within: pathlib.Path, limit_
         What it wrote to standard error.
     seconds : float
     """
-    told = folder / 'told'
-    told.write_text('')
-    told.chmod(0o666)
+    read, write = os.pipe()  # whose 64 kB are more than a command has to say
     start = time.monotonic()
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # until the child can be asked
     child = os.fork()
     if not child:
-        _child(words, told, within, limit_s, before)
+        _child(words, write, within, limit_s, before)
+    os.close(write)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     if stop is not None:
         time.sleep(stop[0])
@@ -84,10 +83,11 @@ def run(words: Sequence[str], folder: pathlib.Path, within: pathlib.Path, limit_
     if code < 0:
         code = {-signal.SIGALRM: 'too slow', -signal.SIGKILL: 'too slow'}.get(
             code, f'signal {signal.Signals(-code).name}')
-    return code, told.read_text(errors='replace'), seconds
+    with open(read, errors='replace') as told:
+        return code, told.read(), seconds
 
 
-def _child(words: Sequence[str], told: pathlib.Path, within: pathlib.Path, limit_s: float,
+def _child(words: Sequence[str], told: int, within: pathlib.Path, limit_s: float,
            before: Callable[[], object]) -> None:
     """Run it in this process, which never returns."""
     status = 99
@@ -96,9 +96,8 @@ def _child(words: Sequence[str], told: pathlib.Path, within: pathlib.Path, limit
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.setitimer(signal.ITIMER_REAL, limit_s)
-        handle = os.open(told, os.O_CREAT | os.O_WRONLY | os.O_TRUNC)
         nowhere = os.open(os.devnull, os.O_RDWR)
-        for target, source in ((0, nowhere), (1, nowhere), (2, handle)):
+        for target, source in ((0, nowhere), (1, nowhere), (2, told)):
             os.dup2(source, target)
         sys.stderr = open(2, 'w', closefd=False, errors='backslashreplace')
         sys.stdout = open(1, 'w', closefd=False)
@@ -113,8 +112,10 @@ def _child(words: Sequence[str], told: pathlib.Path, within: pathlib.Path, limit
 
         traceback.print_exc()
     finally:
-        sys.stderr.flush()
-        os._exit(status)
+        try:
+            sys.stderr.flush()
+        finally:
+            os._exit(status)
 
 
 def _forked(call: Callable[[], object]) -> None:
@@ -188,7 +189,7 @@ def campaign(reader: Reader, every: int = 1, first: int = 0) -> dict:
                 shutil.rmtree(out, ignore_errors=True)
                 out.mkdir()
                 words = [w.format(file=work / reader.file, folder=work, out=out) for w in pattern]
-                status, text, seconds = run(words, folder, work)
+                status, text, seconds = run(words, work)
                 names = (pathlib.Path(reader.file).name, 'bag', 'rail', 'poses')
                 wrong = faults(status, text, names, before, digests(work), out)
                 if damage is None and status not in (0, 3):
@@ -220,7 +221,7 @@ def prepare() -> None:
     with tempfile.TemporaryDirectory() as place:  # kernels: threads must not begin before a fork
         folder = pathlib.Path(place)
         next(r for r in READERS if r.name == 'bag, MCAP').make(folder)
-        run(('image', f'{folder}/bag', '--output', f'{folder}/out'), folder, folder,
+        run(('image', f'{folder}/bag', '--output', f'{folder}/out'), folder,
             limit_s=600.0)
 
 

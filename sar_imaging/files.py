@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 MOST_TEXT_BYTES = 1_000_000  # of a file that a person writes
+_NEW = '.sar_imaging.'  # begin of the names of folders in which files are made
 _LONGEST_TEXT = 500  # characters of an error of another library
 _inputs: dict[tuple[int, int], Path] | None = None  # device and inode; None outside of commands
 
@@ -172,8 +173,8 @@ def replacing(path: Path | str, *, folder: bool = False) -> Iterator[Path]:
     """
     path = Path(os.path.abspath(path))
     check_target(path, folder=folder)
-    with tempfile.TemporaryDirectory(prefix='.sar_imaging.', dir=path.parent) as beside:
-        part = Path(beside) / path.name
+    with _beside(path.parent, path) as beside:
+        part = beside / path.name
         yield part
         _move(part, path)
 
@@ -199,13 +200,28 @@ def filling(folder: Path | str) -> Iterator[Path]:
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix='.sar_imaging.', dir=folder) as beside:
-        yield Path(beside)
-        made = sorted(Path(beside).iterdir())
+    with _beside(folder, folder) as beside:
+        yield beside
+        made = sorted(beside.iterdir())
         for part in made:
             check_target(folder / part.name, folder=part.is_dir())
         for part in made:
             _move(part, folder / part.name)
+
+
+@contextlib.contextmanager
+def _beside(folder: Path, target: Path) -> Iterator[Path]:
+    """New folder that goes again; errors of files in it name what was to be made."""
+    beside = str(folder / _NEW)
+    try:
+        with tempfile.TemporaryDirectory(prefix=_NEW, dir=folder) as name:
+            yield Path(name)
+    except OSError as error:
+        there = str(error.filename or '')
+        if error.errno is None and beside not in str(error) or there and beside not in there:
+            raise
+        kind = type(error) if type(error).__module__ == 'builtins' else OSError
+        raise kind(f'{target} cannot be written: {error.strerror or told(error)}') from error
 
 
 def check_target(path: Path, *, folder: bool = False) -> None:

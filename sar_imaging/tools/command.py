@@ -41,7 +41,11 @@ COMMANDS = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; returns its exit status, 2 where there is no such command."""
     with ending_with_the_reader():
-        return _main(list(sys.argv[1:] if argv is None else argv))
+        try:
+            return _main(list(sys.argv[1:] if argv is None else argv))
+        except KeyboardInterrupt:  # before the command's work began, or after it
+            print('interrupted', file=sys.stderr)
+            return 130
 
 
 def _main(words: list[str]) -> int:
