@@ -46,7 +46,8 @@ def test_the_car_images_what_its_configuration_promises(make_chain):
     assert log.count('derived quantities:') == 1
     assert re.search(rf'azimuth resolution +{derived.azimuth_width_m:.3g} m', log)
     warnings = [line for line in log.splitlines() if 'WARN' in line]
-    assert all('input stalled' in line for line in warnings)  # on a busy machine
+    # A busy machine is told, and is no fault of the configuration.
+    assert all(re.search('input stalled|falling behind', line) for line in warnings)
     for node in derived.memory:
         used = chain.observer.counters(node.node)['memory_megabytes']
         assert used < node.n_bytes / 1e6, node

@@ -51,9 +51,11 @@ def test_a_configuration_replaces_what_the_recording_proposes(tmp_path):
     path.write_text('/**/backprojection:\n  ros__parameters: {target_db: -50.0}\n')
     launch = planned('--config', 'automotive_77ghz', '--params', str(path), truth=None)
     assert launch.files == (CAR, path) and launch.own
-    assert launch.parameters == {'pulse_buffer': {'pose.wait_s': 60.0}}
+    patient = {'max_age_s': 3600.0}  # the one image counts, however busy the machine
+    assert launch.parameters == dict.fromkeys(AFBP_NODES, patient) | {
+        'pulse_buffer': {'pose.wait_s': 60.0} | patient}
     assert planned('--config', str(CAR), '--pipeline').parameters == {
-        'sar_pipeline': {'pose.wait_s': 60.0}}
+        'sar_pipeline': {'pose.wait_s': 60.0} | patient}
 
 
 @pytest.mark.parametrize(('options', 'mode', 'names'), [
