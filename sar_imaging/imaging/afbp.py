@@ -37,7 +37,8 @@ class Afbp(Method):
     `pulses_per_subaperture` sets the length of the sub-apertures; the quickest if left out.
     """
 
-    NAME, PHASE_HISTORIES, ILLUMINATION, OWN = AFBP, True, True, {'pulses_per_subaperture': None}
+    NAME, OWN = AFBP, {'pulses_per_subaperture': None}
+    ILLUMINATION = PHASE_HISTORIES = BACKENDS = True
 
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""

@@ -30,7 +30,7 @@ _LEAST_SPARE = 0.05  # share of the sample rate without signal; less makes Knab'
 class Correlation(Method):
     """Time-domain correlation, float64: the reference; hours for large images."""
 
-    NAME, ILLUMINATION = 'correlation', True
+    NAME, ILLUMINATION, BACKENDS = 'correlation', True, True
 
     def plan(self, tx_m, rx_m) -> Report:
         """See `Method`."""

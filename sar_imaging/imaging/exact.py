@@ -38,7 +38,7 @@ class Exact(Method):
     a profile contribute nothing.
     """
 
-    NAME, TERRAIN, ILLUMINATION = EXACT, True, True
+    NAME, TERRAIN, ILLUMINATION, BACKENDS = EXACT, True, True, True
 
     def __init__(self, *arguments, **options):
         super().__init__(*arguments, **options)

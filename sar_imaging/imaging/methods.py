@@ -20,7 +20,7 @@ from ..geometry.illumination import AntennaPattern, Illumination, Pointing
 from ..geometry.point_grids import TerrainGrid
 from ..memory import IMAGE_BYTES, check_memory
 from ..planning.plan import Plan
-from ..signal.pulses import PulseBlock
+from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters, Waveform
 from .image import Report
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ..backends.protocol import Backend
 
 EXACT, AFBP = 'exact', 'afbp'
+_ITSELF = AUTO, 'cpu'  # what a method that needs no backend may be asked for
 #: Module and class of each method, imported when it is used first.
 METHODS: Mapping[str, tuple[str, str]] = {
     EXACT: ('sar_imaging.imaging.exact', 'Exact'),
@@ -54,7 +55,8 @@ class Options:
 class Method:
     """Base of an imaging method: one algorithm on one grid, planned for pulses from some places.
 
-    Subclasses have a `NAME`, `plan` and `form`, as docs/extending.md shows.
+    Subclasses have a `NAME`, `plan` and `form`, and say in the attributes of the class what else
+    they can do, as docs/extending.md shows. What they cannot do is refused.
 
     Parameters
     ----------
@@ -100,10 +102,11 @@ class Method:
     """
 
     NAME: str
-    TERRAIN = False  # images maps on heights
-    ILLUMINATION = False  # weighs pixels by the antenna's pattern
-    PHASE_HISTORIES = False  # images stepped-frequency pulses as they come
     OWN: Mapping[str, object] = {}  # names of options of its own, and what they are if left out
+    TERRAIN = False  # images maps on heights
+    ILLUMINATION = False  # weighs echoes by `illumination`
+    PHASE_HISTORIES = False  # images stepped-frequency pulses as they come
+    BACKENDS = False  # computes by the backend that is asked for, on a device too
 
     def __init__(self, grid: Grid, radar: RadarParameters, n_samples: int, options: Options,
                  own: Mapping[str, object] | None = None, like: Method | None = None):
@@ -112,6 +115,10 @@ class Method:
         if options.illumination is not None and not self.ILLUMINATION:
             raise ValueError(f'method {self.NAME!r} knows no illumination; use {EXACT!r} or '
                              f'{AFBP!r}')
+        if not self.BACKENDS and options.backend not in _ITSELF:
+            raise ValueError(f'backend={options.backend!r}: method {self.NAME!r} computes on the '
+                             f'processor by itself; use backend={AUTO!r}, and samples that lie in '
+                             "the host's memory")
         if options.illumination is not None:
             check_illumination(options.backend)
         if unknown := set(own or ()) - set(self.OWN):
@@ -129,12 +136,16 @@ class Method:
         raise NotImplementedError
 
     def form(self, block: PulseBlock) -> np.ndarray:
-        """Samples of the image of a block, complex64, in the shape of the grid."""
+        """Samples of the image of a block, complex64, in the shape of the grid.
+
+        The block is one of those that were planned for, finite, under its window over the pulses.
+        """
         raise NotImplementedError
 
     def image(self, block: PulseBlock, onto: np.ndarray | None = None
               ) -> tuple[np.ndarray, Report]:
         """Image of a block, added to samples if there are some, and what is known of it."""
+        check_profiles(block, self.radar, self.n_samples, compressed=self.options.compressed)
         samples = self.form(self.weighted(block))
         if onto is None:
             return samples, self.report

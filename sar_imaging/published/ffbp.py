@@ -49,7 +49,7 @@ from ..planning.profiles.profile_reach import (
 )
 from ..planning.profiles.range_gate import RangeGate
 from ..planning.profiles.range_resampling import ECHOES_PER_PASS, RangeResampling, plan_resampling
-from ..signal.pulses import PulseBlock, check_profiles
+from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 
 ENDS = 'ends of profiles'  # the cause that no sampling helps
@@ -117,7 +117,6 @@ class Ffbp(Method):
 
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""
-        check_profiles(block, self.radar, self.n_samples)
         plan = self.report.plan
         image = np.zeros(plan.grid.shape, np.complex64)
         # one image per level is alive: a part is added to its parent as soon as it is made

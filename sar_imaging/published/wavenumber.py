@@ -28,7 +28,7 @@ from ..imaging.image import Report
 from ..imaging.methods import Method
 from ..memory import IMAGE_BYTES
 from ..planning.plan import Plan
-from ..signal.pulses import PulseBlock, check_profiles
+from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from ..signal.spectra import band_frequencies, band_spectrum
 
@@ -77,7 +77,6 @@ class Wavenumber(Method):
 
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""
-        check_profiles(block, self.radar, self.n_samples)
         return image_wavenumber(self.report.plan, block)
 
 

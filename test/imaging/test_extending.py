@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import pathlib
 import re
 import types
@@ -10,8 +11,10 @@ import numpy as np
 import pytest
 
 from sar_imaging.backends import backend, reference
+from sar_imaging.geometry.illumination import AntennaPattern, PatternCut, Pointing
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.imaging.methods import METHODS, Method
+from sar_imaging.quality import error_db
 
 PAGE = pathlib.Path(__file__).parents[2] / 'docs' / 'extending.md'
 
@@ -49,6 +52,50 @@ def test_options_reach_a_method_of_ones_own(names):
     np.testing.assert_allclose(image.samples, whole, atol=1e-5 * np.abs(whole).max())
     with pytest.raises(ValueError, match="use 'exact' on terrain"):
         plan_image(*args, method=names['NearestSample'], height_m=np.zeros(grid.shape))(profiles)
+
+
+def test_the_method_of_phase_histories(names):
+    """It owes window and scale of range compression, heights and amplitudes of the antenna."""
+    assert names['error'] < -130.0
+    method, history, grid = (names[n] for n in ('FrequencyByFrequency', 'history', 'grid'))
+    args = history.radar, history.n_samples
+    heights = np.linspace(-1.0, 1.0, grid.n_x) * np.ones(grid.shape)
+    heights[:2] = np.nan
+    pattern = AntennaPattern(PatternCut.sinc(0.006), PatternCut.gaussian(0.5))
+    lit = dataclasses.replace(history, pointing=Pointing.beside_track(
+        history.phase_centre_m, -1, 0.0, 0.0))
+    for block, options in ((history, {'height_m': heights}), (lit, {'illumination': pattern})):
+        found, wanted = (plan_image(grid, *args, compressed=False, method=m, target_db=-90.0,
+                                    **options)(block) for m in (method, 'exact'))
+        assert found.samples.any() and not np.isnan(found.samples).any()
+        assert error_db(found, wanted) < -80.0
+    with pytest.raises(ValueError, match="compressed=False; use 'exact' for range profiles"):
+        plan_image(grid, names['profiles'].radar, names['profiles'].n_samples,
+                   method=method)(names['profiles'])
+
+
+@pytest.mark.parametrize(('name', 'options', 'message'), [
+    ('NearestSample', {'sharper': 2}, "'nearest-sample' has no option sharper; it has denser"),
+    ('NearestSample', {'backend': 'reference'}, 'computes on the processor by itself'),
+    ('NearestSample', {'illumination': AntennaPattern(PatternCut.sinc(0.1))},
+     "'nearest-sample' knows no illumination"),
+    ('FrequencyByFrequency', {'backend': reference}, 'computes on the processor by itself')])
+def test_what_a_method_does_not_say_is_refused(names, name, options, message):
+    profiles = names['profiles']
+    with pytest.raises(ValueError, match=message):
+        plan_image(names['grid'], profiles.radar, profiles.n_samples, method=names[name],
+                   **options)
+
+
+def test_blocks_are_checked_before_a_method_gets_them(names):
+    profiles, grid = names['profiles'], names['grid']
+    imager = plan_image(grid, profiles.radar, profiles.n_samples, method=names['NearestSample'])
+    for block, message in (
+            (dataclasses.replace(profiles, samples=profiles.samples * np.nan), 'NaN'),
+            (dataclasses.replace(profiles, samples=profiles.samples[..., 1:]), 'this plan is for'),
+            (dataclasses.replace(profiles, compressed=False), 'raw pulses')):
+        with pytest.raises(ValueError, match=message):
+            imager(block)
 
 
 def test_the_backend_of_the_page_forms_the_image(names):
