@@ -103,14 +103,14 @@ class Ffbp(Method):
         """See `Method`."""
         plan = plan_ffbp(self.grid, self.radar, self.n_samples, tx_m, rx_m,
                          target_db=self.options.target_db, **self.own)
-        kernel, lattice = plan.sampling.kernel, plan.lattice
+        kernel, resampling = plan.sampling.kernel, plan.resampling
         along = [kernel_weights(kernel, v) for v in plan.sampling.oversampling]
         self._pairs = [paired(w) for w in along]
         self._weights = [w.T.ravel() for w in along]
-        self._profiles = Profiles(RangeGate.whole(plan.radar, plan.n_samples), lattice,
+        self._profiles = Profiles(RangeGate.whole(plan.radar, plan.n_samples), resampling,
                                   plan.range_m)
         longest = max(n.shape[1] for n in plan.levels[0].nodes)
-        cycles = 2 * (lattice.cell_m - lattice.spacing) / plan.radar.wavelength_m
+        cycles = 2 * (resampling.cell_m - resampling.spacing) / plan.radar.wavelength_m
         self._ramp = np.exp(2j * np.pi * np.fmod(cycles * np.arange(longest), 1.0)
                             ).astype(np.complex64)
         return self.planned(plan)
@@ -141,7 +141,7 @@ class Ffbp(Method):
 
     def _backproject(self, node, block, image) -> None:
         plan, frame = self.report.plan, self.report.plan.frame
-        segment = plan.lattice.segment
+        segment = plan.resampling.segment
         n_alpha, n_range = node.shape
         size = n_alpha * n_range
         lines = np.empty((-(-n_alpha // LINES), -(-n_range // segment), 12, LINES))
@@ -237,21 +237,21 @@ class FfbpPlan(Plan):
     grid : MapGrid or PolarGrid
         Where the pixels are.
     radar : RadarParameters
-        Of the compressed profiles.
+        Describes the compressed profiles.
     n_samples : int
         Samples of each profile.
     tx_m, rx_m : (P, C, 3) float64
         Phase centres that it is for, metres.
     sampling : FfbpSampling
-        Of the local images.
+        Kernel and spacing of the local images.
     frame : Frame
         Track direction and plane that all local grids share.
     levels : tuple of Level
         Sub-apertures and their grids, shortest first.
     top : tuple of Node
         Sub-apertures from which the image is made at last.
-    lattice : RangeResampling
-        Of the profiles; its spacing is the range spacing of all local grids.
+    resampling : RangeResampling
+        How profiles are resampled; its spacing is the range spacing of all local grids.
     range_m : (float, float)
         Bounds of the half path over all first images, metres.
     errors_db : mapping of str to float
@@ -270,7 +270,7 @@ class FfbpPlan(Plan):
     frame: Frame
     levels: tuple[Level, ...]
     top: tuple[Node, ...]
-    lattice: RangeResampling
+    resampling: RangeResampling
     range_m: tuple[float, float]
     errors_db: Mapping[str, float]
     warnings: tuple[str, ...]
@@ -278,7 +278,7 @@ class FfbpPlan(Plan):
     @property
     def range_spacing_m(self) -> float:
         """Range spacing of all local grids, metres."""
-        return self.lattice.spacing
+        return self.resampling.spacing
 
     def polar_grid(self, node: Node) -> PolarGrid:
         """Pixels of a sub-aperture's own image, in the imaging frame."""
@@ -294,7 +294,7 @@ class FfbpPlan(Plan):
         taps, counts = TAPS[self.sampling.kernel], {'image': 1.0}
         n_echoes = self.tx_m.shape[0] * self.tx_m.shape[1]
         first = sum(_pixels(n) * (n.pulses.stop - n.pulses.start) for n in self.levels[0].nodes)
-        counts |= self.lattice.operations(n_echoes, first / len(self.tx_m))
+        counts |= self.resampling.operations(n_echoes, first / len(self.tx_m))
         merged, gathered = 0.0, len(self.top) * math.prod(self.grid.shape)
         for level in self.levels:
             read = sum(_pixels(n) * len(n.children) for n in level.nodes)
@@ -313,9 +313,9 @@ class FfbpPlan(Plan):
     @property
     def n_bytes(self) -> int:
         """Memory that forming the image takes: itself, one per level, and some profiles, bytes."""
-        lattice = self.lattice
+        resampling = self.resampling
         profiles = (min(ECHOES_PER_PASS, self.tx_m.shape[0] * self.tx_m.shape[1]) * 4
-                    * lattice.interpolator.n_planes * lattice.n_phases * lattice.n_cells)
+                    * resampling.interpolator.n_planes * resampling.n_phases * resampling.n_cells)
         return profiles + IMAGE_BYTES * (math.prod(self.grid.shape)
                                          + sum(level.size for level in self.levels))
 
@@ -343,7 +343,8 @@ def plan_ffbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
     grid : MapGrid or PolarGrid
         Where the pixels are.
     radar : RadarParameters
-        Of the compressed profiles; a profile must be sampled at 1.25 times its bandwidth or more.
+        Describes the compressed profiles; a profile must be sampled at 1.25 times its bandwidth
+        or more.
     n_samples : int
         Samples of each profile.
     tx_m, rx_m : (P, C, 3) array_like
@@ -502,40 +503,40 @@ def plan_from_geometry(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samp
     grid, radar, n_samples, tx_m, rx_m :
         As `FfbpPlan` has them.
     geometry : FfbpGeometry
-        Of the aperture.
+        Tree and frame of the aperture.
     tones : LocalTones
-        Of the geometry.
+        Local frequencies in this geometry.
     sampling : FfbpSampling
-        Of the local images.
+        Kernel and spacing of the local images.
 
     Raises
     ------
     ValueError
         The scene is too near, or no profile reaches it.
     """
-    levels, frame, inside = geometry.levels, geometry.frame, geometry.inside
-    lattice = plan_profiles(levels[0], frame, geometry.tx, geometry.rx, inside,
-                            geometry.range_spacing(sampling.oversampling[0]), radar, n_samples,
-                            sampling.first_stage_db)
-    if lattice is None:
+    levels, frame, scene = geometry.levels, geometry.frame, geometry.scene
+    resampling = plan_profiles(levels[0], frame, geometry.tx, geometry.rx, scene,
+                               geometry.range_spacing(sampling.oversampling[0]), radar, n_samples,
+                               sampling.first_stage_db)
+    if resampling is None:
         raise ValueError('range does not follow the lines of the local polar grids closely '
                          f'enough: sub-apertures of {levels[0][0].pulses.stop} pulses are too '
                          'long for a scene this near; use fewer pulses_per_subaperture')
     alpha_spacings = geometry.alpha_spacings(sampling.oversampling[1])
-    segments = [choose_segment(nodes, alpha_spacings, inside, lattice.spacing,
+    segments = [choose_segment(nodes, alpha_spacings, scene, resampling.spacing,
                                radar.wavelength_m) for nodes in levels]
     placed, top = place_grids(levels, geometry.top, alpha_spacings, [s.length for s in segments],
-                              geometry.edge, geometry.edge_step, lattice.spacing,
+                              geometry.edge, geometry.edge_step, resampling.spacing,
                               TAPS[sampling.kernel])
-    range_m = _reach(placed[0].nodes, geometry, lattice.spacing)
+    range_m = _reach(placed[0].nodes, geometry, resampling.spacing)
     check_reach(range_m, radar, n_samples)
     start, stop = covered_ranges(radar, n_samples)
     within = start <= range_m[0] and range_m[1] <= stop
     warnings = () if within else reach_warnings(some_pixels(grid), tx_m, rx_m, radar, n_samples)
     errors = _errors_db(geometry, radar, RangeGate.whole(radar, n_samples), tones, sampling,
-                        lattice, alpha_spacings, segments)
+                        resampling, alpha_spacings, segments)
     return FfbpPlan(grid, radar, n_samples, tx_m.copy(), rx_m.copy(), sampling, frame, placed,
-                    top, lattice, range_m, errors, warnings)
+                    top, resampling, range_m, errors, warnings)
 
 
 def _reach(nodes: Sequence[Node], geometry: FfbpGeometry, spacing: float) -> tuple[float, float]:
@@ -550,18 +551,18 @@ def _reach(nodes: Sequence[Node], geometry: FfbpGeometry, spacing: float) -> tup
     return float((start - away).min()), float((stop + away).max())
 
 
-def _errors_db(geometry, radar, window, tones, sampling, lattice, alpha_spacings, segments
+def _errors_db(geometry, radar, window, tones, sampling, resampling, alpha_spacings, segments
                ) -> dict[str, float]:
     reading = reading_segments(geometry, segments)
-    spacings = [lattice.spacing] * len(segments), alpha_spacings
+    spacings = [resampling.spacing] * len(segments), alpha_spacings
     *each, both = read_errors(tones, (0, 1), sampling.kernel, sampling.oversampling, spacings,
                               reading)
     shares = both / max(sum(each), _LEAST)  # losses along the two add up in amplitude
-    cycles = 2 * lattice.spacing / radar.wavelength_m
+    cycles = 2 * resampling.spacing / radar.wavelength_m
     echoes = np.linspace(0, geometry.tx[..., 0].size - 1, _ECHOES).round().astype(int)
     length = half_paths(*(a.reshape(-1, 3)[echoes] for a in (geometry.tx, geometry.rx)),
-                        geometry.inside)[0]
-    errors = {'sub-aperture images': lattice.predicted_error_db}
+                        geometry.scene)[0]
+    errors = {'sub-aperture images': resampling.predicted_error_db}
     errors |= {cause: 10 * math.log10(max(error, _LEAST)) for cause, error in (
         ('interpolated ranges', each[0] * shares), ('interpolated directions', each[1] * shares),
         ('expanded geometry', expansion_error(segments)),
@@ -569,7 +570,7 @@ def _errors_db(geometry, radar, window, tones, sampling, lattice, alpha_spacings
     whole = total_db(*errors.values())
     return errors | {'chance': whole + 10 * math.log10(10 ** (_CHANCE_DB / 10) - 1),
                      ENDS: window.mean_end_error_db(
-                         length, oversampling=lattice.oversampling(radar))}
+                         length, oversampling=resampling.oversampling(radar))}
 
 
 def reading_segments(geometry: FfbpGeometry, segments: Sequence[Segment]) -> list[Segment]:
@@ -593,26 +594,26 @@ class LocalTones:
         Wavenumbers over the band and at the carrier, rad/m.
     known : (L, S) bool
         Whether a level has an image with the pulse in it.
-    shares : (2, S, C, 1, F) float64
-        In the power of an image, of what all pulses see alike and of noise; of sum 1.
+    powers : (2, S, C, 1, F) float64
+        Part of each in the power of an image of what all pulses see alike, and of noise; of sum 1.
     """
 
     slopes: np.ndarray
     k: np.ndarray
     k_c: float
     known: np.ndarray
-    shares: np.ndarray
+    powers: np.ndarray
 
     def cycles(self, axis: int, level: int, spacing: float) -> np.ndarray:
         """(S, C, K, F) cycles per sample along range (0) or direction (1)."""
-        turns = spacing / (2 * np.pi)
-        found = turns * self.k * self.slopes[axis, level][..., None]
-        return found if axis else found - turns * self.k_c
+        cycles_of = spacing / (2 * np.pi)  # a radian per metre or direction cosine
+        found = cycles_of * self.k * self.slopes[axis, level][..., None]
+        return found if axis else found - cycles_of * self.k_c
 
 
 def local_tones(geometry: FfbpGeometry, radar: RadarParameters) -> LocalTones:
     """Local frequencies of an aperture."""
-    tx, rx, points = geometry.tx, geometry.rx, geometry.inside
+    tx, rx, points = geometry.tx, geometry.rx, geometry.scene
     pulses, channels = (np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(int))
                         for n, most in zip(tx.shape[:2], (_PULSES, _CHANNELS), strict=True))
     some = [a[np.ix_(pulses, channels)] for a in (tx, rx)]
@@ -627,20 +628,20 @@ def local_tones(geometry: FfbpGeometry, radar: RadarParameters) -> LocalTones:
         origins += [nodes[i].centre for i in number]
     slopes = local_slopes(np.array(origins), *(np.tile(a, (len(known), 1, 1)) for a in some),
                           points)
-    shares = _shares(geometry, radar, pulses, channels)
+    powers = _powers(geometry, radar, pulses, channels)
     return LocalTones(slopes.reshape(2, *np.shape(known), *slopes.shape[2:]), k, k_c,
-                      np.array(known), shares[..., None, None] * _BY_TONE / 2)
+                      np.array(known), powers[..., None, None] * _BY_TONE / 2)
 
 
-def _shares(geometry, radar, pulses, channels) -> np.ndarray:
-    """(2, S, C) shares of some pulses, each with its neighbours, in the power of images."""
-    inside = geometry.inside
-    power = echo_power(geometry.tx.reshape(-1, 3), geometry.rx.reshape(-1, 3), inside[4],
-                       (inside[5] - inside[3], inside[7] - inside[1]), radar)
+def _powers(geometry, radar, pulses, channels) -> np.ndarray:
+    """(2, S, C) parts of some pulses, each with its neighbours, in the power of images."""
+    scene = geometry.scene
+    power = echo_power(geometry.tx.reshape(-1, 3), geometry.rx.reshape(-1, 3), scene[4],
+                       (scene[5] - scene[3], scene[7] - scene[1]), radar)
     first = np.r_[0, (pulses[1:] + pulses[:-1] + 1) // 2]
     found = [np.add.reduceat(p.reshape(geometry.tx.shape[:2]), first)[:, channels]
              for p in (power, np.ones_like(power))]
-    return np.array([share / share.sum() for share in found])
+    return np.array([power / power.sum() for power in found])
 
 
 def read_errors(tones: LocalTones, axes: Sequence[int], kernel: str,
@@ -666,7 +667,7 @@ def read_errors(tones: LocalTones, axes: Sequence[int], kernel: str,
     Parameters
     ----------
     tones : LocalTones
-        Of the aperture.
+        Local frequencies of the aperture.
     axes : sequence of int
         Along which: 0 for range, 1 for direction.
     kernel : str
@@ -674,7 +675,7 @@ def read_errors(tones: LocalTones, axes: Sequence[int], kernel: str,
     oversampling : (float, float)
         Along range and direction.
     spacings : two sequences of L floats
-        Of local grids along range, metres, and direction, by level.
+        Spacings of local grids along range, metres, and direction, by level.
     segments : sequence of L Segment
         By which the images of each level are read.
 
@@ -706,7 +707,7 @@ def _mean_error(tones, kept, spread) -> float:
     """Where the image is worst, of what pulses see alike or of noise."""
     error = (1 - kept) ** 2 + kept ** 2 * spread
     return float(np.einsum('scpf,wscpf->wp', error, np.broadcast_to(
-        tones.shares, (2, *error.shape))).max())
+        tones.powers, (2, *error.shape))).max())
 
 
 def expansion_error(segments: Sequence[Segment]) -> float:
@@ -734,7 +735,7 @@ class FfbpGeometry:
         Outline of the scene in the frame, metres.
     edge_step : float
         Distance of its samples, metres.
-    inside : (9, 3) float64
+    scene : (9, 3) float64
         Positions all over the scene in the frame, three by three, metres.
     levels : list of lists of Node
         Sub-apertures, without their grids, shortest first.
@@ -753,7 +754,7 @@ class FfbpGeometry:
     rx: np.ndarray
     edge: np.ndarray
     edge_step: float
-    inside: np.ndarray
+    scene: np.ndarray
     levels: list[list[Node]]
     top: list[Node]
     half_range: float
@@ -779,15 +780,15 @@ def ffbp_geometry(grid: MapGrid | PolarGrid, radar: RadarParameters, tx_m, rx_m,
     ValueError
         The scene does not lie on one side of the track.
     """
-    edge, inside, edge_step = outline_of(grid)
+    edge, scene, edge_step = outline_of(grid)
     centres = mean_centres(tx_m, rx_m)
     frame = find_frame(edge, centres, grid.z_m)
-    tx, rx, centres, edge, inside = (frame.enter(a) for a in (tx_m, rx_m, centres, edge, inside))
+    tx, rx, centres, edge, scene = (frame.enter(a) for a in (tx_m, rx_m, centres, edge, scene))
     levels, top = build_tree(centres, pulses_per_subaperture, merge_factor)
     check_side(levels[0], edge)
-    half_range, half_alpha = half_bands(levels, tx, rx, inside, radar)
-    return FfbpGeometry(frame, tx, rx, edge, edge_step, inside, levels, top, max(half_range),
-                        half_alpha, widest_spacings(levels, inside))
+    half_range, half_alpha = half_bands(levels, tx, rx, scene, radar)
+    return FfbpGeometry(frame, tx, rx, edge, edge_step, scene, levels, top, max(half_range),
+                        half_alpha, widest_spacings(levels, scene))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -939,7 +940,7 @@ def outline_of(grid: MapGrid | PolarGrid) -> tuple[np.ndarray, np.ndarray, float
     Returns
     -------
     edge : (E, 3) float64
-    inside : (9, 3) float64
+    scene : (9, 3) float64
     step : float
         Metres.
     """
@@ -1004,7 +1005,7 @@ def half_bands(levels: list[list[Node]], tx, rx, points, radar: RadarParameters
     tx, rx : (P, C, 3) float64
         Phase centres in the frame, metres.
     radar : RadarParameters
-        Of the profiles.
+        Describes the profiles.
     """
     share = np.linspace(0.0, 1.0, _PULSES_PER_NODE)
     start, stop = (np.array([[getattr(n.pulses, e)] for nodes in levels for n in nodes])
@@ -1036,7 +1037,7 @@ def local_slopes(origins, tx, rx, points) -> np.ndarray:
     Parameters
     ----------
     origins : (N, 3) float64
-        Of polar grids in the frame, metres.
+        Origins of polar grids in the frame, metres.
     tx, rx : (N, R, 3) float64
         Phase centres that each of them is looked at with, metres.
     points : (K, 3) float64
@@ -1097,7 +1098,7 @@ def place_grids(levels: list[list[Node]], top: list[Node], alpha_spacings: list[
     levels, top :
         The tree.
     alpha_spacings, segments : list of float and int
-        Of each level.
+        Spacing of direction cosines and length of segments of each level.
     edge : (E, 3) float64
         Outline of the requested grid in the frame, metres.
     edge_step : float
@@ -1434,7 +1435,7 @@ def merge(child, child_shape, parent, parent_shape, geometry, weights_range, wei
     du, dv, height_p, height_c = geometry[0], geometry[1], geometry[2], geometry[3]
     step, range_p, range_c = geometry[4], geometry[5], geometry[6]
     cycles_per_pixel = geometry[11]
-    turns = np.float32(cycles_per_pixel)
+    cycles_per_place = np.float32(cycles_per_pixel)
     n_lines, n = parent_shape
     child_lines, child_n = child_shape
     child_size, parent_size = child_lines * child_n, n_lines * n
@@ -1511,7 +1512,7 @@ def merge(child, child_shape, parent, parent_shape, geometry, weights_range, wei
                 pixel = np.uint64(line * n + begin)
                 pixel_im = pixel + np.uint64(parent_size)
                 for i in range(count):
-                    cycles = _fraction(turns * (place[at + i] + centre) + phase)
+                    cycles = _fraction(cycles_per_place * (place[at + i] + centre) + phase)
                     square = cycles * cycles
                     sine, cosine = _sin_cycles(cycles, square), _cos_cycles(square)
                     re, im = out_re[at + i], out_im[at + i]
@@ -1566,7 +1567,7 @@ def add_to_grid(local, shape, geometry, grid, layout, weights_range, weights_alp
     shape : (int, int)
         Its n_alpha, n_range.
     geometry : (11,) float64
-        Of the local grid: origin x, y, metres, and its height above the plane; track x, y; first
+        Local grid: origin x, y, metres, and its height above the plane; track x, y; first
         range and spacing, metres; first direction cosine and spacing; cycles per metre of range.
         Last come the cycles per column that the image leaves out: 0, or for an image at range
         baseband the cycles per pixel.

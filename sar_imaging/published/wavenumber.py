@@ -89,19 +89,19 @@ class WavenumberPlan(Plan):
     grid : MapGrid
         Where the pixels are.
     radar : RadarParameters
-        Of the compressed profiles.
+        Describes the compressed profiles.
     n_samples : int
         Samples of each profile.
     track : StraightTrack
         Fitted to the phase centres.
     frequencies_hz : (K,) float64
-        Of the profiles' band, absolute, ascending, hertz.
+        Frequencies in the profiles' band, absolute, ascending, hertz.
     centre_m : (float, float)
         Middle of the scene along the track and distance from it, metres.
     band : DopplerBand
         Slow-time transform, and what of it is used.
     taps : int
-        Of the Stolt interpolation.
+        Samples over which the Stolt interpolation spreads a value.
     first, step : float
         k_x of the first sample of the interpolated spectrum and spacing, rad/m.
     n_x : int
@@ -162,7 +162,7 @@ def plan_wavenumber(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m,
     grid : MapGrid
         Where the pixels are.
     radar : RadarParameters
-        Of the compressed profiles.
+        Describes the compressed profiles.
     n_samples : int
         Samples of each profile.
     tx_m, rx_m : (P, C, 3) float64
@@ -204,7 +204,7 @@ def plan_wavenumber(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m,
     track = fit_straight_track(tx_m, rx_m)
     check_straight(track, tx_m, rx_m, corners, wavelength_m=radar.wavelength_m,
                    tolerance_wavelengths=PATH_TOLERANCE_WAVELENGTHS)
-    scene = Scene(track, *track.coordinates(outline))
+    scene = SlantScene(track, *track.coordinates(outline))
     frequencies = band_frequencies(radar, n_samples, compressed=True)
     k = 4 * np.pi * frequencies / radar.propagation_speed_m_per_s
     _check_place(scene, radar, frequencies)
@@ -214,10 +214,10 @@ def plan_wavenumber(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m,
     k_x_ends = band.range_wavenumbers(k)
     first = k_x_ends[0] - step * (taps // 2)
     n_x = math.ceil((k_x_ends[1] - first) / step) + taps // 2 + 1
-    turns = 2 * np.pi * path_errors(track, tx_m, rx_m, corners) / radar.wavelength_m
+    phase_errors = 2 * np.pi * path_errors(track, tx_m, rx_m, corners) / radar.wavelength_m
     errors = {'Stolt interpolation': _stolt_error(taps, range_padding),
               'Doppler band': 10 ** (band.error_db / 10),
-              'straight track': float(np.mean(turns ** 2)),
+              'straight track': float(np.mean(phase_errors ** 2)),
               # next term of the Hankel function that the stationary phase stands for
               'stationary phase': (3 / (8 * k_x_ends[0] * scene.distance_m.min())) ** 2,
               'read pixels': 10 ** (_READ_ERROR_DB / 10)}
@@ -263,7 +263,7 @@ def _outline(grid: MapGrid) -> tuple[np.ndarray, np.ndarray]:
     return tuple(np.array([(*p, grid.z_m) for p in points]) for points in (corners, edge))
 
 
-def _check_place(scene: Scene, radar: RadarParameters, frequencies) -> None:
+def _check_place(scene: SlantScene, radar: RadarParameters, frequencies) -> None:
     """Refuse grids on the track, seen along the track, or outside the recorded ranges."""
     nearest = NEAREST_WAVELENGTHS * radar.wavelength_m
     if scene.distance_m.min() < nearest:
@@ -289,7 +289,7 @@ def _check_place(scene: Scene, radar: RadarParameters, frequencies) -> None:
 
 
 @dataclasses.dataclass(frozen=True)
-class Scene:
+class SlantScene:
     """Edge of the grid in the slant plane: position along the track and distance from it."""
 
     track: StraightTrack
@@ -374,7 +374,7 @@ class DopplerBand:
         return k[0] * math.sqrt(1 - farthest ** 2), k[-1] * math.sqrt(1 - nearest ** 2)
 
 
-def choose_band(scene: Scene, k_max: float, azimuth_padding) -> DopplerBand:
+def choose_band(scene: SlantScene, k_max: float, azimuth_padding) -> DopplerBand:
     """Choose the length of the slow-time transform and the Doppler band.
 
     The grid's own band is extended by a guard on either side, over which the spectrum falls
@@ -405,7 +405,7 @@ def choose_band(scene: Scene, k_max: float, azimuth_padding) -> DopplerBand:
                        float(np.interp(guard, _GUARDS, _GUARD_ERRORS_DB)), warning)
 
 
-def _fresnel_length(scene: Scene, sines, k_max: float) -> float:
+def _fresnel_length(scene: SlantScene, sines, k_max: float) -> float:
     """Part of the aperture over which the phase to a pixel turns by pi, as a sine."""
     nearest = 0.0 if sines[0] < 0 < sines[1] else min(map(abs, sines))
     return math.sqrt(2 * np.pi / k_max * (1 - nearest ** 2) ** 1.5 / scene.distance_m.min())
@@ -491,7 +491,7 @@ class SlantImage:
         Convolved such that the kernel of `read` restores the image; the centre stands at index
         (0, 0), what lies before it at the end.
     spacing_m : (2,) floats
-        Of the samples, along the track and across, metres.
+        Spacing of the samples along the track and across, metres.
     centre_m : (2,) floats
         Position along the track and distance from it at index (0, 0), metres.
     carrier : (2,) floats

@@ -32,7 +32,7 @@ from ..signal.spectra import resampled_from_spectrum
 #: How a zero-padded profile is read between its samples.
 INTERPOLATORS = ('nearest', 'linear', 'cubic', 'sinc')
 #: Where each channel is read: at its exact two-way delay; at that of the midpoint between its
-#: antennas (equation 3); or at the delay of the reference antenna, turned by equation 19.
+#: antennas (equation 3); or at the delay of the reference antenna, with the phase of equation 19.
 DELAYS = ('exact', 'midpoint', 'steering')
 SINC_TAPS = 8
 ROUNDING_DB = -120.0  # of single-precision profiles and transforms
@@ -75,7 +75,7 @@ class ZeroPaddingPlan(Plan):
     grid : Grid
         Where the pixels are.
     radar : RadarParameters
-        Of the compressed profiles.
+        Describes the compressed profiles.
     n_samples : int
         Samples L of each profile.
     interpolator, ratio, delay :
@@ -162,7 +162,7 @@ def plan_zero_padding(grid: Grid, radar: RadarParameters, n_samples: int, tx_m, 
     grid : Grid
         Where the pixels are.
     radar : RadarParameters
-        Of the compressed profiles.
+        Describes the compressed profiles.
     n_samples : int
         Samples L of each profile.
     tx_m, rx_m : (P, C, 3) float64
@@ -229,7 +229,7 @@ def predicted_error_db(interpolator: str, ratio: int, radar: RadarParameters) ->
     ratio : int
         Zero-padding ratio ``Z_rat``.
     radar : RadarParameters
-        Of the profiles.
+        Describes the profiles.
 
     Returns
     -------

@@ -56,7 +56,7 @@ class Formula:
             echoes = (a[node.pulses].reshape(-1, a.shape[-1])
                     for a in (block.samples, block.tx_m, block.rx_m))
             return project_lines(RangeGate.whole(plan.radar, plan.n_samples), next(echoes),
-                                 plan.lattice.n_padded, *echoes, polar)
+                                 plan.resampling.n_padded, *echoes, polar)
         points = polar.lines(polar.range_m, polar.alpha[:, None])[0]
         image = sum(self._at(child, block, points) for child in node.children)
         return image * carrier(polar.range_start_m - polar.range_m, plan.radar.wavelength_m)
