@@ -136,6 +136,8 @@ aarch64: environment
 fault-campaign: environment
 	@FAULT_SEED=$${FAULT_SEED:-$$(date +%s)} FAULT_ROUNDS=$${FAULT_ROUNDS:-20} \
 	    $(RUN) -m pytest -m campaign test/nodes/faults/test_fault_campaign.py
+	@CAUSES_RESULTS=benchmarks/results/causes.json \
+	    $(RUN) -m pytest -m '' test/nodes/faults/test_causes.py
 
 # cosmic-ray and coverage live in an environment of their own. Which test executes what is measured
 # once, in a quarter of an hour; remove build/mutation/work to have it measured anew. A campaign

@@ -144,7 +144,7 @@ class System:
         for status in message.status:
             self.status[status.name] = {
                 v.key: float(v.value) for v in status.values
-                if v.key not in ('last_rejection', 'mistake')}  # texts
+                if v.key not in ('last_rejection', 'last_change', 'mistake')}  # texts
 
     def publish(self, cdr: bytes) -> None:
         """Send a serialised message now."""

@@ -28,7 +28,7 @@ from .poses.pose_input import (
     track_from,
 )
 from .runtime.block_output import UNTAKEN, BlockOutput
-from .runtime.health import Health, Part
+from .runtime.health import CHANGE, Health, Part
 from .runtime.inlet import UncheckedPulses
 from .runtime.managed import ManagedNode, run
 from .runtime.parameters import ANY_TIME, ConfigurationError, Parameter, plain_frame
@@ -204,7 +204,10 @@ class PulseBufferStep(Step):
             self.health.set('fixes_without_pose', self._finder.n_without_pose)
 
     def _emitted(self, blocks: list[PulseBlock]) -> list[PulseBlock]:
-        self.report(self._buffer.take_events())
+        self.report(events := self._buffer.take_events())
+        for event in events:
+            if event.kind == 'configuration':
+                self.health.tell(CHANGE, event.text)
         if self._positioner is not None:
             blocks = self._located(blocks)
         blocks = [self._in_frame(block) for block in blocks]

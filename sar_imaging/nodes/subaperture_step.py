@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 
 from msg_conversions.subaperture_image import to_message
@@ -17,7 +18,7 @@ from .images.image_grid import describe_grid
 from .images.terrain import TERRAIN_FILE
 from .runtime.backends import backend_of
 from .runtime.block_output import BlockOutput
-from .runtime.health import Health, Part
+from .runtime.health import Cause, Health, Part
 from .runtime.managed import ManagedNode
 from .runtime.parameters import ConfigurationError
 
@@ -93,6 +94,9 @@ class SubapertureStep(BackprojectionStep):
         self.health.set('plans_made', s.plans)
         self.health.set('plans_anew', s.plans_anew)
         self.health.set('last_plan_seconds', s.plan_seconds)
+        since_s = self._imager.planning_since_s
+        self.health.cause(Cause.PLANNING, '' if since_s is None else (
+            f'planning an aperture for {time.perf_counter() - since_s:.1f} s so far; pulses wait'))
 
     def _follow(self, work, *arguments) -> list[SubapertureImage]:
         # Rounded as messages round them, so that the pipeline's images are those of the nodes.

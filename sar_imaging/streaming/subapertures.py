@@ -67,6 +67,11 @@ class LiveSubapertures(ApertureSequence):
     backend : str or Backend
         As for `plan_image`; images that a device forms stay there.
 
+    Attributes
+    ----------
+    planning_since_s : float or None
+        Since when an aperture whose pulses wait is planned, on `time.perf_counter`.
+
     Raises
     ------
     ValueError
@@ -100,6 +105,7 @@ class LiveSubapertures(ApertureSequence):
         self._n_apertures = 2 if sliding else 1
         self._session, self._sequence = secrets.randbits(32), 0
         self._memory: list[np.ndarray] = []
+        self.planning_since_s: float | None = None
         super().__init__(pulses_per_aperture, LiveStatistics())
 
     def catch_up(self) -> list[SubapertureImage]:
@@ -331,7 +337,7 @@ class LiveSubapertures(ApertureSequence):
     def _make_plan(self, target: Target, slack: float | None = None) -> None:
         """Plan an aperture from what is known, or refuse it."""
         slack = 2.0 ** target.revision if slack is None else slack
-        begin = time.perf_counter()
+        begin = self.planning_since_s = time.perf_counter()
         try:
             try:
                 target.stage = self._stage_for(target, self._cut, slack)
@@ -350,6 +356,7 @@ class LiveSubapertures(ApertureSequence):
         finally:
             self.statistics.plans += 1
             self.statistics.plan_seconds = time.perf_counter() - begin
+            self.planning_since_s = None
         plan = target.stage.plan
         if plan.warnings and not self._warned:
             self._warned = True

@@ -24,6 +24,7 @@ from sar_imaging.nodes import (
 from sar_imaging.nodes.runtime.managed import AUTOSTART
 from sar_imaging.nodes.runtime.stage import COMMON_PARAMETERS
 from sar_imaging.nodes.sar_pipeline import SarPipelineNode
+from sar_imaging.tools.launching import CONFIG
 
 MODULES = {'pulse_buffer': pulse_buffer, 'range_compression': range_compression,
            'backprojection': backprojection, 'afbp_fusion': afbp_fusion,
@@ -124,6 +125,12 @@ def test_diagnostics_have_the_keys_of_the_pages(start_node, make_observer, docum
                       f'diagnostics of {name}')
         assert observer.status(name).level == DiagnosticStatus.OK
         assert sorted(documented(name)) == sorted(observer.counters(name))
+    # Each status belongs to one group of the aggregator.
+    groups = yaml.safe_load((CONFIG / 'diagnostic_aggregator.yml').read_text())['analyzers'][
+        'ros__parameters']
+    words = [word for g in groups.values() if isinstance(g, dict) for word in g['contains']]
+    for name in {s.name for array in observer.messages['/diagnostics'] for s in array.status}:
+        assert sum(word in name for word in words) == 1, name
     # In the pipeline each stage has those that are its own.
     for name in MODULES.keys() - {'moving_targets'}:  # which stands beside the pipeline
         keys = [key for key in documented(name) if key not in documented('sar_pipeline')]

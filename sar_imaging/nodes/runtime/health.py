@@ -17,7 +17,9 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 RECENT_S = 10.0  # a fault colours the diagnostics for this long
 SEVERE_AFTER_S = 5.0  # a severe cause that lasts longer is an error
 LINES_PER_PERIOD = 20  # log lines between two diagnostics messages; the rest is counted
-MEMORY, REJECTION = 'memory_megabytes', 'last_rejection'
+MEMORY = 'memory_megabytes'
+REJECTION, CHANGE = 'last_rejection', 'last_change'
+_EXPLAINED = {'blocks_rejected': REJECTION, 'configuration_changes': CHANGE}  # faults by texts
 
 
 class Cause(enum.Enum):
@@ -35,7 +37,8 @@ class Cause(enum.Enum):
     NO_POSES = 'poses go on', True
     CLOCKS_APART = 'the clocks of poses and pulses agree', True
     COMPILING = 'kernels are compiled', False
-    STALLED = 'input continues', False
+    PLANNING = 'the aperture is planned', False
+    STALLED = 'input continues', True
     BEHIND = 'the work keeps up with the input again', False
     NO_SUBSCRIBER = 'the output has a subscriber', False
 
@@ -176,8 +179,8 @@ class Tally:
             return WARN, lasting[0][1]
         if recent:
             told = ', '.join(f'{amount} {key}' for key, amount in recent.items())
-            why = f'; {self._texts.get(REJECTION)}' if 'blocks_rejected' in recent else ''
-            return WARN, f'recent losses: {told}{why}'
+            why = [self._texts.get(text, '') for key, text in _EXPLAINED.items() if key in recent]
+            return WARN, '; '.join(filter(None, (f'recent losses: {told}', *why)))
         return OK, state
 
 

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import concurrent.futures
 import datetime
+import os
 from collections.abc import Callable
+from pathlib import Path
 
 from .parameters import ANY_TIME, Parameter
 
+
+def _check_folder(name: str) -> None:
+    folder = Path(name).absolute()
+    there = next(path for path in (folder, *folder.parents) if os.path.lexists(path))
+    if name and not (there.is_dir() and os.access(there, os.W_OK)):
+        raise ValueError(f'no files can be written to {name}: {there} is '
+                         f'{"not writable" if there.is_dir() else "no folder"}')
+
+
 SAVE_FOLDER = Parameter(
     'save.folder', '', 'Folder for the files that the save service writes, made when missing; '
-    'empty for none.', changes=ANY_TIME)
+    'empty for none.', check=_check_folder, changes=ANY_TIME)
 
 
 def file_stem(stamp_ns: int) -> str:

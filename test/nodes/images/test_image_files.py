@@ -118,7 +118,10 @@ def test_what_is_missing_is_said_in_the_answer_and_the_node_lives_on(make_chain,
     success, text = observer.trigger('backprojection/save_image')
     assert not success and text.startswith('parameter save.folder is empty: set the folder')
     (tmp_path / 'file').write_text('')
-    assert observer.set_parameter('backprojection', 'save.folder', str(tmp_path / 'file' / 'x'))[0]
+    success, text = observer.set_parameter('backprojection', 'save.folder',
+                                           str(tmp_path / 'file' / 'x'))
+    assert not success and text.endswith(f'{tmp_path}/file is no folder')
+    assert observer.set_parameter('backprojection', 'save.folder', str(tmp_path / 'new' / 'x'))[0]
     observer.send(psf.blocks(25))
     observer.wait_for('image_complex', 1)
     success, text = observer.trigger('backprojection/save_image')
@@ -130,9 +133,8 @@ def test_what_is_missing_is_said_in_the_answer_and_the_node_lives_on(make_chain,
 
 
 def test_a_folder_that_cannot_be_made_is_told(make_chain, psf, tmp_path):
-    (tmp_path / 'file').write_text('')
-    chain = make_chain(psf.truth, backprojection=PLACE | {
-        'save.folder': str(tmp_path / 'file' / 'x')})
+    chain = make_chain(psf.truth, backprojection=PLACE | {'save.folder': str(tmp_path / 'file')})
+    (tmp_path / 'file').write_text('')  # since the parameter was checked
     observer = chain.observer
     observer.send(psf.blocks(25))
     observer.wait_for('image_complex', 1)

@@ -69,23 +69,24 @@ def test_each_fault_begins_the_ten_seconds_anew(clock, tally):
 def test_an_error_weighs_more_than_a_cause_and_that_more_than_a_loss(clock, tally):
     lines = tally.warning, tally.info = [], []
     tally.warning, tally.info = lines[0].append, lines[1].append
-    assert tally.cause(Cause.STALLED, 'no input for 5 s')
+    assert tally.cause(Cause.BEHIND, 'the work is late by 5 s')
     tally.count('lost', 3)
-    assert judgement(tally) == (WARN, 'no input for 5 s')
+    assert judgement(tally) == (WARN, 'the work is late by 5 s')
     assert tally.cause(Cause.OTHER_TYPE, 'it carries images')
-    assert not tally.cause(Cause.STALLED, 'no input for 6 s')
+    assert not tally.cause(Cause.BEHIND, 'the work is late by 6 s')
     assert judgement(tally) == (WARN, 'it carries images')
     clock.now_s += 5.1  # somebody has to remove it: an error that lasts
     assert judgement(tally) == (ERROR, 'it carries images')
     tally.cause(Cause.OTHER_TYPE, '')
-    assert judgement(tally) == (WARN, 'no input for 6 s')
+    assert judgement(tally) == (WARN, 'the work is late by 6 s')
     tally.count('errors')
     assert judgement(tally) == (ERROR, 'errors while working, see the log')
     clock.now_s += 100.0
-    tally.cause(Cause.STALLED, '')
+    tally.cause(Cause.BEHIND, '')
     assert judgement(tally) == (OK, 'working')
-    assert lines == (['no input for 5 s', 'it carries images'],
-                     ['the type of the input is right', 'input continues'])
+    assert lines == (['the work is late by 5 s', 'it carries images'],
+                     ['the type of the input is right',
+                      'the work keeps up with the input again'])
 
 
 def test_losses_are_named_with_their_numbers(clock, tally):
