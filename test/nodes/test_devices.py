@@ -66,7 +66,7 @@ def test_a_device_that_fails_is_counted_and_the_node_lives_on(ros_environment, t
     paths = os.pathsep.join(filter(None, (str(tmp_path), ros_environment.get('PYTHONPATH'))))
     node = Nodes(tmp_path / 'node', {**ros_environment, 'PYTHONPATH': paths,
                                      'NUMBA_ENABLE_CUDASIM': '1'},
-                 {'range_compression': {'backend': 'cuda'}})
+                 {'range_compression': {'backend': 'cuda', 'max_age_s': 3600.0}})
     node.start('range_compression')
     try:
         observer = make_observer('pulse_blocks')

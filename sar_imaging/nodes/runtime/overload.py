@@ -17,6 +17,7 @@ APERTURES, BLOCKS = 'drop_apertures', 'drop_blocks'
 POLICIES = (APERTURES, BLOCKS)
 FAULTS = ('blocks_dropped', 'apertures_skipped', 'apertures_too_old', 'pulses_too_old')
 _HOLD_S = 2.0  # that a stage counts as behind, at least, after it left something out
+_ALONE = 0.9  # share of the limit up to which growth counts; what waits for less hardly waited
 _ADMISSION_FILL = 0.5  # a new aperture begins only when the queue has come down so far
 
 
@@ -131,9 +132,9 @@ class AgeLimit:
 
     The age of an image is how long its first item waits, and by how much the waiting grows until
     it is done; the latter is taken from the aperture before. An aperture is left out as a whole,
-    the oldest first, when its first item comes to its turn and the sum exceeds the limit. An
-    aperture whose growth alone takes more than half of the limit still begins after waiting half
-    of it: leaving out more would not make images younger. One underway is given up when its items
+    the oldest first, when its first item comes to its turn and the sum exceeds the limit. Where
+    the growth alone does, an aperture begins that hardly waited: its image is too old, and the
+    youngest that can be had. One underway is given up when its items
     exceed the limit although the one before did not, as after a moment in which the machine was
     busy otherwise. So a stage that keeps up loses nothing, and one that does not has images.
 
@@ -223,7 +224,7 @@ class AgeLimit:
     def _judge_new(self, number: int, waited_s: float, limit_s: float) -> bool:
         if self._current is not None and not self._current.left_out:
             self._growth_s = waited_s - self._current.waited_s
-        left_out = waited_s + min(max(self._growth_s, 0.0), 0.5 * limit_s) > limit_s
+        left_out = waited_s + min(max(self._growth_s, 0.0), _ALONE * limit_s) > limit_s
         self._verdicts.pop(number, None)
         self._current = self._verdicts[number] = _Verdict(left_out, waited_s)
         while len(self._verdicts) > self._REMEMBERED:

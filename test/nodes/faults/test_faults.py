@@ -76,8 +76,8 @@ def test_lost_repeated_swapped_and_broken_blocks(make_chain, spotlight):
     chain.observer.wait_for_counters(
         'backprojection', images_published=2, pulses_imaged=len(survivors),
         pulses_missing=len(lost), pulses_missing_in_last_aperture=3, errors=0)
-    assert chain.observer.status('pulse_buffer').level == DiagnosticStatus.WARN
-    assert chain.observer.status('backprojection').level == DiagnosticStatus.WARN
+    assert chain.observer.status('pulse_buffer').level > DiagnosticStatus.OK
+    assert chain.observer.status('backprojection').level > DiagnosticStatus.OK
 
     log = chain.log('pulse_buffer')
     for text in ('pulses 50..74 missing (25)', 'pulses 100..124 missing (25)',

@@ -91,7 +91,7 @@ def test_odometry_that_comes_late_or_not_at_all_for_five_seconds(make_chains, ps
     send_pulses(1, 6)
     wait_for_counters(pulses_without_pose=1000, pulses_emitted=200)
     for observer, buffer in zip(observers, buffers, strict=True):
-        assert observer.status(*buffer).level == DiagnosticStatus.WARN
+        assert observer.status(*buffer).level > DiagnosticStatus.OK
     send_pulses(6, 7)
     send_poses(6)
     check_image(2)
@@ -152,7 +152,7 @@ def test_missing_odometry_and_a_frame_that_jumps(start_node, make_observer):
     buffer.send_poses(0, 1001)
     buffer.send_pulses(0, 600)  # and then nothing for five seconds
     observer.wait_for_counters('pulse_buffer', pulses_without_pose=500, pulses_emitted=100)
-    assert observer.status('pulse_buffer').level == DiagnosticStatus.WARN
+    assert observer.status('pulse_buffer').level > DiagnosticStatus.OK
     buffer.platform.send(OFFSET_NS + 6 * 10**9, (30, 0, 2), frame='map')  # another frame
     buffer.platform.send(OFFSET_NS + 6 * 10**9, (np.nan, 0, 2))
     buffer.n_poses += 1

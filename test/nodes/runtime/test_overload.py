@@ -202,7 +202,8 @@ def fly(load_of, n_apertures=12, aperture_s=1.0, wanted_s=0.0):
     return {n: age for n, age in ages.items() if n not in skipped}, skipped
 
 
-@pytest.mark.parametrize(('load', 'left_out'), [(0.5, 0), (0.95, 0), (1.5, 3), (2.0, 5)])
+@pytest.mark.parametrize(('load', 'left_out'), [(0.5, 0), (0.95, 0), (1.5, 3), (2.0, 5),
+                                                (3.0, 7)])
 def test_images_are_no_older_than_two_apertures_and_a_stage_that_keeps_up_loses_none(load,
                                                                                     left_out):
     ages, skipped = fly(lambda number: load)
