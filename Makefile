@@ -21,7 +21,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check colcon environment clean prediction-campaign simulator obstacle-campaign format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline
+.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check colcon environment clean prediction-campaign simulator obstacle-campaign obstacle-shadows format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline
 .DEFAULT_GOAL := help
 
 help:
@@ -50,6 +50,8 @@ help:
 	@echo 'make prediction-campaign'
 	@echo '             images of 2,000 random geometries beside their predicted errors, 15 minutes of a core;'
 	@echo '             goes on where it was stopped, CASES=100 for few'
+	@echo 'make obstacle-shadows'
+	@echo '             what obstacle maps call free behind walls and beside them, 100 scenes, 10 minutes of a core; SCENES=10 for few'
 	@echo 'make obstacle-campaign'
 	@echo '             obstacle maps of 300 random scenes beside the truth, 15 minutes of a core; SCENES=10 for few'
 	@echo 'make format-campaign'
@@ -178,6 +180,10 @@ prediction-campaign: environment
 	@$(RUN) -m benchmarks.prediction_campaign --cases $${CASES:-2000}
 
 # Results go to benchmarks/results, unless RESULTS names another file.
+obstacle-shadows: environment
+	@$(RUN) -m benchmarks.obstacle_shadows --scenes $${SCENES:-100} \
+	    --results $${RESULTS:-benchmarks/results/obstacle_shadows.json}
+
 obstacle-campaign: environment
 	@$(RUN) -m benchmarks.obstacle_campaign --scenes $${SCENES:-100} \
 	    --results $${RESULTS:-benchmarks/results/obstacles.json}

@@ -230,7 +230,8 @@ def _check_pixels(imaging: Imaging, d: Derived):
             yield Finding('warning', f'grid.spacing={spacing:g} m is more than half of the '
                           f'null spacing in {name}, {null:.3g} m: a scatterer between pixels '
                           f'loses up to {loss:.1f} dB; {_round_down(null / 2):g} m or less keep '
-                          'it below 1 dB', from_track=True)
+                          'it below 1 dB, and obstacles of obstacle_map reliable',
+                          from_track=True)
 
 
 def _check_strip(a: Acquisition, imaging: Imaging, d: Derived):
@@ -269,6 +270,11 @@ def _check_load(imaging: Imaging, machine: Machine, d: Derived):
                       f'aperture comes after {d.aperture_s:.3g} s: blocks will be dropped when '
                       'this runs live; raise grid.spacing, make the grid smaller, or use '
                       'mode: subapertures', from_track=True)
+    if d.obstacle_map_s > d.aperture_s:
+        yield Finding('warning', f'an obstacle map takes about {d.obstacle_map_s:.3g} s of work, '
+                      f'the next aperture comes after {d.aperture_s:.3g} s: maps of some '
+                      'apertures will be skipped while obstacle_map has a subscriber; raise '
+                      'grid.spacing or make the grid smaller', from_track=True)
     total = sum(m.n_bytes for m in d.memory)
     if total > machine.memory_bytes:
         yield Finding('warning', f'the nodes may need {total / 1e6:.0f} MB, '

@@ -25,6 +25,8 @@ SAMPLE_BYTES = 8  # complex64
 PHASE_HISTORIES = (Waveform.STEPPED_FREQUENCY, Waveform.FMCW, Waveform.FMCW_REAL)
 LEAST_SPEED_M_PER_S = 1e-6  # below it a platform stands still
 _WINDOW_BINS = 201
+# Pixels and polar samples of which one core makes maps of obstacles, below what was measured.
+_OBSTACLES_PER_S = 8e6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,6 +75,8 @@ class Derived:
         Of the image or volume.
     imaging_s : float
         Expected work on one image.
+    obstacle_map_s : float
+        Expected work on its map of obstacles, which a thread of its own makes; 0 of volumes.
     memory : tuple of NodeMemory
         Bounds of the nodes.
 
@@ -116,6 +120,7 @@ class Derived:
     aperture_bytes: int
     n_pixels: int
     imaging_s: float
+    obstacle_map_s: float
     memory: tuple[NodeMemory, ...]
 
 
@@ -188,6 +193,7 @@ def derive(acquisition: Acquisition, imaging: Imaging, machine: Machine) -> Deri
         block_bytes=blocks * a.n_samples, profile_block_bytes=blocks * n_profile,
         aperture_bytes=imaging.pulses_per_aperture * pulse * n_profile, n_pixels=n_pixels,
         imaging_s=n_pixels * rows / machine.rate_per_s,
+        obstacle_map_s=_obstacle_map_s(imaging, n_pixels, range_null, azimuth_null),
         memory=node_memory(imaging, n_pixels, block_bytes=blocks * a.n_samples,
                            profile_block_bytes=blocks * n_profile,
                            pulse_bytes=pulse * a.n_samples,
@@ -243,6 +249,14 @@ def width_factor(window: str) -> float:
         response = weights @ np.cos(2 * np.pi * frequency * middle) / weights.sum()
         low, high = (middle, high) if response > math.sqrt(0.5) else (low, middle)
     return 2 * low
+
+
+def _obstacle_map_s(imaging: Imaging, n_pixels: int, *nulls_m: float) -> float:
+    """Seconds of work on pixels, and on the samples of the polar image, two in a null spacing."""
+    if imaging.volume is not None:
+        return 0.0
+    samples = math.prod(2 * imaging.grid.spacing_m / null for null in nulls_m) * n_pixels
+    return (n_pixels + samples) / _OBSTACLES_PER_S
 
 
 def _ratio(a: float, b: float) -> float:

@@ -91,6 +91,10 @@ def _load_rows(imaging: Imaging, machine: Machine, d: Derived):
            f'of work for an image; a new one is due every {d.aperture_s:.3g} s (at '
            f'{machine.rate_per_s / 1e9:.3g}e9 pixels x pulses x channels per second, '
            f'{machine.rate_source})')
+    if d.obstacle_map_s:
+        yield ('obstacle map', f'{d.obstacle_map_s:.3g} s',
+               'of work for a map, in a thread of its own, while obstacle_map or obstacles has a '
+               'subscriber')
 
 
 def _metres(value: float) -> str:

@@ -1,7 +1,13 @@
-"""Publish obstacles as a map and a cloud, built only while they have a subscriber."""
+"""Publish obstacles as a map and a cloud, built only while they have a subscriber.
+
+Maps are made in a thread of their own: images do not wait for them. Where images come faster than
+maps are made, the latest one that waits takes the place of the one before, which is counted.
+"""
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import math
 import time
 from collections.abc import Callable, Mapping
@@ -11,22 +17,27 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import OccupancyGrid
 from rclpy.clock import Clock, ClockType
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from msg_conversions.images import occupancy_to_message
 from msg_conversions.point_cloud import OBSTACLE_FIELDS, to_message
-from sar_imaging.exploitation.obstacles import ObstacleDetector
+from sar_imaging.exploitation.obstacles import Obstacle, ObstacleDetector, spacing_advice
 from sar_imaging.exploitation.obstacles.aperture_view import ApertureView
-from sar_imaging.exploitation.obstacles.evidence import compile_kernels
-from sar_imaging.exploitation.obstacles.obstacle_map import UNKNOWN, ObstacleMap
+from sar_imaging.exploitation.obstacles.obstacle_map import (
+    FREE,
+    UNKNOWN,
+    ObstacleMap,
+    compile_kernels,
+)
 from sar_imaging.geometry.grids import MapGrid
 
 from ..poses.frame_datum import FrameDatum
 from ..runtime.health import Health, Part
-from ..runtime.managed import LATCHED
 from ..runtime.parameters import ANY_TIME, Parameter
+from ..runtime.worker import Worker
 
 if TYPE_CHECKING:
     from ..runtime.stage import Stage
@@ -44,9 +55,26 @@ PARAMETERS = (
     Parameter('obstacles.squint', 0.0, 'Axis of that beam from broadside, positive ahead.',
               'degrees', -90.0, 90.0, changes=ANY_TIME),
 )
-COUNTERS = ('obstacle_maps_published', 'obstacles_in_last_map')
-FAULTS = ('obstacle_maps_refused',)
+COUNTERS = ('obstacle_maps_published', 'obstacles_in_last_map', 'last_obstacle_map_seconds')
+FAULTS = ('obstacle_maps_refused', 'obstacle_maps_skipped')
+# Who keeps the latched map may ask to be told within this time that its sender died.
+MAP_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                     durability=DurabilityPolicy.TRANSIENT_LOCAL,
+                     liveliness=LivelinessPolicy.AUTOMATIC,
+                     liveliness_lease_duration=Duration(seconds=2))
 _FADING_S = 0.5  # between maps that no image renews
+_PATIENCE_S = 3.0  # for the map in work, once Ctrl-C was pressed
+
+
+@dataclasses.dataclass(frozen=True)
+class _Look:
+    """An image, and what its map needs to know of it; see `ObstacleProducts.publish`."""
+
+    image: np.ndarray
+    grid: MapGrid
+    stamp_ns: int
+    view: Callable[[], ApertureView]
+    lit: Callable[[], np.ndarray] | None
 
 
 class ObstacleProducts:
@@ -68,21 +96,27 @@ class ObstacleProducts:
                  datum: FrameDatum):
         self._parameters, self._health, self._datum = parameters, health, datum
         self._map = ObstacleMap()
-        self._latest: tuple | None = None  # image that nobody has asked for yet
-        self._refusal = ''
+        self._latest: _Look | None = None  # that nobody has asked for yet
+        self._worker: Worker | None = None  # of the maps; without it they are made at once
+        self._refusal, self._advised = '', False
         self._timer = None
         # Time and stamp of the last map while some of it is known, on time.monotonic and in ns.
         self._sent: tuple[float, int] | None = None
         compile_kernels()  # who asks for the first map must not wait for it
         joined = {'joined': lambda: node.in_worker(self._publish)}
-        self._grid_output = node.create_output(OccupancyGrid, 'obstacle_map', LATCHED, **joined)
+        self._grid_output = node.create_output(OccupancyGrid, 'obstacle_map', MAP_QOS, **joined)
         self._cloud_output = node.create_output(
             PointCloud2, 'obstacles', QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE),
             **joined)
 
     def activate(self, node: Stage) -> None:
-        """Let the map fade from now on, images or not."""
-        self._timer = node.create_timer(_FADING_S, lambda: node.in_worker(self.fade),
+        """Make maps in a thread of their own, and let the map fade, images or not."""
+        worker = self._worker = Worker(
+            lambda work: work(), capacity=1, name='obstacle_map',
+            on_error=lambda error: node.in_worker(lambda: _raise(error)))
+        worker.start()
+        # Where an image waits the map need not fade.
+        self._timer = node.create_timer(_FADING_S, lambda: worker.put(self.fade),
                                         clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def deactivate(self, node: Stage) -> None:
@@ -90,6 +124,9 @@ class ObstacleProducts:
         timer, self._timer = self._timer, None
         if timer is not None:
             node.destroy_timer(timer)
+        worker, self._worker = self._worker, None
+        if worker is not None:
+            worker.stop(None if node.context.ok() else _PATIENCE_S)
         if node.context.ok():
             self.fade(math.inf)
 
@@ -136,43 +173,78 @@ class ObstacleProducts:
             Returns the pixels (n_y, n_x) bool that the antenna lit: they take the place of
             `obstacles.beamwidth`.
         """
-        self._latest = image, grid, stamp_ns, view, lit
+        self._latest = _Look(image, grid, stamp_ns, view, lit)
         self._publish()
 
+    def _listened(self) -> list:
+        return [p for p in (self._grid_output, self._cloud_output) if p.get_subscription_count()]
+
     def _publish(self) -> None:
-        outputs = [p for p in (self._grid_output, self._cloud_output)
-                   if p.get_subscription_count()]
-        if self._latest is None or not outputs:
+        """Have the map of the latest image made, if somebody listens."""
+        if self._latest is None or not self._listened():
             return
-        (image, grid, stamp_ns, view, lit), self._latest = self._latest, None
-        p = self._parameters
+        look, self._latest = self._latest, None
+        try:
+            view = look.view()
+        except ValueError as error:
+            self._refuse(str(error))
+            return
+        worker, make = self._worker, functools.partial(self._make, look, view)
+        if worker is None:
+            make()
+        elif not worker.put(make):
+            self._health.count('obstacle_maps_skipped',
+                               sum(work != self.fade for work in worker.clear()))
+            worker.put(make)
+
+    def _make(self, look: _Look, view: ApertureView) -> None:
+        """Add the evidence of an image, and publish what the map is now."""
+        started, p = time.monotonic(), self._parameters
         try:
             detector = ObstacleDetector(
-                grid, view(), false_alarms=p['obstacles.false_alarms'],
+                look.grid, view, false_alarms=p['obstacles.false_alarms'],
                 beamwidth_rad=math.radians(p['obstacles.beamwidth']),
                 squint_rad=math.radians(p['obstacles.squint']),
-                lit=None if lit is None else lit())
+                lit=None if look.lit is None else look.lit())
             self._map.memory_s = p['obstacles.memory_s']
-            self._map.add(detector(image), stamp_ns)
+            self._map.add(detector(look.image), look.stamp_ns)
         except (ValueError, MemoryError) as error:
             self._refuse(str(error))
             return
         self._refusal = ''
-        header = self._header(stamp_ns)
-        obstacles = self._map.obstacles()
+        self._advise(spacing_advice(look.grid, view))
+        states, obstacles = self._map.states(), self._map.obstacles()
+        self._send(look, states, obstacles)
+        seconds = time.monotonic() - started
+        self._health.count('obstacle_maps_published')
+        self._health.set('obstacles_in_last_map', len(obstacles))
+        self._health.set('last_obstacle_map_seconds', seconds)
+        self._health.info(f'obstacle map: {len(obstacles)} obstacles, '
+                          f'{np.mean(states == FREE):.0%} free, '
+                          f'{np.mean(states == UNKNOWN):.0%} unknown; {seconds:.3g} s of work')
+
+    def _send(self, look: _Look, states: np.ndarray, obstacles: list[Obstacle]) -> None:
+        header, outputs = self._header(look.stamp_ns), self._listened()
         if self._grid_output in outputs:
-            self._grid_output.publish(occupancy_to_message(self._map.states(), grid, header))
-            self._sent = time.monotonic(), stamp_ns
+            self._grid_output.publish(occupancy_to_message(states, look.grid, header))
+            self._sent = time.monotonic(), look.stamp_ns
         if self._cloud_output in outputs:
             rows = [(*o.position_m, o.intensity_db, o.width_m) for o in obstacles]
             points = np.array(rows, float).reshape(-1, len(OBSTACLE_FIELDS))
             self._cloud_output.publish(to_message(points, header, OBSTACLE_FIELDS,
                                                   self._datum.geographic(points[:, :3])))
-        self._health.count('obstacle_maps_published')
-        self._health.set('obstacles_in_last_map', len(obstacles))
+
+    def _advise(self, advice: str) -> None:
+        if advice and not self._advised:
+            self._health.warning(f'obstacle map: {advice}')
+        self._advised = bool(advice)
 
     def _refuse(self, why: str) -> None:
         self._health.count('obstacle_maps_refused')
         if why != self._refusal:
             self._health.warning(f'no obstacle map of this image: {why}')
         self._refusal = why
+
+
+def _raise(error: Exception) -> None:
+    raise error

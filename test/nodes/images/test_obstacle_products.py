@@ -3,7 +3,9 @@
 import ast
 import pathlib
 import re
+import threading
 import time
+import types
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from msg_conversions.point_cloud import OBSTACLE_FIELDS, from_message
 from sar_imaging.nodes.afbp_fusion import FusionStep
 from sar_imaging.nodes.backprojection_parameters import IMAGE
 from sar_imaging.nodes.backprojection_steps import BackprojectionStep
+from sar_imaging.nodes.images import obstacle_products
 from sar_imaging.nodes.poses import pose_input
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.streaming.subapertures import LiveSubapertures
@@ -145,7 +148,7 @@ def test_obstacles_are_points_for_obstacle_layers(car, profiles):
 
 def test_the_launch_example_remaps_an_input_of_the_nodes():
     """Jazzy's launch was tried with it; here it is absent, and what can be read is checked."""
-    [code] = re.findall(r'^```python\n(.*?)^```', PAGE, re.DOTALL | re.MULTILINE)
+    code, _ = re.findall(r'^```python\n(.*?)^```', PAGE, re.DOTALL | re.MULTILINE)
     [remap] = [node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.Call)
                and getattr(node.func, 'id', '') == 'SetRemap']
     source, target = (argument.value for argument in remap.args)
@@ -153,9 +156,16 @@ def test_the_launch_example_remaps_an_input_of_the_nodes():
     assert target == '/odometry/filtered'
 
 
-def test_nothing_is_built_for_nobody(car, profiles, monkeypatch):
-    from sar_imaging.nodes.images import obstacle_products
+def test_the_watchdog_asks_for_the_liveliness_that_the_map_has():
+    """A killed node was noticed within it over Fast DDS; here the two are compared."""
+    _, code = re.findall(r'^```python\n(.*?)^```', PAGE, re.DOTALL | re.MULTILINE)
+    names = {'__name__': 'page'}
+    exec(code, names)
+    for key in ('depth', 'reliability', 'durability', 'liveliness', 'liveliness_lease_duration'):
+        assert getattr(names['MAP'], key) == getattr(obstacle_products.MAP_QOS, key)
 
+
+def test_nothing_is_built_for_nobody(car, profiles, monkeypatch):
     made = []
     detector = obstacle_products.ObstacleDetector
 
@@ -171,6 +181,50 @@ def test_nothing_is_built_for_nobody(car, profiles, monkeypatch):
         outputs.join('obstacle_map')  # the latest image, once
     assert len(made) == log['obstacle_maps_published'] == 1
     check_map(outputs.sent['obstacle_map'][0], car.grid)
+
+
+def test_images_do_not_wait_for_maps_and_the_newest_that_waits_replaces_the_one_before(
+        car, profiles, monkeypatch):
+    begun, goes_on, started = threading.Event(), threading.Event(), []
+    detector = obstacle_products.ObstacleDetector
+
+    def slow(*arguments, **options):
+        started.append(arguments)
+        begun.set()
+        assert goes_on.wait(60.0)
+        return detector(*arguments, **options)
+
+    monkeypatch.setattr(obstacle_products, 'ObstacleDetector', slow)
+    step, log = image_step(car)
+    outputs = Outputs('obstacle_map')
+    step.create_outputs(outputs)
+    [first, second] = step.process(profiles)
+    node = types.SimpleNamespace(
+        create_timer=lambda *_, **__: None, in_worker=lambda work: work(),
+        context=types.SimpleNamespace(ok=lambda: True))
+    step._obstacles.activate(node)
+    step.publish(first)
+    assert begun.wait(60.0)
+    for image in (first, second):  # while the first map is in work
+        step.publish(image)
+    assert log['images_published'] == 3 and outputs.sent['obstacle_map'] == []
+    assert log['obstacle_maps_skipped'] == 1
+    goes_on.set()
+    step._obstacles._worker.call(lambda: None).result(60.0)  # after what waits
+    assert len(started) == len(outputs.sent['obstacle_map']) == log['obstacle_maps_published'] == 2
+    stamps = [_ns(m.header.stamp) for m in outputs.sent['obstacle_map']]
+    assert stamps == [first.stamp_ns, second.stamp_ns]
+    assert log['last_obstacle_map_seconds'] > 0
+    step._obstacles.deactivate(node)
+    cells, _ = occupancy_from_message(outputs.sent['obstacle_map'][-1])
+    assert (cells == -1).all()
+
+
+def test_pixels_that_are_too_far_apart_are_told_once(car, profiles):
+    step, log = image_step(car, **{'grid.spacing': 2 * car.grid.spacing_m})
+    published(step, [profiles], 'obstacle_map')
+    [told] = [line for line in log.lines if line.startswith('obstacle map: pixels')]
+    assert 'more than half of the null spacing' in told
 
 
 def test_fused_images_have_the_same_obstacles(car, profiles):
