@@ -28,7 +28,7 @@ def _jobs() -> list[tuple[str, Callable[[], None]]]:
     from sar_imaging.autofocus.live import compile_autofocus
     from sar_imaging.backends import compile_beforehand
     from sar_imaging.diagnosis.coherence import compile_kernels as compile_diagnosis
-    from sar_imaging.exploitation.obstacles.evidence import compile_kernels as compile_obstacles
+    from sar_imaging.exploitation.obstacles.obstacle_map import compile_kernels as compile_obstacles
 
     return [('exact backprojection', lambda: compile_beforehand('Backprojection')),
             ('sub-aperture images', lambda: compile_beforehand('SubapertureImager')),
