@@ -28,13 +28,13 @@ def _jobs() -> list[tuple[str, Callable[[], None]]]:
     from sar_imaging.autofocus.live import compile_autofocus
     from sar_imaging.backends import compile_beforehand
     from sar_imaging.diagnosis.coherence import compile_kernels as compile_diagnosis
-    from sar_imaging.exploitation.obstacles.obstacle_map import compile_kernels as compile_obstacles
+    from sar_imaging.exploitation.obstacles import obstacle_map
 
     return [('exact backprojection', lambda: compile_beforehand('Backprojection')),
             ('sub-aperture images', lambda: compile_beforehand('SubapertureImager')),
             ('fusion of sub-apertures', lambda: compile_beforehand('SpectrumFusion')),
             ('autofocus', compile_autofocus), ('diagnosis', compile_diagnosis),
-            ('obstacle maps', compile_obstacles)]
+            ('obstacle maps', obstacle_map.compile_kernels)]
 
 
 def parser() -> argparse.ArgumentParser:
