@@ -1,7 +1,9 @@
-"""Watch an input of a node: why nothing comes on its topic, and what may be meant."""
+"""Watch an input of a node: why nothing, or nothing of use, comes on its topic."""
 
 from __future__ import annotations
 
+import collections
+import itertools
 import time
 from collections.abc import Callable
 
@@ -10,7 +12,10 @@ from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 
 from .health import Cause
 
-CAUSES = Cause.OTHER_TYPE, Cause.INCOMPATIBLE_QOS, Cause.NO_PUBLISHER, Cause.STALLED
+CAUSES = (Cause.OTHER_TYPE, Cause.INCOMPATIBLE_QOS, Cause.NO_PUBLISHER, Cause.TWO_PUBLISHERS,
+          Cause.STALLED)
+_NUMBERS = {2: 'two', 3: 'three'}
+_LOOKS = 3  # of which two see more strays
 
 
 class InputWatch:
@@ -32,15 +37,19 @@ class InputWatch:
         Where the type is explained, or how to name another topic or type.
     sender : str
         Who publishes such messages.
+    strays : callable
+        Returns how much came so far that a single publisher would hardly send.
     """
 
     def __init__(self, node: Node, topic: str, message_type: str, qos: QoSProfile, *,
-                 patience_s: Callable[[], float], advice: str, sender: str):
+                 patience_s: Callable[[], float], advice: str, sender: str,
+                 strays: Callable[[], int] = lambda: 0):
         self._node, self._topic, self._type, self._qos = node, topic, message_type, qos
         self._patience_s, self._advice, self._sender = patience_s, advice, sender
+        self._count_strays = strays
+        self._strays: collections.deque[int] = collections.deque(maxlen=_LOOKS + 1)
         self._last_s = time.monotonic()
         self.heard = False  # since the beginning
-        self.senders: tuple[str, ...] = ()  # that can be heard, when last looked
 
     def arrived(self) -> None:
         """A message came."""
@@ -51,16 +60,23 @@ class InputWatch:
         """Since the last message, or since the beginning."""
         return time.monotonic() - self._last_s
 
+    @property
+    def state(self) -> str:
+        """What the node does when nothing is wrong."""
+        return 'working' if self.heard else 'waiting for input'
+
     def look(self) -> tuple[Cause, str, str] | None:
-        """Cause why nothing comes, text for the diagnostics and for the log; None without."""
+        """What is wrong, text for the diagnostics and for the log; None when nothing is."""
         publishers = self._node.get_publishers_info_by_topic(self._topic)
         same_type = [e for e in publishers if e.topic_type == self._type]
         unheard = [e for e in same_type if self._incompatible(e.qos_profile)]
-        self.senders = tuple(e.node_name for e in same_type if e not in unheard)
+        heard = [e.node_name for e in same_type if e not in unheard]
         pause_s, patience_s = self.pause_s, self._patience_s()
         silent = pause_s > patience_s
+        self._strays.append(self._count_strays())
+        pause = f'no input for {pause_s:.0f} s: '
         log = f'nothing came on {self._topic} for more than {patience_s:g} s: '
-        if unheard and (silent or not self.senders):
+        if unheard and (silent or not heard):
             text = (f'a publisher of {self._topic}, {unheard[0].node_name}, cannot be heard: '
                     f'{self._incompatible(unheard[0].qos_profile)}')
             return Cause.INCOMPATIBLE_QOS, text, text
@@ -68,18 +84,27 @@ class InputWatch:
             types = ', '.join(sorted({e.topic_type for e in publishers}))
             if silent:
                 text = f'it carries {types}, expected {self._type}; {self._advice}'
-                return Cause.OTHER_TYPE, f'no input for {pause_s:.0f} s: {text}', log + text
+                return Cause.OTHER_TYPE, pause + text, log + text
             text = (f'{self._topic} carries {types}; expected {self._type} ({self._advice}): no '
                     'messages arrive')
             return Cause.OTHER_TYPE, text, text
         if not silent:
-            return None
+            return self._judge_strays(heard)
         if same_type:
-            text = f'input stalled: nothing on {self._topic} for {pause_s:.0f} s'
-            return (Cause.STALLED, f'no input for {pause_s:.0f} s: the publisher of {self._topic} '
-                    'is silent', f'{text}, its publisher is silent')
+            return (Cause.STALLED, f'{pause}the publisher of {self._topic} is silent',
+                    f'input stalled: nothing on {self._topic} for {pause_s:.0f} s, its publisher '
+                    'is silent')
         text = self._who_else()
-        return Cause.NO_PUBLISHER, f'no input for {pause_s:.0f} s: {text}', log + text
+        return Cause.NO_PUBLISHER, pause + text, log + text
+
+    def _judge_strays(self, senders: list[str]) -> tuple[Cause, str, str] | None:
+        """That several publishers send what does not fit together."""
+        n, rises = len(senders), sum(b > a for a, b in itertools.pairwise(self._strays))
+        if n < 2 or rises < 2:
+            return None
+        text = (f'{_NUMBERS.get(n, n)} publishers send different pulses on {self._topic}: '
+                f'{", ".join(senders)}; stop all but one, or remap')
+        return Cause.TWO_PUBLISHERS, text, text
 
     def _incompatible(self, offered: QoSProfile) -> str:
         compatible, reason = qos_check_compatible(offered, self._qos)

@@ -40,6 +40,7 @@ from .worker import works_aside
 
 RCLError = rclpy_implementation.RCLError
 DIAGNOSTICS_PERIOD_S = 1.0
+SWITCH_S = 0.0005  # for which the worker waits for Python's lock at most, behind every kernel
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
 QOS_ERRORS = (ParameterException, InvalidQosOverridesError, RuntimeError)
@@ -277,6 +278,7 @@ def run(node_class: type[ManagedNode], args: list[str] | None = None) -> int:
     """
     # Without KeyboardInterrupt, which would strike anywhere, the clean-up included: rclpy's own
     # handler, installed by rclpy.init, shuts the context down and so ends the spinning.
+    sys.setswitchinterval(SWITCH_S)
     interrupted = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: interrupted.set())
     node = executor = None

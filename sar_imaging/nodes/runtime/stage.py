@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import collections
 import concurrent.futures
 import functools
-import itertools
 import time
 from collections.abc import Callable
 
@@ -24,7 +22,7 @@ from sar_imaging.compilation import interruptible
 from sar_imaging.configuration.datum import NONE, SOURCES, configured_datum
 
 from .chain import Chain
-from .health import REJECTION, Cause, Rates
+from .health import REJECTION, Rates
 from .input_watch import CAUSES, InputWatch
 from .managed import QOS_ERRORS, ManagedNode
 from .overload import APERTURES, FAULTS, POLICIES, Load
@@ -71,8 +69,6 @@ COMMON_PARAMETERS = (
 )
 _STRAYS = ('pulses_missing', 'pulses_late', 'restarts', 'configuration_changes',
            'pulses_conflicting', 'subapertures_late')  # what two publishers cause
-_NUMBERS = {2: 'two', 3: 'three'}
-_STRAY_LOOKS = 3  # of which two see more of them
 
 
 class Stage(ManagedNode):
@@ -111,7 +107,6 @@ class Stage(ManagedNode):
             step.NAME, counters=step.COUNTERS, faults=step.FAULTS) for step in self.STEPS}
         self._rates = Rates()
         self._watch: InputWatch | None = None
-        self._strays: collections.deque[int] = collections.deque(maxlen=_STRAY_LOOKS + 1)
         self._chain: Chain | None = None
         self._worker: Worker | None = None
         self._load: Load | None = None
@@ -171,8 +166,7 @@ class Stage(ManagedNode):
         self._watch = InputWatch(
             self, self._subscription.topic_name, INPUT_TYPE, self._subscription.qos_profile,
             patience_s=lambda: p['stall_timeout_s'], advice='docs/wire_format.md',
-            sender='its sender')
-        self._strays.clear()
+            sender='its sender', strays=self._count_strays)
         settings = ''.join(step.summary() for step in self._chain.steps)
         self.health.info(f'ready: {self._subscription.topic_name}{settings}')
 
@@ -334,6 +328,10 @@ class Stage(ManagedNode):
                             f'{self.resolve_topic_name(self.INPUT)}; raise queue_depth at '
                             'both ends')
 
+    def _count_strays(self) -> int:
+        tally = self._healths[self.STEPS[0]]
+        return sum(tally.get(key) for key in _STRAYS)
+
     def publish_diagnostics(self) -> None:
         """Publish the counters and whether the input stalls; see `ManagedNode`."""
         worker = self._worker
@@ -346,22 +344,10 @@ class Stage(ManagedNode):
                 step.update_counters()
         state = self.state
         if worker is not None and self._watch is not None:
-            self._look_at_input()
+            self.health.causes_of(CAUSES, self._watch.look())
             self._load.look()
-            state = 'working' if self._watch.heard else 'waiting for input'
+            state = self._watch.state
         self.health.publish(state)
-
-    def _look_at_input(self) -> None:
-        """State why nothing comes, or that what comes is of two publishers."""
-        self.health.causes_of(CAUSES, self._watch.look())
-        tally = self._healths[self.STEPS[0]]
-        self._strays.append(sum(tally.get(key) for key in _STRAYS))
-        rises = sum(b > a for a, b in itertools.pairwise(self._strays))
-        n = len(self._watch.senders)
-        self.health.cause(Cause.TWO_PUBLISHERS, (
-            f'{_NUMBERS.get(n, n)} publishers send different pulses on '
-            f'{self._subscription.topic_name}: {", ".join(self._watch.senders)}; stop all but '
-            'one, or remap') if n > 1 and rises > 1 else '')
 
 
 def _joined(steps: tuple[type[Step], ...]) -> tuple[Parameter, ...]:
