@@ -140,7 +140,6 @@ def read_start_ns(container: Container) -> int:
     return seconds * 10**9 + int((digits + 9 * '0')[:9])
 
 
-def start_text(start_ns: int) -> str:
+def start_of(start_ns: int) -> datetime.datetime:
     """CollectionStart of a time that is a whole second."""
-    moment = _EPOCH + datetime.timedelta(seconds=start_ns // 10**9)
-    return moment.strftime('%Y-%m-%dT%H:%M:%S.000000Z')
+    return _EPOCH + datetime.timedelta(seconds=start_ns // 10**9)

@@ -12,7 +12,7 @@ from ...geometry.earth import ecef_to_geographic
 from ...geometry.grids import MapGrid
 from ..extras import require
 from .antennas.writing import OF_CHANNEL, PARAMETERS
-from .collection import Collection, start_text
+from .collection import Collection, start_of
 from .container import PURPOSE, CphdError
 from .parameters import Pulses, words
 
@@ -54,57 +54,23 @@ def make_metadata(pulses: Pulses, vectors: np.ndarray, grid: MapGrid, collection
     CphdError
         The geometry has no reference geometry: nothing moves, or the radar is at the reference.
     """
-    etree = require('lxml.etree', PURPOSE)
+    etree, sarkit = require('lxml.etree', PURPOSE), require('sarkit.cphd', PURPOSE)
     root = etree.Element(f'{{{NAMESPACE}}}CPHD', nsmap={None: NAMESPACE})
-    tree = root.getroottree()
-    content = {
+    file, antenna = sarkit.ElementWrapper(root), pulses.antenna
+    file.from_dict({
         'CollectionID': _collection(collection, pulses),
         'Global': _global(pulses, vectors, sign),
         'SceneCoordinates': _scene(pulses, grid),
         'Data': _data(pulses, vectors, collection, sample_type),
         'Channel': _channels(pulses, vectors, collection),
         'PVP': _layout(pulses),
-        **({} if pulses.antenna is None else {'SupportArray': pulses.antenna.support_array()}),
         'Dwell': _dwell(vectors),
-        **({} if pulses.antenna is None else {'Antenna': pulses.antenna.metadata(
-            vectors['TxTime'][0], pulses.radar.carrier_hz)}),
-        'ProductInfo': {'Parameter': [({'name': 'Application'},
-                                       f'sar_imaging {sar_imaging.__version__}')]}}
-    for name, value in content.items():
-        _append(etree, root, name, value)
-    geometry = _reference_geometry(tree, vectors)
-    root.insert(list(content).index('Dwell') + 1, geometry)
-    return tree
-
-
-def _append(etree, parent, name: str, value) -> None:
-    """Add an element: text, a dict of children, a list of elements, (attributes, value)."""
-    if isinstance(value, list):
-        for item in value:
-            _append(etree, parent, name, item)
-        return
-    attributes = {}
-    if isinstance(value, tuple):
-        attributes, value = value
-    node = etree.SubElement(parent, f'{{{NAMESPACE}}}{name}',
-                            {k: str(v) for k, v in attributes.items()})
-    if isinstance(value, dict):
-        for child, content in value.items():
-            _append(etree, node, child, content)
-    else:
-        node.text = _text(value)
-
-
-def _text(value) -> str:
-    if isinstance(value, bool | np.bool_):
-        return 'true' if value else 'false'
-    if isinstance(value, float | np.floating):
-        return repr(float(value))
-    return str(value)
-
-
-def _xyz(values) -> dict:
-    return dict(zip('XYZ', map(float, values), strict=True))
+        'ProductInfo': {'Parameter': [('Application', f'sar_imaging {sar_imaging.__version__}')]}})
+    if antenna is not None:
+        file['SupportArray'] = antenna.support_array()
+        file['Antenna'] = antenna.metadata(vectors['TxTime'][0], pulses.radar.carrier_hz)
+    file['ReferenceGeometry'] = _reference_geometry(root.getroottree(), vectors)
+    return root.getroottree()
 
 
 def _collection(collection: Collection, pulses: Pulses) -> dict:
@@ -122,7 +88,7 @@ def _collection(collection: Collection, pulses: Pulses) -> dict:
 
 def _global(pulses: Pulses, vectors: np.ndarray, sign: int) -> dict:
     return {'DomainType': pulses.domain, 'SGN': f'{sign:+d}',
-            'Timeline': {'CollectionStart': start_text(pulses.start_ns),
+            'Timeline': {'CollectionStart': start_of(pulses.start_ns),
                          'TxTime1': vectors['TxTime'].min(), 'TxTime2': vectors['TxTime'].max()},
             'FxBand': {'FxMin': vectors['FX1'].min(), 'FxMax': vectors['FX2'].max()},
             'TOASwath': {'TOAMin': vectors['TOA1'].min(), 'TOAMax': vectors['TOA2'].max()}}
@@ -143,19 +109,15 @@ def _scene(pulses: Pulses, grid: MapGrid) -> dict:
     latitudes, longitudes, _ = datum.to_geographic(corners)
     crossed = np.abs(longitudes - longitude) > 180
     longitudes = np.where(crossed, np.copysign(180.0, longitude), longitudes)
-    points = [({'index': i + 1}, {'Lat': a, 'Lon': o})
-              for i, (a, o) in enumerate(zip(latitudes, longitudes, strict=True))]
     x_axis, y_axis, _ = datum.axes_ecef
     return {
         'EarthModel': 'WGS_84',
-        'IARP': {'ECF': _xyz(origin),
-                 'LLH': {'Lat': latitude, 'Lon': longitude, 'HAE': height}},
-        'ReferenceSurface': {'Planar': {'uIAX': _xyz(x_axis), 'uIAY': _xyz(y_axis)}},
-        'ImageArea': {'X1Y1': {'X': -half[0], 'Y': -half[1]},
-                      'X2Y2': {'X': half[0], 'Y': half[1]}},
-        'ImageAreaCornerPoints': {'IACP': points},
+        'IARP': {'ECF': origin, 'LLH': [latitude, longitude, height]},
+        'ReferenceSurface': {'Planar': {'uIAX': x_axis, 'uIAY': y_axis}},
+        'ImageArea': {'X1Y1': -half, 'X2Y2': half},
+        'ImageAreaCornerPoints': np.column_stack([latitudes, longitudes]),
         'ImageGrid': {
-            'IARPLocation': {'Line': (grid.n_x - 1) / 2, 'Sample': (grid.n_y - 1) / 2},
+            'IARPLocation': [(grid.n_x - 1) / 2, (grid.n_y - 1) / 2],
             'IAXExtent': {'LineSpacing': grid.spacing_m, 'FirstLine': 0, 'NumLines': grid.n_x},
             'IAYExtent': {'SampleSpacing': grid.spacing_m, 'FirstSample': 0,
                           'NumSamples': grid.n_y}}}
@@ -172,7 +134,7 @@ def _data(pulses: Pulses, vectors: np.ndarray, collection: Collection, sample_ty
                      'PVPArrayByteOffset': i * n_vectors * vectors.itemsize}
                     for i, name in enumerate(collection.channels)],
         'NumSupportArrays': int(pulses.antenna is not None),
-        **({} if pulses.antenna is None else {'SupportArray': pulses.antenna.data()})}
+        **({} if pulses.antenna is None else {'SupportArray': [pulses.antenna.data()]})}
 
 
 def _fixed(vectors: np.ndarray, first: str, second: str) -> bool:
@@ -201,11 +163,13 @@ def _channels(pulses: Pulses, vectors: np.ndarray, collection: Collection) -> di
 
 
 def _layout(pulses: Pulses) -> dict:
+    sarkit = require('sarkit.cphd', PURPOSE)
     out, offset = {}, 0
     for name, kind in pulses.layout.items():
         side = next((element for element, own in PARAMETERS.items() if name in own), None)
         target = out if side is None else out.setdefault(side, {})
-        target[name] = {'Offset': offset, 'Size': words(kind), 'Format': kind}
+        target[name] = {'Offset': offset, 'Size': words(kind),
+                        'dtype': sarkit.binary_format_string_to_dtype(kind)}
         offset += words(kind)
     return out
 
@@ -218,14 +182,10 @@ def _dwell(vectors: np.ndarray) -> dict:
     time = vectors['TxTime'] + delay * to_target / (to_target + back)
     first, last = time[:, 0].max(), time[:, -1].min()
 
-    def constant(value):
-        return ({'order1': 0, 'order2': 0},
-                {'Coef': ({'exponent1': 0, 'exponent2': 0}, float(value))})
-
-    return {'NumCODTimes': 1,
-            'CODTime': {'Identifier': 'all', 'CODTimePoly': constant((first + last) / 2)},
-            'NumDwellTimes': 1,
-            'DwellTime': {'Identifier': 'all', 'DwellTimePoly': constant(last - first)}}
+    return {'NumCODTimes': 1, 'CODTime': [{'Identifier': 'all',
+                                           'CODTimePoly': [[(first + last) / 2]]}],
+            'NumDwellTimes': 1, 'DwellTime': [{'Identifier': 'all',
+                                               'DwellTimePoly': [[last - first]]}]}
 
 
 def _reference_geometry(tree, vectors: np.ndarray):

@@ -82,10 +82,12 @@ class PhaseHistories:
                 f'frequencies differ from vector to vector by parts of a step (SC0 by up to '
                 f'{beside:.2g} steps, SCSS by {np.ptp(vectors.step):.3g} Hz of '
                 f'{self._step:.6g} Hz); expected steps on one lattice, resample the vectors first')
-        offset = np.rint(offset).astype(np.int64)
         if offset.max() > _LONGEST * self._n_file:
             raise CphdError(f'SC0 differs by {np.ptp(vectors.first):.4g} Hz between vectors of '
-                            f'{self._n_file * self._step:.4g} Hz; image such bands apart')
+                            f'{self._n_file * self._step:.4g} Hz, number '
+                            f'{vectors.farthest(vectors.first)} departs most; image such bands '
+                            'apart')
+        offset = np.rint(offset).astype(np.int64)
         low, high = ((vectors.fx_hz - lowest) / self._step
                      + (-_BAND_MARGIN, _BAND_MARGIN)).transpose(2, 0, 1)
         low = np.maximum(np.ceil(low), offset)
@@ -125,9 +127,10 @@ class PhaseHistories:
             return
         longer = (latest - earliest) / period_s
         if longer > _LONGEST:
-            raise CphdError(f'reference delays of the vectors differ by {longer:.3g} times their '
-                            f'unambiguous window of {period_s:.3g} s; expected at most {_LONGEST} '
-                            'times, read fewer vectors at once')
+            raise CphdError(f'delays of the vectors differ by {longer:.3g} times their '
+                            f'unambiguous window of {period_s:.3g} s, number '
+                            f'{vectors.farthest(self._middle_s)} departs most; expected at most '
+                            f'{_LONGEST} times: correct that vector, or read fewer at once')
         self.n_samples = fft.next_fast_len(math.ceil(longer * self._n_band) + 1)
         self.warnings.append(
             f"the reference delay moves by {np.ptp(self._delay_s):.3g} s, more than a vector's "

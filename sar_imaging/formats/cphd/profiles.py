@@ -61,12 +61,13 @@ class Profiles:
             step, offset = step / ratio, offset * ratio
             n_samples = math.ceil((n_samples - 1) * ratio) + 1 + bool(moved)
         whole = np.floor(offset) if moved else np.rint(offset)
+        if whole.max() > _LONGEST * n_samples:
+            raise CphdError(f'profiles of {n_samples} samples begin at delays that differ by '
+                            f'{whole.max():.4g} samples, number {vectors.farthest(start)} departs '
+                            f'most; expected at most {_LONGEST} times their length: correct that '
+                            'vector, or read fewer at once')
         self._offset, self._part, self._n_own = whole.astype(np.int64), offset - whole, n_samples
         self.n_samples = int(self._offset.max()) + n_samples
-        if self.n_samples > _LONGEST * n_samples:
-            raise CphdError(f'profiles of {n_samples} samples begin at delays that differ by '
-                            f'{self._offset.max()} samples; expected at most {_LONGEST} times '
-                            'their length, read fewer vectors at once')
         if self._offset.max() >= n_samples:
             self.warnings.append('the profiles of some vectors do not overlap: no point is in the '
                                  'image with all pulses')

@@ -174,7 +174,9 @@ class CphdReader:
         index = self._vectors.index
         while start < stop:  # vectors without signal are read, too, and count
             last = min(stop, int(np.searchsorted(index, index[start] + step)))
-            yield self._block(slice(start, last))
+            with naming(self.container.path, 'has vectors that cannot be read', CphdError):
+                block = self._block(slice(start, last))
+            yield block
             start = last
 
     def _block(self, rows: slice) -> PulseBlock:

@@ -62,6 +62,10 @@ class Vectors:
         return (np.linalg.norm(self.tx_m - self.reference_m, axis=-1)
                 + np.linalg.norm(self.rx_m - self.reference_m, axis=-1)) / SPEED_OF_LIGHT
 
+    def farthest(self, values: np.ndarray) -> int:
+        """Number of the vector with the one of (P, C) values that departs most from the others."""
+        return int(self.index[np.abs(values - np.median(values)).max(axis=1).argmax()])
+
     def select(self, index) -> Vectors:
         """Vectors at `index` along the axis of pulses."""
         return dataclasses.replace(self, **{

@@ -41,7 +41,8 @@ def run(arguments: argparse.Namespace) -> str:
     convert = CONVERSIONS.get(kinds)
     if convert is None:
         known = ', '.join(f'{a} to {b}' for a, b in CONVERSIONS)
-        raise UnknownKindError(f'{kinds[0]} cannot be converted to {kinds[1]}; these can: {known}')
+        raise UnknownKindError(f'{arguments.file} is {kinds[0]}, which cannot be converted to '
+                               f'{kinds[1]}; these can: {known}')
     return convert(arguments.file, arguments.target, arguments)
 
 

@@ -96,28 +96,27 @@ class WrittenAntenna:
                 'above -10 dB: a reader should take the table, which follows it',
                 self.polynomial.error_db)
         order = min(_FRAME_ORDER, len(time_s) - 1)
-        axes = {name: {axis: _polynomial_1d(np.polynomial.Polynomial.fit(
-            time_s, values[:, i], order).convert().coef) for i, axis in enumerate('XYZ')}
+        axes = {name: np.stack([np.polynomial.Polynomial.fit(
+            time_s, values[:, i], order).convert().coef for i in range(3)], axis=1)
             for name, values in (('XAxisPoly', self.x_axis), ('YAxisPoly', self.y_axis))}
-        nothing = ({'order1': 0, 'order2': 0}, {'Coef': ({'exponent1': 0, 'exponent2': 0}, 0.0)})
+        nothing = [[0.0]]
         return {
             'NumACFs': 1, 'NumAPCs': 1, 'NumAntPats': 1,
-            'AntCoordFrame': {'Identifier': FRAME, **axes, 'UseACFPVP': True},
-            'AntPhaseCenter': {'Identifier': PHASE_CENTRE, 'ACFId': FRAME,
-                               'APCXYZ': dict.fromkeys('XYZ', 0.0)},
-            'AntPattern': {
+            'AntCoordFrame': [{'Identifier': FRAME, **axes, 'UseACFPVP': True}],
+            'AntPhaseCenter': [{'Identifier': PHASE_CENTRE, 'ACFId': FRAME,
+                                'APCXYZ': np.zeros(3)}],
+            'AntPattern': [{
                 'Identifier': PATTERN, 'FreqZero': float(carrier_hz),
-                'EB': {'DCXPoly': _polynomial_1d([0.0]), 'DCYPoly': _polynomial_1d([0.0])},
-                'Array': {'GainPoly': _polynomial_2d(self.polynomial.coefficients),
-                          'PhasePoly': nothing},
+                'EB': {'DCXPoly': [0.0], 'DCYPoly': [0.0]},
+                'Array': {'GainPoly': self.polynomial.coefficients, 'PhasePoly': nothing},
                 'Element': {'GainPoly': nothing, 'PhasePoly': nothing},
-                'GainPhaseArray': {'Freq': float(carrier_hz), 'ArrayId': TABLE}}}
+                'GainPhaseArray': [{'Freq': float(carrier_hz), 'ArrayId': TABLE}]}]}
 
     def support_array(self) -> dict:
         """Element SupportArray."""
-        return {'AntGainPhase': {
+        return {'AntGainPhase': [{
             'Identifier': TABLE, 'ElementFormat': 'Gain=F4;Phase=F4;', 'X0': self.first[0],
-            'Y0': self.first[1], 'XSS': self.step[0], 'YSS': self.step[1]}}
+            'Y0': self.first[1], 'XSS': self.step[0], 'YSS': self.step[1]}]}
 
     def data(self) -> dict:
         """Where the table stands, for the element Data."""
@@ -139,14 +138,3 @@ def _gain_db(pattern: AntennaPattern, dcx: np.ndarray, dcy: np.ndarray) -> np.nd
                  / (pattern.azimuth.at_sine(0.0) * pattern.elevation.at_sine(0.0)))
     with np.errstate(divide='ignore'):
         return np.maximum(10 * np.log10(amplitude), DARK_DB)
-
-
-def _polynomial_1d(coefficients) -> tuple[dict, dict]:
-    return ({'order1': len(coefficients) - 1}, {'Coef': [
-        ({'exponent1': power}, float(value)) for power, value in enumerate(coefficients)]})
-
-
-def _polynomial_2d(coefficients: np.ndarray) -> tuple[dict, dict]:
-    return ({f'order{axis + 1}': n - 1 for axis, n in enumerate(coefficients.shape)},
-            {'Coef': [({f'exponent{axis + 1}': power for axis, power in enumerate(powers)},
-                       float(value)) for powers, value in np.ndenumerate(coefficients)]})
