@@ -13,7 +13,6 @@ import os
 
 import numpy as np
 
-from ...files import told
 from ..extras import require
 from .pixels import DTYPES
 
@@ -139,7 +138,7 @@ class SicdContainer:
 
 
 def _load(file):
-    """Headers of a NITF file; whatever goes wrong in a damaged one is a ValueError."""
+    """Headers of a NITF file; of a damaged one jbpy raises what its parsers meet."""
     jbpy = require('jbpy', 'reading SICD')
     logger = logging.getLogger('jbpy')  # reports each odd field; of old files there are many
     level, logger.level = logger.level, logging.CRITICAL
@@ -148,7 +147,5 @@ def _load(file):
             raise ValueError('it does not begin with NITF')
         file.seek(0)
         return jbpy.Jbp().load(file)
-    except Exception as error:  # jbpy raises what its parsers meet: KeyError, struct.error, ...
-        raise ValueError(f'its NITF headers are damaged: {told(error)}') from None
     finally:
         logger.setLevel(level)

@@ -165,7 +165,7 @@ def test_sicd_is_told_and_becomes_a_map(tmp_path, capsys):
     (['convert', 'bags/psf', 'a.cphd', '--datum', '47'], 'expected latitude'),
     (['convert', 'bags/psf', 'a.cphd', '--datum', '147', '8', '0'], 'latitude_deg=147'),
     (['convert', 'bags/psf', 'a.png'], 'no format has the end'),
-    (['convert', 'bags/psf', 'a.tif'], 'is recording, which cannot be converted to GeoTIFF; these can'),
+    (['convert', 'bags/psf', 'a.tif'], 'which cannot be converted to GeoTIFF; these can'),
     (['convert', 'README.md', 'a'], 'neither CPHD'), (['convert', 'bags', 'a'], 'metadata.yaml'),
     (['convert', 'nowhere', 'a'], 'nowhere'), (['info', 'README.md'], 'neither CPHD'),
     (['info', 'nowhere'], 'nowhere')])
