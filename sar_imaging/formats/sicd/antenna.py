@@ -16,7 +16,6 @@ from ...geometry.earth import Datum
 from ..acquisition import Acquisition
 from ..cphd.antennas.polynomials import TOLD_DB
 from ..cphd.antennas.writing import WrittenAntenna
-from .elements import Elements
 
 _logger = logging.getLogger(__name__)
 
@@ -80,10 +79,8 @@ def two_way_antenna(acquisition: Acquisition, datum: Datum,
     return TwoWayAntenna(*axes, 2 * lobe.coefficients, 2 * lobe.error_db)
 
 
-def antenna_element(make: Elements, own: TwoWayAntenna, carrier_hz: float):
+def antenna_element(own: TwoWayAntenna, carrier_hz: float) -> dict:
     """Element of the antenna."""
-    return make('Antenna', make(
-        'TwoWay', make.path('XAxisPoly', own.x_axis), make.path('YAxisPoly', own.y_axis),
-        make('FreqZero', float(carrier_hz)),
-        make('Array', make.polynomial('GainPoly', own.gain_db),
-             make.polynomial('PhasePoly', [[0.0]]))))
+    return {'TwoWay': {'XAxisPoly': own.x_axis.T, 'YAxisPoly': own.y_axis.T,
+                       'FreqZero': carrier_hz,
+                       'Array': {'GainPoly': own.gain_db, 'PhasePoly': [[0.0]]}}}

@@ -16,7 +16,6 @@ from ...signal.radar import SPEED_OF_LIGHT, Waveform
 from ..acquisition import UNKNOWN, Acquisition
 from ..extras import require
 from .antenna import TwoWayAntenna, antenna_element, two_way_antenna
-from .elements import Elements
 from .layout import Layout
 from .radiometric import Radiometric, radiometric_element
 from .track import Track, evaluate
@@ -71,22 +70,21 @@ class Description:
 
 def sicd_tree(description: Description):
     """Tree of elements of one file, with what is computed of the scene centre point."""
-    sicd = require('sarkit.sicd', 'writing SICD')
-    bistatic = description.track.bistatic
-    make = Elements(BISTATIC if bistatic else MONOSTATIC)
-    root = make('SICD', *(part(make, description) for part in (
-        _collection, _creation, _image_data, _geo_data, _grid, _timeline, _position,
-        _radar_collection, _image_formation)))
-    root.append(sicd.compute_scp_coa(root.getroottree()))
+    etree, sicd = (require(name, 'writing SICD') for name in ('lxml.etree', 'sarkit.sicd'))
+    namespace = BISTATIC if description.track.bistatic else MONOSTATIC
+    root = etree.Element(f'{{{namespace}}}SICD', nsmap={None: namespace})
+    file = sicd.ElementWrapper(root)
+    file.from_dict({name: part(description) for name, part in _PARTS.items()})
+    file['SCPCOA'] = sicd.compute_scp_coa(root.getroottree())
     if description.radiometric is not None:
-        root.append(radiometric_element(make, description.radiometric))
+        file['Radiometric'] = radiometric_element(description.radiometric)
     if description.antenna is not None:
-        root.append(antenna_element(make, description.antenna,
-                                    description.acquisition.radar.carrier_hz))
+        file['Antenna'] = antenna_element(description.antenna,
+                                          description.acquisition.radar.carrier_hz)
     return root.getroottree()
 
 
-def _collection(make: Elements, own: Description):
+def _collection(own: Description) -> dict:
     acquisition, track = own.acquisition, own.track
     name = acquisition.name or f'{acquisition.collector}_{track.start:%Y%m%dT%H%M%S%f}'
     datum = json.dumps(dataclasses.asdict(own.datum))
@@ -96,19 +94,17 @@ def _collection(make: Elements, own: Description):
                   FACTORS_RESIDUAL: own.radiometric and f'{own.radiometric.residual_db:.2g}',
                   ANTENNA_RESIDUAL: own.antenna and f'{own.antenna.error_db:.2g}'}
     illuminator = acquisition.illuminator or (UNKNOWN if track.bistatic else '')
-    return make('CollectionInfo', make('CollectorName', acquisition.collector),
-                make('IlluminatorName', illuminator) if illuminator else None,
-                make('CoreName', name),
-                make('CollectType', 'BISTATIC' if track.bistatic else 'MONOSTATIC'),
-                make('RadarMode', make('ModeType', 'SPOTLIGHT')),  # all pulses in each pixel
-                make('Classification', own.classification),
-                *(make('Parameter', text, name=key) for key, text in parameters.items()
-                  if text is not None))
+    return {'CollectorName': acquisition.collector,
+            **({'IlluminatorName': illuminator} if illuminator else {}), 'CoreName': name,
+            'CollectType': 'BISTATIC' if track.bistatic else 'MONOSTATIC',
+            'RadarMode': {'ModeType': 'SPOTLIGHT'},  # all pulses in each pixel
+            'Classification': own.classification,
+            'Parameter': [(key, text) for key, text in parameters.items() if text is not None]}
 
 
-def _creation(make: Elements, own: Description):
-    return make('ImageCreation', make('Application', f'sar_imaging {__version__}'),
-                make('DateTime', datetime.datetime.now(datetime.timezone.utc)))
+def _creation(own: Description) -> dict:
+    return {'Application': f'sar_imaging {__version__}',
+            'DateTime': datetime.datetime.now(datetime.timezone.utc)}
 
 
 def _corners(layout: Layout) -> list[tuple[int, int]]:
@@ -116,31 +112,21 @@ def _corners(layout: Layout) -> list[tuple[int, int]]:
     return [(0, 0), (0, columns - 1), (rows - 1, columns - 1), (rows - 1, 0)]
 
 
-def _image_data(make: Elements, own: Description):
-    rows, columns = own.layout.shape
-    size = (make('NumRows', rows), make('NumCols', columns))
-    table = None if own.amplitudes is None else make.indexed('AmpTable', [
-        make('Amplitude', float(value), index=i) for i, value in enumerate(own.amplitudes)])
-    return make('ImageData', make('PixelType', own.pixel_type), table, *size,
-                make('FirstRow', 0), make('FirstCol', 0),
-                make('FullImage', make('NumRows', rows), make('NumCols', columns)),
-                make.pixel('SCPPixel', *own.layout.scp_pixel),
-                make.indexed('ValidData', [make.pixel('Vertex', *corner, index=i + 1)
-                                           for i, corner in enumerate(_corners(own.layout))]))
+def _image_data(own: Description) -> dict:
+    size = dict(zip(('NumRows', 'NumCols'), own.layout.shape, strict=True))
+    return {'PixelType': own.pixel_type,
+            **({} if own.amplitudes is None else {'AmpTable': own.amplitudes}), **size,
+            'FirstRow': 0, 'FirstCol': 0, 'FullImage': size,
+            'SCPPixel': [int(n) for n in own.layout.scp_pixel],
+            'ValidData': _corners(own.layout)}
 
 
-def _geo_data(make: Elements, own: Description):
-    labels = ('1:FRFC', '2:FRLC', '3:LRLC', '4:LRFC')
+def _geo_data(own: Description) -> dict:
     places = np.column_stack(own.datum.to_geographic(_ground_corners(own))[:2])
-    llh = [float(part) for part in own.datum.to_geographic(own.layout.scp_m)]
-    return make(
-        'GeoData', make('EarthModel', 'WGS_84'),
-        make('SCP', make.vector('ECF', own.datum.to_ecef(own.layout.scp_m)),
-             make.vector('LLH', llh, ('Lat', 'Lon', 'HAE'))),
-        make('ImageCorners', *(make.vector('ICP', place, ('Lat', 'Lon'), index=label)
-                               for label, place in zip(labels, places, strict=True))),
-        make.indexed('ValidData', [make.vector('Vertex', place, ('Lat', 'Lon'), index=i + 1)
-                                   for i, place in enumerate(places)]))
+    return {'EarthModel': 'WGS_84',
+            'SCP': {'ECF': own.datum.to_ecef(own.layout.scp_m),
+                    'LLH': own.datum.to_geographic(own.layout.scp_m)},
+            'ImageCorners': places, 'ValidData': places}
 
 
 def _ground_corners(own: Description) -> np.ndarray:
@@ -170,31 +156,23 @@ def _up(geographic) -> np.ndarray:
                      np.sin(latitude)])
 
 
-def _grid(make: Elements, own: Description):
-    layout = own.layout
+def _grid(own: Description) -> dict:
     polynomials = _local_spectra(own)
-    return make('Grid', make('ImagePlane', layout.plane), make('Type', 'PLANE'),
-                make.polynomial('TimeCOAPoly', [[own.track.middle_s]]),
-                *(_direction(make, own, axis, polynomials[axis]) for axis in range(2)))
+    return {'ImagePlane': own.layout.plane, 'Type': 'PLANE',
+            'TimeCOAPoly': [[own.track.middle_s]],
+            'Row': _direction(own, 0, polynomials[0]), 'Col': _direction(own, 1, polynomials[1])}
 
 
-def _direction(make: Elements, own: Description, axis: int, polynomial: np.ndarray):
+def _direction(own: Description, axis: int, polynomial: np.ndarray) -> dict:
     """Row or Col of the grid, with the spectrum of the scene centre point and of the corners."""
     layout = own.layout
-    own_support, spacing = layout.supports[axis], float(layout.spacing_m[axis])
+    own_support = layout.supports[axis]
     low, high = _spectrum_ends(layout, axis, polynomial)
-    weights = own_support.weights
-    return make(
-        ('Row', 'Col')[axis],
-        make.vector('UVectECF', own.datum.vectors_to_ecef(layout.axes[axis])),
-        make('SS', spacing), make('ImpRespWid', own_support.width_m), make('Sgn', -1),
-        make('ImpRespBW', own_support.bandwidth),
-        make('KCtr', float(layout.centre_per_m[axis])),
-        make('DeltaK1', low), make('DeltaK2', high),
-        make.polynomial('DeltaKCOAPoly', polynomial),
-        make('WgtType', make('WindowName', UNKNOWN)),
-        make.indexed('WgtFunct', [make('Wgt', float(weight), index=i + 1)
-                                  for i, weight in enumerate(weights)]))
+    return {'UVectECF': own.datum.vectors_to_ecef(layout.axes[axis]),
+            'SS': layout.spacing_m[axis], 'ImpRespWid': own_support.width_m, 'Sgn': -1,
+            'ImpRespBW': own_support.bandwidth, 'KCtr': layout.centre_per_m[axis],
+            'DeltaK1': low, 'DeltaK2': high, 'DeltaKCOAPoly': polynomial,
+            'WgtType': {'WindowName': UNKNOWN}, 'WgtFunct': own_support.weights}
 
 
 def _local_spectra(own: Description) -> np.ndarray:
@@ -222,66 +200,62 @@ def _spectrum_ends(layout: Layout, axis: int, polynomial: np.ndarray) -> tuple[f
     return (float(low), float(high)) if -edge <= low and high <= edge else (-edge, edge)
 
 
-def _timeline(make: Elements, own: Description):
+def _timeline(own: Description) -> dict:
     track, last = own.track, own.acquisition.n_pulses - 1
     interval = (track.pulse_s[-1] - track.pulse_s[0]) / last
     line = [-track.pulse_s[0] / interval, 1 / interval]
     even = np.abs(line[0] + line[1] * track.pulse_s - np.arange(last + 1)).max() < 0.1
-    pulses = make('Set', make('TStart', float(track.pulse_s[0])), make('TEnd', track.duration_s),
-                  make('IPPStart', 0), make('IPPEnd', last),
-                  make.polynomial('IPPPoly', line), index=1)
-    return make('Timeline', make('CollectStart', track.start),
-                make('CollectDuration', track.duration_s),
-                make.indexed('IPP', [pulses]) if even else None)
+    pulses = {'@index': 1, 'TStart': track.pulse_s[0], 'TEnd': track.duration_s, 'IPPStart': 0,
+              'IPPEnd': last, 'IPPPoly': line}
+    return {'CollectStart': track.start, 'CollectDuration': track.duration_s,
+            **({'IPP': {'@size': 1, 'Set': [pulses]}} if even else {})}
 
 
-def _position(make: Elements, own: Description):
+def _position(own: Description) -> dict:
     track = own.track
     if not track.bistatic:
-        return make('Position', make.path('ARPPoly', track.arp))
-    scene = own.datum.to_ecef(own.layout.scp_m)[:, None]
-    receiver = make('RcvAPC', make.path('RcvAPCPoly', track.rx, index=1), size=1)
-    return make('Position', make.path('ARPPoly', track.arp), make.path('GRPPoly', scene),
-                make.path('TxAPCPoly', track.tx), receiver)
+        return {'ARPPoly': track.arp.T}
+    return {'ARPPoly': track.arp.T, 'GRPPoly': own.datum.to_ecef(own.layout.scp_m)[None],
+            'TxAPCPoly': track.tx.T, 'RcvAPC': [track.rx.T]}
 
 
-def _radar_collection(make: Elements, own: Description):
+def _radar_collection(own: Description) -> dict:
     low, high = _band(own.acquisition)
     polarisation = own.acquisition.polarisation
-    index = make('RcvAPCIndex', 1) if own.track.bistatic else None
-    return make('RadarCollection', make('TxFrequency', make('Min', low), make('Max', high)),
-                _waveform(make, own.acquisition),
-                make('TxPolarization', polarisation.split(':')[0]),
-                make.indexed('RcvChannels', [make(
-                    'ChanParameters', make('TxRcvPolarization', polarisation), index, index=1)]))
+    channel = {'@index': 1, 'TxRcvPolarization': polarisation,
+               **({'RcvAPCIndex': 1} if own.track.bistatic else {})}
+    return {'TxFrequency': {'Min': low, 'Max': high}, **_waveform(own.acquisition),
+            'TxPolarization': polarisation.split(':')[0],
+            'RcvChannels': {'@size': 1, 'ChanParameters': [channel]}}
 
 
-def _waveform(make: Elements, acquisition: Acquisition):
+def _waveform(acquisition: Acquisition) -> dict:
     """The pulse, where it is a chirp of known length that sweeps the band."""
     radar = acquisition.radar
     swept = abs(radar.chirp_rate_hz_per_s) * radar.pulse_length_s
     if radar.waveform != Waveform.LFM or not 0.99 < swept / radar.bandwidth_hz < 1 + 1e-9:
-        return None
-    start = radar.carrier_hz - radar.chirp_rate_hz_per_s * radar.pulse_length_s / 2
-    return make.indexed('Waveform', [make(
-        'WFParameters', make('TxPulseLength', radar.pulse_length_s), make('TxRFBandwidth', swept),
-        make('TxFreqStart', start), make('TxFMRate', radar.chirp_rate_hz_per_s), index=1)])
+        return {}
+    return {'Waveform': {'@size': 1, 'WFParameters': [{
+        '@index': 1, 'TxPulseLength': radar.pulse_length_s, 'TxRFBandwidth': swept,
+        'TxFreqStart': radar.carrier_hz - radar.chirp_rate_hz_per_s * radar.pulse_length_s / 2,
+        'TxFMRate': radar.chirp_rate_hz_per_s}]}}
 
 
-def _image_formation(make: Elements, own: Description):
+def _image_formation(own: Description) -> dict:
     low, high = _band(own.acquisition)
-    return make('ImageFormation',
-                make('RcvChanProc', make('NumChanProc', 1), make('ChanIndex', 1)),
-                make('TxRcvPolarizationProc', own.acquisition.polarisation),
-                make('TStartProc', float(own.track.pulse_s[0])),
-                make('TEndProc', own.track.duration_s),
-                make('TxFrequencyProc', make('MinProc', low), make('MaxProc', high)),
-                make('ImageFormAlgo', 'OTHER'), make('STBeamComp', 'NO'),
-                make('ImageBeamComp', 'NO'), make('AzAutofocus', 'NO'),
-                make('RgAutofocus', 'NO'),
-                make('Processing', make('Type', 'Backprojection'), make('Applied', True)))
+    return {'RcvChanProc': {'NumChanProc': 1, 'ChanIndex': [1]},
+            'TxRcvPolarizationProc': own.acquisition.polarisation,
+            'TStartProc': own.track.pulse_s[0], 'TEndProc': own.track.duration_s,
+            'TxFrequencyProc': {'MinProc': low, 'MaxProc': high}, 'ImageFormAlgo': 'OTHER',
+            'STBeamComp': 'NO', 'ImageBeamComp': 'NO', 'AzAutofocus': 'NO', 'RgAutofocus': 'NO',
+            'Processing': [{'Type': 'Backprojection', 'Applied': True}]}
 
 
 def _band(acquisition: Acquisition) -> tuple[float, float]:
     """Ends of the band, hertz."""
     return tuple(k * SPEED_OF_LIGHT / 2 for k in acquisition.wavenumbers_per_m)
+
+
+_PARTS = {'CollectionInfo': _collection, 'ImageCreation': _creation, 'ImageData': _image_data,
+          'GeoData': _geo_data, 'Grid': _grid, 'Timeline': _timeline, 'Position': _position,
+          'RadarCollection': _radar_collection, 'ImageFormation': _image_formation}

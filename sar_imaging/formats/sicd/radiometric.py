@@ -19,7 +19,6 @@ from ...radiometry import (
     brightness,
     noise_equivalent,
 )
-from .elements import Elements
 from .layout import Layout
 
 _KNOTS = 33  # along a side of the image
@@ -145,10 +144,8 @@ class _Fit:
                                                        self._scales[1] ** powers)
 
 
-def radiometric_element(make: Elements, own: Radiometric):
+def radiometric_element(own: Radiometric) -> dict:
     """Element of the scale factors."""
-    noise = None if own.noise_db is None else make(
-        'NoiseLevel', make('NoiseLevelType', 'ABSOLUTE'),
-        make.polynomial('NoisePoly', own.noise_db))
-    return make('Radiometric', noise, *(make.polynomial(tag, own.factors[name])
-                                        for name, tag in _NAMES.items()))
+    noise = {} if own.noise_db is None else {'NoiseLevel': {
+        'NoiseLevelType': 'ABSOLUTE', 'NoisePoly': own.noise_db}}
+    return {**noise, **{tag: own.factors[name] for name, tag in _NAMES.items()}}
