@@ -156,8 +156,8 @@ def load(description: Path | str, data: Path | str | None = None, *,
         raise
     except Exception as error:  # numbers that contradict each other fail anywhere
         text = told(error)
-        if isinstance(error, DescriptionError) and (
-                description.name in text or not text.startswith(SECTIONS)):
+        if isinstance(error, DescriptionError) and (description.name in text or (
+                Path(text.partition(' ')[0]).suffix and not text.startswith(SECTIONS))):
             raise  # it names its file
         raise DescriptionError(f'{description.name}: {text}') from error
 

@@ -50,8 +50,12 @@ def read_radar(section: Section, n_samples: int) -> tuple[RadarParameters, bool]
     read = {'lfm': _lfm, 'passband': _passband, 'fmcw': _fmcw, 'fmcw_real': _fmcw,
             'stepped_frequency': _stepped}[kind]
     try:
-        return read(section, n_samples, section.number('propagation_speed_m_per_s',
-                                                       SPEED_OF_LIGHT))
+        radar, compressed = read(section, n_samples, section.number(
+            'propagation_speed_m_per_s', SPEED_OF_LIGHT))
+        if radar.bandwidth_hz > 2 * radar.carrier_hz:
+            raise ValueError(f'a band of {radar.bandwidth_hz:g} Hz around {radar.carrier_hz:g} Hz '
+                             'reaches below zero; expected at most twice the carrier')
+        return radar, compressed
     except DescriptionError:
         raise
     except ValueError as error:

@@ -90,6 +90,7 @@ def _check_content(section: Section, paths: Sequence[Path]) -> None:
     wanted = section.text('sha256', None)
     if wanted is None:
         return
+    check_memory(paths[0].name, sum(path.stat().st_size for path in paths))
     found = hashlib.sha256(b''.join(path.read_bytes() for path in paths)).hexdigest()
     if found != wanted.lower():
         raise section.error('sha256', f'the file that the description was made for, not one with '

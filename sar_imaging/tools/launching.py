@@ -13,7 +13,7 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from sar_imaging.configuration.parameters import parse
+from sar_imaging.configuration.parameters import load_tree
 from sar_imaging.configuration.settings import MODES
 
 from .node_processes import PROFILE, node_names
@@ -80,7 +80,7 @@ def mode_of_words(mode: str) -> None:
 
 def configured_mode(config: Path) -> str:
     """Mode of backprojection that a parameter file says, empty when it does not."""
-    return _configured_mode(parse(config.read_text()))
+    return _configured_mode(load_tree(config))
 
 
 def _configured_mode(tree) -> str:

@@ -36,6 +36,9 @@ def find_files(folder: Path, pattern: str, key: str) -> list[Path]:
     DescriptionError
         There is none.
     """
+    if '**' in pattern:
+        raise DescriptionError(f'{key}: {pattern} names every folder below; expected a file, or a '
+                               "pattern such as '*.mat'")
     given = folder / pattern
     files = [given] if given.is_file() else sorted(folder.glob(pattern)) if not Path(
         pattern).is_absolute() else []

@@ -88,6 +88,11 @@ def _write(arguments: argparse.Namespace) -> str:
                   read_bag=read_bag_poses, read_frames=read_bag_frames)
     output = arguments.output or Path('out/bags') / loaded.name
     check_target(output, overwrite=arguments.force)
+    with naming(arguments.description, 'makes no recording', DescriptionError):
+        return _write_loaded(loaded, output, arguments)
+
+
+def _write_loaded(loaded: Loaded, output: Path, arguments: argparse.Namespace) -> str:
     for text in (*loaded.warnings, *told_of_scene(loaded)):
         print(f'warning: {text}', file=sys.stderr)
     alignment, poses = loaded.alignment, loaded.poses
@@ -98,9 +103,8 @@ def _write(arguments: argparse.Namespace) -> str:
         alignment, report = estimate_alignment(loaded.block, poses, alignment, loaded.scene.grid)
         print(describe(report))
     block = loaded.block
-    with naming(arguments.description, 'makes no recording', DescriptionError):
-        count = write_bag(output, with_progress(split(block), block.n_pulses),
-                          truth_of(loaded, alignment), overwrite=arguments.force, poses=poses)
+    count = write_bag(output, with_progress(split(block), block.n_pulses),
+                      truth_of(loaded, alignment), overwrite=arguments.force, poses=poses)
     told = '' if poses is None else f', {len(poses.stamp_ns)} poses'
     return f'{output}: {block.n_pulses} pulses in {count} messages{told}'
 

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+from sar_imaging.files import read_text, told
 from sar_imaging.formats import MissingExtraError, require
 from sar_imaging.formats.cphd import CphdError, CphdReader
 from sar_imaging.geometry.earth import Datum
@@ -18,6 +19,7 @@ from ...exchange.kinds import CPHD, RECORDING, UnknownKindError, kind_of
 from ...recordings.bag_io import BagError, read_truth
 from .job import Job, JobError
 
+_MOST_CATALOGUE_BYTES = 2**26
 _BAG_FILES = ('.mcap', '.db3')
 
 
@@ -73,7 +75,7 @@ def _named(pattern: str, output: Path) -> Iterator[Path]:
     """What a pattern names."""
     path = Path(pattern)
     if path.is_dir():
-        yield from [path] if _is_recording(path) else _below(path, output.resolve())
+        yield from [path] if _is_recording(path) else _below(path, {output.resolve()})
     elif path.suffix.lower() == '.json' and path.is_file():
         yield from _of_catalogue(path)
     elif path.exists():
@@ -89,18 +91,21 @@ def _is_recording(path: Path) -> bool:
     return (path / 'metadata.yaml').is_file()
 
 
-def _below(folder: Path, output: Path) -> Iterator[Path]:
-    """Recordings below a folder; the output of the job is none."""
+def _below(folder: Path, seen: set[Path]) -> Iterator[Path]:
+    """Recordings below a folder but folders `seen`, such as the job's output or by links."""
     for path in folder.iterdir():
-        if path.name.startswith('.') or path.resolve() == output:
+        if path.name.startswith('.'):
             continue
         if path.is_dir():
+            if (real := path.resolve()) in seen:
+                continue
+            seen.add(real)
             inside = list(path.iterdir())
             if (not inside or _is_recording(path)
                     or any(p.suffix.lower() in _BAG_FILES for p in inside)):
                 yield path
             else:
-                yield from _below(path, output)
+                yield from _below(path, seen)
         elif path.suffix.lower() == '.cphd':
             yield path
 
@@ -111,17 +116,23 @@ def _of_catalogue(path: Path) -> Iterator[Path]:
         pystac = require('pystac', 'reading a STAC catalogue', 'archive')
     except MissingExtraError as error:
         raise JobError(str(error)) from error
+
+    class Local(pystac.stac_io.DefaultStacIO):
+        def read_text_from_href(self, href: str) -> str:
+            if '://' in href:
+                raise ValueError(f'it leads to {href}; expected files on a disk')
+            return read_text(href, _MOST_CATALOGUE_BYTES)
+
     try:
-        entry = pystac.read_file(str(path))
+        entry = pystac.read_file(str(path), stac_io=Local())
         items = [entry] if isinstance(entry, pystac.Item) else list(
             entry.get_items(recursive=True))
         assets = [(item.id, asset.get_absolute_href(), asset) for item in items
                   for asset in item.assets.values()]
     except Exception as error:  # pystac has several, and those of JSON and of files besides
-        told = ' '.join(str(error).split()) or type(error).__name__
-        raise JobError(f'recordings: {path} is no STAC catalogue that can be read ({told}); '
-                       'expected a catalogue, collection or item whose links lead to files; '
-                       'correct it, or name folders') from error
+        raise JobError(f'recordings: {path} is no STAC catalogue that can be read '
+                       f'({told(error)}); expected a catalogue, collection or item whose links '
+                       'lead to files; correct it, or name folders') from error
     for item, href, asset in assets:
         if not _is_of_pulses(href, asset):
             continue
