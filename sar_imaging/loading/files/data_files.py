@@ -6,9 +6,10 @@ or the data set fp of the HDF5 group data. The variables of a CSV file are its c
 
 from __future__ import annotations
 
+import itertools
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ _HDF5_MAGIC = b'\x89HDF\r\n\x1a\n'
 _MATLAB_HEADER = 512  # of HDF5 files that MATLAB wrote
 _MATLAB_5_HEADER, _MATLAB_COMPRESSED = 128, 15
 _PEEKED = 4096  # bytes of a compressed variable, which hold its size
+_MOST_NAMES = 100  # that a message lists
 _SEPARATORS = ',;\t'
 _BYTES_PER_CHARACTER = 8  # of a table of numbers, as Python reads it
 
@@ -130,6 +132,16 @@ def read_variable(path: Path, name: str) -> np.ndarray:
     return array
 
 
+def _data_sets(group, h5py, deeper: int = 3) -> Iterator[str]:
+    """Names of the data sets of a group, and of some levels below."""
+    for key in group:
+        if isinstance(group.get(key, getlink=True), h5py.HardLink):
+            if isinstance(item := group[key], h5py.Dataset):
+                yield key
+            elif deeper and isinstance(item, h5py.Group):
+                yield from (f'{key}.{name}' for name in _data_sets(item, h5py, deeper - 1))
+
+
 def _absent(path: Path, name: str, present) -> DescriptionError:
     return DescriptionError(f'{path.name} has no variable {name}; it has '
                             f'{", ".join(sorted(present)) or "none"}')
@@ -201,10 +213,7 @@ def _hdf5(path: Path, name: str, *, matlab: bool = False) -> np.ndarray:
                                        'the numbers themselves')
             item = None if link is None else item[part]
         if not isinstance(item, h5py.Dataset):
-            present = []
-            file.visititems(lambda key, item: present.append(key.replace('/', '.'))
-                            if isinstance(item, h5py.Dataset) else None)
-            raise _absent(path, name, present)
+            raise _absent(path, name, itertools.islice(_data_sets(file, h5py), _MOST_NAMES))
         if item.external or item.is_virtual:
             raise DescriptionError(f'{path.name}: {name} is stored in other files; expected the '
                                    'numbers in this one')
