@@ -123,3 +123,17 @@ def test_files_that_continue_each_other_are_joined(tmp_path):
         files.same('other')
     with pytest.raises(DescriptionError, match=r'1\.npz: odd.shape=.* does not continue'):
         files.joined('odd')
+
+
+@pytest.mark.parametrize(('name', 'text'), [
+    ('soft', 'soft is a link to /right'), ('external', 'external is a link to x'),
+    ('elsewhere', 'elsewhere is stored in other files'), ('none', 'it has elsewhere, right')])
+def test_hdf5_reads_no_other_file(tmp_path, name, text):
+    """A pipe in their place would never end."""
+    h5py = pytest.importorskip('h5py', reason='the extra hdf5 is not installed')
+    with h5py.File(tmp_path / 'a.h5', 'w') as file:
+        file['right'] = VALUES
+        file['soft'], file['external'] = h5py.SoftLink('/right'), h5py.ExternalLink('pipe', 'x')
+        file.create_dataset('elsewhere', (3,), 'f8', external=[('secret', 0, 24)])
+    with pytest.raises(DescriptionError, match=text):
+        read_variable(tmp_path / 'a.h5', name)

@@ -386,3 +386,16 @@ def test_chunks_are_as_small_as_memory_wants_and_equal_the_whole(tmp_path):
     np.testing.assert_array_equal(some[0].counter, [10, 11])
 
 
+
+
+@pytest.mark.parametrize(('vector', 'name', 'text'), [
+    (17, 'TxPos', 'TxPos lies farther .* in 1 of 40 vectors, first in number 17'),
+    (0, 'RcvPos', 'RcvPos lies farther .* in 1 of 40 vectors, first in number 0'),
+    (39, 'TDTropoSRP', 'TDTropoSRP is not finite in 1 of 40 vectors, first in number 39')])
+def test_one_bad_vector_is_named(tmp_path, vector, name, text):
+    def edit(tree, pvps):
+        own = pvps['Channel_1'][name]
+        own[vector] = np.nan if name == 'TDTropoSRP' else own[vector] + 3000.0
+
+    with pytest.raises(CphdError, match=text):
+        CphdReader(by_formula(template(tmp_path), tmp_path / 'b', edit))

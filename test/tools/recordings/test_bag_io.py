@@ -150,3 +150,20 @@ def test_missing_or_damaged_bag_is_refused(tmp_path, bag):
     (bag / 'bag.mcap').unlink()
     with pytest.raises(BagError, match='cannot be read'):
         bag_io.read_truth(bag)
+
+
+def test_a_database_whose_tables_are_queries_is_refused(tmp_path):
+    """SQLite would look for the last message for ever."""
+    import contextlib
+    import sqlite3
+
+    with Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        store = get_typestore(Stores.ROS2_JAZZY)
+        writer.add_connection(bag_io.TOPIC, bag_io.MESSAGE_TYPE, typestore=store)
+    with contextlib.closing(sqlite3.connect(tmp_path / 'bag' / 'bag.db3')) as db:
+        db.execute('DROP TABLE messages')
+        db.execute('CREATE VIEW messages AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT '
+                   'i + 1 FROM n) SELECT i AS id, i AS topic_id, i AS timestamp, i AS data FROM n')
+        db.commit()
+    with pytest.raises(BagError, match=r'bag\.db3 holds the view messages'):
+        bag_io.read_truth(tmp_path / 'bag')
