@@ -72,7 +72,8 @@ class Profiles:
             self.warnings.append('the profiles of some vectors do not overlap: no point is in the '
                                  'image with all pulses')
         self.radar = RadarParameters(
-            carrier_hz=self._carrier_hz, bandwidth_hz=bandwidth_hz, sample_rate_hz=1 / step,
+            carrier_hz=self._carrier_hz, bandwidth_hz=bandwidth_hz,
+            sample_rate_hz=max(1 / step, _RATE * bandwidth_hz),  # which rounding may miss
             first_sample_delay_s=float(first_s))
 
     def _design(self, rate: float, last: float) -> float:
