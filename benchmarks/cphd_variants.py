@@ -263,7 +263,7 @@ def measure(path: pathlib.Path, own: np.ndarray) -> dict:
             datum = reader.datum
             there = datum.to_ecef(np.array([*peak, 0.0]))
             found['place_cm'].append(round(100 * float(np.linalg.norm(there - target)), 3))
-            told = _widths_by_formula(kept, target)
+            told = _widths_by_formula(kept, target, reader.domain)
             found['width_percent'].append([round(100 * (a / b - 1), 2) for a, b in zip(
                 widths, told, strict=True)])
             found['level_db'].append(round(float(20 * np.log10(
@@ -305,12 +305,16 @@ def _width(axis: np.ndarray, power: np.ndarray) -> float:
     return float(ends[0] - ends[1])
 
 
-def _widths_by_formula(own: np.ndarray, target: np.ndarray) -> tuple[float, float]:
-    """-3 dB widths of the sum over vectors and frequencies about a target, along x and y."""
+def _widths_by_formula(own: np.ndarray, target: np.ndarray, domain: str) -> tuple[float, float]:
+    """-3 dB widths of the sum over vectors and frequencies about a target, along x and y.
+
+    N samples of a spectrum with both its ends stand for a band of N steps.
+    """
     _, axes = _frame()
     fine = np.arange(-CUT_M, CUT_M, STEP_M)
     at = _travel(own['TxPos'], own['RcvPos'], target)
-    frequency = MIDDLE_HZ + np.linspace(-0.5, 0.5, 64) * BAND_HZ
+    band = BAND_HZ * (N_SAMPLES / (N_SAMPLES - 1) if domain == 'FX' else 1.0)
+    frequency = MIDDLE_HZ + ((np.arange(64) + 0.5) / 64 - 0.5) * band
     found = []
     for axis in axes[:2]:
         points = target + fine[:, None] * axis
