@@ -28,6 +28,7 @@ _CHUNK = struct.Struct('<QQQII')  # times, unpacked size, checksum, length of co
 _CHUNK_KIND, _OPCODES = 0x06, (*range(0x01, 0x10), *range(0x80, 0x100))
 _SHARE = 0.25  # of the free memory that a chunk may take when it is unpacked
 _MOST_METADATA_BYTES = 2**24
+_ROS1 = b'#ROSBAG V2.0\n'
 _PIECE = 2**24
 
 
@@ -140,4 +141,11 @@ def _check_packed(path: Path, n_bytes: int, _: int) -> None:
             check_expansion(path.name, expanded, n_bytes)
 
 
-_CHECKS = {'.mcap': _check_mcap, '.db3': _check_sqlite, '.zstd': _check_packed}
+def _check_ros1(path: Path, *_: int) -> None:
+    """Refuse what is no ROS 1 bag, whose first line a library reads to its end, wherever it is."""
+    with open(path, 'rb') as file:
+        if file.read(len(_ROS1)) != _ROS1:
+            raise ValueError(f'{path} does not begin as ROS 1 bags of version 2.0 do')
+
+
+_CHECKS = {'.bag': _check_ros1, '.mcap': _check_mcap, '.db3': _check_sqlite, '.zstd': _check_packed}
