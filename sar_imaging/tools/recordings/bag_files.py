@@ -148,4 +148,5 @@ def _check_ros1(path: Path, *_: int) -> None:
             raise ValueError(f'{path} does not begin as ROS 1 bags of version 2.0 do')
 
 
-_CHECKS = {'.bag': _check_ros1, '.mcap': _check_mcap, '.db3': _check_sqlite, '.zstd': _check_packed}
+_CHECKS = {'.bag': _check_ros1, '.mcap': _check_mcap, '.db3': _check_sqlite,
+           '.zstd': _check_packed}
