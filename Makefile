@@ -211,10 +211,10 @@ bags: environment
 	    --pulses-per-message 24 --force
 
 reproduce-multichannel: environment
-	@$(RUN) -m sar_imaging.tools.reproduction.reproduce_multichannel --output out/multichannel
+	@$(RUN) -m benchmarks.reproduction.reproduce_multichannel --output out/multichannel
 
 reproduce-spotlight-letter: environment
-	@$(RUN) -m sar_imaging.tools.reproduction.reproduce_spotlight_letter --output out/spotlight_letter
+	@$(RUN) -m benchmarks.reproduction.reproduce_spotlight_letter --output out/spotlight_letter
 
 # colcon runs in an environment of its own: installed executables start with the Python that ran
 # it, and its pytest plug-ins should not change how the tests run elsewhere.

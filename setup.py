@@ -87,12 +87,6 @@ arguments = dict(
             'info = sar_imaging.tools.exchange.info:main',
             'calibrate = sar_imaging.tools.calibrate:main',
             'load = sar_imaging.tools.loading.load:main',
-            'image_mimo_60ghz = sar_imaging.tools.measured.image_mimo_60ghz:main',
-            'image_arcsar = sar_imaging.tools.measured.image_arcsar:main',
-            'reproduce_multichannel = '
-            'sar_imaging.tools.reproduction.reproduce_multichannel:main',
-            'reproduce_spotlight_letter = '
-            'sar_imaging.tools.reproduction.reproduce_spotlight_letter:main',
         ],
     },
     options={'develop': {'script_dir': EXECUTABLES}, 'install': {'install_scripts': EXECUTABLES}},

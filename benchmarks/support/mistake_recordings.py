@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.measured.image_arcsar import arm_angles
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.loading import load
 from sar_imaging.signal.dechirp import fmcw_parameters
@@ -16,7 +17,6 @@ from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from sar_imaging.simulation.echoes import EchoSimulator
 from sar_imaging.simulation.scenarios import SCENARIOS
-from sar_imaging.tools.measured.image_arcsar import arm_angles
 
 DATA = Path(__file__).resolve().parents[2] / '..' / 'shared' / 'data'
 START_NS = 1_700_000_000_000_000_000

@@ -4,8 +4,6 @@
 
 - `recordings`: rosbag2 recordings of pulses, written, read and indexed;
 - `evaluation`: a recording replayed through node processes, and its image measured;
-- `measured`: loaders and images of public measured data;
-- `reproduction`: figures and tables of the papers;
 - `costs`: what the operations of the compiled backend cost on this machine;
 - `launching`, `node_processes`: nodes started by launch files and by programs.
 """

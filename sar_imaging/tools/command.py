@@ -31,10 +31,6 @@ COMMANDS = {
     ('radar-constant',): 'products.radar_constant',
     ('change',): 'products.change',
     ('doctor',): 'products.doctor',
-    ('image', 'arcsar'): 'measured.image_arcsar',
-    ('image', 'mimo-60ghz'): 'measured.image_mimo_60ghz',
-    ('reproduce', 'multichannel'): 'reproduction.reproduce_multichannel',
-    ('reproduce', 'spotlight-letter'): 'reproduction.reproduce_spotlight_letter',
 }
 
 
@@ -59,8 +55,7 @@ def _main(words: list[str]) -> int:
         module = COMMANDS.get(tuple(words[:length]))
         if module is not None:
             return _run(module, words[length:])
-    asked = ' '.join(words[:2] if any(words[0] == c[0] for c in COMMANDS) else words[:1])
-    print(f'sar-imaging: there is no command {asked!r}\n\n{overview(words[0])}', file=sys.stderr)
+    print(f'sar-imaging: there is no command {words[0]!r}\n\n{overview()}', file=sys.stderr)
     return 2
 
 
@@ -77,11 +72,11 @@ def _run(module: str, words: Sequence[str]) -> int:
     return program.main(words)
 
 
-def overview(first: str = '') -> str:
-    """The commands, a line each; those that begin with a word, where there are any."""
-    chosen = [words for words in COMMANDS if words[0] == first] or list(COMMANDS)
-    width = max(len(' '.join(words)) for words in chosen)
-    rows = [f'  {" ".join(words):{width}}  {_purpose(COMMANDS[words])}' for words in chosen]
+def overview() -> str:
+    """The commands, a line each."""
+    width = max(len(' '.join(words)) for words in COMMANDS)
+    rows = [f'  {" ".join(words):{width}}  {_purpose(module)}'
+            for words, module in COMMANDS.items()]
     return '\n'.join(['usage: sar-imaging COMMAND [ARGUMENTS]; each has --help', '', *rows])
 
 

@@ -8,6 +8,7 @@ import pathlib
 import numpy as np
 import pytest
 
+from benchmarks.measured.image_arcsar import arm_angles
 from benchmarks.support.references import exact_image
 from sar_imaging.autofocus import (
     Autofocus,
@@ -26,7 +27,6 @@ from sar_imaging.loading import load
 from sar_imaging.quality import contrast, error_db
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.trials.track_errors import flawed_aperture, moved_rigidly
-from sar_imaging.tools.measured.image_arcsar import arm_angles
 
 ARC = pathlib.Path(__file__).parents[2] / '../shared/data/arcsar_77ghz/Prova_Esterna_7.bin'
 

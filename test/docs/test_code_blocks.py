@@ -35,7 +35,7 @@ NOT_RUN = {
     "backend='cuda'": 'needs a device',
     'SLURMCluster': 'needs a cluster with Slurm', 'KubeCluster': 'needs a Kubernetes cluster',
     '--scheduler': 'needs a cluster', '--launch-nodes': 'test/tools/evaluation does it',
-    'shared/data': 'measured data, test/tools/measured',
+    'shared/data': 'measured data, test/benchmarks/measured',
     'out/team6': 'measured data', 'out/bags/gotcha': 'measured data',
     'out/gotcha': 'measured data', 'out/bags/mimo': 'measured data',
     'my_': "stands for the reader's files",

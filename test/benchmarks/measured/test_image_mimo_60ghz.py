@@ -7,10 +7,10 @@ import pathlib
 import numpy as np
 import pytest
 
+from benchmarks.measured import image_mimo_60ghz
 from benchmarks.support.references import exact_image
 from sar_imaging.loading import load
 from sar_imaging.simulation.echoes import EchoSimulator
-from sar_imaging.tools.measured import image_mimo_60ghz
 
 MEASURED = (pathlib.Path(__file__).parents[4] / 'shared' / 'data' / 'mimo_sar_60ghz'
             / 'mimo_chair.npz')

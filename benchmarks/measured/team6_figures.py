@@ -1,6 +1,6 @@
 """Pictures of the team 6 rail recording with different alignments, for the gallery.
 
-Run: python -m sar_imaging.tools.measured.team6_figures out/team6_nominal out/team6_estimated \
+Run: python -m benchmarks.measured.team6_figures out/team6_nominal out/team6_estimated \
     out/team6_fitted --output out/team6
 """
 
@@ -17,9 +17,8 @@ from matplotlib.figure import Figure
 
 from sar_imaging.files import filling
 from sar_imaging.geometry.grids import MapGrid
-
-from ..ending import run_command
-from ..recordings.bag_io import read_truth
+from sar_imaging.tools.ending import run_command
+from sar_imaging.tools.recordings.bag_io import read_truth
 
 _ZOOM_M = 0.5  # half width around a reflector
 

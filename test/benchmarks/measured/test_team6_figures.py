@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from benchmarks.measured import team6_figures
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.tools.measured import team6_figures
 from sar_imaging.tools.recordings import bag_io
 from sar_imaging.tools.recordings.truth import make_truth
 

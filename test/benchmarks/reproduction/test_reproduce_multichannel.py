@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from sar_imaging.tools.reproduction import (
+from benchmarks.reproduction import (
     multichannel_measurements as measure,
     reproduce_multichannel,
 )

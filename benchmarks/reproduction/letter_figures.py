@@ -16,8 +16,8 @@ from sar_imaging.simulation.scenarios.spotlight_letter import (
     PAIR_SEPARATION_M,
     SpotlightExperiment,
 )
+from sar_imaging.tools.reporting import decibels, draw_grid
 
-from ..reporting import decibels, draw_grid
 from .letter_imagers import COMPARED, CUTS, EXACT
 from .letter_measurements import SubsceneImage
 from .letter_spectra import Spectra

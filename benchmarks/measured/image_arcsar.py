@@ -1,6 +1,6 @@
 """Image a recording of the radar on a rotating arm and estimate the arm's radius from it.
 
-Run: python -m sar_imaging.tools.measured.image_arcsar FILE --output out/arcsar
+Run: python -m benchmarks.measured.image_arcsar FILE --output out/arcsar
 
 An antenna that faces outward sees a place only from a part of its circle: each pulse goes into
 the pixels within its beam, which the description of the recording tells. `evaluate` images the
@@ -36,9 +36,8 @@ from sar_imaging.loading import (
 from sar_imaging.quality import measure_scatterer
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
-
-from ..plots import save_image_png
-from ..reporting import run_and_report
+from sar_imaging.tools.plots import save_image_png
+from sar_imaging.tools.reporting import run_and_report
 
 RADIUS_M = 0.2105  # of the antenna's circle, found by focusing
 HALF_BEAM_DEG = 35.0

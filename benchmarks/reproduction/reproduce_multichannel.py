@@ -1,6 +1,6 @@
 """Reproduce the figures and tables of Rosenberg & Gray, Multichannel SAR Imaging.
 
-Run: python -m sar_imaging.tools.reproduction.reproduce_multichannel --output out/multichannel
+Run: python -m benchmarks.reproduction.reproduce_multichannel --output out/multichannel
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import numpy as np
 from tqdm import tqdm
 
 from sar_imaging.simulation.scenarios import SCENARIOS
+from sar_imaging.tools.reporting import run_and_report
 
-from ..reporting import run_and_report
 from . import multichannel_figures as figures, multichannel_measurements as measure
 from .multichannel_measurements import COMPARISON_RATIO, PATCH_M, PLACEMENTS, RATES_HZ
 

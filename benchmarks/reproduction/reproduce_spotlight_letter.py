@@ -1,6 +1,6 @@
 r"""Reproduce the experiment of Zhang et al. 2014, the letter that proposes AFBP.
 
-Run: python -m sar_imaging.tools.reproduction.reproduce_spotlight_letter \
+Run: python -m benchmarks.reproduction.reproduce_spotlight_letter \
          --output out/spotlight_letter
 """
 
@@ -26,8 +26,8 @@ from sar_imaging.simulation.scenarios.spotlight_letter import (
     SpotlightExperiment,
     spotlight_letter,
 )
+from sar_imaging.tools.reporting import run_and_report
 
-from ..reporting import run_and_report
 from . import letter_figures as figures, letter_imagers as imagers, letter_measurements as measure
 from .letter_recording import Recording
 from .letter_spectra import measure_spectra

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from sar_imaging.loading import load
-from sar_imaging.tools.measured import team6_sensitivity
-from sar_imaging.tools.measured.team6_sensitivity import (
+from benchmarks.measured import team6_sensitivity
+from benchmarks.measured.team6_sensitivity import (
     LEVER_NAMES,
     bounds,
     reflectors,
     scan,
     with_attitudes,
 )
+from sar_imaging.loading import load
 
 MEASURED = pathlib.Path(__file__).parents[4] / 'shared' / 'data' / 'bwsi2019_team6_rail'
 

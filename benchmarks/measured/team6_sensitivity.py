@@ -1,6 +1,6 @@
 """Sensitivity of the team 6 reflectors' focus to time offset, range bias and lever arm.
 
-Run: python -m sar_imaging.tools.measured.team6_sensitivity FOLDER --output out/team6_sensitivity
+Run: python -m benchmarks.measured.team6_sensitivity FOLDER --output out/team6_sensitivity
 
 Images both reflectors with many time offsets and range biases and the nominal lever arm, and
 compares how sharp they are with how far from the survey. The survey says where to look and judges
@@ -33,8 +33,7 @@ from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.signal.range_compression import RangeCompressor
-
-from ..reporting import run_and_report
+from sar_imaging.tools.reporting import run_and_report
 
 TIME_OFFSETS_S = np.arange(9.26, 9.3001, 0.01)
 RANGE_BIASES_M = np.arange(0.0, 1.0001, 0.1)

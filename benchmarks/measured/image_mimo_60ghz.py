@@ -1,6 +1,6 @@
 """Image the recording of the 60 GHz MIMO radar in three dimensions, calibrated from itself.
 
-Run: python -m sar_imaging.tools.measured.image_mimo_60ghz FILE --output out/mimo_60ghz
+Run: python -m benchmarks.measured.image_mimo_60ghz FILE --output out/mimo_60ghz
 
 The voxels lie on spheres around the aperture: azimuth from straight ahead, elevation, distance.
 Pictures are maximum projections of the volume. One channel against eight shows what the array
@@ -24,8 +24,7 @@ from sar_imaging.loading import load
 from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
-
-from ..reporting import decibels, run_and_report
+from sar_imaging.tools.reporting import decibels, run_and_report
 
 AZIMUTH_DEG = np.arange(-60.0, 60.1, 1.0)
 ELEVATION_DEG = np.arange(-24.0, 20.1, 1.0)

@@ -6,18 +6,18 @@ import json
 import numpy as np
 import pytest
 
-from sar_imaging.imaging.correlation import correlate
-from sar_imaging.quality import error_db
-from sar_imaging.signal.spectra import band_spectrum
-from sar_imaging.simulation.scenarios.spotlight_letter import spotlight_letter
-from sar_imaging.tools.reproduction import (
+from benchmarks.reproduction import (
     letter_figures,
     letter_imagers as imagers,
     letter_measurements as measure,
     reproduce_spotlight_letter,
 )
-from sar_imaging.tools.reproduction.letter_recording import Recording
-from sar_imaging.tools.reproduction.letter_spectra import measure_spectra
+from benchmarks.reproduction.letter_recording import Recording
+from benchmarks.reproduction.letter_spectra import measure_spectra
+from sar_imaging.imaging.correlation import correlate
+from sar_imaging.quality import error_db
+from sar_imaging.signal.spectra import band_spectrum
+from sar_imaging.simulation.scenarios.spotlight_letter import spotlight_letter
 
 FFBP_LINEAR = imagers.ffbp_name('linear', 1.3, 16)
 FFBP_KNAB = imagers.ffbp_name('knab8', 1.8, 16)

@@ -1,6 +1,6 @@
 """Make the positions of the measured Gotcha recording wrong, and correct them by autofocus.
 
-Run: python -m sar_imaging.tools.measured.focus_gotcha FOLDER --output out/focus_gotcha
+Run: python -m benchmarks.measured.focus_gotcha FOLDER --output out/focus_gotcha
 """
 
 from __future__ import annotations
@@ -24,8 +24,7 @@ from sar_imaging.quality import contrast, entropy, measure_scatterer
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.signal.range_compression import RangeCompressor
-
-from ..reporting import run_and_report
+from sar_imaging.tools.reporting import run_and_report
 
 GRID = MapGrid.from_size((0.0, 0.0, 0.0), 100.0, 100.0, 0.1)
 REFLECTOR_M = (-15.60, 21.60, 0.0)

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from sar_imaging.geometry import MapGrid
 from sar_imaging.simulation.scenarios import RANGE_CENTRE_M, SCENARIOS
+from sar_imaging.tools.reporting import decibels, draw_grid
 
-from ..reporting import decibels, draw_grid
 from .multichannel_measurements import (
     IMAGERS,
     PATCH_M,

@@ -8,9 +8,9 @@ import pathlib
 import numpy as np
 import pytest
 
+from benchmarks.measured import focus_gotcha
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.simulation.trials.track_errors import flawed_aperture
-from sar_imaging.tools.measured import focus_gotcha
 
 FOLDER = pathlib.Path(__file__).parents[3] / '../shared/data/gotcha_pass1_hh'
 
