@@ -1,5 +1,7 @@
 """FFBP against its formulas in plain NumPy: its kernels and whole images."""
 
+import functools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -34,8 +36,6 @@ class Formula:
 
     def __init__(self, plan: FfbpPlan):
         self.plan = plan
-        self._weights = [kernel_weights(plan.sampling.kernel, v)
-                         for v in plan.sampling.oversampling]
 
     def image(self, block: PulseBlock, *, progress: bool = False) -> np.ndarray:
         """Image of the range profiles of the planned aperture."""
@@ -46,8 +46,10 @@ class Formula:
         """Image of a sub-aperture at points, with the carrier."""
         polar = self.plan.polar_grid(node)
         range_m, alpha = polar.from_map(points_m[..., 0], points_m[..., 1])
-        return (read_neighbours(self._local(node, block), polar, range_m, alpha, *self._weights)
-                * carrier(range_m - polar.range_start_m, self.plan.radar.wavelength_m))
+        kernel, oversampling = self.plan.sampling.kernel, self.plan.sampling.oversampling
+        read = read_neighbours(self._local(node, block), polar, range_m, alpha, *(
+            functools.partial(kernel_at, kernel, v) for v in oversampling))
+        return read * carrier(range_m - polar.range_start_m, self.plan.radar.wavelength_m)
 
     def _local(self, node: Node, block) -> np.ndarray:
         """(n_alpha, n_range) complex128 image on a sub-aperture's own grid, at range baseband."""
@@ -62,34 +64,41 @@ class Formula:
         return image * carrier(polar.range_start_m - polar.range_m, plan.radar.wavelength_m)
 
 
-def read_neighbours(image, polar: PolarGrid, range_m, alpha, along_range, along_alpha
-                    ) -> np.ndarray:
+def kernel_at(kernel, oversampling, x):
+    """(..., taps) weights of neighbours at places x from the middle between the inner two.
+
+    Lagrange's polynomials, or a sinc in Knab's window (1979), written out.
+    """
+    taps = {'linear': 2, 'cubic': 4, 'knab8': 8}[kernel]
+    nodes = np.arange(taps) + 0.5 - taps / 2
+    away = np.asarray(x)[..., None] - nodes
+    if kernel == 'knab8':
+        a = np.pi * taps / 2 * (1 - 1 / oversampling)
+        root = np.sqrt((1 - (2 * away / taps) ** 2).astype(complex))
+        return np.sinc(away) * (np.cosh(a * root) / np.cosh(a)).real
+    return np.stack([np.prod([(x - m) / (n - m) for m in nodes if m != n], axis=0)
+                     for n in nodes], axis=-1)
+
+
+def of_table(weights, x):
+    """(..., taps) weights at places x by the polynomials (taps, 8) that a kernel is given."""
+    return np.asarray(x)[..., None] ** np.arange(weights.shape[1]) @ weights.T.astype(float)
+
+
+def read_neighbours(image, polar: PolarGrid, range_m, alpha, along_range, along_alpha):
     """``sum_kl w_k(u) w_l(v) b[line + k, node + l]``, u and v from the middle between neighbours.
 
-    Parameters
-    ----------
-    image : (n_alpha, n_range) complex
-        Local image.
-    polar : PolarGrid
-        Its pixels.
-    range_m, alpha : (...) float64
-        Where to read it, metres and direction cosines.
-    along_range, along_alpha : (taps, 8) float32
-        From `kernel_weights`.
-
-    Returns
-    -------
-    (...) complex128
+    `image` is (n_alpha, n_range), on the pixels of `polar`; the last two give the weights (...,
+    taps) at places (...). Returns (...) complex128 at ranges and direction cosines (...).
     """
-    taps, places = len(along_range), []
-    for value, start, step, n, weights in (
+    places = []
+    taps = along_range(np.zeros(1)).shape[-1]
+    for value, start, step, n, weights_at in (
             (alpha, polar.alpha_start, polar.alpha_spacing, polar.n_alpha, along_alpha),
             (range_m, polar.range_start_m, polar.range_spacing_m, polar.n_range, along_range)):
         place = (np.asarray(value) - start) / step
         first = np.clip(np.floor(place).astype(int) + 1 - taps // 2, 0, n - taps)
-        x = place - (first + taps // 2 - 1) - 0.5
-        places.append((first, x[..., None] ** np.arange(weights.shape[1])
-                       @ weights.T.astype(np.float64)))
+        places.append((first, weights_at(place - (first + taps / 2 - 0.5))))
     (line, across), (node, along) = places
     return sum(across[..., k] * along[..., n] * image[line + k, node + n]
                for k in range(taps) for n in range(taps))
@@ -135,13 +144,14 @@ def test_local_images_are_added_to_any_grid(seed, kernel, n_x, n_y, polar_target
     added = rng.standard_normal((n_y, n_x, 2)).astype(np.float32)
     before = added.astype(float).view(complex)[..., 0]
     groups = min(n_y, 4) * ffbp.PIXELS
-    table = np.ascontiguousarray(weights.T).reshape(-1)
+    flat_weights = np.ascontiguousarray(weights.T).reshape(-1)
+    table = functools.partial(of_table, weights)
     ffbp.add_to_grid(flat, (local.n_alpha, local.n_range), geometry, np.array(grid),
-                     np.array([n_y, n_x, 2 * n_x, 2, 1]), table, table, len(weights),
+                     np.array([n_y, n_x, 2 * n_x, 2, 1]), *(flat_weights,) * 2, len(weights),
                      added.reshape(-1), *np.empty((2, groups)), np.empty(groups, np.int64),
                      *np.empty((4, groups), np.float32))
     r, alpha = local.from_map(points[..., 0], points[..., 1])
-    wanted = before + (read_neighbours(image, local, r, alpha, weights, weights)
+    wanted = before + (read_neighbours(image, local, r, alpha, table, table)
                        * carrier(r - local.range_start_m, wavelength_m)
                        * np.exp(-2j * np.pi * turn * np.arange(n_x)))
     # float32 positions between neighbours, and sine polynomials
@@ -162,7 +172,7 @@ def test_local_images_are_merged(seed, kernel, n_range, n_alpha, add):
                        1e5 + 20.0 + rng.random(), step_m, n_range, -0.005, 3e-4, n_alpha)
     flat, image = local_image(rng, child)
     weights = kernel_weights(kernel, 1.5)
-    pairs, segment = ffbp.paired(weights), 16
+    pairs, segment, table = ffbp.paired(weights), 16, functools.partial(of_table, weights)
     geometry = np.array([offset[0], offset[1], parent.height_m, child.height_m, step_m,
                          parent.range_start_m, child.range_start_m, parent.alpha_start,
                          parent.alpha_spacing, child.alpha_start, child.alpha_spacing,
@@ -176,7 +186,7 @@ def test_local_images_are_merged(seed, kernel, n_range, n_alpha, add):
     r, alpha = child.from_map(points[..., 0], points[..., 1])
     # at the range baseband of the parent, whose first range is another
     beyond_m = r - child.range_start_m - step_m * np.arange(n_range)
-    wanted = (read_neighbours(image, child, r, alpha, weights, weights)
+    wanted = (read_neighbours(image, child, r, alpha, table, table)
               * carrier(beyond_m, wavelength_m))
     wanted = wanted + before if add else wanted
     size = n_alpha * n_range

@@ -3,12 +3,10 @@
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.reference.project_points import half_paths
 from sar_imaging.geometry.point_grids import PointGrid
 from sar_imaging.published.zero_padding import (
     DELAYS,
     INTERPOLATORS,
-    ZeroPaddingPlan,
     image_zero_padded,
     plan_zero_padding,
 )
@@ -18,47 +16,51 @@ from sar_imaging.signal.radar import RadarParameters
 SEEDS = st.integers(0, 2 ** 32 - 1)
 
 
-def formula(plan: ZeroPaddingPlan, block: PulseBlock) -> np.ndarray:
-    """Backproject zero-padded profiles.
+def neighbour_weights(interpolator, place, plan):
+    """(..., T) weights of the samples 1 - T/2 to T/2 at places (...) from 0 to 1, written out."""
+    taps = {'linear': 2, 'cubic': 4, 'sinc': 8}[interpolator]
+    nodes = np.arange(taps) + 1 - taps // 2
+    if interpolator == 'sinc':  # Kaiser's window, to half way between band and repetition
+        away = place[..., None] - nodes
+        free = 0.5 - plan.radar.bandwidth_hz / plan.radar.sample_rate_hz / plan.ratio / 2
+        beta = np.pi * np.sqrt(max((taps * free) ** 2 - 1, 0.0))
+        root = np.sqrt(np.maximum(1 - (2 * away / taps) ** 2, 0.0))
+        return np.sinc(away) * np.i0(beta * root) / np.i0(beta)
+    return np.stack([np.prod([(place - m) / (n - m) for m in nodes if m != n], axis=0)
+                     for n in nodes], axis=-1)  # Lagrange
 
-    ``f(x) = sum_r s_r(tau_r(x)) exp(+j w_c tau_r(x))``, s_r read as the plan says.
 
-    Parameters
-    ----------
-    plan : ZeroPaddingPlan
-        What is computed.
-    block : PulseBlock
-        Its range profiles, with phase centres.
-
-    Returns
-    -------
-    complex64 array
-        Of the shape of the plan's grid.
-    """
+def formula(plan, block):
+    """``f(x) = sum_r s_r(tau_r(x)) exp(+j w_c tau_r(x))``, s_r read as the plan says."""
     radar, points = plan.radar, plan.grid.points()
     n, n_dense = plan.n_samples, plan.ratio * plan.n_samples
+    rate_hz = plan.ratio * radar.sample_rate_hz
     image = np.zeros(points.shape[:-1], np.complex128)
-    profiles = block.samples.reshape(-1, n).astype(np.complex128)
     number = np.fft.fftfreq(n, 1 / n).astype(int)
-    for profile, a, b, tx, rx in zip(profiles, *plan.paths(block.tx_m, block.rx_m), strict=True):
+    for index in np.ndindex(block.samples.shape[:2]):
+        ends = read_ends = block.tx_m[index], block.rx_m[index]
+        if plan.delay == 'midpoint':
+            ends = read_ends = (0.5 * (ends[0] + ends[1]),) * 2
+        if plan.delay == 'steering':  # the mean of all antennas of the pulse
+            read_ends = (0.5 * (block.tx_m[index[0]] + block.rx_m[index[0]]).mean(axis=0),) * 2
         spectrum = np.zeros(n_dense, np.complex128)
-        spectrum[number] = np.fft.fft(profile, norm='forward')                         # (14)
+        spectrum[number] = np.fft.fft(block.samples[index].astype(complex), norm='forward')  # (14)
         dense = np.fft.ifft(spectrum, norm='forward')
-        delay, exact = (2 * half_paths(*ends, points) / radar.propagation_speed_m_per_s
-                        for ends in ((a, b), (tx, rx)))
-        place = (delay - radar.first_sample_delay_s) * plan.rate_hz
+        delay, exact = (sum(np.linalg.norm(points - e, axis=-1) for e in both)
+                        / radar.propagation_speed_m_per_s for both in (read_ends, ends))
+        place = (delay - radar.first_sample_delay_s) * rate_hz
         if plan.interpolator == 'nearest':
             cell = np.floor(place + 0.5).astype(int)                                   # (16)
             value = dense[cell % n_dense]
-            turned = radar.first_sample_delay_s + cell / plan.rate_hz + (exact - delay)  # (15, 19)
+            phase_s = radar.first_sample_delay_s + cell / rate_hz + (exact - delay)    # (15, 19)
         else:
             cell = np.floor(place).astype(int)
-            weights = plan.weights((place - cell).ravel()).reshape(*place.shape, -1)
+            weights = neighbour_weights(plan.interpolator, place - cell, plan)
             taps = np.arange(weights.shape[-1]) + 1 - weights.shape[-1] // 2
             value = (weights * dense[(cell[..., None] + taps) % n_dense]).sum(axis=-1)
-            turned = exact
+            phase_s = exact
         inside = (cell >= 0) & (cell < n_dense)
-        cycles = np.fmod(radar.carrier_hz * turned, 1.0)
+        cycles = np.fmod(radar.carrier_hz * phase_s, 1.0)
         image += inside * value * np.exp(2j * np.pi * cycles)                          # (17)
     return image.astype(np.complex64)
 
