@@ -47,7 +47,7 @@ class Verification:
     >>> from sar_imaging.simulation import SCENARIOS
     >>> block = next(SCENARIOS['psf']().blocks(50))
     >>> grid = MapGrid((10_000.0, 0.0, 0.0), 25, 25, 0.5)
-    >>> image = plan_image(grid, block.radar, block.n_samples, method='zero-padding')(block)
+    >>> image = plan_image(grid, block.radar, block.n_samples, method='exact')(block)
     >>> found = measure_error(image, grid, block, n_pixels=100, n_brightest=20)
     >>> found.n_pixels, found.n_brightest, found.covered_share
     (100, 20, 1.0)
