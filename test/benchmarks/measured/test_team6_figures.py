@@ -11,6 +11,7 @@ from matplotlib.image import imread
 
 from benchmarks.measured import team6_figures
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.simulation import SCENARIOS
 from sar_imaging.tools.recordings import bag_io
 from sar_imaging.tools.recordings.truth import make_truth
 
@@ -19,12 +20,13 @@ PLACE = [2.5, 0.0, 0.0]
 
 
 @pytest.fixture
-def folders(tmp_path, make_block):
-    block = make_block(0, 5)
+def folders(tmp_path):
+    block = next(SCENARIOS['psf']().blocks(5))
     truth = make_truth(
         scenario='team6_rail', description='', grid=GRID, pulses_per_aperture=5, n_pulses=5,
         scatterers=[{'name': 'r', 'position_m': PLACE, 'amplitude_db': 0.0}],
-        n_channels=1, cut_half_width_m=(1.0, 1.0), radar=block.radar, compressed=True)
+        n_channels=block.n_channels, cut_half_width_m=(1.0, 1.0), radar=block.radar,
+        compressed=True)
     bag_io.write_bag(tmp_path / 'bag', [block], truth)
     for name in ('team6_nominal', 'team6_fitted'):
         folder = tmp_path / name
