@@ -30,7 +30,8 @@ class Mount:
     side : str
         For ``'track'``: ``'left'`` or ``'right'`` of the direction of flight.
     squint_deg : float
-        For ``'track'``: ahead of broadside, degrees.
+        For ``'track'``: degrees from broadside; 0 at a right angle to the direction of flight,
+        positive ahead.
     depression_deg : float
         For ``'track'`` and ``'rotation'``: below the horizon, degrees.
     target_m : (3,) tuple of float

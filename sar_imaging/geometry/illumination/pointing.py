@@ -110,7 +110,7 @@ class Pointing:
         depression_rad : float
             Below the horizon, radians.
         squint_rad : float
-            Ahead of broadside, radians.
+            From broadside, a right angle to the flight, radians; positive ahead.
 
         Raises
         ------

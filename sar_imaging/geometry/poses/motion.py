@@ -16,6 +16,7 @@ _UNUSUAL = 0.75  # of what acceleration explains; more makes a pose doubtful
 _HISTORY = 5  # poses that predict the next one
 _SCATTER_POSES = 15  # whose misses tell the scatter; it is unknown with fewer than three
 _UNKNOWN_SCATTER = 4.0  # of the least departure
+_WRONG_RAD = 0.5  # of an attitude alone that is off, beyond which cures are named
 _SCATTERS = 4.0  # medians of three normal errors: 6 standard deviations of each
 
 
@@ -93,8 +94,10 @@ class Departure:
         who = (f'the pose at {first_s} s is {size} off those around it, and is left out'
                if self.n_poses == 1 else f'{self.n_poses} poses from {first_s} to {last_s} s are '
                f'up to {size} off those around them, and are left out')
-        return f'{who}: {self.gap_s:.3g} s ' + ('are interpolated' if self.bridged
-                                               else 'have no poses')
+        return f'{who}: {self.gap_s:.3g} s ' + (
+            'are interpolated' if self.bridged else 'have no poses') + (
+            '; where attitudes are never right, poses.level: true of a description ignores them'
+            if self.away_rad > _WRONG_RAD else '')
 
 
 class Motion:
