@@ -6,7 +6,8 @@ pixels. Cases are written down one by one, so that a campaign that was stopped g
 was.
 
 Run from the repository root: ``make prediction-campaign``, or
-``python -m benchmarks.prediction_campaign --cases 2000``.
+``python -m benchmarks.prediction_campaign --cases 2000``; with ``--uneven`` along tracks of
+platforms that stop, hurry, retrace and jump.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
 
 from .support.machine import machine
+from .support.uneven_tracks import UNEVEN
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'predictions.json'
 RECORDS = pathlib.Path('out/prediction_campaign.jsonl')
@@ -108,6 +110,8 @@ def form_live(grid, block, target_db: float, length: int, *, sliding: bool, illu
     if not images:
         raise ValueError('; '.join(told) or 'no image of all pulses')
     result = images[-1]
+    if result.aperture != n // length - 1:  # the last one was refused
+        raise ValueError('; '.join(told))
     told = [text for text in told if 'planned anew' not in text and 'awaited' not in text]
     return result.image, result.predicted_error_db, told, slice(n - result.n_pulses, n)
 
@@ -154,8 +158,11 @@ def exceeds(entry: dict) -> bool:
             and all(_AMBIGUOUS in warning for warning in entry['warnings']))
 
 
-def run(seeds, records: pathlib.Path) -> list[dict]:
-    """Measure the cases that `records` lacks and return all that were asked for."""
+def run(seeds, records: pathlib.Path, tracks=(None,)) -> list[dict]:
+    """Measure the cases that `records` lacks and return all that were asked for.
+
+    They have the `tracks` in turn, that of their seed for None.
+    """
     records.parent.mkdir(parents=True, exist_ok=True)
     known = {}
     if records.exists():
@@ -164,10 +171,10 @@ def run(seeds, records: pathlib.Path) -> list[dict]:
     with records.open('a') as file:
         for seed in tqdm([s for s in seeds if s not in known], unit='case'):
             started = time.process_time()
-            case = random_case(seed)
+            case = random_case(seed, tracks[seed % len(tracks)])
             known[seed] = {**case.traits, **{
                 name: measure(case, name) for name, (_, every) in IMAGERS.items()
-                if seed % every == 0}, 'seconds': time.process_time() - started}
+                if seed // len(tracks) % every == 0}, 'seconds': time.process_time() - started}
             file.write(json.dumps(known[seed]) + '\n')
             file.flush()
     return [known[seed] for seed in seeds]
@@ -229,10 +236,12 @@ def main() -> None:
     parser.add_argument('--first-seed', type=int, default=0)
     parser.add_argument('--records', type=pathlib.Path, default=RECORDS)
     parser.add_argument('--output', type=pathlib.Path, default=RESULTS)
+    parser.add_argument('--uneven', action='store_true',
+                        help='tracks of platforms that stop, hurry, retrace and jump')
     arguments = parser.parse_args()
     logging.disable(logging.WARNING)  # warnings go into the records
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.cases)
-    records = run(seeds, arguments.records)
+    records = run(seeds, arguments.records, UNEVEN if arguments.uneven else (None,))
     results = {'machine': {**machine(), 'threads': numba.get_num_threads()},
                'first_seed': seeds.start, 'cases': len(records),
                'minutes': round(sum(r['seconds'] for r in records) / 60, 1),

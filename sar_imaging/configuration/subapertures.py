@@ -21,7 +21,7 @@ class SubapertureForecast:
         Number of sub-apertures; 0 where AFBP cannot image the scene.
     pulses : int
         Pulses of the longest of them.
-    predicted_error_db : float
+    predicted_error_db : float or None
         Predicted error against exact correlation, dB.
     reason : str
         Why AFBP cannot image the scene; empty where it can.
@@ -29,7 +29,7 @@ class SubapertureForecast:
 
     count: int
     pulses: int
-    predicted_error_db: float
+    predicted_error_db: float | None
     reason: str = ''
 
 

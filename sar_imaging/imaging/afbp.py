@@ -142,7 +142,7 @@ def image_of_polar(plan: AfbpPlan, polar_image: np.ndarray, backend: Backend, *,
 def _judged(report: Report, uneven_db: float) -> Report:
     """The report of an image whose error exceeds the planned one by so much."""
     error_db, errors, warnings = report.predicted_error_db, report.errors_db, report.warnings
-    if uneven_db > 0.0:
+    if uneven_db > 0.0 and error_db is not None:
         error_db += uneven_db
         errors = {**errors, 'bright surroundings': error_db}
     if uneven_db > _UNEVEN_DB:

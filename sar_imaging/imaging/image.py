@@ -27,7 +27,8 @@ class Report:
     target_db : float
         Wanted error against time-domain correlation, dB.
     predicted_error_db : float or None
-        Predicted one; None where the imager cannot tell.
+        Predicted one, of the pixels that lie within the profiles of all pulses; None where the
+        imager cannot tell.
     errors_db : mapping of str to float
         Its causes, dB; empty where the imager cannot tell.
     shares_db : mapping of str to float
@@ -78,6 +79,11 @@ class Report:
         if self.seconds is not None:
             lines.append(f'{self.seconds:.3g} s on one thread, {self.n_bytes / 1e6:.3g} MB')
         return '\n'.join([*lines, *(f'warning: {text}' for text in self.warnings)])
+
+
+def error_in_words(error_db: float | None) -> str:
+    """A predicted error, or that there is none."""
+    return 'error not predicted' if error_db is None else f'predicted error {error_db:.0f} dB'
 
 
 @dataclasses.dataclass(eq=False)

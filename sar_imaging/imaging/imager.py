@@ -292,7 +292,8 @@ class Imager:
         planned = self._planned(number, *where)
         if self._asked is None and planned.NAME != EXACT:
             samples, report = self._image(planned, block)
-            missed_db = report.predicted_error_db - self._options.target_db
+            predicted_db = report.predicted_error_db
+            missed_db = 0.0 if predicted_db is None else predicted_db - self._options.target_db
             if missed_db <= 0:
                 return (samples if onto is None else np.add(onto, samples, out=onto)), report
             planned = self._plan_anew(

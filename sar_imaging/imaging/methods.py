@@ -221,7 +221,8 @@ class Method:
     def planned(self, plan: Plan, **known) -> Report:
         """Report of what a plan knows."""
         return self.describe(**{
-            'predicted_error_db': plan.predicted_error_db, 'errors_db': plan.errors_db,
+            'predicted_error_db': plan.predicted_error_db, 'errors_db': {
+                cause: error for cause, error in plan.errors_db.items() if error == error},
             'seconds': getattr(plan, 'seconds', None), 'n_bytes': plan.n_bytes,
             'warnings': plan.warnings, 'plan': plan, **known})
 

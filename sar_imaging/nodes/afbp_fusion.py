@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -10,7 +11,7 @@ from collections.abc import Callable, Mapping
 from sar_imaging.backends import compile_beforehand
 from sar_imaging.exploitation.obstacles.subaperture_tracks import SubapertureTracks
 from sar_imaging.formats import Acquisition
-from sar_imaging.imaging.image import Image, Report
+from sar_imaging.imaging.image import Image, Report, error_in_words
 from sar_imaging.imaging.methods import AFBP
 from sar_imaging.streaming.fusion import FusedImage, LiveFusion
 from sar_imaging.streaming.mosaic import StripMosaic
@@ -167,11 +168,12 @@ class FusionStep(Step):
             self.health.set('pulses_missing_in_last_aperture', product.n_missing)
         self.health.set('last_image_seconds', seconds)
         self.health.set('image_latency_seconds', time.monotonic() - self.received_s)
-        self.health.set('predicted_error_db', product.predicted_error_db)
+        error_db = product.predicted_error_db
+        self.health.set('predicted_error_db', math.nan if error_db is None else error_db)
         note = self._note(product)
         figure = focus_watch.count_focus(product.image, self.health)
-        self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, predicted error '
-                         f'{product.predicted_error_db:.0f} dB, {figure}{self._brightness.told}'
+        self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, '
+                         f'{error_in_words(error_db)}, {figure}{self._brightness.told}'
                          + (f'; {note.details}' if note else ''))
 
     def _send(self, product: FusedImage) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 
@@ -12,7 +13,7 @@ from sar_imaging.configuration.startup import TrackWarnings, report_block, setti
 from sar_imaging.exploitation.obstacles.aperture_view import PulseTracks
 from sar_imaging.formats.recent_pulses import RecentPulses
 from sar_imaging.geometry.point_grids import TerrainGrid
-from sar_imaging.imaging.image import Image, Report
+from sar_imaging.imaging.image import Image, Report, error_in_words
 from sar_imaging.imaging.methods import EXACT
 from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.pulses.apertures import ApertureSequence
@@ -183,13 +184,14 @@ class BackprojectionStep(Step):
             self._seconds += time.perf_counter() - started
             self.report(self._imager.take_events())
 
-    def _count_product(self, n_missing: int, predicted_error_db: float) -> float:
+    def _count_product(self, n_missing: int, predicted_error_db: float | None) -> float:
         """Count what both kinds of products have; returns the seconds of work on this one."""
         seconds, self._seconds = self._seconds, 0.0
         self.health.count('pulses_missing', n_missing)
         self.health.set('last_image_seconds', seconds)
         self.health.set('image_latency_seconds', time.monotonic() - self.received_s)
-        self.health.set('predicted_error_db', predicted_error_db)
+        self.health.set('predicted_error_db',
+                        math.nan if predicted_error_db is None else predicted_error_db)
         return seconds
 
 
@@ -283,9 +285,9 @@ class ImageStep(BackprojectionStep):
         self.health.set('pulses_missing_in_last_aperture', product.n_missing)
         details = f'; {product.details}' if isinstance(product, FocusedImage) else ''
         figure = count_focus(product.image, self.health)
-        self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, predicted error '
-                         f'{product.predicted_error_db:.0f} dB, {figure}{self._brightness.told}'
-                         f'{details}')
+        self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, '
+                         f'{error_in_words(product.predicted_error_db)}, {figure}'
+                         f'{self._brightness.told}{details}')
         self._watch.judge(product.aperture, figure)
 
     def describe(self, product: ApertureImage) -> str:

@@ -140,9 +140,16 @@ class LitPairs:
         return bounded_ratio(weight * wrong, weight * self.amplitude ** 2)
 
     def ends_db(self, window, oversampling: float, tx_m, rx_m) -> float:
-        """Error because profiles end, dB; arguments as of `RangeGate.end_error` and `Echoes`."""
+        """Error because profiles end, dB; NaN where they leave nothing `predictable`.
+
+        Arguments as of `RangeGate.end_error` and `Echoes`.
+        """
         length = pair_lengths(tx_m[self.echoes], rx_m[self.echoes], self.points_m)
-        return self.error_db(window.end_error(length, oversampling) * self.amplitude ** 2)
+        power = self.amplitude ** 2 * window.predictable(length, self.amplitude > 0)
+        if self.amplitude.any() and not power.any():
+            return math.nan
+        return 10 * math.log10(bounded_ratio(window.end_error(length, oversampling) * power, power)
+                               + 10 ** (LEAST_DB / 10))
 
     def error_db(self, wrong, weight=1.0) -> float:
         """`error` in dB, `LEAST_DB` at least."""

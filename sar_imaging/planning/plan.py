@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .error_budget import total_db
+from .error_budget import known_db, total_db
 
 
 class Plan:
@@ -20,9 +20,12 @@ class Plan:
     errors_db: Mapping[str, float]
 
     @property
-    def predicted_error_db(self) -> float:
-        """Predicted error against time-domain correlation, dB."""
-        return total_db(*self.errors_db.values())
+    def predicted_error_db(self) -> float | None:
+        """Predicted error against time-domain correlation, dB.
+
+        None where a cause is not known (NaN); a warning then tells why.
+        """
+        return known_db(total_db(*self.errors_db.values()))
 
     def __eq__(self, other) -> bool:
         return type(self) is type(other) and _same(self, other)

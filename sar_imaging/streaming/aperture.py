@@ -48,8 +48,8 @@ class ApertureImage:
         Counters of the pulses in the image, ascending.
     missing : (M,) int64
         Counters of the pulses that the aperture should have had, ascending.
-    predicted_error_db : float
-        Expected error against exact correlation, dB.
+    predicted_error_db : float or None
+        Expected error against exact correlation, dB; None where it is not known.
     pulses : PulseBlock or None
         The pulses themselves, where they were to be kept.
     method : str
@@ -62,7 +62,7 @@ class ApertureImage:
     aperture: int
     counters: np.ndarray
     missing: np.ndarray
-    predicted_error_db: float
+    predicted_error_db: float | None
     pulses: PulseBlock | None = None
     method: str = EXACT
 
@@ -189,8 +189,7 @@ class ApertureImager(ApertureSequence):
             self._warned = True
             self._report('plan', f'aperture {aperture.number}: {"; ".join(report.warnings)}')
         self.statistics.images += 1
-        error_db = report.predicted_error_db
         return [ApertureImage(
             to_host(image.samples), self.grid, aperture.centre_ns(), aperture.number,
-            counters.astype(np.uint32), missing, np.nan if error_db is None else float(error_db),
+            counters.astype(np.uint32), missing, report.predicted_error_db,
             aperture.block() if self._keep_pulses else None, report.method)]

@@ -12,6 +12,7 @@ import numpy as np
 from ..device_arrays import to_host
 from ..geometry.grids import MapGrid
 from ..planning.afbp.polar_grids import UnifiedPolarGrids
+from ..planning.error_budget import known_db
 from .subaperture_image import SubapertureImage
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ class FusedImage:
     n_missing: int
     n_subapertures: int
     final: bool
-    predicted_error_db: float
+    predicted_error_db: float | None
     focus: object | None = None
 
 
@@ -159,8 +160,8 @@ class Fusing:
         error = np.average([h.error for h in headers], weights=shares if any(shares) else None)
         image = self._backend.form_map(polar, self.fusion.grid, self.grid, centre_m)
         return FusedImage(to_host(image), self.grid, self.stamp_ns(final=final), self.aperture,
-                          n_pulses, n_missing, len(self.headers), final, 10 * math.log10(error),
-                          told)
+                          n_pulses, n_missing, len(self.headers), final,
+                          known_db(10 * math.log10(error)), told)
 
     def _ends_m(self) -> tuple[float, float]:
         """Ends of the aperture along its track, metres from the middle."""

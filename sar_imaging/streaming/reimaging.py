@@ -16,6 +16,7 @@ from ..imaging.image import Image
 from ..imaging.imager import plan_image
 from ..imaging.methods import AFBP
 from ..planning.afbp.plan import AfbpPlan
+from ..planning.error_budget import total_db
 from ..planning.local_spectrum import Limits
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
@@ -120,6 +121,7 @@ class RevisableImage:
                                   block.rx_m, **self._asked)
         self.plans_made += 1
         plan = self.plan.subapertures
+        self._planned_db = total_db(*(e for e in self.plan.errors_db.values() if e == e))
         self._within = dataclasses.replace(plan, limits=_widened(plan.limits, block.radar))
         self._stage = self._backend.SubapertureImager(plan)
         self._fusion = self._backend.SpectrumFusion(plan.fusion_grid, keep=True)
@@ -134,7 +136,7 @@ class RevisableImage:
             centre_m, error_db, within = self._within.check(block.tx_m[some], block.rx_m[some])
         except ValueError:
             return None
-        return centre_m if within and error_db <= self.plan.predicted_error_db + 1.0 else None
+        return centre_m if within and error_db <= self._planned_db + 1.0 else None
 
     def _add(self, number: int, centre_m: float) -> None:
         part = self.block.select(self._cuts[number])

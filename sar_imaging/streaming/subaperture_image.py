@@ -132,7 +132,8 @@ class SubapertureImage:
         Time of the middle of the sub-aperture, nanoseconds since the epoch of the pulses' clock.
     predicted_error_db : float
         Expected error of the fused image on the map against exact correlation, dB. With
-        illumination that of the sub-aperture's part, relative to its own power.
+        illumination that of the sub-aperture's part, relative to its own power. NaN where its
+        profiles cover no pixel.
     ends : SubapertureEnds or None
         Where its pulses were sent; None where the sender does not tell.
 
@@ -171,8 +172,9 @@ class SubapertureImage:
                              f'(n_alpha, n_range)={expected}')
         if not 0 < self.bandwidth_hz < math.inf:
             raise ValueError(f'bandwidth_hz={self.bandwidth_hz} must be positive and finite')
-        for name in ('predicted_error_db', 'centre_m'):
-            if not math.isfinite(getattr(self, name)):
+        for name, wrong in (('predicted_error_db', math.isinf(self.predicted_error_db)),
+                            ('centre_m', not math.isfinite(self.centre_m))):
+            if wrong:
                 raise ValueError(f'{name}={getattr(self, name)} must be finite')
         for name in COUNTS:
             value = getattr(self, name)

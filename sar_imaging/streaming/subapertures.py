@@ -360,7 +360,8 @@ class LiveSubapertures(ApertureSequence):
         plan = target.stage.plan
         if plan.warnings and not self._warned:
             self._warned = True
-            self._report('plan', f'aperture {target.first}: {"; ".join(plan.warnings)}')
+            for warning in plan.warnings:
+                self._report('plan', f'aperture {target.first}: {warning}')
         if target.revision:
             self._report('plan', f'aperture {target.first} planned anew, its track differs from '
                          f'the one foreseen: {plan}')

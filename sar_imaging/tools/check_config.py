@@ -25,6 +25,7 @@ from sar_imaging.configuration.report import lines, rows
 from sar_imaging.configuration.settings import Acquisition, Imaging, Machine
 from sar_imaging.configuration.subapertures import forecast_subapertures
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.imaging.image import error_in_words
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.pulses import PulseBlock
 
@@ -137,8 +138,8 @@ def _forecast(acquisition: Acquisition, imaging: Imaging,
     forecast = forecast_subapertures(acquisition, imaging, derived)
     if forecast.count:
         return ('sub-apertures', str(forecast.count),
-                f'pieces of up to {forecast.pulses} pulses, in mode subapertures; predicted error '
-                f'{forecast.predicted_error_db:.0f} dB'), []
+                f'pieces of up to {forecast.pulses} pulses, in mode subapertures; '
+                f'{error_in_words(forecast.predicted_error_db)}'), []
     findings = []
     if imaging.mode == 'subapertures':
         findings.append(Finding('error', f'mode subapertures: {forecast.reason}; set mode: '

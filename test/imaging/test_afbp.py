@@ -213,6 +213,15 @@ def test_cut_covers_every_pulse_once():
     assert all(c.stop - c.start <= 16 for c in cuts) and 30 in [c.start for c in cuts]
 
 
+def test_a_platform_that_stands_most_of_the_time_leaves_no_gaps():
+    """Each step seemed a gap beside so many halts: sub-apertures had single pulses."""
+    middles = np.zeros((100, 3))
+    middles[:, 1] = np.r_[np.zeros(70), 1:31]
+    assert pieces_between_gaps(middles) == [(0, 100)]
+    middles[85:, 1] += 30
+    assert pieces_between_gaps(middles) == [(0, 85), (85, 100)]
+
+
 def test_perturbed_track(case):
     rng = np.random.default_rng(0)
     shake = np.cumsum(rng.normal(0, 0.003, (128, 1, 3)), axis=0)

@@ -189,22 +189,23 @@ def test_wrong_use_is_told():
 
     with pytest.raises(ValueError, match='knows no illumination'):
         plan_image(GRID, RADAR, N_SAMPLES, illumination=PATTERNS['narrow'], backend=Bare())
-    # As the antenna turns, a pulse or two light a pixel: no sub-aperture is short enough.
-    turning = dataclasses.replace(block, pointing=Pointing.rotating(np.arange(64), 0.2, 0.5))
-    with pytest.raises(ValueError, match='use exact backprojection'):
-        plan_image(GRID, RADAR, N_SAMPLES, illumination=PATTERNS['narrow'], target_db=-60.0,
-                   method='afbp')(turning)
 
 
-def test_long_subapertures_that_were_asked_for_are_warned_of():
-    """13 pulses light a pixel of this case: 14 in a sub-aperture err 7 dB more than predicted."""
+@pytest.mark.parametrize('length', [12, 16, 24])
+def test_few_subapertures_that_light_a_pixel_in_part_keep_their_prediction(length):
+    """13 pulses light a pixel of this case: errors were 7 dB above the prediction.
+
+    Of all sub-apertures two hold the power, by chance unlike, and only lit echoes of these count.
+    """
     case = lit_case(111008)
     rng = np.random.default_rng([111008, 3])
     pattern = AntennaPattern(case.cut(rng.uniform(0.5, 8.0)))
-    imager = plan_image(case.grid, case.block.radar, case.block.n_samples, method='afbp',
-                        target_db=-60.0, illumination=pattern, pulses_per_subaperture=16)
-    assert any('14 pulses are long for the 13.3 that light' in text
-               for text in imager(case.block).report.warnings)
+    image = plan_image(case.grid, case.block.radar, case.block.n_samples, method='afbp',
+                       target_db=-60.0, illumination=pattern,
+                       pulses_per_subaperture=length)(case.block)
+    found = measure_error(image, case.grid, case.block, illumination=pattern)
+    assert image.report.warnings == ()
+    assert found.error_db <= image.report.predicted_error_db + 3.0
 
 
 def test_a_spaceborne_stripmap_is_that_of_the_closed_form():

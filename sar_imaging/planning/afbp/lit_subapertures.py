@@ -12,7 +12,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -36,8 +35,6 @@ KNOTS_APART = (16, 8, 4, 2, 1)  # segments along range
 _KNOT_SHARE, _LEAST = 0.2, 1e-16  # of the error of amplitudes for knots along range
 _PAIRS = 1 << 14  # at which a sub-aperture is looked at while pulses arrive
 _LOOKED_AT = 9  # directions and ranges, to tell which sub-apertures see the grid
-_EVERYWHERE = 0.9  # of all pairs of an echo and a pixel, beyond which nothing counts as dark
-_LEAST_LIT = 4  # sub-apertures that light a pixel, elsewhere
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -170,8 +167,6 @@ class LitError:
 
     Attributes
     ----------
-    n_pulses : float
-        That light a pixel, on average.
     budget_db : float
         Largest error of the amplitudes, dB.
     """
@@ -193,7 +188,6 @@ class LitError:
         pairs = LitPairs.draw(illumination, polar.positions, polar.shape, most=most_pairs)
         self._echoes, self._points = pairs.echoes, pairs.points_m
         self.share, self.power = pairs.share, pairs.power
-        self.n_pulses = self.share * len(tx_m)
         centre, beside = polar.locate(polar.n_range // 2, polar.n_alpha // 2)[:2]
         sides = beside * polar.n_range, polar.n_alpha * polar.alpha_spacing * polar.by_direction(
             polar.range_m[polar.n_range // 2], polar.alpha[polar.n_alpha // 2])
@@ -201,37 +195,6 @@ class LitError:
         low, high = radar.wavenumbers_rad_per_m
         self._ratio = np.random.default_rng(2).uniform(
             low, high, len(self._echoes)) / radar.wavenumber_rad_per_m
-
-    def short_enough(self, lengths) -> tuple[int, ...]:
-        """Those of some lengths of sub-apertures, ascending, of which several light a pixel.
-
-        Raises
-        ------
-        ValueError
-            None is short enough.
-        """
-        found = tuple(n for n in lengths if not self.too_long(n))
-        if not found:
-            raise ValueError(
-                f'{self.n_pulses:.1f} pulses light a pixel, on average, expected '
-                f'{_LEAST_LIT * lengths[0]} or more; use exact backprojection, which leaves '
-                'dark pulses out')
-        return found
-
-    def too_long(self, length: int) -> bool:
-        """Whether few sub-apertures of a length light a pixel, and some of them in part.
-
-        Frequencies of a part lie at one end of the band, where the fusion errs most: up to 8 dB
-        more than predicted where one or two light a pixel in part.
-        """
-        return self.share <= _EVERYWHERE and _LEAST_LIT * length > self.n_pulses
-
-    def length_warnings(self, length: int) -> Iterator[str]:
-        """What to tell of sub-apertures whose length was chosen by others."""
-        if self.too_long(length):
-            yield (f'sub-apertures of {length} pulses are long for the {self.n_pulses:.1f} that '
-                   'light a pixel, on average: the error may be several dB above the prediction; '
-                   f'take {1 / _LEAST_LIT:.0%} of these at most, or use exact backprojection')
 
     def n_weighed(self, pulses) -> int | None:
         """In how few images from beams echoes are weighed well enough, see `BeamSampling`.

@@ -74,9 +74,9 @@ class AfbpPlan(Plan):
         if cover is not None:
             errors |= {'polar to map': cover.resampling_db, 'ends of profiles': cover.profile_db}
         # phase histories repeat
-        beyond = reach_warnings(some_pixels(grid), tx_m, rx_m, plan.given,
-                                plan.n_samples, plan.lit and plan.lit.illumination
-                                ) if not plan.source.periodic else ()
+        beyond = () if plan.source.periodic else reach_warnings(
+            some_pixels(grid), tx_m, rx_m, plan.given, plan.n_samples,
+            plan.lit and plan.lit.illumination)
         warnings = (*plan.warnings, *beyond,
                     *_sampling_warnings(plan.polar, plan.radar, tx_m, rx_m, plan.lit))
         seconds = costs().seconds(_operations(grid, plan))

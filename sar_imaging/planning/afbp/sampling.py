@@ -35,6 +35,7 @@ from .row_length import row_length
 from .subaperture_cost import SubapertureCost
 
 _GAP = 4.0  # times the usual distance between pulses
+_STANDS = 0.1  # of the mean distance, at which a platform stands still
 _OVERSAMPLING = (1.1, 1.15, 1.2, 1.25, 1.3, 1.4, 1.6, 1.8, 2.0, 2.3, 2.7, 3.2)
 _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 _AHEAD = (4, 2, 1, 0)  # choices to look ahead in both
@@ -42,7 +43,8 @@ _LEAST_RANGE_GUARD = 16
 _WIDE_GUARD = 3.0  # times those along direction: there the error is far less
 _NEARER = (0.7, 0.9)  # shares of the furthest distance from the centre, which are told apart
 # Most of the error is that of the echoes at the two ends of a sub-aperture's band: where these are
-# few, it is theirs by chance. Relative deviation of one of them, in images of few scatterers.
+# few, or few of them hold the power, it is theirs by chance. Relative deviation of one of them, in
+# images of few scatterers.
 _CHANCE = 1.2
 # At which errors are looked up: echoes of each sub-aperture, of all, and wavenumbers of each echo
 _ECHOES_EACH, _ECHOES_FOR_ERROR, _WAVENUMBERS = 24, 384, 6
@@ -51,10 +53,12 @@ _ECHOES_EACH, _ECHOES_FOR_ERROR, _WAVENUMBERS = 24, 384, 6
 def pieces_between_gaps(middles) -> list[tuple[int, int]]:
     """First pulse, and the one after the last, of what lies between gaps of a track.
 
-    `middles` are the mean phase centres of the pulses, (P, 3) float64, metres.
+    `middles` are the mean phase centres of the pulses, (P, 3) float64, metres. Gaps are long for a
+    platform that moves, be it that it stands most of the time.
     """
     steps = np.linalg.norm(np.diff(middles, axis=0), axis=1)
-    usual = np.median(steps) if len(steps) else 0.0
+    moves = steps[steps > _STANDS * steps.mean()] if len(steps) else steps
+    usual = np.median(moves) if len(moves) else 0.0
     gaps = (np.flatnonzero(steps > _GAP * usual) + 1).tolist() if usual > 0 else []
     return list(zip([0, *gaps], [*gaps, len(middles)], strict=True))
 
@@ -86,6 +90,8 @@ class Sampling:
         Of the grids of a sub-aperture image and of the fused one.
     coverage : PixelDensity
         What of the wanted grid must be right.
+    n_even : float
+        Number of sub-apertures of even power whose sum would vary as much by chance.
     error_db : float
         Predicted error of the fusion, dB.
     """
@@ -94,21 +100,23 @@ class Sampling:
     centre: np.ndarray
     sizes: FusionSizes
     coverage: PixelDensity
+    n_even: float
     error_db: float = math.nan
 
 
 class _Cut:
     """One cut into sub-apertures, with the sizes of all oversamplings and guards.
 
-    `half` is half the widest band along direction, rad; ratio and coverage as of
-    `choose_sampling`.
+    `half` is half the widest band along direction, rad, `power`, (W, U), that of the
+    sub-apertures; ratio and coverage as of `choose_sampling`.
     """
 
-    def __init__(self, polar: PolarGrid, ratio, pulses, centre, half: float, coverage):
+    def __init__(self, polar: PolarGrid, ratio, pulses, centre, half: float, power, coverage):
         self.pulses, furthest = pulses, float(np.abs(centre).max())
+        n_even = float((power.sum(axis=1) ** 2 / (power ** 2).sum(axis=1)).min())
         self.samplings = [
             Sampling(pulses, centre, _sizes(polar, ratio, furthest, max(half, 1e-9), *choice),
-                     coverage) for choice in itertools.product(_OVERSAMPLING, _GUARDS)]
+                     coverage, n_even) for choice in itertools.product(_OVERSAMPLING, _GUARDS)]
         sizes, model = [s.sizes for s in self.samplings], costs()
         self.n_pixels = np.array([s.n_coarse * s.n_coarse_range for s in sizes])
         self.fusion_cost = np.array([model.nanoseconds(s.operations(len(pulses))) for s in sizes])
@@ -152,7 +160,8 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
         first = np.array([p.start for p in pulses]) * n_channels
         lo, hi = np.minimum.reduceat(least, first), np.maximum.reduceat(most, first)
         half = bands.wavenumber[1] * 0.5 * float((hi - lo).max()) + math.sqrt(3) * bands.spread.rms
-        cuts.append(_Cut(polar, ratio, pulses, 0.5 * (lo + hi), half, coverage))
+        power = np.add.reduceat(bands.weight, first, axis=1)
+        cuts.append(_Cut(polar, ratio, pulses, 0.5 * (lo + hi), half, power, coverage))
 
     @functools.cache
     def some_echoes(cut):
@@ -293,7 +302,7 @@ def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centr
         error += (weight[some].sum() / weight.sum()) * aliasing_error(
             n, n_guard, s.beta, frequency[:, some] * (n / s.n_coarse), weight[some],
             density=coverage.along_range)
-    return error * (1 + _CHANCE / math.sqrt(2 * len(sampling.pulses)))
+    return error * (1 + _CHANCE / math.sqrt(2 * sampling.n_even))
 
 
 def _to_guards(slope, share: float) -> np.ndarray:

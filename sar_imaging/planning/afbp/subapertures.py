@@ -287,7 +287,6 @@ class _Planner:
         warnings = [*self._cut_warnings(paths.of_lit(paths.length),
                                         grid.fine_range_guard * polar.range_spacing_m)]
         if lit is not None:
-            warnings += lit.length_warnings(sampling.pulses[0].stop - sampling.pulses[0].start)
             lattice, lit = lit.plan(grid.coarse, lattice, beams, sampling.pulses)
         return SubaperturePlan(polar, given, source, self.n_samples, tx_m.shape[1], sampling, grid,
                                lattice, beams, range_m, Limits.of(bands), tuple(warnings), lit)
@@ -313,7 +312,6 @@ class _Planner:
                 'over this aperture; use exact backprojection')
         lengths, left_db = (length,) if length else LENGTHS, self.target_db - _MARGIN_DB
         if lit is not None:
-            lengths = lengths if length else lit.short_enough(lengths)
             left_db = remaining_db(left_db, lit.budget_db)
         sampling = choose_sampling(polar, bands, self.tx_m, self.rx_m, lengths,
                                    self._cost(usual, lattice, bands.range_m, lit),

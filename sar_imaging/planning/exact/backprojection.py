@@ -19,6 +19,7 @@ from ...geometry.illumination import Illumination
 from ...memory import IMAGE_BYTES
 from ...signal.radar import RadarParameters
 from ..costs import costs
+from ..error_budget import total_db
 from ..plan import Plan
 from ..profiles.profile_reach import check_reach, covered_ranges, reach_warnings, some_pixels
 from ..profiles.range_gate import RangeGate
@@ -90,7 +91,7 @@ class BackprojectionPlan(Plan):
     @property
     def errors_db(self) -> Mapping[str, float]:
         """Predicted error against time-domain correlation by cause, dB."""
-        own = self.way.predicted_error_db
+        own = total_db(*self.way.errors_db.values())
         return {**self.way.errors_db, 'chance': own + 10 * math.log10(10 ** (_CHANCE_DB / 10) - 1)}
 
     @property
@@ -197,7 +198,7 @@ def _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination):
     if isinstance(grid, MapGrid) and cost > costs().map_pixel:
         polar = plan_polar(grid, tx_m, rx_m, radar, n_samples, target_db, illumination)
         if polar is not None and polar.cost < cost and (
-                illumination is None or polar.predicted_error_db <= target_db):
+                illumination is None or total_db(*polar.errors_db.values()) <= target_db):
             way = polar
     if way is None:
         way = plan_even_points(grid, radar, n_samples, tx_m, rx_m, lines.range_m, target_db,

@@ -17,7 +17,7 @@ from ...geometry.point_grids import PointGrid, TerrainGrid
 from ...signal.radar import RadarParameters
 from ..error_budget import EXACT_SHARES, error_budget
 from ..plan import Plan
-from ..profiles.range_gate import RangeGate
+from ..profiles.range_gate import RangeGate, mean_db
 from ..profiles.range_resampling import RangeResampling, plan_point_resampling
 
 if TYPE_CHECKING:
@@ -237,8 +237,8 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
         'rounded paths': 20 * math.log10(rounding_per_m * min(reach_m, radius_m) + 1e-12)}
     if illumination is None:
         length = half_paths(tx_m[some], rx_m[some], points.some() if some_m is None else some_m)[0]
-        errors['ends of profiles'] = 10 * math.log10(float(window.end_error(
-            length, oversampling).mean()) + 1e-16)
+        errors['ends of profiles'] = mean_db(window.end_error(length, oversampling),
+                                             window.predictable(length).all(axis=0))
     else:
         from .lit_points import plan_lit_points  # only images with illumination need it
 

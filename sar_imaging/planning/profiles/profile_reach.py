@@ -8,6 +8,7 @@ from ...geometry.grids import Grid
 from ...geometry.half_paths import half_paths
 from ...geometry.illumination import Illumination
 from ...signal.radar import RadarParameters
+from .range_gate import end_samples
 
 _PIXELS_PER_SIDE, _ECHOES = {2: 24, 3: 8}, 65  # at which ranges are looked at, by axes
 
@@ -58,8 +59,9 @@ def reach_warnings(points_m, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     return (f'the ranges of {_percent(outside.any(axis=0).mean())} of the pixels, '
             f'{length.min():.1f} to {length.max():.1f} m, leave the profiles, {start:.1f} to '
             f'{stop:.1f} m, for some of the pulses, which add nothing there: '
-            f'{_percent(outside.mean())} of the image is missing and its error larger than '
-            'predicted; keep more of the profiles, or make the grid smaller',)
+            f'{_percent(outside.mean())} of the image is missing; the predicted error is that '
+            f'of pixels {end_samples(radar)} samples or more within the profiles; keep more of '
+            'them, or make the grid smaller',)
 
 
 def _percent(share: float) -> str:

@@ -17,6 +17,7 @@ from ..guard_taper import cosine_fall, guard_taper
 _REACH = 24.0
 _TAPER_SHARE, _TAPER_SHAPE = 0.3, 4.0  # of these samples: longer tapers begin too near
 _TONES, _LONGEST = 8, 2048  # in the band, and samples of a table of errors
+_SERIES_SHARPNESS = math.asinh(10 ** (130 / 20))
 _WORTHWHILE = 0.9  # longer windows are not worth a copy
 
 
@@ -98,22 +99,35 @@ class RangeGate:
             error = error + np.interp(distance, np.arange(len(table)), table, left=1.0)
         return np.minimum(error, 1.0)
 
+    def predictable(self, range_m, lit=True) -> np.ndarray:
+        """(...) half paths (...), metres, at which an error can be told: all, but near the ends.
+
+        Where some of those that are `lit` leave the profile, an error can be told for the others,
+        as far within as values between samples depend on what was not recorded (`end_samples`).
+        """
+        after = (np.asarray(range_m) - self.range_start_m) / self.radar.sample_spacing_m
+        # a window that rises or falls ends within the profile, far enough away
+        within = np.minimum(
+            np.inf if self.n_rise else after + min(self.first, 0),
+            np.inf if self.n_fall else self.n_samples - 1 - after) + np.zeros(after.shape)
+        leaves = (within < 0) & lit
+        return np.ones(after.shape, bool) if not leaves.any() else (
+            within >= end_samples(self.radar))
+
     def mean_end_error_db(self, range_m, n_axes: int = 2,
                           oversampling: float = math.inf, lit=None) -> float:
-        """Mean of `end_error` over an image, dB.
+        """Mean of `end_error` where it is `predictable` for all echoes, dB; NaN for nowhere.
 
         Half paths are those from some echoes to a square or cube of positions, edge to edge:
         (R, n ** n_axes) float64, metres.
         Of these pairs, (R, n ** n_axes), only those that are `lit` count, where that is given.
         """
-        if lit is not None and lit.any():
-            return 10 * math.log10(float(self.end_error(range_m[lit], oversampling).mean())
-                                   + 1e-16)
-        error = np.mean(self.end_error(range_m, oversampling), axis=0)
-        side = np.ones(round(len(error) ** (1 / n_axes)))
+        lit = np.bool_(True) if lit is None or not lit.any() else lit
+        side = np.ones(round(range_m.shape[1] ** (1 / n_axes)))
         side[[0, -1]] = 0.5  # they stand for half as much of the image
         weight = functools.reduce(np.multiply.outer, [side] * n_axes).ravel()
-        return 10 * math.log10(float(error @ weight / weight.sum()) + 1e-16)
+        return mean_db(self.end_error(range_m, oversampling),
+                       weight * lit * (self.predictable(range_m, lit) | ~lit).all(axis=0))
 
     def gain(self, n_padded: int, oversampling: float = math.inf) -> np.ndarray:
         """(n_padded,) float32 factor of each bin of a spectrum on the way back to ranges.
@@ -125,6 +139,22 @@ class RangeGate:
         given = self.radar.sample_rate_hz / self.radar.bandwidth_hz
         return (_band_taper(n_padded, given, min(given, oversampling)) / n_padded
                 ).astype(np.float32)
+
+
+def end_samples(radar: RadarParameters) -> int:
+    """Samples on either side on which a value between samples of a profile depends, to -130 dB.
+
+    Half the length of an approximate prolate series (Knab 1979), as `correlate_profiles` takes it.
+    """
+    return math.ceil(_SERIES_SHARPNESS / math.pi
+                     / (1 - radar.bandwidth_hz / radar.sample_rate_hz))
+
+
+def mean_db(error, weight) -> float:
+    """Weighted mean of squared errors, (...), dB; NaN where no weight is positive."""
+    error, weight = np.broadcast_arrays(error, weight)
+    total = float(weight.sum())
+    return 10 * math.log10(float((error * weight).sum()) / total + 1e-16) if total else math.nan
 
 
 def _band_taper(n: int, oversampling: float, last: float) -> np.ndarray:

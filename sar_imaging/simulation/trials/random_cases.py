@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 import scipy.fft
@@ -59,7 +60,7 @@ class RandomCase:
         return 1.0 if self.pulses.compressed else float(self.pulses.n_samples)
 
 
-def random_case(seed: int, track: str | None = None) -> RandomCase:
+def random_case(seed: int, track: str | Callable | None = None) -> RandomCase:
     """Simulate pulses of a random radar, track and scene.
 
     Carriers of 1 to 40 GHz, aperture angles of 0.3 to 30 degrees, bandwidths to 30 % of the
@@ -72,8 +73,8 @@ def random_case(seed: int, track: str | None = None) -> RandomCase:
     ----------
     seed : int
         Of everything.
-    track : str, optional
-        One of `TRACKS`; the seed chooses if left out.
+    track : str or function, optional
+        One of `TRACKS`, or one of your own like these; the seed chooses if left out.
 
     Returns
     -------
@@ -90,7 +91,7 @@ def random_case(seed: int, track: str | None = None) -> RandomCase:
     rng = np.random.default_rng(seed)
     # Drawn in any case, so that a track can be asked for.
     drawn = tuple(TRACKS)[rng.integers(len(TRACKS))]
-    track = track or drawn
+    track = TRACKS.get(track or drawn, track)
     carrier = 1e9 * 40 ** rng.random()
     wavelength = SPEED_OF_LIGHT / carrier
     angle = 0.005 * 100 ** rng.random()
@@ -106,7 +107,7 @@ def random_case(seed: int, track: str | None = None) -> RandomCase:
     n_channels = int(rng.integers(1, 6))
     n_pulses = int(np.clip(rng.uniform(1.2, 2.5) * width / azimuth, 24, _MOST_ROWS // n_channels))
     centre = range_m * np.array([-math.cos(elevation), 0.0, math.sin(elevation)])
-    path = TRACKS[track](rng, np.linspace(-0.5, 0.5, n_pulses), angle * range_m, centre)
+    path = track(rng, np.linspace(-0.5, 0.5, n_pulses), angle * range_m, centre)
     path[:, 2] += max(0.0, -1.2 * path[:, 2].min())  # not below the ground
     tx, rx = _antennas(rng, path, wavelength, range_m, n_channels)
     turn, offset = _placement(rng)
@@ -115,7 +116,8 @@ def random_case(seed: int, track: str | None = None) -> RandomCase:
     scene = _SCENES[rng.integers(2)]
     points, amplitudes = _scatterers(rng, grid, n_pulses * azimuth / width
                                      if scene == 'everywhere' else 0.95)
-    traits = {'seed': seed, 'track': track, 'range_m': range_m, 'channels': n_channels,
+    name = track.__name__.strip('_').replace('_', ' ')
+    traits = {'seed': seed, 'track': name, 'range_m': range_m, 'channels': n_channels,
               'pulses': n_pulses, 'elevation_deg': math.degrees(elevation),
               'angle_deg': math.degrees(angle), 'carrier_ghz': carrier * 1e-9,
               'pixels': n_x * n_y, 'width': width / range_m, 'scene': scene,

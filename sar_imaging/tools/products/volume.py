@@ -15,7 +15,7 @@ from sar_imaging.exploitation.bright_cells import LEVELS, BrightCells, bright_ce
 from sar_imaging.files import filling
 from sar_imaging.formats import write_ply
 from sar_imaging.geometry.even_grids import VolumeGrid
-from sar_imaging.imaging.image import Image
+from sar_imaging.imaging.image import Image, error_in_words
 from sar_imaging.quality.verification import Verification
 from sar_imaging.radiometry import RadarConstant
 from sar_imaging.radiometry.volumes import RCS
@@ -81,7 +81,7 @@ def run(arguments: argparse.Namespace, source: Source) -> str:
     error = 'not measured' if isinstance(measured, str) else f'{measured.error_db:.1f} dB measured'
     return '\n'.join([
         f'{n_x} by {n_y} by {n_z} cells in {seconds:.1f} s by {image.report.method}',
-        f'error: {image.report.predicted_error_db:.1f} dB predicted, {error}, '
+        f'{error_in_words(image.report.predicted_error_db)}, {error}, '
         f'{arguments.target_db:g} dB wanted',
         f'{len(cells.points_m)} points, {cells.n_above} cells are {arguments.threshold:g} dB or '
         'more above the median', *(f'warning: {text}' for text in quality['warnings']),
