@@ -19,6 +19,7 @@ from ..geometry.illumination import AntennaPattern, Pointing
 from ..geometry.point_grids import as_grid
 from ..geometry.polar import PolarGrid
 from ..memory import IMAGE_BYTES, check_memory
+from ..planning.ambiguities import flight_warnings
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from ..signal.range_compression import RangeCompressor
@@ -367,7 +368,12 @@ class Imager:
             raw, block = block, prepared(planned, self._compressor, block)
             if onto is None and on_device(block.samples):  # profiles went there, not the image
                 onto = zeros_beside(self.grid.shape, raw.samples)
-        return planned.image(block, onto)
+        image, report = planned.image(block, onto)
+        if not image.size:
+            return image, report
+        middle = self.grid.positions(*(np.array([n // 2]) for n in self.grid.shape))
+        told = flight_warnings(middle.reshape(1, 3), block, self._options.illumination)
+        return image, dataclasses.replace(report, warnings=(*report.warnings, *told))
 
     @staticmethod
     def _check_memory(shape: tuple[int, ...]) -> None:

@@ -21,11 +21,6 @@ def total_db(*errors_db: float) -> float:
     return 10 * math.log10(sum(10 ** (error / 10) for error in errors_db))
 
 
-def known_db(error_db: float) -> float | None:
-    """An error, or None where it is not known (NaN)."""
-    return None if math.isnan(error_db) else error_db
-
-
 def remaining_db(target_db: float, *errors_db: float) -> float:
     """What independent errors leave of a target, dB."""
     return 10 * math.log10(10 ** (target_db / 10) - sum(10 ** (error / 10) for error in errors_db))

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .error_budget import known_db, total_db
+from .error_budget import total_db
 
 
 class Plan:
@@ -21,11 +21,9 @@ class Plan:
 
     @property
     def predicted_error_db(self) -> float | None:
-        """Predicted error against time-domain correlation, dB.
-
-        None where a cause is not known (NaN); a warning then tells why.
-        """
-        return known_db(total_db(*self.errors_db.values()))
+        """Predicted error against time-domain correlation, dB; None where a cause is NaN."""
+        total = total_db(*self.errors_db.values())
+        return total if total == total else None
 
     def __eq__(self, other) -> bool:
         return type(self) is type(other) and _same(self, other)

@@ -12,7 +12,6 @@ import numpy as np
 from ..device_arrays import to_host
 from ..geometry.grids import MapGrid
 from ..planning.afbp.polar_grids import UnifiedPolarGrids
-from ..planning.error_budget import known_db
 from .subaperture_image import SubapertureImage
 
 if TYPE_CHECKING:
@@ -161,7 +160,7 @@ class Fusing:
         image = self._backend.form_map(polar, self.fusion.grid, self.grid, centre_m)
         return FusedImage(to_host(image), self.grid, self.stamp_ns(final=final), self.aperture,
                           n_pulses, n_missing, len(self.headers), final,
-                          known_db(10 * math.log10(error)), told)
+                          None if math.isnan(error) else 10 * math.log10(error), told)
 
     def _ends_m(self) -> tuple[float, float]:
         """Ends of the aperture along its track, metres from the middle."""

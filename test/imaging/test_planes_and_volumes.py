@@ -118,7 +118,9 @@ def test_images_are_as_exact_as_predicted(name, target_db):
     image = plan_image(scene.grid, block.radar, block.n_samples, method='exact',
                        target_db=target_db)(block)
     report = image.report
-    assert image.shape == scene.grid.shape and report.warnings == ()
+    assert image.shape == scene.grid.shape
+    # 6.3 cm up the mast repeat directions each 0.24, and the section is 0.4 wide, for instance
+    assert all('ambiguous' in warning for warning in report.warnings)
     assert report.predicted_error_db <= target_db
     assert (against_correlation_db(image.samples, scene.grid, block)
             <= report.predicted_error_db + 3.0)

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
 from ...geometry.grids import MapGrid
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
-from ...geometry.track_frame import mean_centres
 from ...memory import IMAGE_BYTES
 from ...signal.radar import RadarParameters
+from ..ambiguities import azimuth_warnings
 from ..costs import costs
 from ..plan import Plan
 from ..polar_cover import PolarCover
 from ..profiles.phase_history import PhaseHistory
 from ..profiles.profile_reach import reach_warnings, some_pixels
-from .lit_subapertures import LitSubapertures
 from .map_cover import cover_for_fusion
 from .subapertures import SubaperturePlan, plan_subapertures
 
@@ -77,8 +76,8 @@ class AfbpPlan(Plan):
         beyond = () if plan.source.periodic else reach_warnings(
             some_pixels(grid), tx_m, rx_m, plan.given, plan.n_samples,
             plan.lit and plan.lit.illumination)
-        warnings = (*plan.warnings, *beyond,
-                    *_sampling_warnings(plan.polar, plan.radar, tx_m, rx_m, plan.lit))
+        warnings = (*plan.warnings, *beyond, *azimuth_warnings(
+            some_pixels(grid), tx_m, rx_m, plan.radar, plan.lit and plan.lit.illumination))
         seconds = costs().seconds(_operations(grid, plan))
         return cls(grid, tx_m.copy(), rx_m.copy(), plan, errors, seconds, _n_bytes(grid, plan),
                    warnings, **more)
@@ -145,20 +144,3 @@ def _n_bytes(grid, plan: SubaperturePlan) -> int:
         coarse, plan.beams.segment if plan.beams else plan.lattice.segment)
     return lit + IMAGE_BYTES * (spectrum + 2 * coarse.n_alpha * coarse.n_range
                                 + math.prod(grid.shape))
-
-
-def _sampling_warnings(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m,
-                       lit: LitSubapertures | None) -> Iterator[str]:
-    """Ambiguities that the pulses themselves cause, in any imager."""
-    if len(tx_m) < 3:
-        return
-    middles = mean_centres(tx_m, rx_m)
-    step = float(np.median(np.linalg.norm(np.diff(middles, axis=0), axis=1)))
-    width = polar.n_alpha * polar.alpha_spacing
-    if lit is not None:  # what a pulse lights of it
-        low, high = lit.illumination.pattern.azimuth.cutoff_rad
-        width = min(width, math.sin(high) - math.sin(low))
-    shortest = radar.shortest_wavelength_m
-    if 2 * step * width > shortest:
-        yield (f'pulses are {step:.3g} m apart; scatterers within the scene, {width:.3g} wide in '
-               f'direction cosine, are ambiguous beyond {shortest / (2 * width):.3g} m')

@@ -166,10 +166,13 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
                           illumination=illumination)
     else:
         range_m, way = _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination)
-    (start, stop), warnings = covered_ranges(radar, n_samples), ()
+    from ..ambiguities import azimuth_warnings  # of the geometry, not of this imager
+
+    (start, stop), some = covered_ranges(radar, n_samples), (
+        grid.some() if is_points else some_pixels(grid))
+    warnings = azimuth_warnings(some, tx_m, rx_m, radar, illumination)
     if range_m[0] < start or stop < range_m[1]:
-        warnings = reach_warnings(grid.some() if is_points else some_pixels(grid), tx_m, rx_m,
-                                  radar, n_samples, illumination)
+        warnings = (*reach_warnings(some, tx_m, rx_m, radar, n_samples, illumination), *warnings)
     return BackprojectionPlan(grid, radar, tx_m.copy(), rx_m.copy(), range_m, way, warnings,
                               illumination)
 

@@ -17,7 +17,7 @@ from ..guard_taper import cosine_fall, guard_taper
 _REACH = 24.0
 _TAPER_SHARE, _TAPER_SHAPE = 0.3, 4.0  # of these samples: longer tapers begin too near
 _TONES, _LONGEST = 8, 2048  # in the band, and samples of a table of errors
-_SERIES_SHARPNESS = math.asinh(10 ** (130 / 20))
+_SERIES_SHARPNESS = math.asinh(10 ** (130 / 20)) / math.pi
 _WORTHWHILE = 0.9  # longer windows are not worth a copy
 
 
@@ -100,19 +100,16 @@ class RangeGate:
         return np.minimum(error, 1.0)
 
     def predictable(self, range_m, lit=True) -> np.ndarray:
-        """(...) half paths (...), metres, at which an error can be told: all, but near the ends.
+        """(...) half paths (...), metres, at which an error can be told.
 
-        Where some of those that are `lit` leave the profile, an error can be told for the others,
-        as far within as values between samples depend on what was not recorded (`end_samples`).
+        Where some of those that are `lit` leave the profile, these are not near its ends.
         """
         after = (np.asarray(range_m) - self.range_start_m) / self.radar.sample_spacing_m
         # a window that rises or falls ends within the profile, far enough away
-        within = np.minimum(
-            np.inf if self.n_rise else after + min(self.first, 0),
-            np.inf if self.n_fall else self.n_samples - 1 - after) + np.zeros(after.shape)
-        leaves = (within < 0) & lit
-        return np.ones(after.shape, bool) if not leaves.any() else (
-            within >= end_samples(self.radar))
+        within = np.minimum(after + (np.inf if self.n_rise else min(self.first, 0)),
+                            (np.inf if self.n_fall else self.n_samples - 1) - after)
+        leaves = ((within < 0) & lit).any()
+        return within >= (end_samples(self.radar) if leaves else -np.inf)
 
     def mean_end_error_db(self, range_m, n_axes: int = 2,
                           oversampling: float = math.inf, lit=None) -> float:
@@ -142,12 +139,8 @@ class RangeGate:
 
 
 def end_samples(radar: RadarParameters) -> int:
-    """Samples on either side on which a value between samples of a profile depends, to -130 dB.
-
-    Half the length of an approximate prolate series (Knab 1979), as `correlate_profiles` takes it.
-    """
-    return math.ceil(_SERIES_SHARPNESS / math.pi
-                     / (1 - radar.bandwidth_hz / radar.sample_rate_hz))
+    """Samples on either side on which a value between two depends, to -130 dB (Knab 1979)."""
+    return math.ceil(_SERIES_SHARPNESS / (1 - radar.bandwidth_hz / radar.sample_rate_hz))
 
 
 def mean_db(error, weight) -> float:

@@ -1,0 +1,136 @@
+"""Ghosts that pulses too far apart, or too soon after each other, leave in any image.
+
+The ghosts of a scatterer along the track are where the paths of all echoes differ from its own by
+whole half wavelengths. They are looked for as an image would show them: by the sum of the echoes
+at places as far away, so that several channels, passes, uneven steps and near ranges count.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..geometry.half_paths import half_paths
+from ..geometry.illumination import AntennaPattern, Illumination
+from ..signal.pulses import PulseBlock
+from ..signal.radar import RadarParameters
+
+_LEAST_ECHOES, _ECHOES = 8, 128  # in the middle of the track, which are looked at
+_SAME = 0.02  # wavelengths along the track, within which one echo stands for all
+_RANGES, _LEAST_SHARE = 8, 0.1  # parts of a scene, and pixels with ghosts within it
+_STEPS, _MOST_STEPS = 4, 4096  # places in a cell of their resolution, and in all
+_GHOST = 10 ** (-10 / 20)  # amplitude, at one wavelength, above that of sidelobes
+_LEAST_DB = -20.0  # of a ghost that is told, spread as it is
+_LEAST_ACROSS = 0.1  # sine of the angle between track and look, below which nothing is told
+
+
+def azimuth_warnings(points_m, tx_m, rx_m, radar: RadarParameters,
+                     illumination: Illumination | None = None) -> tuple[str, ...]:
+    """Say where scatterers within a scene have ghosts within it, along the track.
+
+    Parameters
+    ----------
+    points_m : (S, 3) float64
+        Some places of the scene, its corners among them, metres.
+    tx_m, rx_m : (..., 3) float64
+        Phase centres of the echoes, metres.
+    radar : RadarParameters
+        Of the echoes.
+    illumination : Illumination, optional
+        Of all echoes; what an echo does not light has no ghost by it.
+    """
+    tx_m, rx_m = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
+    centre_m = 0.5 * (tx_m + rx_m)
+    away = centre_m - centre_m.mean(axis=0)
+    track = np.linalg.eigh(away.T @ away)[1][:, -1]
+    along = away @ track
+    some = np.unique(np.rint(along / (_SAME * radar.wavelength_m)), return_index=True)[1]
+    first = max(0, (len(some) - _ECHOES) // 2)
+    some = some[first:first + _ECHOES]
+    if len(some) < _LEAST_ECHOES:
+        return ()
+    origin = centre_m[some].mean(axis=0)
+    look = points_m[np.linalg.norm(points_m - points_m.mean(axis=0), axis=-1).argmin()] - origin
+    range_m = np.linalg.norm(look)
+    look = look / max(range_m, 1e-9)
+    across = track - (track @ look) * look
+    if np.linalg.norm(across) < _LEAST_ACROSS:
+        return ()
+    across /= np.linalg.norm(across)
+    seen = points_m - origin
+    away = np.linalg.norm(seen, axis=-1)
+    direction, near = seen @ across / away, np.quantile(away, np.linspace(0, 1, _RANGES + 1)[1:-1])
+    left = _beyond(direction, np.searchsorted(near, away))
+    width = min(float(left.max()), 1.9)
+    cell = radar.wavelength_m / 2 / np.ptp((centre_m[some] - origin) @ across)
+    apart = np.arange(1, min(width * _STEPS / cell, _MOST_STEPS)) * (cell / _STEPS)
+    if len(apart) < 3:
+        return ()
+    sine = 0.5 * apart[:, None]
+    ends = [origin + range_m * (np.sqrt(1 - sine ** 2) * look + side * sine * across)
+            for side in (-1, 1)]
+    level, n_cells = _ghosts(ends, tx_m[some], rx_m[some], np.gradient(along[some]), radar,
+                             illumination and illumination.select(some))
+    lobes = np.flatnonzero((level[1:-1] >= level[:-2]) & (level[1:-1] > level[2:])
+                           & (level[1:-1] > _GHOST)) + 1
+    if not len(lobes):
+        return ()
+    place = lobes[level[lobes].argmax()]
+    level_db = 20 * math.log10(level[place]) - 10 * math.log10(n_cells[place])
+    share = np.mean(left > apart[place])
+    if level_db < _LEAST_DB or share < _LEAST_SHARE:
+        return ()
+    return (f'scatterers are ambiguous: each has a ghost {apart[place] * range_m:.3g} m away '
+            f'along the track, {max(0.0, -level_db):.0f} dB fainter, within the scene for '
+            f'{share:.0%} of the pixels to either side; the antenna may not light both (tell its '
+            f'pattern), else send pulses every {radar.shortest_wavelength_m / (2 * width):.2g} m '
+            'or less, or image a narrower grid',)
+
+
+def _beyond(direction, ranges) -> np.ndarray:
+    """(S,) how far the scene goes on from places in their direction, at their number of range."""
+    last = np.full(_RANGES, -np.inf)
+    np.maximum.at(last, ranges, direction)
+    return last[ranges] - direction
+
+
+def _ghosts(ends, tx_m, rx_m, weight, radar, illumination) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) amplitudes at places (N, 3) of scatterers at others, and over how many ranges.
+
+    They are relative to those at their own places, and at one wavelength: ranges that walk from
+    echo to echo spread a ghost over ranges, other wavelengths over directions.
+    """
+    apart = np.subtract(*(half_paths(tx_m, rx_m, end)[0] for end in ends))
+    weight = np.broadcast_to(weight[:, None], apart.shape)
+    seen = there = np.ones(1)
+    if illumination is not None:
+        seen, there = (illumination.amplitude(end) for end in ends)
+    own = np.sqrt((weight * seen ** 2).sum(axis=0) * (weight * there ** 2).sum(axis=0))
+    response = weight * seen * there * np.exp(1j * radar.wavenumber_rad_per_m * apart)
+    return (np.abs(response.sum(axis=0)) / np.maximum(own, 1e-30),
+            1 + np.ptp(apart, axis=0) / radar.range_resolution_m)
+
+
+def flight_warnings(place_m, block: PulseBlock, pattern: AntennaPattern | None
+                    ) -> tuple[str, ...]:
+    """Say whether echoes of other pulses fall onto a scene, (1, 3) a place of it, metres.
+
+    Nothing where an antenna pattern is told, or the stamps are not those of pulses: they lie
+    closer than a profile is long.
+    """
+    radar, stamps = block.radar, np.unique(block.stamp_ns)
+    if pattern is not None or len(stamps) < 3:
+        return ()
+    interval_s = float(np.median(np.diff(stamps))) * 1e-9
+    speed = radar.propagation_speed_m_per_s
+    middle = block.n_pulses // 2
+    range_m = half_paths(block.tx_m[middle, :1], block.rx_m[middle, :1], place_m)[0].item()
+    if (not 2 * range_m / speed > interval_s
+            or block.n_samples / radar.sample_rate_hz > interval_s):
+        return ()
+    n_later = math.floor(2 * range_m / speed / interval_s)
+    return (f'{n_later} more pulses were sent before the echoes of the scene came, one every '
+            f'{interval_s:.3g} s: echoes from {0.5 * speed * interval_s:.4g} m nearer and farther '
+            'fall onto it, unless the antenna keeps them out; tell its pattern, or send pulses '
+            f'at {speed / (2 * range_m):.3g} Hz or less',)
