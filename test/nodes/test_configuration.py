@@ -155,6 +155,8 @@ def test_parameters_are_checked_and_used_while_the_node_runs(start_node, make_ob
         return observer.set_parameter('range_compression', name, value)
 
     assert set_parameter('window', 'hamming') == (True, '')
+    assert set_parameter('windw', 'hann') == (
+        False, 'unknown parameters, without effect: windw (did you mean window?)')
     successful, reason = set_parameter('window', 'box')
     assert not successful
     assert "window='box' is unknown; use one of none" in reason

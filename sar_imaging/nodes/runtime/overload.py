@@ -17,7 +17,9 @@ APERTURES, BLOCKS = 'drop_apertures', 'drop_blocks'
 POLICIES = (APERTURES, BLOCKS)
 FAULTS = ('blocks_dropped', 'apertures_skipped', 'apertures_too_old', 'pulses_too_old')
 _HOLD_S = 2.0  # that a stage counts as behind, at least, after it left something out
-_ALONE = 0.9  # share of the limit up to which growth counts; what waits for less hardly waited
+# Shares of the limit: up to which growth counts, and what an aperture may have waited that begins
+# after one was left out.
+_ALONE, _FRESH = 0.9, 0.25
 _ADMISSION_FILL = 0.5  # a new aperture begins only when the queue has come down so far
 
 
@@ -162,6 +164,7 @@ class AgeLimit:
         self._inlet, self._skip = inlet, skip
         self._verdicts: dict[int, _Verdict] = {}
         self._current: _Verdict | None = None
+        self._behind = False  # the latest aperture was left out
         self._growth_s = 0.0  # of the waiting during the latest aperture that was worked on
         self._start: tuple[int, int, float] | None = None  # counter, stamp, reception
         self.aperture_s = math.inf
@@ -224,7 +227,9 @@ class AgeLimit:
     def _judge_new(self, number: int, waited_s: float, limit_s: float) -> bool:
         if self._current is not None and not self._current.left_out:
             self._growth_s = waited_s - self._current.waited_s
-        left_out = waited_s + min(max(self._growth_s, 0.0), _ALONE * limit_s) > limit_s
+        left_out = (waited_s + min(max(self._growth_s, 0.0), _ALONE * limit_s) > limit_s
+                    or self._behind and waited_s > _FRESH * limit_s)
+        self._behind = left_out
         self._verdicts.pop(number, None)
         self._current = self._verdicts[number] = _Verdict(left_out, waited_s)
         while len(self._verdicts) > self._REMEMBERED:
@@ -235,6 +240,7 @@ class AgeLimit:
         if verdict.left_out or waited_s <= limit_s or self._growth_s > limit_s:
             return False
         verdict.left_out, self._growth_s = True, waited_s
+        self._behind = True
         return True
 
     def _pace(self, item, received_s: float) -> None:

@@ -212,6 +212,12 @@ def test_images_are_no_older_than_two_apertures_and_a_stage_that_keeps_up_loses_
     assert len(ages) + len(skipped) == 12
 
 
+def test_the_aperture_after_one_that_was_left_out_hardly_waited():
+    ages, skipped = fly(lambda number: 1.5, n_apertures=60)
+    assert all(ages[number] < 1.0 for number in ages if number - 1 in skipped)
+    assert len(ages) >= 0.95 * 60 / 1.5  # as many images as can be
+
+
 def test_work_that_is_far_too_slow_still_gives_images():
     ages, _ = fly(lambda number: 5.0, n_apertures=30)
     assert len(ages) >= 4
