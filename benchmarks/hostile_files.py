@@ -217,6 +217,7 @@ def prepare(images: bool = True) -> None:
     os.environ.update(OMP_NUM_THREADS='1', NUMBA_NUM_THREADS='1')
     import importlib
 
+    importlib.import_module('sar_imaging.tools.command')
     for module in ('info', 'convert'):
         importlib.import_module(f'sar_imaging.tools.exchange.{module}')
     for module in ('products.image', 'products.change', 'products.doctor', 'check_config',

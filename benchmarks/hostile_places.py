@@ -56,7 +56,7 @@ def _channels(folder):
     shutil.copytree(pathlib.Path(__file__).parent.parent / 'bags' / 'psf', folder / 'bag')
 
 
-_SMALL = ('--size', '8', '--spacing', '0.5')
+_SMALL = ('--size', '4', '--spacing', '0.1')
 _PICTURE = ('image.npy', 'image.png', 'quality.json', 'report.html')
 
 
