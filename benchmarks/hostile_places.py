@@ -249,7 +249,7 @@ def campaign(output: Output, names: Sequence[str] = ()) -> dict:
             if options.get('disk') and not disk:
                 continue  # needs the rights to mount one
             options.get('put', lambda s: None)(sandbox)
-            refused = options.get('refused', True if disk else None)
+            refused = options.get('refused')
             if 'at most' in name or 'after' in name:  # old files stay, or new ones are whole
                 sandbox.at_each(_old)
             before = {'inputs': made.digests(sandbox.inputs),
