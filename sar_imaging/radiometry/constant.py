@@ -14,6 +14,7 @@ from ..yaml_text import read_yaml
 from .response import ImageResponse
 
 _QUIET_SHARE = 16  # of the profile: the piece without echoes that noise is measured in
+_LEAST_GAIN = 1e-30  # images, of float32, overflow by less
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,7 +56,7 @@ class RadarConstant:
     noise_power: float = math.nan
 
     def __post_init__(self):
-        if not (math.isfinite(self.gain) and self.gain > 0):
+        if not _LEAST_GAIN < self.gain < 1 / _LEAST_GAIN:  # NaN, too
             raise ValueError(f'gain={self.gain}; expected a positive number: measure it with '
                              'RadarConstant.from_reflector')
         if self.noise_power < 0:

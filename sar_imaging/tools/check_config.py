@@ -24,6 +24,7 @@ from sar_imaging.configuration.positions import check_positions, position_rows
 from sar_imaging.configuration.report import lines, rows
 from sar_imaging.configuration.settings import Acquisition, Imaging, Machine
 from sar_imaging.configuration.subapertures import forecast_subapertures
+from sar_imaging.files import naming
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.image import error_in_words
 from sar_imaging.imaging.imager import plan_image
@@ -82,7 +83,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(arguments: argparse.Namespace) -> int:
     """Check the file and print what was found; returns the exit status."""
     configuration = read_configuration(arguments.file, dict(arguments.given))
-    findings = [*configuration.findings, *_check(configuration, measure=arguments.measure)]
+    with naming(arguments.file, 'cannot work'):
+        findings = [*configuration.findings, *_check(configuration, measure=arguments.measure)]
     sys.stdout.flush()  # the table first, also where both go into one log
     for finding in findings:
         print(f'{finding.severity}: {finding.text}', file=sys.stderr)

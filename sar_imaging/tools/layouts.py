@@ -16,7 +16,7 @@ from pathlib import Path
 import yaml
 
 from sar_imaging.configuration.parameters import read_configuration
-from sar_imaging.files import filling
+from sar_imaging.files import filling, naming
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.yaml_text import load_yaml
 
@@ -59,7 +59,8 @@ def run(arguments: argparse.Namespace) -> str:
     configuration = read_configuration(path)
     if configuration.findings:
         raise ValueError(f'{path}: {configuration.findings[0].text}')
-    grid = configuration.imaging().grid
+    with naming(path, 'describes no map'):
+        grid = configuration.imaging().grid
     frame = configuration.nodes['backprojection']['frame_id']
     names = [f'{path.stem}{suffix}' for suffix in ('.rviz', '.foxglove.json')]
     with filling(arguments.output) as folder:
