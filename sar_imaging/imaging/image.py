@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
 if TYPE_CHECKING:
     from ..geometry.grids import Grid
@@ -87,10 +88,13 @@ def error_in_words(error_db: float | None) -> str:
 
 
 @dataclasses.dataclass(eq=False)
-class Image:
+class Image(NDArrayOperatorsMixin):
     """Complex image: its samples, their grid, and how it was formed.
 
-    NumPy takes it for its samples: ``np.abs(image)``.
+    NumPy and arithmetic take it for its samples, and give an array: ``np.abs(image)``, ``image /
+    n``, ``image - other``, ``image == other``. What the grid, the carrier and the report say need
+    not hold for that array; ``dataclasses.replace(image, samples=image / n)`` says that it does.
+    ``image /= n`` changes the samples in place.
 
     Attributes
     ----------
@@ -124,6 +128,9 @@ class Image:
     brightest at x = 10000.0 m, y = 0.0 m
     >>> image.samples.dtype.name, image.n_pulses, image.missing.size
     ('complex64', 200, 0)
+    >>> mean = image / image.n_pulses
+    >>> type(mean).__name__, mean.dtype.name
+    ('ndarray', 'complex64')
     """
 
     samples: np.ndarray
@@ -151,6 +158,18 @@ class Image:
             return np.zeros(0, np.int64)
         return np.setdiff1d(np.arange(self.counters[0], self.counters[-1] + 1), self.counters)
 
+    __hash__ = object.__hash__  # an image is itself, whatever == says of its samples
+
+    def __array_ufunc__(self, ufunc, method, *inputs, out=None, **options):
+        if out is not None:
+            options['out'] = tuple(map(_samples, out))
+        result = getattr(ufunc, method)(*map(_samples, inputs), **options)
+        return result if out is None else out[0] if len(out) == 1 else out
+
     def __array__(self, dtype=None, copy=None) -> np.ndarray:
         return np.array(self.samples, dtype=dtype, copy=bool(copy) or (
             dtype is not None and np.dtype(dtype) != self.samples.dtype))
+
+
+def _samples(value):
+    return value.samples if isinstance(value, Image) else value
