@@ -170,7 +170,7 @@ def _write_report(folder: Path, arguments, pair: Pair, found: PassComparison,
                 [f'A pixel has changed where its coherence is lower than {found.looks:.1f} looks '
                  'and noise explain, with a probability of a false alarm of '
                  f'{found.false_alarm_rate:g}. {1 - found.decidable.mean():.1%} of the pixels are '
-                 'too dark to tell.']),
+                 'too dark or too little coherent to tell.']),
         Section('Phase and height', shown('phase.png', 'height.png'),
                 lines=str(found).splitlines()),
         Section('Both passes', shown('first.png', 'second.png'), {
