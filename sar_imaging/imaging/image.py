@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.lib.mixins import NDArrayOperatorsMixin
+
+from ..signal.held_samples import HeldSamples
 
 if TYPE_CHECKING:
     from ..geometry.grids import Grid
@@ -88,7 +89,7 @@ def error_in_words(error_db: float | None) -> str:
 
 
 @dataclasses.dataclass(eq=False)
-class Image(NDArrayOperatorsMixin):
+class Image(HeldSamples):
     """Complex image: its samples, their grid, and how it was formed.
 
     NumPy and arithmetic take it for its samples, and give an array: ``np.abs(image)``, ``image /
@@ -157,19 +158,3 @@ class Image(NDArrayOperatorsMixin):
         if not len(self.counters):
             return np.zeros(0, np.int64)
         return np.setdiff1d(np.arange(self.counters[0], self.counters[-1] + 1), self.counters)
-
-    __hash__ = object.__hash__  # an image is itself, whatever == says of its samples
-
-    def __array_ufunc__(self, ufunc, method, *inputs, out=None, **options):
-        if out is not None:
-            options['out'] = tuple(map(_samples, out))
-        result = getattr(ufunc, method)(*map(_samples, inputs), **options)
-        return result if out is None else out[0] if len(out) == 1 else out
-
-    def __array__(self, dtype=None, copy=None) -> np.ndarray:
-        return np.array(self.samples, dtype=dtype, copy=bool(copy) or (
-            dtype is not None and np.dtype(dtype) != self.samples.dtype))
-
-
-def _samples(value):
-    return value.samples if isinstance(value, Image) else value
