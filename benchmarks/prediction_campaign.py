@@ -110,10 +110,12 @@ def form_live(grid, block, target_db: float, length: int, *, sliding: bool, illu
     if not images:
         raise ValueError('; '.join(told) or 'no image of all pulses')
     result = images[-1]
-    if result.aperture != n // length - 1:  # the last one was refused
-        raise ValueError('; '.join(told))
+    pulses = slice(n - result.n_pulses, n)
+    first_ns, last_ns = (int(p.stamp_ns[pulses][end]) for end in (0, -1))
+    if abs(result.stamp_ns - (first_ns + last_ns) / 2) > last_ns - p.stamp_ns[-2]:
+        raise ValueError('; '.join(told) or 'the last aperture has no image')
     told = [text for text in told if 'planned anew' not in text and 'awaited' not in text]
-    return result.image, result.predicted_error_db, told, slice(n - result.n_pulses, n)
+    return result.image, result.predicted_error_db, told, pulses
 
 
 #: Imagers, and in one of how many cases each has its turn.
