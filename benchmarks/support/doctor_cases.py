@@ -38,6 +38,8 @@ class Case:
         Of the range compression.
     attitude : Rotation or None
         Of the platform at each pulse.
+    sizes : tuple of float
+        Of the fault that was injected, as a doctor who is right would tell them.
     """
 
     kind: str
@@ -45,6 +47,7 @@ class Case:
     grid: MapGrid
     window: str = 'none'
     attitude: Rotation | None = None
+    sizes: tuple[float, ...] = ()
 
 
 def right_case(seed: int) -> Case:

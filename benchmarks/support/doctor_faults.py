@@ -81,13 +81,14 @@ def wrong_slope(case, rng):
         raise NotApplicable
     sign = -1 if case.kind == 'drone' else rng.choice([-1, 1])  # else it is sampled too slowly
     factor = 1 + sign * rng.uniform(0.1, 0.3)
-    return dataclasses.replace(case, block=with_slope(case.block, factor))
+    return dataclasses.replace(case, block=with_slope(case.block, factor), sizes=(1 / factor,))
 
 
 def clock_drift(case, rng):
     """The clocks of pulses and positions run 5 to 20 per cent apart."""
     rate = 1 + rng.choice([-1, 1]) * rng.uniform(0.05, 0.2)
-    return dataclasses.replace(case, block=with_offset(case.block, 0.0, rate))
+    return dataclasses.replace(case, block=with_offset(case.block, 0.0, rate),
+                               sizes=(1 / rate,))
 
 
 def receipt(case, rng):
@@ -163,7 +164,8 @@ def clock_offset(case, rng):
     some = block.select(slice(max(0, shift), block.n_pulses + min(0, shift)))
     moved = block.select(slice(max(0, -shift), block.n_pulses - max(0, shift)))
     back = (moved.tx_m - some.tx_m).mean(axis=(0, 1))  # the scene stays where it is
-    return dataclasses.replace(case, block=dataclasses.replace(
+    interval_s = 1e-9 * float(np.mean(np.diff(block.stamp_ns)))
+    return dataclasses.replace(case, sizes=(-shift * interval_s,), block=dataclasses.replace(
         some, stamp_ns=moved.stamp_ns, counter=moved.counter, samples=moved.samples,
         tx_m=some.tx_m + back, rx_m=some.rx_m + back))
 
@@ -240,9 +242,47 @@ def lever_arm(case, rng):
     """The antenna is 0.3 to 0.8 m beside the point that the poses are of."""
     block = case.block
     arm = rng.standard_normal(3)
-    moved = case.attitude.apply(rng.uniform(0.3, 0.8) / np.linalg.norm(arm) * arm)
+    arm *= rng.uniform(0.3, 0.8) / np.linalg.norm(arm)
+    moved = case.attitude.apply(arm)
     moved = (moved - moved.mean(axis=0))[:, None]
-    return _with(case, tx_m=block.tx_m - moved, rx_m=block.rx_m - moved)
+    return dataclasses.replace(case, sizes=tuple(arm), block=dataclasses.replace(
+        block, tx_m=block.tx_m - moved, rx_m=block.rx_m - moved))
+
+
+def whole_arm(case, rng):
+    """The poses are of the pivot of a rotating arm, or of a place between it and the antenna."""
+    if case.kind != 'wide':
+        raise NotApplicable
+    block = case.block
+    arm = rng.uniform(0.3, 1.0) * float(np.linalg.norm(block.tx_m[0, 0])) * np.array([1, 0, 0])
+    moved = case.attitude.apply(arm)[:, None]
+    return dataclasses.replace(case, sizes=tuple(arm), block=dataclasses.replace(
+        block, tx_m=block.tx_m - moved, rx_m=block.rx_m - moved))
+
+
+def mirrored(case, rng):
+    """A sign of the positions is wrong: x or y points the other way."""
+    sign = np.ones(3)
+    sign[int(rng.integers(2))] = -1
+    return _with(case, tx_m=sign * case.block.tx_m, rx_m=sign * case.block.rx_m)
+
+
+def backwards(case, rng):
+    """Positions in the opposite order of the pulses."""
+    return _with(case, tx_m=case.block.tx_m[::-1], rx_m=case.block.rx_m[::-1])
+
+
+def transmitters(case, rng):
+    """Two transmitters were recorded in another order than said."""
+    tx = case.block.tx_m[0]
+    places = np.unique(np.round(tx, 6), axis=0)
+    if not 1 < len(places) < case.block.n_channels:
+        raise NotApplicable
+    a, b = (np.flatnonzero(np.linalg.norm(tx - places[k], axis=1) < 1e-5)
+            for k in rng.choice(len(places), 2, replace=False))
+    samples = case.block.samples.copy()
+    samples[:, a], samples[:, b] = case.block.samples[:, b], case.block.samples[:, a]
+    return _with(case, samples=samples)
 
 
 # Each fault and the findings that name it.
@@ -271,8 +311,15 @@ FAULTS: dict[str, tuple[Callable, tuple[str, ...]]] = {
     'incomplete pulses': (incomplete, ('incomplete pulses',)),
     'interference': (interfered, ('interference',)),
     'lever arm': (lever_arm, ('lever arm',)),
+    'lever arm forgotten': (whole_arm, ('lever arm', 'odd positions')),
+    'track mirrored': (mirrored, ('track mirrored in x', 'track mirrored in y',
+                                  'x and y exchanged', 'scene outside the window')),
+    'positions reversed': (backwards, ('positions reversed', 'track mirrored in x',
+                                       'track mirrored in y')),
+    'order of transmitters': (transmitters, ('order of transmitters',)),
 }
 # Faults that show in the image alone, or in where the scene is.
 OF_IMAGES = ('I and Q exchanged', 'spectrum inverted', 'wrong slope', 'clocks drift apart',
              'x and y exchanged', 'clock offset', 'scene outside the window',
-             'phase of a channel', 'lever arm')
+             'phase of a channel', 'lever arm', 'lever arm forgotten', 'track mirrored',
+             'positions reversed', 'order of transmitters')

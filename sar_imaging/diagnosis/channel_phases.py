@@ -2,7 +2,13 @@
 
 Each channel's pulses make an image of their own. With right positions the images of all channels
 have the same phase at each scatterer, whatever the scene. What they differ by is the error of the
-channel: of its cable, or of the receiver's delay.
+channel: of its cable, or of the receiver's delay. That holds for clutter too, in which nothing
+stands out.
+
+Across the track the phases of channels tell the direction of a scatterer as well as errors: a
+phase that grows in proportion to the place in the array turns the image, whatever the scene. What
+no such line explains is error. There the phases are those with which the image of all channels is
+sharpest.
 """
 
 from __future__ import annotations
@@ -15,17 +21,21 @@ import numpy as np
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
-from .array_phases import FEWEST, array_phases
 from .coherence import BUDGET, OVERSAMPLING, CoherenceProbe, resolved
-from .signals import Finding
+from .diagnose import LEAST, TILE, one_of
+from .signals import LIKELY, Finding
 
-_TILE = 4
 _MOST_CHANNELS = 16
 _ALONG = 0.25  # wavelengths that channels may lie beside the line of the track
 _ALIKE = 0.6  # correlation of the images of two channels from which they show the same
 _OFF_RAD = math.radians(30.0)
-_FOCUSED = 1.45  # contrast of an image whose phases mean anything
 _DEAD = 1e-3  # of the power of the strongest channel
+_FEWEST = 4  # channels across the track: a line explains two, and a third beside it any of three
+_STARTS, _STEPS = 7, 60
+_LINES = 721
+_MOST_PIXELS = 4000  # the brightest ones
+_MOST_OFF = 0.34  # of the channels, beside a line
+_SHARPER = 1.15  # with the errors undone
 
 
 def channel_phases(block: PulseBlock, grid: MapGrid, *, window: str = 'none') -> np.ndarray:
@@ -50,13 +60,13 @@ def channel_phases(block: PulseBlock, grid: MapGrid, *, window: str = 'none') ->
     n = block.n_channels
     none = np.zeros(n)
     along = _along_the_track(block)
-    places = None if along or n < FEWEST else _on_a_line(block)
+    places = None if along or n < _FEWEST else _on_a_line(block)
     if not 2 <= n <= _MOST_CHANNELS or not along and places is None:
         return none
     window = 'none' if block.compressed else window
     profiles = RangeCompressor.for_block(block, window=window, oversampling=OVERSAMPLING)(block)
-    probe = CoherenceProbe(resolved(grid, block), BUDGET, _TILE).fixed(profiles)
-    images = np.stack([probe.sums(_channel(profiles, c)) for c in range(n)]).astype(complex)
+    probe = CoherenceProbe(resolved(grid, block), BUDGET, TILE).fixed(profiles)
+    images = np.stack([probe.sums(one_of(profiles, c)) for c in range(n)]).astype(complex)
     power = np.sum(np.square(np.abs(images)), axis=1)
     if places is not None:
         return array_phases(images, places) if power.min() > _DEAD * power.max() else none
@@ -99,14 +109,18 @@ def phase_findings(block: PulseBlock, grid: MapGrid, *, window: str = 'none'
     off = np.abs(phases) > _OFF_RAD
     turns = np.exp(-1j * phases)[:, None].astype(np.complex64)
     equal = dataclasses.replace(block, samples=block.samples * turns)
-    if not off.any() or not _focuses(equal, grid, window):
+    along = _along_the_track(block)
+    if not off.any() or not along and not _focuses(equal, grid, window):
         return [], block
     listed = ', '.join(f'{c} by {math.degrees(phases[c]):+.0f} degrees'
                        for c in np.flatnonzero(off))
     finding = Finding(
         'phases of channels', f'the images of the channels differ in phase: channel {listed}',
         'measure the errors of the channels with `sar-imaging calibrate`, and give them to '
-        'range_compression as calibration_file; or correct the phase centres of the channels')
+        'range_compression as calibration_file; or correct the phase centres of the channels',
+        'phase centres that are wrong, with which images of the channels would differ' if along
+        else 'a line over the places of the channels, which the direction of the scene explains',
+        LIKELY)
     return [finding], equal
 
 
@@ -114,7 +128,7 @@ def _focuses(block: PulseBlock, grid: MapGrid, window: str) -> bool:
     """Whether phases mean anything: without focus they do not."""
     window = 'none' if block.compressed else window
     profiles = RangeCompressor.for_block(block, window=window, oversampling=OVERSAMPLING)(block)
-    return CoherenceProbe(resolved(grid, block), BUDGET, _TILE)(profiles).contrast > _FOCUSED
+    return CoherenceProbe(resolved(grid, block), BUDGET, TILE)(profiles).contrast > LEAST
 
 
 def _along_the_track(block: PulseBlock) -> bool:
@@ -142,7 +156,70 @@ def _on_a_line(block: PulseBlock) -> np.ndarray | None:
     return along if np.ptp(along) > 0 else None
 
 
-def _channel(block: PulseBlock, number: int) -> PulseBlock:
-    at = slice(number, number + 1)
-    return dataclasses.replace(block, samples=block.samples[:, at], tx_m=block.tx_m[:, at],
-                               rx_m=block.rx_m[:, at])
+def array_phases(images: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+    """Phases of channels besides a line over their places.
+
+    Parameters
+    ----------
+    images : (C, K) complex128
+        Of each channel alone, at the same pixels.
+    places_m : (C,) float64
+        Along the array, metres.
+
+    Returns
+    -------
+    (C,) float64
+        Radians; 0 where undoing them makes the image no sharper.
+    """
+    power = np.square(np.abs(images)).sum(axis=0)
+    images = images[:, np.argsort(-power)[:_MOST_PIXELS]]
+    best = max((_ascended(images, turns) for turns in _starts(len(images))),
+               key=lambda turns: _sharpness(images, turns))
+    phases = _besides_line(np.angle(best), places_m)
+    if np.mean(np.abs(phases) > _OFF_RAD) > _MOST_OFF:
+        return np.zeros(len(images))  # there is no line
+    gain = _sharpness(images, best) / _sharpness(images, best * np.exp(-1j * phases))
+    return phases if gain > _SHARPER else np.zeros(len(images))
+
+
+def _starts(n: int) -> np.ndarray:
+    """(S, C) turns from which the sharpest image is looked for: as they are, and at random."""
+    rng = np.random.default_rng(0)
+    return np.exp(2j * np.pi * np.vstack([np.zeros(n), rng.random((_STARTS - 1, n))]))
+
+
+def _ascended(images: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """(C,) turns after steps that each make the image (C, K) sharper.
+
+    The sharpness grows with the sum over the pixels of ``|S|^2 Re(t_c* f_c S*)``, S being the
+    image; the turn t_c that makes it largest is that of ``f_c |S|^2 S*``.
+    """
+    for _ in range(_STEPS):
+        image = turns.conj() @ images
+        turns = images @ (np.square(np.abs(image)) * image.conj())
+        turns = turns / np.maximum(np.abs(turns), 1e-300)
+    return turns
+
+
+def _sharpness(images: np.ndarray, turns: np.ndarray) -> float:
+    """Mean square of the intensity over its squared mean without coherence."""
+    image = turns.conj() @ images
+    return float(np.mean(np.abs(image) ** 4)
+                 / max(np.mean(np.square(np.abs(images)).sum(axis=0)) ** 2, 1e-300))
+
+
+def _besides_line(phases: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+    """Phases (C,) less the line on which most of them lie, radians from -pi to pi."""
+    order = np.sort(places_m)
+    pitch = np.min(np.diff(order)[np.diff(order) > 1e-3 * np.ptp(order)])
+    slopes = np.linspace(-np.pi, np.pi, _LINES) / pitch
+    turned = np.exp(1j * (phases - slopes[:, None] * (places_m - places_m.mean())))
+    common = turned.sum(axis=1, keepdims=True)
+    for _ in range(3):  # the mean of those that are on the line
+        rest = np.angle(turned * common.conj())
+        on = np.abs(rest) < _OFF_RAD
+        common = np.where(on.any(axis=1, keepdims=True),
+                          np.sum(turned * on, axis=1, keepdims=True), common)
+    rest = np.angle(turned * common.conj())
+    score = np.where(on, np.cos(rest), 0.0).sum(axis=1)
+    return rest[np.argmax(score)]

@@ -31,8 +31,10 @@ _TURNS = tuple(f(2 * np.pi * np.arange(_STEPS) / _STEPS).astype(np.float32)
 TILE = 16  # pixels along each side
 _MOST_PIXELS = 1500  # along a side of a finer grid
 _FEWEST_ROWS = 12  # that tell where power is
+_WAYPOINTS = 256  # of a track: noise of more would count as way
 BUDGET = 6_000_000  # points times rows of one figure
 NOISE = 2.0  # agreement of noise
+_SQUARES = 0.13  # of the grid's longer side: squares of the halves of a map
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,16 +48,12 @@ class Coherence:
     mean : float
         Mean of q: above 1 where neighbouring groups agree over wide parts of the scene, as the
         channels of a short array do, or pulses from one place.
-    sharpness : float
-        Standard deviation of the image's intensity over its mean at these pixels; unlike the
-        contrast it tells what is smeared in range.
     coverage : float
         Share of the pixels and pulses whose profile reaches them, 0 to 1.
     """
 
     contrast: float
     mean: float
-    sharpness: float
     coverage: float
 
     @property
@@ -105,12 +103,33 @@ class CoherenceProbe:
         Coherence
             Contrast 0 where the profiles do not reach the grid.
         """
-        rows = _Rows.of(profiles)
+        rows = _Rows.of(profiles, self.grid.centre_m)
         return _judge(*rows.sums(self._points(rows)))
+
+    def halves(self, profiles: PulseBlock) -> list[Coherence]:
+        """Coherence of two halves of the map, squares that take turns like those of a chessboard.
+
+        Parameters
+        ----------
+        profiles : PulseBlock
+            As those of a whole.
+
+        Returns
+        -------
+        list of Coherence
+            Contrast 0 where a half holds too few pixels.
+        """
+        rows = _Rows.of(profiles, self.grid.centre_m)
+        points = self._points(rows)
+        side_m = _SQUARES * self.grid.spacing_m * max(self.grid.n_x, self.grid.n_y)
+        square = np.floor((points[:, :2] - self.grid.centre_m[:2]) / side_m).astype(int)
+        dark = square.sum(axis=1) % 2 == 1
+        sums = rows.sums(points)
+        return [_judge(*(values[half] for values in sums)) for half in (dark, ~dark)]
 
     def sums(self, profiles: PulseBlock) -> np.ndarray:
         """(K,) complex64 sums of all pulses and channels at the pixels."""
-        rows = _Rows.of(profiles)
+        rows = _Rows.of(profiles, self.grid.centre_m)
         return rows.sums(self._points(rows))[0]
 
     @property
@@ -121,7 +140,7 @@ class CoherenceProbe:
     def fixed(self, profiles: PulseBlock) -> CoherenceProbe:
         """A probe of the pixels that this one chooses for some profiles, whatever is asked."""
         probe = CoherenceProbe(self.grid, self._budget, self._tile)
-        probe._places = self._points(_Rows.of(profiles))
+        probe._places = self._points(_Rows.of(profiles, self.grid.centre_m))
         return probe
 
     def _points(self, rows: _Rows) -> np.ndarray:
@@ -186,30 +205,12 @@ class GroupSums:
         (K, G) float64
             Mean half path to the pulses of each group, metres.
         """
-        rows = _Rows.of(dataclasses.replace(self._profiles, samples=samples))
+        rows = _Rows.of(dataclasses.replace(self._profiles, samples=samples), points.mean(axis=0))
         values, half_path = rows.values(points)
         starts = np.flatnonzero(np.r_[True, np.diff(rows.group) != 0])
         sizes = np.diff(np.r_[starts, len(rows.group)])
         return (np.add.reduceat(values, starts, axis=1),
                 np.add.reduceat(half_path, starts, axis=1) / sizes)
-
-
-def values_at(profiles: PulseBlock, points: np.ndarray) -> np.ndarray:
-    """Terms of the sum of few pulses of one channel at few points.
-
-    Parameters
-    ----------
-    profiles : PulseBlock
-        At most `_MOST_ROWS` range profiles with phase centres.
-    points : (K, 3) float64
-        Metres.
-
-    Returns
-    -------
-    (K, P) complex128
-        In phase where a scatterer is.
-    """
-    return _Rows.of(profiles).values(points)[0]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -223,11 +224,15 @@ class _Rows:
     group: np.ndarray
 
     @classmethod
-    def of(cls, block: PulseBlock) -> _Rows:
+    def of(cls, block: PulseBlock, towards_m) -> _Rows:
+        """Rows of a block; groups see a place (3,) from directions next to each other."""
         channels = np.unique(np.linspace(0, block.n_channels - 1,
                                          min(block.n_channels, _GROUPS // 4)).astype(int))
         most = max(_GROUPS, _MOST_ROWS // len(channels))
-        pulses = np.arange(0, block.n_pulses, -(-block.n_pulses // most))
+        pulses = _along_the_way(block, most)
+        if len(channels) == 1:  # of many, errors show only between groups of their own
+            pulses = pulses[np.argsort(_directions(block.select(pulses), towards_m),
+                                       kind='stable')]
         parts = min(len(pulses), max(1, _GROUPS // len(channels)))
         # One group is a channel's pulses in a part of the aperture.
         part = np.arange(len(pulses)) * parts // len(pulses)
@@ -269,11 +274,36 @@ class _Rows:
         return total, power, covered / max(len(self.tx_m), 1)
 
 
+def _along_the_way(block: PulseBlock, most: int) -> np.ndarray:
+    """Numbers of at most so many pulses, evenly spaced along the way of the platform.
+
+    Those of a platform that stands or hovers agree over the whole scene and tell nothing of it.
+    """
+    n = block.n_pulses
+    centres = block.phase_centre_m[::-(-n // _WAYPOINTS)]
+    way = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(centres, axis=0), axis=1))]
+    if way[-1] <= 0.0:
+        return np.arange(0, n, -(-n // most))
+    way = np.interp(np.arange(n), np.linspace(0, n - 1, len(way)), way / way[-1])
+    return np.unique(np.searchsorted(way, np.linspace(0, 1, min(n, most)))).clip(0, n - 1)
+
+
+def _directions(block: PulseBlock, towards_m) -> np.ndarray:
+    """(P,) directions along the map from which pulses see a place, on the axis they differ most.
+
+    The rows of a raster see a map from above and below alike, and agree over all of it.
+    """
+    sight = sum((c - towards_m) / np.maximum(np.linalg.norm(c - towards_m, axis=-1)[..., None],
+                                             1e-9) for c in (block.tx_m, block.rx_m))
+    level = sight[:, 0, :2] - sight[:, 0, :2].mean(axis=0)
+    return level @ np.linalg.eigh(level.T @ level)[1][:, -1]
+
+
 def _judge(total, power, covered) -> Coherence:
-    coverage = float(covered.mean())
+    coverage = float(covered.mean()) if len(covered) else 0.0
     known = (covered > 0.5) & (power > 0)
     if np.count_nonzero(known) < 16:
-        return Coherence(0.0, 0.0, 0.0, coverage)
+        return Coherence(0.0, 0.0, coverage)
     weight = power[known].astype(np.float64)
     intensity = np.square(np.abs(total[known]), dtype=np.float64)
     q = intensity / weight
@@ -281,8 +311,7 @@ def _judge(total, power, covered) -> Coherence:
     weight /= weight.sum()
     mean = float(weight @ q)
     spread = float(weight @ np.square(q - mean))
-    return Coherence(math.sqrt(spread) / max(mean, 1e-12), mean,
-                     float(intensity.std() / max(intensity.mean(), 1e-300)), coverage)
+    return Coherence(math.sqrt(spread) / max(mean, 1e-12), mean, coverage)
 
 
 def resolved(grid: MapGrid, block: PulseBlock) -> MapGrid:

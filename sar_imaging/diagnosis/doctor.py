@@ -12,11 +12,14 @@ from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
 from ..signal.uwb import subtract_background
 from .channel_phases import phase_findings
-from .diagnose import Diagnosis
+from .diagnose import Diagnosis, diagnose
 from .jumps import jump_findings
-from .lever_arm import LeverArm, find_lever_arm
+from .lever_arm import LeverArm, course, find_lever_arm
 from .reach import distances, reach_advice
 from .signals import (
+    CERTAIN,
+    LIKELY,
+    ONE_OF_SEVERAL,
     Finding,
     channel_findings,
     coupling_findings,
@@ -24,13 +27,13 @@ from .signals import (
     slope_findings,
     timing_findings,
 )
-from .thorough import diagnose_thoroughly
 
 _SEEN = 0.8  # of a scene, that profiles are to hold
 _SIDE = 32  # pixels along each side, and pulses, that tell it
 _CLOCK = 'clock offset'
 _ALIKE = 1.15  # times the gain: an arm and an offset of the clock are then both likely
 _CERTAIN = 10.0  # times the agreement: what is undone then is no lever arm
+_NOT_LOOKED_AT = 'without positions and a scene the image is not looked at'
 # Faults with which nothing can focus, nor profiles be trusted.
 _WITHOUT_IMAGE = {'I and Q alike', 'magnitudes only', 'order of I and Q', 'real samples'}
 
@@ -45,6 +48,8 @@ class Examination:
         Faults, those of the samples first; empty where none was found.
     diagnosis : Diagnosis or None
         How the image focuses; None without positions or grid, or where no pulse reaches it.
+    untold : tuple of str
+        What this recording cannot tell, so that something may be wrong that nothing shows.
 
     Examples
     --------
@@ -60,6 +65,7 @@ class Examination:
 
     findings: tuple[Finding, ...]
     diagnosis: Diagnosis | None = None
+    untold: tuple[str, ...] = ()
 
 
 def examine(block: PulseBlock, grid: MapGrid | None = None, *, window: str = 'none',
@@ -75,8 +81,8 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *, window: str = 'no
     window : str
         Of the range compression of raw pulses.
     attitude : scipy.spatial.transform.Rotation, optional
-        Of the platform at each pulse, from its own frame into that of the phase centres; without
-        it lever arms are not looked at.
+        Of the platform at each pulse, from its own frame into that of the phase centres. Without
+        it lever arms are looked for where the track turns, as if the platform followed it.
 
     Returns
     -------
@@ -103,7 +109,7 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *, window: str = 'no
     if not without_image:
         found += slope_findings(block) + coupling_findings(block)
     if grid is None or not block.has_positions:
-        return Examination(tuple(found))
+        return Examination(tuple(found), untold=(_NOT_LOOKED_AT,))
     seen, outside = _outside(block, grid)
     found += outside
     if without_image or not seen:
@@ -116,36 +122,45 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *, window: str = 'no
     arm = None if jumped else _lever_arm(clean, grid, window, attitude, diagnosis)
     found += off + jumped
     if arm is not None:
-        found += _arm_or_clock(arm, diagnosis)
+        frame = 'platform' if attitude is not None else 'track, x along it and z up'
+        alike = diagnosis.mistake == _CLOCK and arm.gain < _ALIKE * diagnosis.gain
+        found.append(arm.finding(alone=not alike, frame=frame))
+        # on gentle curves an arm along the track moves the antenna as a clock that is off does
+        found += [_mistake(diagnosis, ('lever arm',))] if alike else []
     elif diagnosis.mistake and not jumped:
         found.append(_mistake(diagnosis))
-    return Examination(tuple(found), diagnosis)
+    return Examination(tuple(found), diagnosis, _untold(diagnosis, bool(off or jumped or arm)))
 
 
-def _mistake(diagnosis: Diagnosis) -> Finding:
-    """What a diagnosis says, as a finding."""
-    return Finding(diagnosis.mistake, diagnosis.evidence or (
-        f'the focus figure {diagnosis.coherence:.2f} becomes {diagnosis.corrected:.2f} '
-        'without this mistake' if diagnosis.corrected > diagnosis.coherence else
-        f'the focus figure is {diagnosis.coherence:.2f}'), diagnosis.advice)
+def _mistake(diagnosis: Diagnosis, others: tuple[str, ...] = ()) -> Finding:
+    """What a diagnosis says, as a finding; `others` explain it as well."""
+    alike = (*diagnosis.alternatives, *others)
+    advice = diagnosis.advice + (
+        f'; or correct {" or ".join(alike)}, which explains it as well, not both' if alike else '')
+    sure = (ONE_OF_SEVERAL if alike else
+            CERTAIN if diagnosis.gain > _CERTAIN and diagnosis.corrected > diagnosis.coherence
+            else LIKELY)
+    return Finding(diagnosis.mistake, diagnosis.evidence, advice,
+                   f'the data as they are and {diagnosis.n_tried} mistakes that were tried', sure,
+                   diagnosis.sizes)
 
 
-def _arm_or_clock(arm: LeverArm, diagnosis: Diagnosis) -> list[Finding]:
-    """A lever arm, and the offset of the clock where that explains as much.
-
-    Where the heading follows a track of gentle curves at constant speed, an arm along the track
-    moves the antenna as a clock that is off does.
-    """
-    alike = diagnosis.mistake == _CLOCK and arm.gain < _ALIKE * diagnosis.gain
-    return [arm.finding(alone=not alike), *([_mistake(diagnosis)] if alike else [])]
+def _untold(diagnosis: Diagnosis, found: bool) -> tuple[str, ...]:
+    """What the image of a recording does not tell."""
+    if found or diagnosis.tells:
+        return ()
+    if diagnosis.doubtful:
+        return (f'the image is sharper with {" or ".join(diagnosis.doubtful)}, but in focus as it '
+                'is, too: compare it with a map or with a scatterer of known place',)
+    return (diagnosis.advice or 'nothing stands out from noise',)
 
 
 def _focused(block: PulseBlock, grid: MapGrid, window: str) -> tuple[list[Finding], Diagnosis]:
     """What is said of phases of channels, and of the image with equal ones."""
     off, equal = phase_findings(block, grid, window=window)
-    diagnosis = diagnose_thoroughly(equal, grid, window=window)
+    diagnosis = diagnose(equal, grid, window=window, thorough=True)
     if off:  # phases of channels may also follow from what is wrong with their places
-        as_they_are = diagnose_thoroughly(block, grid, window=window)
+        as_they_are = diagnose(block, grid, window=window, thorough=True)
         if as_they_are.mistake and as_they_are.corrected > diagnosis.corrected:
             return [], as_they_are
     return off, diagnosis
@@ -155,6 +170,8 @@ def _lever_arm(block: PulseBlock, grid: MapGrid, window: str, attitude: Rotation
                diagnosis: Diagnosis) -> LeverArm | None:
     """A lever arm with which pulses agree as well as without what else was found, or better."""
     clock = diagnosis.mistake == _CLOCK  # which an arm may look like
+    if attitude is None:
+        attitude = course(block)
     if attitude is None or diagnosis.gain > _CERTAIN and not clock:
         return None
     arm = find_lever_arm(block, attitude, grid, window=window)

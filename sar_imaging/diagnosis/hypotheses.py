@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -18,6 +19,7 @@ _LEAST_EXTENT = 1.0  # wavelengths, of an aperture
 _FELT_RAD = 1.0  # rms phase that an offset may leave
 _LARGEST_DRIFT = 0.26  # of the rate of a clock
 _FEWEST_RATES, _MOST_RATES = 12, 60  # on each side
+_MOST_ORDERED = 4  # transmitters, of which all orders are tried
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,6 +38,10 @@ class Hypothesis:
         True when it leaves positions and ranges of the pulses alone.
     isometry : bool
         True when it mirrors the track: the mirrored scene is as much in focus.
+    shortens : bool
+        True when pulses are left out.
+    sizes : tuple of float
+        What was searched for, of mistakes that have a size.
     """
 
     name: str
@@ -43,6 +49,8 @@ class Hypothesis:
     undo: Callable[[PulseBlock], list[PulseBlock]]
     of_samples: bool = False
     isometry: bool = False
+    shortens: bool = False
+    sizes: tuple[float, ...] = ()
 
 
 def _moved(change: Callable[[np.ndarray], np.ndarray]):
@@ -83,6 +91,27 @@ def _scaled(factor: float):
     return undo
 
 
+def _transmitters_ordered(block: PulseBlock) -> list[PulseBlock]:
+    """Blocks whose transmitters are in any other order, each with all of its receivers."""
+    _, which = np.unique(np.round(block.tx_m[0], 6), axis=0, return_inverse=True)
+    which = which.ravel()
+    n = int(which.max()) + 1
+    channels = [np.flatnonzero(which == t) for t in dict.fromkeys(which)]
+    if n < 2 or n == block.n_channels or len({len(c) for c in channels}) > 1:
+        return []  # one, or transmitters that are receivers too
+    orders = (itertools.permutations(range(n)) if n <= _MOST_ORDERED else
+              (tuple(reversed(range(n))), *((k, *range(k), *range(k + 1, n))
+                                            for k in range(1, n))))
+    out = []
+    for order in orders:
+        if order != tuple(range(n)):
+            samples = np.empty_like(block.samples)
+            samples[:, np.concatenate(channels)] = block.samples[
+                :, np.concatenate([channels[t] for t in order])]
+            out.append(dataclasses.replace(block, samples=samples))
+    return out
+
+
 GEOMETRY = (
     Hypothesis('positions in millimetres', 'the phase centres are probably in millimetres; '
                'divide tx_m and rx_m by 1000', _scaled(1e-3)),
@@ -117,6 +146,9 @@ SAMPLES = (
                of_samples=True),
     Hypothesis('sign of the slope', 'the sign of chirp_rate_hz_per_s (the slope of the ramp) is '
                'probably wrong; reverse it', reversed_slopes, of_samples=True),
+    Hypothesis('order of transmitters', 'the transmitters were probably recorded in another order '
+               'than the channels have phase centres; exchange the samples of their channels, or '
+               'their phase centres', _transmitters_ordered, of_samples=True),
 )
 HYPOTHESES = (*SAMPLES, *GEOMETRY, ORDER)
 
@@ -226,7 +258,7 @@ def clock_offset(offset_s: float) -> Hypothesis:
         'apart: a pulse stamped t was sent where the platform is said to be at t '
         f'{sign} {abs(offset_s):.2g} s; add {offset_s:+.2g} to pose.time_offset_s of the node, or '
         'to alignment.time_offset_s of `sar-imaging load`, or correct the stamps',
-        lambda b: [with_offset(b, offset_s)])
+        lambda b: [with_offset(b, offset_s)], shortens=True, sizes=(offset_s,))
 
 
 def clock_drift(rate: float) -> Hypothesis:
@@ -235,7 +267,7 @@ def clock_drift(rate: float) -> Hypothesis:
         'clock drift', 'the clocks of pulses and positions probably run at different rates: '
         f'positions fit where the times of the pulses are stretched {rate:.3g} times; check '
         'the pulse repetition frequency with which pulses were stamped, or the speed with '
-        'which positions were computed', lambda b: [with_offset(b, 0.0, rate)])
+        'which positions were computed', lambda b: [with_offset(b, 0.0, rate)], sizes=(rate,))
 
 
 def wrong_slope(factor: float, radar: RadarParameters) -> Hypothesis:
@@ -245,23 +277,27 @@ def wrong_slope(factor: float, radar: RadarParameters) -> Hypothesis:
         'wrong slope', f'the slope of the ramp is probably {right:.4g} Hz/s, {factor:.3g} times '
         'what is given; set slope_hz_per_s of the description of `sar-imaging load`, or '
         'chirp_rate_hz_per_s of the pulses', lambda b: [with_slope(b, factor)],
-        of_samples=True)
+        of_samples=True, sizes=(factor,))
 
 
-def with_offset(block: PulseBlock, offset_s: float, rate: float = 1.0) -> PulseBlock:
+def with_offset(block: PulseBlock, offset_s: float, rate: float = 1.0,
+                track: PulseBlock | None = None) -> PulseBlock:
     """Pulses at the positions that the track has at other times, those that have one.
 
     The times are `offset_s` later, and run `rate` times as fast from the middle on. The mean
-    displacement is taken out: it moves the image and focuses nothing.
+    displacement is taken out: it moves the image and focuses nothing. The track is that of the
+    block, or of a block of which it is a part.
     """
-    time_s = _times(block)
+    track = block if track is None else track
+    time_s = _times(track)
     middle_s = 0.5 * (time_s[0] + time_s[-1])
-    wanted_s = middle_s + rate * (time_s - middle_s) + offset_s
+    wanted_s = middle_s + offset_s + rate * (
+        1e-9 * (block.stamp_ns - track.stamp_ns[0]) - middle_s)
     inside = (wanted_s >= time_s[0]) & (wanted_s <= time_s[-1])
     some = block.select(inside)
     if not some.n_pulses:
         return some
-    centres = [_at(time_s, a, wanted_s[inside]) for a in (block.tx_m, block.rx_m)]
+    centres = [_at(time_s, a, wanted_s[inside]) for a in (track.tx_m, track.rx_m)]
     back = np.mean(some.tx_m - centres[0], axis=(0, 1))
     return dataclasses.replace(some, tx_m=centres[0] + back, rx_m=centres[1] + back)
 

@@ -14,7 +14,7 @@ import numpy as np
 from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
 from .hypotheses import Hypothesis, clock_drift, clock_offset
-from .signals import Finding
+from .signals import LIKELY, Finding
 
 _JUMP = 5.0  # median steps
 _MOST_JUMPS = 0.05  # of all steps
@@ -56,7 +56,8 @@ def jump_findings(block: PulseBlock) -> list[Finding]:
         return []
     return [Finding(mistake.name, (
         f'positions jump {len(jumps_s)} times, and the echoes jump as often, by {heard:.0f} '
-        'deviations of their changes from pulse to pulse, but at other times'), mistake.advice)]
+        'deviations of their changes from pulse to pulse, but at other times'), mistake.advice,
+        'clocks as they are, and all offsets and rates', LIKELY, mistake.sizes)]
 
 
 def jumps(step_m: np.ndarray) -> np.ndarray:

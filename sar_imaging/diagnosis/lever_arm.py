@@ -1,9 +1,10 @@
 """Name a lever arm that is missing or wrong: the antenna is beside the point that poses are of.
 
 A platform that turns moves the antenna around that point, by the rotation times the arm. A part of
-it displaces the image, and is not seen; what is curved along the track blurs it. Arms are
+it moves the track as a whole, and with it the image, in focus; what is left blurs it. Arms are
 therefore searched in the directions in which the turns of this platform blur the scene, and
-the arm is named with which the pulses agree.
+the arm is named with which the pulses agree. Turns of some degrees tell centimetres of arm, those
+of a radar on a rotating arm its whole length.
 """
 
 from __future__ import annotations
@@ -28,27 +29,28 @@ from .coherence import (
     CoherenceProbe,
     gain_of,
     resolved,
-    values_at,
 )
+from .diagnose import BETTER, FINE_BUDGET, LEAST, TILE, one_channel
 from .jumps import jumps
-from .signals import Finding
-from .thorough import one_channel
+from .signals import LIKELY, ONE_OF_SEVERAL, Finding
 
 _FEWEST_PULSES = 32
 _LONGEST_M = 1.0
 _FARTHEST_M = 1.25  # to which an arm may grow: one that gets there makes up for another fault
+_SHORTEST_M = 0.005  # less is an error of the track
 _FELT_RAD = 1.2  # rms phase from one arm to the next
 _BLURS_RAD = 3.0  # rms phase that the longest arm has to leave in a direction to be searched
 _ADDS_RAD = 0.5  # the same for a direction in which arms that were found are refined
-_MOST_ARMS, _MOST_LENGTHS = 30_000, 60  # lengths on each side
+_TOLD_RAD = 0.3  # rms phase that is still felt: it gives the error of a length
+_SHORTER = 0.3  # per square metre: of arms that do as well, the shorter one
+_MOST_ARMS = 1000
+_FIRST_LOOK = 100_000_000  # points times rows times arms
 _FEW_PULSES, _MOST_PULSES = 64, 256  # of a first look, and of the others
-_COARSE_BUDGET, _FINE_BUDGET = 200_000, 500_000  # points times rows
-_POINTS = 64  # at a time
 _PEAKS, _STARTS = 8, 3  # of a first look, and those that are refined
 _MOST_CLIMBED = 100  # steps
-_TILE = 4
-_BETTER = 1.25  # times the agreement: right ones agree best as they are
-_LEAST = 1.45  # contrast with which something focuses at all
+_COURSE_DEGREE = 6  # of the polynomial that smooths a track for its course
+_TURNS_RAD, _ONE_WAY = 0.5, 0.8  # by which a course has to turn, and share of all its turns
+_STANDS = 0.2  # of the median speed: a platform that stands has no course
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,6 +62,8 @@ class LeverArm:
     arm_m : (3,) float64
         In the frame of the platform, metres, besides the one that the phase centres have; only
         in the directions that its turns tell.
+    error_m : float
+        Error of its length, metres: what is not felt, and how odd and even pulses differ.
     n_directions : int
         How many these are.
     as_it_is, corrected : Coherence
@@ -67,6 +71,7 @@ class LeverArm:
     """
 
     arm_m: np.ndarray
+    error_m: float
     n_directions: int
     as_it_is: Coherence
     corrected: Coherence
@@ -79,25 +84,47 @@ class LeverArm:
     @property
     def found(self) -> bool:
         """Whether the pulses agree clearly better with it."""
-        return (self.gain > _BETTER and self.corrected.contrast > _LEAST
+        length = float(np.linalg.norm(self.arm_m))
+        return (self.gain > BETTER and self.corrected.contrast > LEAST
                 and self.corrected.agreement > 2 * NOISE
-                and np.linalg.norm(self.arm_m) < 0.95 * _FARTHEST_M)
+                and _SHORTEST_M < length < 0.95 * _FARTHEST_M)
 
-    def finding(self, *, alone: bool = True) -> Finding:
+    def finding(self, *, alone: bool = True, frame: str = 'platform') -> Finding:
         """What is said of it, `alone` unless another mistake explains the pulses as well."""
         told = ', '.join(f'{value:+.2f}' for value in self.arm_m)
-        plural = 's' if self.n_directions > 1 else ''
         first = '' if alone else (
             'this arm or an offset of the clock: either explains the blur on this track, so '
             'correct only one, and begin with the arm, which a ruler tells; ')
+        directions = ('its direction is told whole' if self.n_directions == 3 else
+                      'turns tell ' + ('one direction' if self.n_directions == 1 else
+                                       'two directions') + ' of it and not the rest')
         return Finding('lever arm', (
-            f'with the antenna {np.linalg.norm(self.arm_m):.2f} m beside where it is said to be, '
-            f'by ({told}) m in the frame of the platform, the focus figure '
-            f'{self.as_it_is.contrast:.2f} becomes {self.corrected.contrast:.2f}; the turns of '
-            f'the platform tell {self.n_directions} direction{plural} of the arm'), first +
+            f'with the antenna {np.linalg.norm(self.arm_m):.2f} +- {self.error_m:.2f} m beside '
+            f'where it is said to be, by ({told}) m in the frame of the {frame}, the focus figure '
+            f'{self.as_it_is.contrast:.2f} becomes {self.corrected.contrast:.2f} and pulses agree '
+            f'{self.gain:.3g} times as well; {directions}'), first +
             'measure where the phase centre of the antenna is from the point that the poses are '
             'of, and give it as antenna.tx and antenna.rx of the node, or as '
-            'alignment.lever_arm_m of `sar-imaging load`')
+            'alignment.lever_arm_m of `sar-imaging load`',
+            'the arm as it is told, and all mistakes of positions and clocks',
+            LIKELY if alone else ONE_OF_SEVERAL, tuple(map(float, self.arm_m)))
+
+
+def course(block: PulseBlock) -> Rotation | None:
+    """Attitude of a platform that looks along its track, where this turns; x along it, z up."""
+    if block.n_pulses < _FEWEST_PULSES:
+        return None
+    u = np.linspace(-1.0, 1.0, block.n_pulses)
+    fits = [np.polynomial.Polynomial.fit(u, axis, _COURSE_DEGREE)
+            for axis in block.phase_centre_m[:, :2].T]
+    velocity = np.stack([fit.deriv()(u) for fit in fits], axis=1)
+    speed = np.linalg.norm(velocity, axis=1)
+    heading = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
+    turned = abs(heading[-1] - heading[0])
+    if speed.min() <= _STANDS * np.median(speed) or turned < max(
+            _TURNS_RAD, _ONE_WAY * np.ptp(heading)):
+        return None
+    return Rotation.from_rotvec(heading[:, None] * [0.0, 0.0, 1.0])
 
 
 def find_lever_arm(block: PulseBlock, attitude: Rotation, grid: MapGrid, *,
@@ -124,63 +151,90 @@ def find_lever_arm(block: PulseBlock, attitude: Rotation, grid: MapGrid, *,
     step_m = np.linalg.norm(np.diff(block.phase_centre_m, axis=0), axis=1)
     if block.n_pulses < _FEWEST_PULSES or len(jumps(step_m)) > 1:
         return None
-    directions, blur_rad = _directions(block, attitude, grid)
+    step = -(-block.n_pulses // _MOST_PULSES)
+    block, attitude = one_channel(block).select(slice(None, None, step)), attitude[::step]
+    moves = _moves(block, attitude)
+    directions, blur_rad = _directions(block, moves, grid)
     if not len(directions):
         return None
+    moves = moves @ directions.T
     window = 'none' if block.compressed else window
-    step = -(-block.n_pulses // _MOST_PULSES)
-    attitude = attitude[::step]
-    block = one_channel(block).select(slice(None, None, step))
     profiles = RangeCompressor.for_block(block, window=window, oversampling=OVERSAMPLING)(block)
-    grid = resolved(grid, block)
-    moves = _moves(block, attitude, grid) @ directions.T
+    # an arm may be all that makes an aperture
+    grid = resolved(grid, _moved(block, 0.3 * _LONGEST_M * moves[:, :, 0]))
     # the same pixels for all arms: these are not to displace the scene
-    fine, whole = (CoherenceProbe(grid, n, _TILE).fixed(profiles) for n in (_FINE_BUDGET, BUDGET))
+    fine, whole = (CoherenceProbe(grid, n, TILE).fixed(profiles) for n in (FINE_BUDGET, BUDGET))
 
-    def judged(probe: CoherenceProbe, arm) -> Coherence:
-        moved = (moves @ np.asarray(arm))[:, None]
-        return probe(dataclasses.replace(profiles, tx_m=profiles.tx_m + moved,
-                                         rx_m=profiles.rx_m + moved))
-
-    def spread(arm) -> float:
-        return judged(fine, arm).spread
+    def spread(arm, pulses=slice(None)) -> float:
+        return fine(_moved(profiles.select(pulses), moves[pulses] @ arm)).spread
 
     none = np.zeros(len(directions))
     few = slice(None, None, -(-block.n_pulses // _FEW_PULSES))
     starts = [none, *_likely(profiles.select(few), moves[few], grid, blur_rad)]
     starts = sorted(starts, key=spread)[-_STARTS:]
-    arms = [_climbed(spread, start, blur_rad) for start in starts]
-    best = max(arms, key=spread)
-    return LeverArm(best @ directions, int(np.sum(blur_rad * _LONGEST_M > _BLURS_RAD)),
-                    judged(whole, none), judged(whole, best))
+    best = max((_climbed(spread, start, blur_rad) for start in starts), key=spread)
+    odd, even = (_climbed(lambda arm, k=k: spread(arm, slice(k, None, 2)), best, blur_rad)
+                 for k in (0, 1))
+    error_m = np.hypot(_TOLD_RAD / blur_rad, (odd - even) / 2)
+    along = np.abs(best) / max(float(np.linalg.norm(best)), 1e-9)
+    return LeverArm(best @ directions, float(along @ error_m),
+                    int(np.sum(blur_rad * _LONGEST_M > _BLURS_RAD)),
+                    whole(profiles), whole(_moved(profiles, moves @ best)))
 
 
-def _directions(block: PulseBlock, attitude: Rotation, grid: MapGrid
+def _moved(block: PulseBlock, by_m: np.ndarray) -> PulseBlock:
+    """A block whose phase centres are moved (P, 3) metres."""
+    return dataclasses.replace(block, tx_m=block.tx_m + by_m[:, None],
+                               rx_m=block.rx_m + by_m[:, None])
+
+
+def _moves(block: PulseBlock, attitude: Rotation) -> np.ndarray:
+    """(P, 3, 3) change of the phase centres by each component of an arm, metres per metre.
+
+    Without what shifts and turns the track as a whole, which moves the image and focuses nothing.
+    """
+    turns = attitude.as_matrix()
+    rigid = _rigid(block).reshape(-1, 6)
+    flat = turns.reshape(-1, 3)
+    return (flat - rigid @ (np.linalg.pinv(rigid) @ flat)).reshape(turns.shape)
+
+
+def _rigid(block: PulseBlock) -> np.ndarray:
+    """(P, 3, 6) change of the phase centres by a shift and by a turn about their middle."""
+    arm = block.phase_centre_m - block.phase_centre_m.mean(axis=0)
+    arm = arm / max(float(np.abs(arm).max()), 1e-9)
+    # turns about the track itself are none: wiggles of a straight one would make them large
+    along = np.linalg.svd(arm, full_matrices=False)[2][0]
+    (x, y, _), (a, b, c) = arm.T, np.outer(along, arm @ along)
+    o = 0 * x
+    turned = np.stack([np.stack([o, c, -y], -1), np.stack([-c, o, x], -1),
+                       np.stack([b, -a, o], -1)], axis=1)
+    return np.concatenate([np.broadcast_to(np.eye(3), turned.shape), turned], axis=2)
+
+
+def _directions(block: PulseBlock, moves: np.ndarray, grid: MapGrid
                 ) -> tuple[np.ndarray, np.ndarray]:
-    """(D, 3) directions of an arm that blurs the scene, and (D,) radians rms of each metre."""
+    """(D, 3) directions of an arm that blurs the scene, and (D,) radians rms of each metre.
+
+    What turns and shifts of the track explain of the change of the half paths is no blur.
+    """
     places = grid.points()[::grid.n_y // 2 or 1, ::grid.n_x // 2 or 1].reshape(-1, 3)
     sight = places[:, None] - block.phase_centre_m
     sight /= np.linalg.norm(sight, axis=-1, keepdims=True)
-    # change of the half path to each place (K, P, 3) by a metre of each component of the arm
-    turns = attitude.as_matrix()  # of which the mean displaces the scene
-    change = np.einsum('kpi,pij->kpj', sight, turns - turns.mean(axis=0))
-    line = np.polynomial.legendre.legvander(np.linspace(-1, 1, block.n_pulses), 1)
-    change = change - line @ (np.linalg.pinv(line) @ change)
-    _, values, directions = np.linalg.svd(change.reshape(-1, 3), full_matrices=False)
-    blur_rad = (block.radar.wavenumber_rad_per_m * values
-                / math.sqrt(len(places) * block.n_pulses))
-    if blur_rad[0] * _LONGEST_M < _BLURS_RAD:
-        return directions[:0], blur_rad[:0]
+    change, rigid = (np.einsum('kpi,pij->kpj', sight, a).reshape(-1, a.shape[2])
+                     for a in (moves, _rigid(block)))
+    change = change - rigid @ (np.linalg.pinv(rigid) @ change)
+    _, values, directions = np.linalg.svd(change, full_matrices=False)
+    blur_rad = block.radar.wavenumber_rad_per_m * values / math.sqrt(len(change))
     adds = blur_rad * _LONGEST_M > _ADDS_RAD
+    if blur_rad[0] * _LONGEST_M < _BLURS_RAD:
+        adds[:] = False
     return directions[adds], blur_rad[adds]
 
 
 def _likely(profiles: PulseBlock, moves: np.ndarray, grid: MapGrid, blur_rad: np.ndarray
             ) -> np.ndarray:
     """(K, D) arms with which few pulses agree best, of all that are worth trying.
-
-    Arms are short beside cells of range, so that they turn the phases of echoes and leave their
-    places. The sums for all arms of a grid are then products of matrices.
 
     Parameters
     ----------
@@ -198,42 +252,23 @@ def _likely(profiles: PulseBlock, moves: np.ndarray, grid: MapGrid, blur_rad: np
     (K, D) float64
         Metres in each direction, likeliest first.
     """
-    points = CoherenceProbe(grid, _COARSE_BUDGET, _TILE).fixed(profiles).points
     lengths_m = _lengths(blur_rad)
-    squares, means = np.zeros((2, *map(len, lengths_m)))
-    total = 0.0
-    for some in np.array_split(points, -(-len(points) // _POINTS)):
-        values = values_at(profiles, some).astype(np.complex64)
-        sight = some[:, None] - profiles.phase_centre_m
-        sight /= np.linalg.norm(sight, axis=-1, keepdims=True)
-        change_rad = profiles.radar.wavenumber_rad_per_m * np.einsum('kpi,pid->dkp', sight, moves)
-        first, second, third = (
-            np.exp(-1j * change[..., None] * lengths).astype(np.complex64)
-            for change, lengths in itertools.zip_longest(
-                change_rad, lengths_m, fillvalue=np.zeros_like(change_rad[0])))
-        first *= values[..., None]
-        power = np.sum(np.square(np.abs(values)), axis=1)
-        total += float(power @ power)
-        for k in range(len(lengths_m[2])):
-            sums = (first * third[..., k:k + 1]).swapaxes(1, 2) @ second
-            intensity = np.square(np.abs(sums))
-            squares[..., k] += np.sum(np.square(intensity), axis=0)
-            means[..., k] += np.tensordot(power, intensity, 1)
-    figures = squares / total - np.square(means / total)  # as `Coherence.spread`
+    shape = tuple(map(len, lengths_m))
+    probe = CoherenceProbe(grid, _FIRST_LOOK // math.prod(shape), TILE).fixed(profiles)
+    figures = np.reshape([probe(_moved(profiles, moves @ np.array(arm))).spread
+                          for arm in itertools.product(*lengths_m)], shape)
     peaks = np.argwhere(figures == ndimage.maximum_filter(figures, 3))
     peaks = sorted(peaks, key=lambda at: -figures[tuple(at)])[:_PEAKS]
     return np.array([[lengths[k] for lengths, k in zip(lengths_m, at, strict=True)]
-                     for at in peaks])[:, :len(blur_rad)]
+                     for at in peaks])
 
 
 def _lengths(blur_rad: np.ndarray) -> list[np.ndarray]:
-    """Three lengths (N,) of arm worth trying, metres, 0 alone in directions that tell little."""
-    n = np.zeros(3, int)
-    n[:len(blur_rad)] = np.minimum(_MOST_LENGTHS, blur_rad * _LONGEST_M / _FELT_RAD)
-    while np.prod(2 * n + 1) > _MOST_ARMS:
+    """Lengths (N,) of arm worth trying in each direction, metres; 0 where it tells little."""
+    n = (blur_rad * _LONGEST_M / _FELT_RAD).astype(int)
+    while np.prod(2 * n + 1) > _MOST_ARMS and n[1:].any():
         n[np.flatnonzero(n)[-1]] -= 1  # what blurs least
-    steps_m = np.r_[_FELT_RAD / blur_rad, [1.0] * (3 - len(blur_rad))]
-    return [step * np.arange(-k, k + 1) for step, k in zip(steps_m, n, strict=True)]
+    return [_FELT_RAD / blur * np.arange(-k, k + 1) for blur, k in zip(blur_rad, n, strict=True)]
 
 
 def _climbed(spread: Callable[[np.ndarray], float], start: np.ndarray, blur_rad: np.ndarray
@@ -241,7 +276,8 @@ def _climbed(spread: Callable[[np.ndarray], float], start: np.ndarray, blur_rad:
     """(D,) arm near a start (D,) with which most stands out, metres."""
     def lack(phase_rad: np.ndarray) -> float:
         arm = phase_rad / blur_rad
-        return -spread(arm) if np.linalg.norm(arm) < _FARTHEST_M else 0.0
+        length = np.linalg.norm(arm)
+        return -spread(arm) * math.exp(-_SHORTER * length**2) if length < _FARTHEST_M else 0.0
 
     first = start * blur_rad
     around = np.diag(np.minimum(_FELT_RAD / 2, 0.3 * _LONGEST_M * blur_rad))
@@ -249,18 +285,3 @@ def _climbed(spread: Callable[[np.ndarray], float], start: np.ndarray, blur_rad:
         'initial_simplex': np.vstack([first, first + around]), 'maxfev': _MOST_CLIMBED,
         'xatol': 0.05, 'fatol': 0.05})
     return found.x / blur_rad
-
-
-def _moves(block: PulseBlock, attitude: Rotation, grid: MapGrid) -> np.ndarray:
-    """(P, 3, 3) change of the phase centres by each component of an arm, metres per metre.
-
-    Without what moves all pulses alike, and what grows evenly along the line of sight: both
-    displace the image and focus nothing.
-    """
-    turns = attitude.as_matrix()
-    moves = turns - turns.mean(axis=0)
-    sight = np.asarray(grid.centre_m) - block.phase_centre_m.mean(axis=0)
-    sight /= np.linalg.norm(sight)
-    along = sight @ moves
-    line = np.polynomial.legendre.legvander(np.linspace(-1, 1, block.n_pulses), 1)
-    return moves - sight[:, None] * (line @ (np.linalg.pinv(line) @ along))[:, None, :]

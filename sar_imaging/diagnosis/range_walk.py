@@ -14,7 +14,7 @@ import dataclasses
 import math
 
 import numpy as np
-from scipy import fft
+from scipy import fft, stats
 from scipy.spatial import cKDTree
 
 from ..geometry.grids import MapGrid
@@ -49,10 +49,12 @@ class WalkScale:
     deviation: float
     n_scatterers: int
 
-    def off(self, least: float, n_deviations: float, n_least: int) -> bool:
-        """Whether enough scatterers tell that the scale is not 1."""
-        return (self.n_scatterers >= n_least
-                and abs(self.scale - 1) > max(least, n_deviations * self.deviation))
+    def off(self, least: float, confidence: float, n_least: int) -> bool:
+        """Whether enough scatterers tell that the scale is not 1, by Student's distribution."""
+        if self.n_scatterers < max(n_least, 2):
+            return False
+        limit = stats.t.ppf((1 + confidence) / 2, self.n_scatterers - 1)
+        return abs(self.scale - 1) > max(least, limit * self.deviation)
 
 
 def walk_scale(profiles: PulseBlock, grid: MapGrid) -> WalkScale:

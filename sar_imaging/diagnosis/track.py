@@ -44,13 +44,18 @@ def track_doubts(block: PulseBlock) -> tuple[str, ...]:
                                _left_out(block))))
 
 
+def at_rest(block: PulseBlock) -> bool:
+    """Whether all pulses and channels have the same phase centre; an array needs no motion."""
+    return not (np.ptp(block.phase_centre_m, axis=0).any()
+                or np.ptp(block.tx_m[0] + block.rx_m[0], axis=0).any())
+
+
 def _at_rest(block: PulseBlock) -> str:
-    if np.ptp(block.phase_centre_m, axis=0).any():
+    if not at_rest(block):
         return ''
-    if np.ptp(block.tx_m[0] + block.rx_m[0], axis=0).any():
-        return ''  # an array, which needs no motion
     return (f'the phase centres of all {block.n_pulses} pulses are the same: there is no '
-            'synthetic aperture; interpolate the poses at the times of the pulses')
+            'synthetic aperture; interpolate the poses at the times of the pulses, or give the '
+            'lever arm of an antenna that turns around the point that the poses are of')
 
 
 def _times(block: PulseBlock) -> str:

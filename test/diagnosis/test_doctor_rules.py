@@ -11,15 +11,14 @@ from scipy.spatial.transform import Rotation
 from benchmarks.support.doctor_cases import right_case
 from benchmarks.support.doctor_faults import FAULTS
 from benchmarks.support.mistake_recordings import DATA, arcsar, mimo
-from sar_imaging.diagnosis.array_phases import array_phases
-from sar_imaging.diagnosis.channel_phases import channel_phases, phase_findings
-from sar_imaging.diagnosis.coherence import OVERSAMPLING
+from sar_imaging.diagnosis.channel_phases import array_phases, channel_phases, phase_findings
+from sar_imaging.diagnosis.coherence import OVERSAMPLING, CoherenceProbe
+from sar_imaging.diagnosis.diagnose import diagnose
 from sar_imaging.diagnosis.doctor import examine
-from sar_imaging.diagnosis.hypotheses import GEOMETRY, clock_offsets, with_slope
+from sar_imaging.diagnosis.hypotheses import GEOMETRY, HYPOTHESES, clock_offsets, with_slope
 from sar_imaging.diagnosis.jumps import jump_findings
 from sar_imaging.diagnosis.lever_arm import find_lever_arm
 from sar_imaging.diagnosis.range_walk import walk_scale
-from sar_imaging.diagnosis.thorough import diagnose_thoroughly
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.pulses import PulseBlock
@@ -83,7 +82,7 @@ def test_slope_that_leaves_the_focus_is_named():
 def test_inverted_spectrum_is_named_where_the_image_hardly_tells(seed):
     case = right_case(seed)
     wrong = FAULTS['spectrum inverted'][0](case, np.random.default_rng(seed))
-    found = diagnose_thoroughly(wrong.block, wrong.grid)
+    found = diagnose(wrong.block, wrong.grid, thorough=True)
     assert found.mistake == 'sign of the slope'
 
 
@@ -267,3 +266,58 @@ def test_nothing_is_wrong_with_the_slider():
     """Its groups agree less than those of noise: positions that darken it were named once."""
     slider = mimo()
     assert examine(slider.block, slider.grid, window=slider.window).findings == ()
+
+
+@pytest.mark.parametrize('told_m', [0.2, 0.08])
+def test_arm_of_a_radar_that_rotates_is_told_whole(told_m):
+    """The poses are of a place between the pivot and the antenna, which is at 0.2 m."""
+    angle = np.linspace(np.radians(50), np.radians(130), 160)
+    attitude = Rotation.from_rotvec(angle[:, None] * [0.0, 0.0, 1.0])
+    told = (told_m / 0.2) * arc()
+    block = dataclasses.replace(recorded(arc()), tx_m=told, rx_m=told)
+    found = find_lever_arm(block, attitude, GRID)
+    assert found.found == (told_m < 0.2)
+    if found.found:  # a milliradian of phase is felt: 0.3 rad are 0.5 mm of a radius
+        assert found.arm_m[0] == pytest.approx(0.2 - told_m, abs=0.01)
+
+
+def test_transmitters_in_another_order_are_put_right():
+    undo = {h.name: h.undo for h in HYPOTHESES}['order of transmitters']
+    track = np.c_[np.linspace(-0.1, 0.1, 20), np.zeros((20, 2))][:, None]
+    up = np.array([0.0, 0.0, 1.0])
+    tx = track + np.repeat([0.0, 0.01, 0.03], 2)[:, None] * up
+    right = recorded(tx, track + np.tile([0.0, 0.002], 3)[:, None] * up)
+    wrong = dataclasses.replace(right, samples=right.samples[:, [4, 5, 2, 3, 0, 1]])
+    tried = undo(wrong)
+    assert len(tried) == 5
+    assert sum(np.array_equal(b.samples, right.samples) for b in tried) == 1
+    assert undo(recorded(track)) == []
+
+
+def test_pulses_of_a_platform_that_stands_do_not_count():
+    x = np.r_[np.zeros(80), np.linspace(0.0, 0.2, 81), np.full(80, 0.2)]
+    block = recorded(np.c_[x, 0 * x, 0 * x][:, None])
+    moving = block.select(slice(80, 161))
+    figures = []
+    for some in (block, moving):
+        profiles = RangeCompressor.for_block(some, oversampling=OVERSAMPLING)(some)
+        figures.append(CoherenceProbe(GRID)(profiles).contrast)
+    # the same 80 places but for one at each end: a tenth for the pulses chosen there
+    assert figures[0] == pytest.approx(figures[1], rel=0.1)
+
+
+def test_phases_of_channels_show_in_clutter():
+    """Two channels along the track see the same clutter, in which nothing stands out."""
+    rng = np.random.default_rng(5)
+    track = np.c_[np.linspace(-0.1, 0.1, 100), np.zeros((100, 2))]
+    centres = track[:, None] + np.array([[-0.001, 0, 0], [0.001, 0, 0]])
+    points = np.c_[rng.uniform(-1, 1, 400), rng.uniform(1.2, 2.8, 400), np.zeros(400)]
+    echoes = rng.standard_normal(400) + 1j * rng.standard_normal(400)
+    samples = EchoSimulator(RADAR, 128, compressed=False, points_m=points,
+                            amplitudes=echoes)(centres, centres)
+    samples[:, 1] *= np.exp(1j * np.pi / 3)
+    block = PulseBlock(RADAR, False, 10**9 + 10**8 * np.arange(100), np.arange(100), samples,
+                       centres, centres)
+    [finding], _ = phase_findings(block, GRID)
+    assert finding.fault == 'phases of channels'
+    assert '60 degrees' in finding.evidence or '59' in finding.evidence

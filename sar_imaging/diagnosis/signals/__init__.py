@@ -9,10 +9,10 @@
 
 from .channels import channel_findings
 from .coupling import coupling_findings
-from .finding import Finding
+from .finding import CERTAIN, LIKELY, ONE_OF_SEVERAL, Finding
 from .samples import sample_findings
 from .slope import slope_findings
 from .timing import timing_findings
 
-__all__ = ['Finding', 'channel_findings', 'coupling_findings', 'sample_findings',
-           'slope_findings', 'timing_findings']
+__all__ = ['CERTAIN', 'LIKELY', 'ONE_OF_SEVERAL', 'Finding', 'channel_findings',
+           'coupling_findings', 'sample_findings', 'slope_findings', 'timing_findings']

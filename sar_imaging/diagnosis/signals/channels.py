@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...signal.pulses import PulseBlock
-from .finding import Finding
+from .finding import LIKELY, Finding
 
 _DEAD_DB = -25.0
 _UNEQUAL_DB = 2.0
@@ -49,7 +49,8 @@ def channel_findings(block: PulseBlock) -> list[Finding]:
     if dead.any():
         found.append(Finding('dead channel', (
             f'channel {_listed(dead)} is {-level_db[dead].max():.0f} dB or more below the others'),
-            'check its antenna and receiver, or leave it out'))
+            'check its antenna and receiver, or leave it out',
+            'channels that see less of the scene'))
     unequal = ~dead & (np.abs(level_db) > _UNEQUAL_DB)
     if unequal.any():
         worst = float(level_db[unequal][np.abs(level_db[unequal]).argmax()])
@@ -57,12 +58,14 @@ def channel_findings(block: PulseBlock) -> list[Finding]:
             f'channel {_listed(unequal)} differs from the median of the channels by '
             f'{worst:+.1f} dB and less'),
             'measure the errors of the channels with `sar-imaging calibrate`, and give them to '
-            'range_compression as calibration_file'))
+            'range_compression as calibration_file',
+            'antennas that see different parts of the scene', LIKELY))
     equal = _equal_pairs(samples, ~dead)
     if equal:
         found.append(Finding('channel twice', (
             'channels ' + ', '.join(f'{a} and {b}' for a, b in equal) + ' hold the same samples'),
-            'check the order of axes with which the samples were loaded'))
+            'check the order of axes with which the samples were loaded',
+            'channels side by side, whose noise differs'))
     return found
 
 

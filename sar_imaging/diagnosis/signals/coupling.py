@@ -70,4 +70,5 @@ def coupling_findings(block: PulseBlock) -> list[Finding]:
         f'platform moves is {10 * math.log10(ratio[at] / max(strongest, 1e-30)):.0f} dB above '
         'the strongest echo that changes'),
         'shield the antennas from each other; meanwhile subtract what stays: parameter '
-        'background_s of range_compression')]
+        'background_s of range_compression',
+        'echoes of the scene, which change while the platform moves')]

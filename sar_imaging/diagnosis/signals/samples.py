@@ -13,7 +13,7 @@ from ...signal.pulses import PulseBlock
 from ...signal.radar import Waveform
 from ...signal.range_compression import RangeCompressor
 from ...signal.uwb import subtract_background
-from .finding import Finding
+from .finding import LIKELY, Finding
 
 _REAL = (Waveform.FMCW_REAL, Waveform.PASSBAND)
 # Clipping piles samples up at the largest value. Of a sinusoid 2.9 % lie within 0.1 % of its
@@ -26,10 +26,13 @@ _ALIKE = 0.98  # correlation of I and Q from which they are one signal
 _NEAR_ZERO, _EVEN = 0.15, 0.3  # of the median: what magnitudes fall below; of offsets
 _IMAGE = 0.03  # amplitude of the mirrored spectrum from which it shows in images, -30 dB
 _SIGNIFICANT = 6.0  # standard deviations
+_PARTS, _FEWEST_BANDS = 16, 2.0  # of pulses and of the band; of those that hold power
+_SHORTEST = 8.0  # cycles of the bandwidth in a pulse that is no mere impulse
 _MOST_PULSES = 256
 _CUT = 1 / 32  # of a pulse that is zero at its end
 _FEWEST_MOVING = 32  # pulses that tell what stays
-_BURST = 10.0  # power of a pulse over the median
+_BURST = 10.0  # power of a pulse over the median, and of its floor
+_LOW_SIDELOBES, _WEAKEST = 'hann', 25.0  # window, and per cent of the range bins, of a floor
 _UNDONE = 3.0  # times by which the right order lowers the mirrored spectrum
 _NOTICED, _GONE = 4.0, 2.5  # standard deviations of an image that is there, and of none
 _MORE_FOCUSED = 1.6  # concentration of the profiles in another order of samples
@@ -111,7 +114,8 @@ def _clipping(block: PulseBlock) -> Finding | None:
         f'{share:.2%} of the {name} samples of channel {channel} lie at the largest value, '
         f'{level:g}' + (f'; {n} of {block.n_channels} channels clip' if n > 1 else '')),
         'lower the gain of the receiver, or attenuate the coupling between its antennas: clipped '
-        'echoes of strong reflectors raise the floor of the whole profile')
+        'echoes of strong reflectors raise the floor of the whole profile',
+        'echoes that are strong, of which fewer samples reach the top than come near it')
 
 
 def _magnitudes(block: PulseBlock) -> Finding | None:
@@ -130,7 +134,8 @@ def _magnitudes(block: PulseBlock) -> Finding | None:
         f'no sample is negative, one in a thousand is below {low / median:.2g} and one above '
         f'{high / median:.2g} times the median'),
         'let the driver publish samples, not their magnitudes (publish_magnitude: false of '
-        'bgt60tr13c_ros2): without phase nothing can be focused')
+        'bgt60tr13c_ros2): without phase nothing can be focused',
+        'samples around the offset of a converter, which reach as far below it as above', LIKELY)
 
 
 def _components(block: PulseBlock) -> Finding | None:
@@ -148,11 +153,12 @@ def _components(block: PulseBlock) -> Finding | None:
             f'{"Q" if q < i else "I"} is {min(i, q) / max(i, q):.1g} times the other component: '
             'these are real samples'),
             'give the waveform FMCW_REAL (dechirped) or PASSBAND (pulses), or load both '
-            'components')
+            'components', 'complex samples, whose components are of like power')
     correlation = float(np.mean(samples.real * samples.imag, dtype=float)) / (i * q)
     if abs(correlation) > _ALIKE:
         return Finding('I and Q alike', f'the correlation of I and Q is {correlation:.3f}',
-                       'load the second component from its own variable or words')
+                       'load the second component from its own variable or words',
+                       'components of complex samples, which are not correlated')
     return None
 
 
@@ -168,21 +174,39 @@ def _cut_short(block: PulseBlock) -> Finding | None:
     return Finding('incomplete pulses', (
         f'{n} of {block.n_pulses} pulses are empty or end in zeros'),
         'drop them or send them again: packets were lost between radar and computer; enlarge its '
-        'network buffers')
+        'network buffers', 'echoes that fade, whose samples are not all exactly zero')
 
 
 def _bursts(block: PulseBlock) -> Finding | None:
+    """Single pulses of more power, also where there is no echo.
+
+    A reflector that flashes in one pulse, as the edge of a raster's target does, adds power to few
+    range bins; another transmitter raises the floor between the echoes as well.
+    """
     power = np.mean(np.square(np.abs(block.samples), dtype=float), axis=(1, 2))
     median = float(np.median(power))
     odd = power > _BURST * median if median > 0 else np.zeros(len(power), bool)
     # a reflector that the beam sweeps over is in many pulses in a row
-    alone = odd & ~(np.roll(odd, 2) | np.roll(odd, -2))
-    if not alone.any():
+    alone = np.flatnonzero(odd & ~(np.roll(odd, 2) | np.roll(odd, -2)))
+    if not len(alone):
+        return None
+    rise = _floor(block.select(alone)) / max(float(np.median(_floor(_some(block)))), 1e-300)
+    alone, rise = alone[rise > _BURST], rise[rise > _BURST]
+    if not len(alone):
         return None
     return Finding('interference', (
-        f'{np.count_nonzero(alone)} of {block.n_pulses} pulses have '
-        f'{10 * math.log10(power[alone].max() / median):.0f} dB more power than the others'),
-        'leave these pulses out, and look for another radar or transmitter in the band')
+        f'{len(alone)} of {block.n_pulses} pulses have '
+        f'{10 * math.log10(power[alone].max() / median):.0f} dB more power than the others, and '
+        f'{10 * math.log10(rise.min()):.0f} dB more between the echoes'),
+        'leave these pulses out, and look for another radar or transmitter in the band',
+        'reflectors that flash, which leave the floor between the echoes as it is', LIKELY)
+
+
+def _floor(block: PulseBlock) -> np.ndarray:
+    """(P,) power of range profiles where the echoes are weakest."""
+    profiles = RangeCompressor.for_block(block, window=_LOW_SIDELOBES)(block).samples
+    power = np.square(np.abs(profiles), dtype=float).mean(axis=1)
+    return np.percentile(power[:, (power > 0).any(axis=0)], _WEAKEST, axis=1)
 
 
 def _concentration(block: PulseBlock) -> float:
@@ -222,7 +246,8 @@ def _order(block: PulseBlock) -> Finding | None:
         f'times as concentrated' + (
             f', and the mirrored spectrum of {20 * math.log10(image):.0f} dB goes'
             if image else '')),
-        'read the words as I0 I1 Q0 Q1 where I0 Q0 I1 Q1 was read, or the other way round')
+        'read the words as I0 I1 Q0 Q1 where I0 Q0 I1 Q1 was read, or the other way round',
+        'samples as they are, and I and Q exchanged', LIKELY)
 
 
 def _undone_image(given: np.ndarray, exchanged: np.ndarray) -> float:
@@ -253,26 +278,47 @@ def _amplitudes(samples: np.ndarray) -> list[tuple[float, float]]:
     return [(abs(amplitude), deviation) for amplitude, deviation in found]
 
 
-def image_amplitude(samples: np.ndarray, odd: bool = False) -> tuple[complex, float]:
+def image_amplitude(samples: np.ndarray, odd: bool = False, *, by_parts: bool = False
+                    ) -> tuple[complex, float]:
     """Amplitude of the mirrored spectrum in samples (P, N), and its standard deviation.
 
     Unequal gains ``1 + e`` and phases ``p`` of I and Q add ``(e + j p) / 2`` times the conjugated
     signal, whose spectrum is mirrored at zero frequency. It is estimated by least squares from
     bins of opposite frequency. Where `odd`, it is the rms amplitude of an image that is in
     proportion to the cosine of the frequency in radians per sample.
+
+    An image of the receiver is the same in all pulses and at all frequencies; echoes at opposite
+    frequencies happen to have phases alike in some. `by_parts` the deviation is therefore that of
+    parts of the pulses, or of the band where more than one part of it holds power, whichever is
+    larger; else that of independent bins.
     """
     signal, image, frequency = _mirrored_pairs(samples)
     whole = _power(signal)
     if odd:
         signal = signal * np.cos(frequency)
-    power = _power(signal)
-    if power == 0:
+    power = np.square(np.abs(signal), dtype=float)
+    total = float(power.sum())
+    if total == 0:
         return 0j, math.inf
-    amplitude = complex(np.sum(image * signal.conj(), dtype=complex)) / power
-    rest = np.sum(np.square(np.abs(image - amplitude * signal)) * np.square(np.abs(signal)),
-                  dtype=float)
-    share = math.sqrt(power / whole)
-    return amplitude * share, math.sqrt(rest) / power * share
+    products = image * signal.conj()
+    amplitude = complex(np.sum(products, dtype=complex)) / total
+    rest = products - amplitude * power
+    deviation = (max(_deviation(rest, power, axis) for axis in (0, 1)) if by_parts else
+                 math.sqrt(_power(rest)) / total)
+    share = math.sqrt(total / whole)
+    return amplitude * share, deviation * share
+
+
+def _deviation(rest: np.ndarray, power: np.ndarray, axis: int) -> float:
+    """Deviation of a mean, weighted by power (P, K), of which rest (P, K) is left, by parts."""
+    starts = np.unique(np.linspace(0, rest.shape[axis], _PARTS, endpoint=False).astype(int))
+    parts = np.add.reduceat(rest, starts, axis=axis).sum(axis=1 - axis)
+    weight = np.add.reduceat(power, starts, axis=axis).sum(axis=1 - axis)
+    total = weight.sum()
+    n = total**2 / max(float(np.sum(np.square(weight))), 1e-300)  # that hold power
+    if axis == 1 and n < _FEWEST_BANDS:
+        return 0.0
+    return math.sqrt(float(np.sum(np.square(np.abs(parts)))) * n / max(n - 1, 1e-3)) / total
 
 
 def _mirrored_pairs(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -302,13 +348,16 @@ def _image(block: PulseBlock) -> tuple[complex, int]:
     samples = _moving(block)
     worst, at = 0j, 0
     for channel in range(block.n_channels):
-        amplitude, deviation = image_amplitude(samples[:, channel])
+        amplitude, deviation = image_amplitude(samples[:, channel], by_parts=True)
         if abs(amplitude) > max(abs(worst), _IMAGE, _SIGNIFICANT * deviation):
             worst, at = amplitude, channel
     return worst, at
 
 
 def _imbalance(block: PulseBlock) -> Finding | None:
+    radar = block.radar
+    if radar.waveform == Waveform.LFM and radar.pulse_length_s * radar.bandwidth_hz < _SHORTEST:
+        return None  # of an impulse the spectrum of a single echo is mirrored
     worst, at = _image(_some(block))
     if not worst:
         return None
@@ -316,4 +365,5 @@ def _imbalance(block: PulseBlock) -> Finding | None:
     return Finding('unequal I and Q', (
         f'channel {at} holds its mirrored spectrum at {20 * math.log10(abs(worst)):.0f} dB: I and '
         f'Q differ by {abs(gain_db):.1f} dB and {abs(math.degrees(2 * worst.imag)):.0f} degrees '
-        'from a right angle'), 'equalise I and Q (gain and phase) before the pulses are sent on')
+        'from a right angle'), 'equalise I and Q (gain and phase) before the pulses are sent on',
+        'echoes at opposite frequencies, whose phases differ from pulse to pulse', LIKELY)

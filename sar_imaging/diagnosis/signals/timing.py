@@ -6,7 +6,7 @@ import numpy as np
 
 from ...signal.pulses import PulseBlock
 from ..track import median_around
-from .finding import Finding
+from .finding import LIKELY, Finding
 
 _FEWEST = 16  # pulses that tell a pattern
 _GAP = 1.6  # intervals between two pulses that follow each other by their numbers
@@ -67,7 +67,7 @@ def _lost(counter: np.ndarray) -> Finding | None:
         f'{n_lost} of {n_lost + len(counter)} pulses are missing in {n_gaps} gaps of their '
         f'numbers, up to {int(steps.max()) - 1} in a row'),
         'enlarge queues and network buffers between radar and recorder; images take gaps into '
-        'account, but their sidelobes rise')
+        'account, but their sidelobes rise', 'numbers that are all there')
 
 
 def _rhythm(counter: np.ndarray, time_s: np.ndarray) -> tuple[str, np.ndarray, np.ndarray]:
@@ -98,7 +98,7 @@ def _gaps(what: str, counter: np.ndarray, time_s: np.ndarray) -> Finding | None:
         f'{np.count_nonzero(odd)} pauses hold about {missing} {what} more, although the '
         'numbers of the pulses follow each other'),
         'let the radar number its pulses, not the program that receives them: positions by '
-        'number are wrong after each pause')
+        'number are wrong after each pause', 'the rhythm of a radar that sends frames', LIKELY)
 
 
 def _frames(counter: np.ndarray, time_s: np.ndarray) -> Finding | None:
@@ -111,7 +111,7 @@ def _frames(counter: np.ndarray, time_s: np.ndarray) -> Finding | None:
         f'{same.mean():.0%} of the pulses have the stamp of the one before, about '
         f'{per_frame:.0f} pulses for each stamp'),
         'give every pulse its own time: that of its frame plus its place in the frame times the '
-        'pulse repetition interval')
+        'pulse repetition interval', 'a clock of coarse steps, which are as long as a pulse')
 
 
 def _receipt(what: str, counter: np.ndarray, time_s: np.ndarray) -> Finding | None:
@@ -128,7 +128,8 @@ def _receipt(what: str, counter: np.ndarray, time_s: np.ndarray) -> Finding | No
         f'of the interval between {what}, up to {1e3 * np.abs(late).max():.3g} ms'),
         'stamp pulses by the clock of the radar, when they are sent; where it has none, set '
         "frames.stamp: receipt and frames.period_s in the description of a driver's messages, or "
-        'fit a line through the stamps of receipt and subtract the delay')
+        'fit a line through the stamps of receipt and subtract the delay',
+        'the clock of a radar, whose pulses are evenly spaced', LIKELY)
 
 
 def scatter_s(counter: np.ndarray, time_s: np.ndarray) -> np.ndarray:
@@ -150,5 +151,6 @@ def _backward(time_s: np.ndarray) -> Finding | None:
         return None
     return Finding('times that run backwards', f'{n} pulses have an earlier stamp than the one '
                    'before by number', "order the pulses by the radar's numbers, and stamp them "
-                   'by one clock that is never set back')
+                   'by one clock that is never set back',
+                   'pulses that were received in another order, whose numbers tell it')
 

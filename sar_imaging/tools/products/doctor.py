@@ -30,11 +30,17 @@ from .signal_figure import save_signal_png
 from .sources import SourceError, open_source
 
 _MOST_BYTES = 512e6  # of samples that are looked at
-_FAULTY = 3  # exit status
+_FAULTY, _UNTOLD = 3, 4  # exit status
 
 _EPILOG = """\
-Writes signals.png and doctor.json. Exit status: 0 nothing wrong was found, 3 something was, 1 the
-file could not be looked at.
+Writes signals.png and doctor.json. Each finding says what was measured, what else would explain
+it, and how sure it is. Exit status:
+
+  0  nothing wrong was found
+  3  something wrong was found
+  4  nothing wrong was found, but the recording cannot tell: no image was looked at, nothing stands
+     out in it (clutter alone, an empty scene), or another geometry gives a sharper one
+  1  the file could not be looked at
 
   sar-imaging doctor my_recording --output out/doctor
   sar-imaging doctor scene.cphd --output out/doctor --centre 0 7 0 --size 6
@@ -77,10 +83,12 @@ def run(arguments: argparse.Namespace) -> int:
                 'file': str(arguments.file), 'pulses': block.n_pulses,
                 'channels': block.n_channels, 'samples': block.n_samples,
                 'raw': not block.compressed, 'findings': [vars(found) for found in findings],
+                'untold': examination.untold,
+                'undecided': examination.diagnosis.undecided if examination.diagnosis else [],
                 'focus': None if examination.diagnosis is None else
                 round(examination.diagnosis.coherence, 3)}, indent=2) + '\n')
         print(f'written to {arguments.output}: signals.png, doctor.json')
-    return _FAULTY if findings else 0
+    return _FAULTY if findings else _UNTOLD if examination.untold else 0
 
 
 def read_pulses(arguments: argparse.Namespace
@@ -164,10 +172,14 @@ def describe(block: PulseBlock, findings: Sequence[Finding], examination: Examin
         lines.append('without positions the image is not looked at')
     elif grid is None:
         lines.append('without a scene the image is not looked at: give --centre X Y Z and --size')
-    if examination.diagnosis is not None and not findings and examination.diagnosis.advice:
-        lines.append(examination.diagnosis.advice)
-    return '\n'.join([*lines, *(f'- {finding}' for finding in findings)]
-                     if findings else [*lines, 'nothing wrong was found'])
+    lines += [f'- {finding}' for finding in findings]
+    if examination.diagnosis is not None and examination.diagnosis.undecided:
+        lines.append('no image of this track tells: '
+                     f'{", ".join(examination.diagnosis.undecided)} (it mirrors the scene)')
+    if not findings:
+        lines.append('nothing wrong was found' if not examination.untold else
+                     f'this recording cannot tell: {"; ".join(examination.untold)}')
+    return '\n'.join(lines)
 
 
 if __name__ == '__main__':

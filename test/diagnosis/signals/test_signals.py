@@ -13,6 +13,8 @@ from sar_imaging.diagnosis.channel_phases import channel_phases
 from sar_imaging.diagnosis.doctor import examine
 from sar_imaging.diagnosis.signals import sample_findings, timing_findings
 from sar_imaging.diagnosis.signals.samples import clipped_share, image_amplitude
+from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.radar import RadarParameters, Waveform
 
 OF_SIGNALS = [name for name in FAULTS if name not in OF_IMAGES]
 SEEDS = range(4)  # one of each kind of radar
@@ -143,3 +145,44 @@ def test_stamps_of_receipt_are_measured():
     stamps = np.maximum.accumulate(block.stamp_ns + late.astype(np.int64))
     [finding] = timing_findings(dataclasses.replace(block, stamp_ns=stamps))
     assert finding.fault == 'stamps of receipt'
+
+
+def _steps(delays_s, amplitudes, noise=0.01) -> PulseBlock:
+    """Phase histories (P, 1, 64) of echoes at delays (P, S), 2 GHz at 22 GHz."""
+    rng = np.random.default_rng(4)
+    frequency = 22e9 + (np.arange(64) - 31.5) * 2e9 / 64
+    samples = np.sum(amplitudes[..., None] * np.exp(
+        -2j * np.pi * frequency * delays_s[..., None]), axis=1)
+    samples = samples + noise * (rng.standard_normal(samples.shape)
+                                 + 1j * rng.standard_normal(samples.shape))
+    radar = RadarParameters(22e9, 2e9, 2e9, 0.0, waveform=Waveform.STEPPED_FREQUENCY)
+    n = len(samples)
+    return PulseBlock(radar, False, 10**9 + 10**7 * np.arange(n), np.arange(n), samples[:, None])
+
+
+@pytest.mark.parametrize(('flashes', 'named'), [(True, []), (False, ['interference'])])
+def test_edge_that_flashes_is_no_interference(flashes, named):
+    """A single pulse of a raster sees an edge 20 dB above all else, or another transmitter."""
+    delays = np.tile([6e-9, 9e-9, 7.3e-9], (100, 1))
+    amplitudes = np.tile([1.0, 0.5, 0.0], (100, 1))
+    amplitudes[50, 2] = 12.0 * flashes
+    block = _steps(delays, amplitudes)
+    if not flashes:
+        rng = np.random.default_rng(5)
+        block.samples[50] += 8.0 * (rng.standard_normal((1, 64))
+                                    + 1j * rng.standard_normal((1, 64)))
+    assert [f.fault for f in sample_findings(block)] == named
+
+
+@pytest.mark.parametrize('unequal', [False, True])
+def test_echo_at_the_opposite_frequency_is_no_unequal_i_and_q(unequal):
+    """Of a layer and an echo behind the reference the spectrum is mirrored, at one frequency."""
+    delays = np.tile([4e-9, -4e-9, 7e-9, 9.5e-9], (200, 1))
+    delays[:, 2:] += 1e-10 * np.sin(np.arange(200) / 15)[:, None]
+    delays[:, :2] += 4e-12 * np.sin(np.arange(200) / 40)[:, None] * [1, -1]
+    block = _steps(delays, np.tile([1.0, 0.4 * (not unequal), 0.8, 0.7], (200, 1)))
+    if unequal:
+        block = dataclasses.replace(block, samples=block.samples.real
+                                    + 0.75j * block.samples.imag)
+    found = [f.fault for f in sample_findings(block)]
+    assert found == (['unequal I and Q'] if unequal else [])

@@ -53,3 +53,17 @@ def test_recording_without_positions(capsys, tmp_path):
 def test_what_is_no_recording(capsys, tmp_path):
     assert doctor.main([str(tmp_path / 'absent')]) == 1
     assert 'does not exist' in capsys.readouterr().err
+
+
+def test_recording_that_cannot_tell(capsys, tmp_path):
+    """Noise alone: no sample is wrong, and no image shows anything."""
+    case = right_case(1)
+    rng = np.random.default_rng(2)
+    noise = rng.standard_normal(case.block.samples.shape) + 1j * rng.standard_normal(
+        case.block.samples.shape)
+    path = _recorded(tmp_path / 'noise', case, samples=noise.astype(np.complex64))
+    assert doctor.main([str(path), '--output', str(tmp_path / 'out')]) == 4
+    out = capsys.readouterr().out
+    assert 'this recording cannot tell: nothing stands out' in out
+    assert 'nothing wrong was found' not in out
+    assert json.loads((tmp_path / 'out' / 'doctor.json').read_text())['untold']
