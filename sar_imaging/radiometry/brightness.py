@@ -19,6 +19,10 @@ QUANTITIES = {
     'sigma0': 'cross section for each square metre of the ground',
     'gamma0': 'sigma nought over the cosine of the incidence angle'}
 
+#: Quantities that need the normal of the ground, which a slant plane has not.
+OF_THE_GROUND = 'sigma0', 'gamma0'
+_EDGE_ON_RAD = math.radians(89.0)
+
 
 def brightness(image, response: ImageResponse, constant: RadarConstant,
                quantity: str = 'sigma0') -> np.ndarray:
@@ -44,7 +48,8 @@ def brightness(image, response: ImageResponse, constant: RadarConstant,
     Raises
     ------
     ValueError
-        The image has another shape, or there is no such quantity.
+        The image has another shape, there is no such quantity, or sigma or gamma nought are
+        asked for in the slant plane.
 
     Examples
     --------
@@ -156,6 +161,9 @@ def noise_equivalent(response: ImageResponse, constant: RadarConstant,
 def _divisor(response: ImageResponse, quantity: str):
     if quantity not in QUANTITIES:
         raise ValueError(f'quantity={quantity!r}; expected one of {", ".join(QUANTITIES)}')
+    if quantity in OF_THE_GROUND and _median(response.incidence_rad) > _EDGE_ON_RAD:
+        raise ValueError(f'{quantity} is by square metre of the ground, and the pixels lie in the '
+                         'slant plane, which the radar sees edge-on; take a map, or beta0 or rcs')
     return {'rcs': lambda: 1.0, 'beta0': lambda: response.slant_area_m2,
             'sigma0': lambda: response.area_m2,
             'gamma0': lambda: response.area_m2 * np.cos(response.incidence_rad)}[quantity]()

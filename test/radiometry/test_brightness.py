@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 from benchmarks.support.radiometry_scenes import GAIN, Flight, rough_surface
+from sar_imaging.geometry import PlaneGrid
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality.scatterers import measure_scatterer
@@ -116,3 +117,14 @@ def test_wrong_input_is_refused(make, message):
     response = image_response(flight.grid, flight.radar, flight.tx_m, flight.rx_m)
     with pytest.raises(ValueError, match=message):
         make(response)
+
+
+@pytest.mark.parametrize('quantity', ['sigma0', 'gamma0'])
+def test_the_slant_plane_has_no_square_metres_of_ground(quantity):
+    flight = Flight(1000.0, 40.0, n=32)
+    grid = PlaneGrid.slant_plane(flight.tx_m[:, 0], flight.grid.centre_m, 8.0, 8.0, 0.5)
+    response = image_response(grid, flight.radar, flight.tx_m, flight.tx_m)
+    image, constant = np.ones(grid.shape, complex), RadarConstant(1.0)
+    assert np.isfinite(brightness(image, response, constant, 'beta0')).all()
+    with pytest.raises(ValueError, match=f'{quantity} is by square metre of the ground'):
+        brightness(image, response, constant, quantity)

@@ -22,6 +22,7 @@ from sar_imaging.radiometry import (
     image_response,
     volume_scale,
 )
+from sar_imaging.radiometry.brightness import OF_THE_GROUND
 
 from .antenna import pointing_of
 from .sources import Source, SourceError
@@ -42,11 +43,16 @@ def constant_of(arguments: argparse.Namespace) -> RadarConstant | None:
     Raises
     ------
     SourceError
-        One of the two arguments is missing, or the file is not one.
+        One of the two arguments is missing, the file is not one, or the quantity is of the
+        ground and the image lies in the slant plane.
     """
     if (arguments.brightness is None) != (arguments.radar_constant is None):
         raise SourceError('--brightness and --radar-constant belong together: give both; '
                           '`sar-imaging radar-constant` measures one at a reflector')
+    if arguments.plane == 'slant' and arguments.brightness in OF_THE_GROUND:
+        raise SourceError(f'{arguments.brightness} is by square metre of the ground, whose normal '
+                          'the slant plane has not; leave out --plane slant, or ask for beta0 or '
+                          'rcs')
     try:
         return (None if arguments.radar_constant is None
                 else RadarConstant.load(arguments.radar_constant))

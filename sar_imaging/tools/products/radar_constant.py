@@ -30,8 +30,9 @@ _NOISE_BYTES = 1e8
 _EPILOG = """\
 The file goes to `sar-imaging image --brightness sigma0 --radar-constant FILE`. It is good for all
 recordings of the same radar with the same gain. Nothing else as bright may stand within ten
-resolution cells of the reflector, and the antenna is taken to light it as brightly as the rest of
-the scene. Exit status: 0 when the file was written, 1 with a reason when not.
+resolution cells of the reflector. The pattern of the antenna is taken out where the file describes
+it; where not, the antenna is taken to light the reflector as brightly as the rest of the scene.
+Exit status: 0 when the file was written, 1 with a reason when not.
 """
 
 

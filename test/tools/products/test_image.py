@@ -223,6 +223,8 @@ def test_gotcha_as_cphd_shows_its_reflector(run, tmp_path):
 @pytest.mark.parametrize(('words', 'message'), [
     (['--format', 'geotiff'], 'give --datum LATITUDE LONGITUDE HEIGHT'),
     (['--format', 'geotiff', '--plane', 'slant', '--datum', '1', '2', '3'], 'geotiff hold maps'),
+    (['--plane', 'slant', '--brightness', 'gamma0', '--radar-constant', 'radar.yaml'],
+     'gamma0 is by square metre of the ground'),
     (['--datum', '91', '0', '0'], 'latitude_deg=91'),
     (['--aperture', '7'], 'has no aperture 7; it has 0, 1'),
     (['--centre', '400', '0'], 'give --centre a place in the scene'),
