@@ -224,7 +224,7 @@ def test_pixels_that_are_too_far_apart_are_told_once(car, profiles):
     step, log = image_step(car, **{'grid.spacing': 2 * car.grid.spacing_m})
     published(step, [profiles], 'obstacle_map')
     [told] = [line for line in log.lines if line.startswith('obstacle map: pixels')]
-    assert 'more than half of the null spacing' in told
+    assert 'more than half of the null spacing' in told and 'set grid.spacing to 0.0' in told
 
 
 def test_fused_images_have_the_same_obstacles(car, profiles):
