@@ -287,20 +287,13 @@ def test_imports_run_downward():
 
 
 def test_the_exact_imager_loads_no_beams_no_fusion_and_no_kernels():
-    """5,925 lines in 33 modules of the core before it was divided."""
+    """`python -m benchmarks.structure` counts the lines that it loads."""
     program = ('import sys, sar_imaging.imaging.exact\n'
                'print(*(n for n in sys.modules if n.startswith("sar_imaging")))')
     run = subprocess.run([sys.executable, '-c', program], cwd=ROOT, capture_output=True,
                          text=True, check=True)
     names = run.stdout.split()
     assert not [n for n in names if 'afbp' in n or '.backends.cpu' in n or 'streaming' in n]
-    core = [n for n in names if n.split('.')[1:2] in (['planning'], ['imaging'], ['backends'])]
-    files = [path for n in core for path in (ROOT / (n.replace('.', '/') + '.py'),
-                                             ROOT / n.replace('.', '/') / '__init__.py')
-             if path.exists()]
-    text = ''.join(path.read_text() for path in files)
-    without = re.sub(r'\n\n *Examples\n *-{8}\n.*?(?=\n *""")', '', text, flags=re.DOTALL)
-    assert without.count('\n') < 2962 and '>>> ' not in without
 
 
 def test_the_package_lists_what_a_first_image_needs():

@@ -18,6 +18,7 @@ from ...geometry.grids import EvenGrid, MapGrid
 from ...geometry.illumination import Illumination
 from ...memory import IMAGE_BYTES
 from ...signal.radar import RadarParameters
+from ..ambiguities import azimuth_warnings
 from ..costs import costs
 from ..error_budget import total_db
 from ..plan import Plan
@@ -166,8 +167,6 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
                           illumination=illumination)
     else:
         range_m, way = _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination)
-    from ..ambiguities import azimuth_warnings  # of the geometry, not of this imager
-
     (start, stop), some = covered_ranges(radar, n_samples), (
         grid.some() if is_points else some_pixels(grid))
     warnings = azimuth_warnings(some, tx_m, rx_m, radar, illumination)
