@@ -162,7 +162,8 @@ mutation-campaign:
 
 # Results go to benchmarks/results; other flights than those of the documents with SEED.
 autofocus-campaign: environment
-	@$(RUN) -m benchmarks.autofocus_flights --flights $${FLIGHTS:-200} --first $${SEED:-50000}
+	@$(RUN) -m benchmarks.autofocus_flights --flights $${FLIGHTS:-200} --first $${SEED:-60000}
+	@$(RUN) -m benchmarks.autofocus_flights --widths --flights 10 --first 80000
 	@$(RUN) -m benchmarks.autofocus_nodes $${DATA:-../shared/data}
 
 mistakes: environment

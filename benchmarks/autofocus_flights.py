@@ -2,19 +2,23 @@
 
 Run from the repository root::
 
-    python -m benchmarks.autofocus_flights
+    python -m benchmarks.autofocus_flights            # random flights
+    python -m benchmarks.autofocus_flights --widths   # straight legs, each searched with 4 widths
 
-Flights of `sar_imaging.simulation.trials.drone_flights`, UWB and FMCW in turn, hovering and
-turning, with the poses' clock wrong: by up to 0.3 s in one half of them, which autofocus is told
-to expect 0.4 s for, by 0.3 to 2 s in the other half, told 2 s. They go through
-`nodes.images.autofocus.ImageFocus`, the class of the nodes, with its default parameters; only the
-poses are handed over directly.
+Flights of `sar_imaging.simulation.trials.drone_flights`, UWB and FMCW in turn, hovering, turning
+and on straight legs, with the poses' clock wrong by 0.03 to 2 s. Autofocus is told to expect 1, 3,
+10 or 40 times the true error, 5 s at most. Of each flight one in three has profiles that end
+within the image, so that a part of it leaves them; a moving reflector as bright as the brightest;
+a reflector 20 dB brighter than all others; two gaps of a twentieth of the pulses. They go
+through `nodes.images.autofocus.ImageFocus`, the class of the nodes, with its default parameters;
+only the poses are handed over directly.
 `benchmarks.autofocus_nodes` sends some of them through node processes.
 
-*Focused* means a contrast within 5 % of that with the true offset; *right* that the offset found
-leaves at most 1 rad rms of visible phase; a claim is false unless it is both; *worse* is an image
-that was replaced by one that is not focused and has more visible phase error or less contrast than
-before.
+*Right* means that the offset found leaves at most 1 rad rms of visible phase: what only displaces
+the image does not count, and the response keeps 37 % of its peak power or more, the width of the
+resolution. A claim is false unless it is right. *Refused* is a right offset whose image was not
+used. *Focused* means a contrast within 5 % of that with the true offset; *worse* is an image that
+was replaced by one that is neither right nor focused.
 """
 
 from __future__ import annotations
@@ -29,7 +33,7 @@ import numpy as np
 from tqdm import tqdm
 
 from sar_imaging.autofocus.models import Geometry
-from sar_imaging.autofocus.offset_search import visible_phase
+from sar_imaging.autofocus.offset_search import BEYOND_S, visible_phase
 from sar_imaging.autofocus.track import PhaseCentreTrack
 from sar_imaging.nodes import backprojection_steps
 from sar_imaging.nodes.images.autofocus import ImageFocus
@@ -37,15 +41,22 @@ from sar_imaging.nodes.runtime.stage import COMMON_PARAMETERS
 from sar_imaging.quality import contrast
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.simulation.trials.drone_flights import RADARS, DroneFlight, drone_flight
+from sar_imaging.simulation.echoes import EchoSimulator
+from sar_imaging.simulation.trials.drone_flights import MOTIONS, RADARS, DroneFlight, drone_flight
 from sar_imaging.streaming.aperture import ApertureImager
 
 from .support.machine import machine
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'autofocus_flights.json'
-SMALL_S, LARGE_S = 0.3, 2.0
-EXPECTED_S = {True: 0.4, False: 2.0}  # that the parameter tells, by whether the offset is small
+WIDTH_RESULTS = RESULTS.with_name('autofocus_widths.json')
+SMALLEST_S, LARGEST_S, WIDEST_S = 0.03, 2.0, 5.0
+TIMES = (1.0, 3.0, 10.0, 40.0)  # of the true error, that is searched for
+WIDTHS_S = (0.3, 1.0, 2.0, 5.0)
 FOCUSED, RIGHT_RAD = 0.95, 1.0
+DISTURBANCES = ('cut', 'mover', 'bright', 'gaps')
+_N_PIXELS = 160
+_BRIGHT = 10.0  # amplitude, of a reflector alone
+_REACHED = 0.8  # of the image, along each axis, by profiles that were cut
 
 
 class Log:
@@ -90,23 +101,79 @@ class AllPoses:
                                          pulses.n_channels, span)
 
 
-def random_offset_s(seed: int) -> float:
-    """Small for even seeds, large for odd ones, of either sign."""
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """A flight, what is wrong with it, and the error that is expected."""
+
+    seed: int
+    flight: DroneFlight
+    disturbances: tuple[str, ...]
+    offset_s: float
+    expected_s: float
+
+
+def random_case(seed: int) -> Case:
+    """One of each kind of disturbance for a third of the seeds; error and width at random."""
     rng = np.random.default_rng([seed, 17])
-    size = rng.uniform(0.0, SMALL_S) if seed // 2 % 2 == 0 else rng.uniform(SMALL_S, LARGE_S)
-    return float(rng.choice([-1.0, 1.0]) * size)
+    disturbances = tuple(name for name in DISTURBANCES if rng.random() < 1 / 3)
+    flight = drone_flight(seed, motion=MOTIONS[seed // 2 % 3], radar_kind=RADARS[seed % 2],
+                          n_pixels=_N_PIXELS)
+    size_s = np.exp(rng.uniform(*np.log([SMALLEST_S, LARGEST_S])))
+    expected_s = min(TIMES[seed % 4 if seed % 8 < 4 else -1 - seed % 4] * size_s, WIDEST_S)
+    return Case(seed, disturbed(flight, disturbances, rng), disturbances,
+                float(rng.choice([-1.0, 1.0]) * size_s), float(expected_s))
 
 
-def measure(seed: int) -> dict:
+def disturbed(flight: DroneFlight, disturbances, rng) -> DroneFlight:
+    """The flight with more echoes, or with fewer pulses."""
+    block, grid = flight.block, flight.grid
+    true = locate(block, flight.track(), flight.alignment)
+    half_m = 0.5 * grid.n_x * grid.spacing_m
+    time_s = (block.stamp_ns - block.stamp_ns[0])[:, None, None] * 1e-9
+    samples = block.samples
+    for name, amplitude, speed_m_per_s in (('mover', 1.0, 0.3), ('bright', _BRIGHT, 0.0)):
+        if name in disturbances:
+            direction = rng.uniform(0, 2 * np.pi)
+            moved_m = speed_m_per_s * time_s * [np.cos(direction), np.sin(direction), 0.0]
+            point = np.array([[*rng.uniform(-0.6, 0.6, 2) * half_m, 0.0]])
+            echo = EchoSimulator(block.radar, block.n_samples, compressed=False, points_m=point,
+                                 amplitudes=np.array([amplitude + 0j]))
+            samples = samples + echo(true.tx_m - moved_m, true.rx_m - moved_m)
+    block = dataclasses.replace(block, samples=samples)
+    if 'gaps' in disturbances:
+        n = block.n_pulses
+        missing = np.concatenate([np.arange(at, at + n // 20) for at in rng.integers(
+            n // 10, 9 * n // 10 - n // 20, 2)])
+        block = block.select(np.setdiff1d(np.arange(n), missing))
+    return dataclasses.replace(flight, block=block)
+
+
+def cut(profiles, true, grid):
+    """Profiles that reach a part of the image alone."""
+    half = 0.5 * _REACHED * grid.n_x * grid.spacing_m
+    corners = np.array([[x, y, 0.0] for x in (-half, half) for y in (-half, half)])
+    path = np.linalg.norm(true.tx_m[:, 0, None] - corners, axis=-1)
+    radar = profiles.radar
+    first, last = (int((r - radar.range_start_m) / radar.sample_spacing_m)
+                   for r in (path.min(), path.max()))
+    first = max(first, 0)
+    delay_s = (radar.first_sample_delay_s + 2 * first * radar.sample_spacing_m
+               / radar.propagation_speed_m_per_s)
+    return dataclasses.replace(
+        profiles, radar=dataclasses.replace(radar, first_sample_delay_s=delay_s),
+        samples=profiles.samples[..., first:last + 2].copy())
+
+
+def measure(case: Case) -> dict:
     """One flight: what autofocus says, and what is true."""
-    flight = drone_flight(seed, radar_kind=RADARS[seed % 2])
-    offset_s = random_offset_s(seed)
-    expected_s = EXPECTED_S[abs(offset_s) <= SMALL_S]
+    flight, offset_s, expected_s = case.flight, case.offset_s, case.expected_s
     poses, alignment = flight.track(), flight.misaligned(offset_s)
-    located = locate(flight.block, poses, alignment)
+    located, true = (locate(flight.block, poses, a) for a in (alignment, flight.alignment))
     profiles = RangeCompressor.for_block(located)(located)
-    true = locate(flight.block, poses, flight.alignment)
+    if 'cut' in case.disturbances:
+        profiles = cut(profiles, true, flight.grid)
     imager = ApertureImager(flight.grid, pulses_per_aperture=profiles.n_pulses, keep_pulses=True)
+    profiles = dataclasses.replace(profiles, counter=np.arange(profiles.n_pulses, dtype=np.uint32))
     [wanted] = imager.add(dataclasses.replace(profiles, tx_m=true.tx_m, rx_m=true.rx_m))
     imager.reset()
     [product] = imager.add(profiles)
@@ -114,13 +181,12 @@ def measure(seed: int) -> dict:
                                               *COMMON_PARAMETERS)}
     log = Log()
     focus = ImageFocus(parameters | {'autofocus.time_offset': expected_s}, flight.grid, log)
-    focus.positions = AllPoses(flight, alignment, focus.reach_s)
+    focus.positions = AllPoses(flight, alignment, focus.reach_s + BEYOND_S)
     began, cpu = time.perf_counter(), time.process_time()
     [result] = focus.take([product])
     seconds, cpu = time.perf_counter() - began, time.process_time() - cpu
     accepted = bool(log.values.get('autofocus_accepted', 0))
     found_s = log.values.get('autofocus_time_offset_s', 0.0)
-    left_s = offset_s + (found_s if accepted else 0.0)
 
     def visible(at_s: float) -> float:
         moved = locate(flight.block, poses, flight.misaligned(at_s))
@@ -128,65 +194,88 @@ def measure(seed: int) -> dict:
                              [flight.grid.centre_m], profiles.radar.wavenumber_rad_per_m)
 
     true_contrast = contrast(wanted.image)
-    relative = contrast(result.image) / true_contrast
-    before = contrast(product.image) / true_contrast
-    phase, phase_before = visible(left_s), visible(offset_s)
-    focused = relative >= FOCUSED
+    relative, before = (contrast(p.image) / true_contrast if np.any(p.image) else 0.0
+                        for p in (result, product))
+    left_s = offset_s + found_s if accepted else offset_s
+    phase_found, phase_before, phase = map(visible, (offset_s + found_s, offset_s, left_s))
     claimed = bool(log.values.get('autofocus_claimed', 0))
+    right = phase <= RIGHT_RAD
     return {
-        'seed': seed, 'motion': flight.motion, 'radar': flight.radar_kind,
-        'angle_deg': round(flight.angle_deg, 1), 'offset_s': round(offset_s, 4),
-        'left_s': round(left_s, 4), 'visible_rad': [round(phase_before, 2), round(phase, 2)],
-        'contrast_true': round(true_contrast, 2),
+        'seed': case.seed, 'motion': flight.motion, 'radar': flight.radar_kind,
+        'angle_deg': round(flight.angle_deg, 1), 'disturbances': case.disturbances,
+        'offset_s': round(offset_s, 4), 'expected_s': round(expected_s, 3),
+        'left_s': round(offset_s + found_s, 4),
+        'visible_rad': [round(phase_before, 2), round(phase_found, 2)],
         'contrast_relative': [round(before, 3), round(relative, 3)],
-        'focused': bool(focused), 'focused_before': bool(before >= FOCUSED),
-        'replaced': accepted, 'claimed': claimed,
-        'falsely_claimed': claimed and not (focused and phase <= RIGHT_RAD),
-        'worse': accepted and not focused and (phase > phase_before or relative < before),
+        'found': bool(phase_found <= RIGHT_RAD), 'right_before': bool(phase_before <= RIGHT_RAD),
+        'replaced': accepted, 'right': bool(right), 'focused': bool(relative >= FOCUSED),
+        'claimed': claimed, 'falsely_claimed': bool(claimed and not right),
+        'refused': bool(phase_found <= RIGHT_RAD and not right),
+        'worse': bool(accepted and not right and relative < FOCUSED),
         'verdict': result.verdict, 'details': result.details, 'seconds': round(seconds, 2),
         'cpu_s': round(cpu, 2)}
 
 
 def summary(rows) -> dict:
-    """Shares over all flights, by size of the offset, by radar, motion and angle."""
+    """Counts over all flights, by width, by radar, motion and disturbance."""
+    def times(row):
+        return row['expected_s'] / abs(row['offset_s'])
+
     kinds = {
-        'all': lambda r: True, 'within 0.3 s': lambda r: abs(r['offset_s']) <= SMALL_S,
-        '0.3 to 2 s': lambda r: abs(r['offset_s']) > SMALL_S,
+        'all': lambda r: True,
+        **{f'{low:g} to {high:g} times the error': lambda r, a=low, b=high: a <= times(r) < b
+           for low, high in ((0.5, 2.0), (2.0, 5.0), (5.0, 20.0), (20.0, 50.0))},
         **{f'{radar}, {motion}': lambda r, a=radar, b=motion: (r['radar'], r['motion']) == (a, b)
-           for radar in RADARS for motion in ('hover', 'turn')},
-        '5 to 12 degrees': lambda r: r['angle_deg'] <= 12.0,
-        '12 to 30 degrees': lambda r: r['angle_deg'] > 12.0}
+           for radar in RADARS for motion in MOTIONS},
+        **{name: lambda r, a=name: a in r['disturbances'] for name in DISTURBANCES}}
     out = {}
     for name, belongs in kinds.items():
         some = [r for r in rows if belongs(r)]
         if some:
             out[name] = {'flights': len(some)} | {
                 key: sum(r[key] for r in some) for key in (
-                    'focused_before', 'focused', 'replaced', 'claimed', 'falsely_claimed',
-                    'worse')} | {
-                'focused_share': round(sum(r['focused'] for r in some) / len(some), 3),
+                    'right_before', 'found', 'right', 'focused', 'replaced', 'claimed',
+                    'falsely_claimed', 'refused', 'worse')} | {
                 'median_cpu_s': round(float(np.median([r['cpu_s'] for r in some])), 2)}
     return out
+
+
+def width_cases(seed: int):
+    """Straight legs of 800 pulses, UWB: two errors of the clock, each with all widths."""
+    flight = dataclasses.replace(drone_flight(seed, motion='legs', radar_kind='uwb',
+                                              n_pixels=_N_PIXELS, n_pulses=800))
+    rng = np.random.default_rng(seed)
+    for offset_s in (float(rng.choice([0.03, 0.1, -0.2, 0.25])), float(rng.choice([-0.8, 2.0]))):
+        for expected_s in WIDTHS_S:
+            if expected_s >= abs(offset_s):
+                yield Case(seed, flight, ('cut',), offset_s, expected_s)
 
 
 def main() -> None:
     """Measure and write the results, which grow flight by flight."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n', 1)[0])
     parser.add_argument('--flights', type=int, default=200, metavar='N')
-    parser.add_argument('--first', type=int, default=50_000, metavar='SEED')
-    parser.add_argument('--output', type=pathlib.Path, default=RESULTS)
+    parser.add_argument('--first', type=int, default=60_000, metavar='SEED')
+    parser.add_argument('--widths', action='store_true', help='straight legs with all widths')
+    parser.add_argument('--output', type=pathlib.Path, help=f'instead of {RESULTS.name}')
     parser.add_argument('--go-on', action='store_true',
                         help='keep the flights in the output and measure those that lack')
+    parser.add_argument('--minutes', type=float, default=1e9, help='stop after so many')
     arguments = parser.parse_args()
+    began = time.monotonic()
+    output = arguments.output or (WIDTH_RESULTS if arguments.widths else RESULTS)
     results = {'machine': machine(), 'summary': {}, 'flights': []}
     if arguments.go_on:
-        results = json.loads(arguments.output.read_text())
-    known = {flight['seed'] for flight in results['flights']}
-    wanted = range(arguments.first, arguments.first + arguments.flights)
-    for seed in tqdm([seed for seed in wanted if seed not in known]):
-        results['flights'].append(measure(seed))
-        results['summary'] = summary(results['flights'])
-        arguments.output.write_text(json.dumps(results, indent=1) + '\n')
+        results = json.loads(output.read_text())
+    known = {(row['seed'], row['offset_s'], row['expected_s']) for row in results['flights']}
+    for seed in tqdm(range(arguments.first, arguments.first + arguments.flights)):
+        for case in width_cases(seed) if arguments.widths else [random_case(seed)]:
+            key = seed, round(case.offset_s, 4), round(case.expected_s, 3)
+            if key in known or time.monotonic() - began > 60 * arguments.minutes:
+                continue
+            results['flights'].append(measure(case))
+            results['summary'] = summary(results['flights'])
+            output.write_text(json.dumps(results, indent=1) + '\n')
 
 
 if __name__ == '__main__':

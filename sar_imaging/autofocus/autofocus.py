@@ -22,11 +22,13 @@ from .evidence import (
     FEW_UNKNOWNS,
     FEWEST_TO_CLAIM,
     LARGEST_DISAGREEMENT_RAD,
+    LEAST_COHERENCE,
     LEAST_TO_CLAIM,
 )
 from .models import Geometry, GeometryModel, apply_geometry, nominal, with_track_error
+from .offset_curve import OffsetCurve
 from .offset_models import OFFSET, by_offset, narrowed, within
-from .offset_search import OffsetCurve, OffsetSearch
+from .offset_search import COVERED, OffsetSearch, coverage
 from .report import PARAMETERS, PHASES, AutofocusReport, AutofocusResult, found_in_words
 from .residual import Residual, absorb, along_sight, estimate_residual
 from .search import search
@@ -39,9 +41,6 @@ __all__ = ['Autofocus', 'AutofocusReport', 'AutofocusResult']
 _logger = logging.getLogger(__name__)
 _FEWEST_TO_ABSORB = 12
 _FEWEST_PULSES = 32  # below it there is no telling a phase error from the scene
-# Of points in phase: simulated ones that are focused have 0.89 to 0.97, those of the Gotcha data
-# 0.82; ghosts had up to 0.57, and once 0.76.
-LEAST_COHERENCE = 0.7
 N_PHASES = 512
 _VARYING_RAD = 0.03  # smooth phase over the scene from which the model is asked again
 _MOST_PASSES = 2
@@ -49,6 +48,8 @@ _PHASES_TO_JUDGE = 128  # where none are to be corrected
 # Visible phase over all offsets: below the first an offset only displaces, below the second the
 # search from the middle finds it, and there is no surrounding to judge by.
 _LEAST_VISIBLE_RAD, _WIDE_RAD = 2.0, 12.0
+_COARSE = 64  # places along each axis at which it is asked whether profiles reach
+_FEW_SEEN = 0.1  # of the pixels
 
 
 class _Answer(NamedTuple):
@@ -157,11 +158,10 @@ class Autofocus:
             The block is raw or has no phase centres.
         """
         image = self._imager(block) if image is None else image
-        if not np.any(image):
-            return AutofocusResult(image, block, AutofocusReport(
-                False, False, 'the image is zero everywhere', 0.0, 0.0, 0.0, 0.0))
+        if not np.any(image) and not self._offset_reach_s:
+            return self._as_it_was(block, image, 'the image is zero everywhere')
         if block.n_pulses < _FEWEST_PULSES:
-            return self._unchanged(block, image, f'{block.n_pulses} pulses are too few, at least '
+            return self._as_it_was(block, image, f'{block.n_pulses} pulses are too few, at least '
                                    f'{_FEWEST_PULSES} are needed')
         model, curve = self._model(block), None
         if self._offset_reach_s:
@@ -176,7 +176,7 @@ class Autofocus:
         answers = [self._answer(PARAMETERS, n_unknowns, block, start, model(start))]
         points = self._points(answers[0].image, block, self._n_points)
         if not len(points):
-            return self._unchanged(block, image, 'the corrected image is zero everywhere')
+            return self._as_it_was(block, image, 'the corrected image is zero everywhere')
         found = search(block, model, points[:max(self._n_points // 2, 1)], start,
                        first_segments=segments)
         parameters, residual = self._finish(block, model, found.parameters, points)
@@ -184,6 +184,11 @@ class Autofocus:
                                     model(parameters)))
         few = [answer for answer in answers if answer.n_unknowns <= FEW_UNKNOWNS]
         usable = answers if residual.coherence >= self._least_coherence else few or answers
+        if curve is not None:  # bright points may lead to another maximum
+            near = [a for a in usable if abs(a.parameters[model.names.index(OFFSET)]
+                                             - model.start[model.names.index(OFFSET)])
+                    <= curve.step_s]
+            usable = near or answers[:1]
         best = max(usable, key=lambda answer: answer.contrast)
         apart = disagreement_rad(block, model, best.parameters,
                                  points[:max(self._n_points // 2, 2)])
@@ -268,46 +273,67 @@ class Autofocus:
 
     def _decide(self, block, image, model, best: _Answer, error_db: float, details
                 ) -> AutofocusResult:
-        before, after = contrast(image), best.contrast
+        curve = details['curve']
+        seen = self._seen(block, best.block) if curve else ...
+        (before, entropy_before), (after, entropy_after) = (
+            _measured(i[seen]) for i in (image, best.image))
         details |= {
             'answer': best.kind, 'contrast_found': after, 'estimated_error_db': error_db,
             'parameters': dict(zip(model.names, best.parameters.tolist(), strict=True)),
             'correction_m': self._correction(block, best.block),
             'largest_move_m': _largest_move(block, best.block)}
-        report = AutofocusReport(False, False, '', before, before, entropy(image),
-                                 entropy(image), **details)
+        report = AutofocusReport(False, False, '', before, before, entropy_before,
+                                 entropy_before, **details)
         doubted = evidence.doubts(report, best.n_unknowns, self._least_coherence)
         left_open = evidence.open_points(report, self._claim_db)
         claimed = not doubted and not left_open
-        if not (after > (1 + self._margin) * before and entropy(best.image) < entropy(image)):
+        sharper = after > (1 + self._margin) * before and entropy_after < entropy_before
+        if not (sharper or (curve and curve.outweighs(0.0))):
             small = report.correction_m * block.radar.wavenumber_rad_per_m
-            limit = LARGEST_DISAGREEMENT_RAD if report.curve else 10 ** (self._claim_db / 20)
+            limit = LARGEST_DISAGREEMENT_RAD if curve else 10 ** (self._claim_db / 20)
             if claimed and small <= limit:
-                return self._unchanged(block, image, 'the image was focused already, to '
-                                       f'{small:.2f} rad', success=True, **details)
-            return self._unchanged(block, image, 'nothing sharper was found: '
-                                   f'{found_in_words(report)}', **details)
+                return self._unchanged(dataclasses.replace(
+                    report, success=True, reason=f'the image was focused already, to {small:.2f} '
+                    'rad'), block, image)
+            doubted = ['that is no sharper', *doubted]
         if doubted:
-            return self._unchanged(block, image, f'{found_in_words(report)}, but '
-                                   f'{"; ".join(doubted)}', **details)
+            return self._unchanged(dataclasses.replace(
+                report, reason=f'{found_in_words(report)}, but {"; ".join(doubted)}'), block,
+                image)
         report = dataclasses.replace(
             report, accepted=True, success=claimed, contrast_after=after,
-            entropy_after=entropy(best.image), reason=(
+            entropy_after=entropy_after, reason=(
                 'sharper, and all evidence agrees' if claimed else
                 f'sharper, but {"; ".join(left_open)}'))
         _logger.info('%s', report)
         return AutofocusResult(best.image, best.block, report)
 
+    def _seen(self, block: PulseBlock, corrected: PulseBlock) -> np.ndarray:
+        """(n_y, n_x) bool: pixels that the profiles reach from both tracks, to compare on these.
+
+        All where these are few. Pixels beyond the profiles are dark, which is no contrast.
+        """
+        x, y = (axis[::-(-len(axis) // _COARSE)] for axis in (self.grid.x_m, self.grid.y_m))
+        points = np.stack(np.broadcast_arrays(x, y[:, None], self.grid.z_m), axis=-1)
+        there = np.min([coverage(b, Geometry(b.tx_m, b.rx_m), points.reshape(-1, 3))
+                        for b in (block, corrected)], axis=0).reshape(len(y), len(x)) >= COVERED
+        row, column = (np.arange(n) * len(axis) // n for n, axis in zip(
+            self.grid.shape, (y, x), strict=True))
+        return (there if there.mean() > _FEW_SEEN else np.ones_like(there))[row][:, column]
+
     def _displaced_only(self, block, image, curve: OffsetCurve) -> AutofocusResult:
-        return self._unchanged(
+        return self._as_it_was(
             block, image, f'clock offsets of {curve.offset_s[0]:+.3g} to '
             f'{curve.offset_s[-1]:+.3g} s only displace this image (they change its phases by '
             f'{curve.visible_range_rad:.1f} rad): it cannot tell the offset', curve=curve,
             uncertainty={OFFSET: self._offset_reach_s})
 
-    def _unchanged(self, block, image, reason, success=False, **details) -> AutofocusResult:
-        c, e = contrast(image), entropy(image)
-        report = AutofocusReport(False, success, reason, c, c, e, e, **details)
+    def _as_it_was(self, block, image, reason, **details) -> AutofocusResult:
+        c, e = _measured(image)
+        return self._unchanged(AutofocusReport(False, False, reason, c, c, e, e, **details),
+                               block, image)
+
+    def _unchanged(self, report: AutofocusReport, block, image) -> AutofocusResult:
         _logger.info('%s', report)
         return AutofocusResult(image, block, report)
 
@@ -326,6 +352,11 @@ class Autofocus:
     def _backproject(self, block: PulseBlock) -> np.ndarray:
         return plan_image(self.grid, block.radar, block.n_samples, method='exact',
                           target_db=self._target_db, backend=self._backend)(block).samples
+
+
+def _measured(image) -> tuple[float, float]:
+    """Contrast and entropy of an image or of some of its pixels; 0 where all is dark."""
+    return (contrast(image), entropy(image)) if np.any(image) else (0.0, 0.0)
 
 
 def _largest_move(block: PulseBlock, corrected: PulseBlock) -> float:

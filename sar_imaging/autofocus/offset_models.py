@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from .models import Geometry, GeometryModel
-from .offset_search import OffsetCurve
+from .offset_curve import OffsetCurve
 
 OFFSET = 'time_offset_s'  # its parameter
 _NARROWED_STEPS = 2.0  # what an offset may still be wrong by, after the coarse search

@@ -1,15 +1,15 @@
-"""Search for the offset of two clocks over seconds, by the contrast of many quick images.
+"""Search for the offset of two clocks over seconds, by the sharpness of many quick images.
 
 An offset of a clock is one number, so every value that matters can be tried. How fine the trials
 must be follows from the geometry: from one to the next the phases of the scene change by about a
 radian, apart from what only displaces the image. A trial is an image of few pixels, exact enough
-to tell focus. At the right offset alone all parts of the scene become sharp together.
+to tell focus. At the right offset alone all parts of the scene and of the aperture become sharp
+together; `offset_curve` says how that is told.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import logging
 import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -22,101 +22,30 @@ from ..geometry.track_frame import mean_centres
 from ..quality.measures import contrast
 from ..signal.pulses import PulseBlock
 from .models import Geometry
+from .offset_curve import PEAK_RAD, SURROUNDINGS_RAD, OffsetCurve, Trials, tile_sharpness
 
 if TYPE_CHECKING:
     from ..backends.protocol import Backend
 
-_logger = logging.getLogger(__name__)
 STEP_RAD = 1.2  # rms change of the visible phases from trial to trial
-_SAMPLES = 121  # of the range of offsets, at which the step is determined
+BEYOND_S = 2.0  # that the trials may exceed the reach by, for surroundings to compare with
+_SAMPLES_PER_S, _FEWEST_SAMPLES = 25, 121  # of the range of offsets, to determine the step
 _DIFFERENCE_S = 1e-3
 _POINTS = 3  # of the scene along each axis, for the visible phases
 _PIXEL = 0.7  # pixels of a trial, in resolutions
-_MOST_PIECES = 1200  # of lines; larger scenes are tried where the first image is brightest
+_LINES, _TILES = 12, 24  # lines of a tile at most, with fewer where that makes too few tiles
+_MOST_TILES, _FEWEST_TILES = 100, 32  # of a trial; larger scenes are tried where they are bright
+_TILE_TRIALS = 12_000  # above so many, fewer tiles are tried
 _MOST_PULSES = 768  # with more, every second, third ... pulse is taken
-_FEWEST_TRIALS, _MOST_TRIALS = 16, 1500
+_FEWEST_TRIALS, _MOST_TRIALS = 16, 4000
 _BLOCKS = 6  # of the scene along each axis, dealt out to its two halves
-_REFINED, _FINER = 6, 6  # maxima around which so many more trials are made on each side
-# Of a maximum to use and to claim; see OffsetCurve. On 32 flights they were set by, prominence was
-# 1.7 to 6.5 at the true offset, in the worse half of the scene 1.5 to 5.3; where the true offset
-# lay outside of the trials it was 1.06 to 1.46 and 0.8 to 1.22.
-LEAST_PROMINENCE = 1.55
-_PROMINENCE_TO_CLAIM, _HALVES_TO_CLAIM, _PROMINENCE_ALONE = 1.6, 1.3, 1.8
-_NEARBY_RAD = 3.0, 15.0
-_FEWEST_NEARBY = 4
-_LARGEST_RIVAL = 0.7
-_SEPARATE = 0.1  # depth of the valley before a separate maximum, over the height of the highest
-
-
-@dataclasses.dataclass(frozen=True)
-class OffsetCurve:
-    """Contrast against the offset of the clocks.
-
-    Attributes
-    ----------
-    offset_s : (N,) float64
-        Offsets tried, ascending, seconds.
-    contrast : (N,) float64
-        Of the trial images.
-    halves : (N, 2) float64
-        Contrast of two halves of the scene, dealt out by place.
-    visible_rad : (N,) float64
-        Sum of the changes of the visible phases from the first offset on.
-    best_s : float
-        Where contrast is highest, seconds.
-    step_s : float
-        Offset that changes the phases by `STEP_RAD` there, seconds.
-    visible_range_rad : float
-        Sum of the changes over all offsets; where it is small, an offset only displaces the image.
-    rival : float
-        Height of the next separate maximum over the median of the curve, relative to that of the
-        highest: 0 without any, 1 where both are alike.
-    prominence : float
-        Contrast at the maximum over the median of what is 3 to 15 rad of visible phase away; NaN
-        where so little was tried that there is nothing to compare with.
-    prominence_of_halves : float
-        The same of the half of the scene where it is less.
-    at_edge : bool
-        Whether the highest value is at an end of the offsets tried.
-    """
-
-    offset_s: np.ndarray
-    contrast: np.ndarray
-    halves: np.ndarray
-    visible_rad: np.ndarray
-    best_s: float
-    step_s: float
-    visible_range_rad: float
-    rival: float
-    prominence: float
-    prominence_of_halves: float
-    at_edge: bool
-
-    def doubts(self) -> list[str]:
-        """Reasons not to use the best offset, in words."""
-        out = []
-        if self.at_edge:
-            out.append('contrast is highest at the end of the offsets that could be tried, '
-                       f'{self.offset_s[0]:+.3g} to {self.offset_s[-1]:+.3g} s: the true one may '
-                       'lie beyond')
-        if not self.prominence >= LEAST_PROMINENCE:
-            out.append(f'it hardly stands out from offsets nearby ({self.prominence:.2f} times '
-                       f'their contrast, {LEAST_PROMINENCE:g} is asked for)')
-        return out
-
-    def open_points(self) -> list[str]:
-        """Reasons not to claim that the best offset is the true one, in words."""
-        out = []
-        if self.rival > _LARGEST_RIVAL:
-            out.append(f'another offset is nearly as sharp ({100 * self.rival:.0f} % of its '
-                       'height)')
-        if not (self.prominence >= _PROMINENCE_ALONE or self.prominence >= _PROMINENCE_TO_CLAIM
-                and self.prominence_of_halves >= _HALVES_TO_CLAIM):
-            out.append(f'it stands out from offsets nearby by {self.prominence:.2f} times their '
-                       f'contrast, in one half of the scene by {self.prominence_of_halves:.2f}; '
-                       f'{_PROMINENCE_TO_CLAIM:g} and {_HALVES_TO_CLAIM:g} are asked for, or '
-                       f'{_PROMINENCE_ALONE:g} in all')
-        return out
+_SUBAPERTURES = 8  # dealt out to the halves of the aperture
+_PARTS = ((0, 2), (1, 3), (4, 6), (5, 7))  # of them: early and late, each even and odd
+_GLANCES = 5  # trials that choose the bright tiles
+COVERED = 0.5  # of its pulses that a pixel needs
+_COVERAGE_PULSES = 32
+_REFINED, _FINER = 4, 4  # maxima around which so many more trials are made on each side
+_WITHIN = 10  # trials on each side within the highest maximum
 
 
 class OffsetSearch:
@@ -131,7 +60,8 @@ class OffsetSearch:
     grid : MapGrid
         Of the image.
     reach_s : float
-        Largest offset to try to both sides, seconds.
+        Largest offset to try to both sides, seconds. Where the geometry is known, some more are
+        tried, so that an offset at the end has surroundings like any other.
     backend : str or Backend
         What computes the trial images, as for `plan_image`.
 
@@ -144,19 +74,22 @@ class OffsetSearch:
     def __init__(self, block: PulseBlock, geometry: Callable[[float], Geometry], grid: MapGrid,
                  reach_s: float, backend: str | Backend = AUTO):
         self._geometry, self._reach_s = geometry, reach_s
-        every = -(-block.n_pulses // _MOST_PULSES)
-        self._pulses = slice(None, None, every)
-        self._radar = block.radar
-        self._trials = optional_entry(backend, 'TrialImages')(
-            block.radar, block.samples[self._pulses])
-        self._known = self._sample(np.linspace(-reach_s, reach_s, _SAMPLES))
+        self._radar, self._block = block.radar, block
+        pulses = np.arange(0, block.n_pulses, -(-block.n_pulses // _MOST_PULSES))
+        number = np.arange(len(pulses)) * _SUBAPERTURES // len(pulses)
+        self._parts = [pulses[np.isin(number, part)] for part in _PARTS]
+        trials = optional_entry(backend, 'TrialImages')
+        self._trials = [trials(block.radar, block.samples[part]) for part in self._parts]
+        furthest_s = reach_s + BEYOND_S
+        self._known = self._sample(np.linspace(-furthest_s, furthest_s, max(
+            _FEWEST_SAMPLES, 2 * round(_SAMPLES_PER_S * furthest_s) + 1)))
         if not self._known:
             raise ValueError('no position is known for these pulses')
         x, y = (c + 0.35 * np.linspace(-1, 1, _POINTS) * n * grid.spacing_m for c, n in zip(
             grid.centre_m, (grid.n_x, grid.n_y), strict=False))
         self._points = np.stack(np.broadcast_arrays(x[:, None], y, grid.centre_m[2]),
                                 axis=-1).reshape(-1, 3)
-        self._plan_pixels(grid)
+        self._plan_tiles(grid)
 
     def _sample(self, offsets) -> dict[float, Geometry]:
         known = {}
@@ -167,53 +100,82 @@ class OffsetSearch:
                 continue
         return known
 
-    def _plan_pixels(self, grid: MapGrid) -> None:
-        """Pieces of lines along range, and the half of the scene that each belongs to."""
+    def _plan_tiles(self, grid: MapGrid) -> None:
+        """Tiles of pieces of lines along range, and the half of the scene that each belongs to."""
         centre = np.array(grid.centre_m)
-        looks = [centre - mean_centres(g.tx_m, g.rx_m) for g in self._known.values()]
-        nominal = looks[int(np.argmin(np.abs(list(self._known))))].mean(axis=0)
+        known = [g for offset, g in self._known.items() if abs(offset) <= self._reach_s]
+        looks = [centre - mean_centres(g.tx_m, g.rx_m) for g in known or self._known.values()]
+        nominal = looks[len(looks) // 2].mean(axis=0)
         ground = np.hypot(*nominal[:2])
         along = np.array([*nominal[:2], 0.0]) / max(ground, 1e-9)
         across = np.array([-along[1], along[0], 0.0])
         spread = max(np.ptp(np.arctan2(look @ across, look @ along)) for look in looks)
-        length = self._trials.length
+        length = self._trials[0].length
         u_step = _PIXEL * self._radar.range_resolution_m * np.linalg.norm(nominal) / ground
         v_step = _PIXEL * self._radar.wavelength_m / 2 / max(spread, 1e-3)
         half = 0.5 * grid.spacing_m * np.array([grid.n_x, grid.n_y])
         u_half, v_half = (np.abs(axis[:2]) @ half for axis in (along, across))
         n_u, n_v = max(1, round(2 * u_half / u_step / length)), max(1, round(2 * v_half / v_step))
-        u = (np.arange(n_u) - (n_u - 1) / 2) * length * u_step
-        v = (np.arange(n_v) - (n_v - 1) / 2) * v_step
-        middle = (u[:, None, None] * along + v[:, None] * across).reshape(-1, 3)
+        lines = max(1, min(_LINES, n_u * n_v // _TILES))
+        column, line = (k.ravel() for k in np.indices((n_u, n_v)))
+        row = line // lines
+        middle = ((column - (n_u - 1) / 2)[:, None] * length * u_step * along
+                  + (line - (n_v - 1) / 2)[:, None] * v_step * across)
         inside = (np.abs(middle[:, :2]) <= half + 0.5 * length * u_step * np.abs(along[:2])
                   ).all(axis=1)
-        part = (np.arange(n_u)[:, None] * _BLOCKS // n_u + np.arange(n_v) * _BLOCKS // n_v) % 2
-        if n_u < _BLOCKS:
-            part = (np.arange(n_u)[:, None] + np.arange(n_v) * _BLOCKS // n_v) % 2
+        n_rows = int(row.max()) + 1
+        part = ((column * min(_BLOCKS, n_u) // n_u + row * min(_BLOCKS, n_rows) // n_rows) % 2)
         self._direction = u_step * along
         self._starts = centre + middle[inside] - 0.5 * length * self._direction
-        self._part = part.ravel()[inside]
-        if len(self._starts) > _MOST_PIECES:
-            power = self._image(self._nearest()).sum(axis=1)
-            bright = np.sort(np.argsort(-power)[:_MOST_PIECES])
-            self._starts, self._part = self._starts[bright], self._part[bright]
+        _, first, self._tile = np.unique((column * n_rows + row)[inside], return_index=True,
+                                         return_inverse=True)
+        self._half = part[inside][first]
 
-    def _nearest(self) -> Geometry:
-        return self._known[min(self._known, key=abs)]
+    def _keep_bright(self, n: int) -> None:
+        """Leave out all but the brightest tiles, as some offsets show them."""
+        n_tiles = len(self._half)
+        if n_tiles <= n:
+            return
+        offsets = np.array(list(self._known))
+        within = np.abs(offsets) <= max(self._reach_s, np.abs(offsets).min())
+        power = np.zeros(n_tiles)
+        for k in np.linspace(0, within.sum() - 1, _GLANCES).astype(int):
+            power = np.maximum(power, self._brightness(self._images(
+                self._known[offsets[within][k]])))
+        kept = np.zeros(n_tiles, bool)
+        kept[np.argsort(-power)[:n]] = True
+        there = kept[self._tile]
+        self._starts, self._half = self._starts[there], self._half[kept]
+        self._tile = np.unique(self._tile[there], return_inverse=True)[1]
 
-    def _image(self, geometry: Geometry) -> np.ndarray:
-        """(K, L) intensity of the pieces."""
-        image = self._trials.image(geometry.tx_m[self._pulses], geometry.rx_m[self._pulses],
-                                   self._starts, self._direction, geometry.range_bias_m)
-        return np.square(image[0]) + np.square(image[1])
+    def _images(self, geometry: Geometry) -> list[np.ndarray]:
+        """(K, L) complex pieces of each part of the pulses."""
+        images = [trials.image(geometry.tx_m[part], geometry.rx_m[part], self._starts,
+                               self._direction, geometry.range_bias_m)
+                  for trials, part in zip(self._trials, self._parts, strict=True)]
+        return [image[0] + 1j * image[1] for image in images]
 
-    def _measure(self, offset: float) -> tuple[float, float, float]:
-        """Contrast of the trial at an offset, and of the two halves of the scene."""
-        amplitude = np.sqrt(self._image(self._geometry(offset)))
-        if not amplitude.any():
-            return 0.0, 0.0, 0.0
-        parts = [amplitude[self._part == k] for k in (0, 1)]
-        return contrast(amplitude), *(contrast(a) if a.any() else 0.0 for a in parts)
+    def _covered(self, geometry: Geometry) -> list[np.ndarray]:
+        """(T,) shares of the pulses of each part whose profiles reach each tile."""
+        middle = self._starts + 0.5 * self._trials[0].length * self._direction
+        count = np.bincount(self._tile)
+        place = np.stack([np.bincount(self._tile, x) / count for x in middle.T], axis=-1)
+        return [coverage(self._block, geometry, place, part) for part in self._parts]
+
+    def _measure(self, offset: float) -> tuple[np.ndarray, np.ndarray]:
+        """(5, T) sharpness of the tiles, of all pulses, early, late, even and odd ones; power."""
+        geometry = self._geometry(offset)
+        images, covered = self._images(geometry), self._covered(geometry)
+        out = []
+        for which in ((0, 1, 2, 3), (0, 1), (2, 3), (0, 2), (1, 3)):
+            level = tile_sharpness(np.square(np.abs(sum(images[k] for k in which))), self._tile)
+            level[np.mean([covered[k] for k in which], axis=0) < COVERED] = np.nan
+            out.append(level)
+        return np.array(out), self._brightness(images)
+
+    def _brightness(self, images: list[np.ndarray]) -> np.ndarray:
+        power = np.square(np.abs(sum(images))).mean(axis=1)
+        return np.bincount(self._tile, power) / np.bincount(self._tile)
 
     def _rates(self) -> tuple[np.ndarray, np.ndarray]:
         """Offsets whose geometry is known, and rms change of the visible phases, rad/s."""
@@ -233,55 +195,67 @@ class OffsetSearch:
         offsets, rates = self._rates()
         path = np.concatenate([[0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1])
                                                 * np.diff(offsets))])
+        ends = np.interp([-self._reach_s, self._reach_s], offsets, path)
+        there = ((path >= ends[0] - SURROUNDINGS_RAD) & (path <= ends[1] + SURROUNDINGS_RAD))
+        offsets, rates, path = offsets[there], rates[there], path[there] - path[there][0]
         seen = float(path[-1])
         n = int(np.clip(math.ceil(seen / STEP_RAD), _FEWEST_TRIALS, _MOST_TRIALS))
+        self._keep_bright(int(np.clip(_TILE_TRIALS // n, _FEWEST_TILES, _MOST_TILES)))
         # where nothing is seen, too, so that the sum ascends
         path += np.linspace(0.0, 1e-3 + 0.02 * seen, len(path))
-        trials = np.interp(np.linspace(0.0, path[-1], n + 1), path, offsets)
-        found = np.array([self._measure(t) for t in trials])
+        coarse = np.interp(np.linspace(0.0, path[-1], n + 1), path, offsets)
+        levels, power = map(np.array, zip(*map(self._measure, coarse), strict=True))
+        trials = Trials(coarse, np.interp(coarse, offsets, path), levels, self._half,
+                        np.median(power, axis=0))
         finer = np.unique(np.concatenate([np.interp(
-            k + np.linspace(-1.0, 1.0, 2 * _FINER + 1), np.arange(n + 1), trials)
-            for k in _maxima(found[:, 0])[:_REFINED]]))
-        finer = np.setdiff1d(finer, trials)
-        found = np.concatenate([found, [self._measure(t) for t in finer]])
-        order = np.argsort(np.concatenate([trials, finer]))
-        trials, found = np.concatenate([trials, finer])[order], found[order]
-        best, visible = int(found[:, 0].argmax()), np.interp(trials, offsets, path)
-        return OffsetCurve(
-            trials, found[:, 0], found[:, 1:], visible, float(trials[best]),
-            step_s=STEP_RAD / max(float(np.interp(trials[best], offsets, rates)), 1e-9),
-            visible_range_rad=seen, rival=_rival(found[:, 0], best),
-            prominence=_prominence(found[:, 0], visible, best),
-            prominence_of_halves=min(_prominence(c, visible, best) for c in found[:, 1:].T),
-            at_edge=bool(min(visible[best] - visible[0], visible[-1] - visible[best])
-                         < STEP_RAD))
+            k + np.linspace(-1.0, 1.0, 2 * _FINER + 1), np.arange(n + 1), coarse)
+            for k in trials.maxima()[:_REFINED]]))
+        finer = np.setdiff1d(finer, coarse)
+        curve = trials.curve(
+            finer, np.interp(finer, offsets, path), np.array([self._measure(t)[0] for t in finer]),
+            step=lambda best: STEP_RAD / max(float(np.interp(best, offsets, rates)), 1e-9),
+            visible_range_rad=seen)
+        return dataclasses.replace(curve, best_s=self._sharpest(curve))
+
+    def _sharpest(self, curve: OffsetCurve) -> float:
+        """Offset of the highest contrast within the maximum, seconds; ends stay ends."""
+        if curve.best_s in curve.offset_s[[0, -1]]:
+            return curve.best_s
+        reach_s = PEAK_RAD / STEP_RAD * curve.step_s
+        offsets = np.clip(curve.best_s + reach_s * np.linspace(-1.0, 1.0, 2 * _WITHIN + 1),
+                          *curve.offset_s[[0, -1]])
+        there = np.min([self._covered(self._geometry(t)) for t in offsets], axis=(0, 1)) >= COVERED
+        if not there.any():
+            return curve.best_s
+        return float(max(offsets, key=lambda t: contrast(
+            sum(self._images(self._geometry(t)))[there[self._tile]])))
 
 
-def _maxima(values: np.ndarray) -> np.ndarray:
-    """Numbers of the local maxima, the highest first."""
-    padded = np.concatenate([[-np.inf], values, [-np.inf]])
-    peaks = np.flatnonzero((values >= padded[:-2]) & (values > padded[2:]))
-    return peaks[np.argsort(-values[peaks])]
+def coverage(block: PulseBlock, geometry: Geometry, points_m, pulses=slice(None)) -> np.ndarray:
+    """Share of pulses whose profiles reach some points.
 
+    Parameters
+    ----------
+    block : PulseBlock
+        Range profiles.
+    geometry : Geometry
+        Their phase centres.
+    points_m : (K, 3) array_like
+        Points, metres.
+    pulses : index
+        Which pulses to look at; some of them, evenly.
 
-def _rival(values: np.ndarray, best: int) -> float:
-    """Height of the next separate maximum over the median, relative to the highest one's."""
-    floor = float(np.median(values))
-    height = values[best] - floor
-    for k in _maxima(values):
-        low, high = sorted((k, best))
-        deep = values[k] - values[low:high + 1].min()
-        if k != best and deep > _SEPARATE * (values[best] - floor):
-            return float((values[k] - floor) / height)
-    return 0.0
-
-
-def _prominence(values: np.ndarray, visible_rad: np.ndarray, best: int) -> float:
-    away = np.abs(visible_rad - visible_rad[best])
-    nearby = values[(away > _NEARBY_RAD[0]) & (away < _NEARBY_RAD[1])]
-    if len(nearby) < _FEWEST_NEARBY:
-        return math.nan
-    return float(values[best] / max(np.median(nearby), 1e-30))
+    Returns
+    -------
+    (K,) float64
+        0 to 1.
+    """
+    centres = [c[pulses].mean(axis=1) for c in geometry[:2]]
+    every = slice(None, None, -(-len(centres[0]) // _COVERAGE_PULSES))
+    path = geometry.range_bias_m + sum(
+        0.5 * np.linalg.norm(np.asarray(points_m)[:, None] - c[every], axis=-1) for c in centres)
+    first, spacing = block.radar.range_start_m, block.radar.sample_spacing_m
+    return np.mean((path >= first) & (path <= first + (block.n_samples - 1) * spacing), axis=1)
 
 
 def visible_phase(first: Geometry, second: Geometry, points, wavenumber: float) -> float:

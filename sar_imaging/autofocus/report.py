@@ -8,9 +8,10 @@ import math
 import numpy as np
 
 from ..signal.pulses import PulseBlock
-from .offset_search import OffsetCurve
+from .offset_curve import OffsetCurve
 
 ORIGINAL, PARAMETERS, PHASES = 'original', 'parameters', 'residual phases'
+FOCUSED, FOCUSED_ALREADY = 'focused by autofocus', 'focused already'
 SHARPENED = 'sharpened by autofocus, focus not confirmed'
 NOT_CHANGED = 'not changed by autofocus, focus not confirmed'
 
@@ -29,7 +30,8 @@ class AutofocusReport:
     reason : str
         Why, in a sentence.
     contrast_before, contrast_after : float
-        Contrast of the original and of the image returned.
+        Contrast of the original and of the image returned; where clock offsets were searched for,
+        on the pixels that the profiles reach from both tracks.
     entropy_before, entropy_after : float
         Their entropies, nats.
     contrast_found : float
@@ -90,8 +92,8 @@ class AutofocusReport:
     def verdict(self) -> str:
         """What the image is now, in few words."""
         if self.accepted:
-            return 'focused by autofocus' if self.success else SHARPENED
-        return 'focused already' if self.success else NOT_CHANGED
+            return FOCUSED if self.success else SHARPENED
+        return FOCUSED_ALREADY if self.success else NOT_CHANGED
 
     @property
     def details(self) -> str:

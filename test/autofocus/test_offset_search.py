@@ -12,7 +12,8 @@ import pytest
 from benchmarks.support.references import exact_image
 from sar_imaging.autofocus import Geometry
 from sar_imaging.autofocus.live import live_autofocus
-from sar_imaging.autofocus.offset_search import OffsetSearch, visible_phase
+from sar_imaging.autofocus.offset_curve import OffsetCurve
+from sar_imaging.autofocus.offset_search import BEYOND_S, OffsetSearch, visible_phase
 from sar_imaging.autofocus.track import PhaseCentreTrack
 from sar_imaging.backends import backend, optional_entry
 from sar_imaging.geometry.grids import MapGrid
@@ -40,7 +41,7 @@ def profiles_of(block, poses, alignment, reach_s):
 def focus(flight, offset_s, expected_s, **options):
     """Result of autofocus, and the contrast of the image with the right offset."""
     profiles, track = profiles_of(flight.block, flight.track(), flight.misaligned(offset_s),
-                                  1.25 * expected_s)
+                                  1.25 * expected_s + BEYOND_S)
     result = live_autofocus(flight.grid, time_offset_s=expected_s, track=track,
                             **options).process(profiles)
     true = locate(flight.block, flight.track(), flight.alignment)
@@ -96,16 +97,91 @@ def test_a_clock_that_is_wrong_is_found_and_claimed(seed, motion, radar_kind, of
     assert str(report).startswith('focused by autofocus: sharper')
 
 
-def test_an_offset_beyond_the_trials_is_refused_and_the_refusal_says_what_was_found():
+class KnownBetween:
+    """A track that is known for some offsets alone."""
+
+    def __init__(self, track, lowest_s, highest_s):
+        self._track, self._between = track, (lowest_s, highest_s)
+
+    def at(self, stamp_ns, offset_s=0.0):
+        if not self._between[0] <= offset_s <= self._between[1]:
+            raise ValueError('no position is known')
+        return self._track.at(stamp_ns, offset_s)
+
+
+def test_where_the_right_offset_cannot_be_tried_the_refusal_says_what_was_found_and_why():
     flight = drone_flight(1, motion='turn', radar_kind='uwb', **SMALL)
-    result, wanted = focus(flight, 1.6, 0.4)  # tried up to 0.5 s
+    profiles, track = profiles_of(flight.block, flight.track(), flight.misaligned(1.6), 2.0)
+    result = live_autofocus(flight.grid, time_offset_s=1.0, track=KnownBetween(
+        track, -1.0, 1.0)).process(profiles)
     report = result.report
     assert not report.accepted and not report.success
-    assert report.contrast_found < 0.8 * wanted
     assert report.verdict == 'not changed by autofocus, focus not confirmed'
     assert report.reason.startswith(
         f'a clock offset of {report.parameters["time_offset_s"]:+.4g} s would change the '
         f'contrast from {report.contrast_before:.3g} to {report.contrast_found:.3g}, but ')
+    assert 'nothing sharper' not in report.reason
+
+
+@pytest.mark.parametrize('offset_s', [0.1, -0.25])
+def test_the_answer_does_not_depend_on_the_width_of_the_search(offset_s):
+    """Straight legs, and profiles that end within the image, which far offsets move out."""
+    flight = drone_flight(4, motion='legs', radar_kind='uwb', n_pixels=100, n_pulses=200)
+    for expected_s in (0.3, 3.0):
+        profiles, track = profiles_of(flight.block, flight.track(), flight.misaligned(offset_s),
+                                      1.25 * expected_s + BEYOND_S)
+        last = round(0.75 * profiles.n_samples)
+        profiles = dataclasses.replace(profiles, samples=profiles.samples[..., :last].copy())
+        report = live_autofocus(flight.grid, time_offset_s=expected_s, track=track,
+                                n_phases=0).process(profiles).report
+        assert report.accepted and report.success, report
+        assert report.parameters['time_offset_s'] == pytest.approx(-offset_s, abs=0.01)
+
+
+def curve(gain, halves=None, best=10):
+    """A curve of 60 trials that are 1 rad apart."""
+    n = len(gain)
+    halves = [gain] * 6 if halves is None else halves
+    return OffsetCurve(np.arange(n) * 0.01, np.arange(n) * 1.0, gain, np.array(halves),
+                       best * 0.01, 0.012, n - 1.0)
+
+
+def peaks(*where_and_height, n=60):
+    out = np.zeros(n)
+    for k, height in where_and_height:
+        out[k] = height
+    return out
+
+
+def test_halves_that_are_sharpest_elsewhere_are_told_with_their_offset():
+    clear = peaks((30, 9.0), (45, 2.0))
+    assert not curve(clear, best=30).doubts() and not curve(clear, best=30).open_points()
+    late = peaks((30, 2.0), (45, 5.0))
+    odd_one_out = curve(clear, [clear] * 3 + [late] + [clear] * 2, best=30)
+    assert not odd_one_out.doubts()
+    [reason] = odd_one_out.open_points()
+    assert 'the late pulses, taken alone, are sharpest at +0.45 s, by 3.0' in reason
+    [reason, *_] = curve(clear, [late] * 6, best=30).doubts()
+    assert 'the halves of the data prefer it by -18.0' in reason
+    assert not curve(clear, [late] * 6, best=30).doubts(in_phase=True)  # which is evidence, too
+
+
+def test_two_offsets_that_are_equally_sharp_are_told():
+    both = curve(peaks((20, 8.0), (40, 7.5)), best=20)
+    [reason, *_] = both.doubts()
+    assert 'does not exceed the 7.5 of +0.4 s' in reason
+    # within one maximum there is no rival
+    assert curve(peaks((20, 8.0), (21, 6.0), (22, 5.0), (23, 5.0), (24, 7.5)), best=20).rival[
+        1] == 0.0
+
+
+def test_an_offset_at_the_end_of_what_is_known_is_not_used_and_one_near_it_not_claimed():
+    [reason] = curve(peaks((59, 9.0)), best=59).doubts()
+    assert 'it is the last one of those that could be tried, +0 to +0.59 s' in reason
+    near = curve(peaks((56, 9.0)), best=56)
+    assert not near.doubts()
+    [reason] = near.open_points()
+    assert 'positions are not known far enough beyond it' in reason
 
 
 def test_noise_tells_no_offset():

@@ -1,6 +1,7 @@
 """Random drone flights with unsynchronised clocks of radar and poses, to test autofocus on.
 
-A drone hovers and drifts, or flies into a turn, and looks at a scene of some metres. The pulses
+A drone hovers and drifts, flies into a turn, or flies straight and level legs between which it
+hovers, and looks at a scene of some metres. The pulses
 come without positions; the poses are those of the drone's navigation, on another clock. The
 offset between the clocks is known here and is what autofocus has to find.
 """
@@ -22,10 +23,10 @@ from ...signal.pulses import PulseBlock
 from ...signal.radar import RadarParameters, Waveform
 from ..echoes import EchoSimulator
 
-MOTIONS = ('hover', 'turn')
+MOTIONS = ('hover', 'turn', 'legs')
 RADARS = ('uwb', 'fmcw')
 ANGLES_DEG = 5.0, 30.0  # of the aperture, seen from the scene
-MARGIN_S = 4.0  # poses before the first and after the last pulse
+MARGIN_S = 7.0  # poses before the first and after the last pulse
 CLOCK_S = 40.0  # the poses' clock minus the radar's
 _POSE_RATE_HZ = 100.0
 _POSE_NOISE_M = 3e-4
@@ -114,8 +115,8 @@ def drone_flight(seed: int, *, motion: str | None = None, radar_kind: str | None
     seed : int
         Of everything random.
     motion : str, optional
-        One of `MOTIONS`: 'hover' drifts, 'turn' flies into a turn of 30 to 150 degrees; at
-        random if left out.
+        One of `MOTIONS`: 'hover' drifts, 'turn' flies into a turn of 30 to 150 degrees, 'legs'
+        flies straight for 2 to 4 s, hovers for 1 to 2 s, and so on; at random if left out.
     radar_kind : str, optional
         One of `RADARS`; at random if left out.
     n_pixels : int
@@ -149,7 +150,7 @@ def drone_flight(seed: int, *, motion: str | None = None, radar_kind: str | None
     angle_deg = float(np.exp(rng.uniform(*np.log(ANGLES_DEG))))
     duration_s = rng.uniform(5.0, 9.0)
     range_m = rng.uniform(*((7.0, 11.0) if radar_kind == 'uwb' else (10.0, 16.0)))
-    moving = (_hovering if motion == 'hover' else _turning)(rng, duration_s)
+    moving = {'hover': _hovering, 'turn': _turning, 'legs': _legs}[motion](rng, duration_s)
     track = _placed(moving, _sway(rng), duration_s, range_m, math.radians(angle_deg))
     radar, n_samples, default_pulses = _radar(radar_kind)
     time_s = np.linspace(0.0, duration_s, n_pulses or default_pulses)
@@ -226,6 +227,25 @@ def _turning(rng, duration_s: float) -> Callable:
     def at(time_s):
         x, y = (np.interp(time_s, fine_s, p) for p in path.T)
         return np.stack([x, y, 0 * x], axis=1)
+
+    return at
+
+
+def _legs(rng, duration_s: float) -> Callable:
+    """Legs and hovers in turn, in a unit of length that `_placed` chooses."""
+    first_s, last_s = -MARGIN_S - 1.0, duration_s + MARGIN_S + 1.0
+    ends_s, speeds = [first_s - rng.uniform(0.0, 4.0)], []
+    while ends_s[-1] < last_s:
+        speeds.append(0.0 if len(speeds) % 2 else rng.choice([-1.0, 1.0], p=[0.2, 0.8]))
+        ends_s.append(ends_s[-1] + rng.uniform(1.0, 2.0) * (2.0 if speeds[-1] else 1.0))
+    fine_s = np.arange(first_s, last_s, 0.01)
+    speed = np.array(speeds)[np.searchsorted(ends_s, fine_s, side='right') - 1]
+    ramp = np.hanning(round(rng.uniform(0.5, 1.0) / 0.01))  # of a drone that changes its speed
+    path = np.cumsum(np.convolve(speed, ramp / ramp.sum(), mode='same')) * 0.01 / duration_s
+
+    def at(time_s):
+        x = np.interp(time_s, fine_s, path)
+        return np.stack([x, 0 * x, 0 * x], axis=1)
 
     return at
 

@@ -1,0 +1,285 @@
+"""What trials of clock offsets tell: where the scene is sharpest, and how sure that is.
+
+A trial is judged tile by tile, so that one bright object is one voice of many, and against the
+offsets nearby, whose images differ in focus alone. The scatter of all other trials says how much
+chance makes of it. Six halves of the data, each by itself, must be sharpest at the same offset:
+two of the scene, and of the pulses the early and the late ones, and even and odd sub-apertures.
+Chance, a moving object, or a wrong offset that happens to focus a part of the aperture make one
+half sharp, not all.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+HALVES = ('one half of the scene', 'the other half of the scene', 'the early pulses',
+          'the late pulses', 'the even sub-apertures', 'the odd sub-apertures')
+SURROUNDINGS_RAD = 15.0  # of visible phase, to compare an offset with
+PEAK_RAD = 3.0  # half width of a maximum, of visible phase
+_PEAK_OF_HALF_RAD = 7.0  # a part of the aperture changes its phases more slowly
+_END_RAD = 5.0  # at least so much must have been tried beyond an offset to claim it
+_FEWEST_NEARBY = 4
+# Standard deviations of the scatter: by how much the best offset must exceed the next one to be
+# used, to be claimed, and to be claimed without points in phase, which tell by themselves; and the
+# same for the sum over all halves. In 200 trials where the right offset lay outside, the sum of
+# the best one was 5 or more for one in ten and 20 or more for none whose surroundings were known.
+# One half may prefer another offset by 1.4, one standard deviation of a difference.
+_MARGIN_TO_USE, _MARGIN, _MARGIN_ALONE = 1.0, 2.0, 3.0
+_SUM, _SUM_ALONE, _DISSENT, _DISSENTERS = 5.0, 20.0, math.sqrt(2), 1
+_NORMAL = 1.4826  # standard deviation over median absolute deviation
+
+
+def tile_sharpness(intensity: np.ndarray, tile: np.ndarray) -> np.ndarray:
+    """Sharpness of each tile of an image, whatever its brightness.
+
+    ``log(<I^2> / <I>^2) / 2`` with the intensity I of the pixels of a tile: 0 where all are
+    alike, 0.35 of speckle.
+
+    Parameters
+    ----------
+    intensity : (K, L) array
+        Pixels, L of a piece.
+    tile : (K,) int array
+        Number of the tile that each piece belongs to, from 0.
+
+    Returns
+    -------
+    (T,) float64
+        NaN where a tile is dark.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.autofocus.offset_curve import tile_sharpness
+    >>> image = np.ones((2, 8))
+    >>> image[1, 3] = 400.0
+    >>> tile_sharpness(image, np.array([0, 1])).round(2).tolist()
+    [0.0, 1.02]
+    """
+    count = np.bincount(tile) * intensity.shape[1]
+    first = np.bincount(tile, intensity.sum(axis=1, dtype=np.float64))
+    second = np.bincount(tile, np.square(intensity, dtype=np.float64).sum(axis=1))
+    with np.errstate(divide='ignore', invalid='ignore'):
+        return 0.5 * np.log(count * second / first ** 2)
+
+
+@dataclasses.dataclass(frozen=True)
+class OffsetCurve:
+    """Sharpness against the offset of the clocks.
+
+    Attributes
+    ----------
+    offset_s : (N,) float64
+        Offsets tried, ascending, seconds.
+    visible_rad : (N,) float64
+        Sum of the changes of the visible phases from the first offset on.
+    gain : (N,) float64
+        Sharpness over that of the offsets 3 to 15 rad away, in standard deviations of its scatter
+        over all offsets.
+    halves : (6, N) float64
+        The same of each of `HALVES`.
+    best_s : float
+        Where the gain is highest, seconds.
+    step_s : float
+        Offset that changes the phases by `offset_search.STEP_RAD` there, seconds.
+    visible_range_rad : float
+        Sum of the changes over all offsets; where it is small, an offset only displaces the image.
+    """
+
+    offset_s: np.ndarray
+    visible_rad: np.ndarray
+    gain: np.ndarray
+    halves: np.ndarray
+    best_s: float
+    step_s: float
+    visible_range_rad: float
+
+    def _away(self, offset_s: float) -> np.ndarray:
+        """(N,) visible phase from an offset on, radians."""
+        return np.abs(self.visible_rad - np.interp(offset_s, self.offset_s, self.visible_rad))
+
+    def _maximum(self) -> np.ndarray:
+        """(N,) bool: trials within the maximum that the best offset belongs to."""
+        away = self._away(self.best_s)
+        return away <= max(PEAK_RAD, away.min())
+
+    def at(self, offset_s: float) -> float:
+        """Gain at an offset."""
+        return float(np.interp(offset_s, self.offset_s, self.gain))
+
+    def outweighs(self, offset_s: float) -> bool:
+        """Whether an offset is less sharp than the best one, beyond what scatters."""
+        return self.peak - self.at(offset_s) >= _MARGIN
+
+    @property
+    def rival(self) -> tuple[float, float]:
+        """The next separate maximum: its offset, seconds, and its gain; NaN and 0 without any.
+
+        Between it and the best one the gain falls to less than half.
+        """
+        best, away = np.searchsorted(self.offset_s, self.best_s), self._away(self.best_s)
+        for k in maxima(self.gain):
+            low, high = sorted((k, best))
+            if away[k] > PEAK_RAD and self.gain[low:high + 1].min() < 0.5 * self.gain[k]:
+                return float(self.offset_s[k]), float(self.gain[k])
+        return math.nan, 0.0
+
+    def margins(self) -> list[tuple[str, float, float]]:
+        """What each half of the data tells.
+
+        Returns
+        -------
+        list of (str, float, float)
+            Its name; the other offset where it is sharpest, seconds; and by how much the best
+            offset is sharper than that, in standard deviations: below 0 where it is not.
+        """
+        away, there, out = self._away(self.best_s), self._maximum(), []
+        for name, gain in zip(HALVES, self.halves, strict=True):
+            elsewhere = np.where(away > _PEAK_OF_HALF_RAD, gain, -np.inf)
+            k = int(elsewhere.argmax())
+            if np.isfinite(elsewhere[k]):
+                out.append((name, float(self.offset_s[k]),
+                            float(gain[there].max() - elsewhere[k])))
+        return out
+
+    def doubts(self, in_phase: bool = False) -> list[str]:
+        """Reasons not to use the best offset, in words.
+
+        Parameters
+        ----------
+        in_phase : bool
+            Whether bright points of its image are in phase over the whole aperture, which a wrong
+            offset does not do.
+        """
+        out = []
+        if self.best_s in self.offset_s[[0, -1]]:
+            out.append('it is the last one of those that could be tried, '
+                       f'{self.offset_s[0]:+.3g} to {self.offset_s[-1]:+.3g} s: the true one may '
+                       'lie beyond')
+        return out if in_phase else out + self._too_little(_MARGIN_TO_USE, _SUM)
+
+    def open_points(self, in_phase: bool = False) -> list[str]:
+        """Reasons not to claim that the best offset is the true one, in words.
+
+        Parameters
+        ----------
+        in_phase : bool
+            As for `doubts`.
+        """
+        out = (self._too_little(_MARGIN, _SUM) if in_phase else
+               self._too_little(_MARGIN_ALONE, _SUM_ALONE))
+        if self._away(self.best_s)[[0, -1]].min() < _END_RAD:
+            out.append('positions are not known far enough beyond it to tell it from others, only '
+                       f'for offsets of {self.offset_s[0]:+.3g} to {self.offset_s[-1]:+.3g} s')
+        dissenters = [m for m in self.margins() if m[2] < 0]
+        if len(dissenters) > _DISSENTERS or any(m[2] < -_DISSENT for m in dissenters):
+            out.append('halves of the data disagree' + _in_words(dissenters))
+        return out
+
+    @property
+    def peak(self) -> float:
+        """Gain of the maximum that the best offset belongs to."""
+        return float(self.gain[self._maximum()].max())
+
+    def _too_little(self, margin: float, together: float) -> list[str]:
+        (where_s, rival), out, margins = self.rival, [], self.margins()
+        total = sum(m[2] for m in margins)
+        if self.peak - rival < margin:
+            other = 'chance' if math.isnan(where_s) else f'the {rival:.1f} of {where_s:+.4g} s'
+            out.append(f'it is sharper than offsets nearby by {self.peak:.1f} standard deviations '
+                       f'of the scatter between offsets, which does not exceed {other} by '
+                       f'{margin:g}')
+        if total < together:
+            out.append(f'the halves of the data prefer it by {total:.1f} standard deviations '
+                       f'together, less than {together:g}'
+                       + _in_words([m for m in margins if m[2] < 0]))
+        return out
+
+
+class Trials:
+    """Sharpness of the tiles at evenly spaced offsets, to compare others with.
+
+    Parameters
+    ----------
+    offset_s, visible_rad : (N,) float64
+        Offsets, and sum of the changes of the visible phases.
+    levels : (N, 5, T) float64
+        Of T tiles, by `tile_sharpness`: of all pulses, early, late, even and odd ones; NaN where
+        the profiles do not reach a tile.
+    half : (T,) int
+        Half of the scene that a tile belongs to, 0 or 1.
+    power : (T,) float64
+        Brightness of the tiles. Bright ones count more, by its root.
+    """
+
+    def __init__(self, offset_s, visible_rad, levels, half, power):
+        self._offset_s, self._visible_rad, self._levels = offset_s, visible_rad, levels
+        weight = np.sqrt(power)
+        self._which = [(k, w / max(w.sum(), 1e-30)) for k, w in (
+            (0, weight), (0, weight * (half == 0)), (0, weight * (half == 1)),
+            *((k, weight) for k in (1, 2, 3, 4)))]
+        self._reach = np.isfinite(levels).any(axis=0)
+        # Each tile against its own middle, so that one that is out of reach takes nothing away.
+        filled = np.where(self._reach, levels, 0.0)
+        self._middle = np.nanmedian(filled, axis=0)
+
+    def _gains(self, visible_rad, levels) -> np.ndarray:
+        """(7, M) gain of all data and of the halves at some offsets, not yet scaled."""
+        def averaged(values):
+            return np.array([np.nan_to_num(values[:, k] - self._middle[k]) @ weight for k, weight
+                             in self._which])
+
+        own, of_all = averaged(levels), averaged(self._levels)
+        for j, place in enumerate(visible_rad):
+            away = np.abs(self._visible_rad - place)
+            near = (away > PEAK_RAD) & (away < SURROUNDINGS_RAD)
+            own[:, j] -= np.median(of_all[:, near] if near.sum() >= _FEWEST_NEARBY else of_all,
+                                   axis=1)
+        return own
+
+    def maxima(self) -> np.ndarray:
+        """Numbers of the offsets where the gain is higher than beside them, highest first."""
+        return maxima(self._gains(self._visible_rad, self._levels)[0])
+
+    def curve(self, offset_s, visible_rad, levels, *, step: Callable[[float], float],
+              visible_range_rad: float) -> OffsetCurve:
+        """The curve of these offsets and of finer ones.
+
+        Parameters
+        ----------
+        offset_s, visible_rad, levels
+            Of the finer ones.
+        step : callable
+            From an offset to `OffsetCurve.step_s`.
+        visible_range_rad : float
+            Of the curve.
+        """
+        coarse = self._gains(self._visible_rad, self._levels)
+        gains = np.concatenate([coarse, self._gains(visible_rad, levels)], axis=1)
+        offset_s = np.concatenate([self._offset_s, offset_s])
+        visible_rad = np.concatenate([self._visible_rad, visible_rad])
+        best = int(gains[0].argmax())
+        others = np.abs(self._visible_rad - visible_rad[best]) > PEAK_RAD
+        for row, some in zip(gains, coarse[:, others] if others.any() else coarse, strict=True):
+            middle = np.median(some)
+            row[:] = (row - middle) / max(_NORMAL * np.median(np.abs(some - middle)), 1e-12)
+        order = np.argsort(offset_s)
+        best_s = float(offset_s[best])
+        return OffsetCurve(offset_s[order], visible_rad[order], gains[0, order],
+                           gains[1:, order], best_s, step(best_s), visible_range_rad)
+
+
+def maxima(values: np.ndarray) -> np.ndarray:
+    """Numbers of the local maxima, the highest first."""
+    padded = np.concatenate([[-np.inf], values, [-np.inf]])
+    peaks = np.flatnonzero((values >= padded[:-2]) & (values > padded[2:]))
+    return peaks[np.argsort(-values[peaks])]
+
+
+def _in_words(dissenters) -> str:
+    return ''.join(f'; {name}, taken alone, {"is" if "half" in name else "are"} sharpest at '
+                   f'{offset_s:+.4g} s, by {-margin:.1f}' for name, offset_s, margin in dissenters)
