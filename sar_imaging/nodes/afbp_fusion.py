@@ -170,7 +170,8 @@ class FusionStep(Step):
         self.health.set('image_latency_seconds', time.monotonic() - self.received_s)
         error_db = product.predicted_error_db
         self.health.set('predicted_error_db', math.nan if error_db is None else error_db)
-        note = self._note(product)
+        if isinstance(note := self._note(product), Note) and product.final:
+            autofocus.tell(self.health, product.aperture, note)
         figure = focus_watch.count_focus(product.image, self.health)
         self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, '
                          f'{error_in_words(error_db)}, {figure}{self._brightness.told}'

@@ -224,7 +224,7 @@ def _replay(recording: Recording, arguments: argparse.Namespace, names: Sequence
         counters = _counted(observer, before)
         return _Result(aperture, length, observer.image, observer.image.received_s - sent_s,
                        observer.grid, counters, _predicted_error_db(observer, counters),
-                       _autofocus(observer, counters))
+                       observer.autofocus.get(aperture.number))
     finally:
         if executor is not None:
             executor.shutdown()
@@ -248,18 +248,6 @@ def _predicted_error_db(observer: Observer, counters: dict[str, dict[str, int]])
     """Of the latest image, as the node says that formed it."""
     imagers = _imagers(counters)
     return observer.figure(imagers[-1], 'predicted_error_db') if imagers else None
-
-
-def _autofocus(observer: Observer, counters: dict[str, dict[str, int]]) -> dict | None:
-    """What autofocus found for the latest image; None where no node tried it."""
-    for name, counted in counters.items():
-        if attempted := counted.get('autofocus_attempted'):
-            verdict = (examination.IN_FOCUS if counted.get('autofocus_claimed') == attempted else
-                       'used, focus not certain' if counted['autofocus_accepted'] else 'not used')
-            return {'verdict': verdict, **{key: observer.figure(name, f'autofocus_{key}') for key
-                                           in ('time_offset_s', 'largest_move_m',
-                                               'contrast_before', 'contrast_after')}}
-    return None
 
 
 def _choose_aperture(apertures: list[Aperture], length: int, wanted: int | None) -> Aperture:

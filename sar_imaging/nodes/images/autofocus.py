@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sar_imaging.autofocus.autofocus import LEAST_COHERENCE, N_PHASES, Autofocus
+from sar_imaging.autofocus.autofocus import N_PHASES, Autofocus
+from sar_imaging.autofocus.evidence import LEAST_COHERENCE
 from sar_imaging.autofocus.live import BEYOND, compile_autofocus, live_autofocus
 from sar_imaging.autofocus.phase_gradient import PhaseGradient
 from sar_imaging.autofocus.report import NOT_CHANGED, SHARPENED, AutofocusReport
@@ -49,6 +50,7 @@ PHASE_GRADIENT = Parameter(
     'pulse, the same for the whole scene.')
 EXPECTED = (TRACK_ERROR, TIME_OFFSET)  # either of them switches autofocus on
 PARAMETERS = (*EXPECTED, RANGE_BIAS, RESIDUAL_PHASES, COHERENCE_LIMIT)
+FAILED = 'autofocus failed'  # verdict
 # Of the last aperture, as keys of the diagnostics and fields of the report.
 _FIGURES = {
     'autofocus_contrast_before': 'contrast_before', 'autofocus_contrast_after': 'contrast_after',
@@ -57,9 +59,9 @@ _FIGURES = {
     'autofocus_largest_move_m': 'largest_move_m'}
 FUSION_COUNTERS = ('autofocus_attempted', 'autofocus_accepted', 'autofocus_failed',
                    'autofocus_contrast_before', 'autofocus_contrast_after', 'autofocus_error_db',
-                   'autofocus_correction_m', 'autofocus_seconds')
+                   'autofocus_correction_m', 'autofocus_seconds', 'autofocus_aperture')
 COUNTERS = ('autofocus_attempted', 'autofocus_accepted', 'autofocus_claimed', 'autofocus_failed',
-            *_FIGURES, 'autofocus_time_offset_s', 'autofocus_seconds')
+            *_FIGURES, 'autofocus_time_offset_s', 'autofocus_seconds', 'autofocus_aperture')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -186,12 +188,14 @@ class ImageFocus:
             result = self._autofocus(product.pulses).process(product.pulses, product.image)
         except (ValueError, MemoryError) as error:
             self._health.count('autofocus_failed')
+            tell(self._health, product.aperture, Note(FAILED, str(error)))
             self._health.warning(f'autofocus of aperture {product.aperture} failed, the image '
                                  f'is published unchanged: {error}')
-            return FocusedImage(**fields, verdict='autofocus failed', details=str(error))
+            return FocusedImage(**fields, verdict=FAILED, details=str(error))
         seconds = time.perf_counter() - began
         report = result.report
         self._count(report, seconds)
+        tell(self._health, product.aperture, Note(report.verdict, report.reason))
         fields['image'] = result.image
         curve = report.curve
         tried = '' if curve is None else (
@@ -230,6 +234,13 @@ class Note(NamedTuple):
     details: str
 
 
+def tell(health: Health | Part, aperture: int, note: Note) -> None:
+    """Put into the diagnostics what autofocus did to the image of an aperture."""
+    health.set('autofocus_aperture', aperture)
+    health.tell('autofocus_verdict', note.verdict)
+    health.tell('autofocus_reason', note.details)
+
+
 class PolarFocus:
     """Tries to focus fused polar images; see `LiveFusion.focus`.
 
@@ -253,7 +264,7 @@ class PolarFocus:
         except (ValueError, MemoryError) as error:
             health.count('autofocus_failed')
             health.warning(f'autofocus failed, the image is published unchanged: {error}')
-            return polar, Note('autofocus failed', str(error))
+            return polar, Note(FAILED, str(error))
         seconds = time.perf_counter() - began
         health.count('autofocus_accepted', int(result.accepted))
         after = result.contrast_after if result.accepted else result.contrast_before

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from sar_imaging.autofocus.report import FOCUSED, FOCUSED_ALREADY
 from sar_imaging.diagnosis import Diagnosis, diagnose
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
@@ -16,7 +17,7 @@ from sar_imaging.signal.pulses import PulseBlock, concatenate
 from ..recordings.bag_io import deserialise, raw_messages, read_poses
 from ..recordings.recording import Recording
 
-IN_FOCUS = 'in focus'  # verdict of autofocus
+IN_FOCUS = (FOCUSED, FOCUSED_ALREADY)  # verdicts of autofocus
 _MOST_BYTES = 512e6  # of samples that are read for it
 
 
@@ -49,7 +50,7 @@ def examine(recording: Recording, aperture: int, pulses_per_aperture: int, image
                              window=(recording.truth or {}).get('window', 'none'))
     except (ValueError, MemoryError) as error:
         diagnosis = Diagnosis(0.0, 0.0, '', f'the pulses could not be examined: {error}')
-    if autofocus and autofocus['verdict'] == IN_FOCUS:
+    if autofocus and autofocus['verdict'] in IN_FOCUS:
         diagnosis = dataclasses.replace(diagnosis, mistake='', advice='')
     if diagnosis.coverage and not diagnosis.mistake and not figure.at_noise_level:
         # Of clutter without strong reflectors the diagnosis of a few tiles sees nothing.

@@ -22,6 +22,7 @@ from sar_imaging.geometry.grids import MapGrid
 from ..node_processes import AFBP_NODES, PIPELINE
 from .node_warnings import NodeWarnings
 
+AUTOFOCUS_FIGURES = ('time_offset_s', 'largest_move_m', 'contrast_before', 'contrast_after')
 _ALL_REJECTED = 4  # blocks or poses from which on it is no accident
 INPUTS = ('pulses', 'pulse_blocks', 'range_profiles', 'subaperture_images')  # of AFBP_NODES
 
@@ -71,6 +72,9 @@ class Observer:
         Image of the aperture asked for by `expect`.
     n_images : int
         All images that came.
+    autofocus : dict of int to dict
+        What the nodes told of autofocus, by the number of the aperture: `verdict`, `reason` and
+        the figures `AUTOFOCUS_FIGURES`.
     """
 
     def __init__(self, node: Node, executor: Executor, nodes: Sequence[str], *,
@@ -88,6 +92,7 @@ class Observer:
                           for name in nodes for part, key in _parts(name).items()}
         self.image: ReceivedImage | None = None
         self.n_images = 0
+        self.autofocus: dict[int, dict] = {}
         reliable = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
         latched = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                              durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -266,6 +271,11 @@ class Observer:
             name = self._statuses.get(status.name)
             if name is not None:  # else of another radar, or of something else
                 self._status[name] = (time.monotonic(), status)
+                if verdict := self._text(name, 'autofocus_verdict'):
+                    self.autofocus[int(self._text(name, 'autofocus_aperture'))] = {
+                        'verdict': verdict, 'reason': self._text(name, 'autofocus_reason'),
+                        **{key: self.figure(name, f'autofocus_{key}') for key in
+                           AUTOFOCUS_FIGURES}}
 
 
 def counter_increase(before: dict[str, int], after: dict[str, int]) -> dict[str, int]:

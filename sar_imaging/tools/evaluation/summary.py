@@ -38,11 +38,11 @@ def summary(quality: dict) -> str:
                  f'error {_number(quality["predicted_error_db"], 0)} dB against exact correlation')
     lines.append(examination.describe(quality['focus']))
     if found := quality['autofocus']:
-        lines.append(f'autofocus: {found["verdict"]}; time offset '
+        lines.append(f'autofocus: {found["verdict"]}; clock offset found '
                      f'{_number(found["time_offset_s"], 4)} s, largest correction of a position '
                      f'{_number(found["largest_move_m"], 3)} m, contrast '
                      f'{_number(found["contrast_before"], 2)} to '
-                     f'{_number(found["contrast_after"], 2)}')
+                     f'{_number(found["contrast_after"], 2)}; {found["reason"]}')
     return '\n'.join(lines)
 
 

@@ -39,7 +39,10 @@ def test_advice_is_given_where_something_is_wrong(monkeypatch, diagnosis, bright
 
 
 @pytest.mark.parametrize(('verdict', 'mistake'), [
-    ('in focus', ''), ('used, focus not certain', 'clock offset'), ('not used', 'clock offset')])
+    ('focused by autofocus', ''), ('focused already', ''),
+    ('sharpened by autofocus, focus not confirmed', 'clock offset'),
+    ('not changed by autofocus, focus not confirmed', 'clock offset'),
+    ('autofocus failed', 'clock offset')])
 def test_mistakes_of_recorded_positions_are_none_of_an_image_in_focus(monkeypatch, verdict,
                                                                        mistake):
     monkeypatch.setattr(examination, 'diagnose', lambda *_, **__: Diagnosis(
