@@ -63,7 +63,7 @@ class Log:
     """Counters and lines, as the node's health takes them."""
 
     def __init__(self):
-        self.values: dict[str, float] = {}
+        self.values: dict[str, float | str] = {}
         self.lines: list[str] = []
 
     def count(self, key: str, n: int = 1) -> None:
@@ -71,8 +71,10 @@ class Log:
         self.values[key] = self.values.get(key, 0) + n
 
     def set(self, key: str, value: float) -> None:
-        """Set a figure."""
+        """Set a figure or a text."""
         self.values[key] = value
+
+    tell = set
 
     def info(self, text: str) -> None:
         """Keep a line."""
