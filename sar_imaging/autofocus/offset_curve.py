@@ -33,38 +33,31 @@ _SUM, _SUM_ALONE, _DISSENT, _DISSENTERS = 5.0, 20.0, math.sqrt(2), 1
 _NORMAL = 1.4826  # standard deviation over median absolute deviation
 
 
-def tile_sharpness(intensity: np.ndarray, tile: np.ndarray) -> np.ndarray:
-    """Sharpness of each tile of an image, whatever its brightness.
+def sharpness(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Sharpness of pixels by the means of their intensity and of its square.
 
-    ``log(<I^2> / <I>^2) / 2`` with the intensity I of the pixels of a tile: 0 where all are
-    alike, 0.35 of speckle.
+    ``log(<I^2> / <I>^2) / 2``: 0 where all are alike, 0.35 of speckle, whatever the brightness.
 
     Parameters
     ----------
-    intensity : (K, L) array
-        Pixels, L of a piece.
-    tile : (K,) int array
-        Number of the tile that each piece belongs to, from 0.
+    first, second : float64 arrays
+        Means of the intensity and of its square.
 
     Returns
     -------
-    (T,) float64
-        NaN where a tile is dark.
+    float64 array
+        NaN where all is dark.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from sar_imaging.autofocus.offset_curve import tile_sharpness
-    >>> image = np.ones((2, 8))
-    >>> image[1, 3] = 400.0
-    >>> tile_sharpness(image, np.array([0, 1])).round(2).tolist()
-    [0.0, 1.02]
+    >>> from sar_imaging.autofocus.offset_curve import sharpness
+    >>> intensity = np.array([1.0, 1.0, 1.0, 400.0])
+    >>> print(f'{sharpness(intensity.mean(), np.square(intensity).mean()):.2f}')
+    0.69
     """
-    count = np.bincount(tile) * intensity.shape[1]
-    first = np.bincount(tile, intensity.sum(axis=1, dtype=np.float64))
-    second = np.bincount(tile, np.square(intensity, dtype=np.float64).sum(axis=1))
     with np.errstate(divide='ignore', invalid='ignore'):
-        return 0.5 * np.log(count * second / first ** 2)
+        return 0.5 * np.log(second / np.square(first))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,7 +72,7 @@ class OffsetCurve:
         Sum of the changes of the visible phases from the first offset on.
     gain : (N,) float64
         Sharpness over that of the offsets 3 to 15 rad away, in standard deviations of its scatter
-        over all offsets.
+        over all offsets: half of it that of the tiles, half of it that of all pixels together.
     halves : (6, N) float64
         The same of each of `HALVES`.
     best_s : float
@@ -207,59 +200,80 @@ class Trials:
     ----------
     offset_s, visible_rad : (N,) float64
         Offsets, and sum of the changes of the visible phases.
-    levels : (N, 5, T) float64
-        Of T tiles, by `tile_sharpness`: of all pulses, early, late, even and odd ones; NaN where
-        the profiles do not reach a tile.
+    means : (N, 2, 5, T) float64
+        Means of intensity and squared intensity of T tiles, of all pulses and of early, late,
+        even and odd ones; NaN where the profiles do not reach a tile.
     half : (T,) int
         Half of the scene that a tile belongs to, 0 or 1.
-    power : (T,) float64
-        Brightness of the tiles. Bright ones count more, by its root.
     """
 
-    def __init__(self, offset_s, visible_rad, levels, half, power):
-        self._offset_s, self._visible_rad, self._levels = offset_s, visible_rad, levels
-        weight = np.sqrt(power)
-        self._which = [(k, w / max(w.sum(), 1e-30)) for k, w in (
-            (0, weight), (0, weight * (half == 0)), (0, weight * (half == 1)),
-            *((k, weight) for k in (1, 2, 3, 4)))]
-        self._reach = np.isfinite(levels).any(axis=0)
+    def __init__(self, offset_s, visible_rad, means, half):
+        self._offset_s, self._visible_rad = offset_s, visible_rad
+        reached = np.isfinite(means[:, 0, 0]).any(axis=0)
+        weight = np.zeros(len(half))  # bright tiles count more, by the root of their power
+        weight[reached] = np.sqrt(np.nanmedian(means[:, 0, 0][:, reached], axis=0))
+        everywhere = np.ones(len(half), bool)
+        parts = [(0, everywhere), (0, half == 0), (0, half == 1),
+                 *((k, everywhere) for k in (1, 2, 3, 4))]
+        self._which = [(k, some, weight * some / max((weight * some).sum(), 1e-30))
+                       for k, some in parts]
         # Each tile against its own middle, so that one that is out of reach takes nothing away.
-        filled = np.where(self._reach, levels, 0.0)
-        self._middle = np.nanmedian(filled, axis=0)
+        tiles = sharpness(means[:, 0], means[:, 1])
+        known = np.isfinite(tiles).any(axis=0)
+        self._middle = np.nanmedian(np.where(known, tiles, 0.0), axis=0)
+        self._whole_middle = 0.0
+        self._whole_middle = np.median(self._levels(means)[1], axis=1)[:, None]
+        self._of_all = self._levels(means)
+        self._means = means
 
-    def _gains(self, visible_rad, levels) -> np.ndarray:
-        """(7, M) gain of all data and of the halves at some offsets, not yet scaled."""
-        def averaged(values):
-            return np.array([np.nan_to_num(values[:, k] - self._middle[k]) @ weight for k, weight
-                             in self._which])
+    def _levels(self, means) -> np.ndarray:
+        """(2, 7, M) sharpness of the tiles and of all pixels, of all data and of the halves."""
+        tiles = sharpness(means[:, 0], means[:, 1])
+        out = np.zeros((2, len(self._which), len(means)))
+        for row, (k, some, weight) in enumerate(self._which):
+            out[0, row] = np.nan_to_num(tiles[:, k] - self._middle[k]) @ weight
+            known = np.isfinite(means[:, 0, k]) & some
+            sums = (np.where(known, means[:, j, k], 0.0).sum(axis=1) for j in (0, 1))
+            n = np.maximum(known.sum(axis=1), 1)
+            out[1, row] = np.nan_to_num(sharpness(*(s / n for s in sums))) * n / max(some.sum(), 1)
+        out[1] -= self._whole_middle
+        return out
 
-        own, of_all = averaged(levels), averaged(self._levels)
-        for j, place in enumerate(visible_rad):
-            away = np.abs(self._visible_rad - place)
-            near = (away > PEAK_RAD) & (away < SURROUNDINGS_RAD)
-            own[:, j] -= np.median(of_all[:, near] if near.sum() >= _FEWEST_NEARBY else of_all,
-                                   axis=1)
-        return own
+    def _gains(self, visible_rad, means) -> np.ndarray:
+        """(7, M) gain of all data and of the halves at some offsets."""
+        def over_nearby(places, levels):
+            out = levels.copy()
+            for j, place in enumerate(places):
+                away = np.abs(self._visible_rad - place)
+                near = (away > PEAK_RAD) & (away < SURROUNDINGS_RAD)
+                out[..., j] -= np.median(self._of_all[..., near] if near.sum() >= _FEWEST_NEARBY
+                                         else self._of_all, axis=-1)
+            return out
+
+        scatter = over_nearby(self._visible_rad, self._of_all)
+        scatter -= np.median(scatter, axis=-1, keepdims=True)
+        scale = np.maximum(_NORMAL * np.median(np.abs(scatter), axis=-1), 1e-12)[..., None]
+        return (over_nearby(visible_rad, self._levels(means)) / scale).mean(axis=0)
 
     def maxima(self) -> np.ndarray:
         """Numbers of the offsets where the gain is higher than beside them, highest first."""
-        return maxima(self._gains(self._visible_rad, self._levels)[0])
+        return maxima(self._gains(self._visible_rad, self._means)[0])
 
-    def curve(self, offset_s, visible_rad, levels, *, step: Callable[[float], float],
+    def curve(self, offset_s, visible_rad, means, *, step: Callable[[float], float],
               visible_range_rad: float) -> OffsetCurve:
         """The curve of these offsets and of finer ones.
 
         Parameters
         ----------
-        offset_s, visible_rad, levels
+        offset_s, visible_rad, means
             Of the finer ones.
         step : callable
             From an offset to `OffsetCurve.step_s`.
         visible_range_rad : float
             Of the curve.
         """
-        coarse = self._gains(self._visible_rad, self._levels)
-        gains = np.concatenate([coarse, self._gains(visible_rad, levels)], axis=1)
+        coarse = self._gains(self._visible_rad, self._means)
+        gains = np.concatenate([coarse, self._gains(visible_rad, means)], axis=1)
         offset_s = np.concatenate([self._offset_s, offset_s])
         visible_rad = np.concatenate([self._visible_rad, visible_rad])
         best = int(gains[0].argmax())

@@ -22,7 +22,7 @@ from ..geometry.track_frame import mean_centres
 from ..quality.measures import contrast
 from ..signal.pulses import PulseBlock
 from .models import Geometry
-from .offset_curve import PEAK_RAD, SURROUNDINGS_RAD, OffsetCurve, Trials, tile_sharpness
+from .offset_curve import PEAK_RAD, SURROUNDINGS_RAD, OffsetCurve, Trials
 
 if TYPE_CHECKING:
     from ..backends.protocol import Backend
@@ -34,8 +34,8 @@ _DIFFERENCE_S = 1e-3
 _POINTS = 3  # of the scene along each axis, for the visible phases
 _PIXEL = 0.7  # pixels of a trial, in resolutions
 _LINES, _TILES = 12, 24  # lines of a tile at most, with fewer where that makes too few tiles
-_MOST_TILES, _FEWEST_TILES = 100, 32  # of a trial; larger scenes are tried where they are bright
-_TILE_TRIALS = 12_000  # above so many, fewer tiles are tried
+_MOST_TILES, _FEWEST_TILES = 100, 48  # of a trial; larger scenes are tried where they are bright
+_TILE_TRIALS = 30_000  # above so many, fewer tiles are tried
 _MOST_PULSES = 768  # with more, every second, third ... pulse is taken
 _FEWEST_TRIALS, _MOST_TRIALS = 16, 4000
 _BLOCKS = 6  # of the scene along each axis, dealt out to its two halves
@@ -44,7 +44,7 @@ _PARTS = ((0, 2), (1, 3), (4, 6), (5, 7))  # of them: early and late, each even 
 _GLANCES = 5  # trials that choose the bright tiles
 COVERED = 0.5  # of its pulses that a pixel needs
 _COVERAGE_PULSES = 32
-_REFINED, _FINER = 4, 4  # maxima around which so many more trials are made on each side
+_REFINED, _FINER = 6, 4  # maxima around which so many more trials are made on each side
 _WITHIN = 10  # trials on each side within the highest maximum
 
 
@@ -140,8 +140,8 @@ class OffsetSearch:
         within = np.abs(offsets) <= max(self._reach_s, np.abs(offsets).min())
         power = np.zeros(n_tiles)
         for k in np.linspace(0, within.sum() - 1, _GLANCES).astype(int):
-            power = np.maximum(power, self._brightness(self._images(
-                self._known[offsets[within][k]])))
+            power = np.maximum(power, self._means(self._images(
+                self._known[offsets[within][k]]))[0])
         kept = np.zeros(n_tiles, bool)
         kept[np.argsort(-power)[:n]] = True
         there = kept[self._tile]
@@ -162,20 +162,22 @@ class OffsetSearch:
         place = np.stack([np.bincount(self._tile, x) / count for x in middle.T], axis=-1)
         return [coverage(self._block, geometry, place, part) for part in self._parts]
 
-    def _measure(self, offset: float) -> tuple[np.ndarray, np.ndarray]:
-        """(5, T) sharpness of the tiles, of all pulses, early, late, even and odd ones; power."""
+    def _measure(self, offset: float) -> np.ndarray:
+        """(2, 5, T) means of tiles, see `Trials`: all pulses, early, late, even and odd ones."""
         geometry = self._geometry(offset)
         images, covered = self._images(geometry), self._covered(geometry)
         out = []
         for which in ((0, 1, 2, 3), (0, 1), (2, 3), (0, 2), (1, 3)):
-            level = tile_sharpness(np.square(np.abs(sum(images[k] for k in which))), self._tile)
-            level[np.mean([covered[k] for k in which], axis=0) < COVERED] = np.nan
-            out.append(level)
-        return np.array(out), self._brightness(images)
+            means = self._means([images[k] for k in which])
+            means[:, np.mean([covered[k] for k in which], axis=0) < COVERED] = np.nan
+            out.append(means)
+        return np.stack(out, axis=1)
 
-    def _brightness(self, images: list[np.ndarray]) -> np.ndarray:
-        power = np.square(np.abs(sum(images))).mean(axis=1)
-        return np.bincount(self._tile, power) / np.bincount(self._tile)
+    def _means(self, images: list[np.ndarray]) -> np.ndarray:
+        """(2, T) means of intensity and squared intensity of the tiles."""
+        intensity = np.square(np.abs(sum(images)), dtype=np.float64)
+        return np.array([np.bincount(self._tile, power.mean(axis=1)) for power in (
+            intensity, np.square(intensity))]) / np.bincount(self._tile)
 
     def _rates(self) -> tuple[np.ndarray, np.ndarray]:
         """Offsets whose geometry is known, and rms change of the visible phases, rad/s."""
@@ -204,15 +206,14 @@ class OffsetSearch:
         # where nothing is seen, too, so that the sum ascends
         path += np.linspace(0.0, 1e-3 + 0.02 * seen, len(path))
         coarse = np.interp(np.linspace(0.0, path[-1], n + 1), path, offsets)
-        levels, power = map(np.array, zip(*map(self._measure, coarse), strict=True))
-        trials = Trials(coarse, np.interp(coarse, offsets, path), levels, self._half,
-                        np.median(power, axis=0))
+        trials = Trials(coarse, np.interp(coarse, offsets, path),
+                        np.array([self._measure(t) for t in coarse]), self._half)
         finer = np.unique(np.concatenate([np.interp(
             k + np.linspace(-1.0, 1.0, 2 * _FINER + 1), np.arange(n + 1), coarse)
             for k in trials.maxima()[:_REFINED]]))
         finer = np.setdiff1d(finer, coarse)
         curve = trials.curve(
-            finer, np.interp(finer, offsets, path), np.array([self._measure(t)[0] for t in finer]),
+            finer, np.interp(finer, offsets, path), np.array([self._measure(t) for t in finer]),
             step=lambda best: STEP_RAD / max(float(np.interp(best, offsets, rates)), 1e-9),
             visible_range_rad=seen)
         return dataclasses.replace(curve, best_s=self._sharpest(curve))
