@@ -258,7 +258,8 @@ class Observer:
     def counters(self, node, part='stage'):
         """Latest diagnostics as numbers."""
         status = self.status(node, part)
-        texts = 'last_rejection', 'last_change', 'mistake', 'datum'
+        texts = ('last_rejection', 'last_change', 'mistake', 'datum', 'autofocus_verdict',
+                 'autofocus_reason')
         return {v.key: float(v.value) for v in status.values
                 if v.key not in texts} if status else {}
 

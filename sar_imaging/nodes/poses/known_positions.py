@@ -8,7 +8,6 @@ from collections.abc import Mapping
 
 from rclpy.clock import Clock, ClockType
 
-from sar_imaging.autofocus.offset_search import BEYOND_S
 from sar_imaging.autofocus.track import PhaseCentreTrack
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.poses import PoseTrack, PoseVerdict
@@ -119,12 +118,9 @@ class KnownPositions:
         return span is not None and span[1] >= end + self._alignment.time_offset_ns
 
     def around(self, pulses: PulseBlock) -> PhaseCentreTrack:
-        """Track from the reach before some pulses to the reach behind them, and some more.
-
-        What is known beyond is no reason to wait, but to compare with.
-        """
-        reach_ns = self._reach_ns + round(BEYOND_S * 1e9)
-        span = int(pulses.stamp_ns[0]) - reach_ns, int(pulses.stamp_ns[-1]) + reach_ns
+        """Track from the reach before some pulses to the reach behind them."""
+        span = (int(pulses.stamp_ns[0]) - self._reach_ns, int(pulses.stamp_ns[-1])
+                + self._reach_ns)
         if not self._of_pulses:
             return PhaseCentreTrack.of_poses(self._poses, self._alignment, pulses.n_channels,
                                              span, self._parameters['antenna.offset_s'])
