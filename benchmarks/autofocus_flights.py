@@ -33,7 +33,7 @@ import numpy as np
 from tqdm import tqdm
 
 from sar_imaging.autofocus.models import Geometry
-from sar_imaging.autofocus.offset_search import BEYOND_S, visible_phase
+from sar_imaging.autofocus.offset_search import visible_phase
 from sar_imaging.autofocus.track import PhaseCentreTrack
 from sar_imaging.nodes import backprojection_steps
 from sar_imaging.nodes.images.autofocus import ImageFocus
@@ -183,7 +183,7 @@ def measure(case: Case) -> dict:
                                               *COMMON_PARAMETERS)}
     log = Log()
     focus = ImageFocus(parameters | {'autofocus.time_offset': expected_s}, flight.grid, log)
-    focus.positions = AllPoses(flight, alignment, focus.reach_s + BEYOND_S)
+    focus.positions = AllPoses(flight, alignment, focus.reach_s)
     began, cpu = time.perf_counter(), time.process_time()
     [result] = focus.take([product])
     seconds, cpu = time.perf_counter() - began, time.process_time() - cpu
