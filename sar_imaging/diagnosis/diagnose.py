@@ -263,18 +263,21 @@ class _Tried:
         focus = LEAST * (_WORTH if stands_out else 1.0)
         return (result.coverage >= _LEAST_COVERAGE and self.gain > BETTER
                 and result.agreement > _ABOVE_NOISE * NOISE
-                and result.contrast > max(focus, _dark(lit)))
+                and result.contrast > max(focus, least_contrast(lit)))
 
     @property
     def mirrors(self) -> bool:
-        """Whether the image as it is may show the mirrored scene, or this one."""
+        """Whether the image as it is may show the mirrored scene, or this one.
+
+        Pulses agree as well on either scene, unless the grid holds little of one of them.
+        """
         before = self.before
-        return (self.mistake.isometry and before.agreement > NOISE
+        return (self.mistake.isometry and before.agreement > NOISE and self.gain < _PLAINLY
                 and before.contrast > max(LEAST, _MIRRORED * self.result.contrast))
 
 
-def _dark(contrast: float) -> float:
-    """Contrast below which another image is darker than one of this contrast."""
+def least_contrast(contrast: float) -> float:
+    """Contrast that another image needs so as not to be darker than one of this contrast."""
     return (_AS_BRIGHT if contrast > FOCUSED else _DARKER) * contrast
 
 
@@ -303,7 +306,7 @@ def _likelier(found: _Tried | None, searched: _Tried | None) -> _Tried | None:
     if found is None or searched is None:
         return found or searched
     better = (searched.gain > _LIKELIER * found.gain
-              and searched.result.contrast > _dark(found.result.contrast))
+              and searched.result.contrast > least_contrast(found.result.contrast))
     return searched if better else found
 
 

@@ -30,7 +30,7 @@ from .coherence import (
     gain_of,
     resolved,
 )
-from .diagnose import BETTER, FINE_BUDGET, LEAST, TILE, one_channel
+from .diagnose import BETTER, FINE_BUDGET, LEAST, TILE, least_contrast, one_channel
 from .jumps import jumps
 from .signals import LIKELY, ONE_OF_SEVERAL, Finding
 
@@ -83,9 +83,10 @@ class LeverArm:
 
     @property
     def found(self) -> bool:
-        """Whether the pulses agree clearly better with it."""
+        """Whether the pulses agree clearly better with it, in an image that is no darker."""
         length = float(np.linalg.norm(self.arm_m))
-        return (self.gain > BETTER and self.corrected.contrast > LEAST
+        return (self.gain > BETTER
+                and self.corrected.contrast > max(LEAST, least_contrast(self.as_it_is.contrast))
                 and self.corrected.agreement > 2 * NOISE
                 and _SHORTEST_M < length < 0.95 * _FARTHEST_M)
 
