@@ -158,10 +158,16 @@ def noise_equivalent(response: ImageResponse, constant: RadarConstant,
             / (constant.gain * response.amplitude) ** 2 / _divisor(response, quantity))
 
 
+def quantities_of(response: ImageResponse) -> tuple[str, ...]:
+    """Quantities that pixels have: those of the ground not, where they lie in the slant plane."""
+    edge_on = _median(response.incidence_rad) > _EDGE_ON_RAD
+    return tuple(name for name in QUANTITIES if not (edge_on and name in OF_THE_GROUND))
+
+
 def _divisor(response: ImageResponse, quantity: str):
     if quantity not in QUANTITIES:
         raise ValueError(f'quantity={quantity!r}; expected one of {", ".join(QUANTITIES)}')
-    if quantity in OF_THE_GROUND and _median(response.incidence_rad) > _EDGE_ON_RAD:
+    if quantity not in quantities_of(response):
         raise ValueError(f'{quantity} is by square metre of the ground, and the pixels lie in the '
                          'slant plane, which the radar sees edge-on; take a map, or beta0 or rcs')
     return {'rcs': lambda: 1.0, 'beta0': lambda: response.slant_area_m2,

@@ -12,13 +12,13 @@ import numpy as np
 
 from ...imaging.image import Image
 from ...radiometry import (
-    QUANTITIES,
     ImageResponse,
     KnotResponse,
     RadarConstant,
     brightness,
     noise_equivalent,
 )
+from ...radiometry.brightness import quantities_of
 from .layout import Layout
 
 _KNOTS = 33  # along a side of the image
@@ -36,7 +36,7 @@ class Radiometric:
     Attributes
     ----------
     factors : dict of str to (n, n) float64
-        By quantity, for the power of SICD's pixels.
+        By quantity, for the power of SICD's pixels; those of the ground not in the slant plane.
     noise_db : (n, n) float64 or None
         Power of noise in a pixel, dB; None where it is not known.
     residual_db : float
@@ -76,7 +76,7 @@ def radiometric(image: Image, layout: Layout, response: ImageResponse | KnotResp
         raise ValueError(f'the response is for an image of {shape}, this one has {image.shape}; '
                          'expected that of the image')
     unit = {name: brightness(np.ones(some.amplitude.shape), some, constant, name)
-            for name in QUANTITIES}
+            for name in quantities_of(some)}
     told = image.radiometry
     noise = noise_equivalent(some, constant, 'rcs') / unit['rcs']  # of a sample as formed
     stored = 1.0 if scale is None else scale**2
@@ -148,4 +148,4 @@ def radiometric_element(own: Radiometric) -> dict:
     """Element of the scale factors."""
     noise = {} if own.noise_db is None else {'NoiseLevel': {
         'NoiseLevelType': 'ABSOLUTE', 'NoisePoly': own.noise_db}}
-    return {**noise, **{tag: own.factors[name] for name, tag in _NAMES.items()}}
+    return {**noise, **{_NAMES[name]: factor for name, factor in own.factors.items()}}

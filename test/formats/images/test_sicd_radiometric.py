@@ -46,6 +46,11 @@ def by_sarkit(path):
         *places, helper.load(f'{{*}}Radiometric/{{*}}{name}'))
 
 
+def in_file(path, name):
+    with open(path, 'rb') as file, sksicd.NitfReader(file) as reader:
+        return reader.metadata.xmltree.find(f'{{*}}Radiometric/{{*}}{name}') is not None
+
+
 def in_sicd_order(values, flown, grid):
     from sar_imaging.formats.sicd.layout import lay_out
 
@@ -58,7 +63,7 @@ def flown_fixture(request):
 
 
 @pytest.mark.parametrize(('plane', 'quantity', 'pixel_type'), [
-    ('ground', None, 'RE32F_IM32F'), ('slant', 'sigma0', 'RE32F_IM32F'),
+    ('ground', None, 'RE32F_IM32F'), ('slant', 'beta0', 'RE32F_IM32F'),
     ('ground', 'sigma0', 'RE16I_IM16I'), ('ground', 'beta0', 'AMP8I_PHS8I')])
 def test_other_readers_find_our_brightness(flown, tmp_path, plane, quantity, pixel_type):
     image = flown.sicd_image(plane)
@@ -71,13 +76,14 @@ def test_other_readers_find_our_brightness(flown, tmp_path, plane, quantity, pix
     assert failures(path) == {}
     power, polynomial = by_sarkit(path)
     bright = power > 1e-2 * power.max()  # integers and codes are coarse in what is darker
-    for name in QUANTITIES:
+    names = QUANTITIES if plane == 'ground' else ('rcs', 'beta0')
+    assert {name for name in QUANTITIES if in_file(path, ELEMENTS[name])} == set(names)
+    for name in names:
         expected = in_sicd_order(brightness(image, response, CONSTANT, name), flown, image.grid)
         found_db = 10 * np.log10((power * polynomial(ELEMENTS[name]) / expected)[bright])
         assert np.abs(found_db).max() < PIXELS_DB[pixel_type], name
-    noise = in_sicd_order(noise_equivalent(response, CONSTANT), flown, image.grid)
-    found_db = polynomial('NoiseLevel/{*}NoisePoly') + 10 * np.log10(
-        polynomial('SigmaZeroSFPoly'))
+    noise = in_sicd_order(noise_equivalent(response, CONSTANT, 'beta0'), flown, image.grid)
+    found_db = polynomial('NoiseLevel/{*}NoisePoly') + 10 * np.log10(polynomial('BetaZeroSFPoly'))
     assert found_db == pytest.approx(10 * np.log10(noise), abs=0.02)
     assert read_sicd(path).image.radiometry == written.radiometry
 
