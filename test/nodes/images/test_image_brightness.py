@@ -69,7 +69,7 @@ def test_a_trihedral_has_its_cross_section_in_every_product(make_chain, psf, con
     if importlib.util.find_spec('sarkit') is not None:
         assert observer.set_parameter('sar_pipeline', 'save.format', 'sicd')[0]
         [path] = written(observer.trigger('sar_pipeline/save_image'))
-        assert b'<SigmaZeroSFPoly' in Path(path).read_bytes()
+        assert b'<BetaZeroSFPoly' in Path(path).read_bytes()
 
 
 @pytest.mark.parametrize(('parameters', 'text'), [
@@ -104,7 +104,7 @@ def test_an_image_without_brightness_is_counted_and_not_published(psf, constant)
     """Of a radar that stood still; the step lives on."""
     step, log = make(BackprojectionStep, **{
         'pulses_per_aperture': 200, 'grid.centre_x': 10_000.0, 'grid.size_x': 10.0,
-        'grid.size_y': 10.0, 'grid.spacing': 0.5, 'radiometry.quantity': 'sigma0',
+        'grid.size_y': 10.0, 'grid.spacing': 0.5, 'radiometry.quantity': 'beta0',
         'radiometry.constant_file': constant})
     outputs = Outputs('image_complex')
     step.create_outputs(outputs)

@@ -54,11 +54,11 @@ def test_tiles_join_to_the_coherence_of_the_whole(stack):
     images = [Image(image_array(stack.output, s.name, s.window, stack.job.tile).read(window),
                     grid, s.radar.carrier_hz, Report('exact', '', -50.0)) for s in stack.scans]
     whole = compare_passes(*images, window=5)
-    # Looks are measured in all tiles and in the window alone: 2 % of them are 0.01 of bias. Where
-    # it is removed to 0, as a root of what is left, float32 rounding of running sums is seen.
+    # Looks are measured in all tiles and in the window alone: 2 % of them are 0.01 of bias. Low
+    # coherences are roots of what is left without it.
     apart = np.abs(found - whole.coherence)
     assert apart[whole.coherence > 0.4].max() < 0.01
-    assert apart.max() < 0.05
+    assert np.abs(found**2 - whole.coherence**2).max() < 0.02
     both = np.isfinite(phase) & np.isfinite(whole.phase_rad)
     assert both.sum() > 0.99 * np.isfinite(whole.phase_rad).sum()
     turn = np.angle(np.exp(1j * (phase - whole.phase_rad)))[both]
