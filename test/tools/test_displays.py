@@ -12,6 +12,7 @@ ROOT = pathlib.Path(__file__).parents[2]
 PACKAGE = ROOT / 'sar_imaging'
 RVIZ = PACKAGE / 'resource' / 'sar_imaging.rviz'
 FOXGLOVE = PACKAGE / 'resource' / 'sar_imaging.foxglove.json'
+LATCHED = 'LATCHED', 'MAP_QOS'  # names of what is transient local
 # What a display of RViz or a panel of Foxglove shows.
 DISPLAYS = {'rviz_default_plugins/Image': 'Image', 'rviz_default_plugins/Map': 'OccupancyGrid',
             'rviz_default_plugins/PointCloud2': 'PointCloud2'}
@@ -27,7 +28,7 @@ def published_topics():
                 # Of f'{prefix}image' what stands without a prefix.
                 parts = topic.values if isinstance(topic, ast.JoinedStr) else [topic]
                 name = ''.join(p.value for p in parts if isinstance(p, ast.Constant))
-                topics[f'/{name}'] = (kind.id, getattr(qos, 'id', '') == 'LATCHED')
+                topics[f'/{name}'] = (kind.id, getattr(qos, 'id', '') in LATCHED)
     return topics
 
 

@@ -226,8 +226,8 @@ def test_descriptions_of_the_documentation_are_read(tmp_path, page, text):
     if text.startswith('antenna:'):
         return  # a part, whose keys are known; test_antenna.py reads such parts
     if 'topic' not in top.section('samples', KEYS):
-        if 'P440' in text:
-            return  # test_p440_logs.py loads it
+        if 'P440' in text or text.startswith('# satellite.yaml'):
+            return  # test_p440_logs.py loads one, the page itself the other
         assert text == find_description('team5_rail').read_text()
         return
     converter = FrameConverter(top, tmp_path)

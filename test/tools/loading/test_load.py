@@ -136,7 +136,7 @@ def test_bags_without_one_topic_of_poses_are_told(tmp_path, folder):
     with pytest.raises(BagError, match='does not exist'):
         read_bag_poses(tmp_path / 'none')
     (tmp_path / 'text.bag').write_text('no bag')
-    with pytest.raises(BagError, match='cannot be read'):
+    with pytest.raises(BagError, match='does not begin as ROS 1 bags'):
         read_bag_poses(tmp_path / 'text.bag')
 
 
