@@ -206,6 +206,7 @@ def test_a_clock_that_is_a_second_wrong_is_found_with_poses_from_odometry(make_c
         chain.observer.wait(lambda p=publisher: p.get_subscription_count() == 2, 'subscribers')
         for _, cdr in odometry_messages(poses, bag_io._store()):
             publisher.publish(cdr)
+        chain.wait_for_log(chain.names[-1], 'poses in frame map')
         chain.observer.send(list(split(flight.block)))
     for chain in chains:
         images.append(complex_from_message(chain.observer.wait_for('image_complex', 1)[0]))
