@@ -47,7 +47,7 @@ from .recordings.bag_io import pose_messages, raw_messages
 from .recordings.recording import Aperture, Recording, read_recording
 
 PRODUCTS = ('image.npy', 'image.png', 'quality.json')
-START_TIMEOUT_S = 60.0  # importing and compiling on a slow machine
+START_TIMEOUT_S = 180.0  # importing and compiling on a slow machine
 
 _EPILOG = """\
 Writes image.npy (complex64, row 0 is the largest y), image.png and quality.json into the output

@@ -137,7 +137,9 @@ class Observer:
         """What the evaluation needs and cannot see yet, in words."""
         missing = []
         for topic, reader in zip(INPUTS, self._nodes, strict=False):
-            if (not self._node.count_subscribers(topic)
+            # By name: what counts pulses while kernels are compiled subscribes, too.
+            readers = self._node.get_subscriptions_info_by_topic(topic)
+            if (reader not in {info.node_name for info in readers}
                     or (topic != INPUTS[0] and not self._node.count_publishers(topic))):
                 missing.append(f'{reader} on topic {topic}')
         if not self._node.count_publishers('image_complex'):
