@@ -133,7 +133,9 @@ def printable(text: str) -> str:
 
 
 def _ours(error: BaseException) -> bool:
-    return type(error).__module__.partition('.')[0] in ('sar_imaging', 'msg_conversions')
+    # `python -m` names the module of a command so.
+    return type(error).__module__.partition('.')[0] in (
+        'sar_imaging', 'msg_conversions', '__main__')
 
 
 @contextlib.contextmanager
