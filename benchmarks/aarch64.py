@@ -100,7 +100,7 @@ def fetch_wheels(folder: pathlib.Path, version: str) -> pathlib.Path:
 
 def check(output: pathlib.Path) -> bool:
     """Form the images in this process and write how they differ; False where by too much."""
-    from sar_imaging.backends.cpu.fft.butterflies import LANES
+    from sar_imaging.backends.cpu.fft import LANES
 
     from . import goldens
 

@@ -27,9 +27,8 @@ import numpy as np
 import scipy.fft
 from tqdm import tqdm
 
-from sar_imaging.backends.cpu.fft import columns, rows as fft_rows
-from sar_imaging.backends.cpu.fft.butterflies import LANES
-from sar_imaging.backends.cpu.fft.choice import OWN, SCIPY, VARIABLE
+from sar_imaging.backends.cpu import fft
+from sar_imaging.backends.cpu.fft import LANES, OWN, SCIPY, VARIABLE
 from sar_imaging.imaging.imager import Imager, plan_image
 from sar_imaging.signal.pulses import PulseBlock
 
@@ -63,13 +62,13 @@ def transform_in_float64(data: np.ndarray, axis: int, *, inverse: bool) -> None:
 
 def measure_rounding() -> None:
     """Print how far images by either transforms are from one by transforms in float64."""
-    float32 = fft_rows.transform_by_scipy
+    float32 = fft.transform_by_scipy
     for side in SIDES:
         images = {}
         for name in (OWN, SCIPY, 'float64'):
             os.environ[VARIABLE] = OWN if name == OWN else SCIPY
             transform = transform_in_float64 if name == 'float64' else float32
-            fft_rows.transform_by_scipy = columns.transform_by_scipy = transform
+            fft.transform_by_scipy = transform
             imager, block = planned(side)
             images[name] = imager(block).samples
         print(side, {name: round(difference_db(images[name], images['float64']), 1)

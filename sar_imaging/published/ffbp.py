@@ -27,7 +27,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from tqdm import tqdm
 
-from ..backends.cpu.line_kernels import LINES, _cos_cycles, _fraction, _sin_cycles, project_lines
+from ..backends.cpu.lines import LINES, _cos_cycles, _fraction, _sin_cycles, project_lines
 from ..backends.cpu.profiles import Profiles
 from ..compilation import njit, numba
 from ..geometry.grids import MapGrid
@@ -1358,7 +1358,7 @@ def paired(weights: np.ndarray) -> np.ndarray:
 
 @njit
 def local_lines(geometry, n_alpha, segment, lines):
-    """Lines of a local polar grid as `backends.cpu.line_kernels.project_lines` wants them.
+    """Lines of a local polar grid as `backends.cpu.lines.project_lines` wants them.
 
     Parameters
     ----------

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.support.references import exact_image
-from sar_imaging.backends.cpu.beams.forming import ECHOES
-from sar_imaging.backends.cpu.beams.subaperture import BeamformedSubaperture
+from sar_imaging.backends.cpu.beams import ECHOES, BeamformedSubaperture
 from sar_imaging.geometry.half_paths import sample_paths
 from sar_imaging.planning.afbp.beams import plan_beams
 from sar_imaging.planning.afbp.plan import plan_afbp

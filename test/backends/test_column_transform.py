@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sar_imaging.backends.cpu.fft.columns import LANES, rows_to_transform, transform_columns
+from sar_imaging.backends.cpu.fft import LANES, rows_to_transform, transform_columns
 
 # all radices, one part and two, factors too large for it
 LENGTHS = (1, 2, 3, 5, 16, 54, 98, 105, 144, 242, 512, 660, 1000, 7, 11, 26, 527)

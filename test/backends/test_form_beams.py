@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cpu.beams.forming import SpectrumBins, form_beams
+from sar_imaging.backends.cpu.beams import SpectrumBins, form_beams
 from sar_imaging.backends.cpu.memory import WorkSpace
 from sar_imaging.backends.reference.form_beams import form_beams as beams_of
 from sar_imaging.planning.afbp.beam_gain import (

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from sar_imaging.backends.cpu.fft.butterflies import GROUP_BYTES
-from sar_imaging.backends.cpu.fft.columns import LANES, panel_groups, rows_to_transform
-from sar_imaging.backends.cpu.fusion.bands import Band, add_transformed
+from sar_imaging.backends.cpu.fft import GROUP_BYTES, LANES, panel_groups, rows_to_transform
+from sar_imaging.backends.cpu.fusion import Band, add_transformed
 from sar_imaging.backends.cpu.memory import aligned_empty, aligned_zeros
 
 

@@ -3,14 +3,15 @@
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cpu.beams.accumulation import STORED, TILE
-from sar_imaging.backends.cpu.beams.interpolation import (
+from sar_imaging.backends.cpu.beams import (
+    STORED,
+    TILE,
     _expand_weights,
     interpolate_beams,
     summed_cells,
     work_size,
 )
-from sar_imaging.backends.cpu.threads import job_counter
+from sar_imaging.backends.cpu.instructions import job_counter
 from sar_imaging.backends.reference import interpolate_beams as reference
 from sar_imaging.compilation import numba
 from sar_imaging.planning.afbp.beam_gain import BEAM_TAPS, DEGREE

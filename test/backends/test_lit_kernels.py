@@ -7,8 +7,7 @@ import pytest
 from hypothesis import assume, given, settings, strategies as st
 
 from sar_imaging.backends import cpu, reference
-from sar_imaging.backends.cpu.illumination import LitEchoes
-from sar_imaging.backends.cpu.lit.tiles import LitTiles
+from sar_imaging.backends.cpu.illumination import LitEchoes, LitTiles
 from sar_imaging.geometry import MapGrid, TerrainGrid
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.planning.error_budget import total_db

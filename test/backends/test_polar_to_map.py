@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, reject, settings, strategies as st
 
-from sar_imaging.backends.cpu.polar_to_map import (
-    overwriting_rounds,
-    polar_to_map,
-)
+from sar_imaging.backends.cpu.polar_to_map import overwriting_rounds, polar_to_map
 from sar_imaging.compilation import numba
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.polar import PolarGrid

@@ -41,7 +41,7 @@ def _run(processor, folder, *arguments):
 
 @pytest.mark.parametrize(('processor', 'lanes'), [*PROCESSORS.items(), ('skylake-avx512', 16)])
 def test_vectors_are_as_long_as_those_of_the_processor(processor, lanes, tmp_path):
-    code = 'from sar_imaging.backends.cpu.fft.butterflies import LANES; print(LANES)'
+    code = 'from sar_imaging.backends.cpu.fft import LANES; print(LANES)'
     assert int(_run(processor, tmp_path, '-c', code)) == lanes
 
 

@@ -5,8 +5,7 @@ import dataclasses
 import numpy as np
 from hypothesis import assume, given, settings, strategies as st
 
-from sar_imaging.backends.cpu import line_kernels
-from sar_imaging.backends.cpu.lines import PolarLines, line_middles
+from sar_imaging.backends.cpu.lines import PolarLines, line_middles, project_lines as add_lines
 from sar_imaging.backends.cpu.profiles import Profiles
 from sar_imaging.backends.reference.project_lines import project_lines
 from sar_imaging.geometry.half_paths import sample_paths
@@ -121,7 +120,7 @@ def test_sums_of_given_polynomials(seed, n_echoes, n_lines, n_pixels, segment, n
                      [2 * n_pixels - 2, 2 * n_pixels, -2, 1])}[layout]
     lines = line_middles(locate, n_lines, n_pixels, segment)
     layers = [(lines, np.array([n_lines, *numbers]))]
-    line_kernels.project_lines(profiles, np.arange(n_echoes), tx, rx, layers, ramp, memory)
+    add_lines(profiles, np.arange(n_echoes), tx, rx, layers, ramp, memory)
     added = {'planes': lambda: (memory[:image.size] + 1j * memory[image.size:]
                                 ).reshape(image.shape),
              'rows': lambda: memory.view(np.complex64).reshape(image.shape),

@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cpu.points.kernels import NOT_LIT, _project_points, _work_space
+from sar_imaging.backends.cpu.points import NOT_LIT, _project_points, _work_space
 from sar_imaging.backends.reference.project_points import half_paths
 
 

@@ -5,8 +5,7 @@ import dataclasses
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cpu.farrow import farrow_coefficients
-from sar_imaging.backends.cpu.profiles import Profiles
+from sar_imaging.backends.cpu.profiles import Profiles, farrow_coefficients
 from sar_imaging.backends.reference.resample_profiles import profile_spectra, resample_profiles
 from sar_imaging.planning.interpolators import LINE_DEGREE, TAPS, design_interpolator
 from sar_imaging.planning.profiles.phase_history import PhaseHistory

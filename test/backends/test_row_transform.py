@@ -5,7 +5,7 @@ import pytest
 import scipy.fft
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cpu.fft.rows import plan_row, transform_rows
+from sar_imaging.backends.cpu.fft import plan_row, transform_rows
 from sar_imaging.backends.cpu.memory import aligned_empty
 from sar_imaging.compilation import numba
 from sar_imaging.planning.afbp.row_length import row_length

@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 
-from sar_imaging.backends.cpu.threads import job_counter, take_job
+from sar_imaging.backends.cpu.instructions import job_counter, take_job
 
 
 @numba.njit(parallel=True)

@@ -6,10 +6,16 @@ import scipy.fft
 
 from benchmarks.goldens import difference_db, form
 from benchmarks.support.golden_cases import CASES
-from sar_imaging.backends.cpu.fft import vector_passes
-from sar_imaging.backends.cpu.fft.choice import OWN, SCIPY, VARIABLE
-from sar_imaging.backends.cpu.fft.columns import LANES, rows_to_transform, transform_columns
-from sar_imaging.backends.cpu.fft.rows import transform_rows
+from sar_imaging.backends.cpu import fft
+from sar_imaging.backends.cpu.fft import (
+    LANES,
+    OWN,
+    SCIPY,
+    VARIABLE,
+    rows_to_transform,
+    transform_columns,
+    transform_rows,
+)
 
 SAME_DB = -120.0  # both round float32
 
@@ -22,8 +28,8 @@ def scipy_alone(monkeypatch):
 
     def choose():
         monkeypatch.setenv(VARIABLE, SCIPY)
-        monkeypatch.setattr(vector_passes, 'compiled', fail)
-        monkeypatch.setattr(vector_passes, 'plan', fail)
+        monkeypatch.setattr(fft, 'compiled_passes', fail)
+        monkeypatch.setattr(fft, 'plan_passes', fail)
     return choose
 
 

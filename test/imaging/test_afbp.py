@@ -8,8 +8,8 @@ import pytest
 
 from benchmarks.support.references import exact_image
 from sar_imaging.backends import cpu
-from sar_imaging.backends.cpu.fusion.spectra import SpectrumFusion
-from sar_imaging.backends.cpu.subapertures import SubapertureImager
+from sar_imaging.backends.cpu.beams import SubapertureImager
+from sar_imaging.backends.cpu.fusion import SpectrumFusion
 from sar_imaging.imaging.afbp import image_of_polar
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.afbp.sampling import cut_pulses, pieces_between_gaps

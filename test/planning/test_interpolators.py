@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sar_imaging.backends.cpu.farrow import farrow_coefficients
+from sar_imaging.backends.cpu.profiles import farrow_coefficients
 from sar_imaging.planning.interpolators import (
     LINE_DEGREE,
     POINT_DEGREE,

@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.support.references import exact_image
 from sar_imaging import backends
-from sar_imaging.backends.cpu.subapertures import SubapertureImager
+from sar_imaging.backends.cpu.beams import SubapertureImager
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.afbp.beams import BeamSampling
 from sar_imaging.planning.afbp.plan import plan_afbp

@@ -8,12 +8,12 @@ import importlib
 
 ILLUMINATION = True  # of plans is followed
 
-_MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'subapertures',
-            'SpectrumFusion': 'fusion.spectra', 'form_map': 'fusion.to_map',
+_MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'beams',
+            'SpectrumFusion': 'fusion', 'form_map': 'fusion',
             'compile_kernels': 'beforehand',
             'correlate_spectra': 'correlation',
             'correlate_profiles': 'correlation',
-            'TrialImages': 'points.trial_images'}
+            'TrialImages': 'points'}
 
 
 def __getattr__(name):

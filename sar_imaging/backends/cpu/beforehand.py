@@ -63,8 +63,8 @@ def _backprojection() -> None:
 def _subapertures() -> None:
     """Directly, and from beams."""
     from ...planning.afbp.beams import plan_beams
-    from .fft.rows import transform_rows
-    from .subapertures import SubapertureImager
+    from .beams import SubapertureImager
+    from .fft import transform_rows
 
     transform_rows(np.zeros((1, _LENGTH), np.complex64))
     plan, block = _aperture()
@@ -78,10 +78,8 @@ def _subapertures() -> None:
 
 def _fusion() -> None:
     """Of a whole aperture, and of one that slides on: to a map."""
-    from .fft.columns import LANES, transform_columns
-    from .fft.rows import transform_rows
-    from .fusion.spectra import SpectrumFusion
-    from .fusion.to_map import form_map
+    from .fft import LANES, transform_columns, transform_rows
+    from .fusion import SpectrumFusion, form_map
 
     transform_rows(np.zeros((1, _LENGTH), np.complex64))
     transform_columns(np.zeros((_LENGTH, LANES), np.complex64), LANES)

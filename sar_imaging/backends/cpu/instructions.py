@@ -4,12 +4,18 @@ Numba, whose compiler LLVM is, has no vectors, prefetches or atomic additions. L
 these functions for any processor, and divides vectors where a processor's are shorter. Numba's
 cache only notices changes of the file of a function that it compiled: empty it after a change of
 what such a function writes.
+
+Jobs of a parallel loop that its tasks take in turn, each the next one that is left.
+
+Shares that are dealt out beforehand make all wait for the processor that something else keeps
+busy.
 """
 
 from __future__ import annotations
 
 import functools
 
+import numpy as np
 from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
@@ -149,3 +155,14 @@ class Writer:
         prefetch = self.module.declare_intrinsic('llvm.prefetch', [kind], ir.FunctionType(
             ir.VoidType(), [kind, INT32, INT32, INT32]))
         self.call(prefetch, [self.bitcast(place, kind), INT32(0), INT32(locality), INT32(1)])
+
+
+def job_counter() -> np.ndarray:
+    """(1,) int64 counter for one run through the jobs of a loop, to be kept until its end."""
+    return np.zeros(1, np.int64)
+
+
+@instructions(types.int64, returns=types.int64)
+def take_job(b, counter):
+    """Number of the next job, from 0, by the address of a `job_counter`; also beyond the last."""
+    return b.atomic_rmw('add', b.pointer(counter, INT), INT(1), 'monotonic')

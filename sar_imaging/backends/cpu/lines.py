@@ -1,16 +1,343 @@
-"""Geometry of image lines to which range profiles are added."""
+"""Backprojection along image lines: their geometry, and the compiled loop that adds the echoes.
+
+It sums, for every pixel, ``s_mn(D) exp(+j k_c D)`` over echoes, one of each pulse and channel;
+D is half the two-way path. Geometry is float64, samples and sums float32. A range profile arrives
+as a polynomial of degree 4 in each interval of its resampled positions (`profiles`); a position is
+``v = (D - R0) / step = n + t`` with an integer n, and the carrier phase there is
+``cycles_per_step * v`` plus a constant, of which only the fraction of a cycle is kept, in float64,
+before it becomes float32.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from ...compilation import njit, numba
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...planning.exact.lit_lines import LitLines, knot_positions
-from .illumination import LitEchoes
-from .line_kernels import LINES, project_lines
-from .lit.tiles import LitTiles
+from ...planning.interpolators import LINE_DEGREE
+from .illumination import LitEchoes, LitTiles
 from .profiles import Profiles
+
+LINES = 32  # image lines whose geometry is computed together
+_PLANES = 2 * (LINE_DEGREE + 1)
+_TASKS_PER_THREAD = 8
+
+# exp(j 2 pi c) for |c| <= 1/2 as minimax polynomials in c^2; rms error 4e-6 (sine), 6e-7 (cosine)
+_S1, _S3, _S5, _S7, _S9 = (np.float32(v) for v in (
+    6.2830558, -41.33121428, 81.36681482, -74.47800122, 32.78139356))
+_C0, _C2, _C4, _C6, _C8, _C10 = (np.float32(v) for v in (
+    0.99999922, -19.73898258, 64.92872795, -85.27240902, 58.79408621, -21.07685034))
+_R1, _R2, _R6, _R8, _R24 = (np.float32(1 / v) for v in (1, 2, 6, 8, 24))
+
+
+@njit(inline='always')
+def _fraction(x):
+    return x - np.rint(x)
+
+
+@njit(inline='always')
+def _sin_cycles(c, x):
+    return c * (_S1 + x * (_S3 + x * (_S5 + x * (_S7 + x * _S9))))
+
+
+@njit(inline='always')
+def _cos_cycles(x):
+    return _C0 + x * (_C2 + x * (_C4 + x * (_C6 + x * (_C8 + x * _C10))))
+
+
+def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
+                  lit: Sequence[LitTiles] | None = None) -> None:
+    """Add echoes to an image whose lines follow range.
+
+    Neighbouring pixels of a line lie one cell of the resampled profiles apart (up to a small
+    drift), so that a segment of a line reads contiguous polynomials.
+
+    Parameters
+    ----------
+    profiles : Profiles
+        How profiles are resampled; with segments.
+    samples : (R, N) complex64
+        Profiles of the echoes.
+    tx_m, rx_m : (R, 3) float64
+        Their phase centres, metres.
+    layers : sequence of ((G, S, 12, LINES) float64, (5,) int64)
+        Position in the middle of each of the S segments of each line (G groups of them), then its
+        first to third derivative by the pixel number, metres; and where the lines lie in the
+        image: their number; the first pixel's real part; the steps to the next line, to the next
+        pixel of a line, and to the imaginary part. All layers are of one size.
+    ramp : (n_pixels,) complex64
+        Factor of each pixel of a line. The sum leaves ``exp(j 2 pi cycles_per_step U i)`` out,
+        with U positions in a cell: the carrier phase that all lines share.
+    image : (K,) float32
+        Real and imaginary parts of the image to add to.
+    lit : sequence of LitTiles, optional
+        Of each layer: with what amplitude the echoes light the pixels.
+    """
+    lattice = profiles.lattice
+    segment = lattice.segment
+    groups, segments = layers[0][0].shape[:2]
+    tasks = min(groups * segments, _TASKS_PER_THREAD * numba.get_num_threads())
+    work = np.empty((2, tasks * LINES * segment), np.float32)
+    paths = np.empty((tasks, 8, LINES))
+    coefficients = np.empty((tasks, 14 if lit is None else 18, LINES), np.float32)
+    base = np.empty((tasks, LINES), np.int64)
+    index = np.arange(segment, dtype=np.float32) - segment // 2
+    ramp = np.concatenate([ramp.real, ramp.imag])
+    for echoes in profiles.chunks(len(samples)):
+        tx, rx = tx_m[echoes], rx_m[echoes]
+        repeats = np.zeros((len(tx), 2), np.uint8)
+        repeats[1:, 0] = (tx[1:] == tx[:-1]).all(axis=1)
+        repeats[:, 1] = (tx == rx).all(axis=1)
+        planes = profiles.planes(samples[echoes])
+        shape = (planes.shape[0], planes.shape[1], planes.shape[3])
+        for number, (lines, layout) in enumerate(layers):
+            amplitudes = (None,) * 5 if lit is None else lit[number].amplitudes(echoes)
+            _project_lines(planes.reshape(-1), shape, tx, rx, repeats, lines,
+                           profiles.range_at(segment), lattice.step_m, profiles.cycles_per_step,
+                           profiles.cycles_at(segment), ramp, image, layout, index, work[0],
+                           work[1], paths, coefficients, base, *amplitudes)
+
+
+@njit(inline='always')
+def _line_paths(lines, group, number, centres, echo, paths, task, first):
+    """Distance of a segment's middle from a phase centre and three derivatives, line by line."""
+    cx, cy, cz = centres[echo, 0], centres[echo, 1], centres[echo, 2]
+    for j in range(LINES):
+        x = lines[group, number, 0, j] - cx
+        y = lines[group, number, 1, j] - cy
+        z = lines[group, number, 2, j] - cz
+        ex, ey, ez = (lines[group, number, 3, j], lines[group, number, 4, j],
+                      lines[group, number, 5, j])
+        gx, gy, gz = (lines[group, number, 6, j], lines[group, number, 7, j],
+                      lines[group, number, 8, j])
+        hx, hy, hz = (lines[group, number, 9, j], lines[group, number, 10, j],
+                      lines[group, number, 11, j])
+        # Leibniz' rule for the square of the distance
+        d = np.sqrt(x * x + y * y + z * z)
+        inverse = 1.0 / d
+        d1 = (x * ex + y * ey + z * ez) * inverse
+        d2 = (ex * ex + ey * ey + ez * ez + x * gx + y * gy + z * gz - d1 * d1) * inverse
+        d3 = (3.0 * (ex * gx + ey * gy + ez * gz) + x * hx + y * hy + z * hz
+              - 3.0 * d1 * d2) * inverse
+        paths[task, first, j] = d
+        paths[task, first + 1, j] = d1
+        paths[task, first + 2, j] = d2
+        paths[task, first + 3, j] = d3
+
+
+@njit(parallel=True)
+def _project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycles_per_step,
+                   cycles_zero, ramp, image, layout, index, work_re, work_im, paths, coefficients,
+                   base, lit, any_lit, amplitude, knot, between):
+    """Tasks take segments of `LINES` lines.
+
+    `repeats` is 1 where an echo's transmitter is that of the echo before, and where its receiver
+    is its transmitter. Half path and carrier phase are told at the first position of `planes`
+    after a segment of zeros. `index` counts the pixels of a segment from its middle. The last five
+    are those of `LitTiles.amplitudes`, or None where all pixels are lit alike.
+
+    Numba tells the compiler that the arrays of a parallel loop do not overlap only while the loop
+    takes no view of one and has no boolean variable (which it counts as a view); without that,
+    tests for overlap before each short loop double the time. `numba.config.DEBUG_ARRAY_OPT`
+    prints 'No aliases found' when all is well.
+    """
+    n_echoes, n_phases, n_cells = shape
+    segment = len(index)
+    n_lines, n_pixels, after = layout[0], len(ramp) // 2, np.uint64(len(ramp) // 2)
+    half, middle = segment // 2, n_echoes // 2
+    # Unsigned indices spare the compiler the test for negative ones, which stops vectorisation.
+    p, length = np.uint64(n_cells), np.uint64(segment)
+    inverse_step, inverse_phases = 1.0 / step, 1.0 / n_phases
+    turns = np.float32(cycles_per_step)
+    n_groups, n_tasks = lines.shape[0], base.shape[0]
+    n_pieces = n_groups * lines.shape[1]
+    for task in numba.prange(n_tasks):
+        # Neighbouring groups of lines read the same part of the profiles, so they come in turn.
+        for piece in range(task * n_pieces // n_tasks, (task + 1) * n_pieces // n_tasks):
+            number, group = piece // n_groups, piece % n_groups
+            latest = -1
+            if lit is not None:
+                if any_lit[piece % n_groups, piece // n_groups] == 0:
+                    continue
+            count = min(LINES, n_lines - group * LINES)
+            for i in range(task * LINES * segment, (task + 1) * LINES * segment):
+                work_re[i] = 0.0
+                work_im[i] = 0.0
+            shared = (number * segment + half) * float(n_phases)
+            # Echoes are near each other: what their phases have in common comes last.
+            _line_paths(lines, group, number, tx, middle, paths, task, 0)
+            _line_paths(lines, group, number, rx, middle, paths, task, 4)
+            for j in range(LINES):
+                _store_drift(paths, task, j, 4, inverse_step, n_phases, coefficients, 11)
+            for echo in range(n_echoes):
+                # Channels often share their transmitter, and radars with one antenna both.
+                same = repeats[echo, 0]
+                if lit is not None:
+                    if lit[echo, group, number] == 0:
+                        continue
+                    if latest != echo - 1:
+                        same = 0
+                    latest = echo
+                if same == 0:
+                    _line_paths(lines, group, number, tx, echo, paths, task, 0)
+                other = 0
+                if repeats[echo, 1] == 0:
+                    other = 4
+                    _line_paths(lines, group, number, rx, echo, paths, task, 4)
+                for j in range(LINES):
+                    v = (0.5 * (paths[task, 0, j] + paths[task, other, j])
+                         - range_zero) * inverse_step
+                    n = np.floor(v)
+                    cell = np.floor((n + 0.5) * inverse_phases)
+                    phase = n - cell * n_phases
+                    coefficients[task, 0, j] = v - n
+                    _store_drift(paths, task, j, other, inverse_step, n_phases, coefficients, 1)
+                    coefficients[task, 4, j] = _fraction(
+                        cycles_per_step * (n - shared) + cycles_zero)
+                    # A segment outside the profile reads padding only.
+                    cell = min(max(cell, -1.0 * half), n_cells - 2.0 * segment + half)
+                    base[task, j] = np.int64(phase * (1.0 * _PLANES) * n_cells + cell + half)
+                for j in range(LINES):
+                    _expand_phasor(coefficients, task, j, turns, half)
+                if lit is not None:
+                    _weigh_phasors(coefficients, task, half, amplitude, echo, group, number, knot,
+                                   between)
+                offset = echo * n_phases * _PLANES * n_cells
+                for j in range(count):
+                    if lit is not None:
+                        if coefficients[task, 17, j] == 0.0:
+                            continue
+                    k0, k1 = coefficients[task, 0, j], coefficients[task, 1, j]
+                    k2, k3 = coefficients[task, 2, j], coefficients[task, 3, j]
+                    k4, k5 = coefficients[task, 4, j], coefficients[task, 5, j]
+                    k6, k7 = coefficients[task, 6, j], coefficients[task, 7, j]
+                    k8, k9 = coefficients[task, 8, j], coefficients[task, 9, j]
+                    k10 = coefficients[task, 10, j]
+                    r0 = np.uint64(base[task, j] + offset)
+                    r1 = r0 + p
+                    r2 = r1 + p
+                    r3 = r2 + p
+                    r4 = r3 + p
+                    i0 = r4 + p
+                    i1 = i0 + p
+                    i2 = i1 + p
+                    i3 = i2 + p
+                    i4 = i3 + p
+                    w = np.uint64((task * LINES + j) * segment)
+                    for i in range(length):
+                        f = index[i]
+                        t = k0 + f * (k1 + f * k2)
+                        cosine = k3 + f * (k5 + f * (k7 + f * k9))
+                        sine = k4 + f * (k6 + f * (k8 + f * k10))
+                        re = planes[r0 + i] + t * (planes[r1 + i] + t * (
+                            planes[r2 + i] + t * (planes[r3 + i] + t * planes[r4 + i])))
+                        im = planes[i0 + i] + t * (planes[i1 + i] + t * (
+                            planes[i2 + i] + t * (planes[i3 + i] + t * planes[i4 + i])))
+                        work_re[w + i] += re * cosine - im * sine
+                        work_im[w + i] += re * sine + im * cosine
+            for j in range(count):
+                w = np.uint64((task * LINES + j) * segment)
+                k1, k2 = coefficients[task, 11, j], coefficients[task, 12, j]
+                k3 = coefficients[task, 13, j]
+                first = np.uint64(number * segment)
+                some = np.uint64(min(segment, n_pixels - number * segment))
+                for i in range(some):
+                    f = index[i]
+                    c = _fraction(turns * (f * (k1 + f * (k2 + f * k3))))
+                    sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
+                    re, im = work_re[w + i], work_im[w + i]
+                    re, im = re * cosine - im * sine, re * sine + im * cosine
+                    cosine, sine = ramp[first + i], ramp[after + first + i]
+                    work_re[w + i] = re * cosine - im * sine
+                    work_im[w + i] = re * sine + im * cosine
+                pixel = (layout[1] + (group * LINES + j) * layout[2]
+                         + number * segment * layout[3])
+                if layout[3] == 1:
+                    r0, i0 = np.uint64(pixel), np.uint64(pixel + layout[4])
+                    for i in range(some):
+                        image[r0 + i] += work_re[w + i]
+                        image[i0 + i] += work_im[w + i]
+                else:
+                    for i in range(np.int64(some)):
+                        image[pixel + i * layout[3]] += work_re[w + np.uint64(i)]
+                        image[pixel + i * layout[3] + layout[4]] += work_im[w + np.uint64(i)]
+
+
+@njit(inline='always')
+def _store_drift(paths, task, j, other, inverse_step, n_phases, coefficients, first):
+    """First to third order of a segment's drift over the lattice, in steps per pixel number."""
+    coefficients[task, first, j] = 0.5 * inverse_step * (
+        paths[task, 1, j] + paths[task, other + 1, j]) - n_phases
+    coefficients[task, first + 1, j] = 0.25 * inverse_step * (
+        paths[task, 2, j] + paths[task, other + 2, j])
+    coefficients[task, first + 2, j] = (1.0 / 12.0) * inverse_step * (
+        paths[task, 3, j] + paths[task, other + 3, j])
+
+
+@njit(inline='always')
+def _expand_phasor(coefficients, task, j, turns, half):
+    """Expand the phasor of a segment, less what its echoes share, as a cubic in the pixel number.
+
+    The quartic term is folded into the constant and the quadratic one (Chebyshev economisation),
+    which leaves an eighth of it.
+    """
+    turn = np.float32(2 * np.pi) * turns
+    a = turn * (coefficients[task, 1, j] - coefficients[task, 11, j])
+    b = turn * (coefficients[task, 2, j] - coefficients[task, 12, j])
+    c = turn * (coefficients[task, 3, j] - coefficients[task, 13, j])
+    g = _fraction(coefficients[task, 4, j] + turns * coefficients[task, 0, j])
+    sine, cosine = _sin_cycles(g, g * g), _cos_cycles(g * g)
+    aa = a * a
+    square = np.float32(half * half)
+    # exp(j (a f + b f^2 + c f^3)) = 1 + j a f + (j b - a^2/2) f^2 + ...
+    r4, i4 = aa * aa * _R24 - _R2 * b * b - a * c, -_R2 * aa * b
+    r3, i3 = -a * b, c - aa * a * _R6
+    r2, i2 = square * r4 - _R2 * aa, square * i4 + b
+    r0, i0 = _R1 - square * square * _R8 * r4, -square * square * _R8 * i4
+    coefficients[task, 3, j] = cosine * r0 - sine * i0
+    coefficients[task, 4, j] = cosine * i0 + sine * r0
+    coefficients[task, 5, j] = -sine * a
+    coefficients[task, 6, j] = cosine * a
+    coefficients[task, 7, j] = cosine * r2 - sine * i2
+    coefficients[task, 8, j] = cosine * i2 + sine * r2
+    coefficients[task, 9, j] = cosine * r3 - sine * i3
+    coefficients[task, 10, j] = cosine * i3 + sine * r3
+
+
+@njit(inline='always')
+def _weigh_phasors(coefficients, task, half, amplitude, echo, group, number, knot, between):
+    """Multiply the phasors of a segment's lines by an echo's amplitude, a parabola.
+
+    Of the product the cubic is kept, and its quartic term economised as that of the phasor is.
+    """
+    square = np.float32(half * half)
+    k = 2 * number
+    for j in range(LINES):
+        n, t = knot[group, j], between[group, j]
+        a, b, c = (amplitude[echo, group, k, n], amplitude[echo, group, k + 1, n],
+                   amplitude[echo, group, k + 2, n])
+        a += t * (amplitude[echo, group, k, n + 1] - a)
+        b += t * (amplitude[echo, group, k + 1, n + 1] - b)
+        c += t * (amplitude[echo, group, k + 2, n + 1] - c)
+        coefficients[task, 14, j] = b
+        coefficients[task, 15, j] = _R2 * (c - a) / np.float32(half)
+        coefficients[task, 16, j] = (_R2 * (c + a) - b) / square
+        coefficients[task, 17, j] = a + b + c
+    for part in range(2):
+        for j in range(LINES):
+            w0, w1, w2 = (coefficients[task, 14, j], coefficients[task, 15, j],
+                          coefficients[task, 16, j])
+            c0, c1 = coefficients[task, 3 + part, j], coefficients[task, 5 + part, j]
+            c2, c3 = coefficients[task, 7 + part, j], coefficients[task, 9 + part, j]
+            c4 = c3 * w1 + c2 * w2
+            coefficients[task, 3 + part, j] = c0 * w0 - square * square * _R8 * c4
+            coefficients[task, 5 + part, j] = c1 * w0 + c0 * w1
+            coefficients[task, 7 + part, j] = c2 * w0 + c1 * w1 + c0 * w2 + square * c4
+            coefficients[task, 9 + part, j] = c3 * w0 + c2 * w1 + c1 * w2
 
 
 def line_middles(locate, n_lines: int, n_pixels: int, segment: int) -> np.ndarray:

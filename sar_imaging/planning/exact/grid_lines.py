@@ -28,7 +28,7 @@ class GridLines:
     n_pixels, n_lines : int
         Pixels of a line, and lines of a layer.
     layouts : (L, 5) int64
-        Layers of lines that lie evenly in the image, each as `line_kernels.project_lines`
+        Layers of lines that lie evenly in the image, each as `backends.cpu.lines.project_lines`
         describes it. A map or plane is one layer, and so is a volume whose lines do not run along
         its middle axis.
     layers_together : int

@@ -1,1 +1,0 @@
-"""Tiles of image lines, and which of them an echo lights."""
