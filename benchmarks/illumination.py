@@ -24,7 +24,7 @@ import numpy as np
 from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.illumination import AntennaPattern, PatternCut, Pointing
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.planning.profiles.profile_reach import OutOfReach
+from sar_imaging.planning.profiles import OutOfReach
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters
 
 from .support.machine import machine

@@ -22,9 +22,8 @@ import numba
 import numpy as np
 from tqdm import tqdm
 
-from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.grids import MapGrid, TerrainGrid
 from sar_imaging.geometry.illumination import AntennaPattern
-from sar_imaging.geometry.point_grids import TerrainGrid
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality.verification import measure_error
 

@@ -47,7 +47,7 @@ MODULES = {
     'sar_imaging.imaging.image': ('Report',),
     'sar_imaging.imaging.methods': ('Method',),
     'sar_imaging.imaging.radiometry': ('Radiometry',),
-    'sar_imaging.planning.profiles.range_gate': ('RangeGate',),
+    'sar_imaging.planning.profiles': ('RangeGate',),
     'sar_imaging.quality.verification': ('Verification', 'measure_error'),
     'sar_imaging.signal.background': ('BackgroundFilter',),
     'sar_imaging.signal.calibration': ('CalibrationError', 'ChannelCalibration'),

@@ -5,7 +5,7 @@ import numpy as np
 from sar_imaging.geometry import MapGrid
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters
 from sar_imaging.signal.windows import window
-from sar_imaging.simulation.dense_scenes import dense_spectrum
+from sar_imaging.simulation.echoes import dense_spectrum
 
 GAIN = 3.7
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..backends import AUTO, optional_entry
 from ..geometry.grids import MapGrid
-from ..geometry.track_frame import mean_centres
+from ..geometry.track import mean_centres
 from ..quality.measures import contrast
 from ..signal.pulses import PulseBlock
 from .models import Geometry

@@ -14,8 +14,7 @@ import math
 
 import numpy as np
 
-from ..geometry.even_grids import PlaneGrid
-from ..geometry.grids import MapGrid
+from ..geometry.grids import MapGrid, PlaneGrid
 from ..memory import IMAGE_BYTES
 from ..signal.radar import RadarParameters
 

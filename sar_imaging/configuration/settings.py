@@ -8,8 +8,7 @@ import os
 
 import numpy as np
 
-from ..geometry.even_grids import VolumeGrid
-from ..geometry.grids import MapGrid
+from ..geometry.grids import MapGrid, VolumeGrid
 from ..memory import available_bytes
 from ..signal.radar import RadarParameters
 

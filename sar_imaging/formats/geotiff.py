@@ -9,7 +9,7 @@ import numpy as np
 
 from ..files import reading
 from ..geometry.earth import Datum
-from ..geometry.point_grids import PointGrid
+from ..geometry.grids import PointGrid
 from ..imaging.image import Image
 from ..numpy_files import check_memory
 from .acquisition import Acquisition

@@ -15,7 +15,7 @@ import numpy as np
 from scipy import ndimage
 
 from ..geometry.earth import SEMI_MAJOR_M, Datum
-from ..geometry.point_grids import TerrainGrid
+from ..geometry.grids import TerrainGrid
 from ..imaging.image import Image
 from ..quality.interpolation import interpolate_image
 from .acquisition import Acquisition

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..files import replacing
 from ..geometry.earth import Datum
-from ..geometry.track_frame import main_axis, side_of
+from ..geometry.track import main_axis, side_of
 from ..imaging.image import Image
 from .acquisition import UNKNOWN, Acquisition
 from .extras import require

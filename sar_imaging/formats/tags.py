@@ -9,8 +9,7 @@ import numpy as np
 
 from ..files import told
 from ..geometry.earth import Datum
-from ..geometry.even_grids import PlaneGrid
-from ..geometry.grids import MapGrid
+from ..geometry.grids import MapGrid, PlaneGrid
 from ..imaging.image import Image, Report
 from ..imaging.radiometry import Radiometry
 from ..numpy_files import check_memory

@@ -1,12 +1,15 @@
-"""Map grids and the protocol of all grids: the positions of an image's pixels."""
+"""Grids: the positions of pixels on a map, a plane, in a volume, on terrain or anywhere."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+
+from .track import main_axis
 
 
 @runtime_checkable
@@ -169,3 +172,424 @@ class MapGrid:
         row = (self.y_m[0] - np.asarray(y_m, float)) / self.spacing_m
         column = (np.asarray(x_m, float) - self.x_m[0]) / self.spacing_m
         return row, column
+
+
+_LEAST_SINE = 1e-6  # between the steps of a grid: below it they span no plane or volume
+
+
+@dataclasses.dataclass(frozen=True)
+class PlaneGrid:
+    """Pixels at equal steps on a plane of any orientation.
+
+    Images on it have shape ``(n_v, n_u)``: pixel ``[row, column]`` lies at ``origin_m + column *
+    step_u_m + row * step_v_m``. The constructors put row 0 at the top of walls and sections and at
+    the end of the track on a slant plane, column 0 to the left or nearest to the radar: pictures
+    that are drawn from row 0 down look as an observer sees the plane.
+
+    Parameters
+    ----------
+    origin_m : (3,) floats
+        Pixel ``[0, 0]`` in the imaging frame, metres.
+    step_u_m, step_v_m : (3,) floats
+        From a pixel to that of the next column, and to that of the next row, metres.
+    n_u, n_v : int
+        Columns and rows.
+
+    Raises
+    ------
+    ValueError
+        A value is not finite, a number of pixels is not positive, or the steps are parallel.
+
+    Examples
+    --------
+    >>> from sar_imaging.geometry import PlaneGrid
+    >>> wall = PlaneGrid.wall((0.0, 3.0, 1.0), normal=(0.0, -1.0), width_m=2.0,
+    ...                       height_m=1.0, spacing_m=0.5)
+    >>> wall.shape
+    (3, 5)
+    >>> wall.positions(0, 0).tolist()  # top left, as the radar south of it sees it
+    [-1.0, 3.0, 1.5]
+    """
+
+    origin_m: tuple[float, float, float]
+    step_u_m: tuple[float, float, float]
+    step_v_m: tuple[float, float, float]
+    n_u: int
+    n_v: int
+
+    def __post_init__(self):
+        for name in ('origin_m', 'step_u_m', 'step_v_m'):
+            object.__setattr__(self, name, _vector(name, getattr(self, name)))
+        _check_count(n_u=self.n_u, n_v=self.n_v)
+        _check_steps(step_u_m=self.step_u_m, step_v_m=self.step_v_m)
+
+    @classmethod
+    def vertical_section(cls, foot_m, direction, length_m: float, low_m: float, high_m: float,
+                         spacing_m: float) -> PlaneGrid:
+        """Vertical section along a horizontal direction, such as that of the look.
+
+        Parameters
+        ----------
+        foot_m : (2,) floats
+            Where it begins (x, y), metres: column 0.
+        direction : (2,) floats
+            Where it goes from there (x, y), of any length.
+        length_m : float
+            How far, metres.
+        low_m, high_m : float
+            Lowest and highest z, metres; row 0 is the highest.
+        spacing_m : float
+            Of the pixels along both axes, metres.
+        """
+        x, y = _direction('direction', direction, 2)
+        n_u, n_v = (_pixels(*side, spacing_m) for side in (('length_m', length_m),
+                                                           ('high_m - low_m', high_m - low_m)))
+        return cls((*foot_m, high_m), (spacing_m * x, spacing_m * y, 0.0), (0.0, 0.0, -spacing_m),
+                   n_u, n_v)
+
+    @classmethod
+    def wall(cls, centre_m, normal, width_m: float, height_m: float,
+             spacing_m: float) -> PlaneGrid:
+        """Vertical plane across the line of sight.
+
+        Parameters
+        ----------
+        centre_m : (3,) floats
+            Middle of the wall, metres.
+        normal : (2,) floats
+            Horizontal direction (x, y), of any length, from the wall to who looks at it. Columns
+            run to the right as they see it.
+        width_m, height_m : float
+            Size, metres; row 0 is the highest.
+        spacing_m : float
+            Of the pixels along both axes, metres.
+        """
+        x, y = _direction('normal', normal, 2)
+        return cls._around(centre_m, (-y, x, 0.0), (0.0, 0.0, -1.0), ('width_m', width_m),
+                           ('height_m', height_m), spacing_m)
+
+    @classmethod
+    def slant_plane(cls, track_m, centre_m, range_size_m: float, track_size_m: float,
+                    spacing_m: float) -> PlaneGrid:
+        """Plane through a track and the middle of the scene, in which radar pictures lie.
+
+        Parameters
+        ----------
+        track_m : (..., 3) array_like
+            Phase centres in the order of the flight, metres; the straight line that fits them
+            best is in the plane.
+        centre_m : (3,) floats
+            Middle of the scene, metres: middle of the grid.
+        range_size_m, track_size_m : float
+            Size across the track (columns, away from it) and along it (row 0 is where the flight
+            ends), metres.
+        spacing_m : float
+            Of the pixels along both axes, metres.
+
+        Raises
+        ------
+        ValueError
+            The track is a point, or the scene lies on its line.
+        """
+        track = np.asarray(track_m, float).reshape(-1, 3)
+        middle = track.mean(axis=0)
+        axes, extent = main_axis(track)
+        if not extent[0] > 0:
+            raise ValueError('track_m has one place only; expected phase centres along a track')
+        along = axes[0] * math.copysign(1.0, (track[-1] - track[0]) @ axes[0])
+        look = _vector('centre_m', centre_m) - middle
+        across = look - (look @ along) * along
+        if not np.linalg.norm(across) > _LEAST_SINE * np.linalg.norm(look):
+            raise ValueError(f'centre_m={tuple(centre_m)} lies on the line of the track; expected '
+                             'a scene beside it')
+        return cls._around(centre_m, across / np.linalg.norm(across), -along,
+                           ('range_size_m', range_size_m), ('track_size_m', track_size_m),
+                           spacing_m)
+
+    @classmethod
+    def _around(cls, centre_m, u, v, width, height, spacing_m):
+        n_u, n_v = _pixels(*width, spacing_m), _pixels(*height, spacing_m)
+        u, v = spacing_m * np.asarray(u), spacing_m * np.asarray(v)
+        origin = _vector('centre_m', centre_m) - 0.5 * ((n_u - 1) * u + (n_v - 1) * v)
+        return cls(tuple(origin), tuple(u), tuple(v), n_u, n_v)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Image shape ``(n_v, n_u)``."""
+        return (self.n_v, self.n_u)
+
+    @property
+    def steps_m(self) -> np.ndarray:
+        """(2, 3) float64 step of the position along each axis of the image, metres."""
+        return np.array([self.step_v_m, self.step_u_m])
+
+    def positions(self, row, column) -> np.ndarray:
+        """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
+        return even_positions(self, row, column)
+
+    def points(self) -> np.ndarray:
+        """(n_v, n_u, 3) float64 positions of all pixels, metres."""
+        return self.positions(*np.ogrid[:self.n_v, :self.n_u])
+
+
+@dataclasses.dataclass(frozen=True)
+class VolumeGrid:
+    """Voxels at equal steps along three directions.
+
+    Images on it have shape ``(n_z, n_y, n_x)``: voxel ``[i, j, k]`` lies at ``origin_m + k *
+    step_x_m + j * step_y_m + i * step_z_m``. The steps may point anywhere; `above` builds volumes
+    whose slices are maps.
+
+    Parameters
+    ----------
+    origin_m : (3,) floats
+        Voxel ``[0, 0, 0]`` in the imaging frame, metres.
+    step_x_m, step_y_m, step_z_m : (3,) floats
+        From a voxel to the next one along the last, the middle and the first axis of the image,
+        metres.
+    n_x, n_y, n_z : int
+        Voxels along these.
+
+    Raises
+    ------
+    ValueError
+        A value is not finite, a number of voxels is not positive, or the steps lie in a plane.
+
+    Examples
+    --------
+    >>> from sar_imaging.geometry import MapGrid, VolumeGrid
+    >>> ground = MapGrid((50.0, 0.0, 0.0), 8, 4, 0.5)
+    >>> volume = VolumeGrid.above(ground, height_m=3.0, spacing_m=1.0)
+    >>> volume.shape
+    (4, 4, 8)
+    >>> volume.slice(3).points()[..., 2].max().item()  # the highest layer, metres
+    3.0
+    """
+
+    origin_m: tuple[float, float, float]
+    step_x_m: tuple[float, float, float]
+    step_y_m: tuple[float, float, float]
+    step_z_m: tuple[float, float, float]
+    n_x: int
+    n_y: int
+    n_z: int
+
+    def __post_init__(self):
+        for name in ('origin_m', 'step_x_m', 'step_y_m', 'step_z_m'):
+            object.__setattr__(self, name, _vector(name, getattr(self, name)))
+        _check_count(n_x=self.n_x, n_y=self.n_y, n_z=self.n_z)
+        _check_steps(step_x_m=self.step_x_m, step_y_m=self.step_y_m, step_z_m=self.step_z_m)
+
+    @classmethod
+    def above(cls, ground: MapGrid, height_m: float,
+              spacing_m: float | None = None) -> VolumeGrid:
+        """Maps one above the other, the lowest first.
+
+        Parameters
+        ----------
+        ground : MapGrid
+            The lowest: rows from the largest y down, columns from the smallest x.
+        height_m : float
+            From the lowest to the highest, metres.
+        spacing_m : float, optional
+            Of the maps, metres; that of the pixels unless told.
+        """
+        step = ground.spacing_m if spacing_m is None else spacing_m
+        return cls(ground.origin_m, tuple(ground.steps_m[1]), tuple(ground.steps_m[0]),
+                   (0.0, 0.0, step), ground.n_x, ground.n_y, _pixels('height_m', height_m, step))
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Image shape ``(n_z, n_y, n_x)``."""
+        return (self.n_z, self.n_y, self.n_x)
+
+    @property
+    def steps_m(self) -> np.ndarray:
+        """(3, 3) float64 step of the position along each axis of the image, metres."""
+        return np.array([self.step_z_m, self.step_y_m, self.step_x_m])
+
+    def slice(self, number: int) -> PlaneGrid:
+        """Plane of the voxels ``[number, :, :]``."""
+        return PlaneGrid(tuple(self.positions(number, 0, 0)), self.step_x_m, self.step_y_m,
+                         self.n_x, self.n_y)
+
+    def positions(self, layer, row, column) -> np.ndarray:
+        """(..., 3) float64 positions of some voxels, by broadcast numbers, metres."""
+        return even_positions(self, layer, row, column)
+
+    def points(self) -> np.ndarray:
+        """(n_z, n_y, n_x, 3) float64 positions of all voxels, metres."""
+        return self.positions(*np.ogrid[:self.n_z, :self.n_y, :self.n_x])
+
+
+def _vector(name: str, value) -> tuple[float, ...]:
+    numbers = np.asarray(value, float)
+    if numbers.shape != (3,) or not np.isfinite(numbers).all():
+        raise ValueError(f'{name}={value}; expected three finite numbers: x, y and z in metres')
+    return tuple(numbers.tolist())
+
+
+def _direction(name: str, value, n: int) -> np.ndarray:
+    """Unit vector."""
+    numbers = np.asarray(value, float)
+    if numbers.shape != (n,) or not np.isfinite(numbers).all() or not numbers.any():
+        raise ValueError(f'{name}={value}; expected {n} finite numbers that are not all 0: '
+                         'the direction in x and y')
+    return numbers / np.linalg.norm(numbers)
+
+
+def _pixels(name: str, size_m: float, spacing_m: float) -> int:
+    """Pixels whose centres cover a length, edges included."""
+    if not (math.isfinite(spacing_m) and spacing_m > 0):
+        raise ValueError(f'spacing_m={spacing_m} must be positive and finite')
+    if not (math.isfinite(size_m) and size_m >= 0):
+        raise ValueError(f'{name}={size_m}; expected a finite length in metres, not negative')
+    return round(size_m / spacing_m) + 1
+
+
+def _check_count(**counts: int) -> None:
+    if min(counts.values()) < 1:
+        raise ValueError(', '.join(f'{name}={n}' for name, n in counts.items())
+                         + '; expected at least one pixel each')
+
+
+def _check_steps(**steps) -> None:
+    """Refuse steps that span no plane or volume."""
+    vectors = np.array(list(steps.values()))
+    lengths = np.linalg.norm(vectors, axis=1)
+    extent = math.sqrt(max(np.linalg.det(vectors @ vectors.T), 0.0))
+    if not extent > _LEAST_SINE * functools.reduce(float.__mul__, lengths.tolist()):
+        text = ', '.join(f'{name}={value}' for name, value in steps.items())
+        raise ValueError(f'{text}; expected steps in metres that are not 0 and span a '
+                         f'{"plane" if len(steps) == 2 else "volume"}')
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TerrainGrid:
+    """Pixels of a map at heights of their own.
+
+    Parameters
+    ----------
+    map_grid : MapGrid
+        Where the pixels are in x and y; its height does not matter.
+    height_m : (n_y, n_x) array_like
+        Height of each pixel in the imaging frame, metres; row 0 at the largest y. NaN where it is
+        not known: no pixel, to which nothing is added.
+
+    Raises
+    ------
+    ValueError
+        The heights do not have the shape of the map, or one is infinite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.geometry import MapGrid, TerrainGrid
+    >>> flat = MapGrid((100.0, 0.0, 0.0), 4, 3, 1.0)
+    >>> hill = TerrainGrid(flat, height_m=np.full(flat.shape, 12.5))
+    >>> hill.positions(0, 0).tolist()
+    [98.5, 1.0, 12.5]
+    """
+
+    map_grid: MapGrid
+    height_m: np.ndarray
+
+    def __post_init__(self):
+        heights = np.require(self.height_m, np.float64, ['C', 'W'])
+        if heights.shape != self.shape:
+            raise ValueError(f'height_m.shape={heights.shape} does not match the grid; '
+                             f'expected {self.shape}, row 0 at the largest y')
+        object.__setattr__(self, 'height_m', heights)
+        _check_infinite('z', heights)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Image shape ``(n_y, n_x)``."""
+        return self.map_grid.shape
+
+    def positions(self, row, column) -> np.ndarray:
+        """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
+        out = self.map_grid.positions(row, column)
+        out[..., 2] = self.height_m[row, column]
+        return out
+
+    def points(self) -> np.ndarray:
+        """(n_y, n_x, 3) float64 positions of all pixels, metres."""
+        out = self.map_grid.points()
+        out[..., 2] = self.height_m
+        return out
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class PointGrid:
+    """Pixels at any positions, in an array of any shape; the image has the same.
+
+    Parameters
+    ----------
+    points_m : (..., 3) array_like
+        Positions in the imaging frame, metres, float64. A position with a NaN is no pixel, to
+        which nothing is added.
+
+    Raises
+    ------
+    ValueError
+        It is no such array, or a coordinate is infinite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.geometry import PointGrid
+    >>> angle = np.linspace(0.0, np.pi, 5)
+    >>> arc = PointGrid(np.stack([20 * np.cos(angle), 20 * np.sin(angle), 0 * angle], axis=-1))
+    >>> arc.shape
+    (5,)
+    >>> arc.positions(2).round(6).tolist()
+    [0.0, 20.0, 0.0]
+    """
+
+    points_m: np.ndarray
+
+    def __post_init__(self):
+        # Writable, since Numba would compile once more for what is not.
+        points = np.require(self.points_m, np.float64, ['C', 'W'])
+        if points.ndim < 1 or points.shape[-1] != 3 or points.size == 0:
+            raise ValueError(f'points.shape={points.shape}; expected (..., 3), x, y and z of at '
+                             'least one point in metres')
+        object.__setattr__(self, 'points_m', points)
+        for name, values in zip('xyz', np.moveaxis(points, -1, 0), strict=True):
+            _check_infinite(name, values)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the array of positions."""
+        return self.points_m.shape[:-1]
+
+    def positions(self, *index) -> np.ndarray:
+        """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
+        return self.points_m[index]
+
+    def points(self) -> np.ndarray:
+        """(..., 3) float64 positions of all pixels, metres."""
+        return self.points_m
+
+
+def as_grid(grid: Grid | np.ndarray, height_m=None) -> Grid:
+    """Grid of what users pass for one: itself, positions (..., 3), or a map and its heights.
+
+    Raises
+    ------
+    ValueError
+        Positions or heights are no such arrays, or heights come without a map.
+    """
+    if height_m is not None:
+        if not isinstance(grid, MapGrid):
+            raise ValueError(f'height_m goes with a MapGrid, not with {type(grid).__name__}; '
+                             'other grids have their own z')
+        return TerrainGrid(grid, height_m)
+    return grid if isinstance(grid, MapGrid | Grid) else PointGrid(grid)  # maps are told quickly
+
+
+def _check_infinite(name: str, values: np.ndarray) -> None:
+    if np.isinf(values).any():
+        raise ValueError(f'{name} of {np.count_nonzero(np.isinf(values))} points is infinite; '
+                         'write NaN where there is no position')

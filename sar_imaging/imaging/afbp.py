@@ -19,7 +19,7 @@ from ..geometry.polar import PolarGrid
 from ..planning.afbp.edge_brightness import EdgeBrightness
 from ..planning.afbp.plan import AfbpPlan, plan_afbp
 from ..planning.afbp.subapertures import SubaperturePlan
-from ..planning.error_budget import AFBP_SHARES, error_budget
+from ..planning.plan import AFBP_SHARES, error_budget
 from ..signal.pulses import PulseBlock
 from .image import Report
 from .methods import AFBP, Method

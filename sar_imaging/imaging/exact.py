@@ -19,10 +19,10 @@ from .. import backends
 from ..device_arrays import contiguous, zeros_beside
 from ..geometry.grids import EvenGrid, MapGrid
 from ..memory import IMAGE_BYTES
-from ..planning.error_budget import EXACT_SHARES, error_budget
 from ..planning.exact.backprojection import LEAST_TARGET_DB, plan_backprojection
 from ..planning.exact.points import ImagePoints
-from ..planning.profiles.profile_reach import OutOfReach
+from ..planning.plan import EXACT_SHARES, error_budget
+from ..planning.profiles import OutOfReach
 from ..signal.pulses import PulseBlock, check_profiles
 from .image import Report
 from .methods import EXACT, Method

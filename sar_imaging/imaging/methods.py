@@ -15,9 +15,8 @@ import numpy as np
 
 from ..backends import AUTO, check_illumination
 from ..device_arrays import beside
-from ..geometry.grids import Grid
+from ..geometry.grids import Grid, TerrainGrid
 from ..geometry.illumination import AntennaPattern, Illumination, Pointing
-from ..geometry.point_grids import TerrainGrid
 from ..memory import IMAGE_BYTES, check_memory
 from ..planning.plan import Plan
 from ..signal.pulses import PulseBlock, check_profiles

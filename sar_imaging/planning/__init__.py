@@ -5,10 +5,9 @@ Plans are float64 NumPy and know no processor; `sar_imaging.backends` computes t
 - `exact`: backprojection along the lines of a map, over a polar image, or point by point;
 - `afbp`: sub-apertures, their beams and polar grids, and what the fusion of their spectra costs;
 - `profiles`: the part of the range profiles that an image needs, and how finely it is resampled;
-- `polar_cover`, `polar_to_map`: the polar grid that covers a map, and how the map is read from it;
-- `interpolators`, `aliasing_error`, `guard_taper`, `local_spectrum`, `amplitude_spread`,
-  `echo_power`, `error_budget`: the error;
-- `costs`: nanoseconds.
+- `polar_cover`: the polar grid that covers a map, and how the map is read from it;
+- `interpolators`, `aliasing_error`, `local_spectrum`, `echo_power`, `lit_pairs`: the error;
+- `costs`: nanoseconds; `transform_lengths`: lengths of Fourier transforms that are quick.
 
 Names that mean the same in all modules, here and in the backends, are described once:
 

@@ -1,4 +1,4 @@
-"""Which echoes an image's power comes from: those that see a scene alike add up coherently.
+"""Which echoes an image's power comes from, and how their amplitude widens their spectrum.
 
 The power of n echoes at different places grows as n, that of n echoes at one place as n squared.
 Where a platform stops, or comes by again, what is read of those echoes decides the error of the
@@ -8,9 +8,12 @@ is read of the others decides it.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..geometry.half_paths import half_paths
+from ..geometry.illumination import AmplitudeSpread
 from ..signal.radar import RadarParameters
 
 _FAINT = 1.645  # standard deviations: one scene of twenty is fainter
@@ -70,3 +73,36 @@ def _echoes_alike(tx_m, rx_m, centre_m, sides_m, radar) -> tuple[np.ndarray, np.
     count = np.bincount(number, shares)[number] * shares
     count, alone = (v.reshape(4, -1).sum(axis=0) for v in (count, shares ** 2))
     return count, alone, band
+
+
+def spread_frequencies(frequency, spread: float) -> np.ndarray:
+    """Frequencies along direction of echoes whose amplitude varies with it.
+
+    Parameters
+    ----------
+    frequency : (K, ...) float64
+        Of echoes of even amplitude.
+    spread : float
+        Rms frequency of the amplitude, likewise.
+
+    Returns
+    -------
+    (K or 6 K, ...) float64
+        Alike in number for each node of a Gauss-Hermite rule of three nodes.
+    """
+    if spread == 0:
+        return frequency
+    beside = math.sqrt(3) * spread
+    return np.concatenate([*[frequency] * 4, frequency - beside, frequency + beside])
+
+
+def tail_error(spread: AmplitudeSpread, frequency, error_at, echoes=slice(None)) -> float:
+    """Mean error of the faint frequencies of echoes' amplitudes, relative to their power.
+
+    Of some echoes of even amplitude the frequencies are (K, R, S) float64, radians per unit of
+    direction; ``error_at`` gives the error of some.
+    """
+    weight = 1.0 if spread.by_echo is None else spread.by_echo[echoes][:, None]
+    return sum(0.5 * share * float(np.mean(
+        weight * (error_at(frequency + f) + error_at(frequency - f))))
+        for f, share in zip(spread.frequency, spread.share, strict=True) if share > 0)

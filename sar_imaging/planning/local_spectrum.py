@@ -14,8 +14,8 @@ from ..geometry.half_paths import half_paths
 from ..geometry.illumination import NO_SPREAD, AmplitudeSpread, Illumination
 from ..geometry.polar import PolarGrid
 from ..signal.radar import RadarParameters
+from .aliasing_error import usual_guard
 from .echo_power import echo_powers
-from .guard_taper import usual_guard
 
 SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 _SAMPLING_SLACK = 0.02  # of what is bounded

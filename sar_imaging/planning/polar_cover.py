@@ -1,4 +1,4 @@
-"""Polar grid that covers a map: where it must lie and how finely it must be sampled.
+"""Polar grid that covers a map: where it lies, how finely it is sampled, and how the map is read.
 
 Sampling follows from the local frequencies of the image, which are the derivatives of the half
 paths times the wavenumber.
@@ -15,21 +15,36 @@ import numpy as np
 from ..geometry.grids import MapGrid
 from ..geometry.half_paths import half_paths, sample_paths
 from ..geometry.illumination import NO_SPREAD, AmplitudeSpread, Illumination
-from ..geometry.map_edges import EDGE_SAMPLES, edge_positions
-from ..geometry.polar import PolarGrid
-from ..geometry.track_frame import side_of, track_beside
+from ..geometry.polar import EDGE_SAMPLES, PolarGrid, edge_positions
+from ..geometry.track import side_of, track_beside
 from ..signal.radar import RadarParameters
-from .amplitude_spread import spread_frequencies, tail_error
-from .echo_power import echo_powers
-from .error_budget import total_db
-from .guard_taper import TAPERS_NEEDED, used_share
+from .aliasing_error import TAPERS_NEEDED, used_share
+from .echo_power import echo_powers, spread_frequencies, tail_error
 from .interpolators import Interpolator, fitting_interpolator
-from .polar_to_map import DEAPODISED_TAPS, DEGREE, LEAST_RANGES, TAPS, margin
-from .profiles.range_gate import RangeGate
-from .profiles.range_resampling import RangeResampling, plan_resampling
+from .plan import total_db
+from .profiles import RangeGate, RangeResampling, plan_resampling
 
 if TYPE_CHECKING:
-    from .profiles.phase_history import PhaseHistory
+    from .profiles import PhaseHistory
+
+# Taps of the interpolation, and of that along direction where the spectrum is deapodised. Along
+# range it cannot be: along a line of the map direction changes, too, and so does range's gain.
+TAPS, DEAPODISED_TAPS = 14, 6
+NOT_READ = 3  # pixels of the margin
+DEGREE = 5  # of the polynomials
+LEAST_RANGES = 16  # of the polar image: a vector of the kernels
+
+
+def margin(taps: int) -> int:
+    """Pixels that a polar grid must reach beyond a map on all sides."""
+    return taps // 2 + 2 + NOT_READ
+
+
+def range_axis(polar: PolarGrid, grid: MapGrid) -> int:
+    """Map axis that follows range: 0 for x, 1 for y."""
+    look = [c - o for c, o in zip(grid.centre_m[:2], polar.origin_m[:2], strict=True)]
+    return int(abs(look[1]) > abs(look[0]))
+
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _WAVENUMBERS = 7  # of the band

@@ -33,22 +33,23 @@ from ..compilation import njit, numba
 from ..geometry.grids import MapGrid
 from ..geometry.half_paths import Paths, half_paths, sample_paths
 from ..geometry.polar import PolarGrid
-from ..geometry.track_frame import mean_centres, side_of, track_beside
+from ..geometry.track import mean_centres, side_of, track_beside
 from ..imaging.image import Report
 from ..imaging.methods import Method
 from ..memory import IMAGE_BYTES
 from ..planning.costs import costs
 from ..planning.echo_power import echo_power
-from ..planning.error_budget import total_db
-from ..planning.plan import Plan
-from ..planning.profiles.profile_reach import (
+from ..planning.plan import Plan, total_db
+from ..planning.profiles import (
+    ECHOES_PER_PASS,
+    RangeGate,
+    RangeResampling,
     check_reach,
     covered_ranges,
+    plan_resampling,
     reach_warnings,
     some_pixels,
 )
-from ..planning.profiles.range_gate import RangeGate
-from ..planning.profiles.range_resampling import ECHOES_PER_PASS, RangeResampling, plan_resampling
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 

@@ -18,12 +18,7 @@ import scipy.fft
 
 from ..compilation import njit, numba
 from ..geometry.grids import MapGrid
-from ..geometry.straight_track import (
-    StraightTrack,
-    check_straight,
-    fit_straight_track,
-    path_errors,
-)
+from ..geometry.track import StraightTrack, check_straight, fit_straight_track, path_errors
 from ..imaging.image import Report
 from ..imaging.methods import Method
 from ..memory import IMAGE_BYTES

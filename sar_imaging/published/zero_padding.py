@@ -17,14 +17,13 @@ import scipy.fft
 
 from ..backends.cpu.correlation import distance, phasor
 from ..compilation import njit, numba
-from ..geometry.grids import Grid
-from ..geometry.point_grids import PointGrid
-from ..geometry.track_frame import mean_centres
+from ..geometry.grids import Grid, PointGrid
+from ..geometry.track import mean_centres
 from ..imaging.image import Report
 from ..imaging.methods import Method
 from ..memory import IMAGE_BYTES
 from ..planning.plan import Plan
-from ..planning.profiles.profile_reach import check_reach, reach_warnings, some_pixels
+from ..planning.profiles import check_reach, reach_warnings, some_pixels
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from ..signal.spectra import resampled_from_spectrum

@@ -8,10 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.even_grids import VolumeGrid
-from ..geometry.grids import Grid
+from ..geometry.grids import Grid, TerrainGrid, VolumeGrid
 from ..geometry.illumination import AntennaPattern, Illumination
-from ..geometry.point_grids import TerrainGrid
 from ..imaging.image import Image
 from ..imaging.radiometry import Radiometry
 from ..signal.pulses import PulseBlock

@@ -25,9 +25,8 @@ import math
 import numpy as np
 import scipy
 
-from ..geometry.grids import Grid
+from ..geometry.grids import Grid, TerrainGrid
 from ..geometry.illumination import Illumination
-from ..geometry.point_grids import TerrainGrid
 from ..signal.radar import RadarParameters
 from ..signal.windows import window as spectral_window
 

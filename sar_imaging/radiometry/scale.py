@@ -12,9 +12,8 @@ import functools
 import numpy as np
 import scipy
 
-from ..geometry.grids import Grid
+from ..geometry.grids import Grid, TerrainGrid
 from ..geometry.illumination import AntennaPattern, Illumination, Pointing
-from ..geometry.point_grids import TerrainGrid
 from ..imaging.radiometry import Radiometry
 from ..signal.radar import RadarParameters
 from .brightness import brightness, radiometry_of

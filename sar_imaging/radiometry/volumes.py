@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry.even_grids import VolumeGrid
+from ..geometry.grids import VolumeGrid
 from ..geometry.illumination import AntennaPattern, Pointing
 from .brightness import radiometry_of
 from .constant import RadarConstant

@@ -11,7 +11,7 @@ import numpy as np
 from ..geometry.alignment import Alignment
 from ..geometry.illumination import Mount
 from ..geometry.poses import Poses, PoseStatus, PoseTable, PoseTrack, PoseVerdict
-from ..geometry.track_frame import mean_centres
+from ..geometry.track import mean_centres
 from .pulses import PulseBlock
 from .pulses.sequence import COUNTER_MASK, EventSource, counter_distance, describe_counters
 from .radar import RadarParameters

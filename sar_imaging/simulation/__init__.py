@@ -1,7 +1,7 @@
 """Simulated radar data: scenes, tracks and the echoes that a receiver would record.
 
 - `scene`, `movers`, `shadows`, `jammer`, `noise`, `trajectory`: what there is and how it moves;
-- `echoes`, `dense_scenes`: the echoes, over the exact two-way path of every channel;
+- `echoes`: the echoes, over the exact two-way path of every channel;
 - `scenarios`: ready ones by name, those of the papers among them, and one from a configuration;
 - `trials`: random radars, flights and track errors, to test predictions and autofocus on.
 """

@@ -4,5 +4,4 @@
 - `subapertures`, `fusion`: the two stages of AFBP, with `subaperture_image` between them;
 - `reimaging`: corrected trajectories for an image that is there already;
 - `mosaic`: a strip of map patches that follows the platform;
-- `subaperture_stage`: computes the plan of an aperture that was foreseen.
 """

@@ -16,8 +16,8 @@ from ..imaging.image import Image
 from ..imaging.imager import plan_image
 from ..imaging.methods import AFBP
 from ..planning.afbp.plan import AfbpPlan
-from ..planning.error_budget import total_db
 from ..planning.local_spectrum import Limits
+from ..planning.plan import total_db
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 

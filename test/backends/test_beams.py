@@ -12,8 +12,7 @@ from sar_imaging.backends.cpu.beams import ECHOES, BeamformedSubaperture
 from sar_imaging.geometry.half_paths import sample_paths
 from sar_imaging.planning.afbp.beams import plan_beams
 from sar_imaging.planning.afbp.plan import plan_afbp
-from sar_imaging.planning.profiles.range_gate import RangeGate
-from sar_imaging.planning.profiles.range_resampling import plan_resampling
+from sar_imaging.planning.profiles import RangeGate, plan_resampling
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock
 
 _PADDING = 64  # samples; echoes lie further apart than they would in practice

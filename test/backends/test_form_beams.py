@@ -6,12 +6,7 @@ from hypothesis import given, settings, strategies as st
 from sar_imaging.backends.cpu.beams import SpectrumBins, form_beams
 from sar_imaging.backends.cpu.memory import WorkSpace
 from sar_imaging.backends.reference.form_beams import form_beams as beams_of
-from sar_imaging.planning.afbp.beam_gain import (
-    STEP_BINS,
-    beam_gain,
-    bins_per_run,
-    shared_errors,
-)
+from sar_imaging.planning.afbp.beams import STEP_BINS, beam_gain, bins_per_run, shared_errors
 
 
 def formed(spectra, path_m, cycles, between, *, zero, n_cells, weights, group, paired, rng,

@@ -14,8 +14,7 @@ from sar_imaging.backends.cpu.beams import (
 from sar_imaging.backends.cpu.instructions import job_counter
 from sar_imaging.backends.reference import interpolate_beams as reference
 from sar_imaging.compilation import numba
-from sar_imaging.planning.afbp.beam_gain import BEAM_TAPS, DEGREE
-from sar_imaging.planning.afbp.beams import CELL_TAPS
+from sar_imaging.planning.afbp.beams import BEAM_TAPS, CELL_TAPS, DEGREE
 from sar_imaging.planning.interpolators import design_interpolator
 
 BETWEEN = design_interpolator(1.4, taps=BEAM_TAPS, degree=DEGREE, deapodised=True)

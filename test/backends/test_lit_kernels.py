@@ -10,12 +10,10 @@ from sar_imaging.backends import cpu, reference
 from sar_imaging.backends.cpu.illumination import LitEchoes, LitTiles
 from sar_imaging.geometry import MapGrid, TerrainGrid
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
-from sar_imaging.planning.error_budget import total_db
 from sar_imaging.planning.exact.backprojection import plan_backprojection
-from sar_imaging.planning.exact.lit_lines import knot_positions
-from sar_imaging.planning.exact.lit_points import draw_points, tile_error_db
+from sar_imaging.planning.exact.illumination import draw_points, knot_positions, tile_error_db
 from sar_imaging.planning.exact.points import ImagePoints, plan_points
-from sar_imaging.planning.plan import Plan
+from sar_imaging.planning.plan import Plan, total_db
 from sar_imaging.signal import SPEED_OF_LIGHT, RadarParameters
 
 RADAR, N_SAMPLES = RadarParameters(9.6e9, 150e6, 225e6, 2 * 300 / SPEED_OF_LIGHT), 320

@@ -13,9 +13,9 @@ from sar_imaging.backends.cpu.polar_to_map import overwriting_rounds, polar_to_m
 from sar_imaging.compilation import numba
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.planning.error_budget import SINCOS_ERROR_DB, total_db
 from sar_imaging.planning.interpolators import design_interpolator
-from sar_imaging.planning.polar_to_map import DEAPODISED_TAPS, DEGREE, TAPS
+from sar_imaging.planning.plan import SINCOS_ERROR_DB, total_db
+from sar_imaging.planning.polar_cover import DEAPODISED_TAPS, DEGREE, TAPS
 
 WAVELENGTH_M, OVERSAMPLING = 0.03, 2.0
 # Cycles per sample, half the band's edge; the interpolators are better than the phasors

@@ -6,10 +6,9 @@ from hypothesis import given, settings, strategies as st
 from sar_imaging.backends.cpu.polar_to_map import polar_to_map
 from sar_imaging.backends.reference.polar_to_map import polar_to_map as map_of
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.geometry.map_edges import edge_positions
-from sar_imaging.geometry.polar import PolarGrid
+from sar_imaging.geometry.polar import PolarGrid, edge_positions
 from sar_imaging.planning.interpolators import design_interpolator
-from sar_imaging.planning.polar_to_map import DEAPODISED_TAPS, DEGREE, TAPS, margin
+from sar_imaging.planning.polar_cover import DEAPODISED_TAPS, DEGREE, TAPS, margin
 
 
 @settings(max_examples=30)

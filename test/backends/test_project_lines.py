@@ -10,8 +10,7 @@ from sar_imaging.backends.cpu.profiles import Profiles
 from sar_imaging.backends.reference.project_lines import project_lines
 from sar_imaging.geometry.half_paths import sample_paths
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.planning.profiles.range_gate import RangeGate
-from sar_imaging.planning.profiles.range_resampling import plan_resampling
+from sar_imaging.planning.profiles import RangeGate, plan_resampling
 from sar_imaging.signal import SPEED_OF_LIGHT, RadarParameters
 
 DEGREE = 4

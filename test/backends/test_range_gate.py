@@ -6,8 +6,7 @@ import scipy.fft
 
 from sar_imaging.backends.cpu.profiles import Profiles, cut_profiles
 from sar_imaging.backends.reference.resample_profiles import profile_spectra
-from sar_imaging.planning.profiles.range_gate import RangeGate
-from sar_imaging.planning.profiles.range_resampling import plan_point_resampling
+from sar_imaging.planning.profiles import RangeGate, plan_point_resampling
 from sar_imaging.signal import RadarParameters
 
 N, NEEDED = 4096, (1500.0, 2000.0)  # samples; half paths within the profile, metres

@@ -18,14 +18,13 @@ from sar_imaging.backends.protocol import (
 from sar_imaging.geometry import PlaneGrid, PointGrid, VolumeGrid
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
 from sar_imaging.planning.afbp.beams import plan_beams
-from sar_imaging.planning.afbp.map_cover import cover_for_fusion
+from sar_imaging.planning.afbp.polar_grids import cover_for_fusion
 from sar_imaging.planning.afbp.subapertures import plan_subapertures
-from sar_imaging.planning.error_budget import total_db
-from sar_imaging.planning.exact.azimuth_upsampling import AzimuthParts
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 from sar_imaging.planning.exact.points import ImagePoints
-from sar_imaging.planning.exact.polar_image import plan_polar
-from sar_imaging.planning.profiles.phase_history import PhaseHistory
+from sar_imaging.planning.exact.polar_image import AzimuthParts, plan_polar
+from sar_imaging.planning.plan import total_db
+from sar_imaging.planning.profiles import PhaseHistory
 
 # that of devices is tested in test/backends/cuda
 NAMES = [name for name in BACKENDS if name != CUDA]

@@ -8,9 +8,7 @@ from hypothesis import given, settings, strategies as st
 from sar_imaging.backends.cpu.profiles import Profiles, farrow_coefficients
 from sar_imaging.backends.reference.resample_profiles import profile_spectra, resample_profiles
 from sar_imaging.planning.interpolators import LINE_DEGREE, TAPS, design_interpolator
-from sar_imaging.planning.profiles.phase_history import PhaseHistory
-from sar_imaging.planning.profiles.range_gate import RangeGate
-from sar_imaging.planning.profiles.range_resampling import RangeResampling
+from sar_imaging.planning.profiles import PhaseHistory, RangeGate, RangeResampling
 from sar_imaging.signal import SPEED_OF_LIGHT, RadarParameters, Waveform
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 from sar_imaging.backends.cpu.fft import plan_row, transform_rows
 from sar_imaging.backends.cpu.memory import aligned_empty
 from sar_imaging.compilation import numba
-from sar_imaging.planning.afbp.row_length import row_length
+from sar_imaging.planning.transform_lengths import row_length
 
 # multiples of LANES and others, all radices; too short, no two factors, and too large ones
 LENGTHS = (256, 400, 2048, 3000, 9000, 12288, 14406, 15400, 18432, 131220,

@@ -6,7 +6,7 @@ from hypothesis import given, settings, strategies as st
 from sar_imaging.backends.cpu.backprojection import AzimuthUpsampling
 from sar_imaging.backends.reference.upsample_azimuth import upsample_azimuth
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.planning.exact.azimuth_upsampling import DEGREE, TAPS, AzimuthParts
+from sar_imaging.planning.exact.polar_image import DEGREE, TAPS, AzimuthParts
 from sar_imaging.planning.interpolators import design_interpolator
 
 OVERSAMPLING = 1.6

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sar_imaging.geometry.straight_track import check_straight, fit_straight_track
+from sar_imaging.geometry.track import check_straight, fit_straight_track
 
 DIRECTION = np.array([2.0, -1.0, 0.5]) / np.sqrt(5.25)
 ORIGIN = np.array([1e6, -2e6, 3e3])

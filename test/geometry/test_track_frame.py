@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from sar_imaging.geometry.track_frame import main_axis, mean_centres, track_beside
+from sar_imaging.geometry.track import main_axis, mean_centres, track_beside
 
 
 @given(st.floats(0.0, 2 * np.pi), st.booleans(), st.floats(-1e5, 1e5))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sar_imaging.geometry.track_prediction import predict_track
+from sar_imaging.geometry.track import predict_track
 
 
 def _track(numbers, turns=1):

@@ -12,9 +12,8 @@ from sar_imaging.backends.cpu.beams import SubapertureImager
 from sar_imaging.backends.cpu.fusion import SpectrumFusion
 from sar_imaging.imaging.afbp import image_of_polar
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.planning.afbp.sampling import cut_pulses, pieces_between_gaps
-from sar_imaging.planning.aliasing_error import aliasing_error
-from sar_imaging.planning.guard_taper import guard_taper
+from sar_imaging.planning.afbp.subapertures import cut_pulses, pieces_between_gaps
+from sar_imaging.planning.aliasing_error import aliasing_error, guard_taper
 
 
 def _error_db(image, reference):

@@ -16,7 +16,7 @@ from sar_imaging.imaging.correlation import correlate_profiles
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.afbp.subapertures import plan_subapertures
 from sar_imaging.planning.costs import DEFAULT, using
-from sar_imaging.planning.exact.lit_lines import LitLines
+from sar_imaging.planning.exact.illumination import LitLines
 from sar_imaging.planning.polar_cover import cover_map
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters

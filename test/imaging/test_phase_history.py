@@ -7,7 +7,7 @@ import pytest
 
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.planning.profiles.phase_history import PhaseHistory
+from sar_imaging.planning.profiles import PhaseHistory
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor

@@ -9,13 +9,11 @@ from hypothesis import given, settings, strategies as st
 
 from sar_imaging.geometry import MapGrid
 from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
-from sar_imaging.planning.afbp.map_cover import covers
 from sar_imaging.planning.afbp.plan import plan_afbp
-from sar_imaging.planning.aliasing_error import TONES, PixelDensity, correction_error
-from sar_imaging.planning.guard_taper import guard_taper
+from sar_imaging.planning.afbp.polar_grids import covers
+from sar_imaging.planning.aliasing_error import TONES, PixelDensity, correction_error, guard_taper
 from sar_imaging.planning.interpolators import design_interpolator
-from sar_imaging.planning.polar_cover import cover_map
-from sar_imaging.planning.polar_to_map import DEAPODISED_TAPS, DEGREE
+from sar_imaging.planning.polar_cover import DEAPODISED_TAPS, DEGREE, cover_map
 from sar_imaging.simulation.trials.random_cases import random_case
 
 

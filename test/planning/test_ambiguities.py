@@ -9,7 +9,7 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.illumination import AntennaPattern, PatternCut, Pointing
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.ambiguities import azimuth_warnings, flight_warnings
-from sar_imaging.planning.profiles.profile_reach import some_pixels
+from sar_imaging.planning.profiles import some_pixels
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters
 
 RADAR = RadarParameters(10e9, 50e6, 80e6, 2 * 900.0 / SPEED_OF_LIGHT)

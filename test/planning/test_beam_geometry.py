@@ -7,9 +7,13 @@ import pytest
 from hypothesis import given, strategies as st
 
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.planning.afbp.beam_geometry import BeamGeometry, grid_edges
-from sar_imaging.planning.afbp.beams import BeamSampling, least_operations
-from sar_imaging.planning.profiles.range_resampling import RangeResampling
+from sar_imaging.planning.afbp.beams import (
+    BeamGeometry,
+    BeamSampling,
+    grid_edges,
+    least_operations,
+)
+from sar_imaging.planning.profiles import RangeResampling
 
 POLAR = PolarGrid((30.0, -20.0, 400.0), (0.6, 0.8), 1, 10.0, 900.0, 0.25, 512, -0.05, 1e-3, 100)
 

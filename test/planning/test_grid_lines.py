@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry import MapGrid
-from sar_imaging.planning.exact.grid_lines import GridLines
+from sar_imaging.planning.exact.backprojection import GridLines
 
 
 @pytest.mark.parametrize(('look', 'axis', 'sign'), [

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sar_imaging import memory
-from sar_imaging.planning.afbp.sampling import cut_pulses, pieces_between_gaps
-from sar_imaging.planning.profiles.range_gate import RangeGate
+from sar_imaging.planning.afbp.subapertures import cut_pulses, pieces_between_gaps
+from sar_imaging.planning.profiles import RangeGate
 from sar_imaging.signal import RadarParameters
 
 

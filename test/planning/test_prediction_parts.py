@@ -11,7 +11,7 @@ from sar_imaging.imaging.correlation import correlate_profiles
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.echo_power import echo_power, echo_powers
 from sar_imaging.planning.interpolators import design_interpolator
-from sar_imaging.planning.profiles.range_gate import RangeGate
+from sar_imaging.planning.profiles import RangeGate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 from sar_imaging.simulation.trials.random_cases import random_case

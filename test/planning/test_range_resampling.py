@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry.half_paths import Paths
-from sar_imaging.planning.profiles.range_resampling import plan_resampling
+from sar_imaging.planning.profiles import plan_resampling
 from sar_imaging.signal.radar import RadarParameters
 
 RADAR = RadarParameters(carrier_hz=10e9, bandwidth_hz=300e6, sample_rate_hz=400e6,

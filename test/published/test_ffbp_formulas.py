@@ -10,7 +10,7 @@ from sar_imaging.backends.reference.project_lines import project_lines
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.planning.profiles.range_gate import RangeGate
+from sar_imaging.planning.profiles import RangeGate
 from sar_imaging.published import ffbp
 from sar_imaging.published.ffbp import LANES, TAPS, FfbpPlan, Node, kernel_weights
 from sar_imaging.quality import error_db

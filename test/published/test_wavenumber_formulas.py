@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings, strategies as st
 
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.geometry.straight_track import StraightTrack
+from sar_imaging.geometry.track import StraightTrack
 from sar_imaging.published.wavenumber import SlantImage, spread
 
 SEEDS = st.integers(0, 2 ** 32)

@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.geometry.point_grids import PointGrid
+from sar_imaging.geometry.grids import PointGrid
 from sar_imaging.published.zero_padding import (
     DELAYS,
     INTERPOLATORS,

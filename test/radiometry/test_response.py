@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.support.radiometry_scenes import GAIN, Flight
 from sar_imaging.geometry import MapGrid, TerrainGrid
-from sar_imaging.geometry.even_grids import PlaneGrid
+from sar_imaging.geometry.grids import PlaneGrid
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.radiometry import image_response

@@ -7,7 +7,7 @@ import pytest
 
 from sar_imaging.signal.radar import RadarParameters
 from sar_imaging.simulation import echoes
-from sar_imaging.simulation.dense_scenes import dense_spectrum
+from sar_imaging.simulation.echoes import dense_spectrum
 
 
 @pytest.mark.parametrize('n_bins', [255, 256])

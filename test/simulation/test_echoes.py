@@ -10,12 +10,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
-from sar_imaging.simulation.echoes import (
-    EchoSimulator,
-    anti_alias_gain,
-    quantise,
-    two_way_delays,
-)
+from sar_imaging.simulation.echoes import EchoSimulator, anti_alias_gain, quantise, two_way_delays
 
 TX = np.array([[[1.25, -29.5, 500.0], [1.25, -29.5, 500.0]], [[0.75, 4.5, 501.5]] * 2])
 RX = TX + np.array([[0.0, -0.03, 0.0], [0.0, 0.015, 0.25]])

@@ -12,11 +12,10 @@ import numpy as np
 from ...compilation import njit, numba
 from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
-from ...planning.exact.azimuth_upsampling import DEGREE, TAPS, AzimuthParts
 from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
-from ...planning.exact.lit_lines import knot_positions
+from ...planning.exact.illumination import knot_positions
 from ...planning.exact.points import PointPlan, image_layers
-from ...planning.exact.polar_image import PolarPlan
+from ...planning.exact.polar_image import DEGREE, TAPS, AzimuthParts, PolarPlan
 from .illumination import LitEchoes, LitTiles
 from .lines import PolarLines, line_middles, project_lines, shared_phase
 from .memory import WorkSpace, aligned_empty

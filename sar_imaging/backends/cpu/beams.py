@@ -35,9 +35,16 @@ from numba.core import cgutils, types
 
 from ...compilation import DETERMINISTIC, njit, numba
 from ...geometry.polar import PolarGrid
-from ...planning.afbp.beam_gain import BEAM_TAPS, DEGREE, STEP_BINS, BeamGain, bins_per_run
-from ...planning.afbp.beam_geometry import BeamGeometry, grid_edges
-from ...planning.afbp.beams import CELL_TAPS
+from ...planning.afbp.beams import (
+    BEAM_TAPS,
+    CELL_TAPS,
+    DEGREE,
+    STEP_BINS,
+    BeamGain,
+    BeamGeometry,
+    bins_per_run,
+    grid_edges,
+)
 from ...planning.afbp.lit_subapertures import NODES_APART, AmplitudeNodes
 from ...planning.afbp.subapertures import SubaperturePlan
 from ...signal.pulses import PulseBlock

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...geometry.grids import MapGrid
-from ...planning.exact.azimuth_upsampling import DEGREE, TAPS, AzimuthParts
 from ...planning.exact.backprojection import plan_backprojection
-from ...planning.exact.polar_image import plan_polar
+from ...planning.exact.polar_image import DEGREE, TAPS, AzimuthParts, plan_polar
 from ...planning.interpolators import design_interpolator
 from ...signal.pulses import PulseBlock
 from ...signal.radar import SPEED_OF_LIGHT, RadarParameters

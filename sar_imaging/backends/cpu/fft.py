@@ -47,7 +47,7 @@ from numba.core import cgutils, config, types
 from numba.core.codegen import get_host_cpu_features, initialize_llvm
 
 from ...compilation import DETERMINISTIC, cfunc, njit, numba
-from ...planning.afbp.row_length import RADICES, radices_of, row_shape
+from ...planning.transform_lengths import RADICES, radices_of, row_shape
 from .instructions import (
     DOUBLE,
     FLOAT,

@@ -16,9 +16,9 @@ import numpy as np
 from ...compilation import DETERMINISTIC, njit, numba
 from ...geometry.grids import MapGrid
 from ...planning.afbp.polar_grids import UnifiedPolarGrids
-from ...planning.guard_taper import guard_taper
+from ...planning.aliasing_error import guard_taper
 from ...planning.interpolators import design_interpolator
-from ...planning.polar_to_map import DEGREE, TAPS, range_axis
+from ...planning.polar_cover import DEGREE, TAPS, range_axis
 from . import fft
 from .beams import fetch
 from .fft import (

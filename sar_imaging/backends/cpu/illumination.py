@@ -3,10 +3,10 @@
 `geometry.illumination` says what is computed. Neighbouring tiles of points share the nodes between
 them. Offsets from the phase centres are float64, what follows from them float32.
 
-A tile of image lines is a segment of `planning.exact.lit_lines.LINES` of them. Most tiles are dark
-for most echoes of a stripmap; they are told by the corners of larger blocks. The directions beyond
-one end of a pattern, behind the antenna among them, form a convex cone: where all corners of
-a flat block lie in the same cone, so does the block.
+A tile of image lines is a segment of `planning.exact.illumination.LINES` of them. Most tiles are
+dark for most echoes of a stripmap; they are told by the corners of larger blocks. The directions
+beyond one end of a pattern, behind the antenna among them, form a convex cone: where all corners
+of a flat block lie in the same cone, so does the block.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 
 from ...compilation import DETERMINISTIC, njit, numba
 from ...geometry.illumination import Illumination
-from ...planning.exact.lit_points import knot_numbers
+from ...planning.exact.illumination import knot_numbers
 from ...planning.exact.points import ImagePoints
 
 
@@ -265,7 +265,7 @@ class LitTiles:
     echoes : LitEchoes
         All echoes that are added.
     positions : (3, G, 2 S + 1, K) float64
-        Of the knots, see `planning.exact.lit_lines.knot_positions`.
+        Of the knots, see `planning.exact.illumination.knot_positions`.
     knot, between : (G, LINES) int64, float32
         Knot before each line of a group, and the share of the next.
     """

@@ -5,10 +5,8 @@ these functions for any processor, and divides vectors where a processor's are s
 cache only notices changes of the file of a function that it compiled: empty it after a change of
 what such a function writes.
 
-Jobs of a parallel loop that its tasks take in turn, each the next one that is left.
-
-Shares that are dealt out beforehand make all wait for the processor that something else keeps
-busy.
+Tasks of a parallel loop take its jobs in turn, each the next one that is left (`take_job`): shares
+that are dealt out beforehand make all wait for the processor that something else keeps busy.
 """
 
 from __future__ import annotations

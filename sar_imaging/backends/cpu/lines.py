@@ -17,7 +17,7 @@ import numpy as np
 from ...compilation import njit, numba
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
-from ...planning.exact.lit_lines import LitLines, knot_positions
+from ...planning.exact.illumination import LitLines, knot_positions
 from ...planning.interpolators import LINE_DEGREE
 from .illumination import LitEchoes, LitTiles
 from .profiles import Profiles

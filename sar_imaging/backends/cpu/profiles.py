@@ -12,9 +12,7 @@ import scipy.fft
 
 from ...compilation import njit, numba
 from ...planning.interpolators import TAPS
-from ...planning.profiles.phase_history import PhaseHistory
-from ...planning.profiles.range_gate import RangeGate, rise
-from ...planning.profiles.range_resampling import ECHOES_PER_PASS, RangeResampling
+from ...planning.profiles import ECHOES_PER_PASS, PhaseHistory, RangeGate, RangeResampling, rise
 from ...signal.radar import RadarParameters
 from .memory import WorkSpace
 

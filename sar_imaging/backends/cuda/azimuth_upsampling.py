@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...geometry.polar import PolarGrid
-from ...planning.exact.azimuth_upsampling import TAPS, AzimuthParts
+from ...planning.exact.polar_image import TAPS, AzimuthParts
 from .arrays import cuda, free_bytes, kernel, launch, xp
 from .tiles import lines_of_grid
 

@@ -9,7 +9,7 @@ import numpy as np
 from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...planning.interpolators import Interpolator
-from ...planning.polar_to_map import DEAPODISED_TAPS, DEGREE, TAPS
+from ...planning.polar_cover import DEAPODISED_TAPS, DEGREE, TAPS
 from .arrays import cuda, free_bytes, function, kernel, launch, xp
 from .phasors import fraction, phasor
 

@@ -7,9 +7,7 @@ import math
 import numpy as np
 
 from ...planning.interpolators import LINE_DEGREE, TAPS
-from ...planning.profiles.phase_history import PhaseHistory
-from ...planning.profiles.range_gate import RangeGate, rise
-from ...planning.profiles.range_resampling import RangeResampling
+from ...planning.profiles import PhaseHistory, RangeGate, RangeResampling, rise
 from .arrays import (
     check_memory,
     complex_samples,

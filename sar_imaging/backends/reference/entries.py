@@ -10,7 +10,7 @@ from ...planning.afbp.subapertures import SubaperturePlan
 from ...planning.exact.backprojection import BackprojectionPlan
 from ...planning.exact.polar_image import PolarPlan
 from ...planning.interpolators import design_interpolator
-from ...planning.polar_to_map import DEGREE, TAPS, range_axis
+from ...planning.polar_cover import DEGREE, TAPS, range_axis
 from ...signal.pulses import PulseBlock
 from .fuse_bands import fuse_bands, fused_image
 from .polar_to_map import polar_to_map
@@ -91,7 +91,7 @@ class SubapertureImager:
     >>> import numpy as np
     >>> from sar_imaging import MapGrid, concatenate
     >>> from sar_imaging.backends.reference import SubapertureImager
-    >>> from sar_imaging.planning.afbp.map_cover import cover_for_fusion
+    >>> from sar_imaging.planning.afbp.polar_grids import cover_for_fusion
     >>> from sar_imaging.planning.afbp.subapertures import plan_subapertures
     >>> from sar_imaging.simulation import SCENARIOS
     >>> block = concatenate(list(SCENARIOS['psf']().blocks())).select(slice(0, 40))
@@ -145,7 +145,7 @@ class SpectrumFusion:
     >>> import numpy as np
     >>> from sar_imaging import MapGrid, concatenate
     >>> from sar_imaging.backends.reference import SpectrumFusion, SubapertureImager
-    >>> from sar_imaging.planning.afbp.map_cover import cover_for_fusion
+    >>> from sar_imaging.planning.afbp.polar_grids import cover_for_fusion
     >>> from sar_imaging.planning.afbp.subapertures import plan_subapertures
     >>> from sar_imaging.simulation import SCENARIOS
     >>> block = concatenate(list(SCENARIOS['psf']().blocks())).select(slice(0, 40))
@@ -235,7 +235,7 @@ def form_map(polar_image, fusion: UnifiedPolarGrids, grid: MapGrid, centre_m: fl
     >>> import numpy as np
     >>> from sar_imaging import MapGrid, concatenate
     >>> from sar_imaging.backends.reference import SpectrumFusion, SubapertureImager, form_map
-    >>> from sar_imaging.planning.afbp.map_cover import cover_for_fusion
+    >>> from sar_imaging.planning.afbp.polar_grids import cover_for_fusion
     >>> from sar_imaging.planning.afbp.subapertures import plan_subapertures
     >>> from sar_imaging.simulation import SCENARIOS
     >>> block = concatenate(list(SCENARIOS['psf']().blocks())).select(slice(0, 40))

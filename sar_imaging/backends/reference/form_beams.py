@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...planning.afbp.beam_gain import BeamGain
+from ...planning.afbp.beams import BeamGain
 
 
 def form_beams(spectra, path_m, cycles_per_m, between: BeamGain) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...planning.afbp.polar_grids import UnifiedPolarGrids
-from ...planning.guard_taper import guard_taper
+from ...planning.aliasing_error import guard_taper
 
 
 def fuse_bands(grid: UnifiedPolarGrids, contributions) -> np.ndarray:

@@ -6,8 +6,7 @@ import numpy as np
 
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
-from ...planning.profiles.phase_history import PhaseHistory
-from ...planning.profiles.range_gate import RangeGate
+from ...planning.profiles import PhaseHistory, RangeGate
 from .project_points import project_points
 
 

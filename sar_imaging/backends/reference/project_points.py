@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...geometry.illumination import Illumination
-from ...planning.profiles.phase_history import PhaseHistory
-from ...planning.profiles.range_gate import RangeGate
+from ...planning.profiles import PhaseHistory, RangeGate
 from ...signal.radar import RadarParameters
 from .resample_profiles import profile_spectra, resample_profiles
 

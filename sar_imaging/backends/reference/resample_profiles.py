@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...planning.profiles.phase_history import PhaseHistory
-from ...planning.profiles.range_gate import RangeGate, rise
+from ...planning.profiles import PhaseHistory, RangeGate, rise
 
 
 def profile_spectra(source: RangeGate | PhaseHistory, samples, n_padded: int) -> np.ndarray:
@@ -33,7 +32,7 @@ def profile_spectra(source: RangeGate | PhaseHistory, samples, n_padded: int) ->
     --------
     >>> import numpy as np
     >>> from sar_imaging.backends.reference.resample_profiles import profile_spectra
-    >>> from sar_imaging.planning.profiles.range_gate import RangeGate
+    >>> from sar_imaging.planning.profiles import RangeGate
     >>> from sar_imaging.simulation import SCENARIOS
     >>> block = next(SCENARIOS['psf']().blocks(4))
     >>> gate = RangeGate.whole(block.radar, block.n_samples)

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from ...planning.afbp.beam_geometry import BeamGeometry, grid_edges
-from ...planning.afbp.beams import CELL_TAPS
+from ...planning.afbp.beams import CELL_TAPS, BeamGeometry, grid_edges
 from ...planning.afbp.lit_subapertures import AmplitudeNodes, parabola
 from ...planning.afbp.subapertures import SubaperturePlan
 from .form_beams import beam_profiles, form_beams

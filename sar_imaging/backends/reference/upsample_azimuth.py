@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...planning.exact.azimuth_upsampling import AzimuthParts
+from ...planning.exact.polar_image import AzimuthParts
 from .farrow import neighbours
 
 

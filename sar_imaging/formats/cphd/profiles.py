@@ -13,7 +13,7 @@ import math
 import numpy as np
 from scipy import fft
 
-from ...planning.guard_taper import cosine_fall
+from ...planning.aliasing_error import cosine_fall
 from ...signal.radar import RadarParameters
 from .container import CphdError
 from .vectors import Vectors

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ...geometry.even_grids import PlaneGrid
+from ...geometry.grids import PlaneGrid
 from ..acquisition import Acquisition
 from .spectrum import support
 

@@ -12,8 +12,7 @@ import dataclasses
 
 import numpy as np
 
-from ...geometry.grids import EvenGrid
-from ...geometry.point_grids import TerrainGrid
+from ...geometry.grids import EvenGrid, TerrainGrid
 from ..acquisition import Acquisition
 from .grid import UP, centre_of_aperture
 from .spectrum import SpatialSupport, centres, support

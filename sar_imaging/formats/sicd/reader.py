@@ -10,7 +10,7 @@ import numpy as np
 
 from ...files import reading, told
 from ...geometry.earth import Datum, ecef_to_geographic
-from ...geometry.even_grids import PlaneGrid
+from ...geometry.grids import PlaneGrid
 from ...imaging.image import Image, Report
 from ...imaging.radiometry import Radiometry
 from ...signal.radar import SPEED_OF_LIGHT, RadarParameters

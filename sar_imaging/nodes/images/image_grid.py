@@ -7,8 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from sar_imaging.configuration.startup import report_parameters
-from sar_imaging.geometry.even_grids import VolumeGrid
-from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.grids import MapGrid, VolumeGrid
 
 from ..runtime.parameters import ConfigurationError, Parameter
 

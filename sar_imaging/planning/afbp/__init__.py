@@ -1,5 +1,5 @@
 """Plans of accelerated fast backprojection (AFBP): sub-apertures, their grids, beams and errors.
 
-`sampling` cuts the aperture, `subapertures` plans the images of its parts, `beams` with
-`beam_geometry` and `beam_gain` those that come from beams, `polar_grids` the fusion.
+`subapertures` cuts the aperture and plans the images of its parts, `beams` those that come from
+beams, `polar_grids` the fusion; `live` plans from a track that is foreseen.
 """

@@ -1,4 +1,11 @@
-"""How many beams a sub-aperture needs, how they are read, and the error of both."""
+"""How many beams a sub-aperture needs, how they are summed and read, and the error of both.
+
+Seen from its own middle the paths of a sub-aperture's echoes depend on direction alone. From beam
+to beam an echo is then an exponential, whose frequency is the derivative of its path by the number
+of the beam times the wavenumber; what the interpolation takes from that frequency the echo gets
+beforehand. Frequencies, and with them gains, differ a little over a group of beams and over a run
+of bins, which share one: the errors of that are known from the geometry.
+"""
 
 from __future__ import annotations
 
@@ -12,22 +19,288 @@ import numpy as np
 from ...geometry.half_paths import half_paths, sample_paths
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
+from ..aliasing_error import cosine_fall
 from ..costs import costs
-from ..error_budget import total_db
-from ..guard_taper import cosine_fall
 from ..interpolators import Interpolator, design_interpolator
-from ..profiles.range_resampling import RangeResampling
-from .beam_gain import (
-    BEAM_TAPS,
-    DEGREE,
-    STEP_BINS,
-    BeamGain,
-    beam_gain,
-    bins_per_run,
-    rms_of_echoes,
-    shared_errors,
-)
-from .beam_geometry import BeamGeometry, grid_edges, unevenness
+from ..plan import total_db
+from ..profiles import RangeResampling
+
+BEAM_TAPS, DEGREE = 6, 5  # neighbours between beams, and degree of the polynomials
+STEP_BINS = 16  # over which phases of the beams of a group are taken to grow alike
+_POINTS = 2048  # of the table: reading it linearly adds 1e-5
+_NODES = 8  # between two beams
+_BEYOND = 1.15  # times the band: what lies there should not meet a kink
+_RUN_SHARE = 0.02  # of the carrier frequency, over which gains are taken to grow alike
+_LEAST_RUNS = 16  # of bins; not by the number of threads, so that results do not depend on it
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class BeamGain:
+    """Gain of echoes by their frequency from beam to beam.
+
+    Attributes
+    ----------
+    interpolator : Interpolator
+        Between beams.
+    step : float
+        Of the table, cycles per beam.
+    log_gain : (N,) float64
+        Natural logarithm of the gain by the magnitude of the frequency, from 0.
+    power : (N,) float64
+        What interpolation leaves of frequencies over one cycle per beam.
+    """
+
+    interpolator: Interpolator
+    step: float
+    log_gain: np.ndarray
+    power: np.ndarray
+
+    def at(self, frequency, table) -> np.ndarray:
+        """Values for some frequencies from a table that goes with that of the gain."""
+        return np.interp(np.abs(frequency), self.frequencies, table)
+
+    @functools.cached_property
+    def frequencies(self) -> np.ndarray:
+        """(N,) float64 frequencies of the tables, cycles per beam."""
+        return self.step * np.arange(_POINTS)
+
+    @functools.cached_property
+    def derivatives(self) -> tuple[np.ndarray, np.ndarray]:
+        """First and second derivative of the logarithm by frequency."""
+        first = np.gradient(self.log_gain, self.step)
+        return first, np.gradient(first, self.step)
+
+
+@functools.lru_cache(maxsize=512)
+def _repeated(between: BeamGain, group: int) -> np.ndarray:
+    """Table of how much errors grow that rise over groups of so many beams and start again.
+
+    They come in at other frequencies, from which interpolation takes less.
+    """
+    if group == 1:
+        return np.zeros(_POINTS)
+    harmonic = np.arange(1, group)
+    share = 1 / np.sin(np.pi * harmonic / group) ** 2
+    place = (between.frequencies[:, None] + harmonic / group) * _POINTS
+    power = between.power[place.round().astype(int) % _POINTS]
+    return np.exp(between.log_gain) * np.sqrt(power @ share / share.sum())
+
+
+def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, groups):
+    """Rms errors of what neighbouring beams, bins and echoes share.
+
+    From beam to beam an echo is ``exp(j phi(m))`` of frequency ``f = phi' / (2 pi)``, and is to be
+    multiplied by the gain g(f). Relative to the echo, and with ``l = log g``:
+
+    - f changes from beam to beam: ``g(d/dm)`` of a chirp is more than g times it by
+      ``(g'' / g) phi'' / (8 pi^2)``, and ``g'' / g = l'' + l'^2``;
+    - over a run of bins, r wide relative to the carrier, l is a straight line through two Gaussian
+      points: the parabola ``l'' (f r)^2 / 2`` leaves ``1 / sqrt(180)`` of itself (rms);
+    - m beams from the middle of a group of G, the gain is off by ``l' phi'' m / (2 pi)`` and the
+      phase, which is held over a vector of bins v wide, by ``phi' v m / sqrt(12)``; m is
+      ``sqrt((G^2 - 1) / 12)`` (rms). Half the phase's bend, ``phi'' m^2 / 2``, leaves
+      ``sqrt((G^2 - 1) (G^2 - 4) / 180)`` beside a pair's common part;
+    - echoes that share phasors are off by `uneven` times m.
+
+    Errors of a group start again with the next one: interpolation lets a part of them through.
+
+    Parameters
+    ----------
+    between, groups : BeamGain, sequence of G int
+        Of the beams, and numbers of beams to a group.
+    radians, chirp : (V, R, D) float64
+        Of R echoes of V sub-apertures in D directions: phase from beam to beam, and how it grows.
+    uneven : float
+        Phase from beam to beam by which echoes that share phasors are not opposite, rad.
+    relative : (float, float)
+        Width of a run of bins, whose gains grow alike, and of a vector of bins, over which phases
+        of the beams of a group do, relative to the carrier.
+
+    Returns
+    -------
+    always : (2,) float64
+        With any group: of frequencies that change from beam to beam, of gains over a run.
+    grouped : (G, 2) float64
+        Of gains and phases that grow over a group, and of phases that bend over it.
+    paired : (G,) float64
+        Of echoes that share phasors with opposite ones.
+    """
+    frequency = radians / (2 * math.pi)
+    first, second = (between.at(frequency, v) for v in between.derivatives)
+    # The kernel takes frequencies as held; gains run straight through two Gaussian points.
+    always = rms_of_echoes(np.stack([(second + first ** 2) * chirp / (8 * math.pi ** 2),
+                                   second * (frequency * relative[0]) ** 2 / 2 / math.sqrt(180)]))
+    rising = np.hypot(first * chirp / (2 * math.pi), radians * relative[1] / math.sqrt(12))
+    grown = np.stack([between.at(frequency, _repeated(between, group)) for group in groups])
+    squared = np.square(groups)
+    beside = np.sqrt((squared - 1) / 12)  # rms distance from the middle of a group
+    squares = np.sqrt((squared - 1) * np.maximum(squared - 4, 0) / 180)
+    return (always, np.stack([rms_of_echoes(rising * grown) * beside,
+                              rms_of_echoes(chirp / 2 * grown) * squares], axis=1),
+            rms_of_echoes(grown) * uneven * beside)
+
+
+def rms_of_echoes(errors) -> np.ndarray:
+    """Rms over echoes of the largest of errors (..., V, R, D) anywhere; of V the worst."""
+    return np.sqrt((np.abs(errors).max(axis=-1) ** 2).mean(axis=-1)).max(axis=-1)
+
+
+@functools.lru_cache(maxsize=64)
+def beam_gain(oversampling: float, deapodised: bool) -> BeamGain:
+    """Gain and interpolator for beams that lie so much closer than needed.
+
+    Frequencies that change from beam to beam do best with gains of 1, which not being `deapodised`
+    means.
+    """
+    interpolator = design_interpolator(oversampling, taps=BEAM_TAPS, degree=DEGREE,
+                                       deapodised=deapodised)
+    step = min(0.5, _BEYOND * 0.5 / interpolator.oversampling) / (_POINTS - 1)
+    log_gain = np.zeros(_POINTS)
+    if deapodised:
+        log_gain = np.log(interpolator.gain(step * np.arange(_POINTS)))
+    return BeamGain(interpolator, step, log_gain, _power(interpolator))
+
+
+def _power(interpolator: Interpolator) -> np.ndarray:
+    x, weight = np.polynomial.legendre.leggauss(_NODES)
+    by_position = (0.5 + 0.5 * x)[:, None] ** np.arange(DEGREE + 1) @ interpolator.weights
+    return 0.5 * weight @ np.abs(np.fft.fft(by_position, _POINTS)) ** 2
+
+
+def bins_per_run(n_bins: int, relative_bandwidth: float) -> int:
+    """Of all bins of a spectrum, those over which gains grow alike, in whole vectors.
+
+    `relative_bandwidth` is that of all bins over the carrier frequency.
+    """
+    n_runs = max(_LEAST_RUNS, math.ceil(relative_bandwidth / _RUN_SHARE))
+    return max(-(-n_bins // n_runs // STEP_BINS), 1) * STEP_BINS
+
+
+_SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
+_DIRECTIONS = 33  # between which paths are compared
+_MARGIN = 0.1  # of the directions of a grid, beyond them
+_CLEAR = 0.9  # of the largest direction cosine on the plane
+_DIRECTION_STEP = 1e-4  # of the direction cosine, for a derivative
+
+
+@dataclasses.dataclass(frozen=True)
+class BeamGeometry:
+    """Polar coordinates around the middle of a sub-aperture, on the plane of a polar grid.
+
+    Attributes
+    ----------
+    polar : PolarGrid
+        Whose plane, track direction and side they share.
+    centre_m : (3,) float64
+        Mean phase centre, metres.
+    range_m : float
+        Distance at which the paths of echoes are compared, metres: the harmonic mean of the
+        extremes, from which their curvature differs least.
+    direction : (float, float)
+        Extremes of the direction cosine over the grid.
+    """
+
+    polar: PolarGrid
+    centre_m: np.ndarray
+    range_m: float
+    direction: tuple[float, float]
+
+    @classmethod
+    def of(cls, polar: PolarGrid, edges: np.ndarray, tx_m, rx_m) -> BeamGeometry | None:
+        """Coordinates for some echoes; None where the plane is too steep below them.
+
+        `edges` are the grid's, from `grid_edges`.
+        """
+        centre = 0.5 * (tx_m + rx_m).sum(axis=0) / len(tx_m)
+        offset = edges - centre
+        length = np.sqrt(np.einsum('sk,sk->s', offset, offset))
+        direction = offset[:, :2] @ np.array(polar.track) / length
+        low, high = float(direction.min()), float(direction.max())
+        range_m = 2 / (1 / float(length.min()) + 1 / float(length.max()))
+        height = (float(centre[2]) - polar.z_m) / range_m
+        steepest = max(abs(low), abs(high)) + _MARGIN * (high - low)
+        steep = steepest ** 2 + height ** 2 >= 0.98
+        return None if steep else cls(polar, centre, range_m, (low, high))
+
+    @property
+    def known(self) -> tuple[float, float]:
+        """Extremes of the directions in which the plane lies well within sight."""
+        (low, high), height = self.direction, (self.centre_m[2] - self.polar.z_m) / self.range_m
+        margin, clear = _MARGIN * (high - low), _CLEAR * math.sqrt(1 - height ** 2)
+        return min(low - margin, -clear), max(high + margin, clear)
+
+    def beam_path(self, tx_m, rx_m, direction) -> np.ndarray:
+        """`extra_path`, continued straight beyond the known directions, where it ends.
+
+        `direction` ascends.
+        """
+        low, high = self.known
+        if low <= direction[0] and direction[-1] <= high:
+            return self.extra_path(tx_m, rx_m, direction)
+        before, after = self.slope(tx_m, rx_m, (low, high))
+        direction = direction[:, None]
+        return (self.extra_path(tx_m, rx_m, np.clip(direction[:, 0], low, high))
+                + before * np.minimum(direction - low, 0.0)
+                + after * np.maximum(direction - high, 0.0))
+
+    def extra_path(self, tx_m, rx_m, direction) -> np.ndarray:
+        """(S, R) by how much half paths are longer than the distance from the centre, metres.
+
+        With w the offset of a phase centre from the middle and p that of the point in a
+        direction, ``|p - w| - |p| = (|w|^2 - 2 w p) / (|p - w| + |p|)``, which cancels nothing.
+        """
+        height = self.centre_m[2] - self.polar.z_m
+        along = self.range_m * np.asarray(direction, np.float64)
+        across = np.sqrt(np.maximum(self.range_m ** 2 - along ** 2 - height ** 2, 0.0))
+        point = (along[:, None] * self.polar.track + across[:, None] * self.polar.across)
+        # beyond the plane's horizon points lie further away than they are taken to
+        beyond = np.einsum('sk,sk->s', point, point) + height ** 2 - self.range_m ** 2
+        offset = np.concatenate([tx_m, rx_m]) - self.centre_m
+        square = np.einsum('rk,rk->r', offset, offset) + 2 * height * offset[:, 2]
+        longer = square - 2 * point @ offset[:, :2].T + beyond[:, None]
+        path = longer / (np.sqrt(self.range_m ** 2 + longer) + self.range_m)
+        return 0.5 * (path[:, :len(tx_m)] + path[:, len(tx_m):])
+
+    def slope(self, tx_m, rx_m, direction) -> np.ndarray:
+        """(S, R) derivative of `extra_path` by direction, metres."""
+        return self.expansion(tx_m, rx_m, direction)[1]
+
+    def expansion(self, tx_m, rx_m, direction) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(S, R) `extra_path`, its first and its second derivative by direction, metres."""
+        step, wide = _DIRECTION_STEP, 10 * _DIRECTION_STEP
+        beside = np.add.outer((-wide, -step, 0.0, step, wide), direction)
+        furthest_before, before, path, after, furthest_after = self.extra_path(
+            tx_m, rx_m, beside.ravel()).reshape(*beside.shape, -1)
+        return (path, (after - before) / (2 * step),
+                (furthest_before - 2 * path + furthest_after) / wide ** 2)
+
+    def uneven(self, tx_m, rx_m) -> float:
+        """`unevenness` of echoes."""
+        return unevenness(self.slope(tx_m, rx_m, self.direction))
+
+    def spread(self, tx_m, rx_m, beyond: float = 0.0) -> float:
+        """Largest derivative of `beam_path` by direction up to so far beyond the grid, metres."""
+        low, high = self.direction
+        directions = np.linspace(low - beyond, high + beyond, _DIRECTIONS)
+        path = self.beam_path(tx_m, rx_m, directions)
+        growth = path[1:] - path[:-1]
+        return float(max(growth.max(), -growth.min()) / (directions[1] - directions[0]))
+
+
+def unevenness(slope: np.ndarray) -> float:
+    """By how much echoes on opposite sides fail to be opposite, rms, metres of slope.
+
+    `slope` is (2, R), that of `extra_path` in the extreme directions.
+    """
+    slope = np.sort(slope)
+    worst = np.abs(slope + slope[:, ::-1]).max(axis=0)
+    return math.sqrt(worst @ worst / len(worst)) / 2
+
+
+def grid_edges(polar: PolarGrid) -> np.ndarray:
+    """(S, 3) float64 positions along the near and the far edge of a grid, metres."""
+    return polar.lines(*polar.sampled(2, _SAMPLES_PER_SIDE))[0]
+
 
 CELL_TAPS = 8  # neighbours along range
 _OVERSAMPLING = (1.16, 1.2, 1.24, 1.28, 1.34, 1.4, 1.5, 1.6, 1.8, 2.0,  # of beams
@@ -36,7 +309,6 @@ _MOST_DEAPODISED = 2.0  # beyond, interpolation takes little from any frequency
 _LEAST_OVERSAMPLING = 1.1  # of cells: the interpolation could do with no less
 _GROUPS = (18, 16, 14, 12, 10, 8, 6, 4, 2, 1)  # beams whose phases grow alike from bin to bin
 _SEGMENTS = (128, 64, 32, 16)
-_SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 _ECHOES = 17  # at which paths are compared
 BEYOND = 1  # beams beyond those that interpolation needs, for rounding
 OUTSIDE = BEAM_TAPS // 2 - 1 + BEYOND  # beams before the first direction of the grid

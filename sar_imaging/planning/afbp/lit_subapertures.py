@@ -18,15 +18,14 @@ import numpy as np
 
 from ...geometry.illumination import AntennaPattern, Illumination
 from ...geometry.polar import PolarGrid
-from ...geometry.track_frame import mean_centres
+from ...geometry.track import mean_centres
 from ...signal.pulses import PulseBlock
 from ...signal.radar import RadarParameters
 from ..echo_power import echo_power
-from ..error_budget import AFBP_SHARES, error_budget
-from ..exact.lit_lines import LitLines, plan_lit_segments
-from ..exact.lit_phasors import Echoes, ImageLines
+from ..exact.illumination import Echoes, ImageLines, LitLines, plan_lit_segments
 from ..lit_pairs import MOST_PAIRS, LitPairs, bounded_ratio, pair_amplitude
-from ..profiles.range_resampling import RangeResampling
+from ..plan import AFBP_SHARES, error_budget
+from ..profiles import RangeResampling
 from .beams import BeamSampling
 
 NODES = tuple(0.5 + 0.5 * x for x in (-math.sqrt(0.6), 0.0, math.sqrt(0.6)))  # of Gauss' rule

@@ -17,9 +17,8 @@ from ..ambiguities import azimuth_warnings
 from ..costs import costs
 from ..plan import Plan
 from ..polar_cover import PolarCover
-from ..profiles.phase_history import PhaseHistory
-from ..profiles.profile_reach import reach_warnings, some_pixels
-from .map_cover import cover_for_fusion
+from ..profiles import PhaseHistory, reach_warnings, some_pixels
+from .polar_grids import cover_for_fusion
 from .subapertures import SubaperturePlan, plan_subapertures
 
 _LEAST_DB, _MOST_DB = -90.0, -20.0  # targets

@@ -9,19 +9,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...geometry.even_grids import PlaneGrid, VolumeGrid
-from ...geometry.grids import EvenGrid, Grid, MapGrid
+from ...geometry.grids import (
+    EvenGrid,
+    Grid,
+    MapGrid,
+    PlaneGrid,
+    PointGrid,
+    TerrainGrid,
+    VolumeGrid,
+)
 from ...geometry.half_paths import half_paths
 from ...geometry.illumination import Illumination
-from ...geometry.point_grids import PointGrid, TerrainGrid
 from ...signal.radar import RadarParameters
-from ..error_budget import EXACT_SHARES, error_budget
-from ..plan import Plan
-from ..profiles.range_gate import RangeGate, mean_db
-from ..profiles.range_resampling import RangeResampling, plan_point_resampling
+from ..plan import EXACT_SHARES, Plan, error_budget
+from ..profiles import RangeGate, RangeResampling, mean_db, plan_point_resampling
 
 if TYPE_CHECKING:
-    from .lit_points import LitPoints
+    from .illumination import LitPoints
 
 # Rms error of a path in float32 over the radius of its tile; 1.4e-8 to 1.7e-8 were measured
 _ROUNDING = 3e-8
@@ -240,7 +244,7 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
         errors['ends of profiles'] = mean_db(window.end_error(length, oversampling),
                                              window.predictable(length).all(axis=0))
     else:
-        from .lit_points import plan_lit_points  # only images with illumination need it
+        from .illumination import plan_lit_points
 
         tile, lit, pairs = plan_lit_points(
             illumination, positions or points.positions, shape or points.size,

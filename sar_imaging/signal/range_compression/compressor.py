@@ -16,7 +16,7 @@ import numpy as np
 from ...device_arrays import beside, contiguous
 from ..calibration import ChannelCalibration
 from ..pulses import PulseBlock
-from ..pulses.checks import check_samples
+from ..pulses.block import check_samples
 from ..radar import RadarParameters, Waveform
 from .band_filter import BandFilter
 from .phase_history import GUARD_SAMPLES, PhaseHistoryPlan

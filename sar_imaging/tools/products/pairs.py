@@ -10,8 +10,7 @@ import numpy as np
 
 from sar_imaging.configuration.scene_grid import GridChoice
 from sar_imaging.geometry.earth import Datum
-from sar_imaging.geometry.even_grids import PlaneGrid
-from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.grids import MapGrid, PlaneGrid
 from sar_imaging.imaging.image import Image
 from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
 

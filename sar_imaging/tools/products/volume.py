@@ -14,7 +14,7 @@ from sar_imaging.configuration.scene_grid import PIXEL_BYTES, GridChoice
 from sar_imaging.exploitation.bright_cells import LEVELS, BrightCells, bright_cells
 from sar_imaging.files import filling
 from sar_imaging.formats import write_ply
-from sar_imaging.geometry.even_grids import VolumeGrid
+from sar_imaging.geometry.grids import VolumeGrid
 from sar_imaging.imaging.image import Image, error_in_words
 from sar_imaging.quality.verification import Verification
 from sar_imaging.radiometry import RadarConstant

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from sar_imaging.exploitation.bright_cells import BrightCells
-from sar_imaging.geometry.even_grids import VolumeGrid
+from sar_imaging.geometry.grids import VolumeGrid
 
 from ..plots import MARK
 

@@ -13,7 +13,7 @@ from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.illumination import Antenna, Mount
 from sar_imaging.geometry.poses import PoseStatus, PoseTrack
-from sar_imaging.geometry.track_frame import mean_centres
+from sar_imaging.geometry.track import mean_centres
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 

@@ -10,10 +10,9 @@ from sar_imaging.backends import DeviceError, backend
 from sar_imaging.geometry import PlaneGrid, PointGrid, VolumeGrid
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.memory import granting
-from sar_imaging.planning.exact.azimuth_upsampling import DEGREE, TAPS, AzimuthParts
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 from sar_imaging.planning.exact.points import ImagePoints
-from sar_imaging.planning.exact.polar_image import plan_polar
+from sar_imaging.planning.exact.polar_image import DEGREE, TAPS, AzimuthParts, plan_polar
 from sar_imaging.planning.interpolators import design_interpolator
 
 AGREE_DB = -100.0  # float32 sums in another order, of the same polynomials

@@ -10,11 +10,10 @@ from sar_imaging.backends import backend
 from sar_imaging.geometry import MapGrid, PointGrid
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.memory import granting
-from sar_imaging.planning.exact.azimuth_upsampling import DEGREE, TAPS, AzimuthParts
 from sar_imaging.planning.exact.backprojection import plan_backprojection
-from sar_imaging.planning.exact.lit_points import LitPoints
+from sar_imaging.planning.exact.illumination import LitPoints
 from sar_imaging.planning.exact.points import ImagePoints
-from sar_imaging.planning.exact.polar_image import plan_polar
+from sar_imaging.planning.exact.polar_image import DEGREE, TAPS, AzimuthParts, plan_polar
 from sar_imaging.planning.interpolators import design_interpolator
 
 TARGET_DB = -60.0

@@ -13,9 +13,9 @@ from sar_imaging.backends.reference import polar_to_map as formula
 from sar_imaging.backends.reference.upsample_azimuth import upsample_azimuth
 from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.planning.exact.azimuth_upsampling import DEGREE, TAPS, AzimuthParts
+from sar_imaging.planning.exact.polar_image import DEGREE, TAPS, AzimuthParts
 from sar_imaging.planning.interpolators import design_interpolator
-from sar_imaging.planning.polar_to_map import DEAPODISED_TAPS, TAPS as MAP_TAPS
+from sar_imaging.planning.polar_cover import DEAPODISED_TAPS, TAPS as MAP_TAPS
 
 FLOAT32_DB = -120.0  # of sums of some dozen products
 

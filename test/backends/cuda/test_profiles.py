@@ -8,9 +8,7 @@ from sar_imaging.backends.cuda.profiles import Profiles
 from sar_imaging.backends.cuda.transfers import to_host
 from sar_imaging.backends.reference.resample_profiles import profile_spectra, resample_profiles
 from sar_imaging.planning.interpolators import design_interpolator
-from sar_imaging.planning.profiles.phase_history import PhaseHistory
-from sar_imaging.planning.profiles.range_gate import RangeGate
-from sar_imaging.planning.profiles.range_resampling import RangeResampling
+from sar_imaging.planning.profiles import PhaseHistory, RangeGate, RangeResampling
 
 
 @pytest.mark.parametrize(('history', 'first', 'n_phases', 'degree', 'fold'), [

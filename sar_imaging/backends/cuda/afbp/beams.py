@@ -9,8 +9,7 @@ import numpy as np
 
 from ....geometry.illumination import Illumination
 from ....geometry.polar import PolarGrid
-from ....planning.afbp.beam_geometry import BeamGeometry, grid_edges
-from ....planning.afbp.beams import CELL_TAPS
+from ....planning.afbp.beams import CELL_TAPS, BeamGeometry, grid_edges
 from ....planning.afbp.lit_subapertures import AmplitudeNodes
 from ....planning.afbp.subapertures import SubaperturePlan
 from ..arrays import launch, pairs, xp

@@ -10,9 +10,9 @@ import numpy as np
 from ....geometry.grids import MapGrid
 from ....memory import IMAGE_BYTES
 from ....planning.afbp.polar_grids import UnifiedPolarGrids
-from ....planning.guard_taper import guard_taper
+from ....planning.aliasing_error import guard_taper
 from ....planning.interpolators import design_interpolator
-from ....planning.polar_to_map import DEGREE, TAPS, range_axis
+from ....planning.polar_cover import DEGREE, TAPS, range_axis
 from ..arrays import (
     check_memory,
     given,

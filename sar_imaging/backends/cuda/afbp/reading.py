@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from ....planning.afbp.beam_gain import BEAM_TAPS, DEGREE
-from ....planning.afbp.beams import CELL_TAPS
+from ....planning.afbp.beams import BEAM_TAPS, CELL_TAPS, DEGREE
 from ....planning.afbp.lit_subapertures import NODES_APART
 from ..arrays import cuda, function, kernel, load_pair
 from ..illumination import amplitude, in_axes

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from ....planning.exact.lit_lines import LINES as LIT_LINES
+from ....planning.exact.illumination import LINES as LIT_LINES
 from ..arrays import cuda, function, kernel, load_pair
 from ..phasors import fraction, phasor, short_fraction
 

@@ -8,10 +8,8 @@ import numpy as np
 
 from ....geometry.illumination import Illumination
 from ....geometry.polar import PolarGrid
-from ....planning.exact.lit_lines import LINES, LitLines, knot_positions
-from ....planning.profiles.phase_history import PhaseHistory
-from ....planning.profiles.range_gate import RangeGate
-from ....planning.profiles.range_resampling import RangeResampling
+from ....planning.exact.illumination import LINES, LitLines, knot_positions
+from ....planning.profiles import PhaseHistory, RangeGate, RangeResampling
 from ..arrays import launch, pairs, xp
 from ..illumination import Antennas
 from ..profiles import Profiles

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....geometry.illumination import Illumination
-from ....planning.exact.lit_points import knot_numbers
+from ....planning.exact.illumination import knot_numbers
 from ....planning.exact.points import ImagePoints, PointPlan
 from ..arrays import launch, pairs, xp
 from ..illumination import Antennas

@@ -6,7 +6,7 @@ import numpy as np
 
 from ....device_arrays import are_finite
 from ....signal.pulses import PulseBlock
-from ....signal.pulses.checks import check_samples
+from ....signal.pulses.block import check_samples
 from ....signal.range_compression import RangeCompressor
 from ..arrays import (
     check_memory,

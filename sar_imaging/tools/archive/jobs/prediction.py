@@ -9,9 +9,8 @@ import numpy as np
 
 from sar_imaging.backends import AUTO
 from sar_imaging.geometry.earth import SEMI_MAJOR_M
-from sar_imaging.geometry.grids import Grid, MapGrid
+from sar_imaging.geometry.grids import Grid, MapGrid, TerrainGrid
 from sar_imaging.geometry.illumination import AntennaPattern, Pointing
-from sar_imaging.geometry.point_grids import TerrainGrid
 from sar_imaging.imaging.image import Report
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.imaging.methods import AFBP, EXACT

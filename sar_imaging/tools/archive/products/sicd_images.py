@@ -10,7 +10,7 @@ import numpy as np
 
 from sar_imaging.formats import Acquisition, sicd_grid, write_sicd
 from sar_imaging.formats.sicd.grid import sicd_axes
-from sar_imaging.geometry.even_grids import PlaneGrid
+from sar_imaging.geometry.grids import PlaneGrid
 from sar_imaging.geometry.illumination import Pointing
 from sar_imaging.imaging.image import Image
 from sar_imaging.imaging.imager import plan_image

@@ -7,8 +7,7 @@ import dataclasses
 import numpy as np
 
 from sar_imaging.geometry.earth import Datum
-from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.geometry.point_grids import TerrainGrid
+from sar_imaging.geometry.grids import MapGrid, TerrainGrid
 
 from ..jobs import Job, Window
 

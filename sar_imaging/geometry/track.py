@@ -1,10 +1,71 @@
-"""Check that a track is straight and evenly sampled, as transforms over slow time require."""
+"""Track of phase centres: its frame, whether it is straight, and how it continues."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
+
+_LEAST_LENGTH = 1e-12  # metres
+_LEAST_EXTENT = 1e-6  # of the distance to the scene: a shorter track has no direction
+
+
+def mean_centres(tx_m, rx_m) -> np.ndarray:
+    """(P, 3) float64 mean of all phase centres (P, C, 3) of each pulse, metres."""
+    return 0.5 * (np.asarray(tx_m) + rx_m).mean(axis=1)
+
+
+def unit_vector(vector) -> np.ndarray:
+    """(D,) float64 vector of length one, or of none where it has none."""
+    vector = np.asarray(vector, np.float64)
+    return vector / max(math.hypot(*vector), _LEAST_LENGTH)
+
+
+def main_axis(places_m) -> tuple[np.ndarray, np.ndarray]:
+    """Axes of places, (K, D), by their extent, and the extents, metres.
+
+    Returns
+    -------
+    axes : (min(K, D), D) float64
+        Unit vectors, the longest extent first; their signs are arbitrary.
+    extents : (min(K, D),) float64
+        Root of the sum of squares along each, metres.
+    """
+    places_m = np.asarray(places_m, np.float64)
+    _, extents, axes = np.linalg.svd(places_m - places_m.mean(axis=0), full_matrices=False)
+    return axes, extents
+
+
+def track_beside(centres_m, scene_m) -> tuple[np.ndarray, int]:
+    """Horizontal direction of a track and the side on which a scene lies.
+
+    Parameters
+    ----------
+    centres_m : (P, 3) float64
+        Phase centres, metres.
+    scene_m : (2,) or (3,) array_like
+        Middle of the scene, metres.
+
+    Returns
+    -------
+    track : (2,) float64
+        Unit vector; broadside to the scene where the track is a point or runs straight up.
+    side : int
+        +1 where the scene is to the left of it, -1 to the right.
+    """
+    look = np.asarray(scene_m, np.float64)[:2] - centres_m.mean(axis=0)[:2]
+    distance = max(math.hypot(*look), 1e-9)
+    axes, extents = main_axis(centres_m[:, :2])
+    track = axes[0]
+    if extents[0] <= _LEAST_EXTENT * distance:
+        track = np.array([-look[1], look[0]]) / distance
+    return track, side_of(track, look)
+
+
+def side_of(track, look) -> int:
+    """+1 where a horizontal look is to the left of a track, -1 to the right."""
+    return 1 if track[0] * look[1] - track[1] * look[0] >= 0 else -1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -155,3 +216,69 @@ def path_errors(track: StraightTrack, tx_m, rx_m, points_m) -> np.ndarray:
     exact = sum(np.linalg.norm(np.asarray(a)[:, :, None] - points_m, axis=-1)
                 for a in (tx_m, rx_m))
     return exact - 2 * np.hypot(distance, along - track.along_m[..., None])
+
+
+_LEAST_FOR_CURVE = 8  # pulses
+_SHARE_FOR_CURVE = 0.25  # of the wanted length that must be known to tell a curve from noise
+_PATTERN = 16  # pulses in which antennas that take turns come round
+
+
+def predict_track(known, tx_m, rx_m, wanted) -> tuple[np.ndarray, np.ndarray]:
+    """Carry phase centres on, from some pulses to others.
+
+    A line, or a parabola once enough is known, through each coordinate of the latest pulses; what
+    it leaves over, such as vibration or antennas that take turns, is repeated.
+
+    Parameters
+    ----------
+    known : (K,) int array
+        Numbers of the known pulses, ascending.
+    tx_m, rx_m : (K, C, 3) float64
+        Their phase centres, metres.
+    wanted : (W,) int array
+        Numbers of the wanted pulses.
+
+    Returns
+    -------
+    tx_m, rx_m : (W, C, 3) float64
+        Metres; of known pulses as given.
+
+    Raises
+    ------
+    ValueError
+        Nothing is known.
+    """
+    known, wanted = np.asarray(known, np.int64), np.asarray(wanted, np.int64)
+    if not len(known):
+        raise ValueError('no phase centre is known; expected at least that of one pulse')
+    values = np.concatenate([np.asarray(a, float).reshape(len(known), -1) for a in (tx_m, rx_m)],
+                            axis=1)
+    _, at, source = np.intersect1d(wanted, known, assume_unique=True, return_indices=True)
+    given = values[source]
+    latest = known > known[-1] - len(wanted)
+    known, values = known[latest], values[latest]
+    origin, span = known[-1], max(int(np.ptp(known)), 1)
+    basis = _basis((known - origin) / span, _order(known, wanted))
+    coefficients = np.linalg.lstsq(basis, values, rcond=None)[0]
+    left = values - basis @ coefficients
+    # the residual of the pulse a whole number of patterns before
+    count = span + 1
+    period = count // _PATTERN * _PATTERN or count
+    like = known[0] + count - period + (wanted - known[0] - count) % period
+    near = np.clip(np.searchsorted(known, like), 0, len(known) - 1)
+    result = (_basis((wanted - origin) / span, basis.shape[1] - 1) @ coefficients) + left[near]
+    result[at] = given
+    shape = (2, len(wanted), *np.shape(tx_m)[1:])
+    half = result.shape[1] // 2
+    return tuple(np.stack([result[:, :half], result[:, half:]]).reshape(shape))
+
+
+def _order(known, wanted) -> int:
+    if len(known) == 1:
+        return 0
+    enough = np.ptp(known) >= _SHARE_FOR_CURVE * np.ptp(wanted)
+    return 2 if enough and len(known) >= _LEAST_FOR_CURVE else 1
+
+
+def _basis(t, order: int) -> np.ndarray:
+    return np.asarray(t, float)[:, None] ** np.arange(order + 1)

@@ -2,11 +2,7 @@
 
 import pytest
 
-from sar_imaging.planning.profiles.transform_length import (
-    cost_per_sample,
-    quick_length,
-    smooth_lengths,
-)
+from sar_imaging.planning.transform_lengths import cost_per_sample, quick_length, smooth_lengths
 
 
 def test_cost_counts_the_passes():

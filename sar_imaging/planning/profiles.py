@@ -1,0 +1,553 @@
+"""How range profiles are prepared for an image: cut to the ranges it needs, and resampled.
+
+Backprojection reads range profiles on a lattice whose spacing is the half-path distance between
+neighbouring pixels of an image line. The more the true distance differs from it, the further a
+pixel drifts from its lattice interval along a segment; this module takes the drift from the exact
+geometry and chooses the quickest segment that keeps the predicted error. Pixels whose ranges leave
+the profiles get nothing from a pulse, and imagers say so. Phase histories may stay as they came:
+they are the band of a periodic range profile.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+
+import numpy as np
+import scipy.fft
+
+from ..geometry.grids import Grid
+from ..geometry.half_paths import Paths, half_paths
+from ..geometry.illumination import Illumination
+from ..signal.radar import RadarParameters, Waveform
+from ..signal.windows import window as window_weights
+from .aliasing_error import cosine_fall, guard_taper
+from .costs import costs
+from .interpolators import LEAST_MARGIN, LINE_DEGREE, Interpolator, design_interpolator
+from .plan import total_db
+from .transform_lengths import cost_per_sample, smooth_lengths
+
+
+class PhaseHistory:
+    """What `Profiles` needs of a phase history; stands where a `RangeGate` does for profiles.
+
+    The lattice of the profiles is one inverse transform away from the frequencies of a pulse;
+    range compression first and the lattice from its profiles take three. The profile repeats with
+    the unambiguous range.
+
+    Parameters
+    ----------
+    radar, n_samples : RadarParameters, int
+        Of the pulses, stepped frequency, and their frequencies K.
+    weighting : str
+        Spectral weighting over the band, see `sar_imaging.signal.windows`.
+
+    Attributes
+    ----------
+    radar : RadarParameters
+        Of the profiles: the carrier is the middle one of the frequencies (the upper one of the
+        two where their number is even), so that it has a bin of its own.
+    n_samples, zero : int
+        Number of frequencies, and which of them is the carrier.
+    range_start_m, phase_range_m : float
+        Half path where the period around the reference delay starts, and at which the carrier
+        phase of the profiles is zero, the reference; metres.
+    period_m : float
+        Unambiguous range, metres.
+
+    Raises
+    ------
+    ValueError
+        The waveform is another.
+    """
+
+    periodic = True
+
+    def __init__(self, radar: RadarParameters, n_samples: int, weighting: str = 'none'):
+        if radar.waveform != Waveform.STEPPED_FREQUENCY:
+            raise ValueError(f'waveform {radar.waveform.name.lower()} cannot be imaged from raw '
+                             'pulses; apply range compression (RangeCompressor) first')
+        step_hz = radar.bandwidth_hz / n_samples
+        self.n_samples, self.zero = int(n_samples), int(n_samples) // 2
+        self.radar = dataclasses.replace(
+            radar, sample_rate_hz=radar.bandwidth_hz,
+            carrier_hz=radar.carrier_hz + (self.zero - (n_samples - 1) / 2) * step_hz)
+        self.period_m = radar.propagation_speed_m_per_s / (2 * step_hz)
+        self.phase_range_m = radar.range_start_m
+        self.range_start_m = radar.range_start_m - self.period_m / 2
+        weights = window_weights(weighting, n_samples)
+        # The profile starts half a period before the reference: half a cycle from bin to bin.
+        sign = 1 - 2 * ((np.arange(n_samples) - self.zero) % 2)
+        self._gain = (sign * weights / weights.sum()).astype(np.float32)
+
+    def mean_end_error_db(self, range_m, n_axes: int = 2,
+                          oversampling: float = math.inf, lit=None) -> float:
+        """-inf: what is periodic has no ends."""
+        return -math.inf
+
+    def gain(self, n_padded: int, oversampling: float = math.inf) -> np.ndarray:
+        """(K,) float32 factor of each frequency; `n_padded` is K."""
+        return self._gain
+
+
+_PIXELS_PER_SIDE, _ECHOES = {2: 24, 3: 8}, 65  # at which ranges are looked at, by axes
+
+
+def some_pixels(grid: Grid) -> np.ndarray:
+    """(S, 3) float64 positions all over a grid, metres, its corners among them."""
+    n = _PIXELS_PER_SIDE[len(grid.shape)]
+    index = np.meshgrid(*(np.unique(np.linspace(0, size - 1, n).round().astype(int))
+                          for size in grid.shape), indexing='ij')
+    return grid.positions(*(i.ravel() for i in index))
+
+
+def covered_ranges(radar: RadarParameters, n_samples: int) -> tuple[float, float]:
+    """Half paths of the first and the last sample of a profile, metres."""
+    start = radar.range_start_m
+    return start, start + (n_samples - 1) * radar.sample_spacing_m
+
+
+class OutOfReach(ValueError):
+    """No profile reaches a grid."""
+
+
+def check_reach(range_m: tuple[float, float], radar: RadarParameters, n_samples: int) -> None:
+    """Raise ValueError where no profile reaches a grid whose half paths are `range_m`."""
+    start, stop = covered_ranges(radar, n_samples)
+    if range_m[1] < start or range_m[0] > stop:
+        raise OutOfReach(
+            f'the grid lies {range_m[0]:.1f} to {range_m[1]:.1f} m from the antenna, the '
+            f'profiles cover {start:.1f} to {stop:.1f} m; move the grid or the range window')
+
+
+def reach_warnings(points_m, tx_m, rx_m, radar: RadarParameters, n_samples: int,
+                   illumination: Illumination | None = None) -> tuple[str, ...]:
+    """Say which share of the pixels lies beyond the profiles for some of the pulses.
+
+    Nothing where all of them, (S, 3) all over the image, lie within the `n_samples` of the
+    profiles for all phase centres, (..., 3), metres, that light them.
+    """
+    start, stop = covered_ranges(radar, n_samples)
+    centres = [c.reshape(-1, 3) for c in (tx_m, rx_m)]
+    echoes = np.linspace(0, len(centres[0]) - 1, min(len(centres[0]), _ECHOES)).round().astype(int)
+    length = half_paths(*(c[echoes] for c in centres), points_m)[0]
+    outside = (length < start) | (length > stop)
+    if illumination is not None:
+        outside &= illumination.select(echoes).amplitude(points_m) > 0
+    if not outside.any():
+        return ()
+    return (f'the ranges of {_percent(outside.any(axis=0).mean())} of the pixels, '
+            f'{length.min():.1f} to {length.max():.1f} m, leave the profiles, {start:.1f} to '
+            f'{stop:.1f} m, for some of the pulses, which add nothing there: '
+            f'{_percent(outside.mean())} of the image is missing; the predicted error is that '
+            f'of pixels {end_samples(radar)} samples or more within the profiles; keep more of '
+            'them, or make the grid smaller',)
+
+
+def _percent(share: float) -> str:
+    return f'{100 * share:.1f} %'
+
+
+# Samples beyond the needed ranges, times 1 - bandwidth over sample rate. What the cut changes
+# within them is below -94 dB of the profile there.
+_REACH = 24.0
+_TAPER_SHARE, _TAPER_SHAPE = 0.3, 4.0  # of these samples: longer tapers begin too near
+_TONES, _LONGEST = 8, 2048  # in the band, and samples of a table of errors
+_SERIES_SHARPNESS = math.asinh(10 ** (130 / 20)) / math.pi
+_WORTHWHILE = 0.9  # longer windows are not worth a copy
+
+
+@dataclasses.dataclass(frozen=True)
+class RangeGate:
+    """Part of the range profiles that an image needs, with smooth ends where it cuts.
+
+    Attributes
+    ----------
+    radar : RadarParameters
+        Of the profiles.
+    first, n_samples : int
+        First sample, negative where so many zeros come before it, and number of samples with
+        these.
+    range_start_m : float
+        Half path of the first sample, metres.
+    n_rise, n_fall : int
+        Samples over which the window rises at its start and falls at its end; 0 where it ends
+        with the profile.
+
+    Examples
+    --------
+    >>> from sar_imaging import RadarParameters
+    >>> from sar_imaging.planning.profiles import RangeGate
+    >>> radar = RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6e-7)
+    >>> gate = RangeGate.around(radar, n_samples=1024, range_m=(150.0, 170.0))
+    >>> print(f'{gate.n_samples} samples from {gate.range_start_m:.1f} m on')
+    246 samples from 113.9 m on
+    """
+
+    radar: RadarParameters
+    first: int
+    n_samples: int
+    range_start_m: float
+    n_rise: int
+    n_fall: int
+    periodic = False
+    phase_range_m = 0.0  # where the carrier phase of the profiles is zero
+    zero = 0  # bin of the carrier in `spectrum`
+
+    @classmethod
+    def around(cls, radar: RadarParameters, n_samples: int, range_m: tuple[float, float],
+               lead: int = 0) -> RangeGate:
+        """Window for half paths, as far as the profile has them.
+
+        Where these leave the profile it begins with so many zeros, `lead`, over which filtered
+        profiles fade away.
+        """
+        beyond = math.ceil(_REACH / (1 - radar.bandwidth_hz / radar.sample_rate_hz))
+        lo, hi = ((r - radar.range_start_m) / radar.sample_spacing_m for r in range_m)
+        first = min(max(math.floor(lo) - beyond, 0), n_samples)
+        stop = min(max(math.ceil(hi) + beyond, 0), n_samples)
+        if not 2 * beyond <= stop - first <= _WORTHWHILE * n_samples:
+            first, stop = 0, n_samples
+        taper = int(_TAPER_SHARE * beyond)
+        if first == 0 and (lo < 0 or hi > n_samples - 1):
+            first = -lead
+        return cls(radar, first, stop - first,
+                   radar.range_start_m + first * radar.sample_spacing_m,
+                   taper if first > 0 else 0, taper if stop < n_samples else 0)
+
+    @classmethod
+    def whole(cls, radar: RadarParameters, n_samples: int) -> RangeGate:
+        """Window that takes all samples."""
+        return cls(radar, 0, n_samples, radar.range_start_m, 0, 0)
+
+    def end_error(self, range_m, oversampling: float = math.inf) -> np.ndarray:
+        """(...) mean squared error at half paths (...), metres, because the window ends.
+
+        Relative to the power of the profile, which is taken to go on beyond its ends: 1 where
+        nothing is read. The oversampling is that of the lattice that is read, see `gain`.
+        """
+        given = round(self.radar.sample_rate_hz / self.radar.bandwidth_hz, 2)
+        after = (np.asarray(range_m) - self.range_start_m) / self.radar.sample_spacing_m
+        error = 0.0
+        for distance, taper in ((after + min(self.first, 0), self.n_rise),
+                                (self.n_samples - 1 - after, self.n_fall)):
+            table = _end_errors(given, min(given, round(oversampling, 2)), taper)
+            error = error + np.interp(distance, np.arange(len(table)), table, left=1.0)
+        return np.minimum(error, 1.0)
+
+    def predictable(self, range_m, lit=True) -> np.ndarray:
+        """(...) half paths (...), metres, at which an error can be told.
+
+        Where some of those that are `lit` leave the profile, these are not near its ends.
+        """
+        after = (np.asarray(range_m) - self.range_start_m) / self.radar.sample_spacing_m
+        # a window that rises or falls ends within the profile, far enough away
+        within = np.minimum(after + (np.inf if self.n_rise else min(self.first, 0)),
+                            (np.inf if self.n_fall else self.n_samples - 1) - after)
+        leaves = ((within < 0) & lit).any()
+        return within >= (end_samples(self.radar) if leaves else -np.inf)
+
+    def mean_end_error_db(self, range_m, n_axes: int = 2,
+                          oversampling: float = math.inf, lit=None) -> float:
+        """Mean of `end_error` where it is `predictable` for all echoes, dB; NaN for nowhere.
+
+        Half paths are those from some echoes to a square or cube of positions, edge to edge:
+        (R, n ** n_axes) float64, metres.
+        Of these pairs, (R, n ** n_axes), only those that are `lit` count, where that is given.
+        """
+        lit = np.bool_(True) if lit is None or not lit.any() else lit
+        side = np.ones(round(range_m.shape[1] ** (1 / n_axes)))
+        side[[0, -1]] = 0.5  # they stand for half as much of the image
+        weight = functools.reduce(np.multiply.outer, [side] * n_axes).ravel()
+        return mean_db(self.end_error(range_m, oversampling),
+                       weight * lit * (self.predictable(range_m, lit) | ~lit).all(axis=0))
+
+    def gain(self, n_padded: int, oversampling: float = math.inf) -> np.ndarray:
+        """(n_padded,) float32 factor of each bin of a spectrum on the way back to ranges.
+
+        Without its taper outside the band the ends of a profile, where sidelobes are cut off,
+        would ring far inside. It ends at the highest frequency of the samples, or of the lattice
+        that they are resampled to, `oversampling` times the bandwidth, where that is coarser.
+        """
+        given = self.radar.sample_rate_hz / self.radar.bandwidth_hz
+        return (_band_taper(n_padded, given, min(given, oversampling)) / n_padded
+                ).astype(np.float32)
+
+
+def end_samples(radar: RadarParameters) -> int:
+    """Samples on either side on which a value between two depends, to -130 dB (Knab 1979)."""
+    return math.ceil(_SERIES_SHARPNESS / (1 - radar.bandwidth_hz / radar.sample_rate_hz))
+
+
+def mean_db(error, weight) -> float:
+    """Weighted mean of squared errors, (...), dB; NaN where no weight is positive."""
+    error, weight = np.broadcast_arrays(error, weight)
+    total = float(weight.sum())
+    return 10 * math.log10(float((error * weight).sum()) / total + 1e-16) if total else math.nan
+
+
+def _band_taper(n: int, oversampling: float, last: float) -> np.ndarray:
+    """Fall from the edge of the band to the highest frequency of a sampling of `last`."""
+    beyond = 2 * np.abs(scipy.fft.fftfreq(n)) * oversampling - 1
+    return cosine_fall(beyond / (last - 1))
+
+
+@functools.lru_cache(maxsize=64)
+def _end_errors(oversampling: float, last: float, n_rise: int) -> np.ndarray:
+    """Mean squared error of tones of the band by samples from the start of a window."""
+    n = _LONGEST
+    missing = np.concatenate([np.zeros(n // 2), -np.ones(n // 2), np.zeros(n)])
+    missing[n // 2:3 * n // 4] *= guard_taper(n, n // 4, _TAPER_SHAPE)[:n // 4]  # far away
+    missing[n:n + n_rise] = rise(n_rise) - 1 if n_rise else 0.0
+    frequency, weight = np.polynomial.legendre.leggauss(_TONES)
+    tones = np.exp(1j * np.pi / oversampling * np.outer(frequency, np.arange(2 * n)))
+    filtered = scipy.fft.ifft(scipy.fft.fft(missing * tones)
+                              * _band_taper(2 * n, oversampling, last))
+    error = 0.5 * weight @ np.abs(filtered[:, n:n + n // 2]) ** 2
+    return np.maximum.accumulate(error[::-1])[::-1]
+
+
+@functools.lru_cache(maxsize=16)
+def rise(n: int) -> np.ndarray:
+    """(n,) float32 rise of a window from 0 to 1 where it cuts a profile."""
+    return guard_taper(4 * n, 2 * n, _TAPER_SHAPE)[1:2 * n:2].astype(np.float32)
+
+
+ECHOES_PER_PASS = 32  # echoes that share the reference for the phase along a segment
+_SEGMENTS = (256, 128, 64, 32, 16, 8)
+_MAX_PHASES = 8
+_ECHOES_FOR_ERRORS = 256  # enough for averages, to which few echoes add most
+DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
+MOST_DRIFT = 2.0  # lattice steps
+_CLOSER_DB = 10.0  # by which the worst drift may be worse than the mean one
+_LONGER, _FINER, _FEW = 1.1, 1.03, 3  # padded length, cells, and cells around the best
+_COST_TRANSFORM = 0.012  # of a pass of the transform, in shares of the whole
+
+
+@dataclasses.dataclass(frozen=True)
+class RangeResampling:
+    """How profiles are resampled and read.
+
+    Attributes
+    ----------
+    n_padded : int
+        Length to which a profile is zero-padded before its Fourier transform.
+    n_cells : int
+        Cells of the lattice over the padded profile; a cell is one pixel of an image line.
+    n_phases : int
+        Positions of the lattice in a cell.
+    segment : int
+        Pixels that share one geometry expansion; 0 for the routine for arbitrary points.
+    step_m : float
+        Half-path distance between lattice positions, metres.
+    spacing : float
+        Pixel spacing along a line, in the unit of the planned paths.
+    interpolator : Interpolator
+        Weights for this oversampling and drift.
+    predicted_error_db : float
+        Predicted error of the image against time-domain correlation, dB.
+    """
+
+    n_padded: int
+    n_cells: int
+    n_phases: int
+    segment: int
+    step_m: float
+    spacing: float
+    interpolator: Interpolator
+    predicted_error_db: float
+
+    @property
+    def cost(self) -> float:
+        """Nanoseconds per pixel and echo."""
+        model = costs()
+        return (model.line_pixel + model.line_segment / self.segment if self.segment
+                else model.point_pixel)
+
+    def oversampling(self, radar: RadarParameters) -> float:
+        """Lattice positions to a range resolution cell, 1 / bandwidth, of a radar."""
+        return radar.range_resolution_m / self.step_m
+
+    @property
+    def cell_m(self) -> float:
+        """Half-path distance between the lattice positions of neighbouring pixels, metres."""
+        return self.step_m * self.n_phases
+
+    def operations(self, n_echoes: int, n_pixels: int) -> dict[str, float]:
+        """How often adding echoes to an image does the operations of `CostModel`."""
+        counts = {'profile_bin': self.n_padded, 'profile_cell': self.n_cells * self.n_phases}
+        counts |= ({'line_pixel': n_pixels, 'line_segment': n_pixels / self.segment}
+                   if self.segment else {'point_pixel': n_pixels})
+        return {name: n_echoes * n for name, n in counts.items()}
+
+
+def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParameters,
+                    n_samples: int, target_db: float, *, fit_spacing: bool = False,
+                    periodic: bool = False) -> RangeResampling | None:
+    """Choose lattice, segment and interpolator for an error target of reading a profile, dB.
+
+    None where range does not follow the lines closely enough.
+
+    Parameters
+    ----------
+    radar, n_samples, target_db :
+        Of the profiles, see `sar_imaging.planning`.
+    paths : Paths
+        Sampled over the image; derivatives by the same unit as `spacing`.
+    spacing, n_line : float, int
+        Pixel spacing along a line, and pixels of a line.
+    fit_spacing : bool
+        The image may take the pixel spacing that fits the lattice, near `spacing`.
+    periodic : bool
+        The samples are a period, which no zeros may extend.
+    """
+    slope = paths.of_lit(paths.derivatives[0])
+    if not slope.size or slope.min() <= 0:
+        return None
+    middle = 0.5 * float(slope.min() + slope.max())
+    pitch, errors = spacing * middle, _expansion_errors(paths, radar)
+    slope = _slopes_of_some(paths)
+    longest = next((s for s in reversed(_SEGMENTS) if s >= n_line), _SEGMENTS[0])
+    for phases in range(1, _MAX_PHASES + 1):
+        n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, phases,
+                                          finer=fit_spacing, periodic=periodic)
+        cell = n_padded * radar.sample_spacing_m / n_cells
+        if fit_spacing:
+            spacing = cell / middle
+        lattices = (_fitted(RangeResampling(n_padded, n_cells, phases, segment, cell / phases,
+                                            spacing, None, math.inf),
+                            slope, errors, radar, target_db)
+                    for segment in _SEGMENTS if segment <= longest)
+        if found := [lattice for lattice in lattices if lattice is not None]:
+            return min(found, key=lambda lattice: lattice.cost)  # more phases only cost memory
+    return None
+
+
+def _fitted(lattice, slope, errors, radar, target_db) -> RangeResampling | None:
+    """A lattice with the interpolator that it needs; None where the target is missed."""
+    drift, oversampling = _drift(lattice, slope), lattice.oversampling(radar)
+    furthest = float(drift.max())
+    if oversampling <= 1.25 or furthest > MOST_DRIFT:
+        return None
+    lattice = dataclasses.replace(lattice, interpolator=design_interpolator(
+        oversampling, max(furthest, LEAST_MARGIN), degree=LINE_DEGREE))
+    # With the worst drift everywhere first: most candidates need no closer look.
+    if _predicted_db(lattice, lattice.interpolator.error_db, errors) > target_db + _CLOSER_DB:
+        return None
+    predicted = _predicted_db(lattice, _drifting_db(lattice, drift), errors)
+    return (dataclasses.replace(lattice, predicted_error_db=predicted) if predicted <= target_db
+            else None)
+
+
+def resampling_error_db(lattice: RangeResampling, paths: Paths, radar: RadarParameters) -> float:
+    """Predicted error of a lattice on other paths than it was planned for, dB.
+
+    It is inf where pixels drift further than the lattice was made for.
+    """
+    drift = _drift(lattice, _slopes_of_some(paths))
+    if drift.max() > lattice.interpolator.margin + DRIFT_SLACK:
+        return math.inf
+    return _predicted_db(lattice, _drifting_db(lattice, drift), _expansion_errors(paths, radar))
+
+
+def _drift(lattice, slope) -> np.ndarray:
+    """How far the pixels of some echoes drift over half a segment, lattice steps."""
+    return (np.abs(slope * lattice.spacing - lattice.cell_m)
+            * (lattice.segment / 2 / lattice.step_m))
+
+
+def _drifting_db(lattice, drift) -> float:
+    return 10 * math.log10(float(lattice.interpolator.error_with_drift(drift).mean()))
+
+
+def _predicted_db(lattice, interpolation_db, errors) -> float:
+    half = lattice.spacing * lattice.segment / 2
+    return total_db(interpolation_db, *(20 * math.log10(error * half ** power + 1e-12)
+                                        for power, error in errors))
+
+
+def _slopes_of_some(paths: Paths) -> np.ndarray:
+    echoes = _some_echoes(len(paths.length))
+    slope = paths.of_lit(paths.derivatives[0][echoes], echoes)
+    return slope if slope.size else paths.of_lit(paths.derivatives[0])
+
+
+def _some_echoes(n: int) -> np.ndarray:
+    return np.linspace(0, n - 1, min(n, _ECHOES_FOR_ERRORS)).round().astype(int)
+
+
+def _from_shared(paths: Paths) -> list[np.ndarray]:
+    """Derivatives of some echoes, less those of the middle one of the `ECHOES_PER_PASS` around."""
+    n = len(paths.length)
+    echoes = _some_echoes(n)
+    middle = middle_of_pass(echoes, paths.parts, n)
+    found = [paths.of_lit(d[echoes] - d[middle], echoes) for d in paths.derivatives]
+    return found if found[0].size else [np.zeros(1)] * len(found)
+
+
+def middle_of_pass(echoes, parts, n: int) -> np.ndarray:
+    """(K,) int64 middle of the pass of each echo, of n; `parts` are the first added by itself."""
+    part = np.searchsorted(parts, echoes, 'right')
+    first, stop = np.take(parts, part - 1), np.append(parts, n)[part]
+    start = first + (echoes - first) // ECHOES_PER_PASS * ECHOES_PER_PASS
+    return start + np.minimum(stop - start, ECHOES_PER_PASS) // 2
+
+
+def _rms(values) -> float:
+    return math.sqrt(np.mean(np.square(values)))
+
+
+def _expansion_errors(paths, radar):
+    """Rms errors over a segment of half length 1, and the powers of it that they grow with.
+
+    d_n being the path's derivatives by f, -1 to 1, the envelope's place lacks d_3 f^3 / 6, the
+    path of all echoes d_4 f^4 / 24, and what an echo differs by,
+    ``exp(j (a f + b f^2 + c f^3))`` with ``a, b, c = k d_n / n!``, its terms in f^4,
+    economised, and f^5.
+    """
+    k = radar.wavenumber_rad_per_m
+    band = radar.half_band_rad_per_m / math.sqrt(3)
+    a, b, c = (k * d / math.factorial(n + 1)
+               for n, d in enumerate(_from_shared(paths)[:3]))
+    quartic = np.hypot(a ** 4 / 24 - b ** 2 / 2 - a * c, a ** 2 * b / 2) / 8 / math.sqrt(2)
+    quintic = np.hypot(a ** 3 * b / 6, a ** 5 / 120 - a * b ** 2 / 2 - a ** 2 * c / 2) / 4
+    third, fourth = (_rms(paths.of_lit(d)) for d in paths.derivatives[2:])
+    return ((3, band / math.sqrt(7) / 6 * third), (4, k / 3 / 24 * fourth), (4, _rms(quartic)),
+            (5, _rms(quintic)))
+
+
+def plan_point_resampling(radar: RadarParameters, n_samples: int, target_db: float
+                          ) -> RangeResampling:
+    """Lattice for the routine that needs no common direction of range and lines."""
+    oversampling = next(v for v in np.arange(1.6, 8.0, 0.2)
+                        if design_interpolator(v, LEAST_MARGIN).error_db <= target_db - 3.0)
+    pitch = radar.range_resolution_m / oversampling
+    n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, 1)
+    step = n_padded * radar.sample_spacing_m / n_cells
+    interpolator = design_interpolator(radar.range_resolution_m / step, LEAST_MARGIN)
+    return RangeResampling(n_padded, n_cells, 1, 0, step, pitch, interpolator,
+                           total_db(interpolator.error_db))
+
+
+def _commensurate(n_samples, spacing_m, pitch, phases, *, finer=False, periodic=False):
+    """Padded length and number of cells, quick to transform, nearest to the pitch.
+
+    N padded samples s apart make n cells of ``N s / n``. With `finer` these may be smaller than
+    the pitch, not larger, which leaves room for lengths whose transform is quick. Periodic samples
+    are not padded.
+    """
+    best = None
+    for length in [n_samples] if periodic else smooth_lengths(n_samples, _LONGER):
+        ideal = length * spacing_m / pitch
+        near = _FEW if periodic else 0  # one length has to do
+        candidates = range(max(math.floor(ideal) - near, 1), math.ceil(ideal) + near + 1)
+        if finer:
+            candidates = [n // phases for n in smooth_lengths(
+                math.ceil(ideal) * phases, _FINER) if n % phases == 0] or candidates
+        for cells in candidates:
+            cost = (abs(cells / ideal - 1) + 1e-3 * (length / n_samples - 1)
+                    + (_COST_TRANSFORM if finer else 1e-4) * cost_per_sample(cells * phases))
+            if best is None or cost < best[0]:
+                best = (cost, length, cells)
+    return best[1:]
