@@ -41,7 +41,7 @@ arguments = dict(
         'numba>=0.58,<1',
         'matplotlib>=3.6,<4',
         'pyyaml>=6,<7',
-        'rosbags>=0.11,<0.12',
+        'rosbags>=0.11.7,<0.12',
         'tqdm>=4.64,<5',
     ],
     # Formats of files, see sar_imaging.formats; sarkit exists for Python 3.11 and later. Archives,

@@ -148,14 +148,16 @@ def faults(status: int | str, text: str, names: Sequence[str], before: dict, aft
     """What is wrong with the end of a command."""
     found = []
     lines = [line for line in text.splitlines() if not line.startswith('warning: ')]
+    if lines[-1:] and ' cannot work: ' in lines[-1]:  # check-config tells each error in a line
+        lines = [f'error: {lines[-1]}']
+    if (longest := max(map(len, text.splitlines()), default=0)) > LONGEST_LINE:
+        found.append(f'a line of {longest} characters')
     if status not in (0, 1, 3):
         found.append(f'ended with {status}')
     elif status == 1:
         errors = [line for line in lines if line.startswith('error: ')]
         if len(errors) != 1 or len(lines) != 1:
             found.append(f'{len(lines)} lines')
-        elif len(lines[0]) > LONGEST_LINE:
-            found.append(f'a line of {len(lines[0])} characters')
         elif not any(name in lines[0] for name in names):
             found.append('names no file')
         if out.exists() and any(p.is_file() for p in out.rglob('*')):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import stat
 import sys
 import tempfile
@@ -17,8 +18,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 MOST_TEXT_BYTES = 1_000_000  # of a file that a person writes
-_NEW = '.sar_imaging.'  # begin of the names of folders in which files are made
+NEW = '.sar_imaging.'  # begin of the names of folders in which files are made
 _LONGEST_TEXT = 500  # characters of an error of another library
+_OBJECT = re.compile(r'<(?:\w+\.)*(\w+) object at 0x\w+>')
 _inputs: dict[tuple[int, int], Path] | None = None  # device and inode; None outside of commands
 
 
@@ -111,9 +113,7 @@ def naming(path: Path | str, trouble: str, error: type[Exception] = ValueError) 
 
 def told(error: BaseException) -> str:
     """Text of an error in one line of bounded length, in words where Python has none."""
-    text = printable(' '.join(str(error).split()))
-    if len(text) > _LONGEST_TEXT:
-        text = f'{text[:_LONGEST_TEXT]} ...'
+    text = one_line(str(error))
     if isinstance(error, UnicodeDecodeError):
         return f'it is no text (byte {error.start} is no {error.encoding.upper()})'
     if isinstance(error, json.JSONDecodeError):
@@ -125,6 +125,12 @@ def told(error: BaseException) -> str:
     if text and (_ours(error) or isinstance(error, OSError | ValueError)):
         return text
     return f'it is damaged ({type(error).__name__}{text and ": "}{text})'
+
+
+def one_line(text: str) -> str:
+    """A text in one line of bounded length, without places in memory, for people."""
+    line = printable(' '.join(_OBJECT.sub(r'\1', text).split()))
+    return line if len(line) <= _LONGEST_TEXT else f'{line[:_LONGEST_TEXT]} ...'
 
 
 def printable(text: str) -> str:
@@ -214,9 +220,9 @@ def filling(folder: Path | str) -> Iterator[Path]:
 @contextlib.contextmanager
 def _beside(folder: Path, target: Path) -> Iterator[Path]:
     """New folder that goes again; errors of files in it name what was to be made."""
-    beside = str(folder / _NEW)
+    beside = str(folder / NEW)
     try:
-        with tempfile.TemporaryDirectory(prefix=_NEW, dir=folder) as name:
+        with tempfile.TemporaryDirectory(prefix=NEW, dir=folder) as name:
             yield Path(name)
     except OSError as error:
         there = str(error.filename or '')

@@ -50,10 +50,15 @@ def check_expansion(name: str, n_bytes: int, stored_bytes: int) -> None:
     ValueError
         `stored_bytes` would expand to `n_bytes`, more than 500 times as many.
     """
-    if n_bytes > max(_SMALL_BYTES, _BOMB * stored_bytes):
+    if n_bytes > most_expanded(stored_bytes):
         raise ValueError(f'{name} claims {n_bytes:.4g} bytes, which the file holds in '
                          f'{stored_bytes}; expected samples that were measured: store them '
                          'without compression if they are right')
+
+
+def most_expanded(stored_bytes: int) -> int:
+    """Bytes that so many may expand to, see `check_expansion`."""
+    return max(_SMALL_BYTES, _BOMB * stored_bytes)
 
 
 def read_npy(path: Path) -> np.ndarray:

@@ -17,6 +17,7 @@ import re
 import socket
 import sqlite3
 import struct
+import sys
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
@@ -139,15 +140,17 @@ def _bag(folder, with_poses=False):
               truth)
 
 
-def _sqlite_bag(folder):
+def _sqlite_bag(folder, packed=False):
     """The recording of `_bag` as the older plugin of rosbag2 stores it."""
     from rosbags import rosbag2
     from rosbags.typesys import Stores, get_typestore
 
     _bag(folder)
     old, new = folder / 'bag', folder / 'new'
-    with rosbag2.Reader(old) as reader, rosbag2.Writer(
-            new, version=9, storage_plugin=rosbag2.StoragePlugin.SQLITE3) as writer:
+    writer = rosbag2.Writer(new, version=9, storage_plugin=rosbag2.StoragePlugin.SQLITE3)
+    if packed:
+        writer.set_compression(rosbag2.CompressionMode.MESSAGE, rosbag2.CompressionFormat.ZSTD)
+    with rosbag2.Reader(old) as reader, writer:
         for key, text in reader.storage.metadata.custom.items():
             writer.set_custom_data(key, text)
         store = get_typestore(Stores.ROS2_JAZZY)
@@ -310,6 +313,14 @@ def _job(folder):
     (folder / 'survey.yaml').write_text(
         'recordings: [bag]\noutput: survey\nspacing_m: 0.5\nmemory_gb: 1\n'
         'products: {images: [geotiff], mosaic: true}\n')
+
+
+def _catalogue(folder):
+    _cphd()(folder)
+    (folder / 'item.json').write_text(json.dumps({
+        'type': 'Feature', 'stac_version': '1.0.0', 'id': 'flight', 'geometry': None,
+        'properties': {'datetime': '2026-01-01T00:00:00Z'}, 'links': [],
+        'assets': {'pulses': {'href': './scene.cphd', 'roles': ['data']}}}))
 
 
 def _costs(folder):
@@ -861,7 +872,6 @@ def _mcap_file(content: bytes) -> Iterator[Damage]:
         for claimed in (1000, 2**29):
             yield f'bomb of lz4 that claims {claimed} bytes', _set(lambda n=claimed: _rechunked(
                 content, chunk, b'lz4', lz4.frame.compress(bytes(2**29)), n))
-        import sys
         if sys.version_info < (3, 14):
             from backports import zstd
             for claimed in (1000, 2**29):
@@ -885,6 +895,69 @@ def _rechunked(content, chunk, name, data, unpacked=None):
     body = head + struct.pack('<I', len(name)) + name + struct.pack('<Q', len(data)) + data
     return (content[:chunk] + struct.pack('<BQ', 6, len(body)) + body
             + content[chunk + 9 + size:])
+
+
+def _ros1_file(content: bytes) -> Iterator[Damage]:
+    import bz2
+
+    import lz4.frame
+
+    def size_at(place):
+        return int.from_bytes(content[place:place + 4], 'little')
+
+    place, records = 13, []
+    while place < len(content):  # first byte of header and data of each record
+        data = place + 4 + size_at(place)
+        records.append((place, data))
+        place = data + 4 + size_at(data)
+    for i, (header, data) in enumerate(records[:8]):
+        for told, at in (('header', header), ('data', data)):
+            for size in (0, 2**31, 2**32 - 1):
+                yield f'{told} of record {i} claim {size} bytes', _set(
+                    content[:at] + size.to_bytes(4, 'little') + content[at + 4:])
+        for j in range(header + 4, min(header + 84, data), 4):
+            yield f'header of record {i}, bytes {j - header}', _set(
+                content[:j] + b'\xff' * 4 + content[j + 4:])
+    chunk = next((h, d) for h, d in records if b'compression=none' in content[h:d])
+
+    def packed(name, stored, claimed):
+        field = b'compression=' + name
+        head = (struct.pack('<I', 4) + b'op=\5' + struct.pack('<I', len(field)) + field
+                + struct.pack('<I', 9) + b'size=' + struct.pack('<I', claimed))
+        stop = chunk[1] + 4 + size_at(chunk[1])
+        return (content[:chunk[0]] + struct.pack('<I', len(head)) + head
+                + struct.pack('<I', len(stored)) + stored + content[stop:])
+
+    for name, pack in ((b'bz2', bz2.compress), (b'lz4', lz4.frame.compress)):
+        for claimed in (0, 1000, 2**28, 2**32 - 1):
+            yield f'bomb of {name.decode()} that claims {claimed} bytes', _set(
+                lambda name=name, pack=pack, n=claimed: packed(name, pack(bytes(2**28)), n))
+        yield f'{name.decode()} that is none', _set(packed(name, b'rubbish', 1000))
+        yield f'{name.decode()} twice', _set(packed(name, pack(b'a' * 1000) + pack(
+            b'b' * 1000), 2000))
+    yield 'compression of nobody', _set(packed(b'rot13', b'rubbish', 7))
+
+
+def _packed_file(content: bytes) -> Iterator[Damage]:
+    """Messages that were compressed one by one."""
+    if sys.version_info < (3, 14):
+        from backports import zstd
+    else:
+        from compression import zstd
+
+    def messages(make):
+        def put(path):
+            with contextlib.closing(sqlite3.connect(path)) as db:
+                db.execute('UPDATE messages SET data = ?', (make(),))
+                db.commit()
+        return put
+
+    yield 'bombs', messages(lambda: zstd.compress(bytes(2**29)))
+    yield 'two frames', messages(lambda: zstd.compress(b'a') + zstd.compress(bytes(2**29)))
+    yield 'no frames', messages(lambda: b'rubbish')
+    yield 'half a frame', messages(lambda: zstd.compress(os.urandom(1000))[:500])
+    yield 'nothing', messages(lambda: b'')
+    yield from _sqlite_file(content)
 
 
 def _sqlite_file(content: bytes) -> Iterator[Damage]:
@@ -971,10 +1044,6 @@ def _metadata_file(content: bytes) -> Iterator[Damage]:
             yield told, _set(_dumped(tree))
 
 
-def _state_file(content: bytes) -> Iterator[Damage]:
-    yield from _json_file(content)
-
-
 CALLS: dict[str, Callable[[pathlib.Path], object]] = {}
 
 
@@ -1026,6 +1095,13 @@ def terrain(path):
     return Terrain.load(path)
 
 
+@_call
+def catalogue(path):
+    from sar_imaging.tools.archive.jobs import find_recordings
+    from sar_imaging.tools.archive.jobs.job import Job
+    return find_recordings(Job((str(path),), path.parent / 'out', 0.5))
+
+
 _INFO = ('info', '{file}')
 _OF_BAG = (('info', '{folder}/bag'), ('read', 'bag', '{folder}/bag'))
 _LOAD = (('load', '{folder}/rail.yaml', '--output', '{out}/bag'),)
@@ -1061,7 +1137,7 @@ READERS = (
     Reader('poses, OptiTrack', 'poses.csv', _described(_poses('poses.csv'), poses={
         'file': 'poses.csv'}), _LOAD, _text_file),
     Reader('poses, ROS 1 bag', 'poses.bag', _described(_poses('poses.bag'), times={
-        'first_s': 10.0}, poses={'file': 'poses.bag'}), _LOAD),
+        'first_s': 10.0}, poses={'file': 'poses.bag'}), _LOAD, _ros1_file),
     Reader('poses, ROS 2 bag', 'poses/poses.mcap', _described(_poses('poses'), times={
         'first_s': 10.0}, poses={'file': 'poses'}), _LOAD, _mcap_file),
     Reader('description', 'rail.yaml', _described(_npy), _LOAD, _yaml_file),
@@ -1069,6 +1145,8 @@ READERS = (
            _LOAD, _yaml_file),
     Reader('bag, MCAP', 'bag/bag.mcap', _bag, _OF_BAG, _mcap_file),
     Reader('bag, SQLite', 'bag/bag.db3', _sqlite_bag, _OF_BAG, _sqlite_file),
+    Reader('bag, packed messages', 'bag/bag.db3', lambda f: _sqlite_bag(f, packed=True), _OF_BAG,
+           _packed_file),
     Reader('bag, metadata', 'bag/metadata.yaml', _bag, _OF_BAG, _metadata_file),
     Reader('bag, truth', 'bag/metadata.yaml', _bag,
            (*_OF_BAG, ('convert', '{folder}/bag', '{out}/scene.cphd')), _truth_file),
@@ -1078,6 +1156,7 @@ READERS = (
     Reader('configuration', 'radar.yaml', _configuration,
            (('check-config', '{file}'), ('layouts', '{file}', '--output', '{out}')), _yaml_file),
     Reader('job of an archive', 'survey.yaml', _job, (('read', 'job', '{file}'),), _yaml_file),
+    Reader('catalogue', 'item.json', _catalogue, (('read', 'catalogue', '{file}'),), _json_file),
     Reader('antenna', 'antenna.yaml', _antenna, (('read', 'antenna', '{file}'),), _yaml_file),
     Reader('terrain', 'terrain.npz', _terrain, (('read', 'terrain', '{file}'),)),
     Reader('costs', 'costs.json', _costs, (('read', 'costs', '{file}'),), _json_file),

@@ -24,7 +24,7 @@ from sar_imaging.configuration.positions import check_positions, position_rows
 from sar_imaging.configuration.report import lines, rows
 from sar_imaging.configuration.settings import Acquisition, Imaging, Machine
 from sar_imaging.configuration.subapertures import forecast_subapertures
-from sar_imaging.files import naming
+from sar_imaging.files import naming, one_line
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.image import error_in_words
 from sar_imaging.imaging.imager import plan_image
@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
         findings = [*configuration.findings, *_check(configuration, measure=arguments.measure)]
     sys.stdout.flush()  # the table first, also where both go into one log
     for finding in findings:
-        print(f'{finding.severity}: {finding.text}', file=sys.stderr)
+        print(f'{finding.severity}: {one_line(finding.text)}', file=sys.stderr)
     errors, warnings = (_counted(findings, severity) for severity in ('error', 'warning'))
     if errors:
         print(f'{arguments.file} cannot work: {errors}', file=sys.stderr)

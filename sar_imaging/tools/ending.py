@@ -10,6 +10,7 @@ import contextlib
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from typing import TextIO
 
@@ -62,15 +63,19 @@ def ending_with_the_reader() -> Iterator[None]:
             sys.stdout, sys.stderr = streams
 
 
-def run_command(run: Callable[[], str | int]) -> int:
+def run_command(run: Callable[[], str | int], *,
+                interrupted: str = 'interrupted; nothing was written') -> int:
     """Run the work of a command, print the text that it returns, or why there is none.
 
     Files that it reads are not replaced by those that it writes. SIGTERM cleans up as Ctrl-C does.
+    Warnings of Python, such as of NumPy about numbers of damaged files, are not shown.
 
     Parameters
     ----------
     run : callable
         Returns a text to print, or the exit status.
+    interrupted : str
+        What is told then.
 
     Returns
     -------
@@ -79,20 +84,28 @@ def run_command(run: Callable[[], str | int]) -> int:
         130 where it was interrupted.
     """
     try:
-        with _terminate_as_interrupt(), protecting_inputs():
+        with _terminate_as_interrupt(), protecting_inputs(), _without_warnings():
             result = run()
             if isinstance(result, int):
                 return result
             print(printable(result))
             return 0
     except KeyboardInterrupt:
-        print('interrupted; nothing was written', file=sys.stderr)
+        print(interrupted, file=sys.stderr)
         return 130
     except Exception as error:  # files of others make libraries raise anything
         if TRACEBACK in os.environ:
             raise
         print(f'error: {told(error)}', file=sys.stderr)
         return 1
+
+
+@contextlib.contextmanager
+def _without_warnings() -> Iterator[None]:
+    with warnings.catch_warnings():  # filters stay: tests make errors of warnings
+        if TRACEBACK not in os.environ:
+            warnings.showwarning = lambda *_, **__: None
+        yield
 
 
 @contextlib.contextmanager

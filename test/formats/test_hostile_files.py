@@ -16,7 +16,7 @@ def run(*words):
     """A program of benchmarks, which forks: threads of this process would not follow."""
     for library in ('sarkit', 'rasterio', 'h5py', 'rosbags'):
         pytest.importorskip(library, reason=f'{library} reads some of the files')
-    ended = subprocess.run([sys.executable, '-W', 'ignore', '-m', *words], cwd=ROOT, text=True,
+    ended = subprocess.run([sys.executable, '-m', *words], cwd=ROOT, text=True,
                            env=os.environ | {'OMP_NUM_THREADS': '1', 'NUMBA_NUM_THREADS': '1'},
                            capture_output=True)
     assert ended.returncode == 0, ended.stdout[-5000:] + ended.stderr[-2000:]

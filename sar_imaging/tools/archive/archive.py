@@ -10,17 +10,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from sar_imaging.formats import MissingExtraError
-
-from .jobs import ArchiveTooLargeError, JobError, changed, read_job
-from .running.claiming import OtherJobError
-from .running.cluster import ClusterError
-from .running.locking import OutputInUseError
-from .running.summary import INTERRUPTED, REFUSED
+from ..ending import run_command
+from .jobs import changed, read_job
 from .workflow import plan_archive, run_archive
-
-ERRORS = (JobError, ArchiveTooLargeError, OtherJobError, OutputInUseError, ClusterError,
-          MissingExtraError, OSError, MemoryError)
 
 _EPILOG = """\
 Exit status: 0 all is done, 3 done but for losses that the summary names, 1 refused or stopped,
@@ -64,14 +56,8 @@ def _workers(text: str) -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status."""
     arguments = parser().parse_args(argv)
-    try:
-        return run(arguments)
-    except ERRORS as error:
-        print(f'error: {error}', file=sys.stderr)
-        return REFUSED
-    except KeyboardInterrupt:
-        print('interrupted; the same command goes on where it stopped', file=sys.stderr)
-        return INTERRUPTED
+    return run_command(lambda: run(arguments),
+                       interrupted='interrupted; the same command goes on where it stopped')
 
 
 def run(arguments: argparse.Namespace) -> int:

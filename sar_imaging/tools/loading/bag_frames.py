@@ -18,6 +18,7 @@ from sar_imaging.loading import DescriptionError
 from sar_imaging.loading.frames import FrameError
 from sar_imaging.names import advice_on
 
+from ..recordings.bag_files import checked
 from .bag_poses import open_bag
 
 
@@ -59,10 +60,11 @@ def read_bag_frames(path: Path, topic: str, sizes: Mapping[str, int],
                 f'{", ".join(FRAME_TYPES)}; it has {present or "no topic"}'
                 + (f': {advice_on(topic, raw)}' if raw else ''))
         infos = [c for c in bag.connections if short_name(c.msgtype) in INFO_TYPES]
-        for connection, time_ns, raw in bag.messages(connections=infos) if infos else ():
+        told = bag.messages(connections=infos) if infos else ()
+        for connection, time_ns, raw in checked(told):
             yield read_info(bag.deserialize(raw, connection.msgtype), connection.msgtype), time_ns
         with tqdm(total=sum(c.msgcount for c in frames), unit='frame', disable=None) as bar:
-            for connection, time_ns, raw in bag.messages(connections=frames):
+            for connection, time_ns, raw in checked(bag.messages(connections=frames)):
                 try:
                     message = bag.deserialize(raw, connection.msgtype)
                     yield read_frame(message, connection.msgtype, sizes, axes), time_ns

@@ -12,7 +12,7 @@ from sar_imaging.files import naming
 from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.loading import DescriptionError
 
-from ..recordings.bag_files import check_bag
+from ..recordings.bag_files import check_bag, checked
 from ..recordings.bag_io import BagError
 
 _PATHS = {  # place of position and orientation in a message
@@ -35,7 +35,7 @@ def open_bag(path: Path) -> Iterator:
         from rosbags.typesys import Stores, get_typestore
     except ModuleNotFoundError as error:
         raise BagError('bags need the Python package rosbags, which is not installed: pip '
-                       'install "rosbags>=0.11,<0.12"') from error
+                       'install "rosbags>=0.11.7,<0.12"') from error
     path = Path(path)
     if not path.exists():
         raise BagError(f'{path} does not exist; expected a ROS 1 bag or the folder of a ROS 2 bag')
@@ -76,7 +76,7 @@ def read_bag_poses(path: Path, topic: str | None = None) -> PoseTable:
                 f'poses ({", ".join(_PATHS)}); it has {present or "no topic"}: name one in '
                 'poses.topic')
         stamp, position, quaternion = [], [], []
-        for connection, _, raw in bag.messages(connections=fit):
+        for connection, _, raw in checked(bag.messages(connections=fit)):
             message = bag.deserialize(raw, connection.msgtype)
             pose = message
             for name in _PATHS[connection.msgtype].split('.'):

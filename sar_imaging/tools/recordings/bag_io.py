@@ -22,7 +22,7 @@ from sar_imaging.files import naming
 from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.signal.pulses import PulseBlock
 
-from .bag_files import check_bag
+from .bag_files import add_checksums, check_bag, checked
 from .recorded_poses import (
     ODOMETRY_TOPIC,
     ODOMETRY_TYPE,
@@ -57,7 +57,7 @@ def _rosbag2():
         from rosbags import rosbag2
     except ModuleNotFoundError as error:
         raise BagError('recordings need the Python package rosbags, which is not installed: `pip '
-                       'install "rosbags>=0.11,<0.12"` in a virtual environment, see '
+                       'install "rosbags>=0.11.7,<0.12"` in a virtual environment, see '
                        'docs/install.md') from error
     return rosbag2
 
@@ -135,6 +135,7 @@ def write_bag(path: Path | str, blocks: Iterable[PulseBlock], truth: dict, *,
         count = _write(partial, blocks, truth, poses)
         if not count:
             raise BagError(f'no pulse block to write to {path}')
+        add_checksums(partial / f'{path.name}.mcap')
     return count
 
 
@@ -251,7 +252,7 @@ def _messages(path: Path | str, topic: str, message_type: str, start_ns: int | N
             raise BagError(f'{path} has no topic {topic} of type {message_type}; topics in it: '
                            f'{present}. sar-imaging load makes a recording of the raw messages '
                            'of a radar driver, see docs/drivers.md')
-        for _, time_ns, cdr in reader.messages(connections, start_ns, stop_ns):
+        for _, time_ns, cdr in checked(reader.messages(connections, start_ns, stop_ns)):
             yield time_ns, bytes(cdr)
 
 

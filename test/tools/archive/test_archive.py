@@ -95,9 +95,10 @@ def test_kill_9_of_everything_and_a_restart_make_the_same_bits(folder, one_worke
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()
     assert process.returncode == -signal.SIGKILL
-    half_done = [output / 'mosaic.tif.plain.part', output / 'mosaic.zarr' / '0.a.partial',
-                 output / 'partials.zarr' / '.p0' / '0.0']
-    for path in half_done:
+    half_done = [output / '.sar_imaging.abcd' / 'mosaic.tif',
+                 output / 'mosaic.zarr' / '0.a.partial', output / 'partials.zarr' / '.p0' / '0.0']
+    others = [output / '.git' / 'HEAD', output / 'notes.part']
+    for path in (*half_done, *others):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text('half')
     again = start(folder, output, 2)
@@ -106,6 +107,7 @@ def test_kill_9_of_everything_and_a_restart_make_the_same_bits(folder, one_worke
     assert bits(output) == one_worker[1]
     assert not any(path.exists() or path.parent.name.startswith('.') and path.parent.exists()
                    for path in half_done)
+    assert all(path.exists() for path in others)
 
 
 def test_the_plan_alone(folder, tmp_path, capsys):
@@ -126,6 +128,13 @@ def test_wrong_jobs_are_one_line(folder, capsys, text, expected):
     assert archive.main([str(folder / 'wrong.yaml')]) == 1
     error = capsys.readouterr().err
     assert error.startswith('error: ') and expected in error and error.count('\n') == 1
+
+
+def test_a_folder_of_other_files_is_no_output(folder, capsys):
+    before = sorted(path.name for path in folder.iterdir())
+    assert archive.main([str(folder / 'job.yaml'), '--output', str(folder)]) == 1
+    assert 'choose a new folder' in capsys.readouterr().err
+    assert sorted(path.name for path in folder.iterdir() if path.name != 'job.lock') == before
 
 
 def test_an_unreachable_scheduler_is_one_line(folder, tmp_path, capsys):

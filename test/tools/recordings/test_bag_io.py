@@ -6,12 +6,13 @@ import json
 
 import numpy as np
 import pytest
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
 from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.tools.recordings import bag_io
+from sar_imaging.tools.recordings.bag_files import check_bag
 from sar_imaging.tools.recordings.bag_io import BagError
 from sar_imaging.tools.recordings.truth import radar_to_dict
 
@@ -167,3 +168,52 @@ def test_a_database_whose_tables_are_queries_is_refused(tmp_path):
         db.commit()
     with pytest.raises(BagError, match=r'bag\.db3 holds the view messages'):
         bag_io.read_truth(tmp_path / 'bag')
+
+
+@pytest.mark.parametrize(('place', 'expected'), [
+    (0.4, 'checksum'),  # in the middle of samples
+    (0.995, 'checksum|is damaged')])  # in the summary
+def test_bytes_that_changed_are_told(bag, place, expected):
+    file = bag / 'bag.mcap'
+    content = bytearray(file.read_bytes())
+    at = int(place * len(content))
+    content[at:at + 8] = bytes(255 - value for value in content[at:at + 8])
+    file.write_bytes(content)
+    with pytest.raises(BagError, match=expected):
+        list(bag_io.read_blocks(bag))
+
+
+def test_messages_that_were_compressed_one_by_one(tmp_path, blocks):
+    store, kind = get_typestore(Stores.ROS2_JAZZY), bag_io.MESSAGE_TYPE
+
+    def write(name, *contents):
+        writer = Writer(tmp_path / name, version=9, storage_plugin=StoragePlugin.SQLITE3)
+        writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+        with writer:
+            connection = writer.add_connection(bag_io.TOPIC, kind, typestore=store)
+            for time_ns, content in enumerate(contents):
+                writer.write(connection, time_ns, content)
+        return tmp_path / name
+
+    [block] = bag_io.read_blocks(write('right', bag_io.serialise(blocks[0])))
+    np.testing.assert_array_equal(block.samples, blocks[0].samples)
+    with pytest.raises(BagError, match='expands to more than'):
+        list(bag_io.read_blocks(write('bomb', bytes(10**8))))
+
+
+@pytest.mark.parametrize('compression', ['BZ2', 'LZ4'])
+def test_chunks_of_ros1_bags_expand_as_they_claim(tmp_path, compression):
+    from rosbags import rosbag1
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    writer = rosbag1.Writer(tmp_path / 'one.bag')
+    writer.set_compression(getattr(rosbag1.Writer.CompressionFormat, compression))
+    with writer:
+        connection = writer.add_connection('/ready', 'std_msgs/msg/Bool', typestore=store)
+        writer.write(connection, 1, b'\1')
+    check_bag(tmp_path / 'one.bag')
+    content = (tmp_path / 'one.bag').read_bytes()
+    place = content.index(b'size=') + 5
+    (tmp_path / 'one.bag').write_bytes(content[:place] + b'\1\0\0\0' + content[place + 4:])
+    with pytest.raises(ValueError, match='sizes contradict each other'):
+        check_bag(tmp_path / 'one.bag')

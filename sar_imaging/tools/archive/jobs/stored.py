@@ -9,7 +9,7 @@ import shutil
 from pathlib import Path
 
 import sar_imaging
-from sar_imaging.files import replacing, told
+from sar_imaging.files import NEW, replacing, told
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.imaging.radiometry import Radiometry
 from sar_imaging.signal.radar import RadarParameters, Waveform
@@ -31,17 +31,18 @@ def write_text(path: Path, text: str) -> None:
 
 
 def remove_parts(output: Path) -> None:
-    """Remove what killed processes left half done: parts of files, chunks and dropped arrays.
+    """Remove what killed processes left half done: new files, and in Zarr chunks and arrays.
 
-    Nobody may be writing into the folder meanwhile.
+    Nobody may be writing into the folder meanwhile. Other files are left alone.
     """
     for folder, names, files in os.walk(output):
-        for name in files:
-            if name.endswith(('.part', '.partial')):  # the latter of Zarr
-                Path(folder, name).unlink(missing_ok=True)
+        stored = any(part.endswith('.zarr') for part in Path(folder).relative_to(output).parts)
         for name in names:
-            if name.startswith('.'):
+            if name.startswith(NEW) or stored and name.startswith('.'):  # arrays dropped
                 shutil.rmtree(Path(folder, name))
+        for name in files:
+            if stored and name.endswith('.partial'):
+                Path(folder, name).unlink(missing_ok=True)
 
 
 def bring_to_disk(path: Path) -> None:

@@ -6,6 +6,7 @@ import fcntl
 import json
 import os
 import socket
+import stat
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -31,12 +32,19 @@ class OutputLock:
     ------
     OutputInUseError
         On entering: another process holds the folder.
+    FileExistsError
+        What stands in the place of the file is none, or is another file as well.
     """
 
     def __init__(self, output: Path):
         self.path = output / NAME
 
     def __enter__(self) -> OutputLock:
+        if os.path.lexists(self.path):  # nothing is written through links
+            status = self.path.lstat()
+            if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
+                raise FileExistsError(f'{self.path} is no file of an archive; choose another '
+                                      'output')
         self._file = self.path.open('a+')
         try:
             fcntl.lockf(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -75,12 +75,12 @@ class Records:
         return self.output / 'records' / name[:2] / (name + suffix)
 
     def prepare(self) -> None:
-        """Make the folders, and remove parts of records that a killed job left."""
+        """Make the folders, and remove notes that a killed job left."""
         for number in range(256):
             folder = self.output / 'records' / f'{number:02x}'
             folder.mkdir(parents=True, exist_ok=True)
             for path in folder.iterdir():
-                if path.suffix in ('.part', '.starts'):
+                if path.suffix == '.starts':
                     path.unlink(missing_ok=True)
 
     def ready(self) -> bool:

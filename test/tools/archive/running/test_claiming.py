@@ -77,3 +77,14 @@ def test_the_lock_of_a_killed_job_holds_nobody_up(tmp_path, holder):
         pass
     with OutputLock(tmp_path):
         pass
+
+
+@pytest.mark.parametrize('put', ['symlink_to', 'hardlink_to'])
+def test_the_lock_is_not_written_through_links(tmp_path, put):
+    precious = tmp_path / 'precious'
+    precious.write_text('kept')
+    getattr(tmp_path / 'job.lock', put)(precious)
+    with pytest.raises(FileExistsError, match='job.lock is no file of an archive'), \
+            OutputLock(tmp_path):
+        pass
+    assert precious.read_text() == 'kept'
